@@ -1,0 +1,52 @@
+# Sets everything up in .venv and runs the main job or the tests; needs Python 3.11+ and the package registries only.
+PYTHON ?= python3
+ifeq ($(OS),Windows_NT)
+BIN := .venv/Scripts
+else
+BIN := .venv/bin
+endif
+JOBS ?= auto
+
+.PHONY: demo test quick lint docs experiments setup setup-test clean
+
+setup: .venv/.installed
+setup-test: .venv/.installed-test
+
+.venv/.installed: pyproject.toml
+	$(PYTHON) tools/system_packages.py
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable .
+	$(PYTHON) -c "open('.venv/.installed', 'w').close()"
+
+.venv/.installed-test: .venv/.installed
+	$(PYTHON) tools/system_packages.py --tests
+	$(BIN)/python -m pip install --quiet --editable ".[test]"
+	$(PYTHON) -c "open('.venv/.installed-test', 'w').close()"
+
+demo: setup
+	$(BIN)/lidarspectra demo
+
+lint: setup-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+test: lint
+	$(BIN)/python -m pytest -n $(JOBS)
+
+docs: setup-test
+	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build/html
+
+quick: setup-test
+	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
+
+# The paper's experiments from nothing to docs/results.md; QUICK=--quick for a first look.
+experiments: setup-test
+	$(BIN)/python scenes/true_light.py office
+	$(BIN)/python scenes/true_light.py apartment
+	$(BIN)/python scenes/true_light.py large-office
+	$(BIN)/python -m benchmarks.experiments $(QUICK)
+
+clean:
+	$(PYTHON) -c "import shutil; shutil.rmtree('.venv', ignore_errors=True)"

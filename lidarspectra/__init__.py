@@ -1,0 +1,69 @@
+"""Maps of the light spectrum in a room, from a phone's LiDAR scan, by Radiance.
+
+The names below are those that a user needs, and what the project promises to keep (docs/api.md); they load their
+libraries when first used.
+"""
+
+from importlib import import_module
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lidarspectra.config import read_run_file
+    from lidarspectra.errors import LidarSpectraError
+    from lidarspectra.hardware.phone.readers import read_scan
+    from lidarspectra.mapping.spectral_map import load_map, spectral_map
+    from lidarspectra.material.estimate import estimate_materials
+    from lidarspectra.pipeline import run
+    from lidarspectra.radiance.scene import write_scene
+    from lidarspectra.radiance.trace import trace
+    from lidarspectra.relighting import LampOrder, relight_run
+    from lidarspectra.spectra import BandSet, Spectrum, gaussian_bands, sensor_bands
+
+_HOMES = {
+    "BandSet": "spectra",
+    "LampOrder": "relighting",
+    "LidarSpectraError": "errors",
+    "Spectrum": "spectra",
+    "estimate_materials": "material.estimate",
+    "gaussian_bands": "spectra",
+    "load_map": "mapping.spectral_map",
+    "read_run_file": "config",
+    "read_scan": "hardware.phone.readers",
+    "relight_run": "relighting",
+    "run": "pipeline",
+    "sensor_bands": "spectra",
+    "spectral_map": "mapping.spectral_map",
+    "trace": "radiance.trace",
+    "write_scene": "radiance.scene",
+}
+
+__version__ = version("lidarspectra")
+__all__ = [
+    "BandSet",
+    "LampOrder",
+    "LidarSpectraError",
+    "Spectrum",
+    "__version__",
+    "estimate_materials",
+    "gaussian_bands",
+    "load_map",
+    "read_run_file",
+    "read_scan",
+    "relight_run",
+    "run",
+    "sensor_bands",
+    "spectral_map",
+    "trace",
+    "write_scene",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'lidarspectra' has no attribute {name!r}")
+    return getattr(import_module(f"lidarspectra.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

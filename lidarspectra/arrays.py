@@ -1,0 +1,72 @@
+"""Array types, and the checks that records make on the arrays they are given."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidarspectra.errors import ArrayError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+ByteArray = NDArray[np.uint8]
+
+
+def float_array(values: ArrayLike, *, name: str, shape: tuple[int | None, ...]) -> FloatArray:
+    """Turn values into a read-only float array of the given shape, every element finite.
+
+    Parameters
+    ----------
+    values : array-like of float
+        What the record was given.
+    name : str
+        Field name, for the error.
+    shape : tuple of int or None
+        Length of each axis; None stands for any length.
+
+    Returns
+    -------
+    array : float array of that shape
+        A read-only view or copy.
+
+    Raises
+    ------
+    ArrayError
+        If the shape differs or an element is NaN or infinite.
+    """
+    array = np.array(values, dtype=np.float64)
+    _check_shape(array, name=name, shape=shape)
+    finite = np.isfinite(array)
+    if not finite.all():
+        raise ArrayError(
+            expected="finite numbers",
+            found=f"{int((~finite).sum())} of {array.size} NaN or infinite",
+            where=name,
+        )
+    array.flags.writeable = False
+    return array
+
+
+def int_array(values: ArrayLike, *, name: str, shape: tuple[int | None, ...]) -> IntArray:
+    """Turn values into a read-only int64 array of the given shape (None stands for any length).
+
+    Raises
+    ------
+    ArrayError
+        If the shape differs or a value is not a whole number.
+    """
+    given = np.asarray(values)
+    if given.size and not np.issubdtype(given.dtype, np.integer) and not np.array_equal(given, np.rint(given)):
+        raise ArrayError(expected="whole numbers", found=f"an array of {given.dtype}", where=name)
+    array = np.array(given, dtype=np.int64)
+    _check_shape(array, name=name, shape=shape)
+    array.flags.writeable = False
+    return array
+
+
+def _check_shape(array: NDArray[np.generic], *, name: str, shape: tuple[int | None, ...]) -> None:
+    fits = array.ndim == len(shape) and all(
+        want is None or want == have for want, have in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        wanted = ", ".join("any" if n is None else str(n) for n in shape)
+        raise ArrayError(expected=f"an array of shape ({wanted})", found=f"shape {array.shape}", where=name)

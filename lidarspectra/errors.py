@@ -1,0 +1,96 @@
+"""The errors that LiDARSpectra raises: one tree, each saying what was expected, found, where, and what to do."""
+
+import re
+
+_SYSTEM_NUMBER = re.compile(r"\[(?:Errno|WinError) -?\d+\] ")
+
+
+class LidarSpectraError(Exception):
+    """Base of all errors of this package; the command line shows it as one paragraph and exits with 1.
+
+    Parameters
+    ----------
+    expected : str
+        What should have been there, as a sentence part ("a file with at least one triangle").
+    found : str
+        What was there instead.
+    where : str
+        The file, key or record concerned.
+    todo : str
+        What the user can do about it, as a sentence.
+    """
+
+    def __init__(self, *, expected: str, found: str, where: str = "", todo: str = "") -> None:
+        # A system's own words begin with a number that says nothing and end in the file that is named anyway.
+        found = _SYSTEM_NUMBER.sub("", found).removesuffix(f": {where!r}").rstrip(".")
+        self.expected = expected
+        self.found = found
+        self.where = where
+        self.todo = todo
+        place = f"{where}: " if where else ""
+        advice = f" {todo}" if todo else ""
+        super().__init__(f"{place}expected {expected}, found {found}.{advice}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _rebuild, (type(self), self.expected, self.found, self.where, self.todo)
+
+
+def _rebuild(kind: type[LidarSpectraError], expected: str, found: str, where: str, todo: str) -> LidarSpectraError:
+    """Make the error again in another process: exceptions with keyword-only arguments do not pickle by themselves."""
+    return kind(expected=expected, found=found, where=where, todo=todo)
+
+
+class ArrayError(LidarSpectraError):
+    """A record was given an array of the wrong shape, range or finiteness."""
+
+
+class ScanError(LidarSpectraError):
+    """The scan cannot be read, or is no usable mesh."""
+
+
+class RunFileError(LidarSpectraError):
+    """The run file has an unknown key, a wrong type or values that contradict one another."""
+
+
+class PlanError(LidarSpectraError):
+    """The plan of a room (the truth that a virtual phone scans) is malformed, or encloses no air."""
+
+
+class DatabaseError(LidarSpectraError):
+    """A spectrum, sensor or database is not there, or its file is malformed."""
+
+
+class MaterialError(LidarSpectraError):
+    """Materials cannot be estimated or assigned."""
+
+
+class LampError(LidarSpectraError):
+    """A lamp is not defined well enough to send light."""
+
+
+class SensorError(LidarSpectraError):
+    """Sensor points are missing, malformed, or none of them can see the room."""
+
+
+class SceneError(LidarSpectraError):
+    """The Radiance scene cannot be written from what was given."""
+
+
+class EngineError(LidarSpectraError):
+    """A Radiance program is missing, failed, or answered with something that is no answer."""
+
+
+class WorkspaceError(LidarSpectraError):
+    """The run folder cannot be written, or holds something that is not ours."""
+
+
+class MapError(LidarSpectraError):
+    """A map or table cannot be made from what was given."""
+
+
+class DeviceError(LidarSpectraError):
+    """A serial port, sensor or its firmware does not answer, or answers what cannot be understood."""
+
+
+class ReadingError(LidarSpectraError):
+    """A log, pose file or calibration cannot be read, or does not say what its numbers mean."""

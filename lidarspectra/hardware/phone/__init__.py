@@ -1,0 +1,1 @@
+"""The phone: scan files read, set upright, repaired."""

@@ -1,0 +1,170 @@
+"""Fewer triangles for the same room, with its texture carried over.
+
+Geometry is decimated by quadric edge collapse (pymeshlab) on merged vertices, so that texture seams neither bind nor
+tear it; the texture is then drawn anew for the triangles that are left, from the nearest point of the old surface.
+
+References
+----------
+Garland and Heckbert, "Surface simplification using quadric error metrics", SIGGRAPH 1997.
+"""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lidarspectra.arrays import ByteArray, FloatArray, IntArray
+from lidarspectra.colorimetry import encode_srgb
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.scan import Appearance, Scan
+from lidarspectra.hardware.room.rays import RayCaster
+from lidarspectra.hardware.virtual.texture_atlas import PADDING_PX, Atlas, unwrap
+from lidarspectra.progress import Progress, silent
+
+SMALLEST_ATLAS_PX, LARGEST_ATLAS_PX = 512, 4096  # [px] edge of the new texture
+REACH_M = 0.1  # [m] how far decimation may move a surface and still find its colour straight below or above
+ROWS_AT_ONCE = 256  # texture rows drawn at once, a million points
+_CORNER_INSET = 0.02  # [1] colours at corners are read so far inside the face, away from its neighbours
+
+
+def decimate(scan: Scan, max_faces: int, *, progress: Progress = silent) -> Scan:
+    """Reduce a scan to at most so many triangles.
+
+    Parameters
+    ----------
+    scan : Scan
+        Vertices merged by position.
+    max_faces : int
+        Most triangles that are left.
+    progress : callable
+        Told how far it is.
+
+    Returns
+    -------
+    scan : Scan
+        With one new texture in place of all (or corner colours, where there were no textures); its record's
+        `decimated_from` and `faces_kept` are set.
+
+    Raises
+    ------
+    ScanError
+        If nothing is left.
+    """
+    count = scan.faces.shape[0]
+    if count <= max_faces:
+        return scan
+    progress(0.0, f"decimating {count} triangles")
+    vertices, faces = _collapsed(scan, max_faces)
+    progress(0.3, "carrying the texture over")
+    appearance, note = _carried(scan, vertices, faces, progress)
+    notes = scan.record.notes + (note,)
+    if faces.shape[0] > max_faces:
+        notes += (f"decimation stopped at {faces.shape[0]} triangles, for fewer would change the room's form",)
+    record = replace(scan.record, faces_kept=faces.shape[0], decimated_from=count, notes=notes)
+    small = Scan(vertices=vertices, faces=faces, appearance=appearance, record=record)
+    progress(1.0, f"{faces.shape[0]} triangles left")
+    return replace(small, record=replace(record, area_m2=float(small.areas.sum())))
+
+
+def _collapsed(scan: Scan, max_faces: int) -> tuple[FloatArray, IntArray]:
+    try:
+        import pymeshlab  # here: it needs libGL, and only decimation needs it
+    except ImportError as cause:
+        raise ScanError(
+            expected="pymeshlab, which decimates",
+            found=str(cause),
+            where="[scan] max_faces",
+            todo="Install OpenGL's library (Debian: apt-get install libgl1 libopengl0), or leave max_faces out.",
+        ) from cause
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=scan.vertices, face_matrix=scan.faces.astype(np.int32)))
+    meshes.meshing_decimation_quadric_edge_collapse(
+        targetfacenum=max_faces, preserveboundary=True, preservenormal=True, planarquadric=True
+    )
+    mesh = meshes.current_mesh()
+    vertices = np.asarray(mesh.vertex_matrix(), dtype=np.float64)
+    faces = np.asarray(mesh.face_matrix(), dtype=np.int64)
+    if faces.shape[0] == 0 or not np.isfinite(vertices).all():
+        raise ScanError(
+            expected=f"a mesh of at most {max_faces} triangles",
+            found="none after decimation",
+            where=scan.record.file,
+            todo="Raise max_faces in [scan].",
+        )
+    return vertices, faces
+
+
+def _carried(scan: Scan, vertices: FloatArray, faces: IntArray, progress: Progress) -> tuple[Appearance, str]:
+    old = scan.appearance
+    finder = _ColorFinder(scan)
+    corners = vertices[faces]
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = crosses / np.maximum(np.linalg.norm(crosses, axis=1, keepdims=True), 1e-300)
+    if not old.images:
+        color = _corner_colors(finder, corners, normals)
+        appearance = Appearance(
+            images=(),
+            face_image=np.full(faces.shape[0], -1),
+            corner_uv=np.zeros((faces.shape[0], 3, 2)),
+            corner_color=color,
+            known=old.known,
+        )
+        return appearance, "colours were carried over to the decimated mesh, corner by corner"
+    texels = sum(image.shape[0] * image.shape[1] for image in old.images)
+    size = int(np.clip(64 * np.ceil(np.sqrt(texels) / 64), SMALLEST_ATLAS_PX, LARGEST_ATLAS_PX))
+    atlas = unwrap(vertices, faces, normals, size)
+    image = _drawn(finder, atlas, corners, normals, progress)
+    appearance = Appearance(
+        images=(image,),
+        face_image=np.zeros(faces.shape[0], dtype=np.int64),
+        corner_uv=atlas.corner_uv,
+        corner_color=np.zeros((faces.shape[0], 3, 3)),
+        known=old.known,
+    )
+    return appearance, f"the texture was drawn anew for the decimated mesh, {size} x {size} pixels"
+
+
+class _ColorFinder:
+    """The old surface, loaded for finding the colour nearest to a point."""
+
+    def __init__(self, scan: Scan) -> None:
+        self._appearance = scan.appearance
+        self._caster = RayCaster(scan)
+        self._centers = cKDTree(scan.centers)
+
+    def find(self, points: FloatArray, normals: FloatArray) -> FloatArray:
+        """(n, 3) linear sRGB of the old surface straight below or above (n, 3) points, else of the nearest face."""
+        front = self._caster.nearest(points, normals, max_distance=REACH_M)
+        back = self._caster.nearest(points, -normals, max_distance=REACH_M)
+        use_front = front.distance < back.distance
+        face = np.where(use_front, front.face, back.face)
+        weights = np.where(use_front[:, np.newaxis], front.barycentric, back.barycentric)
+        lost = np.flatnonzero(face < 0)
+        if lost.size:
+            face[lost] = self._centers.query(points[lost])[1]
+            weights[lost] = 1.0 / 3.0
+        return self._appearance.sample(face, weights)
+
+
+def _corner_colors(finder: _ColorFinder, corners: FloatArray, normals: FloatArray) -> FloatArray:
+    inset = corners + _CORNER_INSET * (corners.mean(axis=1, keepdims=True) - corners)
+    colors = finder.find(inset.reshape(-1, 3), np.repeat(normals, 3, axis=0))
+    return encode_srgb(colors).reshape(-1, 3, 3)
+
+
+def _drawn(
+    finder: _ColorFinder, atlas: Atlas, corners: FloatArray, normals: FloatArray, progress: Progress
+) -> ByteArray:
+    image = np.zeros((atlas.size_px, atlas.size_px, 3), dtype=np.uint8)
+    kernel = np.ones((2 * PADDING_PX + 1, 2 * PADDING_PX + 1), dtype=np.uint8)
+    wanted = cv2.dilate(atlas.covered.astype(np.uint8), kernel)  # nothing looks further beyond a chart
+    for start in range(0, atlas.size_px, ROWS_AT_ONCE):
+        rows, columns = np.nonzero(wanted[start : start + ROWS_AT_ONCE])
+        rows += start
+        face = atlas.texel_face[rows, columns]
+        points = np.einsum("nk,nkc->nc", atlas.barycentric(rows, columns), corners[face])
+        colors = finder.find(points, normals[face])
+        image[rows, columns] = np.rint(255.0 * encode_srgb(colors)).astype(np.uint8)
+        progress(0.3 + 0.7 * (start + ROWS_AT_ONCE) / atlas.size_px, "carrying the texture over")
+    return image

@@ -1,0 +1,128 @@
+"""Which side of a surface looks into the room.
+
+Neighbours are first wound alike, piece by piece; then rays from both sides of each piece vote: on the room's side they
+meet other surfaces some way off, on the back of a wall they meet nothing, inside furniture they meet something at once.
+"""
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.hardware.room.rays import RayCaster
+
+VOTES_PER_PIECE = 200  # faces that speak for a connected piece
+FAR_M = 2.0  # [m] free distance that counts in full
+START_M = 1e-3  # [m] rays start so far off their face, clear of rounding
+LEAST_MAJORITY = 0.02  # [1] mean vote below which a piece stays as the file has it
+TILTS = ((0.0, 0.0), (0.7, 0.0), (0.7, 1.2566), (0.7, 2.5133), (0.7, 3.7699), (0.7, 5.0265))
+# [rad] polar angle from the normal and azimuth of the rays: one along it, five around at 40 degrees
+
+
+def connected_pieces(faces: IntArray) -> tuple[IntArray, BoolArray]:
+    """Connected pieces of a mesh, and which faces to turn so that neighbours in each are wound alike.
+
+    Pieces are joined over edges of exactly two faces. Where a piece is one-sided (a Möbius strip) none is turned.
+
+    Parameters
+    ----------
+    faces : (face, 3) int
+        Vertices merged by position.
+
+    Returns
+    -------
+    piece : (face,) int
+        Number of each face's piece, from 0.
+    turned : (face,) bool
+        Faces wound against the majority of their piece.
+    """
+    count = faces.shape[0]
+    first, second, alike = _neighbours(faces)
+    # Each face appears twice, as it is (f) and turned (f + count). Neighbours wound alike join like with like, others
+    # like with turned; the connected parts of this double mesh are the consistent windings.
+    partner = np.where(alike, second, second + count)
+    mirrored = np.where(alike, second + count, second)
+    rows = np.concatenate([first, first + count])
+    columns = np.concatenate([partner, mirrored])
+    links = coo_array((np.ones(rows.size, dtype=np.int8), (rows, columns)), shape=(2 * count, 2 * count))
+    _, part = connected_components(links, directed=False)
+    low = np.minimum(part[:count], part[count:])
+    turned = part[:count] != low  # nowhere on a one-sided piece, whose two copies are one part
+    _, piece = np.unique(low, return_inverse=True)
+    # The majority stays as it is.
+    share = np.bincount(piece, weights=turned) / np.bincount(piece)
+    turned ^= (share > 0.5)[piece]
+    return piece.astype(np.int64), turned
+
+
+def _neighbours(faces: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
+    """Pairs of faces that share an edge of exactly two faces, and whether they are wound alike."""
+    starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    keys = np.minimum(starts, ends) * (int(faces.max()) + 1) + np.maximum(starts, ends)
+    order = np.argsort(keys, kind="stable")
+    sorted_keys = keys[order]
+    same = sorted_keys[1:] == sorted_keys[:-1]
+    # An edge of two faces is a run of two equal keys: equal to the next, not to the one before, nor to the one after.
+    before = np.concatenate([[False], same[:-1]])
+    after = np.concatenate([same[1:], [False]])
+    pair = np.flatnonzero(same & ~before & ~after)
+    one, other = order[pair], order[pair + 1]
+    return one // 3, other // 3, np.asarray(starts[one] != starts[other], dtype=np.bool_)
+
+
+def faces_to_turn(scan: Scan) -> BoolArray:
+    """Find the faces whose normal looks away from the room.
+
+    Parameters
+    ----------
+    scan : Scan
+        Vertices merged by position.
+
+    Returns
+    -------
+    turn : (face,) bool
+        Faces to wind the other way.
+    """
+    piece, turned = connected_pieces(scan.faces)
+    votes = _votes(scan, piece, np.where(turned, -1.0, 1.0))
+    return np.asarray(turned ^ (votes < -LEAST_MAJORITY)[piece], dtype=np.bool_)
+
+
+def _votes(scan: Scan, piece: IntArray, sign: FloatArray) -> FloatArray:
+    """(piece,) mean over its voters of how much freer the front is than the back [-1 to 1], weighted by area."""
+    voters = _voters(piece)
+    normals = scan.normals[voters] * sign[voters, np.newaxis]
+    centers, areas = scan.centers[voters], scan.areas[voters]
+    caster = RayCaster(scan)
+    vote = areas * (_freedom(caster, centers, normals) - _freedom(caster, centers, -normals))
+    count = int(piece.max()) + 1
+    total = np.bincount(piece[voters], weights=areas, minlength=count)
+    mean = np.bincount(piece[voters], weights=vote, minlength=count) / np.where(total > 0, total, 1.0)
+    return np.asarray(mean, dtype=np.float64)
+
+
+def _voters(piece: IntArray) -> IntArray:
+    """Up to `VOTES_PER_PIECE` faces of each piece, evenly spread over its list."""
+    order = np.argsort(piece, kind="stable")
+    sizes = np.bincount(piece)
+    starts = np.cumsum(sizes) - sizes
+    rank = np.arange(piece.size) - starts[piece[order]]
+    step = np.ceil(sizes / VOTES_PER_PIECE).astype(np.int64)[piece[order]]
+    return np.asarray(order[rank % step == 0], dtype=np.int64)
+
+
+def _freedom(caster: RayCaster, centers: FloatArray, normals: FloatArray) -> FloatArray:
+    """(n,) mean free distance on a side as a share of `FAR_M` [0-1]; a ray that meets nothing counts as 0."""
+    helper = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    across = np.cross(normals, helper)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+    aside = np.cross(normals, across)
+    origins = centers + START_M * normals
+    total = np.zeros(centers.shape[0])
+    for polar, azimuth in TILTS:
+        sideways = np.cos(azimuth) * across + np.sin(azimuth) * aside
+        directions = np.cos(polar) * normals + np.sin(polar) * sideways
+        hits = caster.nearest(origins, directions)
+        total += np.where(hits.met, np.minimum(hits.distance, FAR_M) / FAR_M, 0.0)
+    return np.asarray(total / len(TILTS), dtype=np.float64)

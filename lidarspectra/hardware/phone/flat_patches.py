@@ -1,0 +1,226 @@
+"""The flat patches of a scan's mesh: connected triangles that lie on one plane but for the scanner's noise.
+
+Planes are taken largest first: the direction that most of the area left over faces, the offset at which most of that
+lies, and of what lies there the largest connected patch; its plane is fitted and the patch collected anew until it
+settles. Legs, cables and cushions are too small or too curved for it, and stay as they were scanned.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.hardware.room.free_space import sphere_directions
+
+LEAST_PATCH_M2 = 0.08  # [m²] a seat; smaller patches say little of their direction
+LEAST_WIDTH_M = 0.08  # [m] a board's narrow side, rounded by the scanner, has no direction of its own
+WIDEST_M = 0.03  # [m] unevenness of a wall in a bad scan, to either side
+FINEST_M = 0.012  # [m] no flat thing is scanned better than that: drift bends it
+NOISE_REACH = 3.0  # [1] deviations of the scan's noise that belong to a plane
+ROUGHEST = 0.5  # [1] of the reach, root mean square; a curved surface fills its reach evenly (0.58)
+NEAR_COSINE = 0.82  # [1] 35 degrees, of a single triangle's normal
+SMOOTH_COSINE = 0.91  # [1] 25 degrees, of the mean normal around it
+GROWN_COSINE = 0.3  # [1] of triangles between those of a patch: bumps, and the rounding of its edges
+GROWTH_ROUNDS = 3  # [1] rings of such triangles
+DIRECTIONS = 1_600  # [1] on the sphere, 5 degrees apart
+DIRECTION_REACH = 0.16  # [1] chord of 9 degrees, over which a direction's area is summed
+OFFSET_BIN_M = 0.01  # [m]
+FITS = 4  # [1] of a plane to what lies on it; it has settled by then
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlatPatches:
+    """Planes in a scan, and the faces that lie on them.
+
+    Parameters
+    ----------
+    face_plane : (face,) int
+        Which plane a face lies on; -1 for none.
+    normals : (plane, 3) float
+        Unit vectors, on the side that the faces show.
+    offsets : (plane,) float
+        A plane is normal . p = offset. [m]
+    reach_m : float
+        How far off its plane the scan's noise takes a vertex. [m]
+    """
+
+    face_plane: IntArray
+    normals: FloatArray
+    offsets: FloatArray
+    reach_m: float
+
+    def __len__(self) -> int:
+        """Count the planes."""
+        return len(self.offsets)
+
+
+def find_flat_patches(scan: Scan) -> FlatPatches:
+    """Find the flat patches of a scan, largest directions first.
+
+    Parameters
+    ----------
+    scan : Scan
+        Vertices merged by position.
+
+    Returns
+    -------
+    patches : FlatPatches
+    """
+    search = _Search(scan)
+    while (direction := search.fullest_direction()) is not None:
+        search.take(direction)
+    face_plane = search.grown()
+    return FlatPatches(
+        face_plane=face_plane,
+        normals=np.array(search.normals).reshape(-1, 3),
+        offsets=np.array(search.offsets),
+        reach_m=search.reach_m,
+    )
+
+
+def face_neighbors(faces: IntArray) -> IntArray:
+    """(pair, 2) faces that share an edge, from (face, 3) vertices merged by position."""
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    keys = ends[:, 0] * (int(faces.max()) + 1) + ends[:, 1]
+    order = np.argsort(keys, kind="stable")
+    same = np.flatnonzero(keys[order][1:] == keys[order][:-1])
+    return np.stack([order[same] // 3, order[same + 1] // 3], axis=1)
+
+
+class _Search:
+    """What is left of a scan while planes are taken out of it."""
+
+    def __init__(self, scan: Scan) -> None:
+        self.corners, self.centers = scan.corners, scan.centers
+        self.areas, self.face_normals = scan.areas, scan.normals
+        self.pairs = face_neighbors(scan.faces)
+        self.smooth = self._smoothed(scan)
+        self.directions = sphere_directions(DIRECTIONS, turn_rad=0.0)
+        tree = cKDTree(self.directions)
+        self.face_direction = tree.query(self.smooth)[1]
+        self.around: csr_array = csr_array(
+            tree.sparse_distance_matrix(tree, DIRECTION_REACH, output_type="coo_matrix") != 0
+        ) + csr_array(np.eye(DIRECTIONS))
+        # Where both sides of a sheet share vertices, the mean normal is none, and no plane can be told from it.
+        self.left = (self.areas > 0) & (np.linalg.norm(self.smooth, axis=1) > 0.5)
+        self.face_plane = np.full(len(self.areas), -1, dtype=np.int64)
+        self.normals: list[FloatArray] = []
+        self.offsets: list[float] = []
+        self.reach_m = WIDEST_M
+
+    def _smoothed(self, scan: Scan) -> FloatArray:
+        """(face, 3) unit normals, averaged over all faces that touch a face's vertices."""
+        weighted = self.face_normals * self.areas[:, None]
+        at_vertex = np.zeros((len(scan.vertices), 3))
+        for corner in range(3):
+            np.add.at(at_vertex, scan.faces[:, corner], weighted)
+        summed = at_vertex[scan.faces].sum(axis=1)
+        return np.asarray(summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-12), dtype=np.float64)
+
+    def fullest_direction(self) -> FloatArray | None:
+        """(3,) unit vector that most area left over faces; None where that is too little for a patch."""
+        area = np.bincount(self.face_direction[self.left], weights=self.areas[self.left], minlength=DIRECTIONS)
+        summed = self.around @ area
+        best = int(summed.argmax())
+        if summed[best] < LEAST_PATCH_M2:
+            return None
+        member = self.left & (np.linalg.norm(self.smooth - self.directions[best], axis=1) < DIRECTION_REACH)
+        mean = (self.smooth[member] * self.areas[member, None]).sum(axis=0)
+        length = float(np.linalg.norm(mean))
+        return np.asarray(mean / length if length > 0 else self.directions[best], dtype=np.float64)
+
+    def take(self, direction: FloatArray) -> None:
+        """Take the fullest plane of a direction out of what is left: as a patch, or as too small for one."""
+        facing = self.left & (self.smooth @ direction > SMOOTH_COSINE)
+        along = self.centers[facing] @ direction
+        offset = _fullest_offset(along, self.areas[facing])
+        near = facing.copy()
+        near[facing] = np.abs(along - offset) <= WIDEST_M
+        member = self._largest_piece(near)
+        normal = direction
+        for _ in range(FITS):
+            if self.areas[member].sum() < LEAST_PATCH_M2:
+                break
+            normal, offset = _fitted(self.centers[member], self.areas[member], normal)
+            if not self.offsets:
+                self._learn_noise(member, normal, offset)
+            member = self._largest_piece(self._on(normal, offset))
+        if self._is_patch(member, normal, offset):
+            self.face_plane[member] = len(self.offsets)
+            self.normals.append(normal)
+            self.offsets.append(offset)
+            self.left &= ~member
+        else:
+            self.left &= ~(near | member)
+
+    def _learn_noise(self, member: BoolArray, normal: FloatArray, offset: float) -> None:
+        """How far the largest plane's faces are off it tells how far noise reaches."""
+        off = np.abs(self.centers[member] @ normal - offset)
+        deviation = 1.4826 * float(np.median(off))  # a normal law's, from the median
+        self.reach_m = float(np.clip(NOISE_REACH * deviation, FINEST_M, WIDEST_M))
+
+    def _on(self, normal: FloatArray, offset: float) -> BoolArray:
+        off = np.abs(self.corners @ normal - offset).max(axis=1)
+        cosine = self.face_normals @ normal
+        facing = (cosine > NEAR_COSINE) | ((self.smooth @ normal > SMOOTH_COSINE) & (cosine > GROWN_COSINE))
+        return np.asarray(self.left & facing & (off <= self.reach_m), dtype=np.bool_)
+
+    def _is_patch(self, member: BoolArray, normal: FloatArray, offset: float) -> bool:
+        area = float(self.areas[member].sum())
+        if area < LEAST_PATCH_M2:
+            return False
+        centers, areas = self.centers[member], self.areas[member]
+        rough = float(np.sqrt(np.average((centers @ normal - offset) ** 2, weights=areas)))
+        spread = np.linalg.eigvalsh(np.cov(centers.T, aweights=areas))
+        width = float(np.sqrt(12.0 * spread[1]))  # of a rectangle of that variance
+        return width >= LEAST_WIDTH_M and rough <= ROUGHEST * self.reach_m
+
+    def _largest_piece(self, member: BoolArray) -> BoolArray:
+        """Those members that hang together, in the piece of most area."""
+        inside = self.pairs[member[self.pairs].all(axis=1)]
+        count = len(member)
+        links = coo_array((np.ones(len(inside), dtype=np.int8), (inside[:, 0], inside[:, 1])), shape=(count, count))
+        _, piece = connected_components(links, directed=False)
+        largest = int(np.bincount(piece, weights=self.areas * member).argmax())
+        return np.asarray(member & (piece == largest), dtype=np.bool_)
+
+    def grown(self) -> IntArray:
+        """(face,) planes, with the bumps and rounded rims between and beside their faces."""
+        plane = self.face_plane.copy()
+        if not self.offsets:
+            return plane
+        normals, offsets = np.array(self.normals), np.array(self.offsets)
+        both = np.concatenate([self.pairs, self.pairs[:, ::-1]])
+        for _ in range(GROWTH_ROUNDS):
+            edge = both[(plane[both[:, 0]] >= 0) & (plane[both[:, 1]] < 0)]
+            candidate = plane[edge[:, 0]]
+            off = np.abs(
+                np.einsum("nkc,nc->nk", self.corners[edge[:, 1]], normals[candidate]) - offsets[candidate, None]
+            )
+            facing = np.einsum("nc,nc->n", self.face_normals[edge[:, 1]], normals[candidate])
+            fits = (off.max(axis=1) <= self.reach_m) & (facing > GROWN_COSINE)
+            plane[edge[fits, 1]] = candidate[fits]
+        return plane
+
+
+def _fullest_offset(along: FloatArray, areas: FloatArray) -> float:
+    """Offset [m] around which most area lies."""
+    edges = np.arange(along.min() - OFFSET_BIN_M, along.max() + 2 * OFFSET_BIN_M, OFFSET_BIN_M)
+    histogram, _ = np.histogram(along, bins=edges, weights=areas)
+    peak = int(np.convolve(histogram, np.ones(3), mode="same").argmax())
+    return float(0.5 * (edges[peak] + edges[peak + 1]))
+
+
+def _fitted(centers: FloatArray, areas: FloatArray, unit: FloatArray) -> tuple[FloatArray, float]:
+    """Plane through face centres in the least squares' sense, on the side of `unit`."""
+    middle = np.average(centers, axis=0, weights=areas)
+    apart = centers - middle
+    _, axes = np.linalg.eigh((apart * areas[:, None]).T @ apart)
+    normal = axes[:, 0] * (np.sign(axes[:, 0] @ unit) or 1.0)
+    if normal @ unit < NEAR_COSINE:  # a strip says nothing about its turn; its faces' normals do
+        normal = unit
+    return normal, float(middle @ normal)

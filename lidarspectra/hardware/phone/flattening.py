@@ -1,0 +1,178 @@
+"""Flat things made flat again: vertices are drawn onto the planes that a scan's faces lie on, edges and corners too.
+
+A phone bends walls by drift, roughens them by noise and rounds their edges by its voxels. A vertex that touches one
+plane is moved onto it by the shortest way; one that lies near two onto the line in which they meet; near three into
+their corner. Nothing else is moved, so that legs and backs of chairs stay, and no triangle comes loose from another:
+a mesh that was tight stays tight. Texture coordinates stay with their corners.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.hardware.phone.flat_patches import FlatPatches, find_flat_patches
+from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.progress import Progress, silent
+
+EDGE_REACH_M = 0.03  # [m] that a phone's voxels cut off an edge, about
+MOST_MOVE_M = 0.045  # [m] into a corner of three such planes
+TWO_PLANES_COSINE = 0.8  # [1] 37 degrees; flatter edges are bends
+THREE_PLANES_VOLUME = 0.3  # [1] of the normals' parallelepiped, below which there is no corner
+CHOICES = 6  # [1] planes about a vertex that are looked at
+UNMOVING_ROUNDS = 4  # [1] of taking back what turned a triangle over
+TURNED_COSINE = 0.0  # [1] of the turn of a face's normal
+LEAST_FACE_AREA_M2 = 1e-9  # [m²] a face that an edge swallowed
+LEAST_MOVE_M = 1e-6  # [m] that counts as one
+
+
+def flatten_scan(scan: Scan, *, progress: Progress = silent) -> Scan:
+    """Draw a scan's vertices onto its planes, edges and corners.
+
+    Parameters
+    ----------
+    scan : Scan
+        Repaired.
+    progress : callable
+        Told how far it is.
+
+    Returns
+    -------
+    scan : Scan
+        With what was moved in its record. Faces that an edge swallowed are gone.
+    """
+    progress(0.0, "finding planes")
+    patches = find_flat_patches(scan)
+    progress(0.6, "drawing vertices onto planes")
+    moved = _drawn(scan, patches)
+    used = np.unique(scan.faces)
+    distance = np.linalg.norm(moved[used] - scan.vertices[used], axis=1)
+    changed = distance > LEAST_MOVE_M
+    flat = replace(scan, vertices=moved)
+    kept = np.flatnonzero(flat.areas > LEAST_FACE_AREA_M2)
+    record = replace(
+        scan.record,
+        flat_planes=len(patches),
+        flat_area_share=float(scan.areas[patches.face_plane >= 0].sum() / scan.areas.sum()),
+        moved_vertex_share=float(changed.mean()),
+        moved_rms_m=float(np.sqrt((distance[changed] ** 2).mean())) if changed.any() else 0.0,
+        faces_kept=kept.size,
+        area_m2=float(flat.areas[kept].sum()),
+    )
+    progress(1.0, "planes are flat")
+    return replace(flat, faces=flat.faces[kept], appearance=flat.appearance.select(kept), record=record)
+
+
+def _drawn(scan: Scan, patches: FlatPatches) -> FloatArray:
+    """(vertex, 3) new positions [m]."""
+    if not len(patches):
+        return scan.vertices
+    planes = _planes_of_vertices(scan, patches)
+    edged = _solved(scan.vertices, planes, patches)
+    single = planes.copy()
+    single[:, 1:] = -1
+    flat = _solved(scan.vertices, single, patches)
+    return _unturned(scan, patches, (edged, flat, scan.vertices))
+
+
+def _planes_of_vertices(scan: Scan, patches: FlatPatches) -> IntArray:
+    """(vertex, 3) the planes that each vertex belongs on, -1 for none: up to three."""
+    touching = _touching(scan, patches)
+    near = csr_array(_ring(scan) @ touching)
+    near.sort_indices()
+    weight = near + 1e3 * touching  # what touches a vertex comes before what is near it
+    coo = coo_array(weight)
+    vertex, plane, value = coo.row.astype(np.int64), coo.col.astype(np.int64), coo.data
+    off = np.abs(np.einsum("nc,nc->n", scan.vertices[vertex], patches.normals[plane]) - patches.offsets[plane])
+    kept = off <= EDGE_REACH_M
+    choices = _choices(vertex[kept], plane[kept], value[kept], len(scan.vertices))
+    touched = np.asarray(touching.sum(axis=1)).ravel() > 0
+    return _independent(choices, patches.normals, touched)
+
+
+def _touching(scan: Scan, patches: FlatPatches) -> csr_array:
+    """(vertex, plane) area of each plane's faces around each vertex [m²]."""
+    member = patches.face_plane >= 0
+    rows = scan.faces[member].ravel()
+    columns = np.repeat(patches.face_plane[member], 3)
+    shape = (len(scan.vertices), len(patches))
+    return csr_array(coo_array((np.repeat(scan.areas[member], 3), (rows, columns)), shape=shape))
+
+
+def _ring(scan: Scan) -> csr_array:
+    """(vertex, vertex) one for each pair that shares an edge, and for each with itself."""
+    pairs = np.stack([scan.faces, np.roll(scan.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    count = len(scan.vertices)
+    own = np.arange(count)
+    rows = np.concatenate([pairs[:, 0], pairs[:, 1], own])
+    columns = np.concatenate([pairs[:, 1], pairs[:, 0], own])
+    links = csr_array(coo_array((np.ones(rows.size), (rows, columns)), shape=(count, count)))
+    links.data[:] = 1.0
+    return links
+
+
+def _choices(vertex: IntArray, plane: IntArray, value: FloatArray, count: int) -> IntArray:
+    """(vertex, choice) planes about each vertex, weightiest first, -1 where there are no more."""
+    order = np.lexsort((-value, vertex))
+    vertex, plane = vertex[order], plane[order]
+    starts = np.searchsorted(vertex, np.arange(count))
+    rank = np.arange(vertex.size) - starts[vertex]
+    kept = rank < CHOICES
+    choices = np.full((count, CHOICES), -1, dtype=np.int64)
+    choices[vertex[kept], rank[kept]] = plane[kept]
+    return choices
+
+
+def _independent(choices: IntArray, normals: FloatArray, touched: BoolArray) -> IntArray:
+    """(vertex, 3) of the choices the first, the first that meets it in an edge, the first that cuts that edge."""
+    found = np.full((len(choices), 3), -1, dtype=np.int64)
+    found[:, 0] = choices[:, 0]
+    for column in range(1, CHOICES):
+        plane = choices[:, column]
+        # Index -1 picks some plane; the masks keep it out.
+        first, second, normal = normals[found[:, 0]], normals[found[:, 1]], normals[plane]
+        crossing = np.abs(np.einsum("nc,nc->n", first, normal)) < TWO_PLANES_COSINE
+        volume = np.abs(np.einsum("nc,nc->n", np.cross(first, second), normal))
+        here = plane >= 0
+        third = here & (found[:, 1] >= 0) & (found[:, 2] < 0) & (volume > THREE_PLANES_VOLUME)
+        edge = here & (found[:, 1] < 0) & crossing
+        found[third, 2] = plane[third]
+        found[edge, 1] = plane[edge]
+    # A vertex that only lies near one plane, and touches none of its faces, is another thing's.
+    found[~touched & (found[:, 1] < 0)] = -1
+    return found
+
+
+def _solved(vertices: FloatArray, planes: IntArray, patches: FlatPatches) -> FloatArray:
+    """(vertex, 3) nearest points that lie on all planes of each vertex; a vertex that had to go too far stays."""
+    moved = vertices.copy()
+    counts = (planes >= 0).sum(axis=1)
+    for count in (1, 2, 3):
+        rows = np.flatnonzero(counts == count)
+        normals = patches.normals[planes[rows, :count]]
+        off = np.einsum("nkc,nc->nk", normals, vertices[rows]) - patches.offsets[planes[rows, :count]]
+        # The shortest way is a sum of the normals, N^T (N N^T)^-1 off.
+        share = np.linalg.solve(normals @ normals.transpose(0, 2, 1), off[..., None])
+        moved[rows] -= (normals.transpose(0, 2, 1) @ share)[..., 0]
+    far = np.linalg.norm(moved - vertices, axis=1) > MOST_MOVE_M
+    moved[far] = vertices[far]
+    return moved
+
+
+def _unturned(scan: Scan, patches: FlatPatches, stages: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+    """(vertex, 3) the first of several positions of each vertex that turns no triangle over."""
+    stage = np.zeros(len(scan.vertices), dtype=np.int64)
+    positions = np.stack(stages)
+    wanted = np.where(
+        (patches.face_plane >= 0)[:, None], patches.normals[np.maximum(patches.face_plane, 0)], scan.normals
+    )
+    rows = np.arange(len(scan.vertices))
+    for _ in range(UNMOVING_ROUNDS):
+        flat = replace(scan, vertices=positions[stage, rows])
+        turned = (np.einsum("fc,fc->f", flat.normals, wanted) < TURNED_COSINE) & (flat.areas > LEAST_FACE_AREA_M2)
+        if not turned.any():
+            break
+        back = np.unique(scan.faces[turned])
+        stage[back] = np.minimum(stage[back] + 1, len(stages) - 1)
+    return np.asarray(positions[stage, rows], dtype=np.float64)

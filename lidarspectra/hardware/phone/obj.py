@@ -1,0 +1,258 @@
+"""OBJ files with their MTL materials and textures.
+
+Read here and not by trimesh, whose reader passes over a missing material, a missing texture and a damaged line without
+a word; here each is an error with its line, or a note.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lidarspectra.arrays import ByteArray, FloatArray
+from lidarspectra.colorimetry import encode_srgb
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh
+from lidarspectra.hardware.phone.textures import check_texture_total
+
+_NO_INDEX = -1
+_IMAGE_OPTION_ARGUMENTS = {
+    "-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-blendu": 1, "-blendv": 1, "-boost": 1, "-texres": 1, "-clamp": 1,
+    "-bm": 1, "-imfchan": 1, "-type": 1, "-cc": 1,
+}  # fmt: skip  # options of map_Kd and how many words follow each (OBJ/MTL specification, B5)
+
+
+@dataclass(kw_only=True)
+class _Material:
+    """A material of an MTL file: diffuse colour [0-1] and texture's name."""
+
+    color: tuple[float, float, float] | None = None
+    texture: str | None = None
+
+
+@dataclass(kw_only=True)
+class _Faces:
+    """Triangles that use one material: rows of three numbers into the file's positions and texture coordinates."""
+
+    positions: list[tuple[int, int, int]] = field(default_factory=list)
+    textures: list[tuple[int, int, int]] = field(default_factory=list)
+
+
+@dataclass(kw_only=True)
+class _Content:
+    """An OBJ file's lines, sorted by what they are."""
+
+    positions: list[list[float]] = field(default_factory=list)
+    textures: list[list[float]] = field(default_factory=list)
+    groups: dict[str | None, _Faces] = field(default_factory=dict)
+    libraries: list[str] = field(default_factory=list)
+
+
+def read_obj(data: bytes, *, folder: FileFolder) -> RawMesh:
+    """Read an OBJ file.
+
+    Polygons become fans of triangles; positions may carry colours (x y z r g b, taken as sRGB-encoded).
+
+    Parameters
+    ----------
+    data : bytes
+        The file's content.
+    folder : FileFolder
+        Where its MTL files and textures are.
+
+    Returns
+    -------
+    raw : RawMesh
+        One part a material.
+
+    Raises
+    ------
+    ScanError
+        If a line is malformed, a face names what is not there, or a texture cannot be decoded.
+    """
+    content = _parse(data, where=folder.where)
+    materials: dict[str, _Material] = {}
+    for library in content.libraries:
+        text = folder.read(library)
+        if text is not None:
+            materials.update(_parse_materials(text, where=f"{library} of {folder.where}"))
+    numbers, images = _read_images(materials.values(), folder)
+    vertices, colors = _vertex_arrays(content.positions)
+    uv = np.array(content.textures, dtype=np.float64).reshape(-1, 2)
+    parts: list[MeshPart] = []
+    for name, faces in content.groups.items():
+        material = materials.get(name, _Material()) if name is not None else _Material()
+        image = numbers.get(material.texture, -1) if material.texture is not None else -1
+        parts.extend(_parts(faces, material, image, vertices, colors, uv))
+    notes = tuple(f"the file '{name}' that the scan names is not there" for name in folder.missing)
+    return RawMesh(parts=tuple(parts), images=tuple(images), notes=notes)
+
+
+def _read_images(materials: Iterable[_Material], folder: FileFolder) -> tuple[dict[str, int], list[ByteArray]]:
+    """Textures of the materials, each once, and their numbers by name; a missing one has none."""
+    numbers: dict[str, int] = {}
+    images: list[ByteArray] = []
+    for name in dict.fromkeys(material.texture for material in materials if material.texture):
+        image = folder.read_image(name)
+        if image is not None:
+            numbers[name] = len(images)
+            images.append(image)
+            check_texture_total(tuple(images), name=folder.where)
+    return numbers, images
+
+
+def _lines(data: bytes) -> Iterator[tuple[int, str, str]]:
+    """Number, keyword and rest of every line that says something; a backslash joins a line with the next."""
+    # Latin-1 decodes any byte, and the words that matter are ASCII; only names could suffer, so UTF-8 goes first.
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    pending = ""
+    for number, line in enumerate(text.split("\n"), start=1):
+        joined = pending + line.strip()
+        if joined.endswith("\\"):
+            pending = joined[:-1] + " "
+            continue
+        pending = ""
+        if joined and not joined.startswith("#"):
+            keyword, _, rest = joined.replace("\t", " ").partition(" ")
+            yield number, keyword, rest.strip()
+
+
+def _parse(data: bytes, *, where: str) -> _Content:
+    content = _Content()
+    current: str | None = None
+    for number, keyword, rest in _lines(data):
+        try:
+            if keyword == "v":
+                content.positions.append([float(word) for word in rest.split()])
+            elif keyword == "vt":
+                first_two = [float(word) for word in rest.split()[:2]]
+                content.textures.append(first_two if len(first_two) == 2 else [first_two[0], 0.0])
+            elif keyword == "f":
+                group = content.groups.setdefault(current, _Faces())
+                _add_face(group, rest.split(), len(content.positions), len(content.textures))
+            elif keyword == "usemtl":
+                current = rest
+            elif keyword == "mtllib":
+                content.libraries.append(rest)
+        except (ValueError, IndexError) as cause:
+            raise ScanError(
+                expected=f"numbers after '{keyword}' that fit",
+                found=f"{rest[:80]!r} ({cause})",
+                where=f"{where}, line {number}",
+                todo="The file is damaged or cut off; export the scan again.",
+            ) from cause
+    return content
+
+
+def _add_face(group: _Faces, words: list[str], positions: int, textures: int) -> None:
+    """Add a polygon as a fan. Numbers count from 1, or back from the latest where negative."""
+    if len(words) < 3:
+        raise ValueError(f"a face of {len(words)} corners")
+    corners: list[int] = []
+    coordinates: list[int] = []
+    for word in words:
+        position, _, rest = word.partition("/")
+        texture = rest.partition("/")[0]
+        corners.append(_number(position, positions))
+        coordinates.append(_number(texture, textures) if texture else _NO_INDEX)
+    for second in range(1, len(words) - 1):
+        group.positions.append((corners[0], corners[second], corners[second + 1]))
+        group.textures.append((coordinates[0], coordinates[second], coordinates[second + 1]))
+
+
+def _number(word: str, count: int) -> int:
+    """Number from 0 of what a face's word names.
+
+    A positive number may point ahead in the file, so that only its lower bound can be tested here.
+    """
+    value = int(word)
+    index = value - 1 if value > 0 else count + value
+    if value == 0 or index < 0:
+        raise ValueError(f"number {value} names nothing")
+    return index
+
+
+def _vertex_arrays(rows: list[list[float]]) -> tuple[FloatArray, FloatArray | None]:
+    """Positions, and colours where every row has six or more numbers."""
+    if any(len(row) < 3 for row in rows):
+        raise ScanError(
+            expected="three numbers after every 'v'",
+            found="fewer",
+            where="OBJ positions",
+            todo="The file is damaged; export the scan again.",
+        )
+    vertices = np.array([row[:3] for row in rows], dtype=np.float64).reshape(-1, 3)
+    if not rows or any(len(row) < 6 for row in rows):
+        return vertices, None
+    colors = np.array([row[3:6] for row in rows], dtype=np.float64)
+    with np.errstate(invalid="ignore"):
+        scale = 255.0 if np.nanmax(colors, initial=0.0) > 1.0 else 1.0  # some programs write bytes
+    return vertices, colors / scale
+
+
+def _parts(
+    faces: _Faces,
+    material: _Material,
+    image: int,
+    vertices: FloatArray,
+    colors: FloatArray | None,
+    uv: FloatArray,
+) -> Iterator[MeshPart]:
+    """The triangles of a material: those with texture coordinates, and those without."""
+    corners = np.array(faces.positions, dtype=np.int64).reshape(-1, 3)
+    coordinates = np.array(faces.textures, dtype=np.int64).reshape(-1, 3)
+    if corners.size and corners.max() >= vertices.shape[0]:
+        raise ScanError(
+            expected=f"faces of the {vertices.shape[0]} positions",
+            found=f"one that names number {corners.max() + 1}",
+            where="OBJ faces",
+            todo="The file is damaged or cut off; export the scan again.",
+        )
+    textured = ((coordinates >= 0) & (coordinates < uv.shape[0])).all(axis=1) & (image >= 0)
+    if textured.any():
+        yield MeshPart(vertices=vertices, faces=corners[textured], image=image, corner_uv=uv[coordinates[textured]])
+    plain = corners[~textured]
+    if plain.size:
+        color: FloatArray | None = None
+        if colors is not None:
+            color = colors[plain]
+        elif material.color is not None and material.texture is None:
+            # Kd is linear light; the white that stands in it beside a lost texture is no colour.
+            color = np.broadcast_to(encode_srgb(np.array(material.color)), (plain.shape[0], 3, 3))
+        yield MeshPart(vertices=vertices, faces=plain, corner_color=color)
+
+
+def _parse_materials(data: bytes, *, where: str) -> dict[str, _Material]:
+    materials: dict[str, _Material] = {}
+    current = _Material()
+    for number, keyword, rest in _lines(data):
+        key = keyword.lower()
+        if key == "newmtl":
+            current = materials.setdefault(rest, _Material())
+        elif key == "map_kd":
+            current.texture = _texture_name(rest)
+        elif key == "kd":
+            try:
+                red, green, blue = (
+                    float(word) for word in (rest.split() * 3 if len(rest.split()) == 1 else rest.split())[:3]
+                )
+            except ValueError as cause:
+                raise ScanError(
+                    expected="a colour of three numbers after 'Kd'",
+                    found=f"{rest[:80]!r}",
+                    where=f"{where}, line {number}",
+                    todo="Mend that line of the material file.",
+                ) from cause
+            current.color = (red, green, blue)
+    return materials
+
+
+def _texture_name(rest: str) -> str:
+    """The file name of a `map_Kd` line, which may follow options."""
+    words = rest.split(" ")
+    while words and words[0] in _IMAGE_OPTION_ARGUMENTS:
+        words = words[1 + _IMAGE_OPTION_ARGUMENTS[words[0]] :]
+    return " ".join(words)

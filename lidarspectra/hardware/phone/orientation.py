@@ -1,0 +1,266 @@
+"""Which way is up in a scan's file, and in which unit it is.
+
+Both are weighed together: for every unit and axis, how plausible the room would be (2.6 m high, some metres wide, with
+large level surfaces and furniture near the floor), and what the format declares. Probabilities are heavy-tailed, so
+that an unusual room is doubted but not impossible.
+"""
+
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.raw_mesh import Axis, Unit
+
+METRES_PER_UNIT: dict[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+UNITS: tuple[Unit, ...] = get_args(Unit)
+AXES: tuple[Axis, ...] = get_args(Axis)
+
+ROOM_HEIGHT_M = 2.6  # [m] common ceiling height; the building codes of most countries ask for 2.3 to 2.5 m at least
+ROOM_HEIGHT_SPREAD = 0.22  # [1] of its logarithm: 1.8 m (a partial scan) to 4 m within two spreads
+ROOM_WIDTH_M = 4.5  # [m] common side of a room
+ROOM_WIDTH_SPREAD = 0.6  # [1] of its logarithm: 1.4 m to 15 m within two spreads
+TAIL_FREEDOM = 3.0  # degrees of freedom of Student's t, the heavy-tailed distribution used here
+UNIT_LOG_PRIOR: dict[Unit, float] = {"m": 0.0, "cm": -1.5, "mm": -1.5, "in": -4.0, "ft": -4.0}  # phones write metres
+AXIS_LOG_PRIOR: dict[Axis, float] = {"+y": 0.0, "+z": 0.0, "-y": -4.0, "-z": -4.0, "+x": -4.0, "-x": -6.0}
+DECLARED_LOG_ODDS = 10.0  # a format's own definition is wrong once in some 20,000 files
+USUAL_LOG_ODDS = 1.0  # a habit of programs: three files in four
+LEVEL_COSINE = 0.966  # [1] cos 15 degrees: steeper than any floor, finer than scan noise
+LEVEL_WEIGHT = 8.0  # log odds per share of the area that is level
+LOW_WEIGHT = 12.0  # log odds per share of the height by which what stands between floor and ceiling stands low
+TABLE_WEIGHT = 3.0  # log odds where all level surfaces between floor and ceiling face up
+END_SHARE = 0.12  # [1] of the height: floor and ceiling with their unevenness
+EXTENT_QUANTILE = 0.005  # [1] of the area beyond the extent on either side: what was seen through a window
+LEAST_ROOM_M, LARGEST_ROOM_M = 0.3, 1000.0  # [m] longest side; neither a thing on a table nor a landscape
+SURE = 0.8  # [1] a confidence below it is noted
+_MAX_FACES = 200_000  # more say nothing new
+
+
+@dataclass(frozen=True, kw_only=True)
+class Orientation:
+    """Unit and upward axis of a file.
+
+    Parameters
+    ----------
+    unit, up : str
+        The most probable.
+    unit_confidence, up_confidence : float
+        Their probabilities; 1 where the user gave them. [0-1]
+    notes : tuple of str
+        Doubts, and where the geometry overrules the format.
+    """
+
+    unit: Unit
+    unit_confidence: float
+    up: Axis
+    up_confidence: float
+    notes: tuple[str, ...] = ()
+
+    def apply(self, vertices: FloatArray) -> FloatArray:
+        """Bring positions of the file, (n, 3), to metres and z up; a rotation about the vertical is left as it is."""
+        return np.asarray(vertices @ upright_rotation(self.up).T * METRES_PER_UNIT[self.unit], dtype=np.float64)
+
+
+def upright_rotation(up: Axis) -> FloatArray:
+    """Proper rotation by a right angle (or two) that brings an axis of the file to +z.
+
+    Parameters
+    ----------
+    up : str
+        The file's upward axis.
+
+    Returns
+    -------
+    rotation : (3, 3) float
+        z-up position = rotation @ position; its elements are 0, 1 and -1. [1]
+    """
+    rows: dict[Axis, list[list[float]]] = {
+        "+x": [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
+        "-x": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
+        "+y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+        "-y": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+        "+z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        "-z": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
+    }
+    return np.array(rows[up], dtype=np.float64)
+
+
+def find_orientation(
+    vertices: FloatArray,
+    faces: IntArray,
+    *,
+    declared_unit: Unit | None = None,
+    declared_up: Axis | None = None,
+    usual_up: Axis | None = None,
+    unit: Unit | None = None,
+    up: Axis | None = None,
+    where: str = "scan",
+) -> Orientation:
+    """Find unit and upward axis of a room's mesh.
+
+    Parameters
+    ----------
+    vertices : (vertex, 3) float
+        In the file's unit and axes.
+    faces : (face, 3) int
+        Corners.
+    declared_unit, declared_up : str, optional
+        What the format says; overruled only by a room that is absurd otherwise.
+    usual_up : str, optional
+        What most files of the format have; decides only where the geometry leaves doubt.
+    unit, up : str, optional
+        What the user says; taken as they are, with confidence 1.
+    where : str
+        Name of the file, for errors.
+
+    Returns
+    -------
+    orientation : Orientation
+
+    Raises
+    ------
+    ScanError
+        If the room would be no larger than `LEAST_ROOM_M`, or larger than `LARGEST_ROOM_M`, in that unit.
+    """
+    surface = _Surface.of(vertices, faces, where=where)
+    log_odds = np.array([[_log_odds(surface, u, a, declared_unit, declared_up) for a in AXES] for u in UNITS])
+    if usual_up is not None and declared_up is None:
+        log_odds[:, AXES.index(usual_up)] += USUAL_LOG_ODDS
+    if unit is not None:
+        log_odds[[u != unit for u in UNITS]] = -np.inf
+    if up is not None:
+        log_odds[:, [a != up for a in AXES]] = -np.inf
+    odds = np.exp(log_odds - log_odds.max())
+    probability = odds / odds.sum()
+    of_unit, of_axis = probability.sum(axis=1), probability.sum(axis=0)
+    found_unit, found_up = UNITS[int(of_unit.argmax())], AXES[int(of_axis.argmax())]
+    orientation = Orientation(
+        unit=found_unit,
+        unit_confidence=float(min(1.0, of_unit.max())),
+        up=found_up,
+        up_confidence=float(min(1.0, of_axis.max())),
+        notes=_notes(found_unit, of_unit.max(), found_up, of_axis.max(), unit or declared_unit, up or declared_up),
+    )
+    _check_size(surface, found_unit, where=where)
+    return orientation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Surface:
+    """Faces as the weighing needs them: share of area, unit normal, centre; and the extents of the whole."""
+
+    weights: FloatArray
+    normals: FloatArray
+    centers: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @property
+    def extents(self) -> FloatArray:
+        return self.high - self.low
+
+    @classmethod
+    def of(cls, vertices: FloatArray, faces: IntArray, *, where: str) -> "_Surface":
+        step = -(-faces.shape[0] // _MAX_FACES)
+        corners = vertices[faces[::step]]
+        crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        doubled = np.linalg.norm(crosses, axis=1)
+        if not doubled.sum() > 0:
+            raise ScanError(
+                expected="triangles that have an area",
+                found=f"{faces.shape[0]} that have none",
+                where=where,
+                todo="Export the scan again as a mesh.",
+            )
+        bounds = np.array([_weighted_bounds(corners[:, :, axis], doubled) for axis in range(3)])
+        return cls(
+            weights=doubled / doubled.sum(),
+            normals=crosses / np.where(doubled > 0, doubled, 1.0)[:, np.newaxis],
+            centers=corners.mean(axis=1),
+            low=bounds[:, 0],
+            high=bounds[:, 1],
+        )
+
+
+def _weighted_bounds(values: FloatArray, weights: FloatArray) -> tuple[float, float]:
+    """The (face, 3) values between which all of the area but twice `EXTENT_QUANTILE` lies."""
+    spread = np.repeat(weights / 3.0, 3)
+    order = np.argsort(values, axis=None)
+    share = np.cumsum(spread[order]) / spread.sum()
+    low, high = np.searchsorted(share, [EXTENT_QUANTILE, 1.0 - EXTENT_QUANTILE])
+    sorted_values = values.ravel()[order]
+    return float(sorted_values[low]), float(sorted_values[min(high, sorted_values.size - 1)])
+
+
+def _log_odds(surface: _Surface, unit: Unit, up: Axis, declared_unit: Unit | None, declared_up: Axis | None) -> float:
+    """How well a unit and an upward axis explain a room, as the logarithm of an unnormalized probability."""
+    axis = "xyz".index(up[1])
+    sign = 1.0 if up[0] == "+" else -1.0
+    extents_m = surface.extents * METRES_PER_UNIT[unit]
+    height = _log_plausible(extents_m[axis], ROOM_HEIGHT_M, ROOM_HEIGHT_SPREAD)
+    widths = sum(
+        _log_plausible(extents_m[other], ROOM_WIDTH_M, ROOM_WIDTH_SPREAD) for other in range(3) if other != axis
+    )
+    # What a format declares of its unit or axis replaces what is usual among files that declare nothing.
+    unit_prior = UNIT_LOG_PRIOR[unit] if declared_unit is None else -DECLARED_LOG_ODDS * (unit != declared_unit)
+    axis_prior = AXIS_LOG_PRIOR[up] if declared_up is None else -DECLARED_LOG_ODDS * (up != declared_up)
+    return float(unit_prior + axis_prior + height + widths + _level_log_odds(surface, axis, sign))
+
+
+def _log_plausible(value: float, usual: float, spread: float) -> float:
+    """Logarithm of Student's t density (up to a constant) of the logarithm of a length."""
+    deviation = (np.log(max(value, 1e-12)) - np.log(usual)) / spread
+    return float(-0.5 * (TAIL_FREEDOM + 1.0) * np.log1p(deviation**2 / TAIL_FREEDOM))
+
+
+def _level_log_odds(surface: _Surface, axis: int, sign: float) -> float:
+    """Evidence of the surfaces: much level area; what stands in the room stands low, and is seen from above."""
+    along = surface.normals[:, axis] * sign
+    level: BoolArray = np.abs(along) > LEVEL_COSINE
+    span = max(float(surface.extents[axis]), 1e-300)
+    height = (surface.centers[:, axis] - surface.low[axis]) / span
+    if sign < 0:
+        height = 1.0 - height
+    between = (height > END_SHARE) & (height < 1.0 - END_SHARE)
+    evidence = LEVEL_WEIGHT * float(surface.weights[level].sum())
+    # Walls fill the height evenly and would only dilute what furniture says; they stand upright on this axis.
+    standing = between & (np.abs(along) > 1.0 - LEVEL_COSINE)
+    weight = surface.weights[standing]
+    if weight.sum() > 0:
+        mean = float((weight * height[standing]).sum() / weight.sum())
+        share = min(1.0, 5.0 * float(weight.sum()))  # a few stray triangles say little
+        evidence += LOW_WEIGHT * share * (0.5 - mean)
+    tables = between & level
+    if surface.weights[tables].sum() > 0:
+        inward = np.sign(-float((surface.weights * along * (height - 0.5))[level & ~between].sum()) or 1.0)
+        facing = float((surface.weights * np.sign(along))[tables].sum() / surface.weights[tables].sum())
+        evidence += TABLE_WEIGHT * min(1.0, 20.0 * float(surface.weights[tables].sum())) * inward * facing
+    return evidence
+
+
+def _notes(
+    unit: Unit, unit_sure: float, up: Axis, up_sure: float, said_unit: Unit | None, said_up: Axis | None
+) -> tuple[str, ...]:
+    notes = []
+    if said_unit is not None and said_unit != unit:
+        notes.append(f"the file says that its unit is {said_unit}, but such a room would be absurd; {unit} is taken")
+    if said_up is not None and said_up != up:
+        notes.append(f"the file says that {said_up} is up, but its surfaces say {up}, which is taken")
+    if unit_sure < SURE:
+        notes.append(f"the unit is uncertain: {unit} at {unit_sure:.0%}; give unit in [scan] if it is wrong")
+    if up_sure < SURE:
+        notes.append(f"the upward axis is uncertain: {up} at {up_sure:.0%}; give up in [scan] if it is wrong")
+    return tuple(notes)
+
+
+def _check_size(surface: _Surface, unit: Unit, *, where: str) -> None:
+    longest = float(surface.extents.max()) * METRES_PER_UNIT[unit]
+    if not LEAST_ROOM_M <= longest <= LARGEST_ROOM_M:
+        raise ScanError(
+            expected=f"a room between {LEAST_ROOM_M} and {LARGEST_ROOM_M:.0f} m long",
+            found=f"{longest:.3g} m (in {unit})",
+            where=where,
+            todo="Give the file's unit in [scan] (m, cm, mm, in or ft), or give a scan of a room.",
+        )

@@ -1,0 +1,305 @@
+"""What a reader hands on: the meshes of a file in the file's own unit and axes, joined into one."""
+
+import struct
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Literal
+from urllib.parse import unquote
+
+import numpy as np
+
+from lidarspectra.arrays import ByteArray, FloatArray, IntArray
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.scan import Appearance
+from lidarspectra.hardware.phone.textures import check_texture_total, decode_image
+
+Unit = Literal["m", "cm", "mm", "in", "ft"]
+Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
+
+NEUTRAL_COLOR = 0.735  # [1] sRGB-encoded; linear 0.5, the stand-in where a file holds no colour
+MAX_FACES = 20_000_000  # about 6 GB as a Scan
+MAX_FILE_BYTES = 2 * 1024**3  # [byte] a room with an 8k texture is below 0.2 GB
+MAX_COORDINATE = 1e9  # [unit of the file] beyond it the rounding of 32-bit files is no geometry
+
+PARSER_FAULTS = (
+    ValueError, KeyError, IndexError, TypeError, AttributeError, AssertionError, OverflowError, EOFError, OSError,
+    NotImplementedError, RecursionError, MemoryError, ZeroDivisionError, struct.error,
+)  # fmt: skip  # what parsers of libraries raise on malformed files; none of them says what is wrong
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeshPart:
+    """One mesh with one material.
+
+    Parameters
+    ----------
+    vertices : (vertex, 3) float
+        In the file's unit and axes.
+    faces : (face, 3) int
+        Corners.
+    image : int
+        Number of its texture; -1 where it has none.
+    corner_uv : (face, 3, 2) float or None
+        Texture coordinates, v up. [1]
+    corner_color : (face, 3, 3) float or None
+        sRGB-encoded colours. [0-1]
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    image: int = -1
+    corner_uv: FloatArray | None = None
+    corner_color: FloatArray | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RawMesh:
+    """All that a reader found in a file.
+
+    Parameters
+    ----------
+    parts : tuple of MeshPart
+        With the scene's transforms applied.
+    images : tuple of (height, width, 3) uint8
+        sRGB-encoded textures that the parts' `image` counts.
+    unit : str or None
+        What the format or the file says that its unit is; None where it says nothing.
+    up : str or None
+        Likewise the upward axis.
+    usual_up : str or None
+        Upward axis that most programs write in a format that says nothing of it.
+    notes : tuple of str
+        What a reader of the record should know.
+    """
+
+    parts: tuple[MeshPart, ...]
+    images: tuple[ByteArray, ...] = ()
+    unit: Unit | None = None
+    up: Axis | None = None
+    usual_up: Axis | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JoinedMesh:
+    """A raw mesh as one: what `Scan` needs but for orientation and unit.
+
+    Parameters
+    ----------
+    vertices : (vertex, 3) float
+        In the file's unit and axes; every vertex belongs to a face.
+    faces : (face, 3) int
+        Corners.
+    appearance : Appearance
+        Colour of every face.
+    notes : tuple of str
+        What was found on the way.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    appearance: Appearance
+    notes: tuple[str, ...]
+
+
+@dataclass(kw_only=True)
+class FileFolder:
+    """The folder of a scan's file, from which its textures and buffers come, and from nowhere else.
+
+    Parameters
+    ----------
+    root : Path
+        The folder.
+    where : str
+        Name of the scan's file, for errors.
+    missing : list of str
+        Names that were asked for and are not there.
+    """
+
+    root: Path
+    where: str
+    missing: list[str] = field(default_factory=list)
+
+    def read(self, name: str) -> bytes | None:
+        """Content of a file that the scan names; None where there is none.
+
+        Parameters
+        ----------
+        name : str
+            Relative path as the scan's file writes it; backslashes and percent codes are understood.
+
+        Raises
+        ------
+        ScanError
+            If the name is a URL, absolute, or leads out of the folder, or the file is too large or unreadable.
+        """
+        for candidate in dict.fromkeys((name, unquote(name))):
+            path = self._inside(candidate)
+            if path.is_file():
+                return read_bytes(path)
+        self.missing.append(name)
+        return None
+
+    def read_image(self, name: str) -> ByteArray | None:
+        """Decode a texture that the scan names; None where there is no such file (see `read`)."""
+        data = self.read(name)
+        return None if data is None else decode_image(data, name=f"texture '{name}' of {self.where}")
+
+    def _inside(self, name: str) -> Path:
+        parts = PurePosixPath(name.replace("\\", "/"))
+        outside = not name.strip() or "\0" in name or ":" in name or parts.is_absolute() or ".." in parts.parts
+        root = self.root.resolve()
+        if outside or not (root / parts).resolve().is_relative_to(root):
+            raise ScanError(
+                expected="references to files within the scan's own folder",
+                found=f"{name[:200]!r}",
+                where=self.where,
+                todo="Put the textures beside the scan and name them without a path.",
+            )
+        return root / parts
+
+
+def read_bytes(path: Path) -> bytes:
+    """Content of a file, refused (ScanError) if it cannot be read or is larger than `MAX_FILE_BYTES`."""
+    try:
+        size = path.stat().st_size
+        if size > MAX_FILE_BYTES:
+            raise ScanError(
+                expected=f"a file of at most {MAX_FILE_BYTES} bytes",
+                found=f"{size} bytes",
+                where=str(path),
+                todo="Export the scan with fewer triangles or a smaller texture.",
+            )
+        return path.read_bytes()
+    except OSError as cause:
+        raise ScanError(
+            expected="a file that can be read",
+            found=str(cause),
+            where=str(path),
+            todo="Check the path and the file's permissions.",
+        ) from cause
+
+
+def malformed(cause: BaseException, *, kind: str, where: str) -> ScanError:
+    """The error for a file that a parser failed on."""
+    try:
+        reason = " ".join(str(cause).split())
+    except UnicodeDecodeError:  # a library of C++ quotes the damaged bytes
+        reason = "its message holds no text"
+    return ScanError(
+        expected=f"a well-formed {kind} file",
+        found=f"one that cannot be parsed ({type(cause).__name__}: {reason[:300]})",
+        where=where,
+        todo="Export or copy the scan again; the file may be cut off.",
+    )
+
+
+def join_parts(raw: RawMesh, *, where: str) -> JoinedMesh:
+    """Join the parts of a file into one mesh, and refuse what is no mesh.
+
+    Parameters
+    ----------
+    raw : RawMesh
+        What a reader found.
+    where : str
+        Name of the file, for errors.
+
+    Returns
+    -------
+    mesh : JoinedMesh
+
+    Raises
+    ------
+    ScanError
+        If there is no triangle, there are too many, a corner names no vertex, or a used position is not finite.
+    """
+    parts = [part for part in raw.parts if part.faces.size]
+    count = sum(part.faces.shape[0] for part in parts)
+    _check_face_count(count, where=where)
+    for part in parts:
+        _check_geometry(part, where=where)
+    check_texture_total(raw.images, name=where)
+    starts = np.cumsum([0] + [part.vertices.shape[0] for part in parts[:-1]])
+    faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)]).astype(np.int64)
+    used, numbered = np.unique(faces, return_inverse=True)
+    appearance, notes = _join_appearance(parts, raw.images)
+    return JoinedMesh(
+        vertices=np.concatenate([part.vertices for part in parts])[used].astype(np.float64),
+        faces=numbered.reshape(-1, 3).astype(np.int64),
+        appearance=appearance,
+        notes=raw.notes + notes,
+    )
+
+
+def _check_face_count(count: int, *, where: str) -> None:
+    if count == 0:
+        raise ScanError(
+            expected="a mesh with at least one triangle",
+            found="none",
+            where=where,
+            todo="Export the scan as a mesh, not as a point cloud.",
+        )
+    if count > MAX_FACES:
+        raise ScanError(
+            expected=f"at most {MAX_FACES} triangles",
+            found=f"{count}",
+            where=where,
+            todo="Export the scan with less detail; some 100,000 triangles describe a room.",
+        )
+
+
+def _check_geometry(part: MeshPart, *, where: str) -> None:
+    count = part.vertices.shape[0]
+    if part.faces.min() < 0 or part.faces.max() >= count:
+        raise ScanError(
+            expected=f"faces whose corners are among the {count} vertices",
+            found=f"corner numbers from {part.faces.min()} to {part.faces.max()}",
+            where=where,
+            todo="The file is damaged; export the scan again.",
+        )
+    with np.errstate(invalid="ignore"):
+        sound = np.all(np.abs(part.vertices) <= MAX_COORDINATE, axis=1)  # False for NaN, too
+    bad = int((~sound[part.faces]).any(axis=1).sum())
+    if bad:
+        raise ScanError(
+            expected="finite positions",
+            found=f"{bad} of {part.faces.shape[0]} triangles with a corner that is NaN, infinite or absurdly far",
+            where=where,
+            todo="The file is damaged; export the scan again, or mend it in a mesh editor.",
+        )
+
+
+def _join_appearance(parts: list[MeshPart], images: tuple[ByteArray, ...]) -> tuple[Appearance, tuple[str, ...]]:
+    total = sum(part.faces.shape[0] for part in parts)
+    face_image = np.full(total, -1, dtype=np.int64)
+    corner_uv = np.zeros((total, 3, 2))
+    corner_color = np.full((total, 3, 3), NEUTRAL_COLOR)
+    uncolored = bad = start = 0
+    for part in parts:
+        span = slice(start, start + part.faces.shape[0])
+        start = span.stop
+        if part.corner_color is not None:
+            corner_color[span] = part.corner_color
+        if part.image >= 0 and part.corner_uv is not None:
+            face_image[span] = part.image
+            corner_uv[span] = part.corner_uv
+        elif part.corner_color is None:
+            uncolored += part.faces.shape[0]
+    broken = ~np.isfinite(corner_uv).all(axis=(1, 2)) | ~np.isfinite(corner_color).all(axis=(1, 2))
+    bad = int(broken.sum())
+    face_image[broken], corner_uv[broken], corner_color[broken] = -1, 0.0, NEUTRAL_COLOR
+    notes = []
+    if bad:
+        notes.append(f"{bad} triangles have texture coordinates or colours that are no numbers; they are taken as gray")
+    if uncolored == total:
+        notes.append("the file has no colour: all surfaces are taken as a neutral gray")
+    elif uncolored:
+        notes.append(f"{uncolored} of {total} triangles have no colour and are taken as a neutral gray")
+    appearance = Appearance(
+        images=images,
+        face_image=face_image,
+        corner_uv=corner_uv,
+        corner_color=np.clip(corner_color, 0.0, 1.0),
+        known=uncolored < total,
+    )
+    return appearance, tuple(notes)

@@ -1,0 +1,232 @@
+"""Repair of a scan's mesh: doubles merged, normals turned towards the room, holes closed, flat things made flat.
+
+Colour belongs to faces and their corners here, so that vertices can be merged and faces dropped without a texture's
+seams getting in the way. Everything done is counted in the scan's record.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.colorimetry import encode_srgb
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.decimation import decimate
+from lidarspectra.hardware.phone.facing import connected_pieces, faces_to_turn
+from lidarspectra.hardware.phone.flattening import flatten_scan
+from lidarspectra.hardware.phone.holes import (
+    NO_AREA_M2,
+    SHEET_SHARE,
+    Loop,
+    find_loops,
+    longest_extent,
+    triangulate_loop,
+)
+from lidarspectra.hardware.phone.scan import Appearance, Scan
+from lidarspectra.progress import Progress, part_of, silent
+
+MERGE_DISTANCE_M = 1e-5  # [m] a hundredth of the scanner's noise; above the rounding of 32-bit files
+LEAST_FACE_AREA_M2 = 1e-10  # [m²] 0.01 mm x 0.01 mm; Radiance has no use for less
+
+
+def repair_scan(
+    scan: Scan,
+    *,
+    close_holes: bool = True,
+    max_hole_m: float = 1.0,
+    flatten: bool = False,
+    max_faces: int | None = None,
+    progress: Progress = silent,
+) -> Scan:
+    """Repair a scan.
+
+    Parameters
+    ----------
+    scan : Scan
+        As read.
+    close_holes : bool
+        Whether holes are closed, with the colours of their rims.
+    max_hole_m : float
+        Longest extent of a hole that is closed. [m]
+    flatten : bool
+        Whether walls, table tops and other flat things are made flat, and their edges straight.
+    max_faces : int, optional
+        Decimate to at most so many triangles.
+    progress : callable
+        Told how far it is.
+
+    Returns
+    -------
+    scan : Scan
+        With the counts of all repairs in its record.
+
+    Raises
+    ------
+    ScanError
+        If no face is left.
+    """
+    progress(0.0, "merging vertices")
+    scan = _merged(scan)
+    progress(0.15, "dropping doubled and degenerate triangles")
+    scan = _without_bad_faces(scan)
+    progress(0.25, "turning normals towards the room")
+    scan = _turned(scan)
+    progress(0.5, "closing holes")
+    scan = _closed(scan, max_hole_m if close_holes else 0.0, part_of(progress, 0.5, 0.7))
+    if flatten:
+        scan = flatten_scan(scan, progress=part_of(progress, 0.7, 0.8))
+    if max_faces is not None:
+        scan = decimate(scan, max_faces, progress=part_of(progress, 0.8, 1.0))
+    record = replace(scan.record, faces_kept=scan.faces.shape[0], area_m2=float(scan.areas.sum()))
+    progress(1.0, "scan repaired")
+    return replace(scan, record=record)
+
+
+def merged_numbers(vertices: FloatArray, distance: float = MERGE_DISTANCE_M) -> IntArray:
+    """Number vertices so that those that coincide have the same number.
+
+    Parameters
+    ----------
+    vertices : (vertex, 3) float
+        [m]
+    distance : float
+        Vertices no further apart coincide. [m]
+
+    Returns
+    -------
+    number : (vertex,) int
+        From 0.
+    """
+    unique, inverse = np.unique(vertices, axis=0, return_inverse=True)
+    pairs = cKDTree(unique).query_pairs(distance, output_type="ndarray")
+    if not len(pairs):
+        return inverse.ravel().astype(np.int64)
+    links = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(unique),) * 2)
+    _, group = connected_components(links, directed=False)
+    return np.asarray(group[inverse.ravel()], dtype=np.int64)
+
+
+def _merged(scan: Scan) -> Scan:
+    number = merged_numbers(scan.vertices)
+    _, first = np.unique(number, return_index=True)
+    merged = scan.vertices.shape[0] - first.size
+    record = replace(scan.record, merged_vertices=scan.record.merged_vertices + merged)
+    return replace(scan, vertices=scan.vertices[first], faces=number[scan.faces], record=record)
+
+
+def _without_bad_faces(scan: Scan) -> Scan:
+    corners = np.sort(scan.faces, axis=1)
+    repeated = (corners[:, 0] == corners[:, 1]) | (corners[:, 1] == corners[:, 2])
+    degenerate = repeated | (scan.areas < LEAST_FACE_AREA_M2)
+    _, first = np.unique(corners, axis=0, return_index=True)
+    double = np.ones(corners.shape[0], dtype=np.bool_)
+    double[first] = False
+    double &= ~degenerate
+    kept = np.flatnonzero(~degenerate & ~double)
+    if kept.size == 0:
+        raise ScanError(
+            expected="triangles that have an area",
+            found=f"{corners.shape[0]} that have none",
+            where=scan.record.file,
+            todo="Check the unit in [scan], or export the scan again.",
+        )
+    record = replace(
+        scan.record,
+        duplicate_faces=scan.record.duplicate_faces + int(double.sum()),
+        degenerate_faces=scan.record.degenerate_faces + int(degenerate.sum()),
+    )
+    return replace(scan, faces=scan.faces[kept], appearance=scan.appearance.select(kept), record=record)
+
+
+def _turned(scan: Scan) -> Scan:
+    turn = faces_to_turn(scan)
+    record = replace(scan.record, flipped_faces=scan.record.flipped_faces + int(turn.sum()))
+    return replace(
+        scan,
+        faces=np.where(turn[:, np.newaxis], scan.faces[:, ::-1], scan.faces),
+        appearance=replace(
+            scan.appearance,
+            corner_uv=_reversed_where(turn, scan.appearance.corner_uv),
+            corner_color=_reversed_where(turn, scan.appearance.corner_color),
+        ),
+        record=record,
+    )
+
+
+def _reversed_where(turn: BoolArray, corners: FloatArray) -> FloatArray:
+    return np.where(turn[:, np.newaxis, np.newaxis], corners[:, ::-1], corners)
+
+
+def _closed(scan: Scan, max_hole_m: float, progress: Progress) -> Scan:
+    """Close the loops no longer than `max_hole_m`, and count the others."""
+    loops, loose_edges = find_loops(scan.faces)
+    piece, _ = connected_pieces(scan.faces)
+    piece_area = np.bincount(piece, weights=scan.areas)
+    fills: list[IntArray] = []
+    colors: list[FloatArray] = []
+    closed_area = longest_open = 0.0
+    closed = left_open = 0
+    for done, loop in enumerate(loops):
+        if done % 100 == 0:
+            progress(done / len(loops), f"closing holes, {done} of {len(loops)}")
+        points = scan.vertices[loop.vertices]
+        extent = longest_extent(points)
+        triangles = _fill(points) if 0.0 < extent <= max_hole_m else None
+        area = 0.0 if triangles is None else _area(points[triangles])
+        if triangles is not None and area < NO_AREA_M2:
+            continue
+        if triangles is None or area > SHEET_SHARE * piece_area[piece[loop.faces[0]]]:
+            left_open += 1
+            longest_open = max(longest_open, extent)
+            continue
+        closed += 1
+        closed_area += area
+        fills.append(loop.vertices[triangles])
+        colors.append(_rim_colors(scan, loop)[triangles])
+    notes = scan.record.notes
+    if loose_edges:
+        notes += (f"{loose_edges} edges of the mesh belong to no closed rim and are left open",)
+    if left_open:
+        notes += (f"{left_open} openings are left, the longest of {longest_open:.2f} m",)
+    record = replace(
+        scan.record,
+        holes_closed=scan.record.holes_closed + closed,
+        hole_area_m2=scan.record.hole_area_m2 + closed_area,
+        holes_open=left_open,
+        longest_open_hole_m=longest_open,
+        notes=notes,
+    )
+    if not fills:
+        return replace(scan, record=record)
+    return _with_faces(replace(scan, record=record), np.concatenate(fills), np.concatenate(colors))
+
+
+def _fill(points: FloatArray) -> IntArray | None:
+    return triangulate_loop(points) if len(points) >= 3 else None
+
+
+def _area(corners: FloatArray) -> float:
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return float(0.5 * np.linalg.norm(crosses, axis=1).sum())
+
+
+def _rim_colors(scan: Scan, loop: Loop) -> FloatArray:
+    """(n, 3) sRGB-encoded colours at a rim's vertices: of the two faces beside each, the mean in linear light."""
+    beside = scan.face_colors()[loop.faces]
+    return encode_srgb(0.5 * (beside + np.roll(beside, 1, axis=0)))
+
+
+def _with_faces(scan: Scan, faces: IntArray, corner_color: FloatArray) -> Scan:
+    old = scan.appearance
+    count = faces.shape[0]
+    appearance = Appearance(
+        images=old.images,
+        face_image=np.concatenate([old.face_image, np.full(count, -1)]),
+        corner_uv=np.concatenate([old.corner_uv, np.zeros((count, 3, 2))]),
+        corner_color=np.concatenate([old.corner_color, corner_color]),
+        known=old.known,
+    )
+    return replace(scan, faces=np.concatenate([scan.faces, faces]), appearance=appearance)

@@ -1,0 +1,364 @@
+"""USD files (USDZ packages and USD text), by the extra 'usd': meshes, transforms, preview-surface textures.
+
+Imported only where such a file is read; without the extra the import fails, and `readers` says what to install.
+
+References
+----------
+Pixar, "UsdGeomMesh" and "UsdPreviewSurface Specification" (OpenUSD documentation); Apple, "USDZ File Format
+Specification".
+"""
+
+import re
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade
+
+from lidarspectra.arrays import ByteArray, FloatArray, IntArray
+from lidarspectra.colorimetry import encode_srgb
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.raw_mesh import (
+    MAX_FILE_BYTES,
+    PARSER_FAULTS,
+    Axis,
+    FileFolder,
+    MeshPart,
+    RawMesh,
+    Unit,
+    malformed,
+    read_bytes,
+)
+from lidarspectra.hardware.phone.textures import check_texture_total, decode_image, tint_image
+
+METRES_OF_UNIT: tuple[tuple[float, Unit], ...] = (
+    (1.0, "m"), (0.01, "cm"), (0.001, "mm"), (0.0254, "in"), (0.3048, "ft"),
+)  # fmt: skip
+_UP: dict[str, Axis] = {"Y": "+y", "Z": "+z"}
+_UV_NAMES = ("st", "st0", "UVMap", "map1", "uv")  # primvars that exporters use where the material names none
+_BINARY_MAGIC = b"PXR-USDC"
+_MAX_LAYERS = 200  # files that one scene is composed of; a scan has one or two
+_IN_PACKAGE = re.compile(r"^(?P<package>.*)\[(?P<name>[^\[\]]+)\]$", re.DOTALL)
+_FAULTS = (*PARSER_FAULTS, RuntimeError, Tf.ErrorException)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Texture:
+    """A texture as a material uses it."""
+
+    asset: Sdf.AssetPath
+    factor: tuple[float, float, float]
+    primvar: str | None
+    scale: tuple[float, float]
+    rotation_deg: float
+    translation: tuple[float, float]
+
+
+@dataclass(kw_only=True)
+class _Reading:
+    """A stage being read, and the images decoded so far."""
+
+    path: Path
+    folder: FileFolder
+    time: Usd.TimeCode
+    images: list[ByteArray] = field(default_factory=list)
+    numbers: dict[tuple[str, tuple[float, float, float]], int] = field(default_factory=dict)
+    missing: dict[str, None] = field(default_factory=dict)
+
+
+def read_usd(path: Path) -> RawMesh:
+    """Read a USD file or package.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    raw : RawMesh
+        With the unit and upward axis that the stage declares.
+
+    Raises
+    ------
+    ScanError
+        If the file is damaged, refers to files outside its folder, or holds a texture that cannot be decoded.
+    """
+    where = path.name
+    _check_package(path)
+    folder = FileFolder(root=path.parent, where=where)
+    try:
+        root = Sdf.Layer.FindOrOpen(str(path))
+        if root is None:
+            raise ValueError("no USD layer")
+        _check_layers(root, path)
+        stage = Usd.Stage.Open(root)
+        # A scan is still; where positions are animated all the same, the first ones count.
+        reading = _Reading(path=path, folder=folder, time=Usd.TimeCode.EarliestTime())
+        parts = tuple(part for prim in _mesh_prims(stage) for part in _mesh_parts(reading, prim))
+        declared_unit = _declared_unit(stage)
+        up = _UP.get(str(UsdGeom.GetStageUpAxis(stage)))
+    except _FAULTS as cause:
+        raise malformed(cause, kind="USD", where=where) from cause
+    notes = tuple(f"the file '{name}' that the scan names is not there" for name in reading.missing)
+    return RawMesh(parts=parts, images=tuple(reading.images), unit=declared_unit, up=up, notes=notes)
+
+
+def _check_package(path: Path) -> None:
+    """Refuse a USDZ that is no ZIP archive, is cut off, or would unpack to more than a file may have.
+
+    The library hangs or crashes on damaged binary layers. In a package checksums show the damage; binary layers by
+    themselves have none and are refused.
+    """
+    if path.suffix.lower() != ".usdz":
+        if read_bytes(path)[: len(_BINARY_MAGIC)] == _BINARY_MAGIC:
+            raise ScanError(
+                expected="a USDZ package or a USD text file",
+                found="a binary USD layer by itself",
+                where=path.name,
+                todo="Export the scan as USDZ or GLB.",
+            )
+        return
+    try:
+        with zipfile.ZipFile(path) as package:
+            total = sum(entry.file_size for entry in package.infolist())
+            if total > MAX_FILE_BYTES:
+                raise ScanError(
+                    expected=f"a package of at most {MAX_FILE_BYTES} bytes",
+                    found=f"{total} bytes",
+                    where=path.name,
+                    todo="Export the scan with fewer triangles or a smaller texture.",
+                )
+            broken = package.testzip()
+            if broken is not None:
+                raise ValueError(f"'{broken}' is damaged")
+    except (zipfile.BadZipFile, NotImplementedError, EOFError, OSError, ValueError, RuntimeError) as cause:
+        raise malformed(cause, kind="USDZ", where=path.name) from cause
+
+
+def _check_layers(root: Sdf.Layer, path: Path) -> None:
+    """Refuse a scene that is composed of files outside the package or folder."""
+    home = path.parent.resolve()
+    waiting, seen = [root], {root.identifier}
+    while waiting:
+        layer = waiting.pop()
+        for name in layer.GetCompositionAssetDependencies():
+            identifier = layer.ComputeAbsolutePath(name)
+            package = _IN_PACKAGE.match(identifier)
+            file = Path(package["package"] if package else identifier)
+            if "://" in name or not file.resolve().is_relative_to(home) or len(seen) > _MAX_LAYERS:
+                raise ScanError(
+                    expected="a scene in one file or folder",
+                    found=f"a reference to {name[:200]!r}",
+                    where=path.name,
+                    todo="Export the scan as one USDZ or GLB file.",
+                )
+            if identifier not in seen:
+                seen.add(identifier)
+                further = Sdf.Layer.FindOrOpen(identifier)
+                if further is not None:
+                    waiting.append(further)
+
+
+def _declared_unit(stage: Usd.Stage) -> Unit | None:
+    """Unit of the stage, where it says one that we know."""
+    if not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
+        return None
+    metres = UsdGeom.GetStageMetersPerUnit(stage)
+    return next((unit for size, unit in METRES_OF_UNIT if abs(metres - size) < 1e-3 * size), None)
+
+
+def _mesh_prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+        if prim.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(prim).ComputeVisibility() != UsdGeom.Tokens.invisible:
+            yield prim
+
+
+def _mesh_parts(reading: _Reading, prim: Usd.Prim) -> Iterator[MeshPart]:
+    """The triangles of a mesh, one part a material."""
+    mesh = UsdGeom.Mesh(prim)
+    points = np.array(mesh.GetPointsAttr().Get(reading.time) or [], dtype=np.float64).reshape(-1, 3)
+    sizes = np.array(mesh.GetFaceVertexCountsAttr().Get(reading.time) or [], dtype=np.int64)
+    numbers = np.array(mesh.GetFaceVertexIndicesAttr().Get(reading.time) or [], dtype=np.int64)
+    if sizes.sum() != numbers.size or (sizes < 0).any():
+        raise ValueError(f"faces of {sizes.sum()} corners, but {numbers.size} corner numbers")
+    # Row vectors: position times matrix, as the library has it.
+    matrix = np.array(UsdGeom.XformCache(reading.time).GetLocalToWorldTransform(prim), dtype=np.float64)
+    vertices = points @ matrix[:3, :3] + matrix[3, :3]
+    corners, polygon = _fans(sizes)
+    left_handed = mesh.GetOrientationAttr().Get(reading.time) == UsdGeom.Tokens.leftHanded
+    if left_handed != bool(np.linalg.det(matrix[:3, :3]) < 0):
+        corners = corners[:, ::-1]
+    if corners.size and (numbers.min() < 0 or numbers.max() >= points.shape[0]):
+        raise ValueError(f"a corner number {numbers.max()} among {points.shape[0]} points")
+    for material, chosen in _materials(prim, polygon, sizes.size):
+        texture = _texture(material)
+        image = -1 if texture is None else _image_number(reading, texture)
+        uv = None if texture is None or image < 0 else _uv(reading, prim, texture, corners, numbers, polygon)
+        color = None
+        if uv is None:
+            color = _display_color(reading, prim, corners, numbers, polygon)
+            if color is None and texture is None:
+                color = _flat_color(material, corners.shape[0])
+        yield MeshPart(
+            vertices=vertices,
+            faces=numbers[corners][chosen],
+            image=image if uv is not None else -1,
+            corner_uv=None if uv is None else uv[chosen],
+            corner_color=None if color is None else color[chosen],
+        )
+
+
+def _fans(sizes: IntArray) -> tuple[IntArray, IntArray]:
+    """(triangle, 3) places of the corners of polygons cut into fans, and (triangle,) the polygon of each."""
+    triangles = np.maximum(sizes - 2, 0)
+    polygon = np.repeat(np.arange(sizes.size), triangles)
+    start = (np.cumsum(sizes) - sizes)[polygon]
+    within = np.arange(polygon.size) - (np.cumsum(triangles) - triangles)[polygon]
+    return np.column_stack([start, start + within + 1, start + within + 2]), polygon
+
+
+def _materials(prim: Usd.Prim, polygon: IntArray, count: int) -> Iterator[tuple[UsdShade.Material | None, IntArray]]:
+    """Materials of a mesh, each with the triangles that have it."""
+    left = np.ones(count, dtype=np.bool_)
+    for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
+        polygons = np.array(subset.GetIndicesAttr().Get() or [], dtype=np.int64)
+        polygons = polygons[(polygons >= 0) & (polygons < count)]
+        mine = np.zeros(count, dtype=np.bool_)
+        mine[polygons] = True
+        mine &= left
+        left &= ~mine
+        yield UsdShade.MaterialBindingAPI(subset.GetPrim()).ComputeBoundMaterial()[0], np.flatnonzero(mine[polygon])
+    if left.any():
+        yield UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0], np.flatnonzero(left[polygon])
+
+
+def _surface_input(material: UsdShade.Material | None) -> UsdShade.Input | None:
+    """The diffuse colour input of a material's preview surface."""
+    if not material:
+        return None
+    shader = material.ComputeSurfaceSource()[0]
+    return shader.GetInput("diffuseColor") if shader else None
+
+
+def _producer(shader_input: UsdShade.Input | None) -> Usd.Attribute | None:
+    """The attribute that gives an input its value, through any number of connections."""
+    if not shader_input:
+        return None
+    attributes = shader_input.GetValueProducingAttributes()
+    return attributes[0] if attributes else None
+
+
+def _value(shader: UsdShade.Shader, name: str, default: Any) -> Any:
+    attribute = _producer(shader.GetInput(name))
+    value = attribute.Get() if attribute else None
+    return default if value is None else value
+
+
+def _texture(material: UsdShade.Material | None) -> _Texture | None:
+    attribute = _producer(_surface_input(material))
+    shader = UsdShade.Shader(attribute.GetPrim()) if attribute else None
+    if not shader or shader.GetIdAttr().Get() != "UsdUVTexture":
+        return None
+    asset = _value(shader, "file", None)
+    if asset is None:
+        return None
+    factor = _value(shader, "scale", (1.0, 1.0, 1.0, 1.0))
+    coordinates = _producer(shader.GetInput("st"))
+    reader = UsdShade.Shader(coordinates.GetPrim()) if coordinates else None
+    scale, rotation, translation = (1.0, 1.0), 0.0, (0.0, 0.0)
+    if reader and reader.GetIdAttr().Get() == "UsdTransform2d":
+        scale, rotation = _value(reader, "scale", scale), _value(reader, "rotation", rotation)
+        translation = _value(reader, "translation", translation)
+        inner = _producer(reader.GetInput("in"))
+        reader = UsdShade.Shader(inner.GetPrim()) if inner else None
+    return _Texture(
+        asset=asset,
+        factor=cast("tuple[float, float, float]", tuple(float(value) for value in factor)[:3]),
+        primvar=str(_value(reader, "varname", "")) or None if reader else None,
+        scale=(float(scale[0]), float(scale[1])),
+        rotation_deg=float(rotation),
+        translation=(float(translation[0]), float(translation[1])),
+    )
+
+
+def _image_number(reading: _Reading, texture: _Texture) -> int:
+    key = (texture.asset.resolvedPath or texture.asset.path, texture.factor)
+    if key not in reading.numbers:
+        image = _image(reading, texture.asset)
+        if image is None:
+            reading.missing[texture.asset.path] = None
+            return -1
+        if min(texture.factor) < 1.0:
+            image = tint_image(image, np.array(texture.factor))
+        reading.numbers[key] = len(reading.images)
+        reading.images.append(image)
+        check_texture_total(tuple(reading.images), name=reading.path.name)
+    return reading.numbers[key]
+
+
+def _image(reading: _Reading, asset: Sdf.AssetPath) -> ByteArray | None:
+    """Decode a texture: out of the package where it is in one, else from the scan's folder."""
+    package = _IN_PACKAGE.match(asset.resolvedPath)
+    if package is None:
+        return reading.folder.read_image(asset.path)
+    if Path(package["package"]).resolve() != reading.path.resolve():
+        raise ValueError(f"a texture in another package, {asset.path[:200]!r}")
+    with zipfile.ZipFile(reading.path) as archive:
+        data = archive.read(package["name"])
+    return decode_image(data, name=f"texture '{package['name']}' of {reading.path.name}")
+
+
+def _uv(
+    reading: _Reading, prim: Usd.Prim, texture: _Texture, corners: IntArray, numbers: IntArray, polygon: IntArray
+) -> FloatArray | None:
+    """(triangle, 3, 2) texture coordinates, v up as in USD; None where the mesh has none."""
+    names = (texture.primvar, *_UV_NAMES) if texture.primvar else _UV_NAMES
+    for name in names:
+        uv = _primvar(reading, prim, name, corners, numbers, polygon)
+        if uv is not None and uv.shape[-1] == 2:
+            angle = np.deg2rad(texture.rotation_deg)
+            turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+            return np.asarray((uv * texture.scale) @ turn + texture.translation, dtype=np.float64)
+    return None
+
+
+def _display_color(
+    reading: _Reading, prim: Usd.Prim, corners: IntArray, numbers: IntArray, polygon: IntArray
+) -> FloatArray | None:
+    """(triangle, 3, 3) sRGB-encoded colours from the mesh's own (linear) display colour."""
+    color = _primvar(reading, prim, "displayColor", corners, numbers, polygon)
+    return None if color is None or color.shape[-1] != 3 else encode_srgb(color)
+
+
+def _flat_color(material: UsdShade.Material | None, count: int) -> FloatArray | None:
+    attribute = _producer(_surface_input(material))
+    value = attribute.Get() if attribute else None
+    if value is None or len(value) != 3:
+        return None
+    return np.broadcast_to(encode_srgb(np.array(value, dtype=np.float64)), (count, 3, 3))
+
+
+def _primvar(
+    reading: _Reading, prim: Usd.Prim, name: str, corners: IntArray, numbers: IntArray, polygon: IntArray
+) -> FloatArray | None:
+    """(triangle, 3, columns) values of a mesh's variable at the triangles' corners; None where it has no such one."""
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    if not primvar or not primvar.HasValue():
+        return None
+    values = np.array(primvar.ComputeFlattened(reading.time), dtype=np.float64)
+    if values.ndim != 2 or values.shape[0] == 0:
+        return None
+    places = {
+        UsdGeom.Tokens.faceVarying: corners,
+        UsdGeom.Tokens.vertex: numbers[corners],
+        UsdGeom.Tokens.varying: numbers[corners],
+        UsdGeom.Tokens.uniform: np.repeat(polygon[:, np.newaxis], 3, axis=1),
+        UsdGeom.Tokens.constant: np.zeros_like(corners),
+    }.get(primvar.GetInterpolation())
+    if places is None or (places.size and places.max() >= values.shape[0]):
+        raise ValueError(f"{values.shape[0]} values of '{name}', fewer than the mesh needs")
+    return np.asarray(values[places], dtype=np.float64)

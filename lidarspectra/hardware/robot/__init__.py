@@ -1,0 +1,1 @@
+"""Where the readings were taken: poses, their clock and their frame."""

@@ -1,0 +1,322 @@
+"""Where the robot was: poses over time, from a CSV, from ROS 2 bags, and from what `ros2 topic echo` printed."""
+
+import csv
+import importlib
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lidarspectra.arrays import FloatArray, float_array
+from lidarspectra.errors import ReadingError
+from lidarspectra.hardware.sensor.log_layouts import parse_time
+
+POSE_TYPES = {
+    "nav_msgs/msg/Odometry": ("pose", "pose"),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose", "pose"),
+    "geometry_msgs/msg/PoseStamped": ("pose",),
+}  # ROS message types that hold a pose, and the fields that lead to it
+PREFERRED_TOPICS = ("/amcl_pose", "/pose", "/odom")  # a position in the map before one that drifts
+LEAST_POSES = 2
+
+_TIME_COLUMNS = ("unix_s", "time_s", "stamp", "timestamp", "time", "t", "utc")
+_ECHO_PARTS = re.compile(r"^(?P<indent> *)(?P<key>\w+):(?: (?P<value>\S.*))?$")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory:
+    """Positions of the robot over time.
+
+    Parameters
+    ----------
+    unix_s : (pose,) float
+        Strictly increasing. [s since 1970, by the robot's clock]
+    positions : (pose, 3) float
+        [m]
+    headings : (pose,) float
+        Angle of its forward direction from the x axis, unwrapped. [rad]
+    frame : str
+        Whose coordinates these are.
+    """
+
+    unix_s: FloatArray
+    positions: FloatArray
+    headings: FloatArray
+    frame: str
+
+    def __post_init__(self) -> None:
+        times = float_array(self.unix_s, name="Trajectory.unix_s", shape=(None,))
+        if times.size < LEAST_POSES or not np.all(np.diff(times) > 0):
+            raise ReadingError(
+                expected="two poses or more, in order of time",
+                found=f"{times.size}",
+                where=f"trajectory in frame '{self.frame}'",
+                todo="Record while the robot drives.",
+            )
+        object.__setattr__(self, "unix_s", times)
+        shape = (times.size, 3)
+        object.__setattr__(self, "positions", float_array(self.positions, name="Trajectory.positions", shape=shape))
+        headings = float_array(self.headings, name="Trajectory.headings", shape=times.shape)
+        object.__setattr__(self, "headings", float_array(np.unwrap(headings), name="headings", shape=times.shape))
+
+    def __len__(self) -> int:
+        return int(self.unix_s.size)
+
+    def at(self, unix_s: ArrayLike, *, longest_gap_s: float) -> tuple[FloatArray, FloatArray]:
+        """Position and heading at other times, linear between poses.
+
+        Parameters
+        ----------
+        unix_s : (n,) float
+            When. [s]
+        longest_gap_s : float
+            Between poses further apart than this, and beyond the ends, nothing is known. [s]
+
+        Returns
+        -------
+        positions : (n, 3) float
+            NaN where nothing is known. [m]
+        headings : (n,) float
+            [rad]
+        """
+        wanted = np.asarray(unix_s, dtype=np.float64)
+        known = np.nan_to_num(wanted, nan=self.unix_s[0] - 1.0)
+        after = np.clip(np.searchsorted(self.unix_s, known), 1, self.unix_s.size - 1)
+        gap = self.unix_s[after] - self.unix_s[after - 1]
+        inside = (known >= self.unix_s[0]) & (known <= self.unix_s[-1]) & (gap <= longest_gap_s)
+        position = np.stack([np.interp(known, self.unix_s, self.positions[:, i]) for i in range(3)], axis=-1)
+        heading = np.interp(known, self.unix_s, self.headings)
+        return np.where(inside[:, None], position, np.nan), np.where(inside, heading, np.nan)
+
+    def moved(self, rotation: FloatArray, translation: FloatArray, *, frame: str) -> "Trajectory":
+        """The same in another frame: p' = R p + t."""
+        turn = math.atan2(rotation[1, 0], rotation[0, 0])
+        return replace(
+            self,
+            positions=self.positions @ np.asarray(rotation).T + translation,
+            headings=self.headings + turn,
+            frame=frame,
+        )
+
+
+def read_poses(path: Path, *, topic: str | None = None) -> Trajectory:
+    """Read poses.
+
+    Parameters
+    ----------
+    path : Path
+        A CSV with columns for time (unix_s, time, stamp ...), x, y and optionally z and yaw or qx, qy, qz, qw [m, rad];
+        the output of `ros2 topic echo --csv` or `ros2 topic echo`; or a ROS 2 bag (folder, .db3, .mcap).
+    topic : str, optional
+        Topic of a bag; by default the one of /amcl_pose, /pose, /odom that it has, or its only one with poses.
+
+    Returns
+    -------
+    trajectory : Trajectory
+
+    Raises
+    ------
+    ReadingError
+        If it cannot be read, or holds no poses.
+    """
+    if path.is_dir() or path.suffix in (".db3", ".mcap", ".bag"):
+        return _read_bag(path, topic)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as cause:
+        raise ReadingError(expected="a readable pose file", found=str(cause), where=str(path)) from cause
+    rows = list(csv.reader(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
+    if rows and {"x", "y"} <= {name.strip().lower() for name in rows[0]}:
+        return _from_table(rows, path)
+    if rows and len(rows[0]) >= 11 and rows[0][0].strip().isdigit() and rows[0][1].strip().isdigit():
+        return _from_echo_csv(rows, path)
+    if "position:" in text:
+        return _from_echo(text, path)
+    raise ReadingError(
+        expected="columns for time, x and y, or the output of 'ros2 topic echo'",
+        found=f"'{text[:60]}'",
+        where=str(path),
+        todo="Give a header such as 'unix_s,x,y,yaw' [s, m, m, rad].",
+    )
+
+
+def _trajectory(rows: list[tuple[float, float, float, float, float]], frame: str, where: str) -> Trajectory:
+    """Poses (time, x, y, z, heading) in order of time; of several at one time the last counts."""
+    table = np.array([row for row in rows if all(map(math.isfinite, row))], dtype=np.float64).reshape(-1, 5)
+    if table.shape[0] < LEAST_POSES:
+        raise ReadingError(
+            expected="two poses or more", found=f"{table.shape[0]}", where=where, todo="Check its columns and times."
+        )
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    last = np.append(np.diff(table[:, 0]) > 0, True)
+    table = table[last]
+    return Trajectory(unix_s=table[:, 0], positions=table[:, 1:4], headings=table[:, 4], frame=frame)
+
+
+def yaw(x: float, y: float, z: float, w: float) -> float:
+    """Heading of a quaternion: rotation about the vertical axis [rad]."""
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def _from_table(rows: list[list[str]], path: Path) -> Trajectory:
+    names = [name.strip().lower() for name in rows[0]]
+    time_name = next((name for name in _TIME_COLUMNS if name in names), None)
+    if time_name is None:
+        raise ReadingError(
+            expected=f"a column of times ({', '.join(_TIME_COLUMNS)})",
+            found=", ".join(names),
+            where=str(path),
+            todo="Name it unix_s.",
+        )
+
+    def number(row: dict[str, str], name: str, default: float) -> float:
+        try:
+            return float(row[name]) if row.get(name) else default
+        except ValueError:
+            return math.nan
+
+    poses = []
+    for cells in rows[1:]:
+        row = dict(zip(names, cells, strict=False))
+        heading = number(row, "yaw", number(row, "theta", 0.0))
+        if "yaw_deg" in row:
+            heading = math.radians(number(row, "yaw_deg", math.nan))
+        if {"qx", "qy", "qz", "qw"} <= row.keys():
+            heading = yaw(*(number(row, name, math.nan) for name in ("qx", "qy", "qz", "qw")))
+        place = (number(row, "x", math.nan), number(row, "y", math.nan), number(row, "z", 0.0))
+        poses.append((parse_time(row.get(time_name, "")), *place, heading))
+    return _trajectory(poses, "as in the file", str(path))
+
+
+def _from_echo_csv(rows: list[list[str]], path: Path) -> Trajectory:
+    """`ros2 topic echo --csv /odom`: sec, nanosec, frame, [child frame,] x, y, z, qx, qy, qz, qw, ..."""
+    poses = []
+    for row in rows:
+        words = [cell.strip() for cell in row]
+        numbers = 2
+        while numbers < len(words) and not _is_number(words[numbers]):
+            numbers += 1
+        try:
+            x, y, z, qx, qy, qz, qw = (float(word) for word in words[numbers : numbers + 7])
+            poses.append((int(words[0]) + int(words[1]) * 1e-9, x, y, z, yaw(qx, qy, qz, qw)))
+        except ValueError:  # a line that was cut
+            continue
+    return _trajectory(poses, rows[0][2].strip(), str(path))
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _from_echo(text: str, path: Path) -> Trajectory:
+    """`ros2 topic echo /odom`: indented keys, messages parted by '---'."""
+    poses = []
+    frame = "as in the file"
+    for message in text.split("---"):
+        values = dict(_leaves(message))
+        frame = values.get("header.frame_id", frame).strip("'\"")
+        try:
+            time_s = int(values["header.stamp.sec"]) + int(values["header.stamp.nanosec"]) * 1e-9
+            lead = "pose.pose" if "pose.pose.position.x" in values else "pose"
+            x, y, z = (float(values[f"{lead}.position.{axis}"]) for axis in "xyz")
+            heading = yaw(*(float(values[f"{lead}.orientation.{axis}"]) for axis in "xyzw"))
+        except (KeyError, ValueError):  # the last message may be cut
+            continue
+        poses.append((time_s, x, y, z, heading))
+    return _trajectory(poses, frame, str(path))
+
+
+def _leaves(message: str) -> Iterator[tuple[str, str]]:
+    """Values of an indented text by their path of keys."""
+    path: list[tuple[int, str]] = []
+    for line in message.splitlines():
+        match = _ECHO_PARTS.match(line)
+        if match is None:
+            continue
+        indent = len(match["indent"])
+        path = [(at, key) for at, key in path if at < indent]
+        path.append((indent, match["key"]))
+        if match["value"] is not None:
+            yield ".".join(key for _, key in path), match["value"].strip()
+
+
+def _read_bag(path: Path, topic: str | None) -> Trajectory:
+    try:
+        reader_type: Any = importlib.import_module("rosbags.highlevel").AnyReader
+        typesys: Any = importlib.import_module("rosbags.typesys")
+    except ImportError as cause:
+        raise ReadingError(
+            expected="the library rosbags, to read ROS bags",
+            found="it is not installed",
+            where=str(path),
+            todo="Install it with: pip install 'lidarspectra[robot]'.",
+        ) from cause
+    store = typesys.get_typestore(typesys.Stores.LATEST)
+    try:
+        with reader_type([_bag_path(path)], default_typestore=store) as bag:
+            chosen = _choose_topic({c.topic: c.msgtype for c in bag.connections}, topic, path)
+            connections = [c for c in bag.connections if c.topic == chosen]
+            poses, frame = [], chosen
+            for connection, received_ns, raw in bag.messages(connections=connections):
+                message = bag.deserialize(raw, connection.msgtype)
+                pose = message
+                for name in POSE_TYPES[connection.msgtype]:
+                    pose = getattr(pose, name)
+                stamp = message.header.stamp
+                time_s = stamp.sec + stamp.nanosec * 1e-9 if stamp.sec else received_ns * 1e-9
+                q = pose.orientation
+                place = (pose.position.x, pose.position.y, pose.position.z)
+                poses.append((time_s, *place, yaw(q.x, q.y, q.z, q.w)))
+                frame = message.header.frame_id or frame
+    except ReadingError:
+        raise
+    except _bag_failures() as cause:
+        raise ReadingError(
+            expected="a whole ROS bag", found=str(cause), where=str(path), todo="Try 'ros2 bag reindex' on it."
+        ) from cause
+    return _trajectory(poses, frame, f"{path}, topic {chosen}")
+
+
+def _bag_failures() -> tuple[type[Exception], ...]:
+    """What the library raises for damaged bags; it has an error class a format, and lets some of its parts' through."""
+    names = (
+        ("rosbags.highlevel", "AnyReaderError"),
+        ("rosbags.rosbag1", "ReaderError"),
+        ("rosbags.rosbag2", "ReaderError"),
+    )
+    own = [getattr(importlib.import_module(module), name) for module, name in names]
+    sqlite_error: type[Exception] = importlib.import_module("sqlite3").Error
+    return (*own, sqlite_error, OSError, ValueError, KeyError, AssertionError)
+
+
+def _bag_path(path: Path) -> Path:
+    """A ROS 2 bag is a folder: of a file inside, that folder."""
+    inside = path.suffix in (".db3", ".mcap") and (path.parent / "metadata.yaml").is_file()
+    return path.parent if inside else path
+
+
+def _choose_topic(types: dict[str, str], wanted: str | None, path: Path) -> str:
+    topics = sorted(topic for topic, kind in types.items() if kind in POSE_TYPES)
+    if wanted is not None and wanted in topics:
+        return wanted
+    if wanted is None:
+        for topic in PREFERRED_TOPICS:
+            if topic in topics:
+                return topic
+        if len(topics) == 1:
+            return topics[0]
+    raise ReadingError(
+        expected=f"the topic '{wanted}' with poses" if wanted is not None else "one topic with poses",
+        found=", ".join(topics) or "none",
+        where=str(path),
+        todo="Name one with --topic." if topics else "Record /odom or /amcl_pose: 'ros2 bag record /odom /amcl_pose'.",
+    )

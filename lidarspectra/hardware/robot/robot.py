@@ -1,0 +1,301 @@
+"""The robot: gives readings their places, and gathers them at the locations of a map."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from lidarspectra.arrays import FloatArray, IntArray, float_array
+from lidarspectra.errors import ReadingError
+from lidarspectra.hardware.robot.alignment import Alignment
+from lidarspectra.hardware.robot.poses import Trajectory
+from lidarspectra.hardware.robot.time_offset import ExpectedLight, TimeOffset, estimate_time_offset, given_offset
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
+from lidarspectra.hardware.sensor.readings import POSITION
+from lidarspectra.spectrum_files import write_whole
+
+LONGEST_GAP_S = 2.0  # [s] between poses over which a place is interpolated; odometry comes 20 to 30 times a second
+DEFAULT_RADIUS_M = 0.25
+UP = (0.0, 0.0, 1.0)  # the sensor of the paper's robot looks up
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placement:
+    """Readings with places.
+
+    Parameters
+    ----------
+    readings : xarray.Dataset
+        x, y, z filled; NaN where the robot's place is not known.
+    offset : TimeOffset
+        Of the robot's clock.
+    placed : int
+        Readings with a place.
+    words : tuple of str
+        What was done, for logs.
+    """
+
+    readings: xr.Dataset
+    offset: TimeOffset
+    placed: int
+    words: tuple[str, ...]
+
+
+def place_readings(
+    readings: xr.Dataset,
+    trajectory: Trajectory,
+    *,
+    light: ArrayLike,
+    offset_s: float | None = None,
+    mount: ArrayLike = (0.0, 0.0, 0.0),
+    alignment: Alignment | None = None,
+    expected: ExpectedLight | None = None,
+    longest_gap_s: float = LONGEST_GAP_S,
+) -> Placement:
+    """Give each reading the place where the sensor was.
+
+    Parameters
+    ----------
+    readings : xarray.Dataset
+        With times.
+    trajectory : Trajectory
+        Of the robot, in its own frame and by its own clock.
+    light : (reading, channel) float
+        By which the clocks are compared: irradiance or any signal.
+    offset_s : float, optional
+        Added to the readings' times to get the robot's; estimated if left out. [s]
+    mount : (3,) float
+        Place of the sensor on the robot: forward, left, up of the point that the poses are of. [m]
+    alignment : Alignment, optional
+        Of the robot's frame to the scan's.
+    expected : callable, optional
+        Light that a map has at positions in the scan's frame: it tells the offset where the drive alone leaves several.
+    longest_gap_s : float
+        Longest time between poses over which a place is interpolated. [s]
+
+    Returns
+    -------
+    placement : Placement
+
+    Raises
+    ------
+    ReadingError
+        If the readings have no times, or none lies within the drive.
+    """
+    times = readings["unix_s"].to_numpy()
+    if not np.isfinite(times).any():
+        raise ReadingError(
+            expected="readings with times",
+            found="none has one",
+            where=readings.attrs.get("source", "readings"),
+            todo="Record with 'lidarspectra sensor record', which dates every reading.",
+        )
+    if offset_s is None:
+        drive = trajectory
+        if alignment is not None:
+            drive = trajectory.moved(alignment.rotation, alignment.translation, frame="scan")
+        offset = estimate_time_offset(times, light, drive, longest_gap_s=longest_gap_s, expected=expected)
+    else:
+        offset = given_offset(offset_s)
+    place, heading = trajectory.at(times + offset.seconds, longest_gap_s=longest_gap_s)
+    arm = float_array(mount, name="place of the sensor on the robot", shape=(3,))
+    c, s = np.cos(heading), np.sin(heading)
+    turned = np.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], np.full_like(c, arm[2])], axis=1)
+    place = place + turned
+    words = [offset.words]
+    if alignment is not None:
+        place = alignment.apply(place)
+        words.append(alignment.words())
+    placed = int(np.isfinite(place).all(axis=1).sum())
+    if not placed:
+        raise ReadingError(
+            expected="readings taken during the drive",
+            found=f"readings from {np.nanmin(times):.0f} to {np.nanmax(times):.0f} s, poses from"
+            f" {trajectory.unix_s[0]:.0f} to {trajectory.unix_s[-1]:.0f} s (unix time)",
+            where=readings.attrs.get("source", "readings"),
+            todo="Check both clocks and their time zones; --offset shifts the readings' times by hand.",
+        )
+    words.append(f"{placed} of {times.size} readings lie within the drive")
+    moved = readings.assign_coords({name: ("reading", place[:, i], {"units": "m"}) for i, name in enumerate(POSITION)})
+    return Placement(readings=moved, offset=offset, placed=placed, words=tuple(words))
+
+
+def read_locations(path: Path) -> FloatArray:
+    """Read the locations of a map: a CSV with columns x, y and z, such as the points file or the map of a run.
+
+    Returns
+    -------
+    locations : (location, 3) float
+        [m]
+
+    Raises
+    ------
+    ReadingError
+        If it cannot be read or has no such columns.
+    """
+    try:
+        table = pd.read_csv(path, encoding="utf-8-sig", comment="#")
+    except (OSError, ValueError, UnicodeDecodeError) as cause:  # pandas' own errors are ValueErrors
+        raise ReadingError(expected="a readable table of locations", found=str(cause), where=str(path)) from cause
+    names = {str(name).strip().lower(): name for name in table.columns}
+    missing = [name for name in POSITION if name not in names]
+    if missing:
+        raise ReadingError(
+            expected="columns x, y, z [m]",
+            found=", ".join(map(str, table.columns)),
+            where=str(path),
+            todo="Name them so.",
+        )
+    numbers = table[[names[name] for name in POSITION]].apply(pd.to_numeric, errors="coerce").to_numpy(np.float64)
+    if not len(numbers) or not np.isfinite(numbers).all():
+        raise ReadingError(
+            expected="numbers in every row", found="a gap or a word", where=str(path), todo="Mend that row."
+        )
+    return np.asarray(numbers)
+
+
+def grid_readings(light: xr.Dataset, locations: ArrayLike, *, radius_m: float | None = None) -> xr.Dataset:
+    """Gather readings at locations: each reading goes to the nearest one, if near enough, and is averaged there.
+
+    Parameters
+    ----------
+    light : xarray.Dataset
+        From `readings.spectral_irradiance`, with places.
+    locations : (location, 3) float
+        [m]
+    radius_m : float, optional
+        How far from a location, on the floor, a reading may be; half the distance between neighbouring locations by
+        default, at most 0.25 m. [m]
+
+    Returns
+    -------
+    gridded : xarray.Dataset
+        irradiance, irradiance_se (point, channel) [W/m²/nm], NaN where nothing was read; readings (point,) how many;
+        distance (point,) mean distance of those from the location [m]; x, y, z. irradiance_se holds the readings'
+        scatter over √n and, whole, their own uncertainty, most of which they share.
+
+    Raises
+    ------
+    ReadingError
+        If no reading is near any location.
+    """
+    wanted = float_array(locations, name="locations", shape=(None, 3))
+    places = np.stack([light[name].to_numpy() for name in POSITION], axis=1)
+    known = np.flatnonzero(np.isfinite(places).all(axis=1))
+    radius = radius_m if radius_m is not None else min(DEFAULT_RADIUS_M, 0.5 * _spacing(wanted))
+    nearest, distance = _nearest(places[known, :2], wanted[:, :2])
+    near = distance <= radius
+    if not near.any():
+        raise ReadingError(
+            expected=f"readings within {radius:.2f} m of a location",
+            found=f"the nearest is {distance.min():.2f} m away" if distance.size else "no reading with a place",
+            where="gridding",
+            todo="Check that both are in the scan's frame ('lidarspectra sensor join --align'), or widen --radius.",
+        )
+    rows, points, distance = known[near], nearest[near], distance[near]
+    values = light["irradiance"].to_numpy()[rows]
+    errors = light["irradiance_se"].to_numpy()[rows]
+    mean, scatter, count = _grouped(values, points, wanted.shape[0])
+    own, _, _ = _grouped(errors, points, wanted.shape[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        total = np.hypot(np.where(count > 1, scatter / np.sqrt(count), 0.0), own)
+    visits = np.bincount(points, minlength=wanted.shape[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = np.bincount(points, weights=distance, minlength=wanted.shape[0]) / visits
+    return xr.Dataset(
+        {
+            "irradiance": (("point", "channel"), mean, {"units": "W m-2 nm-1"}),
+            "irradiance_se": (("point", "channel"), total, {"units": "W m-2 nm-1"}),
+            "readings": ("point", visits),
+            "distance": ("point", far, {"units": "m"}),
+        },
+        coords={
+            **{name: ("point", wanted[:, i], {"units": "m"}) for i, name in enumerate(POSITION)},
+            "wavelength_nm": ("channel", light["wavelength_nm"].to_numpy()),
+        },
+        attrs={**light.attrs, "radius_m": radius},
+    )
+
+
+def _spacing(locations: FloatArray) -> float:
+    """Median distance from a location to its nearest neighbour [m]."""
+    if locations.shape[0] < 2:
+        return 2.0 * DEFAULT_RADIUS_M
+    distance = np.linalg.norm(locations[:, None, :2] - locations[None, :, :2], axis=2)
+    np.fill_diagonal(distance, np.inf)
+    return float(np.median(distance.min(axis=1)))
+
+
+def _nearest(places: FloatArray, locations: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Index of the nearest location of each place, and how far it is [m]."""
+    from scipy.spatial import cKDTree
+
+    if not places.shape[0]:
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
+    distance, index = cKDTree(locations).query(places)
+    return np.asarray(index, dtype=np.int64), np.asarray(distance, dtype=np.float64)
+
+
+def _grouped(values: FloatArray, group: IntArray, groups: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean, sample standard deviation and count of values by group and channel, NaN left out."""
+    known = np.isfinite(values)
+    filled = np.where(known, values, 0.0)
+    count, total, squares = (np.zeros((groups, values.shape[1])) for _ in range(3))
+    np.add.at(count, group, known)
+    np.add.at(total, group, filled)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = total / count
+        np.add.at(squares, group, np.where(known, values - mean[group], 0.0) ** 2)
+        deviation = np.sqrt(squares / (count - 1.0))
+    return mean, np.where(count > 1, deviation, 0.0), count
+
+
+def measured_table(gridded: xr.Dataset, *, normal: ArrayLike = UP) -> pd.DataFrame:
+    """Table of a measured map, in the columns of a simulated one, for the comparison of the two.
+
+    Parameters
+    ----------
+    gridded : xarray.Dataset
+        From `grid_readings`.
+    normal : (3,) float
+        Direction that the sensor looked in.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+        x, y, z, nx, ny, nz, buried, E_410 ..., SE_410 ... [W/m²/nm], readings; locations without any are left out,
+        channels of which no location has a value likewise.
+    """
+    visited = gridded["readings"].to_numpy() > 0
+    direction = float_array(normal, name="direction of the sensor", shape=(3,))
+    columns: dict[str, ArrayLike] = {name: gridded[name].to_numpy()[visited] for name in POSITION}
+    n = int(visited.sum())
+    columns |= {f"n{axis}": np.full(n, direction[i]) for i, axis in enumerate(POSITION)}
+    columns["buried"] = np.zeros(n, dtype=np.int64)
+    known = np.isfinite(gridded["irradiance"].to_numpy()[visited]).any(axis=0)
+    for prefix, name in (("E", "irradiance"), ("SE", "irradiance_se")):
+        values = gridded[name].to_numpy()[visited]
+        columns |= {f"{prefix}_{label}": values[:, c] for c, label in enumerate(CHANNEL_LABELS) if known[c]}
+    columns["readings"] = gridded["readings"].to_numpy()[visited]
+    return pd.DataFrame(columns)
+
+
+def write_measured(gridded: xr.Dataset, path: Path) -> int:
+    """Write `measured_table` as CSV, whole or not at all; returns the number of locations in it.
+
+    Raises
+    ------
+    ReadingError
+        If it cannot be written.
+    """
+    table = measured_table(gridded)
+    try:
+        write_whole(path, table.to_csv(index=False, float_format="%.9g", lineterminator="\n"))
+    except OSError as cause:
+        raise ReadingError(
+            expected="a table that can be written", found=str(cause), where=str(path), todo="Choose another folder."
+        ) from cause
+    return len(table)

@@ -1,0 +1,1 @@
+"""The room that the scan shows: planes, outline, furniture, free space."""

@@ -1,0 +1,1 @@
+"""The spectral sensor and the cells: protocols, recording, logs, calibration."""

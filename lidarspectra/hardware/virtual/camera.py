@@ -1,0 +1,203 @@
+"""The colour side of a virtual phone: light times reflectance, through the phone's processing, into a texture.
+
+What a pixel of the texture shows is the light that its bit of surface sends, reflectance times irradiance (all
+surfaces taken as matt), white balanced, exposed, tone mapped, and cut at white, where the lamps are. That is why a
+phone's texture is no reflectance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lidarspectra.arrays import ByteArray, FloatArray, float_array
+from lidarspectra.colorimetry import BRADFORD, SRGB_FROM_XYZ, SRGB_WHITE_XYZ, encode_srgb
+from lidarspectra.databases import data_folder
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.virtual.phone import ScannedShape
+from lidarspectra.hardware.virtual.room_plan import CameraSection
+from lidarspectra.hardware.virtual.texture_atlas import Atlas, split_at_charts
+from lidarspectra.hardware.virtual.true_room import NORMAL_WEIGHT_M, TrueRoom
+from lidarspectra.spectrum_files import read_table
+
+NEIGHBOURS = 12  # [1] light points that are averaged, against the noise of traced light
+LIGHT_BLUR_M = 0.06  # [m] standard deviation of that average
+GRAIN_WAVES = 14  # [1] plane waves that make up a pattern
+LAMP_RADIANCE = 20.0  # [1] over the exposure's white: a panel of 3000 cd/m² over a white wall of 100
+TEXELS_AT_ONCE = 1_000_000  # [1] bounds memory
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurfaceLight:
+    """Irradiance at points of the true surface.
+
+    Parameters
+    ----------
+    positions, normals : (point, 3) float
+        [m], [1]
+    wavelengths_nm : (wavelength,) float
+        Evenly spaced, over the visible range. [nm]
+    irradiance : (point, wavelength) float
+        In any one unit: exposure takes it out. [W/m²/nm]
+    """
+
+    positions: FloatArray
+    normals: FloatArray
+    wavelengths_nm: FloatArray
+    irradiance: FloatArray
+
+    def __post_init__(self) -> None:
+        positions = float_array(self.positions, name="SurfaceLight.positions", shape=(None, 3))
+        wavelengths = float_array(self.wavelengths_nm, name="SurfaceLight.wavelengths_nm", shape=(None,))
+        shape = (len(positions), wavelengths.size)
+        irradiance = float_array(self.irradiance, name="SurfaceLight.irradiance", shape=shape)
+        if len(positions) < NEIGHBOURS or irradiance.min() < 0 or irradiance.max() <= 0:
+            raise ScanError(
+                expected=f"light at {NEIGHBOURS} or more points, nowhere negative and somewhere positive",
+                found=f"{len(positions)} points, {irradiance.min() if irradiance.size else 0:g} at least",
+                where="virtual phone",
+            )
+        object.__setattr__(self, "positions", positions)
+        object.__setattr__(self, "normals", float_array(self.normals, name="normals", shape=positions.shape))
+        object.__setattr__(self, "wavelengths_nm", wavelengths)
+        object.__setattr__(self, "irradiance", irradiance)
+
+
+def photograph(
+    room: TrueRoom,
+    shape: ScannedShape,
+    atlas: Atlas,
+    light: SurfaceLight,
+    settings: CameraSection,
+    generator: np.random.Generator,
+) -> ByteArray:
+    """Paint the texture of a scanned shape.
+
+    Parameters
+    ----------
+    room : TrueRoom
+        What is truly there.
+    shape : ScannedShape
+        What the phone took it for.
+    atlas : Atlas
+        Of the shape.
+    light : SurfaceLight
+    settings : CameraSection
+    generator : Generator
+        Exposure, grain and noise.
+
+    Returns
+    -------
+    texture : (texture_px, texture_px, 3) uint8
+        sRGB encoded.
+    """
+    linear, lit = _seen_light(room, shape, atlas, light, settings, generator)
+    shown = atlas.covered & ~lit
+    bright = np.quantile(linear[shown].max(axis=1), 1.0 - settings.bright_share)
+    exposed = linear * (settings.bright_level / bright)
+    exposed[lit] = LAMP_RADIANCE
+    exposed += generator.normal(scale=settings.noise, size=exposed.shape)
+    toned = tone_curve(np.maximum(exposed, 0.0), settings.tone)
+    return np.rint(255.0 * encode_srgb(toned)).astype(np.uint8)
+
+
+def tone_curve(linear: FloatArray, strength: float) -> FloatArray:
+    """(1 + k)x / (1 + kx), cut at 1: 0 to 0, 1 to 1, shadows lifted by up to 1 + k; its inverse is y / (1 + k - ky)."""
+    curve: FloatArray = np.minimum((1.0 + strength) * linear / (1.0 + strength * linear), 1.0)
+    return curve
+
+
+def _seen_light(
+    room: TrueRoom,
+    shape: ScannedShape,
+    atlas: Atlas,
+    light: SurfaceLight,
+    settings: CameraSection,
+    generator: np.random.Generator,
+) -> tuple[FloatArray, np.ndarray[tuple[int, ...], np.dtype[np.bool_]]]:
+    """White-balanced linear colour of every pixel, and which pixels show a lit lamp."""
+    size = atlas.size_px
+    linear = np.empty((size * size, 3), dtype=np.float64)
+    lit = np.zeros(size * size, dtype=np.bool_)
+    corner_color = _corner_colors(room, shape, atlas, light, settings)
+    exposure = _Pattern(generator, settings.exposure_spread, (1.0, 1.0, 1.0))
+    grains = [_Pattern(generator, material.grain, material.grain_size) for material in room.materials]
+    lamps = np.array([surface.lamp is not None for surface in room.surfaces])
+    # Seen along the chart's own direction, so that a step shows as a clean edge and not as its own slope.
+    directions = atlas.chart_normal[atlas.face_chart]
+    for first in range(0, size * size, TEXELS_AT_ONCE):
+        texel = np.arange(first, min(first + TEXELS_AT_ONCE, size * size))
+        rows, columns = texel // size, texel % size
+        face = atlas.texel_face[rows, columns]
+        weights = atlas.barycentric(rows, columns)
+        points = np.einsum("nk,nkc->nc", weights, shape.vertices[shape.faces[face]])
+        true_face = room.nearest_faces(points, directions[face])
+        material = room.face_material[true_face]
+        linear[texel] = np.einsum("nk,nkc->nc", weights, corner_color[face[:, None], np.arange(3), material[:, None]])
+        factor = 1.0 + exposure(points)
+        for number, grain in enumerate(grains):
+            chosen = material == number
+            if room.materials[number].grain > 0:
+                factor[chosen] *= 1.0 + np.clip(grain(points[chosen]), -0.9, None)
+        linear[texel] *= factor[:, None]
+        lit[texel] = lamps[room.face_surface[true_face]]
+    return linear.reshape(size, size, 3), lit.reshape(size, size)
+
+
+def _corner_colors(
+    room: TrueRoom, shape: ScannedShape, atlas: Atlas, light: SurfaceLight, settings: CameraSection
+) -> FloatArray:
+    """(face, 3, material, 3) linear sRGB that each material would show at each corner."""
+    origin, faces, _ = split_at_charts(shape.faces, atlas)
+    normals = np.zeros((len(origin), 3))
+    np.add.at(normals, faces, room.normals[shape.true_face][:, None, :])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    tree = cKDTree(np.hstack([light.positions, NORMAL_WEIGHT_M * light.normals]))
+    distance, index = tree.query(np.hstack([shape.vertices[origin], NORMAL_WEIGHT_M * normals]), k=NEIGHBOURS)
+    # Relative to the nearest, so that a corner far from all points still has a weight that is not zero.
+    near = np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2) / LIGHT_BLUR_M**2)
+    near /= near.sum(axis=1, keepdims=True)
+    shown = material_colors(room, light, settings)
+    blurred = np.einsum("vk,vkmc->vmc", near, shown[index])
+    return np.asarray(blurred[faces], dtype=np.float64)
+
+
+def material_colors(room: TrueRoom, light: SurfaceLight, settings: CameraSection) -> FloatArray:
+    """(point, material, 3) white-balanced linear sRGB of each material at each light point, nothing below 0."""
+    observer = _observer(light.wavelengths_nm)
+    reflectance = np.stack([m.reflectance.at(light.wavelengths_nm, outside="nearest") for m in room.materials])
+    per_material = reflectance[:, :, None] * observer
+    xyz = np.einsum("pw,mwc->pmc", light.irradiance, per_material, optimize=True)
+    white = light.irradiance.mean(axis=0) @ observer
+    matrix = SRGB_FROM_XYZ @ white_balance_matrix(white / white[1], settings.white_balance)
+    return np.asarray(np.maximum(xyz @ matrix.T, 0.0), dtype=np.float64)
+
+
+def white_balance_matrix(white_xyz: FloatArray, degree: float) -> FloatArray:
+    """(3, 3) matrix on XYZ that takes a white to D65, wholly (degree 1) or in part (von Kries on Bradford cones)."""
+    gain = (BRADFORD @ SRGB_WHITE_XYZ / (BRADFORD @ white_xyz)) ** degree
+    return np.asarray(np.linalg.solve(BRADFORD, gain[:, None] * BRADFORD), dtype=np.float64)
+
+
+def _observer(wavelengths_nm: FloatArray) -> FloatArray:
+    """(wavelength, 3) CIE 1931 colour-matching functions of 2 degrees [1]."""
+    axes = {row.id: row.spectrum for row in read_table(data_folder() / "observers" / "cie-1931-2-degree.csv")}
+    return np.stack([axes[axis].at(wavelengths_nm, outside="zero") for axis in "xyz"], axis=1)
+
+
+class _Pattern:
+    """A random pattern in space: plane waves of about the given wavelengths along x, y and z."""
+
+    def __init__(self, generator: np.random.Generator, deviation: float, lengths_m: tuple[float, ...]) -> None:
+        turns = generator.normal(size=(GRAIN_WAVES, 3))
+        turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+        self._waves = 2 * np.pi * turns / np.array(lengths_m)
+        self._phases = generator.uniform(0, 2 * np.pi, size=GRAIN_WAVES)
+        self._amplitude = deviation * np.sqrt(2.0 / GRAIN_WAVES)
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """(n,) relative deviation at points [1]."""
+        total = np.zeros(len(points))
+        for wave, phase in zip(self._waves, self._phases, strict=True):
+            total += np.sin(points @ wave + phase)
+        return np.asarray(total * self._amplitude, dtype=np.float64)

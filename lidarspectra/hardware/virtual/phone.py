@@ -1,0 +1,276 @@
+"""A virtual phone: what a LiDAR phone would hand over of a room whose truth is known.
+
+The true surface goes through what happens in a phone: fused into a voxel grid of signed distances (edges rounded,
+thin things thickened or lost), meshed with triangles of a few centimetres, drifting and noisy by millimetres, with
+holes where the phone did not look. Colour comes from the light in the room, which the caller gives as irradiance at
+points of the true surface; nothing here traces light.
+
+References
+----------
+Newcombe et al., "KinectFusion: real-time dense surface mapping and tracking", ISMAR 2011 (fusion of depth images
+into signed distances, the form in which phones hold a scan).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pymeshlab
+import trimesh
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array, int_array
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.scan import bare_scan
+from lidarspectra.hardware.room.rays import RayCaster
+from lidarspectra.hardware.virtual.room_plan import PhoneSection
+from lidarspectra.hardware.virtual.true_room import TrueRoom, depth_in_air
+
+REMESH_ITERATIONS = 5  # [1] lengths have settled by then
+FEATURE_DEG = 30.0  # [deg] edges sharper than this are kept by remeshing
+SMALLEST_PIECE_FACES = 60  # [1] a phone drops crumbs of surface
+DRIFT_WAVES = 6  # [1] plane waves that make up the drift
+PATH_POINTS = 12  # [1] where the phone looked from, along the user's walk around the room
+PATH_HEIGHT_M = 1.5  # [m] a phone held before the chest
+HIDDEN_WEIGHT = 12.0  # [1] how much likelier a hole is where the phone did not look
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScannedShape:
+    """The geometry that the phone hands over, and what is true there.
+
+    Parameters
+    ----------
+    vertices : (vertex, 3) float
+        z up, in the plan's coordinates. [m]
+    faces : (face, 3) int
+        Counter-clockwise seen from the room.
+    true_face : (face,) int
+        The true room's face that each triangle stands for.
+    hole_area_m2 : float
+        Area taken away as holes. [m²]
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    true_face: IntArray
+    hole_area_m2: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices", float_array(self.vertices, name="ScannedShape.vertices", shape=(None, 3)))
+        object.__setattr__(self, "faces", int_array(self.faces, name="ScannedShape.faces", shape=(None, 3)))
+        true_face = int_array(self.true_face, name="ScannedShape.true_face", shape=(self.faces.shape[0],))
+        object.__setattr__(self, "true_face", true_face)
+
+
+def scan_shape(room: TrueRoom, settings: PhoneSection, generator: np.random.Generator) -> ScannedShape:
+    """Scan the geometry of a room.
+
+    Parameters
+    ----------
+    room : TrueRoom
+    settings : PhoneSection
+    generator : Generator
+        Noise, drift and holes; the same seed gives the same scan.
+
+    Returns
+    -------
+    shape : ScannedShape
+
+    Raises
+    ------
+    ScanError
+        If nothing of the room is thicker than a voxel.
+    """
+    fused_vertices, faces = _without_crumbs(*_fused(room, settings))
+    normals = _vertex_normals(fused_vertices, faces)
+    vertices = (
+        fused_vertices
+        + generator.normal(scale=settings.noise_m, size=(len(fused_vertices), 1)) * normals
+        + _drift(fused_vertices, settings, generator)
+    )
+    corners = vertices[faces]
+    missing = _holes(vertices, faces, settings, generator)
+    areas = _areas(corners)
+    vertices, kept_faces = _compact(vertices, faces[~missing])
+    kept = vertices[kept_faces]
+    return ScannedShape(
+        vertices=vertices,
+        faces=kept_faces,
+        # What a triangle stands for is asked before the noise moved it.
+        true_face=room.nearest_faces(
+            fused_vertices[faces[~missing]].mean(axis=1), _unit(_crosses(fused_vertices[faces[~missing]]))
+        ),
+        hole_area_m2=float(areas.sum() - _areas(kept).sum()),
+    )
+
+
+def _fused(room: TrueRoom, settings: PhoneSection) -> tuple[FloatArray, IntArray]:
+    """Signed distances on voxels, their zero surface, remeshed to even triangles."""
+    low = np.min([air.bounds[0] for air in room.rooms], axis=0) - 2 * settings.voxel_m
+    high = np.max([air.bounds[1] for air in room.rooms], axis=0) + 2 * settings.voxel_m
+    x, y, z = (np.arange(below, above, settings.voxel_m) for below, above in zip(low, high, strict=True))
+    vertices, faces = zero_surface(depth_in_air(room, (x, y, z), 3 * settings.voxel_m))
+    if len(faces) == 0:
+        raise ScanError(
+            expected="a room larger than a few voxels", found="nothing left of it", where="virtual phone",
+            todo="Choose a smaller voxel_m.",
+        )  # fmt: skip
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(vertices * settings.voxel_m + low, faces.astype(np.int32)))
+    meshes.meshing_repair_non_manifold_edges(method="Split Vertices")
+    meshes.meshing_isotropic_explicit_remeshing(
+        iterations=REMESH_ITERATIONS,
+        targetlen=pymeshlab.PureValue(settings.edge_m),
+        featuredeg=FEATURE_DEG,
+        checksurfdist=False,
+    )
+    mesh = meshes.current_mesh()
+    return np.asarray(mesh.vertex_matrix(), dtype=np.float64), np.asarray(mesh.face_matrix(), dtype=np.int64)
+
+
+def zero_surface(depth: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Surface of a sampled field where it changes its sign, by naive surface nets.
+
+    Each cell of eight samples that has both signs gets one vertex, the mean of the crossings on its edges; each edge
+    of the grid with both signs joins the four cells around it.
+
+    Parameters
+    ----------
+    depth : (x, y, z) float
+        Positive on the side that the surface faces; its border must be negative.
+
+    Returns
+    -------
+    vertices : (vertex, 3) float
+        In units of the grid, the first sample at (0, 0, 0).
+    faces : (face, 3) int
+        Counter-clockwise seen from the positive side.
+
+    References
+    ----------
+    Gibson, "Constrained elastic surface nets", MICCAI 1998.
+    """
+    positive = depth > 0
+    cells = np.array(depth.shape) - 1
+    total = np.zeros((*cells, 3))
+    crossings = np.zeros(tuple(cells))
+    edges: list[tuple[int, IntArray]] = []
+    for axis in range(3):
+        ahead, behind = _shifted(axis, 1), _shifted(axis, 0)
+        crossing = np.argwhere(positive[ahead] != positive[behind])
+        step = np.eye(3, dtype=np.int64)[axis]
+        first, second = depth[tuple(crossing.T)], depth[tuple((crossing + step).T)]
+        point = crossing + step * (first / (first - second))[:, None]
+        # The edge belongs to the four cells around it: one step back along either other axis.
+        for back in np.ndindex(2, 2):
+            cell = crossing - np.insert(np.array(back), axis, 0)
+            np.add.at(total, tuple(cell.T), point)
+            np.add.at(crossings, tuple(cell.T), 1.0)
+        edges.append((axis, crossing))
+    used = crossings > 0
+    number = np.full(used.shape, -1, dtype=np.int64)
+    number[used] = np.arange(used.sum())
+    faces = np.concatenate([_quads(axis, crossing, positive, number) for axis, crossing in edges])
+    return total[used] / crossings[used][:, None], faces
+
+
+def _shifted(axis: int, start: int) -> tuple[slice, slice, slice]:
+    index = [slice(None)] * 3
+    index[axis] = slice(start, None) if start else slice(None, -1)
+    return index[0], index[1], index[2]
+
+
+def _quads(axis: int, crossing: IntArray, positive: BoolArray, number: IntArray) -> IntArray:
+    """Two triangles for each crossed edge of the grid, over the four cells around it."""
+    one, other = np.roll(np.eye(3, dtype=np.int64), -axis - 1, axis=0)[:2]
+    around = [crossing - one - other, crossing - other, crossing, crossing - one]
+    a, b, c, d = (number[tuple(cell.T)] for cell in around)
+    # Counter-clockwise about +axis, right where the positive side lies ahead; turned where it lies behind.
+    ahead = ~positive[tuple(crossing.T)]
+    b, d = np.where(ahead, b, d), np.where(ahead, d, b)
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def _without_crumbs(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Drop pieces of a few triangles, and triangles without area."""
+    faces = faces[_areas(vertices[faces]) > 0]
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    links = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(vertices), len(vertices)))
+    _, piece = connected_components(links, directed=False)
+    sizes = np.bincount(piece[faces[:, 0]], minlength=int(piece.max()) + 1)
+    return _compact(vertices, faces[sizes[piece[faces[:, 0]]] >= SMALLEST_PIECE_FACES])
+
+
+def _drift(points: FloatArray, settings: PhoneSection, generator: np.random.Generator) -> FloatArray:
+    """Slow displacement, the same for neighbours: a sum of plane waves with random directions."""
+    shift = np.zeros_like(points)
+    for _ in range(DRIFT_WAVES):
+        length = settings.drift_wavelength_m * generator.uniform(1.0, 3.0)
+        wave = _unit(generator.normal(size=3)) * 2 * np.pi / length
+        phase = generator.uniform(0, 2 * np.pi)
+        amplitude = generator.normal(size=3)
+        shift += np.sin(points @ wave + phase)[:, None] * amplitude
+    # A sine's mean square is 1/2, that of a 3-vector of unit normals 3.
+    return np.asarray(shift * settings.drift_m / np.sqrt(1.5 * DRIFT_WAVES), dtype=np.float64)
+
+
+def _holes(vertices: FloatArray, faces: IntArray, settings: PhoneSection, generator: np.random.Generator) -> BoolArray:
+    """(face,) which triangles are missing: round patches, mostly where the phone did not look."""
+    corners = vertices[faces]
+    centers, normals, areas = corners.mean(axis=1), _unit(_crosses(corners)), _areas(corners)
+    weights = areas * np.where(_seen(vertices, faces), 1.0, HIDDEN_WEIGHT)
+    weights /= weights.sum()
+    tree = cKDTree(centers)
+    missing = np.zeros(len(faces), dtype=np.bool_)
+    while areas[missing].sum() < settings.hole_share * areas.sum():
+        middle = int(generator.choice(len(faces), p=weights))
+        radius = generator.uniform(*settings.hole_radius_m)
+        near = np.array(tree.query_ball_point(centers[middle], radius), dtype=np.int64)
+        # A hole goes through one side of a thin thing only.
+        missing[near[normals[near] @ normals[middle] > 0.5]] = True
+    return missing
+
+
+def _seen(vertices: FloatArray, faces: IntArray) -> BoolArray:
+    """(face,) whether some point of the user's walk sees the triangle's centre."""
+    caster = RayCaster(bare_scan(vertices, faces))
+    corners = vertices[faces]
+    centers, normals = corners.mean(axis=1), _unit(_crosses(corners))
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    angles = np.linspace(0, 2 * np.pi, PATH_POINTS, endpoint=False)
+    middle, reach = (low + high) / 2, 0.3 * (high - low)
+    seen = np.zeros(len(faces), dtype=np.bool_)
+    for angle in angles:
+        eye = np.array(
+            [middle[0] + reach[0] * np.cos(angle), middle[1] + reach[1] * np.sin(angle), low[2] + PATH_HEIGHT_M]
+        )
+        towards = eye - centers
+        hits = caster.nearest(np.broadcast_to(eye, centers.shape), -towards)
+        seen |= (hits.face == np.arange(len(faces))) & (np.einsum("fc,fc->f", towards, normals) > 0)
+    return seen
+
+
+def _compact(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Drop vertices that no triangle uses."""
+    used, renumbered = np.unique(faces, return_inverse=True)
+    return vertices[used], renumbered.reshape(faces.shape).astype(np.int64)
+
+
+def _vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    mesh = trimesh.Trimesh(vertices=vertices, faces=faces, process=False)
+    return np.asarray(mesh.vertex_normals, dtype=np.float64)
+
+
+def _crosses(corners: FloatArray) -> FloatArray:
+    return np.asarray(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), dtype=np.float64)
+
+
+def _areas(corners: FloatArray) -> FloatArray:
+    return np.asarray(0.5 * np.linalg.norm(_crosses(corners), axis=1), dtype=np.float64)
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0), dtype=np.float64)

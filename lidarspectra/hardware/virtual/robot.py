@@ -1,0 +1,250 @@
+"""A rehearsal: a robot that is not there drives a sensor that is not there through the light of a simulated map.
+
+It leaves what a real day in the room leaves: the sensor's log with its gaps, logs under a lamp and in the dark, the
+robot's poses by its own clock and in its own frame, and a few points known in both frames. Everything runs through
+the same recorder as with real devices.
+"""
+
+import csv
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import ReadingError
+from lidarspectra.hardware.robot.poses import Trajectory
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT
+from lidarspectra.hardware.sensor.calibration import reference_bands
+from lidarspectra.hardware.sensor.reading_log import LogWriter
+from lidarspectra.hardware.sensor.recorder import RecordOptions, RecordSummary, record
+from lidarspectra.hardware.sensor.reference_files import map_light, read_map
+from lidarspectra.hardware.virtual.emulator import Light, SketchBoard
+from lidarspectra.hardware.virtual.faults import FaultPlan, FaultyWire, VirtualClock, VirtualPort
+from lidarspectra.hardware.virtual.solar_cell import VirtualCell, cell_counts, cell_current_in
+from lidarspectra.hardware.virtual.spectral_sensor import draw_sensor
+from lidarspectra.progress import Progress, silent
+from lidarspectra.spectra import AS7265X_CENTERS_NM, Spectrum
+from lidarspectra.spectrum_files import write_whole
+
+SPEED_M_S = 0.15  # a TurtleBot3 Waffle Pi goes 0.26 m/s at most (its manual); slow is sharp
+POSES_HZ = 10.0
+CLOCK_OFFSET_S = 2.3  # [s] the robot's clock is ahead
+TURN_RAD = 0.6  # of the robot's frame against the scan's
+SHIFT_M = (-1.2, 0.7, 0.0)
+ODOMETRY_NOISE_M = 0.005
+LAMP_READINGS = 30
+WAIT_S = 10.0  # [s] that the robot stands before it drives, while the recorder starts
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rehearsal:
+    """Files of a rehearsal.
+
+    Parameters
+    ----------
+    log, lamp_log, dark_log : Path
+        Logs of the drive, under the lamp and in the dark.
+    lamp : Path
+        Spectrum of the lamp. [W/m²/nm]
+    poses, points : Path
+        Of the robot, in its frame; points known in both frames.
+    summary : RecordSummary
+        Of the drive's log.
+    """
+
+    log: Path
+    lamp_log: Path
+    dark_log: Path
+    lamp: Path
+    poses: Path
+    points: Path
+    summary: RecordSummary
+
+
+def drive_past(locations: FloatArray, *, start_unix_s: float, speed_m_s: float = SPEED_M_S) -> Trajectory:
+    """A drive over locations, row by row, to and fro.
+
+    Parameters
+    ----------
+    locations : (location, 3) float
+        [m]
+    start_unix_s : float
+        When it begins. [s]
+    speed_m_s : float
+        [m/s]
+
+    Returns
+    -------
+    trajectory : Trajectory
+        On the floor of the locations' frame.
+    """
+    if locations.shape[0] < 2:
+        raise ReadingError(expected="two locations or more", found=f"{locations.shape[0]}", where="drive")
+    rows = np.round((locations[:, 1] - locations[:, 1].min()) / max(_row_spacing(locations), 1e-3)).astype(int)
+    order = np.lexsort((np.where(rows % 2 == 0, locations[:, 0], -locations[:, 0]), rows))
+    way = locations[order] * (1.0, 1.0, 0.0)
+    moves = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    way = way[np.append(True, moves > 1e-6)]
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
+    times = np.arange(0.0, along[-1] / speed_m_s + 2 * WAIT_S, 1.0 / POSES_HZ)
+    place = np.stack([np.interp((times - WAIT_S) * speed_m_s, along, way[:, i]) for i in range(3)], axis=1)
+    ahead = np.stack([np.interp((times - WAIT_S) * speed_m_s + 0.05, along, way[:, i]) for i in (0, 1)], axis=1)
+    step = ahead - place[:, :2]
+    heading = np.arctan2(step[:, 1], step[:, 0])
+    return Trajectory(unix_s=start_unix_s + times, positions=place, headings=heading, frame="scan")
+
+
+def _row_spacing(locations: FloatArray) -> float:
+    distance = np.linalg.norm(locations[:, None, :2] - locations[None, :, :2], axis=2)
+    np.fill_diagonal(distance, np.inf)
+    return float(np.median(distance.min(axis=1)))
+
+
+def virtual_responsivity(seed: int) -> FloatArray:
+    """(18,) responsivity of the virtual sensor: dies and channels off from the data sheet. [1/ms per W/m²/nm]."""
+    return draw_sensor(seed).responsivity
+
+
+def _record(
+    light: Light,
+    path: Path,
+    *,
+    duration_s: float,
+    readings: int | None,
+    seed: int,
+    plan: FaultPlan | None,
+    start: float,
+    cells: Callable[[float], tuple[int, ...]] | None = None,
+) -> RecordSummary:
+    clock = VirtualClock(start)
+    port = VirtualPort(FaultyWire(SketchBoard(light, cells=cells, seed=seed), plan), clock)
+    with LogWriter(path, sync=_no_sync) as log:
+        return record(port, log, options=RecordOptions(duration_s=duration_s, readings=readings), clock=clock)
+
+
+def _no_sync(descriptor: int) -> None:
+    """A rehearsal passes faster than any disk: its log is as safe as any other file."""
+
+
+def rehearse(
+    map_table: Path,
+    folder: Path,
+    *,
+    fault_rate: float = 0.05,
+    seed: int = 0,
+    cells: Sequence[VirtualCell] = (),
+    progress: Progress = silent,
+) -> Rehearsal:
+    """Walk through a day of measuring in the room of a simulated map.
+
+    The sensor's dies and channels are off from the data sheet and drift while it drives (`spectral_sensor`).
+
+    Parameters
+    ----------
+    map_table : Path
+        Map of a run, as CSV.
+    folder : Path
+        Where the files go; made if it is not there.
+    fault_rate : float
+        Part of the sensor's messages that meets a fault. [1]
+    seed : int
+        Of the sensor, faults and noise.
+    cells : sequence of VirtualCell
+        Ride beside the sensor, and are in the same log.
+    progress : callable
+        See `lidarspectra.progress`.
+
+    Returns
+    -------
+    rehearsal : Rehearsal
+
+    Raises
+    ------
+    ReadingError
+        If the map cannot be read.
+    DeviceError
+        If a log of that name is there already.
+    """
+    locations, _ = read_map(map_table)
+    expected = map_light(map_table)
+    folder.mkdir(parents=True, exist_ok=True)
+    sensor = draw_sensor(seed)
+    responsivity, dark = sensor.responsivity, sensor.dark_per_ms
+    start = 1_700_000_000.0
+    wavelengths = np.arange(350.0, 1001.0, 5.0)
+    lamp = Spectrum(wavelengths_nm=wavelengths, values=2e-3 * (0.2 + (wavelengths - 350.0) / 650.0))
+    rows = "".join(f"{w:g},{v:.9g}\n" for w, v in zip(lamp.wavelengths_nm, lamp.values, strict=True))
+    write_whole(folder / "lamp.csv", "wavelength_nm,irradiance W/m2/nm\n" + rows)
+    steady = {"lamp-log.csv": responsivity * reference_bands(lamp) + dark, "dark-log.csv": np.full(CHANNEL_COUNT, dark)}
+    for name, level in steady.items():
+        light = _steady(level)
+        _record(light, folder / name, duration_s=600.0, readings=LAMP_READINGS, seed=seed, plan=None, start=start)
+    drive = drive_past(locations, start_unix_s=start)
+    progress(0.2, "driving")
+
+    def light_at(now_s: float) -> FloatArray:
+        place, _ = drive.at([np.clip(start + now_s, drive.unix_s[0], drive.unix_s[-1])], longest_gap_s=math.inf)
+        return np.asarray(np.nan_to_num(expected(place)[0]))
+
+    def falling(now_s: float) -> FloatArray:
+        drifted = responsivity * (1.0 + sensor.drift_per_hour * now_s / 3600.0)
+        return np.asarray(drifted * light_at(now_s) + dark)
+
+    noise = np.random.default_rng(seed)
+
+    def cell_readings(now_s: float) -> tuple[int, ...]:
+        spectrum = light_at(now_s)[None, :]
+        currents = [cell_current_in(cell, np.array(AS7265X_CENTERS_NM), spectrum) for cell in cells]
+        return tuple(int(cell_counts(cell, current, noise)[0]) for cell, current in zip(cells, currents, strict=True))
+
+    plan = FaultPlan(rate=fault_rate, seed=seed, pause_s=4.0, disconnect_s=4.0) if fault_rate else None
+    summary = _record(
+        falling,
+        folder / "log.csv",
+        duration_s=float(drive.unix_s[-1] - start),
+        readings=None,
+        seed=seed,
+        plan=plan,
+        start=start,
+        cells=cell_readings if cells else None,
+    )
+    _write_robot(drive, folder, seed)
+    progress(1.0, "driven")
+    return Rehearsal(
+        log=folder / "log.csv",
+        lamp_log=folder / "lamp-log.csv",
+        dark_log=folder / "dark-log.csv",
+        lamp=folder / "lamp.csv",
+        poses=folder / "poses.csv",
+        points=folder / "points.csv",
+        summary=summary,
+    )
+
+
+def _steady(level: FloatArray) -> Light:
+    return lambda now_s: level
+
+
+def _write_robot(drive: Trajectory, folder: Path, seed: int) -> None:
+    """The robot's poses by its clock in its frame, and four corners of the drive in both frames."""
+    c, s = math.cos(TURN_RAD), math.sin(TURN_RAD)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    own = drive.moved(turn, np.array(SHIFT_M), frame="odom")
+    noise = ODOMETRY_NOISE_M * np.random.default_rng(seed).standard_normal((len(drive), 2))
+    with (folder / "poses.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["unix_s", "x", "y", "z", "yaw"])
+        for time_s, place, off, yaw in zip(own.unix_s, own.positions, noise, own.headings, strict=True):
+            x, y = place[:2] + off
+            writer.writerow([f"{time_s + CLOCK_OFFSET_S:.3f}", f"{x:.4f}", f"{y:.4f}", "0", f"{yaw:.4f}"])
+    low, high = drive.positions.min(axis=0), drive.positions.max(axis=0)
+    corners = {"south-west": (low[0], low[1]), "south-east": (high[0], low[1]), "north-east": (high[0], high[1])}
+    with (folder / "points.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["name", "robot_x", "robot_y", "scan_x", "scan_y"])
+        for name, (x, y) in corners.items():
+            robot = turn @ np.array([x, y, 0.0]) + SHIFT_M
+            writer.writerow([name, f"{robot[0]:.4f}", f"{robot[1]:.4f}", f"{x:.4f}", f"{y:.4f}"])

@@ -1,0 +1,101 @@
+"""Figures of light for people and plants: a map of each chosen quantity over the floor plan."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.errors import MapError
+from lidarspectra.mapping.figure_style import ERROR_MAP, LIGHT_MAP, PAGE_WIDTH_IN, new_figure, place, styled
+from lidarspectra.mapping.floor_plan import FloorPlan, PanelLayout
+from lidarspectra.mapping.interpolation import Grid, grid_values, plan_places, point_planes
+from lidarspectra.mapping.plan_drawing import (
+    draw_colorbar,
+    draw_field,
+    draw_frame,
+    draw_panel_legend,
+    draw_points,
+    has_unknown,
+    legend_handles,
+)
+
+SHOWN = {
+    "illuminance_lx": "illuminance [lx]",
+    "melanopic_edi_lx": "melanopic EDI [lx]",
+    "cct_kK": "CCT [kK]",
+    "ppfd_umol_m2_s": "PPFD [µmol m⁻² s⁻¹]",
+    "ypfd_umol_m2_s": "YPFD [µmol m⁻² s⁻¹]",
+}
+FROM_LOWEST = ("cct_kK",)  # quantities whose scale does not begin at zero
+PANEL_CELLS = 120  # [1] across a panel
+
+
+@styled
+def quantities_figure(quantities: xr.Dataset, plan: FloorPlan) -> Figure:
+    """Five maps: illuminance, melanopic EDI, colour temperature, PPFD and YPFD.
+
+    Parameters
+    ----------
+    quantities : xarray.Dataset
+        Of `light_at_points`.
+    plan : FloorPlan
+        The room.
+    """
+    values = quantities.assign(cct_kK=1e-3 * quantities["cct_K"])
+    return point_maps(values, plan, SHOWN, colors=dict.fromkeys(FROM_LOWEST, ERROR_MAP))
+
+
+def point_maps(
+    values: xr.Dataset, plan: FloorPlan, wanted: Mapping[str, str], *, colors: Mapping[str, str] | None = None
+) -> Figure:
+    """One map a variable over the floor plan, each with its own scale, of the largest plane of points.
+
+    Parameters
+    ----------
+    values : xarray.Dataset
+        Dim point, with x, y, z, nx, ny, nz and buried.
+    plan : FloorPlan
+        The room.
+    wanted : mapping of str to str
+        Variables, and the titles of their panels; one that is known at no point of the plane has none.
+    colors : mapping of str to str, optional
+        Colour maps that differ from the usual; their scale begins at the lowest value, not at zero.
+
+    Returns
+    -------
+    figure : Figure
+    """
+    planes = point_planes(values)
+    chosen = planes[0] if planes else np.arange(values.sizes["point"])
+    shown = {name: words for name, words in wanted.items() if np.isfinite(values[name].to_numpy()[chosen]).any()}
+    layout = PanelLayout.of(plan, max(len(shown), 3), colorbars=True)
+    figure = new_figure(PAGE_WIDTH_IN, layout.height_in)
+    unknown = False
+    for number, (name, words) in enumerate(shown.items()):
+        field = values[name].to_numpy()
+        known = chosen[np.isfinite(field[chosen])]
+        map_name = (colors or {}).get(name, LIGHT_MAP)
+        low = float(field[known].min()) if name in (colors or {}) else 0.0
+        norm = Normalize(low, max(float(field[known].max()), low + 1e-12))
+        grid = _gridded(values, plan, known, field)
+        axes = place(figure, *layout.box(number))
+        draw_field(axes, plan, grid, 0, norm, map_name)
+        draw_points(axes, values, known, field if grid is None else None, norm, map_name)
+        draw_frame(axes, plan, left=number % layout.columns == 0, bottom=number + layout.columns >= len(shown))
+        axes.set_title(words, pad=3.0)
+        draw_colorbar(figure, layout.colorbar_box(number), norm, map_name)
+        unknown = unknown or has_unknown(grid, plan)
+    draw_panel_legend(figure, layout, legend_handles(values, plan, unknown=unknown), "")
+    return figure
+
+
+def _gridded(values: xr.Dataset, plan: FloorPlan, chosen: IntArray, field: FloatArray) -> Grid | None:
+    (x0, y0), (x1, y1) = plan.outline.min(axis=0), plan.outline.max(axis=0)
+    box = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    try:
+        return grid_values(plan_places(values)[chosen], field[chosen][:, None], box, cells_across=PANEL_CELLS)
+    except MapError:  # the points alone are drawn then: that is all there is to see
+        return None

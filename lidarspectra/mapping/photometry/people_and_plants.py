@@ -1,0 +1,142 @@
+"""Every quantity of light for people and plants at every point of a run, as one Dataset and as tables."""
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.mapping.photometry.channel_estimate import Method, channel_estimate
+from lidarspectra.mapping.photometry.color_quality import COLOR_GRID_NM, color_quality
+from lidarspectra.mapping.photometry.indoor_spectra import IndoorSpectra, indoor_spectra
+from lidarspectra.mapping.photometry.point_light import PointLight
+from lidarspectra.mapping.photometry.quantities import light_quantities
+from lidarspectra.mapping.point_values import places_of
+from lidarspectra.mapping.spectral_map import kept_points
+from lidarspectra.mapping.tables import Table
+from lidarspectra.progress import Progress, silent
+from lidarspectra.spectra import BandSet
+
+MOST_RENDERED = 500  # [1] points whose colour rendering is computed, at some 50 ms each; more are taken evenly
+METHOD_WORDS = {
+    "lamps": "the lamps' whole spectra and the room's effect in bands",
+    "lines": "the bands alone, straight lines between them",
+    "learned": "the bands alone, weighed as indoor spectra teach",
+}
+COLOR_COLUMNS = {
+    "cct_K": ("correlated colour temperature", "K"),
+    "duv": ("distance from the Planckian locus", "1"),
+    "cri_Ra": ("colour rendering index", "1"),
+    "tm30_Rf": ("TM-30 fidelity index", "1"),
+    "tm30_Rg": ("TM-30 gamut index", "1"),
+}
+
+
+def method_for(light: PointLight) -> Method:
+    """The lamps' spectra where they are known; else lines between fine bands, learned weights on coarse ones."""
+    if light.route == "lamps":
+        return "lamps"
+    return "lines" if light.is_full_spectrum else "learned"
+
+
+def light_at_points(
+    light: PointLight,
+    places: xr.Dataset,
+    bands: BandSet,
+    *,
+    ensemble: IndoorSpectra | None = None,
+    rendering: bool = True,
+    progress: Progress = silent,
+) -> xr.Dataset:
+    """All quantities at all points.
+
+    Parameters
+    ----------
+    light : PointLight
+        See `point_light`.
+    places : xarray.Dataset
+        The map or transport whose points these are: x, y, z, nx, ny, nz, buried.
+    bands : BandSet
+        The light's channels.
+    ensemble : IndoorSpectra, optional
+        What the channels are tried on and, where they alone are known, learn from; `indoor_spectra()` if left out.
+    rendering : bool
+        Compute CRI and TM-30 too, where the light allows it: some 50 ms a point.
+    progress : callable
+        See `lidarspectra.progress`.
+
+    Returns
+    -------
+    quantities : xarray.Dataset
+        Dim point; a variable for each of `light_quantities` with its standard error (`..._se`), and those of
+        `COLOR_COLUMNS`. Colour rendering is NaN where the bands alone, more than 10 nm apart, cannot tell it, and at
+        points that were passed over where there are more than 500. Attribute `method`: see `method_for`; attribute
+        `channel_error_percent` of each: what the channels' error stays below for 95 % of indoor spectra.
+    """
+    tried = indoor_spectra() if ensemble is None else ensemble
+    method = method_for(light)
+    variables: dict[str, tuple[str, FloatArray, dict[str, object]]] = {}
+    for quantity in light_quantities():
+        estimate = channel_estimate(tried, bands, quantity.response, method=method)
+        value, error = light.weigh(quantity.response)
+        if method == "learned":
+            value, error = light.irradiance @ estimate.weights, light.irradiance_se @ np.abs(estimate.weights)
+        about = {"units": quantity.unit, "long_name": quantity.words}
+        told = {"channel_error_percent": 100.0 * estimate.percentile(95.0)}
+        variables[quantity.name] = ("point", value, {**about, **told})
+        variables[quantity.name + "_se"] = ("point", error, {**about, "long_name": f"standard error, {quantity.words}"})
+    for name, values in _colors(light, kept_points(places), rendering, progress).items():
+        words, unit = COLOR_COLUMNS[name]
+        variables[name] = ("point", values, {"units": unit, "long_name": words})
+    return xr.Dataset(variables, places_of(places), {"method": method, "bands": len(bands)})
+
+
+def _colors(light: PointLight, kept: IntArray, rendering: bool, progress: Progress) -> dict[str, FloatArray]:
+    count = light.irradiance.shape[0]
+    spectra = light.spectra(COLOR_GRID_NM)
+    every = color_quality(spectra, rendering=False)
+    columns = {name: np.full(count, np.nan) for name in COLOR_COLUMNS}
+    columns["cct_K"], columns["duv"] = every.cct_k, every.duv
+    if rendering and light.is_full_spectrum:
+        chosen = kept[np.unique(np.linspace(0, kept.size - 1, MOST_RENDERED).astype(int))]
+        found = color_quality(spectra[chosen], progress=progress)
+        for name, values in (("cri_Ra", found.cri_ra), ("tm30_Rf", found.tm30_rf), ("tm30_Rg", found.tm30_rg)):
+            columns[name][chosen] = values
+    return columns
+
+
+def summary_table(quantities: xr.Dataset) -> Table:
+    """Mean and range of every quantity over the points that are not buried, and how far the channels suffice.
+
+    Parameters
+    ----------
+    quantities : xarray.Dataset
+        Of `light_at_points`.
+
+    Returns
+    -------
+    table : Table
+        'channels' is the 95th percentile of the error that these channels make over the ensemble by this method, lamps
+        and surfaces of all kinds; it adds to the standard error of the trace. Empty for what is no integral.
+    """
+    kept = kept_points(quantities)
+    rows = []
+    for quantity in light_quantities():
+        values = quantities[quantity.name]
+        rows.append((quantity.words, quantity.unit, values, float(values.attrs["channel_error_percent"])))
+    rows += [(words, unit, quantities[name], np.nan) for name, (words, unit) in COLOR_COLUMNS.items()]
+    frame = pd.DataFrame(
+        [_row(words, unit, values.to_numpy()[kept], error) for words, unit, values, error in rows],
+        columns=["quantity", "unit", "mean", "lowest", "highest", "channels [%]"],
+    )
+    caption = (
+        f"Light at {kept.size} points, from {METHOD_WORDS[quantities.attrs['method']]}. Channels: the error that "
+        f"{quantities.attrs['bands']} channels stay below for 95 % of indoor spectra, beside the noise of the trace."
+    )
+    return Table(name="people-and-plants", caption=caption, frame=frame, formats={"channels [%]": ".1f"})
+
+
+def _row(words: str, unit: str, values: FloatArray, error: float) -> tuple[str, str, float, float, float, float]:
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return words, unit, np.nan, np.nan, np.nan, error
+    return words, unit, float(known.mean()), float(known.min()), float(known.max()), error

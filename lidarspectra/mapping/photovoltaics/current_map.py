@@ -1,0 +1,154 @@
+"""A cell's current, and what it gathers in a day, at every point of a map."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import MapError
+from lidarspectra.mapping.photometry.point_light import light_of_lamps
+from lidarspectra.mapping.photovoltaics.cells import Cell
+from lidarspectra.mapping.photovoltaics.currents import cell_current_density, cut_lamps, maximum_power, power_held
+from lidarspectra.mapping.photovoltaics.schedule import Shift, day_parts, gathered
+from lidarspectra.mapping.point_values import places_of
+from lidarspectra.mapping.spectral_map import kept_points
+from lidarspectra.mapping.tables import Table
+from lidarspectra.spectra import Spectrum
+
+COULOMB_PER_MAH = 3.6  # [C/mAh]
+JOULE_PER_MWH = 3.6  # [J/mWh]
+
+
+def current_map(
+    transport: xr.Dataset,
+    fluxes: Mapping[str, Spectrum],
+    cell: Cell,
+    *,
+    area_m2: float | None = None,
+    scale: float = 1.0,
+    shifts: Sequence[Shift] = (),
+    volt: float | None = None,
+) -> xr.Dataset:
+    """Current of a cell at every point and, with a schedule, charge and energy of a day.
+
+    Parameters
+    ----------
+    transport : xarray.Dataset
+        Traced coefficients.
+    fluxes : mapping of str to Spectrum
+        Spectral flux of every lamp. [W/nm]
+    cell : Cell
+    area_m2 : float, optional
+        The cell's own if left out. [m²]
+    scale : float
+        Factor on the cell's curve, from a calibration. [1]
+    shifts : sequence of Shift
+        When which lamp is lit; none leaves charge and energy away.
+    volt : float, optional
+        At which a converter holds the cell, in place of its maximum power point; without a circuit its current there
+        is taken as that at short circuit. [V]
+
+    Returns
+    -------
+    map : xarray.Dataset
+        Dim point: current_density_A_m2 and its _se, current_A, power_W; with shifts charge_mAh_day and energy_mWh_day.
+        Power and energy are there where the cell has a circuit, or a voltage is given. Attribute `notes`: what a user
+        must know, a line each.
+
+    Raises
+    ------
+    MapError
+        If there is no area, or a shift names an unknown lamp.
+    """
+    area = area_of(cell, area_m2)
+    light = light_of_lamps(transport, fluxes)
+    density, error = (scale * part for part in cell_current_density(light, cell))
+    variables = {
+        "current_density_A_m2": (density, "current density", "A/m²"),
+        "current_density_A_m2_se": (error, "standard error of the current density", "A/m²"),
+        "current_A": (area * density, "current", "A"),
+    }
+
+    power = _power_of(cell, volt)
+    if power is not None:
+        variables["power_W"] = (area * power(density), "power", "W")
+    if shifts:
+        names = [str(name) for name in transport["lamp"].to_numpy()]
+        alone = {
+            name: scale * lamp.weigh(light.centers_nm, cell.responsivity).sum(axis=1)
+            for name, lamp in zip(names, light.lamps, strict=True)
+        }
+
+        def under(dims: Mapping[str, float]) -> FloatArray:
+            return np.asarray(np.sum([dims[name] * alone[name] for name in names], axis=0), dtype=np.float64)
+
+        charge, energy = gathered(day_parts(shifts, names), under, power)
+        variables["charge_mAh_day"] = (area * charge / COULOMB_PER_MAH, "charge of a day", "mAh")
+        if energy is not None:
+            variables["energy_mWh_day"] = (area * energy / JOULE_PER_MWH, "energy of a day", "mWh")
+    return xr.Dataset(
+        {
+            name: ("point", values, {"units": unit, "long_name": words})
+            for name, (values, words, unit) in variables.items()
+        },
+        places_of(transport),
+        {
+            "cell": cell.name,
+            "area_m2": area,
+            "scale": scale,
+            "notes": "\n".join(_notes(cell, scale, fluxes, power is None)),
+        },
+    )
+
+
+def area_of(cell: Cell, area_m2: float | None) -> float:
+    """The area given, or the cell's own [m²]; raises MapError if there is neither, or it is not positive."""
+    area = area_m2 if area_m2 is not None else cell.area_m2
+    if area is None or not 0 < area < np.inf:
+        raise MapError(
+            expected="the area of the cell",
+            found="none" if area is None else f"{area:g} m²",
+            where=f"cell '{cell.name}'",
+            todo="Give --area CM2, or area_cm2 in the run file.",
+        )
+    return area
+
+
+def _notes(cell: Cell, scale: float, fluxes: Mapping[str, Spectrum], powerless: bool) -> list[str]:
+    """What a user must know of these currents."""
+    notes = list(cell.notes(scale))
+    cut = cut_lamps(fluxes, cell)
+    if cut:
+        notes.append(
+            f"the spectrum of {', '.join(cut)} ends in full light where '{cell.name}' still responds: "
+            "it gives more than is told"
+        )
+    if powerless:
+        notes.append(
+            "nothing is known of this cell's voltage: no power, no energy (--volt, or volt in the run file, gives one)"
+        )
+    return notes
+
+
+def _power_of(cell: Cell, volt: float | None) -> Callable[[FloatArray], FloatArray] | None:
+    """Power for a current density [W/m²], if anything is known of the cell's voltage."""
+    circuit = cell.circuit
+    if volt is not None:
+        return lambda current: volt * current if circuit is None else power_held(current, circuit, volt)
+    return None if circuit is None else lambda current: maximum_power(current, circuit)
+
+
+def currents_table(currents: xr.Dataset) -> Table:
+    """Mean and range over the points that are not buried."""
+    kept = kept_points(currents)
+    rows = []
+    for name in map(str, currents.data_vars):
+        if not name.endswith("_se"):
+            values = currents[name].to_numpy()[kept]
+            about = currents[name].attrs
+            rows.append((about["long_name"], about["units"], values.mean(), values.min(), values.max()))
+    frame = pd.DataFrame(rows, columns=["quantity", "unit", "mean", "lowest", "highest"])
+    caption = f"Cell '{currents.attrs['cell']}' of {1e4 * currents.attrs['area_m2']:g} cm² at {kept.size} points."
+    return Table(name="photocurrent", caption=caption, frame=frame)

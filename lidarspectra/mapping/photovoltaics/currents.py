@@ -1,0 +1,169 @@
+"""Current and power of a cell in known light (paper, Eq. 10 and 11)."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import constants
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import MapError
+from lidarspectra.mapping.photometry.point_light import PointLight, share_within
+from lidarspectra.mapping.photovoltaics.cells import AMPERE_PER_WATT_NM, Cell, Circuit
+from lidarspectra.spectra import Spectrum
+
+CELL_KELVIN = 298.15  # [K] of a cell in a room: 25 °C, where circuits are stated
+VOLT_PER_KELVIN = float(constants.k / constants.e)  # [V/K]
+STILL_BRIGHT = 0.05  # [1] of its peak: a spectrum that ends so high goes on beyond its end
+DARK_A_M2 = 1e-9  # [A/m²] below it a cell gives no power that could be told
+
+
+def photocurrent_density(irradiance: ArrayLike, wavelengths_nm: ArrayLike, efficiency: ArrayLike) -> FloatArray:
+    """Short-circuit current density J_sc = (q/hc) ∫ λ EQE(λ) E(λ) dλ (paper, Eq. 10).
+
+    The paper's P_in is the incident power; λ/hc makes photons of it.
+
+    Parameters
+    ----------
+    irradiance : (..., wavelength) float
+        Spectral irradiance. [W/m²/nm]
+    wavelengths_nm : (wavelength,) float
+        Ascending. [nm]
+    efficiency : (wavelength,) float
+        External quantum efficiency. [1]
+
+    Returns
+    -------
+    density : (...,) float
+        By the trapezoidal rule. [A/m²]
+
+    Raises
+    ------
+    MapError
+        If the last axes differ in length.
+    """
+    light, grid, part = (np.asarray(values, dtype=np.float64) for values in (irradiance, wavelengths_nm, efficiency))
+    if light.shape[-1:] != grid.shape or part.shape != grid.shape:
+        raise MapError(
+            expected="one irradiance and one efficiency a wavelength",
+            found=f"{light.shape[-1:]}, {part.shape} and {grid.shape}",
+            where="photocurrent density",
+        )
+    return np.asarray(AMPERE_PER_WATT_NM * np.trapezoid(light * part * grid, grid, axis=-1), dtype=np.float64)
+
+
+def photocurrent(irradiance: ArrayLike, wavelengths_nm: ArrayLike, absorption: ArrayLike, area_m2: float) -> FloatArray:
+    """Photocurrent I = A (q/hc) ∫ λ a(λ) I(λ) dλ of a whole cell (paper, Eq. 11).
+
+    Parameters
+    ----------
+    irradiance, wavelengths_nm
+        As in `photocurrent_density`.
+    absorption : (wavelength,) float
+        a(λ), the part of the photons that ends as current. [1]
+    area_m2 : float
+        [m²]
+
+    Returns
+    -------
+    current : (...,) float
+        [A]
+    """
+    return area_m2 * photocurrent_density(irradiance, wavelengths_nm, absorption)
+
+
+def cell_current_density(light: PointLight, cell: Cell) -> tuple[FloatArray, FloatArray]:
+    """Current density of a cell at every point, and its standard error.
+
+    Parameters
+    ----------
+    light : PointLight
+        With the lamps' spectra where they are known.
+    cell : Cell
+
+    Returns
+    -------
+    density, standard_error : (point,) float
+        [A/m²]
+    """
+    return light.weigh(cell.responsivity)
+
+
+def unknown_share(light: PointLight, cell: Cell) -> float:
+    """Part of a cell's response at wavelengths of which the light says nothing [1]; none where lamps are known."""
+    return 0.0 if light.lamps else 1.0 - share_within(light.centers_nm, cell.responsivity)
+
+
+def cut_lamps(fluxes: Mapping[str, Spectrum], cell: Cell) -> tuple[str, ...]:
+    """Names of lamps whose spectrum ends in full light where the cell still responds: it gives more than is told.
+
+    Parameters
+    ----------
+    fluxes : mapping of str to Spectrum
+        Spectral flux of every lamp. [W/nm]
+    cell : Cell
+    """
+    _, last = cell.responsivity.range_nm
+    return tuple(
+        name
+        for name, flux in fluxes.items()
+        if flux.range_nm[1] < last and flux.values[-1] > STILL_BRIGHT * flux.values.max()
+    )
+
+
+def maximum_power(density: ArrayLike, circuit: Circuit) -> FloatArray:
+    """Power at the maximum power point of a cell of one diode, as pvlib solves it.
+
+    Parameters
+    ----------
+    density : (...,) float
+        Photocurrent density. [A/m²]
+    circuit : Circuit
+        Its shunt resistance is `shunt_volt` over the photocurrent (De Soto 2006, Eq. 12).
+
+    Returns
+    -------
+    power : (...,) float
+        [W/m²]
+    """
+    import pvlib  # here, since it takes over a second
+
+    return _of_lit(density, lambda lit: pvlib.pvsystem.singlediode(lit, *_diode(circuit, lit))["p_mp"])
+
+
+def power_held(density: ArrayLike, circuit: Circuit, volt: float) -> FloatArray:
+    """Power P = V I(V) of a cell of one diode that a converter holds at a voltage.
+
+    Parameters
+    ----------
+    density, circuit
+        As in `maximum_power`.
+    volt : float
+        [V]
+
+    Returns
+    -------
+    power : (...,) float
+        0 where the voltage is above that of the open circuit: a converter feeds no cell. [W/m²]
+    """
+    import pvlib
+
+    return _of_lit(
+        density, lambda lit: volt * np.maximum(pvlib.pvsystem.i_from_v(volt, lit, *_diode(circuit, lit)), 0.0)
+    )
+
+
+def _diode(circuit: Circuit, density: FloatArray) -> tuple[float, float, FloatArray, float]:
+    """Saturation current, series and shunt resistance, n k T / q, in pvlib's order."""
+    thermal = circuit.ideality * VOLT_PER_KELVIN * CELL_KELVIN
+    return circuit.saturation_current_A_m2, circuit.series_ohm_m2, circuit.shunt_volt / density, thermal
+
+
+def _of_lit(density: ArrayLike, power: Callable[[FloatArray], ArrayLike]) -> FloatArray:
+    """Powers of the densities above `DARK_A_M2`, 0 for all others [W/m²]."""
+    given = np.asarray(density, dtype=np.float64)
+    found = np.zeros(given.shape)
+    lit = given > DARK_A_M2
+    if lit.any():
+        found[lit] = np.asarray(power(given[lit]), dtype=np.float64)
+    return found

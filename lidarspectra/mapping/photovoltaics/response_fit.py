@@ -1,0 +1,199 @@
+"""A cell's a(λ) from readings of a sensor beside it, and currents told ahead of time from it.
+
+The counts of the cell are N = N0 + Σ_c x_c r_c, with r_c what channel c reads and x_c >= 0 the cell's a(λ) λ there
+times everything that is not known: the sensor's responsivity, the cell's area, its shunt. N0 >= 0 holds the converter's
+own offset, light that only the cell sees, and a cell that is loaded so far that it follows the light less than in
+proportion. Channels under one kind of lamp rise and fall together, so that many x fit alike: the fit stays near a known
+curve, or a flat one, as far as a test on left-out readings wants it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from lidarspectra.arrays import BoolArray, FloatArray
+from lidarspectra.errors import ReadingError
+from lidarspectra.mapping.metrics import mape
+
+PULLS = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)  # [count²] tried; towards the known curve
+BLOCKS = 4  # [1] of consecutive readings, each left out once to choose the pull
+LEAST_READINGS = 40  # [1] fewer than two a channel tell nothing
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ResponseFit:
+    """A cell as a sensor's channels see it.
+
+    Parameters
+    ----------
+    wavelengths_nm : (channel,) float
+        [nm]
+    weights : (channel,) float
+        x_c, not all 0. [count per unit of reading]
+    offset : float
+        N0. [count]
+    pull : float
+        That was chosen. [count²]
+    scale : float
+        Of the known curve alone: N = scale Σ a λ r. [count per nm per unit of reading]
+    """
+
+    wavelengths_nm: FloatArray
+    weights: FloatArray
+    offset: float
+    pull: float
+    scale: float
+
+    @property
+    def absorption(self) -> FloatArray:
+        """(channel,) a(λ) up to a factor, the largest 1; the sensor's own responsivity is in it [1]."""
+        curve = self.weights / self.wavelengths_nm
+        return np.asarray(curve / curve.max(), dtype=np.float64)
+
+    def counts(self, readings: FloatArray) -> FloatArray:
+        """(reading,) counts of the cell [count]."""
+        return np.asarray(self.offset + readings @ self.weights, dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AheadOfTime:
+    """How well later counts are told from earlier ones.
+
+    Parameters
+    ----------
+    fit : ResponseFit
+        Of the earlier part.
+    fitted_percent, known_percent, constant_percent : float
+        MAPE on the later part: of the fit; of the known curve, scaled on the earlier part; of the earlier mean. [%]
+    earlier, later : int
+        Readings in both parts.
+    """
+
+    fit: ResponseFit
+    fitted_percent: float
+    known_percent: float
+    constant_percent: float
+    earlier: int
+    later: int
+
+
+def tell_ahead(
+    readings: FloatArray, counts: FloatArray, wavelengths_nm: FloatArray, known: FloatArray, *, share: float = 0.5
+) -> AheadOfTime:
+    """Fit on the earlier part of a log, and tell the later one.
+
+    Parameters
+    ----------
+    readings : (reading, channel) float
+        In order of time, in any unit of the sensor.
+    counts : (reading,) float
+        Of the cell. [count]
+    wavelengths_nm : (channel,) float
+        [nm]
+    known : (channel,) float
+        A curve a(λ) from elsewhere, or ones. [1]
+    share : float
+        Of the readings that are the earlier part. [1]
+
+    Returns
+    -------
+    result : AheadOfTime
+
+    Raises
+    ------
+    ReadingError
+        If either part is too short, or its counts do not follow the light (see `fit_response`).
+    """
+    good = usable(readings, counts)
+    light, cell = readings[good], counts[good]
+    split = round(share * cell.size)
+    if min(split, cell.size - split) < LEAST_READINGS:
+        raise ReadingError(
+            expected=f"{LEAST_READINGS} readings with counts or more in both parts",
+            found=f"{split} and {cell.size - split}",
+            where="cell's log",
+        )
+    fit = fit_response(light[:split], cell[:split], wavelengths_nm, known)
+    later, truth = light[split:], cell[split:]
+    return AheadOfTime(
+        fit=fit,
+        fitted_percent=_mape(fit.counts(later), truth),
+        known_percent=_mape(fit.scale * (later @ (known * wavelengths_nm)), truth),
+        constant_percent=_mape(np.full(truth.shape, cell[:split].mean()), truth),
+        earlier=split,
+        later=truth.size,
+    )
+
+
+def fit_response(
+    readings: FloatArray, counts: FloatArray, wavelengths_nm: FloatArray, known: FloatArray
+) -> ResponseFit:
+    """Fit x_c >= 0, near a known curve as far as left-out blocks of readings want it.
+
+    Parameters
+    ----------
+    readings, counts, wavelengths_nm, known
+        As in `tell_ahead`, without gaps.
+
+    Returns
+    -------
+    fit : ResponseFit
+
+    Raises
+    ------
+    ReadingError
+        If the known curve is 0 wherever the channels read light, or the counts follow no channel.
+    """
+    curve = known * wavelengths_nm
+    if not (readings @ curve).any():
+        raise ReadingError(
+            expected="a curve that responds where the channels read light", found="none", where="cell's log"
+        )
+    blocks = np.arange(counts.size) * BLOCKS // counts.size
+    losses = [sum(_loss(readings, counts, curve, pull, blocks == block) for block in range(BLOCKS)) for pull in PULLS]
+    pull = PULLS[int(np.argmin(losses))]
+    weights, offset = _solve(readings, counts, curve, pull)
+    if not weights.any():
+        raise ReadingError(
+            expected="counts that rise with a channel", found="counts that follow none", where="cell's log"
+        )
+    return ResponseFit(
+        wavelengths_nm=wavelengths_nm,
+        weights=weights,
+        offset=offset,
+        pull=pull,
+        scale=_scale(readings @ curve, counts),
+    )
+
+
+def usable(readings: FloatArray, counts: FloatArray) -> BoolArray:
+    """(reading,) readings without gaps and with a positive count."""
+    return np.asarray(np.isfinite(readings).all(axis=1) & np.isfinite(counts) & (counts > 0), dtype=np.bool_)
+
+
+def _loss(readings: FloatArray, counts: FloatArray, curve: FloatArray, pull: float, out: BoolArray) -> float:
+    """Squared error on the readings that are left out [count²]."""
+    weights, offset = _solve(readings[~out], counts[~out], curve, pull)
+    return float(np.sum((offset + readings[out] @ weights - counts[out]) ** 2))
+
+
+def _solve(readings: FloatArray, counts: FloatArray, curve: FloatArray, pull: float) -> tuple[FloatArray, float]:
+    """Weights near the known curve, whose scale goes free with the offset, and the offset."""
+    size = np.where(readings.mean(axis=0) > 0, readings.mean(axis=0), 1.0)
+    model = np.stack([readings @ curve, np.ones(counts.size)], axis=1)
+    (scale, _), _ = nnls(model, counts)
+    near = scale * curve * size
+    root = np.sqrt(pull)
+    top = np.hstack([readings / size, np.ones((counts.size, 1))])
+    bottom = np.hstack([root * np.eye(size.size), np.zeros((size.size, 1))])
+    found, _ = nnls(np.vstack([top, bottom]), np.concatenate([counts, root * near]))
+    return np.asarray(found[:-1] / size, dtype=np.float64), float(found[-1])
+
+
+def _scale(model: FloatArray, counts: FloatArray) -> float:
+    return float(model @ counts / (model @ model))
+
+
+def _mape(found: FloatArray, truth: FloatArray) -> float:
+    return mape(found[:, None], truth[:, None])

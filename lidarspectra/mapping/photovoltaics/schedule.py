@@ -1,0 +1,178 @@
+"""When lamps are lit through a day, and what a cell gathers in it."""
+
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import MapError
+from lidarspectra.spectrum_files import read_text
+
+DAY_H = 24.0  # [h]
+SECONDS_PER_HOUR = 3600.0  # [s]
+EVERY_LAMP = "*"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shift:
+    """A lamp lit from one hour to another, every day.
+
+    Parameters
+    ----------
+    lamp : str
+        Its name, or '*' for all.
+    start_h, end_h : float
+        0 to 24; where the end is before the start, over midnight. [h]
+    dim : float
+        Factor on its flux. [1]
+    """
+
+    lamp: str
+    start_h: float
+    end_h: float
+    dim: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.start_h <= DAY_H and 0 <= self.end_h <= DAY_H and 0 <= self.dim < np.inf):
+            raise MapError(
+                expected="hours from 0 to 24 and a dim factor of 0 or more",
+                found=f"{self.start_h:g} to {self.end_h:g}, {self.dim:g}",
+                where=f"schedule of lamp '{self.lamp}'",
+            )
+        if self.start_h % DAY_H == self.end_h % DAY_H and self.end_h - self.start_h != DAY_H:
+            raise MapError(
+                expected="an end that is not the start",
+                found=f"{self.start_h:g} to {self.end_h:g}",
+                where=f"schedule of lamp '{self.lamp}'",
+                todo="All day is 0-24; a lamp that is off has no row.",
+            )
+
+    def is_lit(self, hour: float) -> bool:
+        """Whether it is lit at an hour of the day."""
+        if self.start_h <= self.end_h:
+            return self.start_h <= hour < self.end_h
+        return hour >= self.start_h or hour < self.end_h
+
+
+def day_parts(shifts: Sequence[Shift], lamps: Sequence[str]) -> list[tuple[float, dict[str, float]]]:
+    """Parts of the day in which no lamp changes: hours, and every lamp's dim factor.
+
+    A lamp that no shift names is off; where several name it at once, their factors add.
+
+    Raises
+    ------
+    MapError
+        If a shift names a lamp that is not there.
+    """
+    for shift in shifts:
+        if shift.lamp != EVERY_LAMP and shift.lamp not in lamps:
+            raise MapError(expected=f"one of the lamps {', '.join(lamps)}", found=f"'{shift.lamp}'", where="schedule")
+    edges = sorted({0.0, DAY_H, *(edge for shift in shifts for edge in (shift.start_h, shift.end_h))})
+    parts: list[tuple[float, dict[str, float]]] = []
+    for first, last in pairwise(edges):
+        middle = 0.5 * (first + last)
+        lit = [shift for shift in shifts if shift.is_lit(middle)]
+        dims = {lamp: sum(s.dim for s in lit if s.lamp in (lamp, EVERY_LAMP)) for lamp in lamps}
+        same = next((number for number, (_, known) in enumerate(parts) if known == dims), None)
+        if same is None:
+            parts.append((last - first, dims))
+        else:
+            parts[same] = (parts[same][0] + last - first, dims)
+    return parts
+
+
+def gathered(
+    parts: Sequence[tuple[float, Mapping[str, float]]],
+    density: Callable[[Mapping[str, float]], FloatArray],
+    power: Callable[[FloatArray], FloatArray] | None,
+) -> tuple[FloatArray, FloatArray | None]:
+    """Charge and energy that a square metre of cell gathers in a day.
+
+    Parameters
+    ----------
+    parts : sequence of (hours, dims)
+        Of `day_parts`.
+    density : callable
+        Current density at every point for dim factors of the lamps. [A/m²]
+    power : callable or None
+        Power for a current density [W/m²]; a sum of powers is not the power of a sum.
+
+    Returns
+    -------
+    charge : (point,) float
+        [C/m²]
+    energy : (point,) float or None
+        [J/m²]
+    """
+    currents = [(hours * SECONDS_PER_HOUR, density(dims)) for hours, dims in parts]
+    charge = np.sum([seconds * current for seconds, current in currents], axis=0)
+    if power is None:
+        return charge, None
+    return charge, np.asarray(np.sum([seconds * power(current) for seconds, current in currents], axis=0))
+
+
+def read_schedule(path: Path) -> tuple[Shift, ...]:
+    """Read a schedule: CSV with the columns lamp, from, to and, if wanted, dim; times as 8:30 or 8.5.
+
+    Raises
+    ------
+    DatabaseError
+        If the file cannot be read.
+    MapError
+        If a column is missing or a time is none; the row is named.
+    """
+    try:
+        names, *rows = ([cell.strip() for cell in row] for row in csv.reader(io.StringIO(read_text(path))) if row)
+    except (csv.Error, ValueError) as cause:  # no row at all is a ValueError
+        raise MapError(expected="a table of shifts (CSV)", found=str(cause), where=str(path)) from cause
+    for name in ("lamp", "from", "to"):
+        if name not in names:
+            raise MapError(expected=f"a column '{name}'", found=", ".join(names) or "nothing", where=str(path))
+    shifts = tuple(_shift(names, row, where=f"{path}, row {number}") for number, row in enumerate(rows, start=2))
+    if not shifts:
+        raise MapError(expected="one or more shifts", found="none", where=str(path))
+    return shifts
+
+
+def _shift(names: Sequence[str], row: Sequence[str], *, where: str) -> Shift:
+    if len(row) != len(names):
+        raise MapError(expected=f"{len(names)} values", found=f"{len(row)}", where=where)
+    value = dict(zip(names, row, strict=True))
+    return Shift(
+        lamp=value["lamp"],
+        start_h=hour_of(value["from"], where=where),
+        end_h=hour_of(value["to"], where=where),
+        dim=_factor(value.get("dim") or "1", where=where),
+    )
+
+
+def parse_hours(text: str) -> Shift:
+    """All lamps lit from one hour to another: '8:30-17'."""
+    start, dash, end = text.partition("-")
+    if not dash:
+        raise MapError(expected="hours as 8:30-17", found=f"'{text}'", where="hours")
+    return Shift(lamp=EVERY_LAMP, start_h=hour_of(start, where="hours"), end_h=hour_of(end, where="hours"))
+
+
+def hour_of(text: str, *, where: str) -> float:
+    """Hours since midnight of '8:30' or '8.5' [h]; raises MapError where it is neither."""
+    hours, colon, minutes = text.strip().partition(":")
+    try:
+        found = int(hours) + int(minutes) / 60.0 if colon else float(hours)
+    except ValueError:
+        found = -1.0
+    if not 0 <= found <= DAY_H or (colon and not 0 <= int(minutes) < 60):
+        raise MapError(expected="a time of day as 8:30", found=f"'{text}'", where=where)
+    return found
+
+
+def _factor(text: str, *, where: str) -> float:
+    try:
+        return float(text)
+    except ValueError as cause:
+        raise MapError(expected="a dim factor", found=f"'{text}'", where=where) from cause

@@ -1,0 +1,411 @@
+"""Reflectance without the light: what a lit picture, the known lamps and the room's shape say of its surfaces.
+
+The camera shows o = T(x), x = k ρ E in sharpened cones: T a tone curve, k one factor a cone (exposure and white
+balance), E the irradiance. With D the lamps' direct light and G x the mean of what the picture shows from a point
+(`light_exchange`), the radiosity equation gives the reflectance in closed form,
+
+    ρ = x / (k D + G x),                                                                                          (1)
+
+without any simulated reflection: the picture shows what the others send (docs/concepts.md, Eq. 8). Where D = 0 (a
+ceiling beside its lamps), ρ does not even depend on k. T and k are what explains the picture best: points of one
+surface have one reflectance however they are lit, so that the best T and k make log ρ least scattered within groups of
+points of one plane and one hue. The scatter is measured in units of the picture (divided by the mean slope of T^-1, as
+Box and Cox do), for else a curve that presses everything together would win. The scale of the lamps' flux is in k, and
+cancels.
+
+References
+----------
+Yu, Debevec, Malik, Hawkins (1999) Inverse global illumination, SIGGRAPH, 215. Box, Cox (1964) An analysis of
+transformations, J. R. Statist. Soc. B 26, 211, Eq. 8. EN 12464-1:2021, 6.2.2 (usual reflectances of ceilings).
+Geman, McClure (1987) Statistical methods for tomographic image reconstruction, Bull. ISI 52, 5 (the loss).
+Cameron, Miller (2015) A practitioner's guide to cluster-robust inference, J. Human Resources 50, 317, Eq. 11.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import OptimizeResult, least_squares
+from scipy.sparse import csr_array
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.material.sharpened_cones import cones_of_srgb, srgb_of_cones
+from lidarspectra.material.tone_curve import ToneCurve
+
+LEAST_LIGHT = 1e-5  # [1] of white, floor of cone responses before their logarithm
+LOG_SCATTER = 0.07  # [1] usual deviation of log ρ within a surface: grain, uneven exposure, noise of the mesh
+PICTURE_NOISE = 0.006  # [1] of white, deviation of what a picture shows: 8 bits, and JPEG's coarse colour
+ROBUST_SCALE = 1.5  # [1] deviations from which a point counts less and less
+CENTER_ROUNDS = 6  # [1] re-weightings that find a group's robust centre
+CEILING_REFLECTANCE = 0.80  # [1] EN 12464-1:2021: 0.7 to 0.9
+CEILING_DEVIATION = 0.12  # [1] of its logarithm
+CEILING_DOUBT = 2.0  # [1] deviations from which a ceiling is believed to be no white one
+POWER_DEVIATION = 0.15  # [1] of log g about g = 1
+SHOULDER_GUESS, SHOULDER_DEVIATION = 0.4, 0.5  # [1] of log(1 + s): phones lift shadows, most by less than 2.5
+BALANCE_DEVIATION = 0.2  # [1] of log k between cones, about white half-way between the lamps and all light in the room
+BEAM_DEVIATION = 0.4  # [1] of the beam exponent about that of matt lamps
+LEAST_EMISSION = 1e-3  # [1] cosine below which a lamp is seen from its edge
+STATED_FLUX_DEVIATION = 0.15  # [1] of the log of a lamp's flux over the others', where fluxes are stated
+BRIGHTEST_REFLECTANCE = 0.93  # [1] fresh white paint; what comes out brighter speaks for more light
+BRIGHTEST_DEVIATION = 0.03  # [1] of its logarithm
+COMMON = 6  # [1] parameters that do not belong to single lamps
+CELL_M = 0.5  # [m] within which errors of light and exposure are alike: one cell is one independent witness
+STARTS = ((0.0, 0.0), (0.8, 0.0), (0.4, 1.0), (0.4, -1.0))  # [1] log(1 + s), and log k over its rough value
+BOUNDS_POWER, BOUND_SHOULDER, BOUND_EXPOSURE = 0.6, 2.3, 4.0  # [1] of |log g|, log(1 + s), |log k - rough value|
+COARSE = 4  # [1] every so-manieth point is enough to choose among starts
+STEP = 1e-3  # [1] of a parameter, for slopes by differences
+BOUNDS_BEAM = (-0.5, 4.0)  # [1]
+BOUND_FLUX = 2.5  # [1] of the log of a lamp's flux over the others': a lamp dimmed to a tenth is hardly lit
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LightEvidence:
+    """What is known of the light at points of the surfaces.
+
+    Parameters
+    ----------
+    shown : (sample, 3) float
+        Linear sRGB that the picture shows there. [0-1]
+    direct : (lamp, sample, 3) float
+        Direct light, in cones, in any one unit.
+    emission : (lamp, sample) float
+        Cosine between a lamp's axis and the way to the sample; 1 for lamps whose beam is known. [0-1]
+    exchange : (sample, face + 1) sparse float
+        See `light_exchange.exchange_matrix`.
+    face_shown : (face, 3) float
+        Linear sRGB of the faces. [0-1]
+    face_area : (face,) float
+        [m²]
+    face_lamp : (face,) bool
+        Faces that show a known lamp: their light is in `direct`.
+    group : (sample,) int
+        Points of one surface; -1 for those that say nothing.
+    cell : (sample,) int
+        Places whose errors are alike.
+    ceiling : (sample,) bool
+        Points of a ceiling that may be taken for white.
+    unsure : (sample,) float
+        Relative standard deviation of the light there, for want of knowing just where a shadow ends. [1]
+    tint : (sample, 3) float, optional
+        Ratio of apparent reflectance to that in daylight (see `colored_light`); 1 if left out. [1]
+    """
+
+    shown: FloatArray
+    direct: FloatArray
+    emission: FloatArray
+    exchange: csr_array
+    face_shown: FloatArray
+    face_area: FloatArray
+    face_lamp: BoolArray
+    group: IntArray
+    cell: IntArray
+    ceiling: BoolArray
+    unsure: FloatArray
+    tint: FloatArray | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LightFit:
+    """Camera and light that explain a picture best.
+
+    Parameters
+    ----------
+    tone : ToneCurve
+    exposure : (3,) float
+        k, for direct light of mean 1 in each cone. [1]
+    beam : float
+        b: the lamps' intensity is as cos^(1 + b), over 0 for lamps that shine more narrowly than matt ones. [1]
+    flux_factors : (lamp,) float
+        What the picture says of each lamp's flux over what was assumed, their geometric mean being 1. [1]
+    reflectance : (sample, 3) float
+        ρ in cones, as Eq. 1 gives it. [1]
+    irradiance : (sample, 3) float
+        k E, in the camera's unit.
+    direct_share : float
+        Share of it that comes straight from the lamps; in a closed room what its surfaces do not reflect. [0-1]
+    flux_deviations : (lamp,) float
+        Standard deviations of the factors' logarithms; 0 where they were not fitted. [1]
+    parameters, deviations : (parameter,) float
+        log g, log(1 + s), log k, b, log flux factors, and their standard deviations.
+    log_deviation : (sample, 3) float
+        Standard deviation of log ρ that comes from the parameters'.
+    scatter : float
+        Robust deviation of log ρ within groups, in units of the picture.
+    scatter_shown : float
+        The same of what the picture shows, the light left in.
+    witnesses : int
+        Places that speak independently.
+    cost : float
+        Least value of the objective, halved sum of squares.
+    """
+
+    tone: ToneCurve
+    exposure: FloatArray
+    beam: float
+    flux_factors: FloatArray
+    flux_deviations: FloatArray
+    reflectance: FloatArray
+    irradiance: FloatArray
+    direct_share: float
+    parameters: FloatArray
+    deviations: FloatArray
+    log_deviation: FloatArray
+    scatter: float
+    scatter_shown: float
+    witnesses: int
+    cost: float
+
+    @property
+    def explained(self) -> float:
+        """Share of the scatter within surfaces that the light explains, below 0 where it makes things worse [1]."""
+        return 1.0 - (self.scatter / max(self.scatter_shown, 1e-9)) ** 2
+
+
+class _Model:
+    """The objective: residuals as functions of the parameters, from every n-th of the points that count.
+
+    Points that are far off count less and less (Cauchy's loss), or not at all in the end (Geman and McClure's, with
+    `forgets`): that one is right about shadows' edges and objects on walls, but needs a start near the answer.
+    """
+
+    def __init__(
+        self, evidence: LightEvidence, *, flux_deviation: FloatArray, every: int = 1, forgets: bool = True
+    ) -> None:
+        self.evidence = evidence
+        self.flux_deviation = flux_deviation
+        self.forgets = forgets
+        self.fit_fluxes = len(evidence.direct) > 1
+        self.count = COMMON + (len(evidence.direct) if self.fit_fluxes else 0)
+        self._picture: tuple[ToneCurve, FloatArray, FloatArray] | None = None
+        self.rows = np.flatnonzero(evidence.group >= 0)[::every]
+        self.shown = evidence.shown[self.rows]
+        self.exchange = evidence.exchange[self.rows]
+        # Mean direct light of 1 in every cone: exposure then starts near the mean of the picture.
+        self.mean_direct = np.maximum(evidence.direct.sum(axis=0).mean(axis=0), 1e-30)
+        self.direct = evidence.direct[:, self.rows] / self.mean_direct
+        self.emission = evidence.emission[:, self.rows]
+        self.tint = None if evidence.tint is None else evidence.tint[self.rows]
+        _, self.group = np.unique(evidence.group[self.rows], return_inverse=True)
+        self.group_sizes = np.bincount(self.group)
+        places = np.stack([evidence.group[self.rows], evidence.cell[self.rows]], axis=1)
+        self.cluster = np.unique(places, axis=0, return_inverse=True)[1].reshape(-1)
+        self.witnesses = int(self.cluster.max()) + 1
+        # All points together weigh as much as there are independent places.
+        self.weight = np.sqrt(self.witnesses / self.rows.size) / LOG_SCATTER
+        seen = np.maximum(cones_of_srgb(self.shown), LEAST_LIGHT)
+        noise = np.hypot(PICTURE_NOISE / seen, evidence.unsure[self.rows, None])
+        self.clarity = 1.0 / np.hypot(1.0, noise / LOG_SCATTER)
+        self.ceiling = np.flatnonzero(evidence.ceiling[self.rows])
+        self.rough = np.log(np.maximum(cones_of_srgb(evidence.shown[evidence.group >= 0]).mean(axis=0), LEAST_LIGHT))
+
+    def parts(self, parameters: FloatArray) -> tuple[ToneCurve, FloatArray, float, FloatArray]:
+        """Tone curve, exposure, beam exponent and flux factors of parameters."""
+        tone = ToneCurve(power=float(np.exp(parameters[0])), shoulder=float(np.expm1(max(parameters[1], 0.0))))
+        exposure = np.exp(parameters[2:5] + self.rough)
+        logs = parameters[COMMON:] if self.fit_fluxes else np.zeros(len(self.direct))
+        return tone, exposure, float(parameters[5]), np.exp(logs - logs.mean())
+
+    def light(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(row, 3) light that the picture shows, and irradiance times k, in cones."""
+        tone, exposure, beam, factors = self.parts(parameters)
+        if self._picture is None or self._picture[0] != tone:  # kept, since only the tone changes it
+            self._picture = (tone, *_pictured(self.evidence, tone, self.shown, self.exchange, self.tint))
+        _, seen, gathered = self._picture
+        direct = _direct(self.direct, self.emission, beam, factors)
+        return seen, np.maximum(exposure * direct + gathered, LEAST_LIGHT)
+
+    def all_light(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As `light`, at all samples; and the direct light among it."""
+        evidence = self.evidence
+        tone, exposure, beam, factors = self.parts(parameters)
+        seen, gathered = _pictured(evidence, tone, evidence.shown, evidence.exchange, evidence.tint)
+        direct = exposure * _direct(evidence.direct / self.mean_direct, evidence.emission, beam, factors)
+        return seen, np.maximum(direct + gathered, LEAST_LIGHT), direct
+
+    def log_reflectance(self, parameters: FloatArray) -> FloatArray:
+        """(row, 3) log ρ of the points that count."""
+        seen, light = self.light(parameters)
+        return np.asarray(np.log(seen / light), dtype=np.float64)
+
+    def centers(self, values: FloatArray) -> FloatArray:
+        """(group, 3) robust centres of (row, 3) values."""
+        weight = self.clarity**2
+        for _ in range(CENTER_ROUNDS):
+            summed, total = (
+                np.stack([np.bincount(self.group, weights=column) for column in each.T], axis=1)
+                for each in (weight * values, weight)
+            )
+            center = summed / total
+            apart = self.clarity * (values - center[self.group]) / (ROBUST_SCALE * LOG_SCATTER)
+            weight = self.clarity**2 / (1.0 + apart**2) ** (2 if self.forgets else 1)
+        return center
+
+    def scatter(self, parameters: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(row, 3) distances to the groups' centres in units of the picture, and the centres."""
+        tone = self.parts(parameters)[0]
+        center = self.centers(values)
+        spread = np.exp(np.log(tone.slope(self.shown)).mean())
+        return (values - center[self.group]) / spread, center
+
+    def residuals(self, parameters: FloatArray) -> FloatArray:
+        """Scatter of all points, each counting less the farther it is off; then what is known beforehand."""
+        values = self.log_reflectance(parameters)
+        apart, center = self.scatter(parameters, values)
+        scale = ROBUST_SCALE * LOG_SCATTER
+        ratio = apart * self.clarity / scale
+        robust = ratio / np.hypot(1.0, ratio) if self.forgets else np.sign(ratio) * np.sqrt(np.log1p(ratio**2))
+        data = scale * self.weight / np.sqrt(3.0) * robust.ravel()
+        return np.concatenate([data, self._beliefs(parameters, values, center)])
+
+    def jacobian(self, parameters: FloatArray) -> FloatArray:
+        """Slopes of the residuals, by differences; the picture is worked out anew for the tone curve's only."""
+        base = self.residuals(parameters)
+        slopes = np.empty((base.size, self.count))
+        for column in range(self.count - 1, -1, -1):  # the tone curve's last, so that the kept picture serves the rest
+            step = STEP if column != 1 or parameters[1] < 0.5 * BOUND_SHOULDER else -STEP
+            moved = parameters.copy()
+            moved[column] += step
+            slopes[:, column] = (self.residuals(moved) - base) / step
+        return slopes
+
+    def _beliefs(self, parameters: FloatArray, values: FloatArray, center: FloatArray) -> FloatArray:
+        lit = np.log(self.light(parameters)[1].mean(axis=0))
+        balance = 0.5 * (parameters[2:5] + self.rough + lit)
+        balance = balance - balance.mean()
+        parts = [
+            [parameters[0] / POWER_DEVIATION],
+            [(parameters[1] - SHOULDER_GUESS) / SHOULDER_DEVIATION],
+            balance / BALANCE_DEVIATION,
+            [parameters[5] / BEAM_DEVIATION],
+            parameters[COMMON:] / self.flux_deviation if self.fit_fluxes else [],
+        ]
+        bright = np.log(np.maximum(srgb_of_cones(np.exp(center)).max(axis=1), LEAST_LIGHT) / BRIGHTEST_REFLECTANCE)
+        share = np.sqrt(self.group_sizes / self.group_sizes.sum())
+        parts.append(share * np.maximum(bright, 0.0) / BRIGHTEST_DEVIATION)
+        if self.ceiling.size:
+            apart = (np.median(values[self.ceiling], axis=0) - np.log(CEILING_REFLECTANCE)) / CEILING_DEVIATION
+            doubt = CEILING_DOUBT
+            parts.append(np.sign(apart) * doubt * np.sqrt(np.log1p((apart / doubt) ** 2)))
+        return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
+
+
+def fit_light(evidence: LightEvidence, *, flux_deviation: FloatArray, start: FloatArray | None = None) -> LightFit:
+    """Find tone curve, exposure and the lamps' relative fluxes that explain a picture best.
+
+    Parameters
+    ----------
+    evidence : LightEvidence
+    flux_deviation : (lamp,) float
+        How unsure each lamp's flux over the others' is beforehand, as the standard deviation of its logarithm. [1]
+    start : (parameter,) float, optional
+        Of an earlier fit to the same picture; several starts are tried where it is not given.
+
+    Returns
+    -------
+    fit : LightFit
+    """
+    model = _Model(evidence, flux_deviation=flux_deviation)
+    if start is None:
+        coarse = _Model(evidence, flux_deviation=flux_deviation, every=COARSE, forgets=False)
+        found = [_least(coarse, _start(coarse, *values)) for values in STARTS]
+        start = min(found, key=lambda result: float(result.cost)).x
+    best = _least(model, np.asarray(start))
+    return _fit(model, np.asarray(best.x), np.asarray(best.jac), np.asarray(best.fun), float(best.cost))
+
+
+def _least(model: _Model, start: FloatArray) -> OptimizeResult:
+    lamps = np.full(model.count - COMMON, BOUND_FLUX)
+    low = np.concatenate([[-BOUNDS_POWER, 0.0], np.full(3, -BOUND_EXPOSURE), [BOUNDS_BEAM[0]], -lamps])
+    high = np.concatenate([[BOUNDS_POWER, BOUND_SHOULDER], np.full(3, BOUND_EXPOSURE), [BOUNDS_BEAM[1]], lamps])
+    return least_squares(
+        model.residuals, start, jac=model.jacobian, bounds=(low, high), x_scale=0.1, xtol=1e-4, ftol=1e-5,
+        tr_solver="lsmr",
+    )  # fmt: skip
+
+
+def _start(model: _Model, shoulder: float, exposure: float) -> FloatArray:
+    first = np.zeros(model.count)
+    first[1] = shoulder + 1e-3
+    first[2:5] = exposure
+    return first
+
+
+def _fit(model: _Model, best: FloatArray, jacobian: FloatArray, residual: FloatArray, cost: float) -> LightFit:
+    covariance = _covariance(model, jacobian, residual)
+    seen, light, direct = model.all_light(best)
+    slope = np.stack(
+        [
+            (_log_ratio(model, best + step) - _log_ratio(model, best - step)) / (2e-3)
+            for step in 1e-3 * np.eye(model.count)
+        ],
+        axis=-1,
+    )
+    tone, exposure, beam, factors = model.parts(best)
+    values = model.log_reflectance(best)
+    shown = np.log(np.maximum(cones_of_srgb(model.shown), LEAST_LIGHT))
+    return LightFit(
+        tone=tone,
+        exposure=exposure,
+        beam=beam,
+        flux_factors=factors,
+        flux_deviations=_flux_deviations(model, covariance),
+        reflectance=seen / light,
+        irradiance=light,
+        direct_share=float(direct.mean() / light.mean()),
+        parameters=best,
+        deviations=np.sqrt(np.diag(covariance)),
+        log_deviation=np.sqrt(np.maximum(np.einsum("nci,ij,ncj->nc", slope, covariance, slope), 0.0)),
+        scatter=_robust_deviation(model.scatter(best, values)[0]),
+        scatter_shown=_robust_deviation(shown - model.centers(shown)[model.group]),
+        witnesses=model.witnesses,
+        cost=cost,
+    )
+
+
+def _direct(direct: FloatArray, emission: FloatArray, beam: float, factors: FloatArray) -> FloatArray:
+    """(n, 3) direct light of all lamps, their beams narrowed at equal flux."""
+    shape = np.where(emission < 1.0, (1.0 + 0.5 * beam) * np.maximum(emission, LEAST_EMISSION) ** beam, 1.0)
+    return np.asarray(np.einsum("l,ls,lsc->sc", factors, shape, direct, optimize=True), dtype=np.float64)
+
+
+def _pictured(
+    evidence: LightEvidence, tone: ToneCurve, shown: FloatArray, exchange: csr_array, tint: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """(n, 3) light that a picture shows at points, brought to daylight's tint, and that it shows around them."""
+    sent = cones_of_srgb(tone.light(evidence.face_shown))
+    sent[evidence.face_lamp] = 0.0
+    elsewhere = np.average(sent, axis=0, weights=evidence.face_area)
+    gathered = np.asarray(exchange @ np.vstack([sent, elsewhere]), dtype=np.float64)
+    seen = np.maximum(cones_of_srgb(tone.light(shown)), LEAST_LIGHT)
+    return seen if tint is None else seen / tint, gathered
+
+
+def _log_ratio(model: _Model, parameters: FloatArray) -> FloatArray:
+    seen, light, _ = model.all_light(parameters)
+    return np.asarray(np.log(seen / light), dtype=np.float64)
+
+
+def _covariance(model: _Model, jacobian: FloatArray, residual: FloatArray) -> FloatArray:
+    """Covariance of the parameters, errors taken as alike within a cell (cluster-robust sandwich)."""
+    rows = 3 * model.rows.size
+    bread = np.linalg.pinv(jacobian.T @ jacobian)
+    scores = (jacobian[:rows] * residual[:rows, None]).reshape(model.rows.size, 3, -1).sum(axis=1)
+    clusters = np.zeros((model.witnesses, model.count))
+    np.add.at(clusters, model.cluster, scores)
+    prior = jacobian[rows:]
+    meat = clusters.T @ clusters + prior.T @ prior
+    return np.asarray(bread @ meat @ bread, dtype=np.float64)
+
+
+def _flux_deviations(model: _Model, covariance: FloatArray) -> FloatArray:
+    """(lamp,) of each lamp's log flux over the geometric mean of all."""
+    count = len(model.direct)
+    if not model.fit_fluxes:
+        return np.zeros(count)
+    over_mean = np.eye(count) - 1.0 / count
+    variance = np.einsum("li,ij,lj->l", over_mean, covariance[COMMON:, COMMON:], over_mean)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
+
+
+def _robust_deviation(values: FloatArray) -> float:
+    """Standard deviation of a normal law from the median of absolute values."""
+    return float(1.4826 * np.median(np.abs(values)))

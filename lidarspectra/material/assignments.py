@@ -1,0 +1,280 @@
+"""The user's word on materials: a CSV that gives groups of faces, or single faces, a reflectance by its ID.
+
+The `materials.csv` that a run writes is such a file: change the cell `reflectance` of a group to the ID of a database
+('builtin:white-wall', '00042') or to a spectrum file (.csv, beside the assignments), delete the rows that shall stay as
+estimated, and name the file in the run file:
+
+    group,reflectance
+    0,builtin:white-wall
+    3,carpet.csv
+
+`group` may be '*' for all groups that have no row of their own. With a column `face` in place of `group`, rows are
+single faces of the scan after repair.
+"""
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, cast, get_args
+
+import numpy as np
+
+from lidarspectra.errors import DatabaseError, MaterialError
+from lidarspectra.material.material_map import Material, MaterialMap, Provenance, SurfaceKind
+from lidarspectra.reflectance_library import MAX_REFLECTANCE, Reflectance, ReflectanceLibrary
+from lidarspectra.spectra import Spectrum
+from lidarspectra.spectrum_files import finite_number, read_spectrum_file, read_text
+
+ALL_GROUPS = "*"
+AS_ESTIMATED = "recovered"  # a reflectance that starts so, or an empty one, leaves the group as it was estimated
+SURFACE_COLUMNS = ("specularity", "roughness", "transmittance")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assignment:
+    """One row of the file.
+
+    Parameters
+    ----------
+    target : str
+        Group number, '*', or face number.
+    reflectance : str
+        Database ID or spectrum file; empty to keep the estimate.
+    surface : dict of str to str
+        The cells of kind, name, specularity, roughness and transmittance that are not empty.
+    line : int
+        In the file, for errors.
+    """
+
+    target: str
+    reflectance: str
+    surface: Mapping[str, str]
+    line: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assignments:
+    """A file of assignments.
+
+    Parameters
+    ----------
+    by : 'group' or 'face'
+    rows : tuple of Assignment
+        Each target once.
+    """
+
+    by: Literal["group", "face"]
+    rows: tuple[Assignment, ...]
+
+
+def read_assignments(path: Path) -> Assignments:
+    """Read a file of assignments.
+
+    Raises
+    ------
+    MaterialError
+        If it is no such file; the line is named.
+    """
+    try:
+        reader = csv.DictReader(io.StringIO(read_text(path), newline=""))
+        columns = [str(name).strip().lower() for name in reader.fieldnames or ()]
+        by: Literal["group", "face"] = "face" if "face" in columns else "group"
+        if by not in columns or "reflectance" not in columns:
+            raise _fault(path, 1, expected="columns 'group' (or 'face') and 'reflectance'", found=", ".join(columns))
+        reader.fieldnames = columns
+        rows: dict[str, Assignment] = {}
+        for cells in reader:
+            line = reader.line_num
+            texts = {str(key): str(value or "").strip() for key, value in cells.items() if key is not None}
+            target = texts[by]
+            if not target.isdecimal() and not (by == "group" and target == ALL_GROUPS):
+                raise _fault(path, line, expected=f"the number of a {by}", found=f"'{target}'")
+            if target in rows:
+                raise _fault(path, line, expected=f"each {by} once", found=f"{target} again")
+            kept = ("name", "kind", *SURFACE_COLUMNS)
+            surface = {name: texts[name] for name in kept if texts.get(name)}
+            rows[target] = Assignment(target=target, reflectance=texts["reflectance"], surface=surface, line=line)
+    except (DatabaseError, csv.Error) as cause:
+        raise MaterialError(
+            expected="a readable CSV of assignments", found=str(cause), where=str(path), todo="See docs/run-file.md."
+        ) from cause
+    return Assignments(by=by, rows=tuple(rows.values()))
+
+
+def spectrum_files(path: Path) -> tuple[str, ...]:
+    """Names of the spectrum files that a file of assignments points to; none where it cannot be read.
+
+    Parameters
+    ----------
+    path : Path
+        Of the assignments; the names start at its folder.
+
+    Returns
+    -------
+    names : tuple of str
+    """
+    try:
+        rows = read_assignments(path).rows
+    except MaterialError:
+        return ()  # refused, in words, where the assignments are wanted
+    return tuple(row.reflectance for row in rows if _is_file(row.reflectance))
+
+
+def _is_file(reflectance: str) -> bool:
+    return reflectance.lower().endswith(".csv")
+
+
+def assign(
+    estimated: MaterialMap, assignments: Assignments, library: ReflectanceLibrary, *, where: Path
+) -> MaterialMap:
+    """Do what the user says, over what was estimated.
+
+    Parameters
+    ----------
+    estimated : MaterialMap
+    assignments : Assignments
+    library : ReflectanceLibrary
+        Where IDs are looked up.
+    where : Path
+        The file, for errors and as the folder of spectrum files.
+
+    Returns
+    -------
+    materials : MaterialMap
+        With provenance 'assigned' where the file speaks.
+
+    Raises
+    ------
+    MaterialError
+        If a group, face, ID or value is not there or does not fit.
+    """
+    if assignments.by == "face":
+        return _assign_faces(estimated, assignments, library, where)
+    materials = list(estimated.materials)
+    named = {row.target for row in assignments.rows}
+    for row in assignments.rows:
+        if row.target == ALL_GROUPS:
+            groups = [group for group in range(len(materials)) if str(group) not in named]
+        else:
+            groups = [int(row.target)]
+        for group in groups:
+            if group >= len(materials):
+                raise _fault(where, row.line, expected=f"a group from 0 to {len(materials) - 1}", found=str(group))
+            materials[group] = _assigned(row, materials[group], library, where)
+    return replace(estimated, materials=tuple(materials))
+
+
+def _assign_faces(
+    estimated: MaterialMap, assignments: Assignments, library: ReflectanceLibrary, where: Path
+) -> MaterialMap:
+    """Give single faces their materials; faces of equal rows share one."""
+    materials = list(estimated.materials)
+    face_material = estimated.face_material.copy()
+    made: dict[tuple[str, ...], int] = {}
+    for row in assignments.rows:
+        face = int(row.target)
+        if face >= face_material.size:
+            raise _fault(where, row.line, expected=f"a face from 0 to {face_material.size - 1}", found=str(face))
+        before = estimated.materials[estimated.face_material[face]]
+        key = (row.reflectance, *(f"{name}={value}" for name, value in row.surface.items()))
+        if key not in made:
+            made[key] = len(materials)
+            materials.append(_assigned(row, before, library, where))
+        face_material[face] = made[key]
+    used, renamed = np.unique(face_material, return_inverse=True)
+    return replace(estimated, materials=tuple(materials[n] for n in used), face_material=renamed)
+
+
+def _assigned(row: Assignment, before: Material, library: ReflectanceLibrary, where: Path) -> Material:
+    """Material of a row, over the one that was estimated."""
+    material = before
+    if row.reflectance and not row.reflectance.lower().startswith(AS_ESTIMATED):
+        try:
+            if _is_file(row.reflectance):
+                material = _file_material(where.parent / row.reflectance, row.reflectance)
+            else:
+                material = database_material(
+                    library.find(row.reflectance), library, provenance="assigned", confidence=1.0
+                )
+        except DatabaseError as cause:
+            raise _fault(
+                where, row.line, expected="a reflectance of the databases or a file", found=str(cause)
+            ) from cause
+        material = replace(material, color=before.color)
+    changes: dict[str, object] = {}
+    for name in SURFACE_COLUMNS:
+        if name in row.surface:
+            try:
+                changes[name] = finite_number(row.surface[name], where=name)
+            except DatabaseError as cause:
+                raise _fault(where, row.line, expected=f"{name} from 0 to 1", found=row.surface[name]) from cause
+            if not 0.0 <= cast(float, changes[name]) <= 1.0:
+                raise _fault(where, row.line, expected=f"{name} from 0 to 1", found=row.surface[name])
+    if "kind" in row.surface:
+        if row.surface["kind"] not in get_args(SurfaceKind):
+            raise _fault(where, row.line, expected=f"one of {get_args(SurfaceKind)}", found=row.surface["kind"])
+        changes["kind"] = row.surface["kind"]
+    return replace(material, **changes)  # type: ignore[arg-type]
+
+
+def database_material(
+    surface: Reflectance, library: ReflectanceLibrary, *, provenance: Provenance, confidence: float
+) -> Material:
+    """Material of a database surface as it is.
+
+    Parameters
+    ----------
+    surface : Reflectance
+        Of the library.
+    library : ReflectanceLibrary
+        For its colour.
+    provenance : str
+        Why it has that material: 'assigned' or 'default'.
+    confidence : float
+        [0-1]
+
+    Returns
+    -------
+    material : Material
+    """
+    color = np.clip(library.linear_srgb[library.rows.index(surface)], 0.0, 1.0)
+    return Material(
+        name=surface.name,
+        category=surface.category,
+        reflectance=surface.spectrum,
+        kind="metal" if surface.kind == "metal" else "plastic",
+        specularity=surface.specularity,
+        roughness=surface.roughness,
+        source=surface.key,
+        provenance=provenance,
+        confidence=confidence,
+        measured_range_nm=surface.range_nm,
+        color=(float(color[0]), float(color[1]), float(color[2])),
+    )
+
+
+def _file_material(path: Path, name: str) -> Material:
+    spectrum = read_spectrum_file(path).spectrum
+    if spectrum.values.max() > MAX_REFLECTANCE:
+        raise DatabaseError(
+            expected=f"a reflectance of at most {MAX_REFLECTANCE}, as a fraction",
+            found=f"{spectrum.values.max():g}",
+            where=str(path),
+            todo="Divide percent by 100.",
+        )
+    return Material(
+        name=path.stem,
+        category="unknown",
+        reflectance=Spectrum(wavelengths_nm=spectrum.wavelengths_nm, values=spectrum.values, name=path.stem),
+        source=name,
+        provenance="assigned",
+        confidence=1.0,
+        measured_range_nm=spectrum.range_nm,
+        color=(0.0, 0.0, 0.0),
+    )
+
+
+def _fault(path: Path, line: int, *, expected: str, found: str) -> MaterialError:
+    return MaterialError(expected=expected, found=found, where=f"{path}, line {line}", todo="Mend that line.")

@@ -1,0 +1,144 @@
+"""A fully connected conditional random field over an image: labels follow the picture's edges (paper, Section 2.3.1).
+
+Each pixel i has a class x_i. With p_i, I_i its place and colour, the energy of a labelling is
+
+    E(x) = sum_i -log P(x_i)  +  sum_i<j [x_i != x_j] (w1 k1(i, j) + w2 k2(i, j)),
+    k1 = exp(-|p_i - p_j|² / 2 a² - |I_i - I_j|² / 2 b²)    (appearance),
+    k2 = exp(-|p_i - p_j|² / 2 c²)                          (smoothness),
+
+and mean field iterates Q_i(l) ~ P_i(l) exp(w1 m1_i(l) + w2 m2_i(l)) until it settles, where m is the kernel-weighted
+mean of Q. A mean, not a sum: the weights then do not depend on the image's size.
+
+k2 is a Gaussian blur. k1 is one in five dimensions, place and colour: pixels are gathered in the cells of a lattice
+there, cells that pixels lie in are blurred with their neighbours by 1/4 1/2 1/4 along each dimension, as a product of
+sparse matrices, and pixels read their cells (a bilateral grid). Gathering, blur and reading together spread by
+sqrt(1/2 + 1/6) cells, from which the cells' size follows; the mean of some shifted lattices is smoother than one.
+(OpenCV's adaptive manifolds do the same job, but start from random numbers and give NaN for plain pictures.)
+
+References
+----------
+Krähenbühl, Koltun (2011) Efficient inference in fully connected CRFs with Gaussian edge potentials, NIPS 24, Eq. 1 to 3
+and Algorithm 1. Barron, Poole (2016) The fast bilateral solver, ECCV, Section 2.1 (sparse bilateral grids).
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.sparse import coo_array, csr_array, eye_array
+from scipy.special import softmax
+
+from lidarspectra.arrays import ByteArray, FloatArray, IntArray
+from lidarspectra.errors import ArrayError
+
+LEAST_PROBABILITY = 1e-4  # [1] of a class; nothing is impossible to a network
+CELL_OVER_SIGMA = (1.0 / 2.0 + 1.0 / 6.0) ** -0.5  # [1] size of a lattice's cells over the kernel's sigma
+LATTICES = 4  # [1] shifted against one another
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrfSettings:
+    """Kernels and weights.
+
+    Parameters
+    ----------
+    appearance_weight, smoothness_weight : float
+        w1 and w2. [1]
+    appearance_px : float
+        a. [pixel]
+    appearance_color : float
+        b, of sRGB-encoded colours. [1]
+    smoothness_px : float
+        c. [pixel]
+    rounds : int
+        Mean-field updates.
+    """
+
+    appearance_weight: float = 3.0
+    smoothness_weight: float = 1.0
+    appearance_px: float = 12.0
+    appearance_color: float = 0.08
+    smoothness_px: float = 1.5
+    rounds: int = 8
+
+
+def refine(probabilities: FloatArray, image: ByteArray, settings: CrfSettings | None = None) -> FloatArray:
+    """Mean-field probabilities of the classes, given each pixel's own and the picture.
+
+    Parameters
+    ----------
+    probabilities : (height, width, class) float
+        Of each pixel by itself. [0-1]
+    image : (height, width, 3) uint8
+        sRGB encoded.
+    settings : CrfSettings, optional
+
+    Returns
+    -------
+    refined : (height, width, class) float
+        Summing to 1 over the classes.
+
+    Raises
+    ------
+    ArrayError
+        If image and probabilities differ in size, or are not finite.
+    """
+    chosen = settings or CrfSettings()
+    if probabilities.ndim != 3 or image.shape != (*probabilities.shape[:2], 3) or not np.isfinite(probabilities).all():
+        raise ArrayError(
+            expected="finite probabilities (height, width, class) and an image of that height and width",
+            found=f"shapes {probabilities.shape} and {image.shape}",
+            where="crf.refine",
+        )
+    own = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
+    belief = np.asarray(softmax(own, axis=-1), dtype=np.float64)
+    lattices = _lattices(image, chosen)
+    for _ in range(chosen.rounds):
+        score = own + chosen.smoothness_weight * _blur(belief, chosen.smoothness_px)
+        score += chosen.appearance_weight * _appearance_mean(belief, lattices)
+        belief = np.asarray(softmax(score, axis=-1), dtype=np.float64)
+    return belief
+
+
+def _blur(belief: FloatArray, sigma_px: float) -> FloatArray:
+    blurred = cv2.GaussianBlur(belief, (0, 0), sigma_px, borderType=cv2.BORDER_REFLECT)
+    return np.asarray(blurred, dtype=np.float64).reshape(belief.shape)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Lattice:
+    """Cells that pixels lie in: (cell, pixel) gathering, and (cell, cell) blur."""
+
+    gather: csr_array
+    blur: csr_array
+
+
+def _lattices(image: ByteArray, settings: CrfSettings) -> list[_Lattice]:
+    y, x = np.mgrid[0 : image.shape[0], 0 : image.shape[1]]
+    place = np.stack([x.ravel(), y.ravel()], axis=1) / (CELL_OVER_SIGMA * settings.appearance_px)
+    color = image.reshape(-1, 3) / (255.0 * CELL_OVER_SIGMA * settings.appearance_color)
+    coordinates = np.hstack([place, color])
+    return [_lattice(np.floor(coordinates + number / LATTICES).astype(np.int64)) for number in range(LATTICES)]
+
+
+def _lattice(cells: IntArray) -> _Lattice:
+    """Lattice of the (pixel, 5) whole-numbered cells that pixels lie in."""
+    low = cells.min(axis=0) - 1
+    extent = cells.max(axis=0) - low + 2  # a cell more at either end, so that no step leaves its row
+    step = np.concatenate([[1], np.cumprod(extent)[:-1]])
+    keys, number = np.unique((cells - low) @ step, return_inverse=True)
+    count, pixels = len(keys), len(cells)
+    gather = csr_array((np.ones(pixels), (number.reshape(-1), np.arange(pixels))), shape=(count, pixels))
+    blur = eye_array(count, format="csr")
+    for stride in step:
+        found = np.minimum(np.searchsorted(keys, keys + stride), count - 1)
+        lower = np.flatnonzero(keys[found] == keys + stride)
+        pairs = coo_array((np.full(lower.size, 0.25), (lower, found[lower])), shape=(count, count))
+        blur = (0.5 * eye_array(count) + pairs + pairs.T).tocsr() @ blur
+    return _Lattice(gather=gather, blur=blur)
+
+
+def _appearance_mean(belief: FloatArray, lattices: list[_Lattice]) -> FloatArray:
+    flat = np.concatenate([belief.reshape(-1, belief.shape[2]), np.ones((belief[..., 0].size, 1))], axis=1)
+    total = sum(each.gather.T @ (each.blur @ (each.gather @ flat)) for each in lattices)
+    return np.asarray(total[:, :-1] / total[:, -1:], dtype=np.float64).reshape(belief.shape)

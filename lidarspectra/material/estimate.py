@@ -1,0 +1,273 @@
+"""Estimate the materials of a scan: MS, DM and RPP of the paper's Algorithm 1, on the views that were chosen.
+
+Each face has a colour; primary colours are found among all faces, and every face takes one of them, by its own colour
+and by what its neighbours take. Each face also has a material class, from a network that looks at all views and from
+where in the room it lies. Faces of one primary colour and one class are a segment, and each segment becomes a material
+by matching its colour to the reflectance databases, surfaces of its class favoured.
+
+The colour that a phone's texture shows is reflectance times light: nothing here takes the light out. All steps work
+from a (face, 3) array of linear colours, so that one from which the light was divided out can be given in its place.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
+from lidarspectra.colorimetry import linear_srgb_to_lab, linear_srgb_to_xyz
+from lidarspectra.config import MaterialsSection
+from lidarspectra.databases import load_reflectances
+from lidarspectra.errors import MaterialError
+from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.hardware.room.room import Room
+from lidarspectra.material.assignments import assign, database_material, read_assignments
+from lidarspectra.material.colors import color_words, mean_color, primary_colors, saturated, surface_colors
+from lidarspectra.material.face_groups import agreement, face_adjacency, smooth_labels
+from lidarspectra.material.fusion import FaceClasses, fuse, split_by_class, view_votes
+from lidarspectra.material.matching import Match, MatchMethod, match_color
+from lidarspectra.material.material_map import Material, MaterialMap
+from lidarspectra.material.place_priors import class_prior, find_places
+from lidarspectra.material.segmentation import SHIPPED_MODEL, Classifier
+from lidarspectra.material.surface_classes import favored_surfaces
+from lidarspectra.material.views import ViewSet
+from lidarspectra.progress import Progress, part_of, silent
+from lidarspectra.reflectance_library import ReflectanceLibrary
+
+SEED = 20241104  # of K-means; materials of one scan are the same on every run
+UNSEEN_EVIDENCE = 0.1  # [1] how much the colour of a face counts that no view saw, against one that is seen whole
+LEAST_SHARE = 2e-4  # [1] of the area; smaller groups of faces join the material nearest in colour
+CONFIDENT_DIFFERENCE = 10.0  # [1] CIEDE2000 to the nearest surface at which confidence has fallen to 1/e
+UNKNOWN = "unknown"  # class of a material where none was estimated
+VISIBLE_BANDS_NM = (400.0, 770.0)  # [nm] what the sensor's first 14 channels see
+
+
+def estimate_materials(
+    scan: Scan,
+    views: ViewSet,
+    section: MaterialsSection | None = None,
+    *,
+    library: ReflectanceLibrary | None = None,
+    room: Room | None = None,
+    face_color: FloatArray | None = None,
+    matching: MatchMethod = "wiener",
+    base_folder: Path | None = None,
+    progress: Progress = silent,
+) -> MaterialMap:
+    """Give every face of a scan a reflectance spectrum.
+
+    Parameters
+    ----------
+    scan : Scan
+    views : ViewSet
+        Of this scan; what they do not show is decided by what surrounds it.
+    section : MaterialsSection, optional
+        'estimate' finds the materials; 'default' gives all faces one; 'file' estimates them and then does what the
+        file says (see `assignments`).
+    library : ReflectanceLibrary, optional
+        Read from the section's databases where it is not given.
+    room : Room, optional
+        In the scan; without it the classes come from the pictures alone.
+    face_color : (face, 3) float, optional
+        Linear sRGB to work from in place of the texture's, with the light taken out for instance. [0-1]
+    matching : str
+        'wiener' or 'nearest', see `matching.match_color`.
+    base_folder : Path, optional
+        Where relative file names of the section start; the run file's folder.
+    progress : callable
+        Told how far it is.
+
+    Returns
+    -------
+    materials : MaterialMap
+        By descending area. Faces without colour, and those that show a lamp, have the default material.
+
+    Raises
+    ------
+    MaterialError
+        If colours and views do not belong to the scan, or the file of assignments does not fit.
+    DatabaseError
+        If a database or the default material is not there.
+    """
+    chosen = section or MaterialsSection()
+    known = load_reflectances(chosen.databases, base_folder) if library is None else library
+    default = database_material(known.find(chosen.default), known, provenance="default", confidence=0.0)
+    progress(0.0, "reading colours")
+    colors, usable = surface_colors(scan) if face_color is None else _given_colors(scan, face_color)
+    if views.face_seen.size != len(scan.faces):
+        raise MaterialError(
+            expected=f"views of this scan ({len(scan.faces)} faces)",
+            found=f"views of one with {views.face_seen.size}",
+            where="views",
+            todo="Run the views stage again.",
+        )
+    if chosen.method == "default":
+        label = np.zeros(len(scan.faces), dtype=np.int64)
+        return _material_map([default], label, colors, views)
+    label, count = find_groups(scan, colors, usable, views.face_seen, most=chosen.colors)
+    names = (UNKNOWN,) * count
+    if count and chosen.model != "none":
+        path = SHIPPED_MODEL if chosen.model == "builtin" else (base_folder or Path()) / chosen.model
+        looking = part_of(progress, 0.1, 0.9)
+        classes = material_classes(scan, views, Classifier(path), room=room, colors=colors, progress=looking)
+        label, count, names = split_by_class(label, classes, scan.areas, most=chosen.colors)
+    progress(0.9, f"{count} segments")
+    materials = [
+        _material(group, names[group], colors, label, scan.areas, views.face_seen, known, matching)
+        for group in range(count)
+    ]
+    if (label < 0).any():
+        label = np.where(label < 0, count, label)
+        materials.append(default)
+    materials = _distinct_names(materials)
+    estimated = _material_map(materials, label, colors, views)
+    progress(0.95, f"{len(estimated.materials)} materials")
+    if chosen.file is not None:
+        path = Path(chosen.file) if base_folder is None else base_folder / chosen.file
+        estimated = assign(estimated, read_assignments(path), known, where=path)
+    progress(1.0, "materials estimated")
+    return estimated
+
+
+def material_classes(
+    scan: Scan,
+    views: ViewSet,
+    classifier: Classifier,
+    *,
+    room: Room | None,
+    colors: FloatArray,
+    progress: Progress = silent,
+) -> FaceClasses:
+    """Material class of every face: the views' votes, the room's geometry, and the neighbours.
+
+    Parameters
+    ----------
+    scan : Scan
+    views : ViewSet
+        Of it.
+    classifier : Classifier
+    room : Room or None
+        In the scan; None leaves the geometry out.
+    colors : (face, 3) float
+        Linear sRGB, by which neighbours agree or do not. [0-1]
+    progress : callable
+
+    Returns
+    -------
+    classes : FaceClasses
+    """
+    votes = view_votes(classifier, scan, views, progress)
+    adjacency = face_adjacency(scan)
+    neighbors = agreement(adjacency, linear_srgb_to_lab(colors), scan.normals)
+    prior = None if room is None else class_prior(find_places(scan, room, adjacency), classifier.classes)
+    return fuse(votes, neighbors, prior)
+
+
+def find_groups(
+    scan: Scan, colors: FloatArray, usable: BoolArray, seen: FloatArray, *, most: int
+) -> tuple[IntArray, int]:
+    """Group faces by primary colour, neighbours that look alike held together.
+
+    Parameters
+    ----------
+    scan : Scan
+    colors : (face, 3) float
+        Linear sRGB. [0-1]
+    usable : (face,) bool
+        Whose colour shows a surface.
+    seen : (face,) float
+        Share of each face that some view saw. [0-1]
+    most : int
+        Largest number of groups.
+
+    Returns
+    -------
+    label : (face,) int
+        -1 for faces that are not usable.
+    count : int
+        Number of groups; each has faces.
+    """
+    areas = scan.areas
+    label = np.full(len(colors), -1, dtype=np.int64)
+    evidence = UNSEEN_EVIDENCE + (1.0 - UNSEEN_EVIDENCE) * seen
+    weight = areas * evidence * usable
+    if not weight.sum() > 0:
+        return label, 0
+    lab = linear_srgb_to_lab(colors)
+    found = primary_colors(lab[usable], weight[usable], most=most, random=np.random.default_rng(SEED))
+    weights = agreement(face_adjacency(scan), lab, scan.normals)
+    centers = found.lab
+    label = smooth_labels(lab, centers, evidence * usable, weights)
+    share = np.bincount(label[usable], weights=areas[usable], minlength=len(centers)) / areas[usable].sum()
+    large = np.flatnonzero(share >= min(LEAST_SHARE, float(share.max())))
+    if large.size < len(centers):
+        label = large[np.linalg.norm(centers[label][:, None] - centers[large][None], axis=2).argmin(axis=1)]
+    label[~usable] = -1
+    kept = np.unique(label[label >= 0])
+    by_area = kept[np.argsort(-share[kept], kind="stable")]
+    renamed = np.full(len(centers) + 1, -1, dtype=np.int64)
+    renamed[by_area] = np.arange(by_area.size)
+    return renamed[label], int(by_area.size)
+
+
+def _given_colors(scan: Scan, given: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Linear colours that the caller gives, and which of them show a surface."""
+    colors = np.clip(float_array(given, name="face_color", shape=(len(scan.faces), 3)), 0.0, 1.0)
+    return colors, ~saturated(colors)
+
+
+def _material(
+    group: int,
+    name: str,
+    colors: FloatArray,
+    label: IntArray,
+    areas: FloatArray,
+    seen: FloatArray,
+    library: ReflectanceLibrary,
+    matching: MatchMethod,
+) -> Material:
+    """Material of a segment: its inliers' mean colour, matched."""
+    member = label == group
+    color = mean_color(colors[member], areas[member])
+    favored = None if name == UNKNOWN else favored_surfaces(library, name)
+    match = match_color(linear_srgb_to_xyz(color), library, method=matching, favored=favored)
+    words = color_words(linear_srgb_to_lab(color)) + ("" if name == UNKNOWN else f" {name}")
+    measured = match.provenance == "measured"
+    return Material(
+        name=f"{words}, as {match.nearest.name}" if measured else words,
+        category=match.nearest.category if name == UNKNOWN and measured else name,
+        reflectance=match.spectrum,
+        source=match.nearest.key if measured else f"recovered ({match.method}), near {match.nearest.key}",
+        provenance=match.provenance,
+        confidence=_confidence(match, float(np.average(seen[member], weights=np.maximum(areas[member], 1e-12)))),
+        measured_range_nm=match.measured_range_nm,
+        color=(float(color[0]), float(color[1]), float(color[2])),
+        uncertainty=match.uncertainty,
+    )
+
+
+def _confidence(match: Match, seen: float) -> float:
+    """Rank from 0 to 1, no probability: how near the library comes, how much was seen, how far it was measured.
+
+    exp(-difference / 10) x (1 + seen) / 2 x share of 400 to 770 nm that was measured.
+    """
+    low = max(match.measured_range_nm[0], VISIBLE_BANDS_NM[0])
+    high = min(match.measured_range_nm[1], VISIBLE_BANDS_NM[1])
+    measured = max(0.0, high - low) / (VISIBLE_BANDS_NM[1] - VISIBLE_BANDS_NM[0])
+    difference = max(match.difference, match.color_error)
+    return float(np.exp(-difference / CONFIDENT_DIFFERENCE) * 0.5 * (1.0 + seen) * measured)
+
+
+def _distinct_names(materials: list[Material]) -> list[Material]:
+    """Number the names that repeat."""
+    named, count = [], dict.fromkeys((material.name for material in materials), 0)
+    names = [material.name for material in materials]
+    for material in materials:
+        count[material.name] += 1
+        number = f" {count[material.name]}" if names.count(material.name) > 1 else ""
+        named.append(replace(material, name=material.name + number))
+    return named
+
+
+def _material_map(materials: list[Material], label: IntArray, colors: FloatArray, views: ViewSet) -> MaterialMap:
+    return MaterialMap(materials=tuple(materials), face_material=label, face_color=colors, face_seen=views.face_seen)

@@ -1,0 +1,248 @@
+"""What a bright patch shows, and what it must show to pass for a lit lamp."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, ByteArray, FloatArray
+from lidarspectra.material.outline_fit import OutlineFit
+from lidarspectra.material.plane_picture import PlanePicture
+
+PlaneKind = Literal["ceiling", "wall"]
+
+SATURATED = 0.9  # [1] linear value of the brightest colour from which a pixel counts as saturated
+RING_GAP_M = 0.02  # [m] blur that is left out between a patch and its surroundings
+RING_M = 0.04  # [m] width of the surroundings that must be darker
+RING_LEVEL = 0.8  # [1] of the patch's luminance, that its surroundings stay below
+RIM_REACH_M = 0.08  # [m] on either side of a patch's edge, where its rim is looked for
+RIM_LEVELS = (0.4, 0.8)  # [1] between surroundings (0) and patch (1): brightness that belongs to the rim
+RECESS_M = 0.12  # [m] what lies deeper behind its ceiling is a skylight or a hole
+FLUSH_M = 0.12  # [m] what hangs lower has to look like a lamp beyond doubt
+LEVEL_COSINE = 0.7  # [1] between a patch's faces and its plane; glass makes a scan's surface wild
+LEVEL_M = 0.08  # [m] between the lower and the upper tenth of a patch's heights
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demands:
+    """What a patch must show to pass as a lamp.
+
+    Parameters
+    ----------
+    contrast : float
+        Times the luminance of its surroundings. [1]
+    saturated_share : float
+        Of its pixels; a patch of twice the contrast passes with less. [0-1]
+    overlap : float
+        Intersection over union with its outline. [0-1]
+    bounded_share : float
+        Of its surroundings that are clearly darker. [0-1]
+    rim_m : float
+        Widest rim in which it fades into its surroundings. [m]
+    least_side_m, most_area_m2 : float
+        [m, m²]
+    protrusion_m : float
+        Out of its plane; negative allows for recessed lamps. [m]
+    gray : float
+        Least over greatest of its mean linear R, G, B: screens are colourful. [0-1]
+    """
+
+    contrast: float
+    saturated_share: float
+    overlap: float
+    bounded_share: float
+    rim_m: float
+    least_side_m: float
+    most_area_m2: float
+    protrusion_m: float
+    gray: float
+
+
+ON_CEILING = Demands(
+    contrast=1.6,
+    saturated_share=0.5,
+    overlap=0.68,
+    bounded_share=0.9,
+    rim_m=0.04,
+    least_side_m=0.03,
+    most_area_m2=3.0,
+    protrusion_m=-RECESS_M,
+    gray=0.15,
+)
+HANGING = Demands(
+    contrast=2.5,
+    saturated_share=0.8,
+    overlap=0.8,
+    bounded_share=0.95,
+    rim_m=0.03,
+    least_side_m=0.04,
+    most_area_m2=2.0,
+    protrusion_m=0.0,
+    gray=0.3,
+)
+# A window, a screen and the mirror image of a lamp lie in or behind their wall; a wall lamp stands out of it.
+ON_WALL = Demands(
+    contrast=3.0,
+    saturated_share=0.9,
+    overlap=0.8,
+    bounded_share=0.98,
+    rim_m=0.03,
+    least_side_m=0.04,
+    most_area_m2=0.25,
+    protrusion_m=0.03,
+    gray=0.5,
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """What a patch shows.
+
+    Parameters
+    ----------
+    contrast, saturated_share, overlap, bounded_share, rim_m, least_side_m, protrusion_m, gray : float
+        As in `Demands`.
+    area_m2 : float
+        [m²]
+    unevenness_m : float
+        Between the lower and the upper tenth of its heights. [m]
+    facing : float
+        Mean cosine between its faces and its plane. [1]
+    height_m : float
+        Median height over its plane, into the room. [m]
+    color : (3,) float
+        Mean linear sRGB. [0-1]
+    """
+
+    contrast: float
+    saturated_share: float
+    overlap: float
+    bounded_share: float
+    rim_m: float
+    least_side_m: float
+    area_m2: float
+    protrusion_m: float
+    unevenness_m: float
+    facing: float
+    gray: float
+    height_m: float
+    color: FloatArray
+
+    def fault(self, demands: Demands) -> str | None:
+        """The first test that fails, in words; None for a lamp."""
+        clipped = self.saturated_share >= demands.saturated_share
+        level = self.facing >= LEVEL_COSINE and self.unevenness_m <= LEVEL_M
+        tests = (
+            (self.least_side_m >= demands.least_side_m, "too small"),
+            (self.area_m2 <= demands.most_area_m2, "too large: a window or a lit surface"),
+            (self.contrast >= demands.contrast, "hardly brighter than what surrounds it"),
+            (clipped or self.contrast >= 2.0 * demands.contrast, "not bright enough to be lit"),
+            (self.protrusion_m >= demands.protrusion_m, "in or behind its plane: a window, screen or reflection"),
+            (level, "not level with its plane: a reflection in glass"),
+            (self.bounded_share >= demands.bounded_share, "no darker surroundings on all sides"),
+            (self.rim_m <= demands.rim_m, "no sharp rim: a pool of light"),
+            (self.overlap >= demands.overlap, "neither a rectangle nor a disc"),
+            (self.gray >= demands.gray, "too colourful: a screen or a sign"),
+        )
+        return next((reason for passed, reason in tests if not passed), None)
+
+
+def gather_evidence(
+    picture: PlanePicture,
+    usable: BoolArray,
+    patch: BoolArray,
+    fit: OutlineFit,
+    *,
+    kind: PlaneKind,
+    around: float,
+    core: float,
+) -> Evidence:
+    """Measure a patch.
+
+    Parameters
+    ----------
+    picture : PlanePicture
+    usable : (row, column) bool
+        Pixels that were seen and lie in the room.
+    patch : (row, column) bool
+        At least one pixel.
+    fit : OutlineFit
+        The patch's.
+    kind : 'ceiling' or 'wall'
+        A wall's patch stands out of what surrounds it, a ceiling's out of the ceiling.
+    around, core : float
+        Luminance of the surroundings and of the patch. [1]
+
+    Returns
+    -------
+    evidence : Evidence
+    """
+    luminance = np.where(usable, picture.luminance, 0.0)
+    gap = grown(patch, RING_GAP_M / picture.pixel_m)
+    ring = grown(gap, RING_M / picture.pixel_m) & ~gap
+    beside = luminance[ring & usable]
+    heights = picture.height[patch & picture.seen]
+    height = float(np.median(heights)) if heights.size else 0.0
+    behind = picture.height[ring & picture.seen]
+    colors = picture.color[patch]
+    mean = colors.mean(axis=0)
+    return Evidence(
+        contrast=float(luminance[patch].mean() / max(float(np.median(beside)), 1e-3)) if beside.size else 0.0,
+        saturated_share=float((colors.max(axis=1) >= SATURATED).mean()),
+        overlap=fit.overlap,
+        # What was not seen beside a patch is a hole, and bounds nothing.
+        bounded_share=float((usable[ring] & (luminance[ring] <= RING_LEVEL * luminance[patch].mean())).mean()),
+        rim_m=_rim_m(picture, luminance, patch, around, core),
+        least_side_m=picture.pixel_m * min(fit.size),
+        area_m2=float(patch.sum()) * picture.pixel_m**2,
+        protrusion_m=height - float(np.median(behind)) if kind == "wall" and behind.size else height,
+        unevenness_m=float(np.subtract(*np.quantile(heights, [0.9, 0.1]))) if heights.size else np.inf,
+        facing=float(picture.facing[patch].mean()),
+        gray=float(mean.min() / max(float(mean.max()), 1e-3)),
+        height_m=height,
+        color=mean,
+    )
+
+
+def demands_on(kind: PlaneKind, height_m: float) -> Demands:
+    """What a patch of that plane, at that height over it, must show."""
+    if kind == "wall":
+        return ON_WALL
+    return HANGING if height_m > FLUSH_M else ON_CEILING
+
+
+def _rim_m(picture: PlanePicture, luminance: FloatArray, patch: BoolArray, around: float, core: float) -> float:
+    """Width of the rim in which a patch fades from four fifths to two fifths of its brightness [m]."""
+    near = grown(patch, RIM_REACH_M / picture.pixel_m)
+    level = (luminance - around) / max(core - around, 1e-6)
+    fading = near & (level > RIM_LEVELS[0]) & (level < RIM_LEVELS[1]) & ~shrunk(patch, RIM_REACH_M / picture.pixel_m)
+    perimeter = float((patch & ~shrunk(patch, 1)).sum())
+    return float(fading.sum()) / max(perimeter, 1.0) * picture.pixel_m
+
+
+def grown(patch: BoolArray, pixels: float) -> BoolArray:
+    """Patch and what lies within so many pixels of it."""
+    size = 2 * max(1, round(pixels)) + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return cv2.dilate(patch.astype(np.uint8), kernel).astype(np.bool_)
+
+
+def shrunk(patch: BoolArray, pixels: float) -> BoolArray:
+    """What of a patch lies farther than so many pixels from its edge."""
+    size = 2 * max(1, round(pixels)) + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return cv2.erode(patch.astype(np.uint8), kernel).astype(np.bool_)
+
+
+def opened(patch: BoolArray) -> ByteArray:
+    """A patch without its one-pixel threads, as zeros and ones."""
+    return cv2.morphologyEx(patch.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).astype(np.uint8)
+
+
+def filled(patch: BoolArray) -> BoolArray:
+    """A patch with its holes."""
+    image: ByteArray = patch.astype(np.uint8)
+    contours, _ = cv2.findContours(image, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(image, contours, -1, 1, thickness=cv2.FILLED)
+    return image.astype(np.bool_)

@@ -1,0 +1,264 @@
+"""Lamps that are lit in a scan's texture: bright, bounded, simple outlines on ceilings and walls.
+
+Method, for each plane: an orthographic picture at 1 cm; pixels far brighter than their surroundings seed patches; each
+patch is pictured again, finely, and cut at 60 % of the way from its surroundings to its own brightness; it is a lamp if
+it is saturated, sharply bounded on all sides, level with its plane and of the outline of a rectangle or a disc.
+Windows, reflections in glass, screens and pools of light fail one of these, and each patch left out says which.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, FloatArray, float_array
+from lidarspectra.errors import ArrayError
+from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.hardware.room.rays import RayCaster
+from lidarspectra.hardware.room.room import Room
+from lidarspectra.material.lamp_evidence import (
+    ON_CEILING,
+    RING_GAP_M,
+    Evidence,
+    demands_on,
+    filled,
+    gather_evidence,
+    grown,
+    opened,
+)
+from lidarspectra.material.lamp_surveys import Survey, seeds, surveys
+from lidarspectra.material.outline_fit import OutlineFit, fit_outline
+from lidarspectra.material.plane_picture import PlanePicture
+
+LitShape = Literal["panel", "strip", "disc"]
+
+MARGIN_M = 0.25  # [m] around a patch in its own picture
+CUT_LEVEL = 0.6  # [1] between surroundings (0) and patch (1): clipping lifts a lamp's blurred rim above the half
+CLEARANCE_M = 0.055  # [m] lamps are put so far clear of the mesh: nearer, its noise shades them
+BUMP_M = 0.15  # [m] what sticks out farther beside a lamp (a sprinkler) does not move the lamp
+SQUARE_ASPECT = 1.05  # [1] length over width below which a panel is square, and its turn known but for 90 degrees
+WORTH_TELLING_M2 = 0.005  # [m²] smaller bright patches are not reported when they are left out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LitLamp:
+    """A lamp found lit in a scan.
+
+    Parameters
+    ----------
+    shape : 'panel', 'strip' or 'disc'
+        Rectangles longer than 2.5 times their width are strips.
+    center : (3,) float
+        Clear of the mesh by 5.5 cm. [m]
+    size : tuple of float
+        Length and width, or the diameter. [m]
+    normal : (3,) float
+        Unit vector that it shines along.
+    rotation_deg : float
+        Turn of the length about the normal, from the x axis (from y where the normal is along x). [deg]
+    mean_color : (3,) float
+        Linear sRGB in the texture, clipped as the phone clipped it. [0-1]
+    saturated_share : float
+        Share of its pixels that the phone clipped. [0-1]
+    contrast : float
+        Its luminance over that of its surroundings, a lower bound where it is clipped. [1]
+    overlap : float
+        How well the outline fits, intersection over union. [0-1]
+    """
+
+    shape: LitShape
+    center: FloatArray
+    size: tuple[float, ...]
+    normal: FloatArray
+    rotation_deg: float
+    mean_color: FloatArray
+    saturated_share: float
+    contrast: float
+    overlap: float
+
+    def __post_init__(self) -> None:
+        for name in ("center", "normal", "mean_color"):
+            object.__setattr__(self, name, float_array(getattr(self, name), name=f"LitLamp.{name}", shape=(3,)))
+        wanted = 1 if self.shape == "disc" else 2
+        if len(self.size) != wanted or min(self.size) <= 0:
+            raise ArrayError(
+                expected=f"{wanted} positive size(s) for a {self.shape}", found=str(self.size), where="LitLamp.size"
+            )
+
+    @property
+    def area_m2(self) -> float:
+        """Area of the outline [m²]."""
+        return float(np.pi / 4.0 * self.size[0] ** 2) if self.shape == "disc" else self.size[0] * self.size[1]
+
+    @property
+    def confidence(self) -> float:
+        """How sure we are, from clipping, contrast and fit [0-1]."""
+        clear = min(1.0, (self.contrast - 1.0) / 1.5)
+        return float(np.clip(clear * max(self.saturated_share, 0.5) * min(1.0, self.overlap / 0.85), 0.0, 1.0))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BrightPatch:
+    """Something bright that was not taken for a lamp.
+
+    Parameters
+    ----------
+    center : (3,) float
+        [m]
+    area_m2 : float
+        [m²]
+    reason : str
+        Why it is none.
+    """
+
+    center: FloatArray
+    area_m2: float
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LampSearch:
+    """What a search for lit lamps found.
+
+    Parameters
+    ----------
+    lamps : tuple of LitLamp
+        In rows along the walls.
+    left_out : tuple of BrightPatch
+        What was bright but failed a test.
+    """
+
+    lamps: tuple[LitLamp, ...]
+    left_out: tuple[BrightPatch, ...]
+
+
+def find_lit_lamps(scan: Scan, room: Room, *, caster: RayCaster | None = None) -> tuple[LitLamp, ...]:
+    """Find the lamps that are lit in a scan's texture (see `search_lit_lamps`).
+
+    Parameters
+    ----------
+    scan : Scan
+        Normals towards the room.
+    room : Room
+    caster : RayCaster or None
+        The scan's, where the caller has one already.
+
+    Returns
+    -------
+    lamps : tuple of LitLamp
+        Empty where none is lit, or the scan has no colour.
+    """
+    return search_lit_lamps(scan, room, caster=caster).lamps
+
+
+def search_lit_lamps(scan: Scan, room: Room, *, caster: RayCaster | None = None) -> LampSearch:
+    """Search ceiling and walls for lit lamps, and tell what was left out.
+
+    Parameters
+    ----------
+    scan : Scan
+        Normals towards the room.
+    room : Room
+    caster : RayCaster or None
+        The scan's, where the caller has one already.
+
+    Returns
+    -------
+    search : LampSearch
+    """
+    if not scan.appearance.known:
+        return LampSearch(lamps=(), left_out=())
+    rays = caster or RayCaster(scan)
+    found: list[LitLamp] = []
+    left_out: list[BrightPatch] = []
+    for survey in surveys(scan, room, rays):
+        for seed in seeds(survey):
+            for result in _judged(survey, seed):
+                if isinstance(result, LitLamp):
+                    found.append(result)
+                elif result.area_m2 >= WORTH_TELLING_M2:
+                    left_out.append(result)
+    lamps = _without_doubles(found)
+    return LampSearch(lamps=_in_rows(lamps, room), left_out=tuple(left_out))
+
+
+def _judged(survey: Survey, box: tuple[FloatArray, FloatArray]) -> Iterator[LitLamp | BrightPatch]:
+    """Lamps, and what is none, in the box around a seed."""
+    picture = survey.close_up(box[0] - MARGIN_M, box[1] + MARGIN_M)
+    usable = picture.seen & survey.in_room(picture)
+    luminance = np.where(usable, picture.luminance, 0.0)
+    rows, columns = np.indices(usable.shape)
+    place = picture.coordinates(rows.ravel(), columns.ravel())
+    seeded = np.all((place >= box[0]) & (place <= box[1]), axis=1).reshape(usable.shape)
+    surroundings = usable & ~grown(seeded, RING_GAP_M / picture.pixel_m)
+    if not (usable & seeded).any() or not surroundings.any():
+        return
+    core = float(np.quantile(luminance[usable & seeded], 0.9))
+    around = float(np.median(luminance[surroundings]))
+    bright = usable & (luminance >= around + CUT_LEVEL * (core - around))
+    count, labels = cv2.connectedComponents(opened(bright), connectivity=4)
+    least = (0.7 * ON_CEILING.least_side_m / picture.pixel_m) ** 2
+    pixels = np.bincount(labels.ravel(), minlength=count)
+    in_box = np.bincount(labels[seeded], minlength=count)
+    for label in range(1, count):
+        if in_box[label] >= max(least, 0.5 * pixels[label]):
+            patch = filled(np.equal(labels, label))
+            fit = fit_outline(patch)
+            lit = gather_evidence(picture, usable, patch, fit, kind=survey.kind, around=around, core=core)
+            yield _lamp_or_not(survey, picture, patch, fit, lit)
+
+
+def _lamp_or_not(
+    survey: Survey, picture: PlanePicture, patch: BoolArray, fit: OutlineFit, lit: Evidence
+) -> LitLamp | BrightPatch:
+    middle = picture.coordinates(fit.center[1:], fit.center[:1])
+    reason = lit.fault(demands_on(survey.kind, lit.height_m))
+    if reason is not None:
+        center = survey.frame.to_room(middle, lit.height_m)[0]
+        return BrightPatch(center=center, area_m2=lit.area_m2, reason=reason)
+    around = grown(patch, 1.2 * CLEARANCE_M / picture.pixel_m) & picture.seen
+    heights = picture.height[around]
+    # The clearance counts from the highest bump of the mesh beside the lamp, so that none of them shades it.
+    highest = min(float(heights.max()), float(np.median(heights)) + BUMP_M)
+    return LitLamp(
+        shape=fit.shape,
+        center=survey.frame.to_room(middle, highest + CLEARANCE_M)[0],
+        size=tuple(picture.pixel_m * side for side in fit.size),
+        normal=survey.frame.normal,
+        rotation_deg=_least_turn(fit),
+        mean_color=lit.color,
+        saturated_share=lit.saturated_share,
+        contrast=lit.contrast,
+        overlap=lit.overlap,
+    )
+
+
+def _least_turn(fit: OutlineFit) -> float:
+    """Of the turns that put a rectangle in the same place, the one from -45 to 45 (square) or to 135 degrees."""
+    if fit.shape == "disc":
+        return 0.0
+    period = 90.0 if fit.size[0] < SQUARE_ASPECT * fit.size[1] else 180.0
+    return float((fit.angle_deg + 45.0) % period - 45.0)
+
+
+def _without_doubles(lamps: list[LitLamp]) -> list[LitLamp]:
+    """Drop lamps that lie on a better one: a seed's margin may hold its neighbour."""
+    kept: list[LitLamp] = []
+    for lamp in sorted(lamps, key=lambda each: -each.overlap):
+        if all(np.linalg.norm(lamp.center - other.center) > 0.5 * min(other.size) for other in kept):
+            kept.append(lamp)
+    return kept
+
+
+def _in_rows(lamps: list[LitLamp], room: Room) -> tuple[LitLamp, ...]:
+    """Ceiling lamps before wall lamps, in rows half a metre wide along the walls."""
+    angle = np.radians(room.wall_angle_deg)
+    along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+
+    def key(lamp: LitLamp) -> tuple[bool, float, float]:
+        plan = lamp.center[:2]
+        return bool(lamp.normal[2] > -0.5), float(np.round(plan @ across / 0.5)), float(plan @ along)
+
+    return tuple(sorted(lamps, key=key))

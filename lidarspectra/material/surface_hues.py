@@ -1,0 +1,66 @@
+"""Groups of surface points that have one reflectance, most likely: of one plane and one hue, whatever their brightness.
+
+Brightness must not part them: how it changes over a surface is what tells of the light.
+"""
+
+import numpy as np
+from sklearn.cluster import KMeans
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+
+HUES = 7  # [1] that a room is sorted into
+HUE_DIGITS = 6  # [1] decimals by which hues differ; what is less is round-off
+HUE_FLOOR = 0.01  # [1] of white, added before logarithms: a darker colour has no hue to speak of
+HUE_STARTS = 2  # [1] K-means restarts
+FLAT = 0.9  # [1] cosine to a room axis from which a point lies in a plane of the room
+PLANE_M = 0.2  # [m] points farther apart along their normal are of different planes
+FEWEST = 25  # [1] points of a group that has something to say
+SEED = 20240827  # of K-means; the same picture gives the same groups
+
+
+def surface_groups(
+    colors: FloatArray, positions: FloatArray, normals: FloatArray, usable: BoolArray, *, turn_deg: float
+) -> IntArray:
+    """Group points by plane and hue.
+
+    Parameters
+    ----------
+    colors : (point, 3) float
+        Linear, of light or of reflectance.
+    positions, normals : (point, 3) float
+        [m], [1]
+    usable : (point,) bool
+        Others are in no group.
+    turn_deg : float
+        Turn of the room's walls from the x axis. [deg]
+
+    Returns
+    -------
+    group : (point,) int
+        -1 for points of no group.
+    """
+    angle = np.radians(turn_deg)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    facing, places = normals @ turn, positions @ turn
+    axis = np.abs(facing).argmax(axis=1)
+    own = np.arange(len(colors))
+    member = usable & (np.abs(facing[own, axis]) > FLAT)
+    group = np.full(len(colors), -1, dtype=np.int64)
+    if member.sum() < max(FEWEST, HUES):
+        return group
+    hue = log_hue(colors[member]).round(HUE_DIGITS)
+    count = min(HUES, len(np.unique(hue, axis=0)))  # K-means complains where there are fewer to be found
+    found = KMeans(count, n_init=HUE_STARTS, random_state=SEED).fit(hue)
+    offset = np.rint(places[own, axis] / PLANE_M)
+    keys = np.stack([axis, np.sign(facing[own, axis]), offset], axis=1)[member]
+    _, label = np.unique(np.column_stack([keys, found.labels_]), axis=0, return_inverse=True)
+    label = label.reshape(-1)
+    label[np.bincount(label)[label] < FEWEST] = -1
+    group[member] = label
+    return group
+
+
+def log_hue(colors: FloatArray) -> FloatArray:
+    """Logarithms of (n, 3) colours less their mean: what a change of brightness leaves as it is."""
+    logs = np.log(np.maximum(colors, 0.0) + HUE_FLOOR)
+    return np.asarray(logs - logs.mean(axis=1, keepdims=True), dtype=np.float64)

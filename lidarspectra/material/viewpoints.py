@@ -1,0 +1,294 @@
+"""Where to look from: Algorithm 1 of the paper, its loop over viewpoints until the scan is covered.
+
+    V = {v0}, coverage = {}
+    while |coverage| / N < T:
+        capture the images of the viewpoint              -> views.capture_image
+        MS and DM give their pixels materials            -> material.estimate, on the views that are chosen here
+        RPP takes the pixels back to the scan            -> projection, and here: which samples of it the images show
+        append them to the coverage
+        Viewpoint Update: add the candidate in free space that sees the most uncovered area
+
+Coverage is docs/concepts.md, Eq. 6. It depends on where the camera stands and not on what the materials are, so the
+loop chooses the views first and the materials are estimated on all of them together. The paper counts points; area is
+counted here as well and decides, because a scan's points crowd where it has detail.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.errors import MaterialError
+from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.hardware.room.free_space import FreeSpace
+from lidarspectra.hardware.room.rays import RayCaster
+from lidarspectra.hardware.room.room import Room, find_room
+from lidarspectra.material.projection import DIRECTIONS, Camera, camera_towards, project
+from lidarspectra.material.surface_samples import SurfaceSamples, surface_samples
+from lidarspectra.material.views import View, ViewSet, capture_image
+from lidarspectra.progress import Progress, silent
+
+CANDIDATE_HEIGHTS = (0.15, 0.35, 0.6, 0.85)  # [1] of the room's height: below tables, above them, over all
+CLEARANCE_M = 0.15  # [m] a camera so close to a surface sees little else
+MOST_CANDIDATES = 240  # [1] bounds the time of the search
+MOST_OF_NEW = 0.8  # [1] of the new area that a viewpoint sees; directions beyond it are not worth their image
+SURFACE_GAP = 1e-3  # [1] of a sight line, left out at the surface so that a sample does not hide itself
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewSettings:
+    """How views are taken.
+
+    Parameters
+    ----------
+    width, height : int
+        Of each image. [pixel]
+    field_of_view_deg : float
+        Across the width; six square images of 90 degrees see all around. [deg]
+    samples : int
+        Rays a pixel along each side.
+    sample_spacing_m : float
+        Of the points on the surface by which coverage is counted. [m]
+    least_cosine : float
+        A surface seen more aslant than this does not count as seen. [1]
+    farthest_m : float
+        Nor does one farther away: a pixel is then wider than some centimetres. [m]
+    most_viewpoints : int
+        The loop ends there.
+    least_gain : float
+        It also ends where the best candidate would add less than this share of the area. [1]
+    """
+
+    width: int = 512
+    height: int = 512
+    field_of_view_deg: float = 90.0
+    samples: int = 2
+    sample_spacing_m: float = 0.06
+    least_cosine: float = 0.17
+    farthest_m: float = 12.0
+    most_viewpoints: int = 12
+    least_gain: float = 0.002
+
+
+def render_views(
+    scan: Scan,
+    room: Room | None = None,
+    *,
+    coverage: float = 0.95,
+    settings: ViewSettings | None = None,
+    progress: Progress = silent,
+) -> ViewSet:
+    """Choose viewpoints until the scan is covered and render their views (paper, Algorithm 1).
+
+    Parameters
+    ----------
+    scan : Scan
+        Normals towards the room.
+    room : Room, optional
+        Found from the scan where it is not given.
+    coverage : float
+        Completeness threshold T, of the surface area. [0-1]
+    settings : ViewSettings, optional
+    progress : callable
+        Told how far it is.
+
+    Returns
+    -------
+    views : ViewSet
+        All six directions of v0; of later viewpoints the directions that show something new.
+
+    Raises
+    ------
+    MaterialError
+        If there is no free space in the room to look from.
+    """
+    chosen = settings or ViewSettings()
+    caster = RayCaster(scan)
+    samples = surface_samples(scan, spacing_m=chosen.sample_spacing_m)
+    candidates = free_candidates(scan, room or find_room(scan, caster=caster), caster)
+    search = _Search(samples, candidates, caster, chosen)
+    covered = np.zeros(samples.area.size, dtype=np.bool_)
+    viewpoints: list[FloatArray] = []
+    views: list[View] = []
+    history: list[float] = []
+    viewpoint = candidates[0]
+    stopped = ""
+    while not stopped:
+        sees = visible(samples, viewpoint[None], caster, chosen)[0]
+        cameras = _cameras(viewpoint, chosen)
+        shows = {name: sees & in_image(camera, samples.positions) for name, camera in cameras.items()}
+        for direction in _directions(samples, shows, covered, every=not viewpoints):
+            name = f"v{len(viewpoints)} {direction}"
+            views.append(capture_image(scan, cameras[direction], name=name, caster=caster, samples=chosen.samples))
+            covered |= shows[direction]
+        viewpoints.append(viewpoint)
+        history.append(search.share(covered))
+        progress(min(0.95, len(viewpoints) / chosen.most_viewpoints), f"{history[-1]:.1%} of the area seen")
+        if history[-1] >= coverage:
+            stopped = f"{coverage:.0%} of the area is seen"
+        elif len(viewpoints) == chosen.most_viewpoints:
+            stopped = f"{chosen.most_viewpoints} viewpoints were taken"
+        else:
+            viewpoint, gain = search.viewpoint_update(covered)
+            if gain < chosen.least_gain:
+                stopped = f"no other place sees {chosen.least_gain:.1%} more of the area"
+    progress(1.0, "views rendered")
+    return ViewSet(
+        views=tuple(views),
+        viewpoints=np.array(viewpoints),
+        face_seen=_face_seen(samples, covered, faces=len(scan.faces)),
+        area_coverage=history[-1],
+        point_coverage=_point_coverage(scan, samples.face[covered]),
+        threshold=coverage,
+        history=np.array(history),
+        stopped=stopped,
+    )
+
+
+class _Search:
+    """What every candidate sees of what v0 left unseen, cast once and asked at every Viewpoint Update."""
+
+    def __init__(
+        self, samples: SurfaceSamples, candidates: FloatArray, caster: RayCaster, settings: ViewSettings
+    ) -> None:
+        self._samples, self._candidates, self._caster, self._settings = samples, candidates, caster, settings
+        self._total = float(samples.area.sum())
+        self._open: IntArray | None = None
+        self._sees: BoolArray = np.zeros((0, 0), dtype=np.bool_)
+
+    def share(self, chosen: BoolArray) -> float:
+        """Share of the scan's area that the chosen samples stand for [1]."""
+        return float(self._samples.area[chosen].sum()) / self._total
+
+    def viewpoint_update(self, covered: BoolArray) -> tuple[FloatArray, float]:
+        """Candidate that sees the most uncovered area, and what share of all area that is."""
+        if self._open is None:
+            self._open = np.flatnonzero(~covered)
+            self._sees = visible(self._samples.some(self._open), self._candidates, self._caster, self._settings)
+        new_area = self._sees @ (self._samples.area[self._open] * ~covered[self._open])
+        best = int(new_area.argmax())
+        return self._candidates[best], float(new_area[best]) / self._total
+
+
+def free_candidates(scan: Scan, room: Room, caster: RayCaster) -> FloatArray:
+    """Places in free space to look from: v0 first, nearest to the room's centre; then a grid at several heights.
+
+    Parameters
+    ----------
+    scan : Scan
+    room : Room
+    caster : RayCaster
+        Loaded with the scan.
+
+    Returns
+    -------
+    candidates : (candidate, 3) float
+        [m]
+
+    Raises
+    ------
+    MaterialError
+        If no place in the room is free.
+    """
+    plan = np.concatenate(room.outlines)
+    low, high = plan.min(axis=0), plan.max(axis=0)
+    heights = room.floor_z + np.array(CANDIDATE_HEIGHTS) * room.height_m
+    step = max(0.3, float(np.sqrt(np.prod(high - low) * len(heights) / MOST_CANDIDATES)))
+    x, y = (np.linspace(a, b, int(np.ceil((b - a) / step)) + 1) for a, b in zip(low, high, strict=True))
+    points = np.stack(np.meshgrid(x, y, heights, indexing="ij"), axis=-1).reshape(-1, 3)
+    center = np.append(_centroid(room.outline), room.floor_z + 0.5 * room.height_m)
+    points = np.vstack([center, points])
+    space = FreeSpace(scan, room, caster=caster)
+    free = points[space.inside(points)]
+    free = free[space.distance(free) >= CLEARANCE_M]
+    if not len(free):
+        raise MaterialError(
+            expected="a place in the room from which its surfaces can be seen",
+            found=f"none free among {len(points)}",
+            where="viewpoints",
+            todo="Check that the scan's normals face the room, and its unit.",
+        )
+    return np.asarray(free[np.argsort(np.linalg.norm(free - center, axis=1), kind="stable")], dtype=np.float64)
+
+
+def visible(samples: SurfaceSamples, places: FloatArray, caster: RayCaster, settings: ViewSettings) -> BoolArray:
+    """Which samples are seen from which places: from the front, not too aslant or far, with nothing between.
+
+    Parameters
+    ----------
+    samples : SurfaceSamples
+    places : (place, 3) float
+        [m]
+    caster : RayCaster
+    settings : ViewSettings
+
+    Returns
+    -------
+    sees : (place, sample) bool
+    """
+    sees = np.zeros((len(places), samples.area.size), dtype=np.bool_)
+    for number, place in enumerate(places):
+        sight = place - samples.positions
+        distance = np.linalg.norm(sight, axis=1)
+        facing = np.einsum("ij,ij->i", sight, samples.normals)
+        maybe = np.flatnonzero((facing > settings.least_cosine * distance) & (distance < settings.farthest_m))
+        # From the place outwards, so that a sample's own face, met at the very end, does not hide it.
+        hits = caster.nearest(
+            np.broadcast_to(place, (maybe.size, 3)), -sight[maybe] * (1.0 - SURFACE_GAP), max_distance=1.0
+        )
+        sees[number, maybe[~hits.met]] = True
+    return sees
+
+
+def in_image(camera: Camera, positions: FloatArray) -> BoolArray:
+    """Which of (n, 3) positions [m] fall within a camera's image, whatever stands between."""
+    pixels, depth = project(camera, positions)
+    with np.errstate(invalid="ignore"):
+        within = (pixels >= 0).all(axis=1) & (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
+    return np.asarray(within & (depth > 0))
+
+
+def _directions(samples: SurfaceSamples, shows: dict[str, BoolArray], covered: BoolArray, *, every: bool) -> list[str]:
+    """Directions to take from a viewpoint: all, or those that together show most of what is new, richest first."""
+    if every:
+        return list(shows)
+    new = {name: float(samples.area[shown & ~covered].sum()) for name, shown in shows.items()}
+    order = sorted(new, key=lambda name: -new[name])
+    shown = np.cumsum([new[name] for name in order])
+    return order[: int((shown >= MOST_OF_NEW * shown[-1]).argmax()) + 1]
+
+
+def _cameras(viewpoint: FloatArray, settings: ViewSettings) -> dict[str, Camera]:
+    """Make the six cameras of a viewpoint."""
+    return {
+        name: camera_towards(
+            viewpoint,
+            np.array(direction),
+            width=settings.width,
+            height=settings.height,
+            field_of_view_deg=settings.field_of_view_deg,
+        )
+        for name, direction in DIRECTIONS.items()
+    }
+
+
+def _face_seen(samples: SurfaceSamples, covered: BoolArray, *, faces: int) -> FloatArray:
+    """(face,) share of each face's samples that were seen; 0 for a face without area."""
+    total = np.bincount(samples.face, minlength=faces)
+    seen = np.bincount(samples.face[covered], minlength=faces)
+    return np.asarray(seen / np.maximum(total, 1), dtype=np.float64)
+
+
+def _point_coverage(scan: Scan, seen_faces: IntArray) -> float:
+    """Share of the vertices of which a face was seen: the paper's |coverage| / N."""
+    used = np.unique(scan.faces).size
+    return float(np.unique(scan.faces[np.unique(seen_faces)]).size / used)
+
+
+def _centroid(outline: FloatArray) -> FloatArray:
+    """Centroid of a polygon's area, from (corner, 2) [m]."""
+    following = np.roll(outline, -1, axis=0)
+    cross = outline[:, 0] * following[:, 1] - following[:, 0] * outline[:, 1]
+    if abs(cross.sum()) < 1e-12:
+        return np.asarray(outline.mean(axis=0), dtype=np.float64)
+    return np.asarray(((outline + following) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum()), dtype=np.float64)

@@ -1,0 +1,233 @@
+"""Views of a scan: what a camera at a place in the room sees, with the depth and the face behind every pixel."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from lidarspectra.arrays import ByteArray, FloatArray, IntArray, float_array, int_array
+from lidarspectra.colorimetry import encode_srgb
+from lidarspectra.errors import ArrayError, MaterialError
+from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.hardware.room.rays import RayCaster
+from lidarspectra.material.array_files import read_arrays
+from lidarspectra.material.projection import Camera, pixel_grid, ray_directions, shift_of_rays
+
+NOTHING_SEEN = (0, 0, 0)  # [1] pixel colour where a ray leaves the scan through a hole
+VIEWS_FILE = "views.json"
+VIEWS_FORMAT = 1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """One image of the room.
+
+    Parameters
+    ----------
+    name : str
+        Viewpoint and direction ("v0 east").
+    camera : Camera
+        Where it was taken.
+    image : (height, width, 3) uint8
+        sRGB encoded; black where nothing was met.
+    depth : (height, width) float
+        Z buffer: distance along the camera's forward axis; infinite where nothing was met. [m]
+    face : (height, width) int
+        Face behind each pixel's centre; -1 where nothing was met.
+    """
+
+    name: str
+    camera: Camera
+    image: ByteArray
+    depth: FloatArray
+    face: IntArray
+
+    def __post_init__(self) -> None:
+        shape = (self.camera.height, self.camera.width)
+        if self.image.shape != (*shape, 3) or self.depth.shape != shape or self.face.shape != shape:
+            raise ArrayError(
+                expected=f"image, depth and face of {shape[1]} x {shape[0]} pixels",
+                found=f"shapes {self.image.shape}, {self.depth.shape}, {self.face.shape}",
+                where=f"view '{self.name}'",
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ViewSet:
+    """The views that Algorithm 1 chose, and how much of the scan they cover.
+
+    Parameters
+    ----------
+    views : tuple of View
+        In the order they were taken; the first six look in the six directions from v0.
+    viewpoints : (viewpoint, 3) float
+        v0, v1, ... [m]
+    face_seen : (face,) float
+        Fraction of each face's area that some view saw well enough. [0-1]
+    area_coverage, point_coverage : float
+        Share of the surface area, and of the vertices (the paper counts points), that was seen. [0-1]
+    threshold : float
+        Completeness threshold T. [0-1]
+    history : (viewpoint,) float
+        Coverage by area after each viewpoint. [0-1]
+    stopped : str
+        Why the loop ended, in words.
+    """
+
+    views: tuple[View, ...]
+    viewpoints: FloatArray
+    face_seen: FloatArray
+    area_coverage: float
+    point_coverage: float
+    threshold: float
+    history: FloatArray
+    stopped: str
+
+    def __post_init__(self) -> None:
+        viewpoints = float_array(self.viewpoints, name="ViewSet.viewpoints", shape=(None, 3))
+        seen = float_array(self.face_seen, name="ViewSet.face_seen", shape=(None,))
+        if seen.size and (seen.min() < 0 or seen.max() > 1):
+            raise ArrayError(expected="fractions from 0 to 1", found="others", where="ViewSet.face_seen")
+        object.__setattr__(self, "viewpoints", viewpoints)
+        object.__setattr__(self, "face_seen", seen)
+        object.__setattr__(self, "history", float_array(self.history, name="ViewSet.history", shape=(len(viewpoints),)))
+
+
+def capture_image(scan: Scan, camera: Camera, *, name: str, caster: RayCaster, samples: int = 2) -> View:
+    """Render what a camera sees (Algorithm 1's CaptureImage): nearest face by ray casting, colour from its texture.
+
+    A pixel's colour is the mean of `samples`² rays on a lattice within it, averaged as light, so that a texture finer
+    than a pixel does not alias; depth and face are those of the ray through its centre.
+
+    Parameters
+    ----------
+    scan : Scan
+    camera : Camera
+    name : str
+        For the view.
+    caster : RayCaster
+        Loaded with the same scan.
+    samples : int
+        Rays a pixel along each side.
+
+    Returns
+    -------
+    view : View
+    """
+    pixels = pixel_grid(camera)
+    origins = np.broadcast_to(camera.position, (len(pixels), 3))
+    directions = ray_directions(camera, pixels)
+    centre = caster.nearest(origins, directions)
+    light = np.zeros((len(pixels), 3))
+    for row in range(samples):
+        for column in range(samples):
+            shift = (np.array([column, row]) + 0.5) / samples - 0.5
+            hits = centre
+            if shift.any():
+                hits = caster.nearest(origins, directions + shift_of_rays(camera, shift))
+            light[hits.met] += scan.appearance.sample(hits.face[hits.met], hits.barycentric[hits.met])
+    shape = (camera.height, camera.width)
+    image = np.rint(255.0 * encode_srgb(light / samples**2)).astype(np.uint8).reshape(*shape, 3)
+    return View(
+        name=name,
+        camera=camera,
+        image=image,
+        depth=centre.distance.reshape(shape),
+        face=centre.face.reshape(shape),
+    )
+
+
+def save_views(views: ViewSet, folder: Path) -> None:
+    """Write views as PNG images, their buffers as npz, and the rest as views.json into a folder that exists.
+
+    Parameters
+    ----------
+    views : ViewSet
+    folder : Path
+        Files in it of the same names are replaced.
+    """
+    entries = []
+    for number, view in enumerate(views.views):
+        stem = f"view-{number:02d}"
+        Image.fromarray(view.image).save(folder / f"{stem}.png")
+        np.savez_compressed(
+            folder / f"{stem}.npz", depth_m=view.depth.astype(np.float32), face=view.face.astype(np.int32)
+        )
+        camera = view.camera
+        entries.append(
+            {
+                "name": view.name,
+                "stem": stem,
+                "position_m": camera.position.tolist(),
+                "axes": camera.axes.tolist(),
+                "width": camera.width,
+                "height": camera.height,
+                "focal_px": camera.focal_px,
+            }
+        )
+    np.savez_compressed(folder / "seen.npz", face_seen=views.face_seen)
+    record = {
+        "format": VIEWS_FORMAT,
+        "threshold": views.threshold,
+        "area_coverage": views.area_coverage,
+        "point_coverage": views.point_coverage,
+        "stopped": views.stopped,
+        "viewpoints_m": views.viewpoints.tolist(),
+        "history": views.history.tolist(),
+        "views": entries,
+    }
+    (folder / VIEWS_FILE).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+
+
+def load_views(folder: Path) -> ViewSet:
+    """Read what `save_views` wrote.
+
+    Raises
+    ------
+    MaterialError
+        If a file is missing or is none of ours.
+    """
+    try:
+        record = json.loads((folder / VIEWS_FILE).read_text(encoding="utf-8"))
+        if record["format"] != VIEWS_FORMAT:
+            raise ValueError(f"format {record['format']} where {VIEWS_FORMAT} is known")
+        return ViewSet(
+            views=tuple(_load_view(folder, entry) for entry in record["views"]),
+            viewpoints=np.array(record["viewpoints_m"]),
+            face_seen=float_array(read_arrays(folder / "seen.npz")["face_seen"], name="face_seen", shape=(None,)),
+            area_coverage=float(record["area_coverage"]),
+            point_coverage=float(record["point_coverage"]),
+            threshold=float(record["threshold"]),
+            history=np.array(record["history"]),
+            stopped=str(record["stopped"]),
+        )
+    except (OSError, ValueError, TypeError, KeyError, SyntaxError, ArrayError, MaterialError) as cause:
+        raise MaterialError(
+            expected="the views that an earlier stage wrote",
+            found=f"{type(cause).__name__}: {cause}",
+            where=str(folder),
+            todo="Run the views stage again.",
+        ) from cause
+
+
+def _load_view(folder: Path, entry: dict[str, object]) -> View:
+    stem = Path(str(entry["stem"])).name
+    with Image.open(folder / f"{stem}.png") as picture:
+        image = np.asarray(picture.convert("RGB"))
+    arrays = read_arrays(folder / f"{stem}.npz")
+    camera = Camera(
+        position=np.array(entry["position_m"]),
+        axes=np.array(entry["axes"]),
+        width=int(str(entry["width"])),
+        height=int(str(entry["height"])),
+        focal_px=float(str(entry["focal_px"])),
+    )
+    return View(
+        name=str(entry["name"]),
+        camera=camera,
+        image=image,
+        depth=arrays["depth_m"].astype(np.float64),
+        face=int_array(arrays["face"], name="face", shape=(None, None)),
+    )

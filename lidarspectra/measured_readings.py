@@ -1,0 +1,179 @@
+"""Readings of a room in a file: places and channels, as irradiance, as µW/cm², or as plain counts."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import MapError
+from lidarspectra.hardware.sensor.as7265x import (
+    CHANNEL_LABELS,
+    DIE_INDEX,
+    GAUSSIAN_WIDTH_NM,
+    UW_CM2_TO_W_M2,
+    basic_counts,
+    channel_letter,
+    mask_counts,
+    nominal_responsivity,
+)
+
+Unit = Literal["W/m2/nm", "uW/cm2", "counts"]
+Scale = Literal["none", "one", "die", "channel"]
+SETTINGS = ("gain", "integration_ms")  # columns that make counts comparable from one row to the next
+NUMBERS = ("x", "y", "z", "nx", "ny", "nz", "buried", *SETTINGS)  # columns that hold no words
+CHANNELS = ("E_", "SE_")  # how columns of channels and of their uncertainties begin
+
+
+def read_readings(measured: Path) -> pd.DataFrame:
+    """A table of readings with places.
+
+    Parameters
+    ----------
+    measured : Path
+        CSV in UTF-8; lines that begin with '#' are left out.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+
+    Raises
+    ------
+    MapError
+        If it cannot be read, has no x, y, z, or holds words where numbers belong.
+    """
+    try:
+        table = pd.read_csv(measured, comment="#", encoding="utf-8")
+    except (OSError, ValueError) as cause:  # pandas' parser errors are ValueErrors
+        raise MapError(expected="a readable CSV of readings", found=str(cause), where=str(measured)) from cause
+    missing = [name for name in ("x", "y", "z") if name not in table.columns]
+    if missing:
+        raise MapError(
+            expected="columns x, y, z in metres, in the scan's frame",
+            found=", ".join(map(str, table.columns[:8])),
+            where=str(measured),
+            todo="'lidarspectra sensor join' gives readings their places.",
+        )
+    _require_numbers(
+        table, [name for name in map(str, table) if name in NUMBERS or name.startswith(CHANNELS)], measured
+    )
+    return table
+
+
+def _require_numbers(table: pd.DataFrame, columns: Sequence[str], measured: Path) -> None:
+    for name in columns:
+        if not pd.api.types.is_numeric_dtype(table[name]):
+            raise MapError(expected="numbers", found="other text", where=f"{measured}, column '{name}'")
+
+
+def channel_columns(table: pd.DataFrame, labels: Sequence[str], unit: Unit) -> dict[int, str]:
+    """Which column holds each of a map's channels.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+    labels : sequence of str
+        The map's channels, '410' and so on.
+    unit : str
+        Irradiance stands in E_410 ...; other units in any column that names a channel (A, 410, 410nm, A_410:count).
+
+    Returns
+    -------
+    columns : dict of int to str
+        By the channel's index; channels that the table lacks are not in it.
+    """
+    found = {index: f"E_{label}" for index, label in enumerate(labels) if f"E_{label}" in table.columns}
+    if found or unit == "W/m2/nm":
+        return found
+    letters = {channel_letter(str(name).split(":")[0]): str(name) for name in table.columns}
+    wanted = [channel_letter(label) for label in labels]
+    return {index: letters[letter] for index, letter in enumerate(wanted) if letter is not None and letter in letters}
+
+
+def irradiance_of(table: pd.DataFrame, columns: Sequence[str], unit: Unit, scale: Scale, where: Path) -> FloatArray:
+    """Readings as spectral irradiance.
+
+    µW/cm² are taken over a channel's Gaussian of 20 nm; counts over gain and integration time where the table has
+    them, and by the data sheet's responsivity, which single sensors miss by a factor.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+    columns : sequence of str
+    unit, scale : str
+    where : Path
+        The file, for errors.
+
+    Returns
+    -------
+    irradiance : (reading, channel) float
+        NaN where a channel is missing or saturated. [W/m²/nm]
+
+    Raises
+    ------
+    MapError
+        If counts have no settings to be compared by, and no scale is fitted.
+    """
+    _require_numbers(table, columns, where)
+    values = table[list(columns)].to_numpy(dtype=np.float64)
+    if unit == "W/m2/nm":
+        return values
+    if unit == "uW/cm2":
+        return np.asarray(values * UW_CM2_TO_W_M2 / GAUSSIAN_WIDTH_NM, dtype=np.float64)
+    counts, _ = mask_counts(values)
+    if all(name in table.columns for name in SETTINGS):
+        counts = basic_counts(counts, table["gain"].to_numpy(), table["integration_ms"].to_numpy())
+    elif scale == "none":
+        raise MapError(
+            expected=f"columns {' and '.join(SETTINGS)} beside counts, or a scale that is fitted",
+            found="counts alone, whose size says nothing",
+            where=str(where),
+            todo="Give --scale one, die or channel if gain and integration time were the same all the way.",
+        )
+    return np.asarray(counts / nominal_responsivity()[0], dtype=np.float64)
+
+
+def fitted_factors(synthetic: FloatArray, real: FloatArray, scale: Scale, labels: Sequence[str]) -> FloatArray:
+    """Least-squares factors on the readings, min Σ(syn - f real)²: none, one for all, one a die, or one a channel.
+
+    Parameters
+    ----------
+    synthetic, real : (point, channel) float
+        [W/m²/nm]
+    scale : str
+    labels : sequence of str
+        Of the channels.
+
+    Returns
+    -------
+    factors : (channel,) float
+        [1]
+
+    Raises
+    ------
+    MapError
+        If a die is asked for of channels that are not the AS7265x's.
+    """
+    if scale == "none":
+        return np.ones(real.shape[1])
+    if scale == "channel":
+        groups = np.arange(real.shape[1])
+    elif scale == "one":
+        groups = np.zeros(real.shape[1], dtype=np.int64)
+    else:
+        strangers = [label for label in labels if label not in CHANNEL_LABELS]
+        if strangers:
+            raise MapError(
+                expected="channels of the AS7265x, which has three dies",
+                found=", ".join(strangers),
+                where="scale by die",
+                todo="Give --scale one or channel.",
+            )
+        groups = DIE_INDEX[[CHANNEL_LABELS.index(label) for label in labels]]
+    factors = np.empty(real.shape[1])
+    for group in np.unique(groups):
+        some = groups == group
+        factors[some] = (synthetic[:, some] * real[:, some]).sum() / (real[:, some] ** 2).sum()
+    return factors

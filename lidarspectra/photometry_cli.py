@@ -1,0 +1,102 @@
+"""`lidarspectra photometry RUN`: the light for people and plants."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table as ShownTable
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from lidarspectra.mapping.tables import Table
+
+console = Console(highlight=False)
+
+
+def photometry(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A finished run folder.", show_default=False)],
+    measured: Annotated[
+        Path | None,
+        typer.Option("--measured", metavar="FILE.csv", help="Take measured points (x, y, z, E_410 ...) instead."),
+    ] = None,
+    dim: Annotated[
+        list[str] | None, typer.Option("--dim", metavar="LAMP=FACTOR", help="Dim a lamp; may stand again.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/people-and-plants.")] = None,
+) -> None:
+    """Light for people and plants: lx, CCT, CRI, TM-30, melanopic and other α-opic quantities, PPFD, YPFD.
+
+    Each number says how far the run's channels suffice for it. For colour rendering without the lamps' spectra, and for
+    the best of all others, run with device = "full-spectrum".
+    """
+    from lidarspectra.light_of_run import light_of_run, light_of_table
+    from lidarspectra.mapping.figure_style import save_figure
+    from lidarspectra.mapping.photometry.figures import quantities_figure
+    from lidarspectra.mapping.photometry.people_and_plants import light_at_points, summary_table
+    from lidarspectra.mapping.point_values import save_points
+    from lidarspectra.mapping.tables import save_table
+    from lidarspectra.workspace import made_folder
+
+    if measured is not None and dim:
+        raise typer.BadParameter("a lamp cannot be dimmed in what was measured: give --measured or --dim, not both")
+    found = light_of_run(run, parse_factors(dim or []))
+    told = None if measured is None else light_of_table(measured, found.bands)
+    light, places = (found.light, found.places) if told is None else (told.light, told.places)
+    notes = () if told is None else told.notes
+    quantities = light_at_points(light, places, found.bands)
+    table = summary_table(quantities)
+    folder = made_folder(out or run / "people-and-plants")
+    save_points(quantities, folder)
+    save_table(table, folder)
+    save_figure(quantities_figure(quantities, found.plan), folder, "maps")
+    console.print(shown(table))
+    if not light.is_full_spectrum:
+        words = 'these channels alone cannot tell colour rendering; device = "full-spectrum" can, and lamps\' spectra'
+        notes = (*notes, words)
+    for note in notes:
+        tell(note)
+    console.print(Text(f"Points, table and maps: {folder}"), soft_wrap=True)
+
+
+def tell(note: str) -> None:
+    """Print what a user must know of the numbers."""
+    console.print(Text.assemble(("note: ", "yellow"), note), soft_wrap=True)
+
+
+def parse_factors(words: list[str]) -> dict[str, float]:
+    """Read NAME=FACTOR.
+
+    Raises
+    ------
+    typer.BadParameter
+        If it is none, or the factor no number of 0 or more.
+    """
+    factors = {}
+    for word in words:
+        name, _, text = word.rpartition("=")
+        try:
+            factor = float(text)
+        except ValueError:
+            factor = -1.0
+        if not name or not 0.0 <= factor < float("inf"):
+            raise typer.BadParameter(f"'{word}' is not LAMP=FACTOR with a factor of 0 or more")
+        factors[name] = factor
+    return factors
+
+
+def shown(table: "Table") -> ShownTable:
+    """A table as the terminal shows it."""
+    drawn = ShownTable(title=table.caption, title_justify="left", box=None, pad_edge=False, header_style="bold")
+    for heading in table.frame.columns:
+        drawn.add_column(Text(str(heading)), justify="left" if table.frame[heading].dtype == object else "right")
+    for row in table.frame.itertuples(index=False):
+        cells = zip(map(str, table.frame.columns), row, strict=True)
+        drawn.add_row(*(Text(_cell(value, table.formats.get(name, ".4g"))) for name, value in cells))
+    return drawn
+
+
+def _cell(value: object, number_format: str) -> str:
+    if isinstance(value, float):
+        return format(value, number_format) if value == value else "–"
+    return str(value)

@@ -1,0 +1,271 @@
+"""Luminaires as their makers measure them: IES LM-63 candela files, type C.
+
+The table I(θ, φ) [cd] has θ from straight down and φ counter-clockwise seen from above. Only its shape is used with a
+lamp's spectrum: I(θ, φ)/Φ_v [1/sr], where Φ_v = ∫I dω is the table's own flux,
+
+    ∫∫ I sinθ dθ dφ = Σ_cells Δφ ∫ (a + bθ) sinθ dθ,
+
+exact for the bilinear interpolant that Radiance uses as well.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lidarspectra.arrays import FloatArray, float_array
+from lidarspectra.errors import LampError
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,2})?")  # finite, and nothing that only Python reads
+METRES_A_FOOT = 0.3048  # [m/ft] international foot
+MOST_BYTES = 20_000_000  # [B] a table of 720 x 360 directions has 2 MB
+MOST_ANGLES = 1000  # [1] of either kind; goniometers step by half a degree at the finest
+POINT_DIAMETER_M = 0.1  # [m] of a luminaire whose file gives no opening
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CandelaTable:
+    """Luminous intensity of a luminaire by direction.
+
+    Parameters
+    ----------
+    vertical_deg : (vertical,) float
+        θ from straight down, ascending from 0 to 180. [deg]
+    horizontal_deg : (horizontal,) float
+        φ from the luminaire's length, ascending from 0 to 360; a single 0 for axial symmetry. [deg]
+    candela : (horizontal, vertical) float
+        [cd]
+    opening_m : tuple of float
+        Luminous opening: (length, width), or (diameter,). [m]
+    name : str
+        What the file calls it.
+    """
+
+    vertical_deg: FloatArray
+    horizontal_deg: FloatArray
+    candela: FloatArray
+    opening_m: tuple[float, ...]
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        vertical = float_array(self.vertical_deg, name="CandelaTable.vertical_deg", shape=(None,))
+        horizontal = float_array(self.horizontal_deg, name="CandelaTable.horizontal_deg", shape=(None,))
+        shape = (horizontal.size, vertical.size)
+        object.__setattr__(self, "vertical_deg", vertical)
+        object.__setattr__(self, "horizontal_deg", horizontal)
+        object.__setattr__(self, "candela", float_array(self.candela, name="CandelaTable.candela", shape=shape))
+
+    @property
+    def is_axial(self) -> bool:
+        """Whether φ makes no difference."""
+        return self.horizontal_deg.size == 1
+
+    def luminous_flux_lm(self, *, upward: bool | None = None) -> float:
+        """Flux ∫I dω of the interpolated table [lm]; of its upper (θ > 90°) or lower half where `upward` says so."""
+        theta, values = self.vertical_deg, self.candela
+        if upward is not None:
+            theta = np.union1d(theta, [90.0])
+            theta = theta[theta >= 90.0] if upward else theta[theta <= 90.0]
+            values = np.stack([np.interp(theta, self.vertical_deg, row) for row in self.candela])
+        turns = np.radians(self.horizontal_deg)
+        around = values[0] * 2 * np.pi if self.is_axial else np.trapezoid(values, turns, axis=0)
+        return float(_ring_flux(np.radians(theta), np.asarray(around)))
+
+    def at(self, vertical_deg: ArrayLike, horizontal_deg: ArrayLike) -> FloatArray:
+        """Intensity in some directions, bilinear between the table's angles.
+
+        Parameters
+        ----------
+        vertical_deg, horizontal_deg : (n,) float
+            θ and φ. [deg]
+
+        Returns
+        -------
+        candela : (n,) float
+            [cd]
+        """
+        theta = np.asarray(vertical_deg, dtype=np.float64)
+        columns = np.stack([np.interp(theta, self.vertical_deg, row) for row in self.candela])
+        if self.is_axial:
+            return np.asarray(columns[0])
+        phi = np.mod(np.asarray(horizontal_deg, dtype=np.float64), 360.0)
+        return np.array([np.interp(phi[index], self.horizontal_deg, columns[:, index]) for index in range(theta.size)])
+
+
+def _ring_flux(theta: FloatArray, around: FloatArray) -> float:
+    """∫ J(θ) sinθ dθ for J linear between samples [rad]: ∫(a + bθ) sinθ = [-(a + bθ) cosθ + b sinθ]."""
+    slope = np.diff(around) / np.diff(theta)
+    lower, upper = theta[:-1], theta[1:]
+    parts = around[:-1] * np.cos(lower) - around[1:] * np.cos(upper) + slope * (np.sin(upper) - np.sin(lower))
+    return float(parts.sum())
+
+
+def read_ies_text(path: Path) -> str:
+    """Text of a candela file; makers write it in ASCII, with umlauts of any encoding in its keywords.
+
+    Raises
+    ------
+    LampError
+        If it cannot be read, or is too big to be one.
+    """
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise _unreadable(str(path), f"a file of {path.stat().st_size // 1_000_000} MB")
+        content = path.read_bytes()
+    except OSError as cause:
+        raise _unreadable(str(path), str(cause.strerror or cause), todo="Mend 'file' of this lamp.") from cause
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")  # every byte is a letter there
+
+
+def read_ies(text: str, *, where: str) -> CandelaTable:
+    """Read an IES LM-63 file (1986, 1991, 1995, 2002 or 2019).
+
+    Symmetric tables are unfolded: 0-90° and 0-180° by mirroring, 90-270° likewise. TILT=INCLUDE is read over: its
+    factors are for lamps that are mounted tilted. Candela are multiplied by the file's multiplier and ballast factors.
+
+    Parameters
+    ----------
+    text : str
+        The file's text.
+    where : str
+        Its name, for errors.
+
+    Returns
+    -------
+    table : CandelaTable
+
+    Raises
+    ------
+    LampError
+        If it is no LM-63 file, is cut short, is of photometric type A or B, or sends no light.
+    """
+    tilt = re.search(r"^\s*TILT\s*=\s*(.*?)\s*$", text, flags=re.MULTILINE | re.IGNORECASE)
+    if tilt is None:
+        raise _unreadable(where, "no line TILT=...")
+    if tilt[1].upper() not in ("NONE", "INCLUDE"):
+        raise _unreadable(
+            where, f"TILT={tilt[1][:40]}, another file", todo="Set TILT=NONE: it stands as it was measured."
+        )
+    numbers = _Numbers(text[tilt.end() :], where)
+    if tilt[1].upper() == "INCLUDE":
+        numbers.take(1)
+        numbers.take(2 * numbers.count("tilt angles"))
+    lamps, _, multiplier = numbers.take(3)
+    verticals, horizontals = numbers.count("vertical angles"), numbers.count("horizontal angles")
+    photometric_type, unit = numbers.take(2)
+    width, length, height = numbers.take(3) * (METRES_A_FOOT if unit == 1 else 1.0)
+    factors = numbers.take(3)[:2]
+    vertical, horizontal = numbers.take(verticals), numbers.take(horizontals)
+    candela = numbers.take(verticals * horizontals).reshape(horizontals, verticals)
+    if photometric_type != 1:
+        raise _unreadable(where, f"photometric type {'CBA'[int(photometric_type) - 1:][:1] or photometric_type}",
+                          todo="Convert it to type C, as all interior luminaires have it.")  # fmt: skip
+    if unit not in (1, 2) or lamps < 0:
+        raise _unreadable(where, f"unit {unit:g} (1 is feet, 2 is metres)")
+    horizontal, candela = _unfolded(horizontal, candela * multiplier * np.prod(factors), where)
+    vertical, candela = _whole_circle(vertical, candela, where)
+    table = CandelaTable(
+        vertical_deg=vertical,
+        horizontal_deg=horizontal,
+        candela=candela,
+        opening_m=_opening(width, length, height),
+        name=_keyword(text, "LUMCAT") or _keyword(text, "LUMINAIRE"),
+    )
+    if candela.min() < 0 or table.luminous_flux_lm() <= 0:
+        raise _unreadable(where, "negative candela, or none at all")
+    return table
+
+
+class _Numbers:
+    """The numbers after TILT, taken in order; commas and line ends are spaces."""
+
+    def __init__(self, text: str, where: str) -> None:
+        self._words = iter(text.replace(",", " ").split())
+        self._where = where
+
+    def take(self, count: int) -> FloatArray:
+        values = []
+        for _ in range(count):
+            word = next(self._words, None)
+            if word is None:
+                raise _unreadable(self._where, "an end before the last candela value")
+            if not NUMBER.fullmatch(word):
+                raise _unreadable(self._where, f"'{word[:40]}' where a number should be")
+            values.append(float(word))
+        return np.array(values)
+
+    def count(self, of: str) -> int:
+        value = float(self.take(1)[0])
+        if not (value == int(value) and 1 <= value <= MOST_ANGLES):
+            raise _unreadable(self._where, f"{value:g} {of}")
+        return int(value)
+
+
+def _unfolded(horizontal: FloatArray, candela: FloatArray, where: str) -> tuple[FloatArray, FloatArray]:
+    """Table over all of 0 to 360 degrees, by the symmetry that LM-63 reads from the last angle."""
+    if np.any(np.diff(horizontal) <= 0):
+        raise _unreadable(where, "horizontal angles that do not ascend")
+    first, last = float(horizontal[0]), float(horizontal[-1])
+    if horizontal.size == 1:
+        return np.zeros(1), candela
+    if (first, last) == (0.0, 90.0):
+        horizontal = np.concatenate([horizontal, 180.0 - horizontal[-2::-1]])
+        candela = np.concatenate([candela, candela[-2::-1]])
+        first, last = 0.0, 180.0
+    if (first, last) == (90.0, 270.0):  # mirrored at the 90-270 plane: φ and 180 - φ are alike
+        inner = (horizontal > 90.0) & (horizontal <= 180.0)
+        outer = (horizontal > 180.0) & (horizontal < 270.0)
+        angles = np.concatenate([180.0 - horizontal[inner], horizontal, 540.0 - horizontal[outer], [360.0]])
+        rows = np.concatenate([candela[inner], candela, candela[outer], candela[horizontal == 180.0]])
+        if not np.any(horizontal == 180.0):
+            raise _unreadable(where, "no plane at 180 degrees between 90 and 270")
+        order = np.argsort(angles, kind="stable")
+        return angles[order], rows[order]
+    if (first, last) == (0.0, 180.0):
+        return (
+            np.concatenate([horizontal, 360.0 - horizontal[-2::-1]]),
+            np.concatenate([candela, candela[-2::-1]]),
+        )
+    if first == 0.0 and 180.0 < last < 360.0:  # some files leave out the closing plane
+        return np.append(horizontal, 360.0), np.concatenate([candela, candela[:1]])
+    if (first, last) != (0.0, 360.0):
+        raise _unreadable(where, f"horizontal angles from {first:g} to {last:g}", todo="Type C starts at 0, or at 90.")
+    return horizontal, candela
+
+
+def _whole_circle(vertical: FloatArray, candela: FloatArray, where: str) -> tuple[FloatArray, FloatArray]:
+    """Table over all of 0 to 180 degrees; dark where the file has no angles."""
+    if np.any(np.diff(vertical) <= 0) or vertical[0] < 0 or vertical[-1] > 180 or vertical.size < 2:
+        raise _unreadable(
+            where, f"vertical angles from {vertical[0]:g} to {vertical[-1]:g} that do not ascend in 0 to 180"
+        )
+    step = 1e-3  # [deg] over which a table that stops short falls to zero
+    if vertical[0] > 0:
+        vertical = np.concatenate([[0.0, vertical[0] - step], vertical])
+        candela = np.pad(candela, ((0, 0), (2, 0)))
+    if vertical[-1] < 180:
+        vertical = np.concatenate([vertical, [vertical[-1] + step, 180.0]])
+        candela = np.pad(candela, ((0, 0), (0, 2)))
+    return vertical, candela
+
+
+def _opening(width: float, length: float, height: float) -> tuple[float, ...]:
+    """Luminous opening [m]: negative sizes mean round ones (LM-63-2002, Table 1); the height is not used."""
+    if width > 0 and length > 0:
+        return (float(length), float(width))
+    diameter = max(abs(width), abs(length))
+    return (float(diameter),) if diameter > 0 else (POINT_DIAMETER_M,)
+
+
+def _keyword(text: str, name: str) -> str:
+    found = re.search(rf"^\s*\[{name}\]\s*(.*?)\s*$", text, flags=re.MULTILINE)
+    return found[1] if found else ""
+
+
+def _unreadable(where: str, found: str, todo: str = "Ask the maker for the LM-63 file again.") -> LampError:
+    return LampError(expected="an IES LM-63 candela file of type C", found=found, where=where, todo=todo)

@@ -1,0 +1,70 @@
+"""What the sensor commands share: their options, and how they speak."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from lidarspectra.hardware.sensor.as7265x import SensorSettings
+    from lidarspectra.hardware.sensor.calibration import Calibration
+    from lidarspectra.hardware.sensor.identify import Wishes
+
+console = Console(highlight=False)
+
+PortArgument = Annotated[
+    str, typer.Argument(metavar="PORT", help="COM3, /dev/ttyUSB0, socket://host:port ...", show_default=False)
+]
+LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help="A log of the sensor.", show_default=False)]
+BaudOption = Annotated[int | None, typer.Option("--baud", help="Default: 115200, then 9600.")]
+HeaderOption = Annotated[
+    str | None,
+    typer.Option(
+        "--header", metavar="A,B,...", help="Channel letters in the order of the sketch's numbers, if it names none."
+    ),
+]
+GainOption = Annotated[float | None, typer.Option("--gain", help="1, 3.7, 16 or 64.")]
+IntegrationOption = Annotated[float | None, typer.Option("--integration", metavar="MS", help="2.8 to 714 ms.")]
+CalibrationOption = Annotated[
+    str | None, typer.Option("--calibration", metavar="NAME[@VERSION]", help="A saved calibration of this device.")
+]
+
+
+def settings_given(gain: float | None, integration: float | None) -> "SensorSettings | None":
+    """Settings that the user gave, or None; what is left out of a pair is the default."""
+    from lidarspectra.hardware.sensor.as7265x import DEFAULT_SETTINGS, settings_for
+
+    if gain is None and integration is None:
+        return None
+    return settings_for(
+        gain if gain is not None else DEFAULT_SETTINGS.gain,
+        integration if integration is not None else DEFAULT_SETTINGS.integration_ms,
+    )
+
+
+def wishes_given(rate: float, header: str | None, gain: float | None, integration: float | None) -> "Wishes":
+    """What the user wants of the device."""
+    from lidarspectra.hardware.sensor.identify import Wishes, order_by_user
+
+    return Wishes(
+        period_s=1.0 / rate,
+        settings=settings_given(gain, integration),
+        order=order_by_user(header) if header is not None else None,
+    )
+
+
+def say(words: str) -> None:
+    """Print a line as it is."""
+    console.print(Text(words), soft_wrap=True)
+
+
+def calibration_named(name: str | None) -> "Calibration | None":
+    """A saved calibration by NAME or NAME@VERSION."""
+    from lidarspectra.hardware.sensor.calibration_files import load_calibration
+
+    if name is None:
+        return None
+    name, _, version = name.partition("@")
+    return load_calibration(name, int(version) if version.isdigit() else None)

@@ -1,0 +1,575 @@
+"""The seven stages: what each depends on, what it makes, and how its result is read back.
+
+The order stands in `lidarspectra.pipeline`; how a stage is kept, in `lidarspectra.workspace`.
+"""
+
+import shutil
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from platformdirs import user_cache_path
+
+from lidarspectra.config import RunFile, read_run_file
+from lidarspectra.databases import list_databases, scenes_folder
+from lidarspectra.delighting import take_light_out, with_light_uncertainty
+from lidarspectra.errors import WorkspaceError
+from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.hardware.phone.scan import Scan, load_scan, save_scan
+from lidarspectra.hardware.room.room import Room, find_room, load_room, save_room
+from lidarspectra.mapping.figure_style import save_figure
+from lidarspectra.mapping.floor_plan import floor_plan
+from lidarspectra.mapping.material_figures import (
+    MaterialPictures,
+    material_code,
+    mean_shown_colors,
+    painted,
+    segmentation_figure,
+)
+from lidarspectra.mapping.report import PAGE, ReportInput, ReportView, StageRow, write_report
+from lidarspectra.mapping.spectral_map import load_map, save_map, save_map_table, spectral_map
+from lidarspectra.material.assignments import spectrum_files
+from lidarspectra.material.estimate import estimate_materials
+from lidarspectra.material.lamp_fluxes import flux_factors, load_lamp_fluxes, save_lamp_fluxes
+from lidarspectra.material.lit_lamps import find_lit_lamps
+from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
+from lidarspectra.material.material_mesh import daylight_colors, save_material_mesh
+from lidarspectra.material.model_card import CARD_SUFFIX
+from lidarspectra.material.segmentation import SHIPPED_MODEL
+from lidarspectra.material.viewpoints import render_views
+from lidarspectra.material.views import ViewSet, load_views, save_views
+from lidarspectra.progress import Progress, part_of
+from lidarspectra.radiance.cluster import cluster_engine
+from lidarspectra.radiance.daylight import Window, daylight_lamps
+from lidarspectra.radiance.engine import Engine, find_engine
+from lidarspectra.radiance.lamp_file import load_lamps, save_lamps
+from lidarspectra.radiance.lamps import Lamp, lamps_from_lit, resolve_lamps
+from lidarspectra.radiance.placement import placement_notes
+from lidarspectra.radiance.receptors import Receptor, cone_receptor, cosine_receptor, read_receptor
+from lidarspectra.radiance.scene import RadianceScene, load_scene, write_scene
+from lidarspectra.radiance.sensors import SensorPoints, sensor_points
+from lidarspectra.radiance.sky import Daylight, compute_sky
+from lidarspectra.radiance.trace import trace
+from lidarspectra.radiance.transport import load_transport, save_transport
+from lidarspectra.radiance.workflow import write_workflow
+from lidarspectra.report_applications import check_cells, report_applications
+from lidarspectra.sensor_files import find_bands
+from lidarspectra.workspace import Notes, Stage, StageResult, hash_file, versions
+
+REPORT_PAGE = PAGE
+TRANSPORT_FILE = "transport.nc"
+MODEL_FOLDER = "model"
+SKY_FOLDER = "sky"
+SEGMENTATION = "segmentation"
+MAP_FILE = "map.nc"
+MAP_TABLE = "map.csv"
+MULTI_FILE_FORMATS = (".obj", ".gltf", ".ply", ".usda", ".usd")
+COMPANION_SUFFIXES = (
+    ".mtl",
+    ".bin",
+    ".png",
+    ".jpg",
+    ".jpeg",
+    ".bmp",
+    ".tga",
+    ".tif",
+    ".tiff",
+    ".webp",
+    ".usd",
+    ".usda",
+    ".usdc",
+)
+TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays by the clock: runs agree within noise
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inputs:
+    """What the user gave.
+
+    Parameters
+    ----------
+    room : RunFile
+        The checked run file.
+    base : Path
+        Its folder, where relative file names start.
+    name : str
+        Its name, without ending.
+    text : str
+        Its text, for the report.
+    workers : int or None
+        Processes side by side; None leaves it to the run file.
+    cluster : str or None
+        Address of a Dask scheduler that traces in place of this machine.
+    """
+
+    room: RunFile
+    base: Path
+    name: str
+    text: str
+    workers: int | None = None
+    cluster: str | None = None
+
+    def path(self, name: str) -> Path:
+        """A file that the run file names."""
+        return self.base / name
+
+    def hashes(self, *names: str | None) -> dict[str, str]:
+        """SHA-256 of files that the run file names; a missing file has none and is refused where it is read."""
+        return {name: hash_file(self.path(name)) for name in names if name is not None and self.path(name).is_file()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScannedRoom:
+    """What stage 1 gives: the repaired mesh, and the room that it shows."""
+
+    scan: Scan
+    room: Room
+
+
+def read_inputs(run_file: Path, *, workers: int | None = None, cluster: str | None = None) -> Inputs:
+    """Read a run file; relative names start at its folder.
+
+    Raises
+    ------
+    RunFileError
+        If it does not fit.
+    LidarSpectraError
+        If its report asks for a solar cell that is none.
+    """
+    room = read_run_file(run_file)
+    check_cells(room.cells, base=run_file.resolve().parent)
+    return Inputs(
+        room=room,
+        base=run_file.resolve().parent,
+        name=run_file.stem,
+        text=run_file.read_text(encoding="utf-8"),
+        workers=workers,
+        cluster=cluster,
+    )
+
+
+def copy_scene(name: str, folder: Path) -> Path:
+    """Copy a room that comes with the package, and give the path of its run file there.
+
+    Raises
+    ------
+    WorkspaceError
+        If the folder cannot be written.
+    """
+    source = scenes_folder() / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in sorted(source.iterdir()):
+            if path.is_file():
+                shutil.copyfile(path, folder / path.name)
+    except OSError as cause:
+        raise WorkspaceError(
+            expected="a folder that can be written",
+            found=str(cause.strerror or cause),
+            where=str(folder),
+            todo="Name another one: lidarspectra demo DIR.",
+        ) from cause
+    return folder / "room.toml"
+
+
+def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
+    """Stage 1: read the phone's mesh, repair it, find the room in it (paper, Section 2.2)."""
+    section = inputs.room.scan
+    file = inputs.path(section.file)
+
+    def make(folder: Path, progress: Progress) -> Notes:
+        raw = read_scan(file, unit=section.unit, up=section.up, progress=part_of(progress, 0.0, 0.4))
+        scan = repair_scan(
+            raw,
+            close_holes=section.close_holes,
+            max_hole_m=section.max_hole_m,
+            flatten=section.flatten,
+            max_faces=section.max_faces,
+            progress=part_of(progress, 0.4, 0.8),
+        )
+        progress(0.8, "finding floor, walls and ceiling")
+        room = find_room(scan)
+        save_scan(scan, folder)
+        save_room(room, folder)
+        record = scan.record
+        return Notes(
+            summary=f"{record.faces_kept} triangles, {record.area_m2:.0f} m²; room {room.area_m2:.1f} m² x "
+            f"{room.height_m:.2f} m; {record.holes_closed} holes closed "
+            f"({100 * record.hole_area_m2 / record.area_m2:.1f} % of the area)",
+            warnings=record.notes,
+        )
+
+    settings = {"section": section.model_dump(), "files": {path.name: hash_file(path) for path in _scan_files(file)}}
+    return Stage(
+        name="scan",
+        settings=settings,
+        make=make,
+        load=lambda folder: ScannedRoom(scan=load_scan(folder), room=load_room(folder)),
+    )
+
+
+def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet]:
+    """Stage 2: look around until the surfaces are covered (Algorithm 1, CaptureImage and Viewpoint Update)."""
+    coverage = inputs.room.materials.coverage
+
+    def make(folder: Path, progress: Progress) -> Notes:
+        views = render_views(scan.value.scan, scan.value.room, coverage=coverage, progress=progress)
+        save_views(views, folder)
+        short = views.area_coverage < views.threshold
+        return Notes(
+            summary=f"{len(views.views)} views cover {100 * views.area_coverage:.1f} % of the area, "
+            f"{100 * views.point_coverage:.1f} % of the points",
+            warnings=(f"coverage stays below the threshold of {100 * coverage:.0f} %: {views.stopped}",)
+            if short
+            else (),
+        )
+
+    settings = {"scan": scan.contents(), "coverage": coverage}
+    return Stage(name="views", settings=settings, make=make, load=load_views)
+
+
+def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: StageResult[ViewSet]) -> Stage[MaterialMap]:
+    """Stage 3: a reflectance spectrum for every face (Algorithm 1, DM and RPP)."""
+    section = inputs.room.materials
+    delight = section.delight and section.method != "default"  # that one does without the scan's colours
+
+    def make(folder: Path, progress: Progress) -> Notes:
+        mesh, light = scan.value.scan, None
+        if delight:
+            lamps = _lamps(inputs, scan.value)
+            found = inputs.room.lamps_from_scan
+            stated = found is None or found.fluxes == "area"
+            light = take_light_out(
+                mesh, scan.value.room, lamps, fluxes_stated=stated, progress=part_of(progress, 0.0, 0.7)
+            )
+        materials = estimate_materials(
+            mesh,
+            views.value,
+            section,
+            room=scan.value.room,
+            face_color=light.face_color if light else None,
+            matching=section.matching,
+            base_folder=inputs.base,
+            progress=part_of(progress, 0.7 if light else 0.0, 1.0),
+        )
+        if light is not None:
+            materials = with_light_uncertainty(materials, light, mesh.areas)
+        save_materials(materials, folder, face_areas=mesh.areas)
+        save_lamp_fluxes(light.lamp_fluxes if light else (), folder)
+        save_material_mesh(mesh, materials, folder)
+        pictures = _material_pictures(mesh, views.value, materials)
+        save_figure(segmentation_figure(pictures), folder, SEGMENTATION)
+        left_in = light is None or light.face_color is None
+        words, warnings = materials.in_words(mesh.areas), materials.warnings(mesh.areas, light_left_in=left_in)
+        return Notes(
+            summary=f"{words}; {light.words}" if light and light.words else words,
+            warnings=(*warnings, *light.warnings) if light else warnings,
+        )
+
+    settings = {
+        "scan": scan.contents(),
+        "views": views.contents(),
+        "section": section.model_dump(exclude={"coverage"}),
+        "databases": {**_database_hashes("reflectance"), **(_database_hashes("lamps") if delight else {})},
+        "model": {SHIPPED_MODEL.name: hash_file(SHIPPED_MODEL)} if section.model == "builtin" else {},
+        "files": inputs.hashes(
+            section.file,
+            *_assigned_spectra(inputs),
+            section.model,
+            str(Path(section.model).with_suffix(CARD_SUFFIX)),
+            *section.databases,
+            *(_lamp_files(inputs.room) if delight else ()),
+        ),
+        **(_lamp_settings(inputs.room) if delight else {}),
+    }
+    return Stage(name="materials", settings=settings, make=make, load=load_materials)
+
+
+def _assigned_spectra(inputs: Inputs) -> tuple[str, ...]:
+    """Spectrum files that the file of assignments points to, from the run file's folder."""
+    name = inputs.room.materials.file
+    if name is None:
+        return ()
+    return tuple(str(Path(name).parent / spectrum) for spectrum in spectrum_files(inputs.path(name)))
+
+
+def scene_stage(
+    inputs: Inputs, scan: StageResult[ScannedRoom], materials: StageResult[MaterialMap]
+) -> Stage[RadianceScene]:
+    """Stage 4: the room as a Radiance model, with its lamps' spectra (paper, Section 3.1)."""
+    room = inputs.room
+
+    def make(folder: Path, progress: Progress) -> Notes:
+        progress(0.0, "lamps")
+        lamps = (*_with_told_fluxes(_lamps(inputs, scan.value), materials.folder), *_daylight(room, folder))
+        save_lamps(lamps, folder)
+        scene = write_scene(
+            scan.value.scan,
+            materials.value,
+            lamps,
+            find_bands(room.sensors.device, inputs.base),
+            folder,
+            mode=room.trace.mode,
+            engine=find_engine(),
+            progress=part_of(progress, 0.1, 1.0),
+        )
+        return Notes(
+            summary=f"{len(lamps)} lamps, {len(materials.value.materials)} materials, "
+            f"{len(scene.passes)} {'pass' if len(scene.passes) == 1 else 'passes'} of up to "
+            f"{max(each.slot_count for each in scene.passes)} bands",
+            warnings=placement_notes(lamps, scan.value.scan),
+        )
+
+    settings = {
+        "scan": scan.contents(),
+        "materials": materials.contents(),
+        **_lamp_settings(room),
+        "databases": _database_hashes("lamps"),
+        "files": inputs.hashes(*_lamp_files(room), room.sensors.device),
+        "device": room.sensors.device,
+        "mode": room.trace.mode,
+    }
+    return Stage(name="scene", settings=settings, make=make, load=load_scene)
+
+
+def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResult[RadianceScene]) -> Stage[xr.Dataset]:
+    """Stage 5: every lamp's light at every sensor point, with its standard error (paper, Sections 2.4.4 and 3.1)."""
+    sensors = inputs.room.sensors
+    section = inputs.room.trace.model_copy(update={"workers": inputs.workers or inputs.room.trace.workers})
+
+    def make(folder: Path, progress: Progress) -> Notes:
+        points = sensor_points(scan.value.scan, scan.value.room, sensors, folder=inputs.base)
+        receptor = _receptor(inputs)
+        with _trace_engine(inputs.cluster) as engine:
+            transport = trace(
+                scene.value, points, section, seed=TRACE_SEED, receptor=receptor, engine=engine, progress=progress
+            )
+        save_transport(transport, folder / TRANSPORT_FILE)
+        write_workflow(scene.value, points, section, folder / MODEL_FOLDER)
+        return Notes(
+            summary=f"{len(points)} points, at most {transport.attrs['bounces']} reflections; "
+            f"standard error {100 * transport.attrs['achieved_relative_se']:.2f} % of the mean "
+            f"(wanted {100 * transport.attrs['target_relative_se']:.1f} %)",
+            warnings=_trace_warnings(transport, points),
+        )
+
+    settings = {
+        "scan": scan.contents(),
+        "scene": scene.contents(),
+        "sensors": sensors.model_dump(exclude={"device"}),
+        "files": inputs.hashes(sensors.points, sensors.receptor),
+        "accuracy": section.accuracy,
+        "noise": section.noise,
+    }
+    return Stage(
+        name="trace", settings=settings, make=make, load=lambda folder: load_transport(folder / TRANSPORT_FILE)
+    )
+
+
+def map_stage(transport: StageResult[xr.Dataset]) -> Stage[xr.Dataset]:
+    """Stage 6: the spectral map, the sum over lamps (paper, Section 3.3)."""
+
+    def make(folder: Path, progress: Progress) -> Notes:
+        light = spectral_map(transport.value)
+        save_map(light, folder / MAP_FILE)
+        save_map_table(light, folder / MAP_TABLE)
+        mean = light["irradiance"].mean("point")
+        return Notes(
+            summary=f"{light.sizes['band']} channels x {light.sizes['point']} points; "
+            f"mean {float(mean.min()):.3g} to {float(mean.max()):.3g} W/m²/nm"
+        )
+
+    return Stage(
+        name="map",
+        settings={"transport": transport.contents()},
+        make=make,
+        load=lambda folder: load_map(folder / MAP_FILE),
+    )
+
+
+def report_stage(
+    inputs: Inputs,
+    scan: StageResult[ScannedRoom],
+    views: StageResult[ViewSet],
+    materials: StageResult[MaterialMap],
+    scene: StageResult[RadianceScene],
+    transport: StageResult[xr.Dataset],
+    light: StageResult[xr.Dataset],
+) -> Stage[Path]:
+    """Stage 7: figures, tables and one page that tells of all the others."""
+    before: tuple[StageResult[Any], ...] = (scan, views, materials, scene, transport, light)
+
+    def make(folder: Path, progress: Progress) -> Notes:
+        mesh, room = scan.value.scan, scan.value.room
+        lamps = load_lamps(scene.folder)
+        plan = floor_plan(mesh, room)
+        page = write_report(
+            folder,
+            ReportInput(
+                title=inputs.name,
+                spectral_map=light.value,
+                transport=transport.value,
+                plan=plan,
+                applications=report_applications(
+                    inputs.room,
+                    transport.value,
+                    {lamp.name: lamp.flux for lamp in lamps},
+                    scene.value.bands,
+                    plan,
+                    base=inputs.base,
+                    progress=part_of(progress, 0.0, 0.5),
+                ),
+                scan=mesh.record,
+                materials=materials.value.materials,
+                material_areas_m2=materials.value.areas(mesh.areas),
+                lamps=lamps,
+                views=tuple(ReportView(name=view.name, image=view.image) for view in views.value.views[:6]),
+                material_pictures=_material_pictures(mesh, views.value, materials.value),
+                view_notes=views.record.summary,
+                floor_z_m=room.floor_z,
+                room_notes=scan.record.summary,
+                stages=tuple(
+                    StageRow(
+                        stage=result.record.stage,
+                        summary=result.record.summary,
+                        seconds=result.record.seconds,
+                        peak_memory_mib=result.record.peak_memory_mib,
+                    )
+                    for result in before
+                ),
+                warnings=tuple(warning for result in before for warning in result.record.warnings),
+                provenance=_provenance(before),
+                run_file=inputs.text,
+            ),
+            progress=part_of(progress, 0.5, 1.0),
+        )
+        return Notes(summary=f"{page.name}, with figures and tables beside it")
+
+    settings = {"stages": {result.record.stage: result.contents() for result in before}, "run_file": inputs.text}
+    if inputs.room.cells:
+        settings["files"] = inputs.hashes(*(section.cell for section in inputs.room.cells))
+        settings["databases"] = _database_hashes("cells")
+    return Stage(name="report", settings=settings, make=make, load=lambda folder: folder / REPORT_PAGE)
+
+
+def _material_pictures(scan: Scan, views: ViewSet, materials: MaterialMap) -> MaterialPictures:
+    """The first six views before and after segmentation, and the materials' colours with and without the light."""
+    areas = materials.areas(scan.areas)
+    listed = materials.materials
+    code = material_code(tuple(m.name for m in listed), tuple(m.category for m in listed), areas)
+    first = views.views[:6]
+    found = daylight_colors(listed)
+    return MaterialPictures(
+        views=tuple(ReportView(name=view.name, image=view.image) for view in first),
+        segmented=tuple(
+            ReportView(name=view.name, image=code.image(view.face, materials.face_material)) for view in first
+        ),
+        lit_evenly=tuple(
+            ReportView(name=view.name, image=painted(view.face, found[materials.face_material])) for view in first
+        ),
+        code=code,
+        shown=mean_shown_colors(scan.face_colors(), materials.face_material, scan.areas, len(listed)),
+        found=found,
+    )
+
+
+def _receptor(inputs: Inputs) -> Receptor:
+    """The sensors' angular response: the cosine, a restricted view, or a measured table."""
+    sensors = inputs.room.sensors
+    if sensors.receptor is not None:
+        return read_receptor(inputs.path(sensors.receptor))
+    return cosine_receptor() if sensors.field_of_view_deg is None else cone_receptor(sensors.field_of_view_deg)
+
+
+def _trace_engine(cluster: str | None) -> AbstractContextManager[Engine]:
+    return nullcontext(find_engine()) if cluster is None else cluster_engine(cluster)
+
+
+def _trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, ...]:
+    warnings = []
+    buried = int(points.buried.sum())
+    if buried:
+        warnings.append(f"{buried} of {len(points)} points are buried; they are flagged on the map")
+    achieved, target = transport.attrs["achieved_relative_se"], transport.attrs["target_relative_se"]
+    if achieved > target:
+        warnings.append(
+            f"the standard error stayed at {100 * achieved:.1f} % of the mean; {100 * target:.1f} % was asked"
+        )
+    return tuple(warnings)
+
+
+def _scan_files(file: Path) -> tuple[Path, ...]:
+    """The scan's file and, for formats of several files, those beside it that it may read.
+
+    Which of them it does read is known only after parsing it; one too many costs a needless new run at worst.
+    """
+    if not file.is_file():
+        return ()  # refused in words where it is read
+    if file.suffix.lower() not in MULTI_FILE_FORMATS:
+        return (file,)
+    return (file, *sorted(path for path in file.parent.iterdir() if path.suffix.lower() in COMPANION_SUFFIXES))
+
+
+def _provenance(before: tuple[StageResult[Any], ...]) -> dict[str, str]:
+    hashes = {
+        f"sha256 of {name}": digest
+        for result in before
+        for part in ("files", "databases")
+        for name, digest in result.record.settings.get(part, {}).items()
+    }
+    finished = {f"stage '{result.record.stage}' finished": result.record.finished for result in before}
+    return {**versions(), **finished, **hashes, "trace seed": str(TRACE_SEED)}
+
+
+def _lamps(inputs: Inputs, scan: ScannedRoom) -> tuple[Lamp, ...]:
+    """The run file's lamps, or those that are lit in the scan."""
+    section = inputs.room.lamps_from_scan
+    if section is None:
+        return resolve_lamps(inputs.room.lamps, inputs.base)
+    return lamps_from_lit(find_lit_lamps(scan.scan, scan.room), section, inputs.base)
+
+
+def _with_told_fluxes(lamps: tuple[Lamp, ...], materials_folder: Path) -> tuple[Lamp, ...]:
+    """Lamps with the relative fluxes that the materials stage read off the walls; as they are where it read none."""
+    fluxes = load_lamp_fluxes(materials_folder)
+    if not fluxes:
+        return lamps
+    factors = flux_factors([lamp.name for lamp in lamps], fluxes, np.array([lamp.flux.integral() for lamp in lamps]))
+    return tuple(
+        replace(lamp, flux=lamp.flux.scaled(float(factor))) for lamp, factor in zip(lamps, factors, strict=True)
+    )
+
+
+def _daylight(room: RunFile, folder: Path) -> tuple[Lamp, ...]:
+    """What sky and sun make of the windows; nothing at night."""
+    section = room.daylight
+    if section is None:
+        return ()
+    day = Daylight(**section.model_dump(exclude={"windows"}))
+    windows = [Window(**window.model_dump()) for window in section.windows]
+    sky = compute_sky(
+        day, folder / SKY_FOLDER, find_engine(), atmosphere=user_cache_path("lidarspectra") / "atmosphere"
+    )
+    return daylight_lamps(sky, windows)
+
+
+def _lamp_settings(room: RunFile) -> dict[str, Any]:
+    return {
+        "lamps": [lamp.model_dump() for lamp in room.lamps],
+        "lamps_from_scan": room.lamps_from_scan.model_dump() if room.lamps_from_scan else None,
+        "daylight": room.daylight.model_dump(mode="json") if room.daylight else None,
+    }
+
+
+def _lamp_files(room: RunFile) -> tuple[str | None, ...]:
+    found = (room.lamps_from_scan.spectrum,) if room.lamps_from_scan else ()
+    return (*(lamp.file for lamp in room.lamps), *(lamp.spectrum for lamp in room.lamps), *found)
+
+
+def _database_hashes(kind: str) -> dict[str, str]:
+    """SHA-256 of every database file of a kind, as it is now and not as the manifest has it."""
+    return {f"{file.database}/{file.path.name}": hash_file(file.path) for file in list_databases() if file.kind == kind}

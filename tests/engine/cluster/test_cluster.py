@@ -1,0 +1,103 @@
+"""Jobs on a Dask cluster give what they give here, and outlive their workers."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from lidarspectra.errors import EngineError
+from lidarspectra.radiance.cluster import ClusterEngine, cluster_engine
+from lidarspectra.radiance.engine import EngineJob, find_engine, float_rows
+from lidarspectra.radiance.octree import compile_octree
+
+distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+pytestmark = [
+    pytest.mark.slow,
+    # Dask closes its own sockets and loops late when a worker was killed; no word of ours.
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
+]
+LAMP = """void light lamp0
+0
+0
+3 1 1 1
+lamp0 sphere bulb
+0
+0
+4 0 0 2 .1
+"""
+JOBS = 12
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("scene")
+    (folder / "lamp.rad").write_text(LAMP, encoding="utf-8", newline="\n")
+    compile_octree(find_engine(), folder, ["lamp.rad"], "lamp.oct")
+    return folder
+
+
+@pytest.fixture
+def cluster() -> Iterator["distributed.LocalCluster"]:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+    ) as workers:
+        yield workers
+
+
+def jobs(scene: Path, *, repeats: int = 1) -> Iterator[EngineJob]:
+    """Irradiance under the lamp, further off with every job; each ray `repeats` times, to take a while."""
+    arguments = ("-h-", "-ff", "-I+", "-ab", "0", "-dj", "0", "-x", "0", "-y", "0", "lamp.oct")
+    for number in range(JOBS):
+        ray = np.array([[0, 0, -0.1 * number, 0, 0, 1]], dtype=np.float32)
+        yield EngineJob(program="rtrace", arguments=arguments, folder=scene, stdin=np.repeat(ray, repeats, 0).tobytes())
+
+
+def answers(engine: ClusterEngine, scene: Path, *, repeats: int = 1) -> list[float]:
+    return [
+        float_rows(run, rows=repeats, columns=3)[0, 0]
+        for run in engine.run_jobs(jobs(scene, repeats=repeats), workers=1)
+    ]
+
+
+def expected(scene: Path) -> list[float]:
+    return [float_rows(run, rows=1, columns=3)[0, 0] for run in find_engine().run_jobs(jobs(scene), workers=1)]
+
+
+def test_a_cluster_gives_the_same_answers_in_the_same_order(cluster: "distributed.LocalCluster", scene: Path) -> None:
+    with cluster_engine(cluster.scheduler_address) as engine:
+        # The same program on the same rays: bit for bit.
+        assert answers(engine, scene) == expected(scene)
+
+
+def test_a_killed_worker_loses_nothing(cluster: "distributed.LocalCluster", scene: Path) -> None:
+    with cluster_engine(cluster.scheduler_address) as engine:
+        runs = engine.run_jobs(jobs(scene, repeats=200_000), workers=1)
+        found = [float_rows(next(runs), rows=200_000, columns=3)[0, 0]]
+        victim = next(iter(engine.client.run(_process).values()))
+        with contextlib.suppress(psutil.NoSuchProcess):
+            psutil.Process(victim).kill()
+        found += [float_rows(run, rows=200_000, columns=3)[0, 0] for run in runs]
+    assert found == expected(scene)
+
+
+def _process() -> int:
+    import os
+
+    return os.getpid()
+
+
+def test_a_fault_on_a_worker_is_our_error(cluster: "distributed.LocalCluster", scene: Path) -> None:
+    job = EngineJob(program="rtrace", arguments=("nothing.oct",), folder=scene)
+    with cluster_engine(cluster.scheduler_address) as engine, pytest.raises(EngineError, match=r"nothing\.oct"):
+        list(engine.run_jobs([job], workers=1))
+
+
+def test_no_scheduler_is_one_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lidarspectra.radiance.cluster.CONNECT_TIMEOUT", "1s")
+    with pytest.raises(EngineError, match="dask scheduler"), cluster_engine("tcp://127.0.0.1:9"):
+        pass

@@ -1,0 +1,148 @@
+"""The exported model gives the run's answer with make and Radiance alone."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from lidarspectra.config import TraceSection
+from lidarspectra.errors import SceneError
+from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
+from lidarspectra.material.material_map import Material, MaterialMap
+from lidarspectra.radiance.engine import Engine, find_engine
+from lidarspectra.radiance.lamps import Lamp
+from lidarspectra.radiance.scene import RadianceScene, write_scene
+from lidarspectra.radiance.sensors import SensorPoints
+from lidarspectra.radiance.trace import trace
+from lidarspectra.radiance.workflow import write_workflow
+from lidarspectra.spectra import Spectrum, sensor_bands
+
+SECTION = TraceSection(accuracy="medium", noise="standard")
+
+
+@pytest.fixture(scope="module")
+def engine() -> Engine:
+    return find_engine()
+
+
+@pytest.fixture(scope="module")
+def points() -> SensorPoints:
+    spots = np.array([[0.6, 0.6, 0.3], [1.5, 1.0, 0.3], [0.9, 1.6, 1.0], [1.0, 1.0, 1.5]])
+    normals = np.array([[0, 0, 1.0], [0, 0, 1.0], [1.0, 0, 0], [0, 0.3, 1.0]])
+    return SensorPoints(positions=spots, normals=normals, buried=np.zeros(4, dtype=bool))
+
+
+def two_lamp_scene(folder: Path, mode: str, engine: Engine) -> RadianceScene:
+    """A coloured cube with two lamps of different spectra: several passes in either mode."""
+    box = trimesh.creation.box(extents=(2.0, 2.0, 2.0))
+    box.invert()
+    scan = Scan(
+        vertices=box.vertices + 1.0,
+        faces=box.faces,
+        appearance=Appearance(
+            images=(), face_image=np.full(12, -1), corner_uv=np.zeros((12, 3, 2)), corner_color=np.ones((12, 3, 3))
+        ),
+        record=ScanRecord(
+            file="cube", unit="m", unit_confidence=1, up_axis="+z", up_confidence=1, faces_read=12, faces_kept=12
+        ),
+    )
+    ramp = Spectrum(wavelengths_nm=[380.0, 780.0], values=[0.2, 0.7])
+    wall = Material(
+        name="wall", category="unknown", reflectance=ramp, source="default", provenance="default",
+        confidence=1.0, measured_range_nm=(380, 780), color=(0.5, 0.5, 0.5),
+    )  # fmt: skip
+    materials = MaterialMap(
+        materials=(wall,), face_material=np.zeros(12, dtype=int), face_color=np.ones((12, 3)), face_seen=np.ones(12)
+    )
+    down = np.array([0.0, 0.0, -1.0])
+    warm = Spectrum(wavelengths_nm=[380.0, 780.0], values=[0.01, 0.05])
+    line = Spectrum(wavelengths_nm=[380.0, 540.0, 545.0, 550.0, 780.0], values=[0.01, 0.01, 0.3, 0.01, 0.01])
+    lamps = [
+        Lamp(name="warm", shape="panel", center=np.array([1.0, 1.0, 1.9]), normal=down, size=(0.4, 0.4), flux=warm),
+        Lamp(name="line", shape="bulb", center=np.array([0.4, 1.5, 1.2]), normal=down, size=(0.05,), flux=line),
+    ]
+    return write_scene(scan, materials, lamps, sensor_bands("as7265x-14"), folder, mode=mode, engine=engine)
+
+
+def stock(engine: Engine) -> dict[str, str]:
+    """An environment with Radiance and make, and nothing of Python's."""
+    make = Path(str(shutil.which("make"))).parent
+    return {
+        "PATH": os.pathsep.join([str(engine.programs), str(make), os.defpath]),
+        "RAYPATH": str(engine.library),
+        "LC_ALL": "C",
+    }
+
+
+def answer(folder: Path, engine: Engine, *options: str) -> np.ndarray:
+    done = subprocess.run(
+        ["make", *options], cwd=folder, env=stock(engine), capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return np.loadtxt(folder / "irradiance.txt", ndmin=2)
+
+
+needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+
+
+@needs_make
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["native", "rgb"])
+def test_make_gives_the_runs_irradiance(engine: Engine, points: SensorPoints, tmp_path: Path, mode: str) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", mode, engine)
+    folder = tmp_path / "a model (é)"
+    write_workflow(scene, points, SECTION, folder)
+    rows = answer(folder, engine, "-j2")
+    np.testing.assert_allclose(rows[:, :3], points.positions, rtol=1e-6)
+    transport = trace(scene, points, SECTION, seed=1, engine=engine)
+    irradiance = (transport["coefficient"] * transport["flux"]).sum("lamp").to_numpy()
+    # Each side aims at 1 % standard error of the mean irradiance: four of their combined errors.
+    difference = np.abs(rows[:, 6:] - irradiance) / irradiance.mean(axis=0)
+    assert difference.max() < 4 * np.hypot(0.01, 0.01)
+    assert np.abs((rows[:, 6:] - irradiance).mean() / irradiance.mean()) < 0.01
+
+
+@needs_make
+def test_make_does_nothing_twice_and_cleans_up(engine: Engine, points: SensorPoints, tmp_path: Path) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine)
+    folder = write_workflow(scene, points, TraceSection(accuracy="low", noise="draft"), tmp_path / "model").parent
+    before = {path.name for path in folder.iterdir()}
+    answer(folder, engine)
+    again = subprocess.run(["make", "-q"], cwd=folder, env=stock(engine), capture_output=True, check=False)
+    assert again.returncode == 0  # make's word for up to date
+    subprocess.run(["make", "clean"], cwd=folder, env=stock(engine), capture_output=True, check=True)
+    assert {path.name for path in folder.iterdir()} == before
+
+
+@needs_make
+def test_rad_reads_the_control_files(engine: Engine, points: SensorPoints, tmp_path: Path) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine)
+    folder = write_workflow(scene, points, SECTION, tmp_path / "model").parent
+    octrees = [scene_pass.octree for scene_pass in scene.passes]
+    subprocess.run(["make", *octrees], cwd=folder, env=stock(engine), capture_output=True, check=True)
+    for scene_pass in scene.passes:
+        commands = engine.run("rad", ["-n", f"{scene_pass.name}.rif"], folder=folder).output.decode()
+        assert "oconv" not in commands  # it takes the octree that make compiled
+        assert "-cs 14 -cw 380 800" in commands
+        assert scene_pass.octree in commands
+
+
+def test_columns_are_named_and_passes_add_up(engine: Engine, points: SensorPoints, tmp_path: Path) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine)
+    folder = write_workflow(scene, points, SECTION, tmp_path / "model").parent
+    names = (folder / "bands.txt").read_text(encoding="utf-8").splitlines()
+    assert names[:7] == ["1 x_m", "2 y_m", "3 z_m", "4 nx", "5 ny", "6 nz", "7 E_410"]
+    formulas = (folder / "sum.cal").read_text(encoding="utf-8").splitlines()
+    assert formulas[6] == "$7=1e-06*($20+$34);"  # the last slot of each pass, since the engine starts at the long end
+    assert formulas[-1] == "$20=1e-06*($7+$21);"
+
+
+def test_a_scene_without_its_files_is_refused(engine: Engine, points: SensorPoints, tmp_path: Path) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine)
+    (tmp_path / "scene" / "room.obj").unlink()
+    with pytest.raises(SceneError, match="scene stage"):
+        write_workflow(scene, points, SECTION, tmp_path / "model")

@@ -1,0 +1,158 @@
+"""Interreflection in closed rooms, against closed forms.
+
+In a closed room of diffuse reflectance ρ and wall area S, a lamp of flux Φ gives a mean wall irradiance of
+Φ/S Σ ρⁿ = Φ/(S(1-ρ)); the reflected part alone is Φρ/(S(1-ρ)), as in the analytical cases of CIE 171:2006, 5.8. With
+at most N reflections the sum ends at ρᴺ. In a sphere with the lamp in its centre every point has the mean.
+"""
+
+import numpy as np
+import pytest
+import trimesh
+
+from lidarspectra.errors import ArrayError
+from lidarspectra.radiance.options import BOUNCES
+from lidarspectra.radiance.trace import trace
+from lidarspectra.spectra import Spectrum, uniform_bands
+
+BULB_M = 0.004  # [m] diameter; its surface takes 5e-5 / 6 of the light that crosses a unit cube
+SPHERE = 5e-3  # [1] a sphere of 5120 triangles has 0.2 % less area, and light meets facets up to 3 degrees off
+SIDES = [
+    ((0.5, 0.5, 0), (0, 0, 1)),
+    ((0.5, 0.5, 1), (0, 0, -1)),
+    ((0, 0.5, 0.5), (1, 0, 0)),
+    ((1, 0.5, 0.5), (-1, 0, 0)),
+    ((0.5, 0, 0.5), (0, 1, 0)),
+    ((0.5, 1, 0.5), (0, -1, 0)),
+]
+"""Centres and inward normals of a unit cube's walls."""
+
+
+def series(reflectance, bounces: int):
+    """Σ ρⁿ for n from 0 to the most reflections."""
+    return (1.0 - np.power(reflectance, bounces + 1)) / (1.0 - np.asarray(reflectance))
+
+
+def in_sphere(reflectance, bounces: int):
+    """Coefficient [m⁻²] at 0.99 of a unit sphere's radius, where direct light is 1/0.99² of that on the wall."""
+    return (series(reflectance, bounces) - 1.0 + 0.99**-2) / (4 * np.pi)
+
+
+def sphere_points(count: int) -> np.ndarray:
+    """Points all around at 0.99 of the radius."""
+    outwards = np.random.default_rng(1).standard_normal((count, 3))
+    return 0.99 * outwards / np.linalg.norm(outwards, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("reflectance", [0.0, 0.3, 0.6, 0.9])
+def test_every_point_of_a_sphere_has_the_closed_form(rooms, sensors, section, check, reflectance: float) -> None:
+    scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), reflectance)])
+    places = sphere_points(12)
+    transport = trace(scene, sensors(places, -places), section("ultra", "standard"), seed=1)
+    expected = in_sphere(reflectance, BOUNCES["ultra"])
+    check(transport, expected, shape=SPHERE)
+    mean = transport["coefficient"].to_numpy().mean()
+    assert mean == pytest.approx(expected, rel=SPHERE + 5 * 0.01 / np.sqrt(12))  # five errors of a mean of 12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reflectance", [0.5, 0.8])
+def test_the_mean_over_a_cubes_walls_has_the_closed_form(rooms, sensors, section, reflectance: float) -> None:
+    # Points on a lattice on each wall, so that direct light, which differs over the walls by 38 %, averages out.
+    scene = rooms.scene([rooms.lamp("bulb", (0.5, 0.5, 0.5), BULB_M)], [(rooms.room(), reflectance)])
+    ticks = (np.arange(10) + 0.5) / 10 - 0.5
+    flat = np.stack([*np.meshgrid(ticks, ticks), np.zeros((10, 10))], axis=-1).reshape(-1, 3)
+    places, normals = [], []
+    for centre, normal in SIDES:
+        shift = np.argmax(np.abs(normal)) - 2
+        places.append(np.roll(flat, shift, axis=1) + np.asarray(centre) + 1e-4 * np.asarray(normal))
+        normals.append(np.broadcast_to(normal, flat.shape))
+    points = sensors(np.concatenate(places), np.concatenate(normals))
+    transport = trace(scene, points, section("ultra", "standard"), seed=1)
+    direct = 6 * np.mean(0.5 / (4 * np.pi * ((flat**2).sum(axis=1) + 0.25) ** 1.5))  # 1 but for the lattice's 0.25 %
+    expected = (series(reflectance, BOUNCES["ultra"]) - 1.0 + direct) / 6.0
+    # Sensors share paths, so that the mean's noise is 0.3 % rather than 1 % / sqrt(600): five of it, and 0.4 % for the
+    # lattice's share in reflected light, the bulb and the lift off the wall.
+    assert transport["coefficient"].to_numpy().mean() == pytest.approx(expected, rel=0.019)
+
+
+def test_reflectance_of_099_converges_and_creates_no_light(rooms, sensors, section, check) -> None:
+    scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), 0.99)])
+    places = sphere_points(4)
+    transport = trace(scene, sensors(places, -places), section("ultra", "standard"), seed=1)
+    check(transport, in_sphere(0.99, BOUNCES["ultra"]), shape=0.02)  # the area's 0.2 % counts at every reflection
+    assert transport["coefficient"].to_numpy().max() * 4 * np.pi < 1.0 / (1.0 - 0.99)
+
+
+def test_reflectance_of_one_is_refused(rooms) -> None:
+    with pytest.raises(ArrayError, match="no steady state"):
+        rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), 1.0)])
+
+
+@pytest.mark.parametrize("accuracy", ["low", "medium", "high"])
+def test_accuracy_is_the_number_of_reflections(rooms, sensors, section, check, accuracy: str) -> None:
+    scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), 0.8)])
+    places = sphere_points(4)
+    transport = trace(scene, sensors(places, -places), section(accuracy, "standard"), seed=1)
+    check(transport, in_sphere(0.8, BOUNCES[accuracy]), shape=2 * SPHERE)
+
+
+@pytest.mark.parametrize("mode", ["native", "rgb"])
+def test_bands_keep_their_order_and_do_not_mix(rooms, sensors, section, check, mode: str) -> None:
+    # Fourteen bands of fourteen reflectances: each comes back with its own closed form. rgb takes five passes.
+    bands = uniform_bands(400.0, 680.0, 14)
+    reflectances = np.linspace(0.1, 0.8, 14)
+    steps = np.stack([bands.centers_nm - 9.99, bands.centers_nm + 9.99], axis=1).ravel()
+    wall = Spectrum(wavelengths_nm=steps, values=np.repeat(reflectances, 2))
+    scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), wall)], bands=bands, mode=mode)
+    places = sphere_points(3)
+    transport = trace(scene, sensors(places, -places), section("medium", "standard"), seed=1)
+    check(transport, in_sphere(reflectances, BOUNCES["medium"]), shape=2 * SPHERE)
+
+
+def test_a_lamp_of_one_band_lights_no_other(rooms, sensors, section) -> None:
+    bands = uniform_bands(400.0, 680.0, 14)
+    lamp = Spectrum(wavelengths_nm=np.array([501.0, 502.0, 518.0, 519.0]), values=np.array([0.0, 1.0, 1.0, 0.0]))
+    scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M, flux=lamp)], [(rooms.ball(1.0), 0.5)], bands=bands)
+    found = trace(scene, sensors((0, 0, -0.99), (0, 0, 1)), section("medium", "draft"), seed=1)
+    light = found["coefficient"].to_numpy()[0, 0] * scene.flux[0]
+    assert np.argmax(light) == 5  # 500 to 520 nm
+    assert np.all(np.delete(light, 5) == 0.0)
+
+
+def luminous_walls(rooms):
+    """Six panels of 1 W/nm that make up a unit cube, shining inwards with M = 1 W/nm/m² each."""
+    return [
+        rooms.lamp("panel", centre, (1.0, 1.0), normal=normal, name=str(index))
+        for index, (centre, normal) in enumerate(SIDES)
+    ]
+
+
+def test_inside_a_luminous_box_every_sensor_reads_its_walls(rooms, sensors, section, check) -> None:
+    # Furnace: walls of uniform radiance L all around give E = πL = M wherever the sensor is and looks.
+    generator = np.random.default_rng(5)
+    places = sensors(0.1 + 0.8 * generator.random((10, 3)), generator.standard_normal((10, 3)))
+    check(trace(rooms.scene(luminous_walls(rooms)), places, section(), seed=1), 1.0)
+
+
+def test_a_nearly_white_object_in_a_luminous_box_is_invisible(rooms, sensors, section, check) -> None:
+    # The ball returns 0.99 of what it gets and a sensor 0.2 m away sees it in (0.2/0.4)² = 1/4 of its view: 0.9975.
+    scene = rooms.scene(luminous_walls(rooms), [(rooms.ball(0.2, (0.5, 0.5, 0.5), inside=False), 0.99)])
+    transport = trace(scene, sensors((0.5, 0.5, 0.1), (0, 0, 1)), section("high"), seed=1)
+    check(transport, 0.9975)
+
+
+def test_light_goes_the_same_both_ways(rooms, sensors, section) -> None:
+    # Reciprocity: a small Lambertian lamp at A gives a sensor at B what the lamp at B gives the sensor at A, through
+    # any number of diffuse reflections, past any obstacle.
+    table = trimesh.creation.box(bounds=[[0.3, 0.0, 0.4], [1.0, 0.7, 0.45]])
+    surfaces = [(rooms.room(), 0.7), (table, 0.3)]
+    first = ((0.7, 0.3, 0.9), (0.0, 0.0, -1.0))
+    second = ((0.35, 0.4, 0.1), (0.0, 0.6, 0.8))
+    found, error = [], []
+    for (lamp, axis), (place, normal) in ((first, second), (second, first)):
+        scene = rooms.scene([rooms.lamp("panel", lamp, (0.01, 0.01), normal=axis)], surfaces)
+        transport = trace(scene, sensors(place, normal), section("high"), seed=1)
+        found.append(transport["coefficient"].to_numpy()[0, 0, 0])
+        error.append(transport["coefficient_se"].to_numpy()[0, 0, 0])
+    assert abs(found[0] - found[1]) < 8.0 * np.hypot(*error)
+    assert max(error) < 0.01 * found[0]

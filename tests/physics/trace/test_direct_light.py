@@ -1,0 +1,82 @@
+"""Light straight from lamps, in empty space, against closed forms."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from lidarspectra.radiance.trace import trace
+
+UP = (0.0, 0.0, 1.0)
+SPHERE = 3e-3  # [1] Radiance's points on a sphere stand for its disc as seen from afar: 0.1 % at 16 radii
+
+
+def test_irradiance_falls_with_the_square_of_the_distance(rooms, sensors, section, check) -> None:
+    # A Lambertian sphere gives E = Φ/(4πd²) at every distance d from its centre, exactly.
+    distances = np.array([0.5, 1.0, 2.0, 4.0])
+    scene = rooms.scene([rooms.lamp("bulb", (0, 0, 5), 0.06)])
+    places = np.stack([np.zeros(4), np.zeros(4), 5.0 - distances], axis=1)
+    transport = trace(scene, sensors(places, UP), section(), seed=1)
+    check(transport, 1.0 / (4 * np.pi * distances[:, None] ** 2), shape=SPHERE)
+
+
+def test_irradiance_falls_with_the_cosine_of_the_angle(rooms, sensors, section, check) -> None:
+    angles = np.radians([0.0, 30.0, 60.0, 85.0])
+    normals = np.stack([np.sin(angles), np.zeros(4), np.cos(angles)], axis=1)
+    scene = rooms.scene([rooms.lamp("point", (0, 0, 2), 0.002)])
+    transport = trace(scene, sensors(np.zeros((4, 3)), normals), section(), seed=1)
+    check(transport, np.cos(angles)[:, None] / (4 * np.pi * 4.0), shape=SPHERE)
+
+
+def test_light_from_behind_does_not_count(rooms, sensors, section) -> None:
+    scene = rooms.scene([rooms.lamp("point", (0, 0, 2), 0.002)])
+    transport = trace(scene, sensors((0, 0, 0), (0, 0, -1)), section(), seed=1)
+    assert np.all(transport["coefficient"].to_numpy() == 0.0)
+    assert np.all(transport["irradiance_se"].to_numpy() == 0.0)
+
+
+def corner_factor(a: float, b: float) -> float:
+    """Configuration factor of a rectangle a x b over a parallel element below its corner, at unit distance."""
+    # Howell, A Catalog of Radiation Heat Transfer Configuration Factors, B-3.
+    root_a, root_b = np.hypot(1.0, a), np.hypot(1.0, b)
+    return float((a / root_a * np.arctan(b / root_a) + b / root_b * np.arctan(a / root_b)) / (2 * np.pi))
+
+
+@pytest.mark.parametrize("height", [0.1, 0.5, 2.0])
+def test_a_panel_gives_the_configuration_factor_of_a_rectangle(rooms, sensors, section, check, height: float) -> None:
+    length, width = 1.2, 0.6
+    scene = rooms.scene([rooms.lamp("panel", (0, 0, height), (length, width))])
+    transport = trace(scene, sensors([(0, 0, 0), (length / 2, width / 2, 0)], UP), section(), seed=1)
+    centre = 4 * corner_factor(length / 2 / height, width / 2 / height)
+    corner = corner_factor(length / height, width / height)
+    check(transport, np.array([[centre], [corner]]) / (length * width))  # E = M F, M = Φ/A
+
+
+@pytest.mark.parametrize(("height", "shape"), [(1.0, 8e-3), (2.0, 3e-3)])
+def test_a_disc_gives_the_configuration_factor_of_a_disc(
+    rooms, sensors, section, check, height: float, shape: float
+) -> None:
+    # Radiance draws points on a disc through a map from the square that favours the rim. Integrated, that is 0.7 % too
+    # little at two diameters, 0.2 % at four, but 7 % at half a diameter: no disc is right for a sensor that close.
+    radius = 0.25
+    scene = rooms.scene([rooms.lamp("disc", (0, 0, height), 2 * radius)])
+    factor = radius**2 / (radius**2 + height**2)
+    check(trace(scene, sensors((0, 0, 0), UP), section(), seed=1), factor / (np.pi * radius**2), shape=shape)
+
+
+def test_a_half_hidden_panel_gives_half(rooms, sensors, section, check) -> None:
+    # A black screen hides one half of the panel from the sensor below its edge; by symmetry the other gives half.
+    screen = trimesh.creation.box(bounds=[[-1.0, -1.0, 0.5], [0.0, 1.0, 0.5001]])
+    scene = rooms.scene([rooms.lamp("panel", (0, 0, 1), (0.6, 0.6))], [(screen, 0.0)])
+    check(trace(scene, sensors((0, 0, 0), UP), section(), seed=1), 2 * corner_factor(0.3, 0.3) / 0.36)
+
+
+def test_lamps_add_up(rooms, sensors, section) -> None:
+    lamps = [rooms.lamp("panel", (x, 0, 2), (0.3, 0.3), name=f"lamp {x}") for x in (-1.0, 1.0)]
+    places = sensors([(0, 0, 0), (1, 0, 0), (2, 1, 0)], UP)
+    together = trace(rooms.scene(lamps), places, section(), seed=1)
+    for index, lamp in enumerate(lamps):
+        alone = trace(rooms.scene([lamp]), places, section(), seed=2)
+        light = alone["coefficient"].to_numpy()[0]
+        error = np.hypot(together["coefficient_se"].to_numpy()[index], alone["coefficient_se"].to_numpy()[0])
+        assert np.all(np.abs(together["coefficient"].to_numpy()[index] - light) < 8.0 * error)
+        assert np.all(error < 0.02 * light)

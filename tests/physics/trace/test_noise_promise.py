@@ -1,0 +1,261 @@
+"""What the trace says of its own error is true: repeats are independent, coverage is as stated, targets are kept."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import trimesh
+import xarray as xr
+
+from lidarspectra.errors import EngineError
+from lidarspectra.radiance import rounds
+from lidarspectra.radiance import trace as trace_module
+from lidarspectra.radiance.engine import find_engine, float_rows
+from lidarspectra.radiance.estimator import BATCHES
+from lidarspectra.radiance.options import RELATIVE_STANDARD_ERROR
+from lidarspectra.radiance.pooling import load_surfaces
+from lidarspectra.radiance.receptors import cone_receptor, cosine_receptor
+from lidarspectra.radiance.scene import RadianceScene
+from lidarspectra.radiance.sensor_rays import Sensors
+from lidarspectra.radiance.sensors import SensorPoints
+from lidarspectra.radiance.trace import trace, trace_irradiance
+from lidarspectra.radiance.transport import load_transport, save_transport, standard_error_of_sum
+from lidarspectra.spectra import Spectrum
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@pytest.fixture
+def office(rooms) -> Callable[..., RadianceScene]:
+    """A furnished room under two unlike panels, so that there are penumbras, bright and dark points and colour."""
+    table = trimesh.creation.box(bounds=[[0.3, 0.4, 0.7], [1.5, 1.1, 0.74]])
+    chair = trimesh.creation.box(bounds=[[1.9, 1.8, 0.4], [2.4, 2.3, 0.45]])
+    wall = Spectrum(wavelengths_nm=np.array([380.0, 480.0, 620.0, 780.0]), values=np.array([0.2, 0.2, 0.75, 0.75]))
+    lamps = [
+        rooms.lamp("panel", (0.8, 1.5, 2.9), (0.6, 0.6), name="one"),
+        rooms.lamp("panel", (2.2, 1.5, 2.9), (0.6, 0.3), name="two", flux=wall),
+    ]
+
+    def make(**more: object) -> RadianceScene:
+        return rooms.scene(lamps, [(rooms.room(3.0), wall), (table, 0.5), (chair, 0.1)], **more)
+
+    return make
+
+
+@pytest.fixture
+def places(sensors) -> SensorPoints:
+    ticks = np.linspace(0.25, 2.75, 6)
+    x, y = np.meshgrid(ticks, ticks)
+    return sensors(np.stack([x.ravel(), y.ravel(), np.full(36, 0.3)], axis=1), UP)
+
+
+def irradiance(transport: xr.Dataset) -> np.ndarray:
+    return np.einsum("lpb,lb->pb", transport["coefficient"].to_numpy().astype(float), transport["flux"].to_numpy())
+
+
+def relative_rms(error: np.ndarray, light: np.ndarray) -> float:
+    return float((np.sqrt((error**2).mean(axis=0)) / light.mean(axis=0)).max())
+
+
+@pytest.mark.slow
+def test_two_standard_errors_cover_the_truth_for_95_percent_of_point_channels(office, places, section) -> None:
+    scene = office()
+    truth = trace(scene, places, section("medium", "fine"), seed=1)
+    inside = []
+    for seed in range(2, 14):
+        drafted = trace(scene, places, section("medium", "draft"), seed=seed)
+        error = np.hypot(drafted["irradiance_se"].to_numpy(), truth["irradiance_se"].to_numpy())
+        inside.append(np.abs(irradiance(drafted) - irradiance(truth)) < 2.0 * error)
+    # Points of a run share paths and err together: 12 runs of some five that do not know a share of 0.95 to within
+    # 0.03; five of that below.
+    assert np.mean(inside) > 0.80
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", ["draft", "standard"])
+def test_the_error_is_what_the_noise_setting_names(office, places, section, noise: str) -> None:
+    scene = office()
+    transport = trace(scene, places, section("medium", noise), seed=1)
+    target = RELATIVE_STANDARD_ERROR[noise]
+    light, error = irradiance(transport), transport["irradiance_se"].to_numpy()
+    assert transport.attrs["target_met"] == 1
+    assert transport.attrs["achieved_relative_se"] <= target
+    assert transport.attrs["achieved_relative_se"] == pytest.approx(relative_rms(error, light), rel=1e-3)
+    # And against a second run: their difference has twice the variance, known from some five points that do not err
+    # together: chi-square of 5 is 9 times its mean with a probability of 10^-8.
+    again = irradiance(trace(scene, places, section("medium", noise), seed=2))
+    assert relative_rms(light - again, light) < np.sqrt(2.0) * target * 3.0
+
+
+def test_batches_are_independent(office, places, section) -> None:
+    # The sum over batches has as much variance as independent ones: correlations between the batches' deviations from
+    # the truth, averaged over pairs and points, vanish. One point knows it to 0.2 by its 28 pairs; six runs of some
+    # five points that do not err together, to 0.04; eight of that. If all batches were the same it would be 1.
+    scene = office()
+    truth = irradiance(trace(scene, places, section("medium", "fine"), seed=1))
+    found = []
+    for seed in range(2, 8):
+        transport = trace(scene, places, section("medium", "draft"), seed=seed)
+        flux = transport["flux"].to_numpy()
+        batches = np.einsum("klpb,lb->kpb", transport["coefficient_batches"].to_numpy().astype(float), flux)
+        deviation = (batches - truth)[..., 0]
+        together = (deviation.sum(axis=0) ** 2 - (deviation**2).sum(axis=0)).sum() / 56.0
+        found.append(together / (deviation**2).mean(axis=0).sum())
+    assert abs(np.mean(found)) < 0.35
+
+
+def test_shadow_rays_of_a_later_round_wait_for_another_second() -> None:
+    now = int(time.time())
+    rounds._await_second_after(now)
+    assert time.time() > now + 1 + 0.016  # the longest tick of a clock, so that the engine sees the later second too
+
+
+def test_rounds_of_shadow_rays_never_repeat_one_another(rooms, places, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Three lamps' light in single precision with a spread of some 0.3 %, 10^4 values each: that all three agree by
+    # chance for one of 36 points and one of 276 pairs of batches has a probability of 10^-8.
+    lamps = [rooms.lamp("panel", (x, 1.5, 2.9), (0.4, 0.4), name=f"lamp {x}") for x in (0.5, 1.5, 2.5)]
+    scene = rooms.scene(lamps, [(rooms.room(3.0), 0.5)])
+    seen = []
+    take = rounds.take_answer
+
+    def watch(task, run, sensors) -> None:
+        if task.component.kind == "direct":
+            values = float_rows(run, rows=task.burn + 36 * BATCHES, columns=3 * 3)[task.burn :]
+            seen.append(values.reshape(36, BATCHES, 3, 3)[np.argsort(task.points), :, :, 0])
+        take(task, run, sensors)
+
+    monkeypatch.setattr(rounds, "take_answer", watch)
+    request = rounds.Request(
+        bounces=2,
+        target=0.01,
+        workers=2,
+        receptor=cosine_receptor(),
+        engine=find_engine(),
+        surfaces=load_surfaces(scene),
+    )
+    sensors = Sensors(positions=places.positions, normals=places.normals, receptor=request.receptor)
+    log, generator = rounds.Log(), np.random.default_rng(1)
+    for _ in range(3):
+        rounds.first_mean(scene, sensors, request, generator=generator, log=log)
+    for batches in np.concatenate(seen, axis=1):  # of a point, in all rounds
+        assert len({tuple(batch) for batch in batches.tolist()}) == 3 * BATCHES
+
+
+@pytest.mark.slow
+def test_both_modes_give_the_same_light(office, places, section) -> None:
+    native, classic = (
+        trace(office(mode=mode), places, section("medium", "fine"), seed=1) for mode in ("native", "rgb")
+    )
+    error = np.hypot(native["irradiance_se"].to_numpy(), classic["irradiance_se"].to_numpy())
+    difference = irradiance(native) - irradiance(classic)
+    assert np.all(np.abs(difference) < 8.0 * error)
+    assert np.sqrt(((difference / error) ** 2).mean()) < 3.0  # some five points that do not err together, as above
+    assert relative_rms(error, irradiance(native)) < 0.01
+
+
+@pytest.mark.slow
+def test_relighting_equals_a_new_trace_within_its_error(rooms, sensors, section) -> None:
+    lamps = [
+        rooms.lamp("panel", (x, 0.5, 0.95), (0.3, 0.3), name=name) for x, name in ((0.25, "left"), (0.75, "right"))
+    ]
+    dimmed = [
+        rooms.lamp("panel", (x, 0.5, 0.95), (0.3, 0.3), name=name, flux=lamps[0].flux.scaled(factor))
+        for x, name, factor in ((0.25, "left", 0.2), (0.75, "right", 3.0))
+    ]
+    ticks = np.linspace(0.1, 0.9, 5)
+    x, y = np.meshgrid(ticks, ticks)
+    points = sensors(np.stack([x.ravel(), y.ravel(), np.full(25, 0.1)], axis=1), UP)
+    surfaces = [(rooms.room(), 0.6)]
+    traced = trace(rooms.scene(lamps, surfaces), points, section("medium", "standard"), seed=1)
+    renewed = trace(rooms.scene(dimmed, surfaces), points, section("medium", "standard"), seed=2)
+    flux = renewed["flux"].to_numpy()
+    relit = np.einsum("lpb,lb->pb", traced["coefficient"].to_numpy(), flux)
+    error = np.hypot(standard_error_of_sum(traced, flux), renewed["irradiance_se"].to_numpy())
+    deviation = (relit - irradiance(renewed)) / error
+    assert np.abs(deviation).max() < 8.0
+    assert np.sqrt((deviation[:, 0] ** 2).mean()) < 3.0  # some five points that do not err together, as above
+
+
+def test_errors_of_lamps_that_share_paths_do_not_add_like_independent_ones(office, places, section) -> None:
+    transport = trace(office(), places, section("medium", "draft"), seed=1)
+    together = standard_error_of_sum(transport)
+    assert together == pytest.approx(transport["irradiance_se"].to_numpy(), rel=1e-4)  # batches in single precision
+    flux = transport["flux"].to_numpy()
+    alone = np.einsum("lpb,lb->lpb", transport["coefficient_se"].to_numpy(), flux)
+    assert np.all(together.mean(axis=0) < alone.sum(axis=0).mean(axis=0))
+    without = transport.drop_vars("coefficient_batches")
+    assert standard_error_of_sum(without) == pytest.approx(transport["irradiance_se"].to_numpy())
+    assert standard_error_of_sum(without, 2.0 * flux) == pytest.approx(2.0 * alone.sum(axis=0), rel=1e-6)
+
+
+def test_a_transport_survives_its_file(office, places, section, tmp_path) -> None:
+    transport = trace(office(), places, section("low", "draft"), seed=1)
+    path = save_transport(transport, tmp_path / "transport.nc")
+    xr.testing.assert_identical(load_transport(path), transport)
+    assert [entry.name for entry in tmp_path.glob("transport*")] == ["transport.nc"]
+
+
+def test_blocks_of_points_give_what_one_block_gives(office, places, section, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = office()
+    whole = trace(scene, places, section("low", "standard"), seed=1)
+    monkeypatch.setattr(trace_module, "MOST_BLOCK_POINTS", 10)
+    parts = trace(scene, places, section("low", "standard"), seed=2)
+    error = np.hypot(whole["irradiance_se"].to_numpy(), parts["irradiance_se"].to_numpy())
+    assert np.all(np.abs(irradiance(whole) - irradiance(parts)) < 8.0 * error)
+    assert parts.attrs["target_met"] == 1
+
+
+def test_a_target_out_of_reach_is_said(office, places, section, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rounds, "MOST_ROUNDS", 1)
+    transport = trace(office(), places, section("low", "fine"), seed=1)
+    assert transport.attrs["target_met"] == 0
+    assert transport.attrs["achieved_relative_se"] > transport.attrs["target_relative_se"] == 0.005
+
+
+def test_buried_points_do_not_count_for_the_target(office, places, section) -> None:
+    buried = np.zeros(36, dtype=bool)
+    buried[:35] = True
+    only = SensorPoints(positions=places.positions, normals=places.normals, buried=buried)
+    transport = trace(office(), only, section("low", "draft"), seed=1)
+    light, error = irradiance(transport)[35:], transport["irradiance_se"].to_numpy()[35:]
+    assert transport.attrs["achieved_relative_se"] == pytest.approx(relative_rms(error, light), rel=1e-3)
+
+
+def test_a_room_where_no_light_arrives_is_dark_and_finite(rooms, sensors, section) -> None:
+    scene = rooms.scene([rooms.lamp("panel", (0, 0, 5), (0.1, 0.1))], [(rooms.room(), 0.5)])
+    transport = trace(scene, sensors((0.5, 0.5, 0.1), UP), section("low", "draft"), seed=1)
+    assert np.all(irradiance(transport) == 0.0)
+    assert np.all(transport["irradiance_se"].to_numpy() == 0.0)
+    assert transport.attrs["achieved_relative_se"] == 0.0
+
+
+def test_quick_irradiance_agrees_with_a_trace(office, places, section) -> None:
+    scene = office()
+    transport = trace(scene, places, section("high", "standard"), seed=1)
+    light, error = trace_irradiance(scene, places.positions, places.normals, seed=2, workers=2)
+    both = np.hypot(error, transport["irradiance_se"].to_numpy())
+    assert np.all(np.abs(light - irradiance(transport)) < 8.0 * both)
+    assert relative_rms(error, light) < 0.05
+
+
+@pytest.mark.parametrize("half_angle_deg", [20.5, 60.0])
+def test_a_restricted_view_of_a_luminous_plane_reads_its_part(rooms, sensors, section, half_angle_deg: float) -> None:
+    # Under a panel that fills the cone the reading is M sin²θ; half the panel off centre fills half of the cone.
+    scene = rooms.scene(
+        [rooms.lamp("panel", (0, 0, 0.1), (1.0, 1.0)), rooms.lamp("panel", (5, 0, 9), (1, 1), name="b")]
+    )
+    places = sensors([(0, 0, 0), (0.5, 0, 0)], UP)
+    receptor = cone_receptor(half_angle_deg)
+    transport = trace(scene, places, section("low", "fine"), seed=1, receptor=receptor)
+    expected = np.sin(np.radians(half_angle_deg)) ** 2 * np.array([[1.0], [0.5]])
+    light, error = transport["coefficient"].to_numpy()[0], transport["irradiance_se"].to_numpy()
+    assert np.all(np.abs(light - expected) < 8.0 * error + 1e-3 * expected)
+    assert np.all(error < 0.02 * expected)
+
+
+def test_a_damaged_octree_is_an_error_of_ours(office, places, section) -> None:
+    scene = office()
+    (scene.folder / scene.passes[0].octree).write_bytes(b"#?RADIANCE\n\nnothing")
+    with pytest.raises(EngineError, match="rcontrib"):
+        trace(scene, places, section("low", "draft"), seed=1, engine=find_engine())

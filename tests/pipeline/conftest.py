@@ -1,0 +1,126 @@
+"""A small room, and the command line as a user starts it."""
+
+import os
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+RoomWriter = Callable[..., Path]
+
+ROOM = """
+[scan]
+file = "room scan.glb"
+[[lamps]]
+name = 'lamp "one" !rm'
+shape = "panel"
+center = [1.2, 1.0, 2.3]
+size = [0.5, 0.5]
+spectrum = "LED-B3"
+luminous_flux_lm = 2000
+[[lamps]]
+name = "warm"
+shape = "bulb"
+center = [0.6, 1.6, 1.9]
+size = 0.06
+spectrum = "A"
+luminous_flux_lm = 800
+[materials]
+coverage = 0.5
+[sensors.grid]
+count = 9
+height = 0.5
+[trace]
+accuracy = "low"
+noise = "draft"
+"""
+
+
+def _room_mesh() -> trimesh.Trimesh:
+    """An empty room of 2.4 m x 2 m x 2.5 m, normals inwards, z up, in two colours."""
+    mesh = trimesh.creation.box(extents=(2.4, 2.0, 2.5))
+    mesh.apply_translation((1.2, 1.0, 1.25))
+    mesh = mesh.subdivide().subdivide().subdivide()
+    mesh.invert()
+    pixels = np.zeros((32, 32, 3), dtype=np.uint8)
+    pixels[:, :16], pixels[:, 16:] = (200, 190, 170), (150, 70, 40)
+    uv = mesh.vertices[:, [0, 2]] / (2.4, 2.5)
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=Image.fromarray(pixels))
+    mesh.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    return mesh
+
+
+def _write_room(folder: Path, text: str = ROOM) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    mesh = _room_mesh()
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))  # glTF is y up
+    mesh.export(folder / "room scan.glb")
+    path = folder / "room.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="session")
+def room_text() -> str:
+    """The run file of the room below."""
+    return ROOM
+
+
+@pytest.fixture(scope="session")
+def write_room() -> RoomWriter:
+    """(folder, text) -> run file: writes it with the room's textured scan; the scan's name has a space."""
+    return _write_room
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What a command answered."""
+
+    status: int
+    stdout: str
+    stderr: str
+
+    @property
+    def words(self) -> str:
+        """What it complained of, in one line: the terminal's line breaks fall anywhere."""
+        return " ".join(self.stderr.split())
+
+
+class CommandLine:
+    """The installed `lidarspectra`, as a child process."""
+
+    def __init__(self, cache: Path) -> None:
+        name = "lidarspectra.exe" if sys.platform == "win32" else "lidarspectra"
+        self.program = Path(sysconfig.get_path("scripts")) / name
+        self.cache = cache
+        # A long line, so that no name is broken; caches of its own.
+        self.environment = {**os.environ, "COLUMNS": "500", "XDG_CACHE_HOME": str(cache), "LOCALAPPDATA": str(cache)}
+
+    def __call__(self, *words: str | Path, environment: dict[str, str] | None = None) -> Answer:
+        """Run a command to its end."""
+        run = subprocess.run(
+            [self.program, *map(str, words)],
+            env=environment or self.environment, capture_output=True, text=True, encoding="utf-8", check=False,
+        )  # fmt: skip
+        return Answer(status=run.returncode, stdout=run.stdout, stderr=run.stderr)
+
+    def start(self, *words: str | Path) -> subprocess.Popen[str]:
+        """Start a command in a process group of its own, as a terminal does."""
+        return subprocess.Popen(
+            [self.program, *map(str, words)],
+            env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8",
+            start_new_session=True,
+        )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def command_line(tmp_path_factory: pytest.TempPathFactory) -> CommandLine:
+    """The installed program."""
+    return CommandLine(tmp_path_factory.mktemp("cache"))

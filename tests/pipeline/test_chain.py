@@ -1,0 +1,142 @@
+"""The whole chain on a small room: what a user sees from the first command to the last file."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+from lidarspectra.cli import app
+from lidarspectra.errors import LidarSpectraError
+from lidarspectra.pipeline import plan, run
+from lidarspectra.progress import Progress, silent
+from lidarspectra.workspace import STAGES, StageName, StageResult
+
+RoomWriter = Callable[..., Path]
+
+
+class Names:
+    """Collects which stages were made and which were kept."""
+
+    def __init__(self) -> None:
+        self.made: list[str] = []
+
+    def start(self, stage: StageName) -> Progress:
+        return silent
+
+    def finish(self, result: StageResult[object]) -> None:
+        if not result.was_fresh:
+            self.made.append(result.record.stage)
+
+
+def made_by(run_file: Path, **options: StageName) -> list[str]:
+    names = Names()
+    run(run_file, listener=names, **options)
+    return names.made
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory, write_room: RoomWriter) -> Path:
+    """The run file of a finished run."""
+    run_file = write_room(tmp_path_factory.mktemp("rooms") / "a room")
+    assert made_by(run_file) == list(STAGES)
+    return run_file
+
+
+def test_a_run_leaves_maps_and_a_page_that_needs_nothing_else(finished: Path) -> None:
+    folder = finished.with_suffix(".run")
+    with xr.open_dataset(folder / "6-map" / "map.nc", engine="h5netcdf") as light:
+        assert dict(light.sizes) == {"point": 9, "band": 14}
+        assert light["irradiance"].attrs["units"] == "W m-2 nm-1"
+        assert bool((light["irradiance"] > 0).all())
+        assert bool((light["irradiance_se"] > 0).all())
+    table = pd.read_csv(folder / "6-map" / "map.csv", comment="#")
+    assert next(name for name in table.columns if name.startswith("E_")) == "E_410"
+    page = (folder / "7-report" / "index.html").read_text(encoding="utf-8")
+    assert not re.findall(r'(?:src|href)\s*=\s*["\']?(?:https?:)?//', page)
+    assert "&quot;one&quot; !rm" in page  # the user's words, escaped
+    assert (folder / "7-report" / "figures" / "maps.png").stat().st_size > 10_000
+
+
+def test_the_user_s_words_never_reach_a_radiance_file(finished: Path) -> None:
+    for path in (finished.with_suffix(".run") / "4-scene").iterdir():
+        if path.suffix in (".rad", ".obj", ".opt", ".rif"):
+            assert b"!rm" not in path.read_bytes(), path.name
+
+
+def test_a_second_run_makes_nothing(finished: Path) -> None:
+    assert made_by(finished) == []
+    assert set(plan(finished).values()) == {"up to date"}
+
+
+def test_time_and_memory_of_every_stage_are_in_its_record(finished: Path) -> None:
+    for number, stage in enumerate(STAGES, start=1):
+        record = json.loads((finished.with_suffix(".run") / f"{number}-{stage}" / "stage.json").read_text("utf-8"))
+        assert record["seconds"] > 0
+        assert record["peak_memory_mib"] > 1
+
+
+@pytest.mark.slow
+def test_only_what_depends_on_a_change_is_made_again(tmp_path: Path, write_room: RoomWriter, room_text: str) -> None:
+    run_file = write_room(tmp_path)
+    run(run_file, last="map")
+    run_file.write_text(room_text.replace("height = 0.5", "height = 0.6"), encoding="utf-8")
+    assert plan(run_file) == {stage: "up to date" if i < 4 else "to be made" for i, stage in enumerate(STAGES)}
+    assert made_by(run_file, last="map") == ["trace", "map"]
+    assert made_by(run_file, first="trace", last="map") == ["trace", "map"]
+
+
+@pytest.mark.slow
+def test_an_interrupted_run_resumes_at_the_stage_that_was_cut(tmp_path: Path, write_room: RoomWriter) -> None:
+    run_file = write_room(tmp_path)
+
+    class Interrupter(Names):
+        def start(self, stage: StageName) -> Progress:
+            if stage != "scene":
+                return silent
+
+            def interrupt(fraction: float, message: str) -> None:
+                raise KeyboardInterrupt
+
+            return interrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(run_file, listener=Interrupter())
+    assert not (run_file.with_suffix(".run") / "4-scene").exists()
+    assert made_by(run_file, last="map") == ["scene", "trace", "map"]
+
+
+def test_relighting_is_the_sum_of_its_lamps(finished: Path, tmp_path: Path) -> None:
+    from lidarspectra.relighting import LampOrder, relight_run
+
+    folder = finished.with_suffix(".run")
+    first, second = 'lamp "one" !rm', "warm"
+    parts = [
+        relight_run(folder, [LampOrder(lamp=off, dim=0.0)], base=tmp_path)["irradiance"].to_numpy()
+        for off in (first, second)
+    ]
+    whole = relight_run(folder, [LampOrder(lamp=first, dim=1.0)], base=tmp_path)["irradiance"].to_numpy()
+    np.testing.assert_allclose(parts[0] + parts[1], whole, rtol=1e-6)  # single precision coefficients
+
+
+def test_a_relit_room_is_written_beside_the_run(finished: Path, tmp_path: Path) -> None:
+    words = ["relight", str(finished.with_suffix(".run")), "--out", str(tmp_path / "relit")]
+    answer = CliRunner().invoke(app, [*words, "--lamp", "warm", "--spectrum", "FL11", "--dim", "0.4"])
+    assert answer.exit_code == 0, answer.output
+    assert (tmp_path / "relit" / "map.nc").is_file()
+    answer = CliRunner().invoke(app, [*words, "--dim", "0.4"])
+    assert answer.exit_code == 2
+    answer = CliRunner().invoke(app, [*words, "--lamp", "nobody"])
+    assert isinstance(answer.exception, LidarSpectraError)
+
+
+def test_one_stage_s_command_stops_there(tmp_path: Path, write_room: RoomWriter) -> None:
+    run_file = write_room(tmp_path)
+    answer = CliRunner().invoke(app, ["scan", str(run_file)])
+    assert answer.exit_code == 0, answer.output
+    assert [path.name for path in sorted(run_file.with_suffix(".run").iterdir())] == ["1-scan", "lidarspectra-run.json"]

@@ -1,0 +1,108 @@
+"""A synthetic Transport: two panels over a 3 m x 3 m room with a table, in closed form, for tests without an engine."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.radiance.lamps import Lamp
+from lidarspectra.spectra import BandSet, Spectrum, sensor_bands
+
+ROOM_M = 3.0
+LAMP_CENTERS_M = ((0.9, 1.5, 2.66), (2.1, 1.5, 2.66))
+TABLE_M = ((0.2, 0.2), (1.4, 0.2), (1.4, 1.0), (0.2, 1.0))
+RELATIVE_SE = 0.008
+
+MakeTransport = Callable[..., xr.Dataset]
+
+
+def led_flux(radiant_flux_W: float, name: str) -> Spectrum:
+    """A white LED: a blue peak and a broad phosphor, scaled to a radiant flux."""
+    grid = np.arange(380.0, 781.0, 1.0)
+    shape = 0.9 * np.exp(-0.5 * ((grid - 452) / 9) ** 2) + np.exp(-0.5 * ((grid - 580) / 60) ** 2)
+    spectrum = Spectrum(wavelengths_nm=grid, values=shape, name=name)
+    return spectrum.scaled(radiant_flux_W / spectrum.integral())
+
+
+def _grid(count: int) -> FloatArray:
+    side = int(np.ceil(np.sqrt(count)))
+    axis = np.linspace(0.15, ROOM_M - 0.15, side)
+    xy = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    keep = np.linspace(0, xy.shape[0] - 1, count).round().astype(int)
+    return xy[keep]
+
+
+def _coefficients(positions: FloatArray, bands: BandSet, lamp_centers: tuple[tuple[float, ...], ...]) -> FloatArray:
+    """Direct light of a small Lambertian panel, a shadow under the table, and a constant bounced part."""
+    offset = positions[None, :, :] - np.asarray(lamp_centers)[:, None, :]
+    distance = np.linalg.norm(offset, axis=-1)
+    cosine = -offset[..., 2] / distance
+    (x0, y0), (x1, y1) = TABLE_M[0], TABLE_M[2]
+    x, y = positions[:, 0], positions[:, 1]
+    shaded = (x > x0) & (x < x1) & (y > y0) & (y < y1)
+    direct = np.where(shaded, 0.05, 1.0) * cosine**2 / (np.pi * distance**2)
+    reflectance = 0.35 + 0.4 / (1 + np.exp(-(bands.centers_nm - 590) / 30))
+    bounced = reflectance / (1 - reflectance) / (6 * ROOM_M**2)
+    return direct[:, :, None] + np.where(shaded, 0.4, 1.0)[None, :, None] * bounced[None, None, :]
+
+
+@pytest.fixture(scope="session")
+def bands() -> BandSet:
+    return sensor_bands("as7265x-14")
+
+
+@pytest.fixture(scope="session")
+def lamps() -> tuple[Lamp, ...]:
+    return tuple(
+        Lamp(
+            name=f"panel {number}",
+            shape="panel",
+            center=np.array(center),
+            size=(0.6, 0.6),
+            flux=led_flux(11.0 * number, f"LED {number}"),
+            normal=np.array([0.0, 0.0, -1.0]),
+        )
+        for number, center in enumerate(LAMP_CENTERS_M, start=1)
+    )
+
+
+@pytest.fixture(scope="session")
+def make_transport(bands: BandSet, lamps: tuple[Lamp, ...]) -> MakeTransport:
+    def make(*, points: int = 176, buried: tuple[int, ...] = (), seed: int = 5, height: float = 0.3) -> xr.Dataset:
+        random = np.random.default_rng(seed)
+        positions = np.column_stack([_grid(points), np.full(points, height)])
+        exact = _coefficients(positions, bands, LAMP_CENTERS_M)
+        noise = RELATIVE_SE * exact
+        is_buried = np.zeros(points, dtype=bool)
+        is_buried[list(buried)] = True
+        band = ("lamp", "point", "band")
+        return xr.Dataset(
+            {
+                "coefficient": (band, exact + noise * random.normal(size=exact.shape), {"units": "m-2"}),
+                "coefficient_se": (band, noise, {"units": "m-2"}),
+                "flux": (
+                    ("lamp", "band"),
+                    [bands.band_values(lamp.flux, outside="zero") for lamp in lamps],
+                    {"units": "W nm-1"},
+                ),
+            },
+            coords={
+                "lamp": ("lamp", [lamp.name for lamp in lamps]),
+                "x": ("point", positions[:, 0], {"units": "m"}),
+                "y": ("point", positions[:, 1], {"units": "m"}),
+                "z": ("point", positions[:, 2], {"units": "m"}),
+                "nx": ("point", np.zeros(points), {"units": "1"}),
+                "ny": ("point", np.zeros(points), {"units": "1"}),
+                "nz": ("point", np.ones(points), {"units": "1"}),
+                "buried": ("point", is_buried),
+                "band": ("band", bands.centers_nm, {"units": "nm"}),
+                "band_width": ("band", bands.widths_nm, {"units": "nm"}),
+                "band_label": ("band", list(bands.labels)),
+            },
+            attrs={"accuracy": "ultra", "bounces": 20, "noise": "standard", "target_relative_se": 0.01,
+                   "achieved_relative_se": RELATIVE_SE, "seconds": 12.5},
+        )  # fmt: skip
+
+    return make

@@ -1,0 +1,327 @@
+"""Figures: units on every axis, the right things shown, and no trouble with odd rooms and names."""
+
+import re
+from xml.etree import ElementTree
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from PIL import Image
+
+from lidarspectra.errors import MapError
+from lidarspectra.mapping.figure_style import inline_svg, plain, prefix_of, save_figure
+from lidarspectra.mapping.figures import (
+    ReportView,
+    choose_points,
+    contact_sheet,
+    reflectances_figure,
+    spectra_figure,
+    swatch,
+)
+from lidarspectra.mapping.floor_plan import FloorPlan
+from lidarspectra.mapping.map_figures import (
+    error_figure,
+    illuminance_figure,
+    maps_figure,
+    plan_figure,
+    relative_error,
+)
+from lidarspectra.mapping.spectral_map import spectral_map
+from lidarspectra.material.material_map import Material
+from lidarspectra.radiance.lamps import Lamp
+from lidarspectra.spectra import Spectrum
+
+SQUARE = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]])
+TABLE = np.array([[0.2, 0.2], [1.4, 0.2], [1.4, 1.0], [0.2, 1.0]])
+UNIT = re.compile(r"\[[^\]]+\]")
+
+
+@pytest.fixture
+def plan() -> FloorPlan:
+    return FloorPlan(outline=SQUARE, furniture=(TABLE,))
+
+
+def _material(name: str, level: float = 0.5) -> Material:
+    return Material(
+        name=name,
+        category="wood",
+        reflectance=Spectrum(wavelengths_nm=[380.0, 780.0], values=[level, level]),
+        source="builtin:x",
+        provenance="measured",
+        confidence=0.9,
+        measured_range_nm=(400.0, 700.0),
+        color=(level, level, level),
+    )
+
+
+def _labels(figure) -> list[str]:
+    shown = []
+    for axes in figure.axes:
+        shown += [axes.get_xlabel(), axes.get_ylabel()]
+    return [label for label in shown if label]
+
+
+def test_there_is_one_panel_a_band_each_named_by_its_wavelength(make_transport, plan, bands):
+    figure = maps_figure(spectral_map(make_transport()), plan)
+    titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
+    assert titles == [f"{label} nm" for label in bands.labels]
+
+
+def test_panels_show_the_numbers_of_their_own_band(make_transport, plan):
+    one_map = spectral_map(make_transport())
+    one_map["irradiance"][:] = 1e-3 * (1 + np.arange(14))[None, :]
+    figure = maps_figure(one_map, plan)
+    fields = [axes.images[0].get_array() for axes in figure.axes if axes.images]
+    assert len(fields) == 14
+    for number, field in enumerate(fields):
+        np.testing.assert_allclose(field.compressed(), 1 + number, rtol=1e-9)  # constant readings, drawn in mW
+
+
+def test_a_shared_scale_is_the_same_in_all_panels(make_transport, plan):
+    one_map = spectral_map(make_transport())
+    limits = {axes.images[0].get_clim() for axes in maps_figure(one_map, plan, scale="shared").axes if axes.images}
+    own = {axes.images[0].get_clim() for axes in maps_figure(one_map, plan).axes if axes.images}
+    assert len(limits) == 1
+    assert len(own) == 14
+
+
+@pytest.mark.parametrize("kind", ["maps", "shared", "error", "illuminance", "plan", "spectra", "reflectances"])
+def test_every_axis_that_is_labelled_has_its_unit(make_transport, plan, lamps, kind):
+    one_map = spectral_map(make_transport())
+    draw = {
+        "maps": lambda: maps_figure(one_map, plan),
+        "shared": lambda: maps_figure(one_map, plan, scale="shared"),
+        "error": lambda: error_figure(one_map, plan, target=0.01),
+        "illuminance": lambda: illuminance_figure(one_map, plan, np.linspace(100, 500, 176)),
+        "plan": lambda: plan_figure(one_map, plan, lamps),
+        "spectra": lambda: spectra_figure(one_map, choose_points(one_map)),
+        "reflectances": lambda: reflectances_figure((_material("a"),), np.array([2.0])),
+    }
+    figure = draw[kind]()
+    words = _labels(figure)
+    assert words
+    assert all(UNIT.search(label) for label in words), words
+    told = [text.get_text() for legend in figure.legends for text in (legend.get_title(), *legend.get_texts())]
+    if kind == "maps":
+        assert any("W m⁻² nm⁻¹" in text for text in told)
+
+
+def test_figures_leave_the_user_s_matplotlib_settings_alone(make_transport, plan, tmp_path):
+    before = dict(mpl.rcParams)
+    save_figure(maps_figure(spectral_map(make_transport(points=9)), plan), tmp_path, "maps")
+    assert dict(mpl.rcParams) == before
+
+
+def test_figures_are_saved_as_png_of_200_dpi_and_pdf(make_transport, plan, tmp_path):
+    figure = plan_figure(spectral_map(make_transport(points=9)), plan, ())
+    paths = save_figure(figure, tmp_path, "plan")
+    assert [path.suffix for path in paths] == [".png", ".pdf"]
+    with Image.open(paths[0]) as picture:
+        # A pixel is cut off where the size in inches is no whole number of them.
+        np.testing.assert_allclose(picture.size, figure.get_size_inches() * 200, atol=1.0)
+    assert paths[1].read_bytes().startswith(b"%PDF")
+    with pytest.raises(MapError, match="can be written"):
+        save_figure(figure, tmp_path / "nowhere", "plan")
+
+
+def test_the_same_numbers_give_the_same_files(make_transport, plan, tmp_path):
+    contents = []
+    for run in ("first", "second"):
+        (tmp_path / run).mkdir()
+        figure = error_figure(spectral_map(make_transport(points=25)), plan)
+        contents.append([path.read_bytes() for path in save_figure(figure, tmp_path / run, "error")])
+        contents[-1].append(inline_svg(figure, name="error", label="x").encode())
+    assert contents[0] == contents[1]
+
+
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_a_room_with_few_points_has_figures_too(make_transport, plan, lamps, count):
+    one_map = spectral_map(make_transport(points=count))
+    assert maps_figure(one_map, plan).axes
+    assert error_figure(one_map, plan).axes
+    assert illuminance_figure(one_map, plan, np.full(count, 200.0)).axes
+    assert plan_figure(one_map, plan, lamps).axes
+    assert spectra_figure(one_map, choose_points(one_map)).axes
+
+
+def test_a_map_of_buried_points_still_has_figures(make_transport, plan, lamps):
+    one_map = spectral_map(make_transport(points=9, buried=tuple(range(9))))
+    assert maps_figure(one_map, plan).axes
+    assert error_figure(one_map, plan).axes
+    assert plan_figure(one_map, plan, lamps).axes
+    assert choose_points(one_map) == ()
+
+
+def test_a_dark_room_has_figures(make_transport, plan):
+    one_map = spectral_map(make_transport())
+    one_map["irradiance"][:] = 0.0
+    one_map["irradiance_se"][:] = 0.0
+    assert maps_figure(one_map, plan).axes
+    assert maps_figure(one_map, plan, scale="shared").axes
+    assert error_figure(one_map, plan).axes
+    assert illuminance_figure(one_map, plan, np.zeros(176)).axes
+    assert spectra_figure(one_map, choose_points(one_map)).axes
+
+
+@pytest.mark.parametrize("size", [(12.0, 2.0), (2.0, 12.0)])
+def test_long_and_deep_rooms_fit_on_the_page(make_transport, lamps, size):
+    outline = SQUARE / 3.0 * np.array(size)
+    one_map = spectral_map(make_transport())
+    spread = one_map.assign_coords(
+        x=("point", one_map["x"].to_numpy() / 3 * size[0], one_map["x"].attrs),
+        y=("point", one_map["y"].to_numpy() / 3 * size[1], one_map["y"].attrs),
+    )
+    for figure in (
+        maps_figure(spread, FloorPlan(outline=outline)),
+        plan_figure(spread, FloorPlan(outline=outline), lamps),
+    ):
+        width, height = figure.get_size_inches()
+        assert width <= 10.0
+        assert 1.0 < height < 14.0  # one printed page and a little
+
+
+def test_many_bands_are_thinned_out_and_it_says_so(make_transport, plan):
+    one_map = spectral_map(make_transport(points=16))
+    many = one_map.isel(band=np.arange(60) % 14)
+    many = many.assign_coords(
+        band=("band", 400.0 + 5 * np.arange(60), one_map["band"].attrs),
+        band_label=("band", [f"{400 + 5 * i}" for i in range(60)]),
+    )
+    figure = maps_figure(many, plan)
+    assert sum(bool(axes.images) for axes in figure.axes) == 24
+    told = [text.get_text() for text in figure.texts] + [legend.get_title().get_text() for legend in figure.legends]
+    assert any("24 of 60 bands" in text for text in told)
+
+
+def test_names_from_users_cannot_upset_a_figure(make_transport, plan, lamps):
+    odd = "\x00$\\frac{$ <b>&\n電灯 🎉 " + "long " * 40
+    lamp = lamps[0]
+    named = Lamp(
+        name=odd, shape="disc", center=lamp.center, size=(0.2,), flux=lamp.flux, normal=np.array([0.0, 0.0, -1.0])
+    )
+    one_map = spectral_map(make_transport(points=9))
+    for figure in (
+        plan_figure(one_map, plan, (named,) * 30),
+        reflectances_figure((_material(odd),), np.array([1.0])),
+        contact_sheet((ReportView(name=odd, image=np.zeros((8, 8, 3), dtype=np.uint8)),)),
+    ):
+        svg = inline_svg(figure, name="odd", label=odd)
+        ElementTree.fromstring(svg)
+        assert "<b>" not in svg
+
+
+def test_plain_words_are_one_line_of_letters_that_can_be_drawn():
+    assert plain("a\n b\t c") == "a b c"
+    assert plain("電 lamp") == "□ lamp"
+    assert len(plain("x" * 500)) == 40
+
+
+def test_inline_svg_takes_the_page_s_colours_and_refers_to_nothing_outside(make_transport, plan):
+    svg = inline_svg(maps_figure(spectral_map(make_transport(points=25)), plan), name="maps", label='a "label"')
+    root = ElementTree.fromstring(svg)
+    assert root.get("role") == "img"
+    assert root.get("aria-label") == 'a "label"'
+    assert "currentColor" in svg
+    assert "#1d2126" not in svg
+    assert "<!--" not in svg
+    assert "<script" not in svg
+    assert "<style" not in svg
+    ids = {element.get("id") for element in root.iter()} - {None}
+    assert all(name.startswith("maps-") for name in ids)
+    links = [value for element in root.iter() for key, value in element.attrib.items() if key.endswith("href")]
+    assert links
+    assert all(link.startswith("data:image/png;base64,") or link[1:] in ids for link in links)
+    clips = re.findall(r"url\(#([^)]+)\)", svg)
+    assert clips
+    assert set(clips) <= ids
+
+
+def test_the_points_chosen_are_those_that_are_named(make_transport):
+    one_map = spectral_map(make_transport(buried=(90,)))
+    one_map["irradiance"][90] *= 1e-3  # buried and darkest: must not be chosen
+    points = {point.reason: point.index for point in choose_points(one_map, (TABLE,))}
+    total = one_map["irradiance"].sum("band").to_numpy()
+    kept = np.delete(np.arange(176), 90)
+    assert points["highest"] == kept[total[kept].argmax()]
+    assert points["lowest under furniture"] == kept[total[kept].argmin()]
+    x, y = float(one_map["x"][points["lowest in the open"]]), float(one_map["y"][points["lowest in the open"]])
+    assert not (0.2 < x < 1.4 and 0.2 < y < 1.0)
+    assert sorted(total[list(points.values())])[::-1] == list(total[list(points.values())])
+
+
+def test_without_furniture_there_is_a_plain_lowest_point(make_transport):
+    reasons = [point.reason for point in choose_points(spectral_map(make_transport()))]
+    assert reasons == ["highest", "median", "lowest"]
+
+
+def test_error_bars_are_two_standard_errors(make_transport):
+    one_map = spectral_map(make_transport())
+    points = choose_points(one_map)
+    figure = spectra_figure(one_map, points)
+    bars = figure.axes[0].containers[0].lines[2][0].get_segments()
+    half = [0.5 * (top[1] - bottom[1]) for bottom, top in bars]
+    np.testing.assert_allclose(half, 2e3 * one_map["irradiance_se"].to_numpy()[points[0].index], rtol=1e-9)  # in mW
+
+
+def test_only_the_measured_part_of_a_reflectance_is_a_full_line():
+    figure = reflectances_figure((_material("a"),), np.array([1.0]))
+    full, dashed = figure.axes[0].lines
+    assert full.get_linestyle() == "-"
+    x = full.get_xdata()[np.isfinite(full.get_ydata())]
+    assert (x.min(), x.max()) == (400.0, 700.0)
+    outside = dashed.get_xdata()[np.isfinite(dashed.get_ydata())]
+    assert np.all((outside < 400.0) | (outside > 700.0))
+
+
+def test_materials_are_drawn_by_area():
+    figure = reflectances_figure((_material("small"), _material("large")), np.array([1.0, 9.0]))
+    texts = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert texts[0].startswith("1  large")
+    assert "90%" in texts[0]
+
+
+def test_lamps_are_drawn_where_they_hang_in_their_true_size(make_transport, plan, lamps):
+    figure = plan_figure(spectral_map(make_transport()), plan, lamps[:1])
+    shapes = [patch.get_xy() for patch in figure.axes[0].patches if hasattr(patch, "get_xy")]
+    corners = [np.unique(np.round(shape, 9), axis=0) for shape in shapes]
+    wanted = np.array([[0.6, 1.2], [0.6, 1.8], [1.2, 1.2], [1.2, 1.8]])
+    assert any(shape.shape == wanted.shape and np.allclose(shape, wanted) for shape in corners)
+
+
+def test_relative_error_is_over_the_mean_of_the_band(make_transport):
+    one_map = spectral_map(make_transport(buried=(0,)))
+    one_map["irradiance"][0] = 1e3
+    kept = one_map.isel(point=slice(1, None))
+    wanted = one_map["irradiance_se"].to_numpy() / kept["irradiance"].mean("point").to_numpy()
+    np.testing.assert_allclose(relative_error(one_map), wanted, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "symbol"), [([5.0], ""), ([0.0], ""), ([2e-3, 1e-9], "m"), ([3e-5], "µ"), ([1e-9], "n"), ([1e-12], "n")]
+)
+def test_prefixes_bring_numbers_near_one(values, symbol):
+    assert prefix_of(values).symbol == symbol
+
+
+def test_a_swatch_is_encoded_srgb():
+    assert swatch((1.0, 0.0, 0.2158605)) == "#ff0080"  # IEC 61966-2-1: code 128 of 255
+
+
+def test_an_outline_that_is_no_polygon_is_refused():
+    with pytest.raises(MapError, match="three or more corners"):
+        FloorPlan(outline=SQUARE[:2])
+
+
+@pytest.mark.parametrize("image", [np.zeros((4, 4), np.uint8), np.zeros((4, 4, 3)), np.zeros((0, 4, 3), np.uint8)])
+def test_a_picture_that_is_none_is_refused(image):
+    with pytest.raises(MapError, match="uint8 image"):
+        ReportView(name="east", image=image)
+
+
+def test_nothing_to_draw_is_an_error_not_an_empty_picture(make_transport):
+    with pytest.raises(MapError, match="at least one point"):
+        spectra_figure(spectral_map(make_transport(points=9)), ())
+    with pytest.raises(MapError, match="at least one view"):
+        contact_sheet(())
+    with pytest.raises(MapError, match="one or more materials"):
+        reflectances_figure((), np.empty(0))

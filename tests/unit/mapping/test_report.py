@@ -1,0 +1,272 @@
+"""The report: whole, self-contained, and deaf to what users write into names."""
+
+import base64
+import hashlib
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from lidarspectra.errors import ArrayError, MapError
+from lidarspectra.hardware.phone.scan import ScanRecord
+from lidarspectra.mapping.report import FloorPlan, ReportInput, ReportView, StageRow, write_report
+from lidarspectra.mapping.spectral_map import spectral_map
+from lidarspectra.material.material_map import Material
+from lidarspectra.spectra import Spectrum
+
+VOID = {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"}
+HOSTILE = "\"><script>alert(1)</script><img src=x onerror=alert(2)>\x00' & </style></script>"
+
+
+class _Page(HTMLParser):
+    """Tags, attributes and words of a page; counts tags that are closed out of order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.wrong = 0
+        self.text = ""
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        if self.open and self.open[-1] == tag:
+            self.open.pop()
+        else:
+            self.wrong += 1
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def _material(name: str) -> Material:
+    return Material(
+        name=name,
+        category=name,
+        reflectance=Spectrum(wavelengths_nm=[380.0, 780.0], values=[0.4, 0.6]),
+        source=name,
+        provenance="measured",
+        confidence=0.9,
+        measured_range_nm=(400.0, 700.0),
+        color=(0.4, 0.5, 0.6),
+    )
+
+
+def _report(transport, lamps) -> ReportInput:
+    return ReportInput(
+        title="Office",
+        spectral_map=spectral_map(transport),
+        transport=transport,
+        plan=FloorPlan(outline=np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]])),
+        scan=ScanRecord(
+            file="scan.glb",
+            unit="m",
+            unit_confidence=0.9,
+            up_axis="+y",
+            up_confidence=0.8,
+            faces_read=100,
+            faces_kept=90,
+            holes_closed=3,
+            hole_area_m2=0.4,
+            area_m2=40.0,
+        ),
+        materials=(_material("wall"), _material("floor")),
+        material_areas_m2=np.array([30.0, 9.0]),
+        lamps=lamps,
+        views=(ReportView(name="east", image=np.full((30, 40, 3), 90, dtype=np.uint8)),),
+        stages=(StageRow(stage="scan", summary="100 triangles", seconds=1.25, peak_memory_mib=210.0),),
+        warnings=("1 of 64 points is buried",),
+        provenance={"lidarspectra": "9.9.9", "numpy": "2"},
+        run_file='[scan]\nfile = "scan.glb"\n',
+    )
+
+
+@pytest.fixture(scope="module")
+def report(make_transport, lamps) -> ReportInput:
+    """A small room of two bands, quick to draw."""
+    return _report(make_transport(points=36, buried=(9,)).isel(band=[1, 5]), lamps)
+
+
+@pytest.fixture(scope="module")
+def whole(make_transport, lamps, tmp_path_factory):
+    """The folder of a report of all bands, written once."""
+    folder = tmp_path_factory.mktemp("whole")
+    write_report(folder, _report(make_transport(points=64, buried=(9,)), lamps))
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _no_figure_files(monkeypatch):
+    """The page alone is looked at; `whole` was written before this, with its files."""
+    monkeypatch.setattr("lidarspectra.mapping.report.save_figure", lambda figure, folder, name: ())
+
+
+def _read(path) -> tuple[str, _Page]:
+    text = path.read_text(encoding="utf-8")
+    page = _Page()
+    page.feed(text)
+    return text, page
+
+
+def test_the_report_tells_of_everything_it_was_given(whole):
+    _, page = _read(whole / "index.html")
+    for words in ("Office", "scan.glb", "1 of 64 points is buried", "100 triangles", "panel 2", "wall", "east", "9.9.9",
+                  "ultra, at most 20 reflections", "target 1 %, held", "0.4", "lx"):  # fmt: skip
+        assert words in page.text or any(words in str(value) for _, attrs in page.tags for value in attrs.values())
+    titles = ["Summary", "Spectral maps", "Spectra", "Illuminance", "Accuracy", "Lamps and sensors", "Materials",
+              "Views", "Scan", "All points", "Provenance"]  # fmt: skip
+    assert all(title in page.text for title in titles)
+
+
+def test_the_page_is_well_formed_and_every_link_inside_it_leads_somewhere(whole):
+    _, page = _read(whole / "index.html")
+    assert page.wrong == 0
+    assert page.open == []
+    ids = [attrs["id"] for _, attrs in page.tags if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    inside = [attrs["href"] for tag, attrs in page.tags if tag == "a" and str(attrs["href"]).startswith("#")]
+    assert len(inside) > 10
+    assert {link[1:] for link in inside} <= set(ids)
+    beside = [attrs["href"] for tag, attrs in page.tags if tag == "a" and not str(attrs["href"]).startswith("#")]
+    assert beside
+    assert all((whole / link).is_file() for link in beside)
+
+
+def test_the_page_loads_nothing_from_anywhere(whole):
+    text, page = _read(whole / "index.html")
+    for tag, attrs in page.tags:
+        assert tag not in {"link", "iframe", "object", "embed", "base", "form"}
+        source = attrs.get("src") or ""
+        assert not source or source.startswith("data:image/")
+        if tag in ("image", "use"):
+            link = attrs.get("xlink:href") or attrs.get("href") or ""
+            assert link.startswith(("data:image/", "#"))
+    assert not re.search(r"url\((?!#)", text)
+    assert "@import" not in text
+    addresses = set(re.findall(r"https?://[^\s\"'<]+", text))
+    assert addresses <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}  # names of XML, not addresses
+
+
+def test_only_our_own_script_may_run(whole):
+    text, page = _read(whole / "index.html")
+    scripts = re.findall(r"<script>(.*?)</script>", text, flags=re.DOTALL)
+    assert len(scripts) == 1
+    digest = base64.b64encode(hashlib.sha256(scripts[0].encode()).digest()).decode()
+    policy = next(attrs["content"] for tag, attrs in page.tags if "http-equiv" in attrs)
+    assert f"'sha256-{digest}'" in policy
+    assert "default-src 'none'" in policy
+
+
+def test_words_from_users_stay_words_wherever_they_stand(report, lamps, tmp_path):
+    named = tuple(replace(lamp, name=HOSTILE if number else lamp.name) for number, lamp in enumerate(lamps))
+    hostile = replace(
+        report,
+        title=HOSTILE,
+        lamps=named,
+        scan=replace(report.scan, file=HOSTILE, unit=HOSTILE, up_axis=HOSTILE, notes=(HOSTILE,)),
+        materials=(_material(HOSTILE), _material("floor")),
+        views=(ReportView(name=HOSTILE, image=report.views[0].image),),
+        view_notes=HOSTILE,
+        room_notes=HOSTILE,
+        stages=(StageRow(stage=HOSTILE, summary=HOSTILE, seconds=1.0, peak_memory_mib=1.0),),
+        warnings=(HOSTILE,),
+        provenance={HOSTILE: HOSTILE, "lidarspectra": HOSTILE},
+        run_file=HOSTILE,
+    )
+    text, page = _read(write_report(tmp_path, hostile))
+    assert [tag for tag, _ in page.tags].count("script") == 1
+    assert page.wrong == 0
+    assert not [key for _, attrs in page.tags for key in attrs if key.startswith("on")]
+    assert "\x00" not in text
+    assert page.text.count("<script>alert(1)</script>") >= 10
+    assert {path.name for path in tmp_path.iterdir()} == {"index.html", "figures", "tables"}
+
+
+def test_every_figure_lies_beside_the_page_as_png_and_pdf_and_every_table_in_three_forms(whole):
+    figures = {"maps", "maps-shared", "spectra", "illuminance", "standard-error", "plan", "reflectances", "views"}
+    assert {path.name for path in (whole / "figures").iterdir()} == {
+        f"{name}.{kind}" for name in figures for kind in ("png", "pdf")
+    }
+    tables = {"stages", "bands", "chosen-points", "lamps", "materials", "scan", "points", "provenance"}
+    assert {path.name for path in (whole / "tables").iterdir()} == {
+        f"{name}.{kind}" for name in tables for kind in ("csv", "md", "html")
+    }
+
+
+def test_the_same_run_gives_the_same_page(report, tmp_path):
+    pages = [write_report(tmp_path / name, report).read_bytes() for name in ("first", "second")]
+    assert pages[0] == pages[1]
+
+
+def test_a_bare_report_leaves_out_what_it_does_not_have(report, tmp_path):
+    bare = replace(
+        report, materials=(), material_areas_m2=np.empty(0), lamps=(), views=(), stages=(), warnings=(), provenance={},
+        run_file="",
+    )  # fmt: skip
+    _, page = _read(write_report(tmp_path, bare))
+    assert page.wrong == 0
+    assert "Please note" not in page.text
+
+
+@pytest.mark.slow
+def test_without_lamp_spectra_illuminance_comes_from_the_bands_and_says_so(make_transport, tmp_path):
+    _, page = _read(write_report(tmp_path, _report(make_transport(points=16), ())))
+    assert "From the bands alone" in page.text
+
+
+def test_a_report_of_buried_points_says_that_none_can_be_trusted(report, make_transport, tmp_path):
+    transport = make_transport(points=9, buried=tuple(range(9)))
+    transport = transport.isel(band=[1, 5])
+    buried = replace(report, transport=transport, spectral_map=spectral_map(transport))
+    _, page = _read(write_report(tmp_path, buried))
+    assert "no spectrum that could be trusted" in page.text
+    assert "9 buried" in page.text
+
+
+def test_bands_that_cannot_follow_the_eye_give_no_illuminance_and_say_why(report, tmp_path):
+    _, page = _read(write_report(tmp_path, report))
+    assert "no illuminance is told" in page.text
+
+
+def test_points_on_several_levels_are_said_to_be(report, tmp_path):
+    one_map = report.spectral_map
+    height = one_map["z"].to_numpy().copy()
+    height[:20] = 1.1
+    _, page = _read(
+        write_report(tmp_path, replace(report, spectral_map=one_map.assign_coords(z=("point", height, {"units": "m"}))))
+    )
+    assert "2 levels" in page.text
+
+
+def test_a_target_that_was_not_reached_is_said_so(report, tmp_path):
+    noisy = report.transport.assign_attrs(achieved_relative_se=0.02)
+    _, page = _read(write_report(tmp_path, replace(report, transport=noisy)))
+    assert "target 1 %, not reached" in page.text
+
+
+def test_progress_ends_at_one(report, tmp_path):
+    heard: list[float] = []
+    write_report(tmp_path, report, progress=lambda fraction, message: heard.append(fraction))
+    assert heard == sorted(heard)
+    assert heard[0] == 0.0
+    assert heard[-1] == 1.0
+
+
+def test_a_folder_that_cannot_be_made_is_one_clear_error(report, tmp_path):
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    with pytest.raises(MapError, match="can be written"):
+        write_report(tmp_path / "file", report)
+
+
+def test_areas_that_do_not_fit_the_materials_are_refused(report):
+    with pytest.raises(ArrayError, match="material_areas_m2"):
+        replace(report, material_areas_m2=np.array([1.0]))

@@ -1,0 +1,139 @@
+"""The user's word on materials is done as written, or refused by line."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lidarspectra.config import MaterialsSection
+from lidarspectra.databases import load_reflectances
+from lidarspectra.errors import MaterialError
+from lidarspectra.material.assignments import assign, read_assignments, spectrum_files
+from lidarspectra.material.estimate import estimate_materials
+from lidarspectra.material.material_map import MaterialMap, save_materials
+from lidarspectra.material.viewpoints import ViewSettings, render_views
+
+from .conftest import box_scan
+
+
+@pytest.fixture(scope="module")
+def room():
+    scan, _ = box_scan(cells=4)
+    return scan, render_views(scan, settings=ViewSettings(width=16, height=16, samples=1))
+
+
+@pytest.fixture(scope="module")
+def estimated(room) -> MaterialMap:
+    return estimate_materials(*room, MaterialsSection(model="none"))
+
+
+def done(estimated: MaterialMap, folder: Path, text: str) -> MaterialMap:
+    path = folder / "assignments.csv"
+    path.write_text(text, encoding="utf-8")
+    return assign(estimated, read_assignments(path), load_reflectances(), where=path)
+
+
+def test_a_group_gets_the_surface_that_is_named(estimated, tmp_path):
+    found = done(estimated, tmp_path, "group,reflectance\n1,builtin:cc-orange\n")
+    assert found.materials[1].source == "builtin:cc-orange"
+    assert found.materials[1].provenance == "assigned"
+    assert found.materials[1].color == estimated.materials[1].color
+    assert found.materials[0] is estimated.materials[0]
+    assert np.array_equal(found.face_material, estimated.face_material)
+
+
+def test_a_star_stands_for_all_groups_without_a_row(estimated, tmp_path):
+    found = done(estimated, tmp_path, "group,reflectance\n*,white-wall\n1,non-reflective\n")
+    assert [m.source for m in found.materials] == ["builtin:white-wall", "builtin:non-reflective", "builtin:white-wall"]
+
+
+def test_a_spectrum_file_lies_beside_the_assignments(estimated, tmp_path):
+    (tmp_path / "carpet.csv").write_text("wavelength_nm,value\n400,0.1\n700,0.3\n", encoding="utf-8")
+    found = done(estimated, tmp_path, "group,reflectance\n0,carpet.csv\n")
+    assert found.materials[0].reflectance.values.tolist() == [0.1, 0.3]
+    assert found.materials[0].measured_range_nm == (400, 700)
+
+
+def test_the_spectrum_files_of_assignments_are_known_before_they_are_read(tmp_path):
+    path = tmp_path / "assignments.csv"
+    path.write_text("group,reflectance\n0,carpet.csv\n1,white-wall\n2,sub/Wall.CSV\n", encoding="utf-8")
+    assert spectrum_files(path) == ("carpet.csv", "sub/Wall.CSV")
+    path.write_text("no such columns\n", encoding="utf-8")
+    assert spectrum_files(path) == spectrum_files(tmp_path / "missing.csv") == ()
+
+
+def test_a_surface_can_be_made_shiny_without_another_spectrum(estimated, tmp_path):
+    found = done(estimated, tmp_path, "group,reflectance,kind,specularity,roughness\n0,,metal,0.8,0.1\n")
+    assert (found.materials[0].kind, found.materials[0].specularity, found.materials[0].roughness) == (
+        "metal",
+        0.8,
+        0.1,
+    )
+    assert found.materials[0].reflectance is estimated.materials[0].reflectance
+
+
+def test_single_faces_can_be_assigned(estimated, tmp_path):
+    found = done(estimated, tmp_path, "face,reflectance\n0,white-wall\n5,white-wall\n7,cc-blue\n")
+    sources = [found.materials[n].source for n in found.face_material]
+    assert (sources[0], sources[5], sources[7]) == ("builtin:white-wall", "builtin:white-wall", "builtin:cc-blue")
+    assert found.face_material[0] == found.face_material[5]
+    assert sources[1] == estimated.materials[estimated.face_material[1]].source
+
+
+def test_the_file_that_a_run_writes_changes_nothing_as_it_is_and_can_be_edited(room, estimated, tmp_path):
+    save_materials(estimated, tmp_path, face_areas=room[0].areas)
+    section = MaterialsSection(method="file", file="materials.csv", model="none")
+    same = estimate_materials(*room, section, base_folder=tmp_path)
+    for one, other in zip(same.materials, estimated.materials, strict=True):
+        assert np.array_equal(one.reflectance.values, other.reflectance.values)
+    with (tmp_path / "materials.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.reader(file))
+    rows[1][rows[0].index("reflectance")] = "builtin:wooden-cabinet"
+    with (tmp_path / "materials.csv").open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows(rows)
+    edited = estimate_materials(*room, section, base_folder=tmp_path)
+    assert edited.materials[0].source == "builtin:wooden-cabinet"
+    assert edited.materials[1].provenance == "recovered"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "line 1"),
+        ("a,b\n", "line 1"),
+        ("group,reflectance\nx,white-wall\n", "line 2"),
+        ("group,reflectance\n-1,white-wall\n", "line 2"),
+        ("group,reflectance\n0,white-wall\n0,white-wall\n", "line 3"),
+        ("group,reflectance\n99,white-wall\n", "group from 0 to 2"),
+        ("face,reflectance\n*,white-wall\n", "line 2"),
+        ("face,reflectance\n999999,white-wall\n", "face from 0"),
+        ("group,reflectance\n0,no-such-thing\n", "no-such-thing"),
+        ("group,reflectance\n0,no-such-file.csv\n", "no-such-file"),
+        ("group,reflectance,kind\n0,white-wall,wool\n", "wool"),
+        ("group,reflectance,roughness\n0,white-wall,2\n", "roughness"),
+        ("group,reflectance,specularity\n0,white-wall,shiny\n", "specularity"),
+    ],
+)
+def test_what_does_not_fit_is_refused_by_line(estimated, tmp_path, text, words):
+    with pytest.raises(MaterialError, match=words):
+        done(estimated, tmp_path, text)
+
+
+def test_percent_in_a_spectrum_file_is_refused(estimated, tmp_path):
+    (tmp_path / "carpet.csv").write_text("400,10\n700,30\n", encoding="utf-8")
+    with pytest.raises(MaterialError, match="percent"):
+        done(estimated, tmp_path, "group,reflectance\n0,carpet.csv\n")
+
+
+def test_a_missing_file_of_assignments_is_our_error(room, tmp_path):
+    section = MaterialsSection(method="file", file="nothing.csv")
+    with pytest.raises(MaterialError, match=r"nothing\.csv"):
+        estimate_materials(*room, section, base_folder=tmp_path)
+
+
+def test_one_surface_for_all_keeps_the_groups(estimated, tmp_path):
+    found = done(estimated, tmp_path, "group,reflectance\n*,white-wall\n")
+    assert len(found.materials) == len(estimated.materials)
+    assert replace(found, materials=estimated.materials).face_material is not None

@@ -1,0 +1,179 @@
+"""Sharing out samples, and keeping running means of batches."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lidarspectra.radiance.bands import band_groups
+from lidarspectra.radiance.engine import EngineRun
+from lidarspectra.radiance.estimator import (
+    BATCHES,
+    Component,
+    Task,
+    band_variance,
+    make_tasks,
+    smooth_over_neighbours,
+    take_answer,
+    task_job,
+    wanted_samples,
+)
+from lidarspectra.radiance.options import PassOptions
+from lidarspectra.radiance.receptors import FIBONACCI, cosine_receptor
+from lidarspectra.radiance.sensor_rays import Sensors
+
+GROUP = band_groups(3, "native")[0]
+
+
+def component(points: int, kind: str = "once", **more: Any) -> Component:
+    return Component(
+        kind=kind,
+        options=PassOptions(
+            group=GROUP, lamp_modifiers=("lamp0", "lamp1"), octree="pass0.oct", bounces=3, lamp_count=2
+        ),
+        lamps=(0, 1),
+        bands=(0, 1, 2),
+        mean=np.zeros((BATCHES, 2, points, 3)),
+        **({"samples": np.full(points, 8), "seconds": 1.0, "sampled": 8 * BATCHES * points} | more),
+    )
+
+
+def sensors(points: int) -> Sensors:
+    places = np.stack([np.arange(points, dtype=float), np.zeros(points), np.zeros(points)], axis=1)
+    return Sensors(positions=places, normals=np.tile([0.0, 0.0, 1.0], (points, 1)), receptor=cosine_receptor())
+
+
+def predicted(parts, variances, wanted) -> float:
+    """Mean over points of the variance that the wanted samples should leave."""
+    return sum(
+        float(np.mean(variance * part.samples / (part.samples + more)))
+        for part, variance, more in zip(parts, variances, wanted, strict=True)
+    )
+
+
+def test_wanted_samples_reach_the_target_within_a_step_of_sizes() -> None:
+    generator = np.random.default_rng(1)
+    parts = [component(200, "direct"), component(200)]
+    variances = [generator.exponential(1.0, 200), generator.exponential(10.0, 200)]
+    wanted = wanted_samples(parts, variances, points=200, target=0.5)
+    assert 0.3 < predicted(parts, variances, wanted) < 0.7  # sizes are a factor of up to 2 apart
+
+
+def test_points_of_more_variance_get_more_samples() -> None:
+    part = component(3)
+    (wanted,) = wanted_samples([part], [np.array([1.0, 4.0, 100.0])], points=3, target=0.5)
+    assert wanted[0] < wanted[1] < wanted[2]
+
+
+def test_a_cheaper_component_gets_more_samples() -> None:
+    dear, cheap = component(5, seconds=16.0), component(5, seconds=1.0)
+    dear_wanted, cheap_wanted = wanted_samples([dear, cheap], [np.ones(5), np.ones(5)], points=5, target=0.1)
+    assert np.all(cheap_wanted > 2 * dear_wanted)
+
+
+def test_nothing_is_wanted_once_the_target_holds() -> None:
+    part = component(4)
+    (wanted,) = wanted_samples([part], [np.full(4, 0.1)], points=4, target=0.2)
+    assert not wanted.any()
+
+
+def test_points_without_variance_want_nothing() -> None:
+    (wanted,) = wanted_samples([component(3)], [np.array([0.0, 1.0, 0.0])], points=3, target=0.01)
+    assert wanted[0] == wanted[2] == 0 < wanted[1]
+
+
+def test_what_is_wanted_is_a_size_that_the_estimator_has() -> None:
+    (wanted,) = wanted_samples([component(50)], [np.geomspace(1e-3, 1e3, 50)], points=50, target=0.5)
+    assert set(wanted) <= {0, *FIBONACCI}
+
+
+def test_paths_that_all_points_share_are_wanted_as_one_number() -> None:
+    alone, shared = component(50), component(50, "often", samples=np.array([8]))
+    single, common = wanted_samples([alone, shared], [np.ones(50), np.array([50.0])], points=50, target=0.5)
+    assert single.shape == (50,)
+    assert common.shape == (1,)
+    assert common[0] > single.max()  # one path of it serves fifty points
+
+
+def test_running_means_weigh_by_samples() -> None:
+    part = component(2)
+    part.samples[:] = 0
+    everywhere = np.arange(2)
+    part.add(everywhere, 8, np.full((BATCHES, 2, 2, 3), 1.0))
+    part.add(np.array([1]), 24, np.full((BATCHES, 2, 1, 3), 5.0))
+    assert part.samples.tolist() == [8, 32]
+    assert np.all(part.mean[:, :, 0] == 1.0)
+    assert part.mean[:, :, 1] == pytest.approx((8 * 1.0 + 24 * 5.0) / 32)
+
+
+def test_tasks_cover_every_wanting_point_once() -> None:
+    part = component(100)
+    wanted = np.where(np.arange(100) % 3 == 0, 0, np.where(np.arange(100) % 3 == 1, 8, 34))
+    tasks = list(
+        make_tasks(part, wanted, sensors(100), rays_a_job=34 * BATCHES * 5, generator=np.random.default_rng(1))
+    )
+    assert sorted(np.concatenate([task.points for task in tasks]).tolist()) == np.flatnonzero(wanted).tolist()
+    assert all(np.all(wanted[task.points] == task.size) for task in tasks)
+    assert max(task.points.size * task.size for task in tasks) <= 34 * 5
+
+
+def test_a_point_that_wants_more_than_a_job_gets_a_job_of_its_own() -> None:
+    part = component(2)
+    tasks = list(make_tasks(part, np.array([987, 987]), sensors(2), rays_a_job=10, generator=np.random.default_rng(1)))
+    assert [task.points.tolist() for task in tasks] == [[0], [1]]
+
+
+def test_answers_go_to_their_points_lamps_and_bands() -> None:
+    part = component(3)
+    part.samples[:] = 0
+    task = Task(component=part, points=np.array([2, 0]), size=8, burn=0)
+    wanted = np.arange(2 * BATCHES * 2 * 3, dtype=np.float32).reshape(2, BATCHES, 2, 3)  # point batch lamp slot
+    run = EngineRun(argv=("rcontrib",), status=0, stderr="", seconds=1.0, output=wanted.tobytes())
+    take_answer(task, run, sensors(3))
+    for row, point in enumerate((2, 0)):
+        assert part.mean[:, :, point] == pytest.approx(np.pi * wanted[row][..., ::-1])  # slots come long end first
+    assert np.all(part.mean[:, :, 1] == 0.0)
+    assert part.samples.tolist() == [8, 0, 8]
+
+
+def test_a_direct_job_burns_its_first_results() -> None:
+    part = component(2, "direct")
+    task = Task(component=part, points=np.array([0, 1]), size=2, burn=3)
+    job = task_job(task, sensors(2), folder=None, generator=np.random.default_rng(1))  # type: ignore[arg-type]
+    rays = np.frombuffer(job.stdin).reshape(-1, 6)
+    assert len(rays) == 3 * 2 + 2 * BATCHES * 2
+    assert np.all(rays[: 3 * 2] == rays[0])
+    assert np.all(rays[6 + BATCHES * 2 :, 0] == 1.0)
+
+
+@pytest.mark.parametrize("kind", ["direct", "once", "view"])
+def test_every_job_throws_results_away_so_that_none_uses_another_s_numbers_in_step(kind: str) -> None:
+    # Within a second the engine's numbers are the same for all jobs; a lone sensor's batches then erred alike, and its
+    # error bar came out a third too small.
+    part, given = component(60, kind), sensors(60)
+    generator = np.random.default_rng(1)
+    tasks = list(make_tasks(part, np.full(60, 8), given, rays_a_job=8 * BATCHES, generator=generator))
+    assert len({task.burn for task in tasks}) > 4
+    assert min(task.burn for task in tasks) > 0
+    for task in tasks[:3]:
+        rays = np.frombuffer(task_job(task, given, None, generator=generator).stdin).reshape(-1, 6)  # type: ignore[arg-type]
+        assert len(rays) == 8 * (task.burn + BATCHES)
+        assert np.all(rays[8 * task.burn :, :2].round() == given.positions[task.points, :2])
+
+
+def test_the_variance_is_that_of_the_sum_over_lamps() -> None:
+    # Lamps whose batches move against one another: their sum does not vary at all.
+    part = component(1)
+    swing = np.arange(BATCHES, dtype=float)[:, None, None]
+    part.mean[:, 0], part.mean[:, 1] = swing, -swing
+    assert np.all(band_variance(part, np.ones((2, 3))) == 0.0)
+    assert band_variance(part, np.array([[1.0] * 3, [0.0] * 3])) == pytest.approx(swing.var(ddof=1) / BATCHES)
+
+
+def test_smoothing_averages_over_the_nearest_points() -> None:
+    values = np.zeros(100)
+    values[50] = 9.0
+    smoothed = smooth_over_neighbours(values, sensors(100))
+    assert smoothed[50] == pytest.approx(1.0)
+    assert smoothed[20] == 0.0
+    assert smooth_over_neighbours(np.array([3.0]), sensors(1)) == pytest.approx(3.0)

@@ -1,0 +1,151 @@
+"""Candela files: every symmetry unfolds to the same luminaire, and its flux is the integral."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import dblquad
+
+from lidarspectra.config import LampSection
+from lidarspectra.errors import LampError
+from lidarspectra.radiance.ies import CandelaTable, read_ies, read_ies_text
+from lidarspectra.radiance.lamp_spectra import luminous_flux_lm
+from lidarspectra.radiance.lamps import resolve_lamps
+
+HEAD = "IESNA:LM-63-2002\n[TEST] none\n[LUMCAT] TEST 1\nTILT=NONE\n"
+
+
+def ies_text(
+    horizontal: np.ndarray,
+    vertical: np.ndarray,
+    candela: np.ndarray,
+    *,
+    head: str = HEAD,
+    kind: int = 1,
+    unit: int = 2,
+    opening: tuple[float, float, float] = (0.3, 1.2, 0.0),
+    multiplier: float = 1.0,
+) -> str:
+    rows = "\n".join(" ".join(f"{value:.6g}" for value in row) for row in candela)
+    size = " ".join(map(str, opening))
+    return (
+        f"{head}1 -1 {multiplier} {len(vertical)} {len(horizontal)} {kind} {unit} {size}\n"
+        f"1.0 1.0 36\n{' '.join(map(str, vertical))}\n{' '.join(map(str, horizontal))}\n{rows}\n"
+    )
+
+
+def shape(horizontal_deg: np.ndarray, vertical_deg: np.ndarray) -> np.ndarray:
+    """A luminaire that is the same in all four quadrants, brighter along its length."""
+    phi, theta = np.radians(horizontal_deg)[:, None], np.radians(vertical_deg)[None, :]
+    return 500.0 * np.cos(theta).clip(0) * (1.0 + 0.5 * np.cos(2 * phi) * np.sin(theta))
+
+
+THETA = np.arange(0.0, 91.0, 10.0)
+
+
+@pytest.mark.parametrize(
+    "phi",
+    [
+        np.arange(0.0, 91.0, 15.0),
+        np.arange(0.0, 181.0, 15.0),
+        np.arange(90.0, 271.0, 15.0),
+        np.arange(0.0, 361.0, 15.0),
+        np.arange(0.0, 360.0, 15.0),
+    ],
+)
+def test_every_symmetry_unfolds_to_the_whole_circle(phi: np.ndarray) -> None:
+    table = read_ies(ies_text(phi, THETA, shape(phi, THETA)), where="test")
+    np.testing.assert_array_equal(table.horizontal_deg, np.arange(0.0, 361.0, 15.0))
+    expected = shape(table.horizontal_deg, THETA)
+    np.testing.assert_allclose(table.candela[:, : len(THETA)], expected, rtol=1e-5, atol=1e-6)
+
+
+def test_one_plane_is_an_axial_luminaire() -> None:
+    table = read_ies(ies_text(np.zeros(1), THETA, 100.0 * np.cos(np.radians(THETA))[None]), where="test")
+    assert table.is_axial
+    np.testing.assert_allclose(table.at([0.0, 45.0, 120.0], [0.0, 77.0, 0.0])[::2], [100.0, 0.0], atol=1e-9)
+    # π I0 for a cosine; linear between steps of 10 degrees it bulges by up to 0.4 %.
+    assert table.luminous_flux_lm() == pytest.approx(100 * np.pi, rel=4e-3)
+
+
+def test_the_flux_is_the_integral_of_the_interpolated_table() -> None:
+    generator = np.random.default_rng(1)
+    table = CandelaTable(
+        vertical_deg=[0, 30, 50, 110, 180],
+        horizontal_deg=[0, 100, 250, 360],
+        candela=generator.uniform(10, 100, (4, 5)),
+        opening_m=(0.1,),
+    )
+    cells = [
+        dblquad(
+            lambda theta, phi: float(table.at([theta], [phi])[0]) * np.sin(np.radians(theta)),
+            *(left + 1e-9, right - 1e-9, low, high),
+        )[0]
+        for left, right in ((0, 100), (100, 250), (250, 360))
+        for low, high in ((0, 30), (30, 50), (50, 110), (110, 180))
+    ]
+    assert table.luminous_flux_lm() == pytest.approx(sum(cells) * np.radians(1.0) ** 2, rel=1e-6)
+    halves = table.luminous_flux_lm(upward=True) + table.luminous_flux_lm(upward=False)
+    assert halves == pytest.approx(table.luminous_flux_lm(), rel=1e-12)
+
+
+def test_feet_multipliers_and_tilt_tables_are_taken_in() -> None:
+    text = ies_text(
+        np.zeros(1), THETA, np.full((1, THETA.size), 10.0),
+        head="IESNA91\nTILT=INCLUDE\n1\n3\n0 45 90\n1 0.9 0.8\n", unit=1, opening=(1.0, 2.0, 0.0), multiplier=2.5,
+    )  # fmt: skip
+    table = read_ies(text, where="test")
+    assert table.candela[0, 0] == 25.0
+    np.testing.assert_allclose(table.opening_m, (2 * 0.3048, 0.3048))
+
+
+@pytest.mark.parametrize(
+    ("opening", "expected"),
+    [((0.3, 1.2, 0.0), (1.2, 0.3)), ((-0.2, -0.2, 0.0), (0.2,)), ((-0.2, 0.0, 0.1), (0.2,)), ((0, 0, 0), (0.1,))],
+)
+def test_openings_are_rectangles_discs_or_small(opening: tuple, expected: tuple) -> None:
+    assert (
+        read_ies(ies_text(np.zeros(1), THETA, np.ones((1, THETA.size)), opening=opening), where="t").opening_m
+        == expected
+    )
+
+
+GOOD = ies_text(np.zeros(1), THETA, np.ones((1, THETA.size)))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "no candela file",
+        GOOD[:-8],  # cut short
+        GOOD.replace("TILT=NONE", "TILT=other.tlt"),
+        GOOD.replace(" 1 2 0.3", " 2 2 0.3"),  # type B
+        GOOD.replace(" 1 2 0.3", " 1 7 0.3"),  # unit 7
+        GOOD.replace("0.0 10.0 20.0", "0.0 20.0 10.0"),
+        GOOD.replace("1 -1 1.0 10", "1 -1 1.0 1e9"),
+        GOOD.replace("1 -1 1.0 10", "1 -1 nan 10"),
+        GOOD.replace("1 -1 1.0 10", "1 -1 0 10"),
+        GOOD.replace("1 -1 1.0 10", "1 -1 x 10"),
+        ies_text(np.array([10.0, 50.0]), THETA, np.ones((2, THETA.size))),
+    ],
+)
+def test_what_is_no_type_c_table_is_refused_with_its_name(text: str) -> None:
+    with pytest.raises(LampError, match=r"lamp\.ies"):
+        read_ies(text, where="lamp.ies")
+
+
+def test_umlauts_of_any_encoding_do_no_harm(tmp_path: Path) -> None:
+    path = tmp_path / "lamp.ies"
+    path.write_bytes(GOOD.replace("TEST 1", "Lämpchen").encode("latin-1"))
+    assert read_ies(read_ies_text(path), where="lamp.ies").name == "Lämpchen"
+    with pytest.raises(LampError, match="missing"):
+        read_ies_text(tmp_path / "missing.ies")
+
+
+def test_a_luminaire_without_stated_flux_has_its_files_lumens(tmp_path: Path) -> None:
+    (tmp_path / "lamp.ies").write_text(GOOD, encoding="utf-8")
+    section = LampSection(name="one", shape="ies", center=(0, 0, 2), spectrum="LED-B3", file="lamp.ies")
+    (lamp,) = resolve_lamps([section], tmp_path)
+    assert luminous_flux_lm(lamp.flux) == pytest.approx(2 * np.pi, rel=1e-4)  # 1 cd over half the sphere
+    assert lamp.size == (1.2, 0.3)

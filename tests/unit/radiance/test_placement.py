@@ -1,0 +1,72 @@
+"""Lamps in walls, above ceilings or grazing the mesh are told off, others not."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
+from lidarspectra.radiance.lamps import Lamp
+from lidarspectra.radiance.placement import placement_notes
+from lidarspectra.spectra import Spectrum
+
+
+@pytest.fixture(scope="module")
+def room() -> Scan:
+    """3 m x 3 m x 2.7 m, seen from inside."""
+    box = trimesh.creation.box(extents=(3.0, 3.0, 2.7))
+    box.invert()
+    count = len(box.faces)
+    return Scan(
+        vertices=box.vertices + [1.5, 1.5, 1.35],
+        faces=box.faces,
+        appearance=Appearance(
+            images=(),
+            face_image=np.full(count, -1),
+            corner_uv=np.zeros((count, 3, 2)),
+            corner_color=np.full((count, 3, 3), 0.5),
+        ),
+        record=ScanRecord(
+            file="room", unit="m", unit_confidence=1, up_axis="+z", up_confidence=1, faces_read=12, faces_kept=12
+        ),
+    )
+
+
+def notes(room: Scan, shape: str, center: tuple[float, ...], size: tuple[float, ...], normal=(0, 0, -1)) -> str:
+    lamp = Lamp(
+        name="Lampe é",
+        shape=shape,
+        center=np.array(center),
+        normal=np.array(normal),
+        size=size,
+        flux=Spectrum(wavelengths_nm=[400, 700], values=[1, 1]),
+    )
+    return " ".join(placement_notes([lamp], room))
+
+
+def test_lamps_in_the_air_draw_no_note(room: Scan) -> None:
+    assert notes(room, "panel", (1.5, 1.5, 2.65), (0.6, 0.6)) == ""  # exactly 5 cm below the ceiling
+    assert notes(room, "bulb", (1.5, 1.5, 1.0), (0.06,)) == ""
+    assert notes(room, "window", (0.06, 1.5, 1.5), (1.0, 1.0), (1, 0, 0)) == ""
+
+
+@pytest.mark.parametrize(
+    ("shape", "center", "size", "words"),
+    [
+        ("panel", (1.5, 1.5, 2.68), (0.6, 0.6), "2.0 cm"),
+        ("bulb", (0.06, 1.5, 1.0), (0.06,), "from the scan"),
+        ("panel", (1.5, 1.5, 2.75), (0.6, 0.6), "outside the scan"),
+        ("disc", (9.0, 1.5, 1.5), (0.2,), "outside the scan"),
+        ("panel", (0.2, 1.5, 2.5), (0.6, 0.6), "sticks through"),
+    ],
+)
+def test_misplaced_lamps_are_named_with_their_fault(
+    room: Scan, shape: str, center: tuple[float, ...], size: tuple[float, ...], words: str
+) -> None:
+    note = notes(room, shape, center, size)
+    assert words in note
+    assert "Lampe é" in note
+
+
+def test_a_lamp_that_shines_into_a_wall_is_behind_it(room: Scan) -> None:
+    turned = Scan(vertices=room.vertices, faces=room.faces[:, ::-1], appearance=room.appearance, record=room.record)
+    assert "behind" in notes(turned, "panel", (1.5, 1.5, 1.5), (0.6, 0.6))

@@ -1,0 +1,106 @@
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.orientation import AXES, METRES_PER_UNIT, UNITS, find_orientation, upright_rotation
+from lidarspectra.hardware.phone.readers import read_scan
+
+
+@pytest.mark.parametrize("up", AXES)
+def test_every_axis_is_brought_to_z_by_a_proper_rotation(up: str) -> None:
+    rotation = upright_rotation(up)
+    axis = np.eye(3)["xyz".index(up[1])] * (1 if up[0] == "+" else -1)
+    np.testing.assert_array_equal(rotation @ axis, [0, 0, 1])
+    np.testing.assert_array_equal(rotation @ rotation.T, np.eye(3))
+    assert np.linalg.det(rotation) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("up", ["+y", "+z"])
+@pytest.mark.parametrize("unit", UNITS)
+def test_a_furnished_room_shows_its_unit_and_axis(furnished_room: trimesh.Trimesh, unit: str, up: str) -> None:
+    vertices = furnished_room.vertices @ upright_rotation(up) / METRES_PER_UNIT[unit]
+    found = find_orientation(vertices, furnished_room.faces)
+    assert (found.unit, found.up) == (unit, up)
+    assert min(found.unit_confidence, found.up_confidence) > 0.5
+    np.testing.assert_allclose(found.apply(vertices), furnished_room.vertices, atol=1e-9)
+
+
+@pytest.mark.parametrize("up", AXES)
+def test_a_furnished_room_does_not_contradict_an_axis_that_the_file_declares(
+    furnished_room: trimesh.Trimesh, up: str
+) -> None:
+    found = find_orientation(furnished_room.vertices @ upright_rotation(up), furnished_room.faces, declared_up=up)
+    assert found.up == up
+    assert found.up_confidence > 0.99
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(yaw=st.floats(0, 6.3), east=st.floats(-50, 50), north=st.floats(-50, 50))
+def test_a_turn_about_the_vertical_changes_nothing_and_is_kept(
+    furnished_room: trimesh.Trimesh, yaw: float, east: float, north: float
+) -> None:
+    turn = trimesh.transformations.rotation_matrix(yaw, [0, 0, 1])[:3, :3]
+    vertices = furnished_room.vertices @ turn.T + [east, north, 0]
+    found = find_orientation(vertices, furnished_room.faces)
+    assert (found.unit, found.up) == ("m", "+z")
+    np.testing.assert_array_equal(found.apply(vertices), vertices)
+
+
+def test_what_the_user_says_is_taken_with_confidence_one(furnished_room: trimesh.Trimesh) -> None:
+    found = find_orientation(furnished_room.vertices, furnished_room.faces, unit="ft", up="-x")
+    assert (found.unit, found.up, found.unit_confidence, found.up_confidence) == ("ft", "-x", 1.0, 1.0)
+    assert found.notes == ()
+
+
+def test_a_format_that_declares_metres_is_believed_for_an_odd_room(furnished_room: trimesh.Trimesh) -> None:
+    hall = furnished_room.vertices * [5, 5, 4]
+    found = find_orientation(hall, furnished_room.faces, declared_unit="m", declared_up="+z")
+    assert found.unit == "m"
+    assert found.up == "+z"
+
+
+def test_a_glb_in_millimetres_is_found_out_and_said(
+    tmp_path: Path, furnished_room: trimesh.Trimesh, to_y_up: Callable[[trimesh.Trimesh], trimesh.Trimesh]
+) -> None:
+    room = to_y_up(furnished_room)
+    room.vertices = room.vertices * 1000
+    path = tmp_path / "room.glb"
+    path.write_bytes(room.export(file_type="glb"))
+    scan = read_scan(path)
+    assert scan.record.unit == "mm"
+    assert any("unit is m" in note for note in scan.record.notes)
+    np.testing.assert_allclose(np.ptp(scan.bounds, axis=0), [4.0, 3.0, 2.6], atol=1e-5)
+
+
+def test_an_empty_box_leaves_doubt_and_the_doubt_is_said() -> None:
+    cube = trimesh.creation.box(extents=(2.6, 2.6, 2.6))
+    found = find_orientation(cube.vertices, cube.faces)
+    assert found.up_confidence < 0.8
+    assert any("upward axis is uncertain" in note for note in found.notes)
+
+
+def test_where_the_room_leaves_doubt_the_formats_habit_decides() -> None:
+    cube = trimesh.creation.box(extents=(3, 3, 3))
+    for usual in ("+y", "+z"):
+        found = find_orientation(cube.vertices, cube.faces, usual_up=usual)
+        assert found.up == usual
+        assert found.up_confidence < 0.8
+        assert find_orientation(cube.vertices, cube.faces, usual_up=usual, declared_up="-x").up == "-x"
+
+
+def test_a_room_of_absurd_size_is_refused_with_the_advice_to_give_the_unit(furnished_room: trimesh.Trimesh) -> None:
+    with pytest.raises(ScanError, match="unit"):
+        find_orientation(furnished_room.vertices, furnished_room.faces, unit="mm")
+    with pytest.raises(ScanError, match="unit"):
+        find_orientation(furnished_room.vertices * 1e7, furnished_room.faces)
+
+
+def test_triangles_without_area_are_refused() -> None:
+    with pytest.raises(ScanError, match="area"):
+        find_orientation(np.zeros((3, 3)), np.array([[0, 1, 2]]))

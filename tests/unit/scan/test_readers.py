@@ -1,0 +1,701 @@
+import base64
+import json
+import os
+import struct
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from lidarspectra.colorimetry import decode_srgb
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone import raw_mesh
+from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.hardware.phone.scan import Scan
+
+SHARED = Path(os.environ.get("LIDARSPECTRA_SHARED", Path(__file__).parents[4] / "shared"))
+MEETING_ROOM = SHARED / "data" / "scans" / "meeting-room" / "poly.glb"
+
+# A triangle in the plane z = 0, as glTF has it: x to the right, y up.
+CORNERS = np.array([[0, 0, 0], [3, 0, 0], [0, 3, 0]], dtype="<f4")
+
+
+def write_gltf(
+    folder: Path,
+    *,
+    document: dict[str, object] | None = None,
+    primitive: dict[str, object] | None = None,
+    arrays: dict[str, np.ndarray] | None = None,
+    nodes: list[dict[str, object]] | None = None,
+    uri: str | None = None,
+) -> Path:
+    """A glTF file of one mesh whose attributes are given as arrays; further keys are taken over as they are."""
+    attributes = {"POSITION": CORNERS} | (arrays or {})
+    kinds = {"f": 5126, "B": 5121, "H": 5123, "I": 5125, "h": 5122}
+    data, views, accessors, named = b"", [], [], {}
+    for name, array in attributes.items():
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": array.nbytes})
+        shape = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}[1 if array.ndim == 1 else array.shape[1]]
+        accessors.append(
+            {
+                "bufferView": len(views) - 1,
+                "componentType": kinds[array.dtype.char],
+                "count": len(array),
+                "type": shape,
+                "normalized": array.dtype.kind in "ui" and name != "indices",
+            }
+        )
+        named[name] = len(accessors) - 1
+        data += array.tobytes() + b"\0" * (-array.nbytes % 4)
+    indices = {"indices": named.pop("indices")} if "indices" in named else {}
+    inline = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    everything = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": len(data), "uri": uri or inline}],
+        "bufferViews": views,
+        "accessors": accessors,
+        "meshes": [{"primitives": [{"attributes": named} | indices | (primitive or {})]}],
+        "nodes": nodes or [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+    } | (document or {})  # fmt: skip
+    if uri is not None:
+        (folder / "scan.bin").write_bytes(data)
+    path = folder / "scan.gltf"
+    path.write_text(json.dumps(everything), encoding="utf-8")
+    return path
+
+
+def textured_document(image: Image.Image, folder: Path, **texture_info: object) -> dict[str, object]:
+    image.save(folder / "t.png")
+    return {
+        "images": [{"uri": "t.png"}],
+        "textures": [{"source": 0}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0} | texture_info}}],
+    }
+
+
+UV = np.array([[0.1, 0.2], [0.6, 0.2], [0.1, 0.9]], dtype="<f4")
+
+
+def center_color(scan: Scan) -> np.ndarray:
+    return scan.appearance.sample(np.array([0]), np.full((1, 3), 1 / 3))[0]
+
+
+# --- the same room through every format
+
+
+def same_faces(scan: Scan, room: trimesh.Trimesh) -> None:
+    """Both have the same triangles, in whatever order."""
+    # 32-bit floats, and text of 8 digits: a micrometre
+    ours = np.sort(np.round(scan.corners.mean(axis=1), 5), axis=0)
+    theirs = np.sort(np.round(room.triangles.mean(axis=1), 5), axis=0)
+    np.testing.assert_allclose(ours, theirs, atol=2e-5)
+    assert scan.areas.sum() == pytest.approx(room.area, rel=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["glb", "obj", "ply", "stl"])
+def test_a_room_that_trimesh_wrote_is_read_as_it_was(
+    tmp_path: Path,
+    furnished_room: trimesh.Trimesh,
+    to_y_up: Callable[[trimesh.Trimesh], trimesh.Trimesh],
+    kind: str,
+) -> None:
+    path = tmp_path / f"room.{kind}"
+    exported = (to_y_up(furnished_room) if kind == "glb" else furnished_room).export(file_type=kind)
+    path.write_bytes(exported if isinstance(exported, bytes) else exported.encode())
+    scan = read_scan(path)
+    same_faces(scan, furnished_room)
+    assert scan.record.up_axis == ("+y" if kind == "glb" else "+z")
+    assert (scan.record.faces_read, scan.record.unit) == (len(furnished_room.faces), "m")
+
+
+def test_texture_coordinates_of_a_glb_mean_the_same_as_in_trimesh(
+    room_glb: Path, textured_room: trimesh.Trimesh, pattern: Image.Image
+) -> None:
+    scan = read_scan(room_glb)
+    centers = textured_room.visual.uv[textured_room.faces].mean(axis=1)
+    expected = trimesh.visual.color.uv_to_interpolated_color(centers, pattern)[:, :3] / 255
+    colors = scan.appearance.sample(np.arange(len(scan.faces)), np.full((len(scan.faces), 3), 1 / 3))
+    # trimesh interpolates encoded bytes between corners of the image, we light between pixel centres: half a texel
+    np.testing.assert_allclose(colors, decode_srgb(expected), atol=0.04)
+
+
+def test_obj_with_mtl_and_texture_has_the_colours_of_the_glb(
+    tmp_path: Path, room_glb: Path, textured_room: trimesh.Trimesh, pattern: Image.Image
+) -> None:
+    room = textured_room.copy()
+    room.visual.material = trimesh.visual.material.SimpleMaterial(image=pattern)
+    room.export(tmp_path / "room.obj")
+    scan = read_scan(tmp_path / "room.obj")
+    np.testing.assert_allclose(
+        np.sort(scan.face_colors(), axis=0), np.sort(read_scan(room_glb).face_colors(), axis=0), atol=1e-4
+    )
+    assert scan.record.notes == ()
+
+
+def test_a_room_without_colour_says_so(tmp_path: Path, furnished_room: trimesh.Trimesh) -> None:
+    (tmp_path / "room.stl").write_bytes(furnished_room.export(file_type="stl"))
+    scan = read_scan(tmp_path / "room.stl")
+    assert not scan.appearance.known
+    assert any("no colour" in note for note in scan.record.notes)
+    np.testing.assert_allclose(scan.face_colors(), 0.5, atol=0.002)  # linear, of the neutral stand-in
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary"])
+def test_ply_vertex_colours_are_taken_as_encoded(
+    tmp_path: Path, furnished_room: trimesh.Trimesh, encoding: str
+) -> None:
+    room = furnished_room.copy()
+    room.visual.vertex_colors = [200, 100, 50, 255]
+    (tmp_path / "room.ply").write_bytes(trimesh.exchange.ply.export_ply(room, encoding=encoding))
+    scan = read_scan(tmp_path / "room.ply")
+    assert scan.appearance.known
+    np.testing.assert_allclose(
+        scan.face_colors(), np.tile(decode_srgb([200 / 255, 100 / 255, 50 / 255]), (len(scan.faces), 1))
+    )
+
+
+PLY_TEXT = """ply
+format ascii 1.0
+comment TextureFile t.png
+element vertex 3
+property float x
+property float y
+property float z
+property float s
+property float t
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0 0.1 0.2
+3 0 0 0.6 0.2
+0 3 0 0.1 0.9
+3 0 1 2
+"""
+
+
+def test_ply_with_a_texture_file(tmp_path: Path) -> None:
+    Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "t.png")
+    path = tmp_path / "a.ply"
+    path.write_text(PLY_TEXT, encoding="utf-8")
+    np.testing.assert_allclose(center_color(read_scan(path)), [1, 0, 0], atol=1e-6)
+    (tmp_path / "t.png").unlink()
+    scan = read_scan(path)
+    assert not scan.appearance.known
+    assert any("'t.png'" in note for note in scan.record.notes)
+    path.write_text(PLY_TEXT.replace("t.png", "../t.png"), encoding="utf-8")
+    with pytest.raises(ScanError, match="own folder"):
+        read_scan(path)
+
+
+# --- glTF in detail
+
+
+def test_transforms_of_nested_nodes_are_applied_from_the_inside_out(tmp_path: Path) -> None:
+    nodes = [
+        {"children": [1], "translation": [10, 0, 0], "scale": [2, 2, 2]},
+        {"mesh": 0, "rotation": [0, 0, 2**-0.5, 2**-0.5], "translation": [0, 1, 0]},
+    ]
+    scan = read_scan(write_gltf(tmp_path, nodes=nodes), unit="m", up="+z")
+    # corner (3, 0, 0): a quarter turn about z gives (0, 3, 0); + (0, 1, 0); x 2; + (10, 0, 0)
+    np.testing.assert_allclose(scan.vertices[1], [10, 8, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "node",
+    [{"scale": [-1, 1, 1]}, {"matrix": [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}, {"scale": [1, -1, 1]}],
+)
+def test_a_mirroring_transform_keeps_the_front_of_a_triangle(tmp_path: Path, node: dict[str, object]) -> None:
+    image = Image.fromarray(np.random.default_rng(0).integers(0, 255, (9, 9, 3), dtype=np.uint8))
+    document = textured_document(image, tmp_path)
+    arguments = {"document": document, "primitive": {"material": 0}, "arrays": {"TEXCOORD_0": UV}}
+    plain = read_scan(write_gltf(tmp_path, **arguments), up="+z")
+    mirrored = read_scan(write_gltf(tmp_path, nodes=[{"mesh": 0} | node], **arguments), up="+z")
+    np.testing.assert_allclose(mirrored.normals, plain.normals, atol=1e-7)
+    # Every corner keeps its texture coordinate through the swap.
+    for scan, sign in ((plain, 1), (mirrored, -1)):
+        flip = np.array([sign, 1, 1]) if node.get("scale") != [1, -1, 1] else np.array([1, sign, 1])
+        at = {
+            tuple(np.round(p * flip, 5)): tuple(uv)
+            for p, uv in zip(scan.corners[0], scan.appearance.corner_uv[0], strict=True)
+        }
+        assert at[(3.0, 0.0, 0.0)] == pytest.approx((0.6, 0.8))
+
+
+def test_one_mesh_used_by_two_nodes_stands_twice(tmp_path: Path) -> None:
+    nodes = [{"children": [1, 2]}, {"mesh": 0}, {"mesh": 0, "translation": [0, 0, 2]}]
+    assert len(read_scan(write_gltf(tmp_path, nodes=nodes)).faces) == 2
+
+
+def test_nodes_that_go_round_in_a_circle_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ScanError, match="tree"):
+        read_scan(write_gltf(tmp_path, nodes=[{"children": [1]}, {"mesh": 0, "children": [0]}]))
+
+
+@pytest.mark.parametrize(
+    ("mode", "indices", "count"),
+    [(4, [0, 1, 2], 1), (5, [0, 1, 2, 0, 1], 3), (6, [0, 1, 2, 0], 2)],
+)
+def test_lists_strips_and_fans_of_triangles(tmp_path: Path, mode: int, indices: list[int], count: int) -> None:
+    path = write_gltf(tmp_path, primitive={"mode": mode}, arrays={"indices": np.array(indices, dtype="<u2")})
+    assert len(read_scan(path).faces) == count
+
+
+def test_triangles_of_a_strip_all_face_the_same_way(tmp_path: Path) -> None:
+    grid = np.array([[0, 0, 0], [0, 3, 0], [3, 0, 0], [3, 3, 0], [6, 0, 0], [6, 3, 0]], dtype="<f4")
+    path = write_gltf(tmp_path, primitive={"mode": 5}, arrays={"POSITION": grid})
+    normals = read_scan(path, up="+z").normals
+    np.testing.assert_allclose(normals, np.tile(normals[0], (4, 1)))
+
+
+def test_points_and_lines_alone_are_no_mesh(tmp_path: Path) -> None:
+    with pytest.raises(ScanError, match="at least one triangle"):
+        read_scan(write_gltf(tmp_path, primitive={"mode": 0}))
+
+
+def test_the_base_colour_factor_multiplies_light(tmp_path: Path) -> None:
+    document = textured_document(Image.new("RGB", (2, 2), (255, 255, 255)), tmp_path)
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [0.5, 0.25, 1, 1]  # type: ignore[index]
+    scan = read_scan(write_gltf(tmp_path, document=document, primitive={"material": 0}, arrays={"TEXCOORD_0": UV}))
+    np.testing.assert_allclose(center_color(scan), [0.5, 0.25, 1], atol=0.004)  # a byte
+
+
+def test_vertex_colours_are_linear_and_multiplied_by_the_factor(tmp_path: Path) -> None:
+    document = {"materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1]}}]}
+    colors = np.tile(np.array([65535, 32768, 0, 65535], dtype="<u2"), (3, 1))
+    path = write_gltf(tmp_path, document=document, primitive={"material": 0}, arrays={"COLOR_0": colors})
+    np.testing.assert_allclose(center_color(read_scan(path)), [0.5, 0.5, 0], atol=1e-4)
+
+
+def test_a_material_without_texture_gives_its_flat_colour(tmp_path: Path) -> None:
+    document = {"materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.4, 0.6, 1]}}]}
+    scan = read_scan(write_gltf(tmp_path, document=document, primitive={"material": 0}))
+    np.testing.assert_allclose(center_color(scan), [0.2, 0.4, 0.6], atol=1e-6)
+    assert scan.appearance.known
+
+
+def quadrants() -> Image.Image:
+    """Upper left red, upper right green, lower left blue, lower right white."""
+    pixels = np.zeros((64, 64, 3), dtype=np.uint8)
+    pixels[:32, :32], pixels[:32, 32:], pixels[32:, :32], pixels[32:, 32:] = (255, 0, 0), (0, 255, 0), (0, 0, 255), 255
+    return Image.fromarray(pixels)
+
+
+@pytest.mark.parametrize(
+    ("transform", "color"),
+    [
+        ({}, [1, 0, 0]),
+        ({"offset": [0.5, 0]}, [0, 1, 0]),
+        ({"offset": [0, 0.5]}, [0, 0, 1]),
+        ({"offset": [1.5, 2.5]}, [1, 1, 1]),
+        ({"scale": [3, 1]}, [0, 1, 0]),
+        # Counter-clockwise by a quarter about the upper left corner: (u, v) goes to (v, -u), that is 1 - u below.
+        ({"rotation": np.pi / 2}, [0, 0, 1]),
+        ({"texCoord": 1}, [1, 1, 1]),
+    ],
+)
+def test_texture_transforms_and_further_coordinates(
+    tmp_path: Path, transform: dict[str, object], color: list[float]
+) -> None:
+    extensions = {"KHR_texture_transform": transform}
+    document = textured_document(quadrants(), tmp_path, extensions=extensions)
+    document["extensionsRequired"] = ["KHR_texture_transform"]
+    at = {
+        "TEXCOORD_0": np.tile(np.array([0.25, 0.2], dtype="<f4"), (3, 1)),
+        "TEXCOORD_1": np.tile(np.array([0.8, 0.8], dtype="<f4"), (3, 1)),
+    }
+    path = write_gltf(tmp_path, document=document, primitive={"material": 0}, arrays=at)
+    np.testing.assert_allclose(center_color(read_scan(path)), color, atol=1e-5)
+
+
+def test_quantized_positions_and_coordinates_are_scaled(tmp_path: Path) -> None:
+    document = textured_document(quadrants(), tmp_path) | {"extensionsRequired": ["KHR_mesh_quantization"]}
+    arrays = {
+        "POSITION": np.array([[0, 0, 0], [32767, 0, 0], [0, 32767, 0]], dtype="<i2"),
+        "TEXCOORD_0": np.tile(np.array([200, 30], dtype="u1"), (3, 1)),
+    }
+    path = write_gltf(
+        tmp_path, document=document, primitive={"material": 0}, arrays=arrays, nodes=[{"mesh": 0, "scale": [3, 3, 3]}]
+    )
+    scan = read_scan(path)
+    assert scan.bounds[1].max() == pytest.approx(3.0)
+    np.testing.assert_allclose(center_color(scan), [0, 1, 0], atol=1e-5)
+
+
+def test_two_textures_each_colour_their_own_triangles(tmp_path: Path) -> None:
+    scene = trimesh.Scene()
+    for number, color in enumerate([(255, 0, 0), (0, 0, 255)]):
+        box = trimesh.creation.box(extents=(3, 2, 3))
+        box.unmerge_vertices()
+        material = trimesh.visual.material.PBRMaterial(baseColorTexture=Image.new("RGB", (4, 4), color))
+        box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(box.vertices), 2)), material=material)
+        scene.add_geometry(box, transform=trimesh.transformations.translation_matrix([5.0 * number, 0, 0]))
+    path = tmp_path / "two.glb"
+    path.write_bytes(scene.export(file_type="glb"))
+    scan = read_scan(path)
+    right = scan.centers[:, 0] > 2.5
+    np.testing.assert_allclose(scan.face_colors()[~right], np.tile([1, 0, 0], (12, 1)), atol=1e-6)
+    np.testing.assert_allclose(scan.face_colors()[right], np.tile([0, 0, 1], (12, 1)), atol=1e-6)
+
+
+def test_buffers_and_images_beside_the_file_are_read(tmp_path: Path) -> None:
+    document = textured_document(quadrants(), tmp_path)
+    (tmp_path / "t.png").rename(tmp_path / "my texture.png")
+    document["images"] = [{"uri": "my%20texture.png"}]
+    path = write_gltf(tmp_path, document=document, primitive={"material": 0}, arrays={"TEXCOORD_0": UV}, uri="scan.bin")
+    assert read_scan(path).appearance.images[0].shape == (64, 64, 3)
+
+
+def test_a_missing_texture_is_noted_and_its_colour_unknown(tmp_path: Path) -> None:
+    document = textured_document(quadrants(), tmp_path) | {"images": [{"uri": "lost.jpg"}]}
+    scan = read_scan(write_gltf(tmp_path, document=document, primitive={"material": 0}, arrays={"TEXCOORD_0": UV}))
+    assert not scan.appearance.known
+    assert any("'lost.jpg'" in note for note in scan.record.notes)
+
+
+def test_a_missing_buffer_is_an_error(tmp_path: Path) -> None:
+    path = write_gltf(tmp_path, uri="scan.bin")
+    (tmp_path / "scan.bin").unlink()
+    with pytest.raises(ScanError, match=r"scan\.bin"):
+        read_scan(path)
+
+
+@pytest.mark.parametrize(
+    "uri",
+    ["../secret.bin", "%2e%2e/secret.bin", "..\\secret.bin", "/etc/passwd", "C:\\secret.bin", "file:///etc/passwd",
+     "http://example.org/a.bin", "a/../../secret.bin", "a/../scan.bin", "link/secret.bin", "a\0b"],
+)  # fmt: skip
+def test_nothing_outside_the_scans_folder_is_read(tmp_path: Path, uri: str) -> None:
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (tmp_path / "secret.bin").write_bytes(CORNERS.tobytes())
+    try:
+        (inner / "link").symlink_to(tmp_path, target_is_directory=True)
+    except OSError:
+        pytest.skip("this machine makes no links")
+    with pytest.raises(ScanError, match="own folder"):
+        read_scan(write_gltf(inner, uri=uri))
+
+
+@pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu"])
+def test_compression_that_cannot_be_read_is_named(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ScanError, match=name):
+        read_scan(write_gltf(tmp_path, document={"extensionsRequired": [name]}))
+
+
+@pytest.mark.parametrize(
+    ("document", "message"),
+    [
+        ({"asset": {"version": "1.0"}}, "version"),
+        ({"accessors": []}, "accessor"),
+        ({"bufferViews": []}, "buffer view"),
+        ({"buffers": []}, "buffer"),
+        ({"scene": 7}, "scene"),
+        ({"meshes": 5}, "meshes"),
+        ({"nodes": [{"mesh": -1}]}, "mesh"),
+        ({"nodes": [{"mesh": 0, "translation": [float("nan"), 0, 0]}]}, "translation"),
+        ({"nodes": [{"mesh": 0, "scale": [1e308, 1e308, 1]}, {}]}, "finite|far"),
+    ],
+)
+def test_a_document_that_contradicts_itself_is_refused(
+    tmp_path: Path, document: dict[str, object], message: str
+) -> None:
+    with pytest.raises(ScanError, match=message):
+        read_scan(write_gltf(tmp_path, document=document))
+
+
+def test_sparse_data_are_refused_not_read_as_zeros(tmp_path: Path) -> None:
+    accessor = {"componentType": 5126, "count": 3, "type": "VEC3", "sparse": {"count": 1}}
+    with pytest.raises(ScanError, match="sparse"):
+        read_scan(write_gltf(tmp_path, document={"accessors": [accessor]}))
+
+
+def test_a_count_beyond_the_data_takes_no_memory(tmp_path: Path) -> None:
+    accessor = {"bufferView": 0, "componentType": 5126, "count": 2**31, "type": "VEC3"}
+    with pytest.raises(ScanError, match="bytes of mesh data"):
+        read_scan(write_gltf(tmp_path, document={"accessors": [accessor]}))
+
+
+def test_a_cut_off_glb_says_how_much_is_missing(room_glb: Path) -> None:
+    data = room_glb.read_bytes()
+    room_glb.write_bytes(data[: len(data) // 2])
+    with pytest.raises(ScanError, match=f"{len(data)} bytes"):
+        read_scan(room_glb)
+
+
+def test_deeply_nested_json_is_an_error_not_a_crash(tmp_path: Path) -> None:
+    text = b"[" * 200_000
+    text += b" " * (-len(text) % 4)
+    path = tmp_path / "deep.glb"
+    path.write_bytes(b"glTF" + struct.pack("<IIII", 2, 20 + len(text), len(text), 0x4E4F534A) + text)
+    with pytest.raises(ScanError, match="document"):
+        read_scan(path)
+
+
+# --- OBJ in detail
+
+OBJ_HEAD = "mtllib room.mtl\nv 0 0 0\nv 3 0 0\nv 3 3 0\nv 0 3 0\nvt 0.2 0.8\n"
+
+
+def write_obj(folder: Path, body: str, materials: str | None = None) -> Path:
+    path = folder / "room.obj"
+    path.write_text(OBJ_HEAD + body, encoding="utf-8")
+    if materials is not None:
+        (folder / "room.mtl").write_text(materials, encoding="utf-8")
+    return path
+
+
+def test_quads_and_numbers_from_the_end(tmp_path: Path) -> None:
+    scan = read_scan(write_obj(tmp_path, "f 1 2 3 4\nf -4/1/1 -3//2 -2/1\n", "newmtl a\n"), up="+z")
+    assert len(scan.faces) == 3
+    assert scan.areas.sum() == pytest.approx(9 + 4.5)
+    assert (scan.normals[:, 2] == 1).all()
+
+
+@pytest.mark.parametrize("line", ["map_Kd t.png", "map_Kd -s 1 1 1 -bm 0.5 t.png", "  MAP_KD\tt.png  "])
+def test_the_texture_is_found_behind_options(tmp_path: Path, line: str) -> None:
+    quadrants().save(tmp_path / "t.png")
+    path = write_obj(tmp_path, "usemtl a\nf 1/1 2/1 3/1\n", f"newmtl a\nKd 0.1 0.1 0.1\n{line}\n")
+    np.testing.assert_allclose(center_color(read_scan(path)), [1, 0, 0], atol=1e-5)  # v counts upwards in OBJ
+
+
+def test_names_with_spaces_and_windows_line_ends(tmp_path: Path) -> None:
+    quadrants().save(tmp_path / "my room.png")
+    path = tmp_path / "room.obj"
+    text = OBJ_HEAD.replace("room.mtl", "my room.mtl") + "usemtl the wall\nf 1/1 2/1 \\\n3/1\n"
+    path.write_bytes(text.replace("\n", "\r\n").encode())
+    (tmp_path / "my room.mtl").write_bytes(b"newmtl the wall\r\nmap_Kd my room.png\r\n")
+    np.testing.assert_allclose(center_color(read_scan(path)), [1, 0, 0], atol=1e-5)
+
+
+def test_a_material_colour_is_used_and_a_missing_library_noted(tmp_path: Path) -> None:
+    body = "usemtl a\nf 1 2 3\n"
+    scan = read_scan(write_obj(tmp_path, body))
+    assert not scan.appearance.known
+    assert any("'room.mtl'" in note for note in scan.record.notes)
+    scan = read_scan(write_obj(tmp_path, body, "newmtl a\nKd 0.2 0.4 0.6\n"))
+    np.testing.assert_allclose(center_color(scan), [0.2, 0.4, 0.6], atol=1e-6)
+
+
+@pytest.mark.parametrize("scale", [1, 255])
+def test_colours_behind_positions(tmp_path: Path, scale: int) -> None:
+    color = f"{scale} {0.5 * scale} 0"
+    path = tmp_path / "a.obj"
+    path.write_text(f"v 0 0 0 {color}\nv 3 0 0 {color}\nv 0 3 0 {color}\nf 1 2 3\n", encoding="utf-8")
+    np.testing.assert_allclose(center_color(read_scan(path)), decode_srgb([1, 0.5, 0]), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("f 1 2\n", "line 7"),
+        ("f 1 2 0\n", "line 7"),
+        ("f 1 2 9\n", "4 positions"),
+        ("f 1 2 -9\n", "line 7"),
+        ("v 1 x 2\nf 1 2 3\n", "line 7"),
+        ("v 1\nf 1 2 3\n", "three numbers"),
+        ("vt\nf 1 2 3\n", "line 7"),
+    ],
+)
+def test_a_damaged_line_is_named(tmp_path: Path, body: str, message: str) -> None:
+    with pytest.raises(ScanError, match=message):
+        read_scan(write_obj(tmp_path, body))
+
+
+@pytest.mark.parametrize("name", ["../t.png", "/t.png", "http://example.org/t.png"])
+def test_an_mtl_reaches_nothing_outside_the_folder(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ScanError, match="own folder"):
+        read_scan(write_obj(tmp_path, "usemtl a\nf 1/1 2/1 3/1\n", f"newmtl a\nmap_Kd {name}\n"))
+
+
+# --- what is no scan
+
+
+def test_a_missing_file_a_folder_and_an_unknown_format_are_said(tmp_path: Path) -> None:
+    with pytest.raises(ScanError, match="nothing there"):
+        read_scan(tmp_path / "no.glb")
+    with pytest.raises(ScanError, match="a folder"):
+        read_scan(tmp_path)
+    for name, message in (("a.txt", "GLB is best"), ("a.las", "point cloud"), ("a.zip", "Unpack")):
+        (tmp_path / name).write_bytes(b"x")
+        with pytest.raises(ScanError, match=message):
+            read_scan(tmp_path / name)
+    (tmp_path / "a.glb").write_bytes(b"PK\x03\x04 and so on")
+    with pytest.raises(ScanError, match="ZIP"):
+        read_scan(tmp_path / "a.glb")
+
+
+@pytest.mark.parametrize("suffix", ["glb", "gltf", "obj", "ply", "stl"])
+def test_an_empty_file_is_refused(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a.{suffix}"
+    path.write_bytes(b"")
+    with pytest.raises(ScanError):
+        read_scan(path)
+
+
+def test_a_point_cloud_is_refused_with_advice(tmp_path: Path) -> None:
+    path = tmp_path / "a.ply"
+    path.write_bytes(trimesh.PointCloud(np.random.default_rng(0).random((50, 3))).export(file_type="ply"))
+    with pytest.raises(ScanError, match="point cloud"):
+        read_scan(path)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])
+def test_positions_that_are_no_numbers_are_refused(tmp_path: Path, value: float) -> None:
+    corners = CORNERS.copy()
+    corners[1, 2] = value
+    with pytest.raises(ScanError, match="1 of 1 triangles"):
+        read_scan(write_gltf(tmp_path, arrays={"POSITION": corners}))
+
+
+def test_texture_coordinates_that_are_no_numbers_are_noted(tmp_path: Path) -> None:
+    uv = UV.copy()
+    uv[0, 0] = np.nan
+    document = textured_document(quadrants(), tmp_path)
+    scan = read_scan(write_gltf(tmp_path, document=document, primitive={"material": 0}, arrays={"TEXCOORD_0": uv}))
+    assert any("no numbers" in note for note in scan.record.notes)
+
+
+def test_a_vertex_that_no_triangle_uses_does_no_harm(tmp_path: Path) -> None:
+    corners = np.vstack([CORNERS, [[np.nan, 0, 0]]]).astype("<f4")
+    scan = read_scan(write_gltf(tmp_path, arrays={"POSITION": corners, "indices": np.array([0, 1, 2], dtype="<u4")}))
+    assert len(scan.vertices) == 3
+
+
+def test_files_and_meshes_of_absurd_size_are_refused(room_glb: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(raw_mesh, "MAX_FACES", 100)
+    with pytest.raises(ScanError, match="at most 100 triangles"):
+        read_scan(room_glb)
+    monkeypatch.setattr(raw_mesh, "MAX_FILE_BYTES", 1000)
+    with pytest.raises(ScanError, match="at most 1000 bytes"):
+        read_scan(room_glb)
+
+
+def test_without_the_extra_a_usd_file_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.usdz").write_bytes(b"x")
+    monkeypatch.setitem(sys.modules, "pxr", None)
+    monkeypatch.delitem(sys.modules, "lidarspectra.hardware.phone.usd", raising=False)
+    with pytest.raises(ScanError, match=r"lidarspectra\[usd\]"):
+        read_scan(tmp_path / "a.usdz")
+
+
+def test_progress_goes_from_zero_to_one(room_glb: Path) -> None:
+    fractions: list[float] = []
+    repair_scan(read_scan(room_glb, progress=lambda f, _: fractions.append(f)))
+    assert fractions[0] == 0.0
+    assert fractions[-1] == 1.0
+    assert fractions == sorted(fractions)
+
+
+# --- USD
+
+
+def test_a_usdz_comes_back_with_texture_and_unit(tmp_path: Path) -> None:
+    pytest.importorskip("pxr", reason="the extra 'usd' is not installed")
+    from pxr import Sdf, Usd, UsdGeom, UsdShade, UsdUtils
+
+    quadrants().save(tmp_path / "t.png")
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    UsdGeom.Xform.Define(stage, "/Room").AddTranslateOp().Set((0, 0, 100))
+    mesh = UsdGeom.Mesh.Define(stage, "/Room/Mesh")
+    mesh.CreatePointsAttr([(0, 0, 0), (300, 0, 0), (300, 300, 0), (0, 300, 0)])
+    mesh.CreateFaceVertexCountsAttr([4])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3])
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
+    st.Set([(0.1, 0.9)] * 4)
+    material = UsdShade.Material.Define(stage, "/Looks/M")
+    surface = UsdShade.Shader.Define(stage, "/Looks/M/S")
+    surface.CreateIdAttr("UsdPreviewSurface")
+    texture = UsdShade.Shader.Define(stage, "/Looks/M/T")
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set("t.png")
+    output = texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(output)
+    material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", Sdf.ValueTypeNames.Token))
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
+    stage.Save()
+    assert UsdUtils.CreateNewUsdzPackage(str(tmp_path / "a.usda"), str(tmp_path / "a.usdz"))
+    for name in ("a.usda", "a.usdz"):
+        scan = read_scan(tmp_path / name)
+        assert (scan.record.unit, scan.record.up_axis) == ("cm", "+z")
+        assert scan.areas.sum() == pytest.approx(9.0)
+        np.testing.assert_allclose(scan.bounds[:, 2], 1.0)
+        np.testing.assert_allclose(center_color(scan), [1, 0, 0], atol=1e-5)
+
+
+@pytest.mark.parametrize(("scale", "handed", "normal"), [
+    (1, "rightHanded", 1), (-1, "rightHanded", 1), (1, "leftHanded", -1), (-1, "leftHanded", -1),
+])  # fmt: skip
+def test_a_mirrored_or_left_handed_usd_mesh_keeps_its_front(
+    tmp_path: Path, scale: int, handed: str, normal: int
+) -> None:
+    pytest.importorskip("pxr", reason="the extra 'usd' is not installed")
+    path = tmp_path / "a.usda"
+    path.write_text(
+        f"""#usda 1.0
+(
+  upAxis = "Z"
+  metersPerUnit = 1
+)
+def Xform "r" {{
+  double3 xformOp:scale = ({scale}, 1, 1)
+  uniform token[] xformOpOrder = ["xformOp:scale"]
+  def Mesh "m" {{
+    uniform token orientation = "{handed}"
+    point3f[] points = [(0, 0, 0), (3, 0, 0), (0, 3, 0)]
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0), (0, 0, 1)] (interpolation = "vertex")
+  }}
+}}
+""",
+        encoding="utf-8",
+    )
+    scan = read_scan(path)
+    np.testing.assert_allclose(scan.normals, [[0, 0, normal]])
+    # colours went with their corners: the one at (3, 0, 0) is green
+    green = scan.appearance.corner_color[0][:, 1].argmax()
+    np.testing.assert_allclose(scan.corners[0, green], [3 * scale, 0, 0])
+
+
+def test_a_binary_usd_layer_by_itself_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("pxr", reason="the extra 'usd' is not installed")
+    (tmp_path / "a.usd").write_bytes(b"PXR-USDC" + bytes(100))
+    with pytest.raises(ScanError, match="USDZ"):
+        read_scan(tmp_path / "a.usd")
+
+
+def test_a_usd_scene_that_refers_outside_its_folder_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("pxr", reason="the extra 'usd' is not installed")
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (tmp_path / "other.usda").write_text('#usda 1.0\ndef Mesh "m" {}\n', encoding="utf-8")
+    (inner / "a.usda").write_text("#usda 1.0\n(\n subLayers = [@../other.usda@]\n)\n", encoding="utf-8")
+    with pytest.raises(ScanError, match="one file or folder"):
+        read_scan(inner / "a.usda")
+
+
+# --- a real scan
+
+
+@pytest.mark.skipif(not MEETING_ROOM.is_file(), reason=f"the real scan is not at {MEETING_ROOM}")
+def test_the_real_meeting_room_is_watertight_upright_and_of_its_true_height() -> None:
+    scan = repair_scan(read_scan(MEETING_ROOM))
+    record = scan.record
+    assert (record.unit, record.up_axis, record.faces_read, record.holes_closed) == ("m", "+y", 27_560, 0)
+    assert (record.flipped_faces, record.holes_open, record.duplicate_faces) == (0, 0, 0)
+    up = scan.normals[:, 2]
+    floor = scan.centers[up > 0.97, 2]
+    ceiling = scan.centers[up < -0.97, 2]
+    # a common office ceiling; floor normals look up and ceiling normals down, that is into the room
+    assert 2.2 < np.median(ceiling) - np.median(floor) < 2.7
+    blue_carpet = scan.face_colors()[(up > 0.97) & (scan.centers[:, 2] < np.median(floor) + 0.05)].mean(axis=0)
+    assert blue_carpet[2] > 1.5 * blue_carpet[0]

@@ -1,0 +1,113 @@
+"""The sensor commands, from the port to the table."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner, Result
+
+from lidarspectra.errors import LidarSpectraError
+from lidarspectra.hardware.virtual.emulator import AtModule, Device, SketchBoard
+from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
+from lidarspectra.hardware.virtual.faults import FaultyWire
+from lidarspectra.sensor_cli import app
+
+
+def call(*words: object) -> Result:
+    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=True)
+
+
+def done(*words: object) -> str:
+    result = call(*words)
+    assert result.exit_code == 0, (result.output, result.exception)
+    return result.output
+
+
+def refused(*words: object) -> str:
+    result = call(*words)
+    assert isinstance(result.exception, LidarSpectraError), (result.output, result.exception)
+    return str(result.exception)
+
+
+@contextmanager
+def port(device: Device) -> Iterator[str]:
+    with EmulatorServer(FaultyWire(device), speed=20.0) as server:
+        yield server.address
+
+
+def test_check_tells_protocol_order_settings_and_values() -> None:
+    with port(AtModule()) as address:
+        told = done("check", address)
+    assert "AT firmware" in told
+    assert "R S T U V W" in told
+    assert "gain 16, integration 165.2 ms" in told
+
+
+def test_check_tells_cells() -> None:
+    with port(SketchBoard(cells=lambda now_s: (110, 99, 8), spectrum=False)) as address:
+        assert "110, 99, 8 counts" in done("check", address)
+
+
+def test_a_port_that_is_none_is_one_error() -> None:
+    assert "cannot be opened" in refused("check", "no-such-port")
+
+
+def test_record_show_and_convert(tmp_path: Path) -> None:
+    log, table = tmp_path / "log.csv", tmp_path / "table.csv"
+    with port(SketchBoard()) as address:
+        told = done("record", address, "--out", log, "--readings", 8, "--gain", 64, "--integration", 100)
+    assert "0 gaps" in told
+    assert "lidarspectra recorder" in done("show", log)
+    done("convert", log, "--out", table)
+    read = pd.read_csv(table)
+    assert {"E_410", "SE_410", "count_410", "gain"} <= set(read.columns)
+    assert read["gain"].iloc[-1] == 64.0
+    assert "a file of that name" in refused("record", "x", "--out", log)
+
+
+def test_settings_that_the_sensor_does_not_have_are_refused(tmp_path: Path) -> None:
+    assert "1, 3.7, 16 or 64" in refused("record", "x", "--out", tmp_path / "log.csv", "--gain", 5)
+
+
+def test_the_sketches_are_written_out(tmp_path: Path) -> None:
+    told = done("firmware", tmp_path / "sketches")
+    assert "spectral_sensor.ino" in told
+    assert (tmp_path / "sketches" / "spectral_sensor" / "line_protocol.h").is_file()
+    assert (tmp_path / "sketches" / "README.md").is_file()
+
+
+def test_calibrate_and_use_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LIDARSPECTRA_DATA", str(tmp_path / "data"))
+    labels = [410, 435, 460, 485, 510, 535, 560, 585, 610, 645, 680, 705, 730, 760, 810, 860, 900, 940]
+    spectrum = tmp_path / "lamp.csv"
+    spectrum.write_text(
+        "wavelength_nm,irradiance mW/m2/nm\n" + "".join(f"{w},2\n" for w in range(350, 1001, 5)), encoding="utf-8"
+    )
+    log = tmp_path / "log.csv"
+    rows = "".join(f"{i},16,165.2," + ",".join(str(1000 + 10 * c) for c in range(18)) + "\n" for i in range(5))
+    log.write_text("unix_s,gain,integration_ms," + ",".join(map(str, labels)) + "\n" + rows, encoding="utf-8")
+    told = done("calibrate", "bench", "--lamp", f"{log}={spectrum}", "--device", "no. 7")
+    assert "bench v1" in told
+    assert "1 in" in done("calibrations")
+    done("convert", log, "--out", tmp_path / "table.csv", "--calibration", "bench@1")
+    read = pd.read_csv(tmp_path / "table.csv")
+    assert np.allclose(read[[f"E_{label}" for label in labels]], 0.002, rtol=1e-6)
+    assert "bench" in refused("convert", log, "--out", tmp_path / "t.csv", "--calibration", "bench@7")
+    assert call("calibrate", "x").exit_code == 2
+
+
+def test_cells_give_currents(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    with port(SketchBoard(cells=lambda now_s: (512, 99, 8))) as address:
+        done("record", address, "--out", log, "--readings", 5)
+    told = done("cells", log, "--reference", 5.0, "--shunt", 100, "--out", tmp_path / "i.csv")
+    assert "cell 1: median 2.5e+04" in told
+    assert pd.read_csv(tmp_path / "i.csv")["I_1_A"].iloc[0] == pytest.approx(0.025)
+
+
+def test_emulate_says_its_port_and_ends(tmp_path: Path) -> None:
+    assert done("emulate", "module", "--duration", 0.1).startswith("socket://127.0.0.1:")
+    assert call("emulate", "toaster").exit_code == 2

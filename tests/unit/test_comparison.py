@@ -1,0 +1,147 @@
+"""Readings are compared where they belong, or refused in words."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from lidarspectra import comparison
+from lidarspectra.comparison import evaluate_run, save_evaluation
+from lidarspectra.errors import MapError
+from lidarspectra.hardware.sensor.as7265x import (
+    GAUSSIAN_WIDTH_NM,
+    SATURATED_COUNT,
+    UW_CM2_TO_W_M2,
+    nominal_responsivity,
+)
+from lidarspectra.measured_readings import fitted_factors
+
+LABELS = ("410", "435", "460")
+LEVELS = np.array([1.0, 2.0, 3.0])
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A run whose map has 12 points on a line, brighter along it."""
+
+    class Scene:
+        class bands:  # noqa: N801
+            labels = LABELS
+
+    light = xr.Dataset(
+        {"irradiance": (("point", "band"), np.linspace(1.0, 2.0, 12)[:, None] * LEVELS)},
+        coords={
+            "band": [float(label) for label in LABELS],
+            "x": ("point", np.arange(12.0)),
+            "y": ("point", np.zeros(12)),
+            "z": ("point", np.ones(12)),
+            "buried": ("point", np.arange(12) == 11),
+        },
+    )
+    monkeypatch.setattr(comparison, "load_map", lambda path: light)
+    monkeypatch.setattr(comparison, "load_scene", lambda folder: Scene)
+    monkeypatch.setattr(comparison, "require_stage", lambda folder, stage: folder)
+    return tmp_path
+
+
+def readings(folder: Path, factor: float | np.ndarray = 1.0, shift_m: float = 0.0) -> Path:
+    table = pd.DataFrame({"x": np.arange(12.0) + shift_m, "y": 0.0, "z": 1.0})
+    values = np.linspace(1.0, 2.0, 12)[:, None] * LEVELS * factor
+    for number, label in enumerate(LABELS):
+        table[f"E_{label}"] = values[:, number]
+    table.to_csv(folder / "measured.csv", index=False)
+    return folder / "measured.csv"
+
+
+def test_the_same_values_have_no_error_and_buried_points_are_left_out(run: Path, tmp_path: Path) -> None:
+    found = evaluate_run(run, readings(tmp_path))
+    assert found.comparisons[0].points == 11
+    assert found.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
+    assert "1 of 12 readings" in found.notes[0]
+    assert (save_evaluation(found, tmp_path / "out") / "evaluation.csv").is_file()
+
+
+def test_a_reading_without_light_in_a_channel_is_left_out_and_said(run: Path, tmp_path: Path) -> None:
+    path = readings(tmp_path)
+    table = pd.read_csv(path)
+    table.loc[2, f"E_{LABELS[0]}"] = 0.0  # fewer counts than in the dark are read as that, or as less
+    table.loc[5, f"E_{LABELS[1]}"] = -1e-6
+    table.to_csv(path, index=False)
+    found = evaluate_run(run, path)
+    assert found.comparisons[0].points == 9
+    assert "2 readings have a channel that read nothing" in found.notes[1]
+
+
+def test_a_tenth_more_is_a_tenth_off_until_it_is_fitted(run: Path, tmp_path: Path) -> None:
+    path = readings(tmp_path, factor=1.0 / 1.1)
+    assert evaluate_run(run, path).comparisons[0].bias_percent == pytest.approx(10.0)
+    fitted = evaluate_run(run, path, scale="one")
+    assert fitted.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)
+    assert "1.1" in fitted.notes[-1]
+
+
+def test_channels_of_three_dies_are_fitted_apart(run: Path, tmp_path: Path) -> None:
+    path = readings(tmp_path, factor=np.array([1.0, 2.0, 4.0]))
+    np.testing.assert_allclose(evaluate_run(run, path, scale="channel").scale, [1.0, 0.5, 0.25], rtol=1e-12)
+
+
+def test_each_die_gets_one_factor(run: Path, tmp_path: Path) -> None:
+    path = readings(tmp_path, factor=np.array([1.0, 2.0, 4.0]))  # 410, 435 and 460 nm sit on one die
+    found = evaluate_run(run, path, scale="die")
+    assert np.unique(found.scale).size == 1
+    assert "each die" in found.notes[-1]
+    with pytest.raises(MapError, match="three dies"):
+        fitted_factors(np.ones((3, 1)), np.ones((3, 1)), "die", ["412.5"])
+
+
+def test_uw_per_cm2_and_counts_are_the_same_light_in_other_words(run: Path, tmp_path: Path) -> None:
+    table = pd.read_csv(readings(tmp_path))
+    columns = {f"E_{label}": label for label in LABELS}
+    (table.rename(columns=columns)[list(LABELS)] * GAUSSIAN_WIDTH_NM / UW_CM2_TO_W_M2).join(
+        table[["x", "y", "z"]]
+    ).to_csv(tmp_path / "uw.csv", index=False)
+    found = evaluate_run(run, tmp_path / "uw.csv", unit="uW/cm2")
+    assert found.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
+    counts = table.rename(
+        columns={f"E_{label}": f"{letter}_{label}:count" for label, letter in zip(LABELS, "ABC", strict=True)}
+    )
+    counts[["gain", "integration_ms"]] = (16.0, 10.0)
+    names = [name for name in counts if ":count" in name]
+    counts[names] *= nominal_responsivity()[0] * 160.0
+    counts.loc[3, names[0]] = SATURATED_COUNT
+    counts.to_csv(tmp_path / "counts.csv", index=False)
+    found = evaluate_run(run, tmp_path / "counts.csv", unit="counts")
+    assert found.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
+    assert found.comparisons[0].points == 10  # one buried, one saturated
+
+
+def test_counts_without_settings_are_refused_until_a_scale_is_fitted(run: Path, tmp_path: Path) -> None:
+    table = pd.read_csv(readings(tmp_path, factor=250.0))
+    table.columns = [name.replace("E_", "") for name in table]
+    table.to_csv(tmp_path / "counts.csv", index=False)
+    with pytest.raises(MapError, match="integration_ms"):
+        evaluate_run(run, tmp_path / "counts.csv", unit="counts")
+    fitted = evaluate_run(run, tmp_path / "counts.csv", unit="counts", scale="one")
+    assert fitted.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
+
+
+def test_readings_in_another_frame_are_refused(run: Path, tmp_path: Path) -> None:
+    with pytest.raises(MapError, match="--align"):
+        evaluate_run(run, readings(tmp_path, shift_m=0.4))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a,b\n1,2\n", "columns x, y, z"),
+        ("x,y,z\n0,0,1\n", "E_410"),
+        ("x,y,z,E_410\n0,0,1,many\n", "E_410"),
+        ("", "readable CSV"),
+    ],
+)
+def test_other_files_are_refused_in_words(run: Path, tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "other.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(MapError, match=words):
+        evaluate_run(run, tmp_path / "other.csv")

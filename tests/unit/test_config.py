@@ -1,0 +1,93 @@
+"""The run file says what it means, or is refused in words."""
+
+from pathlib import Path
+
+import pytest
+
+from lidarspectra.config import RunFile, parse_run_file, read_run_file
+from lidarspectra.errors import RunFileError
+
+MINIMAL = """
+[scan]
+file = "room.glb"
+[[lamps]]
+name = "panel 1"
+shape = "panel"
+center = [0.9, 1.5, 2.66]
+size = [0.6, 0.6]
+spectrum = "LED-B3"
+luminous_flux_lm = 3400
+"""
+
+
+def parse(text: str) -> RunFile:
+    return parse_run_file(text, where="room.toml")
+
+
+def test_the_smallest_run_file_gets_the_paper_s_sensor_grid() -> None:
+    run_file = parse(MINIMAL)
+    assert run_file.sensors.grid is not None
+    assert run_file.sensors.grid.count == 176
+    assert run_file.sensors.device == "as7265x-14"
+    assert run_file.trace.accuracy == "high"
+
+
+def test_every_fault_is_named_at_once_and_with_its_place() -> None:
+    with pytest.raises(RunFileError) as caught:
+        parse(MINIMAL + '\n[trace]\nacuracy = "high"\nnoise = "loud"\n')
+    assert "trace.acuracy: unknown key (did you mean 'accuracy'?)" in str(caught.value)
+    assert "trace.noise" in str(caught.value)
+    assert "room.toml" in str(caught.value)
+
+
+def test_a_slip_deep_in_the_file_is_told_with_the_key_that_was_meant() -> None:
+    with pytest.raises(RunFileError, match=r"lamps\.1\.centre: unknown key \(did you mean 'center'\?\)"):
+        parse(MINIMAL + "centre = [0, 0, 0]\n")
+    with pytest.raises(RunFileError, match=r"sensors\.grid\.heigth: unknown key \(did you mean 'height'\?\)"):
+        parse(MINIMAL + "[sensors.grid]\ncount = 4\nheigth = 1\n")
+    with pytest.raises(RunFileError, match=r"music: unknown key(?! \(did)"):
+        parse(MINIMAL + "[music]\nloud = true\n")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("radiant_flux_W = 20", "not both"),
+        ("cct_k = 4000", "either spectrum or cct_k"),
+        ("beam_angle_deg = 30", "shape 'spot'"),
+        ('file = "a.ies"', "shape 'ies'"),
+        ("dim = 1.5", "less than or equal to 1"),
+        ("center = [nan, 0, 0]", "TOML"),
+    ],
+)
+def test_lamps_that_contradict_themselves_are_refused(change: str, words: str) -> None:
+    with pytest.raises(RunFileError, match=words):
+        parse(MINIMAL + change + "\n")
+
+
+def test_not_a_number_is_refused_where_toml_allows_it() -> None:
+    with pytest.raises(RunFileError, match="finite"):
+        parse(MINIMAL.replace("0.9, 1.5", "nan, 1.5"))
+
+
+def test_a_room_without_any_lamp_is_refused() -> None:
+    with pytest.raises(RunFileError, match="lamps_from_scan"):
+        parse('[scan]\nfile = "room.glb"\n')
+
+
+def test_two_lamps_of_one_name_are_refused() -> None:
+    lamp = MINIMAL.split("[[lamps]]")[1]
+    with pytest.raises(RunFileError, match="panel 1"):
+        parse(MINIMAL + "[[lamps]]" + lamp)
+
+
+def test_a_missing_run_file_is_one_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(RunFileError, match="lidarspectra init"):
+        read_run_file(tmp_path / "none.toml")
+
+
+def test_a_run_file_that_is_no_text_is_one_clear_error(tmp_path: Path) -> None:
+    path = tmp_path / "room.toml"
+    path.write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(RunFileError, match="UTF-8"):
+        read_run_file(path)

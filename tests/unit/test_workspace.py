@@ -1,0 +1,131 @@
+"""A stage is whole or absent, and made again only when something that it depends on changed."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import psutil
+import pytest
+
+from lidarspectra.errors import WorkspaceError
+from lidarspectra.progress import Progress, silent
+from lidarspectra.workspace import LOCK_FILE, Notes, Stage, StageResult, Workspace, read_record, require_stage
+
+
+class Maker:
+    """Writes a text and counts how often it was asked to."""
+
+    def __init__(self, text: str = "answer", error: BaseException | None = None) -> None:
+        self.text = text
+        self.error = error
+        self.calls = 0
+
+    def __call__(self, folder: Path, progress: Progress) -> Notes:
+        self.calls += 1
+        (folder / "result.txt").write_text(self.text, encoding="utf-8")
+        if self.error is not None:
+            raise self.error
+        return Notes(summary="done", warnings=("beware",))
+
+
+def load(folder: Path) -> str:
+    return (folder / "result.txt").read_text(encoding="utf-8")
+
+
+def run_scan(folder: Path, maker: Maker, settings: dict[str, object] | None = None) -> StageResult[str]:
+    with Workspace(folder) as work:
+        stage = Stage(name="scan", settings=settings or {}, make=maker, load=load)
+        return work.run_stage(stage, progress=silent)
+
+
+def test_a_fresh_stage_is_not_made_again(tmp_path: Path) -> None:
+    maker = Maker()
+    first = run_scan(tmp_path / "run", maker)
+    second = run_scan(tmp_path / "run", maker)
+    assert (first.was_fresh, second.was_fresh, maker.calls) == (False, True, 1)
+    assert second.value == "answer"
+    assert second.record.warnings == ("beware",)
+    assert second.record.seconds >= 0
+    assert second.record.peak_memory_mib > 0
+
+
+def test_a_changed_setting_makes_the_stage_again(tmp_path: Path) -> None:
+    maker = Maker()
+    run_scan(tmp_path / "run", maker, {"unit": "m"})
+    run_scan(tmp_path / "run", maker, {"unit": "mm"})
+    assert maker.calls == 2
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), RuntimeError("fault")])
+def test_a_cut_stage_leaves_nothing_that_is_trusted(tmp_path: Path, error: BaseException) -> None:
+    with pytest.raises(type(error)):
+        run_scan(tmp_path / "run", Maker(error=error))
+    assert read_record(tmp_path / "run" / "1-scan") is None
+    assert not (tmp_path / "run" / LOCK_FILE).exists()
+    maker = Maker()
+    assert run_scan(tmp_path / "run", maker).value == "answer"
+    assert maker.calls == 1
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["1-scan", "lidarspectra-run.json"]
+
+
+def test_a_stage_that_lost_a_file_is_made_again(tmp_path: Path) -> None:
+    maker = Maker()
+    run_scan(tmp_path / "run", maker)
+    (tmp_path / "run" / "1-scan" / "result.txt").unlink()
+    run_scan(tmp_path / "run", maker)
+    assert maker.calls == 2
+
+
+def test_an_edited_file_is_kept_and_changes_what_later_stages_see(tmp_path: Path) -> None:
+    first = run_scan(tmp_path / "run", Maker())
+    before = first.contents()
+    (first.folder / "result.txt").write_text("edited", encoding="utf-8")
+    second = run_scan(tmp_path / "run", Maker())
+    assert second.was_fresh
+    assert second.value == "edited"
+    assert second.contents() != before
+
+
+def test_a_folder_with_other_things_in_it_is_refused_and_kept(tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("mine", encoding="utf-8")
+    with pytest.raises(WorkspaceError, match=r"thesis\.txt"), Workspace(tmp_path):
+        pass
+    assert (tmp_path / "thesis.txt").read_text(encoding="utf-8") == "mine"
+
+
+def test_two_runs_do_not_write_one_folder(tmp_path: Path) -> None:
+    with (
+        Workspace(tmp_path / "run"),
+        pytest.raises(WorkspaceError, match=f"held by process {os.getpid()}"),
+        Workspace(tmp_path / "run"),
+    ):
+        pass
+
+
+def test_the_lock_of_a_killed_run_does_not_hold(tmp_path: Path) -> None:
+    with Workspace(tmp_path / "run"):
+        pass
+    dead = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True)
+    for holder in (
+        {"pid": int(dead.stdout), "started": 1.0},
+        {"pid": os.getpid(), "started": psutil.Process().create_time() - 1000.0},  # the number was used again
+    ):
+        (tmp_path / "run" / LOCK_FILE).write_text(json.dumps(holder), encoding="utf-8")
+        with Workspace(tmp_path / "run"):
+            pass
+    (tmp_path / "run" / LOCK_FILE).write_text("half a li", encoding="utf-8")
+    with Workspace(tmp_path / "run"):
+        pass
+
+
+def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(WorkspaceError, match="--out"), Workspace(tmp_path / "file" / "run"):
+        pass
+
+
+def test_a_run_without_the_stage_says_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(WorkspaceError, match="lidarspectra run"):
+        require_stage(tmp_path, "trace")

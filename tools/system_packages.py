@@ -1,0 +1,50 @@
+"""Install the system libraries that a bare Linux machine lacks; called by make, and does nothing elsewhere.
+
+pymeshlab needs OpenGL's loader (libGL), which wheels do not carry. With --tests come the AVR compiler, which builds the
+Arduino sketches, and LLVM, on which the second opinion's fast variant runs; their tests are skipped without them.
+"""
+
+import ctypes.util
+import os
+import shutil
+import subprocess
+import sys
+
+OPENGL = ("libgl1", "libopengl0")  # Debian's names
+FIRMWARE = ("gcc-avr", "avr-libc", "arduino-core-avr")
+LLVM = ("libllvm19",)
+LLVM_VERSIONS = range(17, 31)  # that Mitsuba 3.9 takes
+
+
+def missing(tests: bool) -> list[tuple[str, ...]]:
+    """Groups of Debian packages whose content is not on this machine."""
+    groups: list[tuple[str, ...]] = []
+    if ctypes.util.find_library("GL") is None:
+        groups.append(OPENGL)
+    if tests and shutil.which("avr-g++") is None:
+        groups.append(FIRMWARE)
+    if tests and not any(ctypes.util.find_library(f"LLVM-{version}") for version in LLVM_VERSIONS):
+        groups.append(LLVM)
+    return groups
+
+
+def main() -> None:
+    """Install what is missing where that can be done; say what to do where it cannot."""
+    if not sys.platform.startswith("linux"):
+        return
+    wanted = missing("--tests" in sys.argv[1:])
+    if not wanted:
+        return
+    if shutil.which("apt-get") is None or os.geteuid() != 0:
+        names = " ".join(name for group in wanted for name in group)
+        print(f"Please install with your package manager (Debian's names): {names}", file=sys.stderr)
+        return
+    subprocess.run(["apt-get", "update", "-qq"], check=False)
+    for group in wanted:
+        done = subprocess.run(["apt-get", "install", "-y", "-qq", "--no-install-recommends", *group], check=False)
+        if done.returncode != 0:
+            print(f"Could not install {' '.join(group)}; some parts will not run.", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
