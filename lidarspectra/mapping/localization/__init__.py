@@ -1,0 +1,1 @@
+"""Localization: where a person stands, from what fixed sensors read."""
