@@ -250,7 +250,7 @@ def demo(
     ),
 ) -> None:
     """Run the whole chain on a room that comes with the package: 3 m x 3 m, two panels, 176 points."""
-    from lidarspectra.stages import copy_scene
+    from lidarspectra.inputs import copy_scene
 
     _show_summary(_run(copy_scene("office", folder), None))
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from lidarspectra import stages
+from lidarspectra.inputs import Inputs, read_inputs
 from lidarspectra.progress import Progress, silent
 from lidarspectra.workspace import STAGES, Stage, StageName, StageRecord, StageResult, Workspace, read_record
 
@@ -155,14 +156,14 @@ def run(
     LidarSpectraError
         If anything that the user gave does not fit; finished stages stay, and the next run resumes after them.
     """
-    inputs = stages.read_inputs(run_file, workers=workers, cluster=cluster)
+    inputs = read_inputs(run_file, workers=workers, cluster=cluster)
     with Workspace(folder or default_folder(run_file)) as work:
         chain = _Chain(work, first, last, listener or SilentListener())
         _walk(chain, inputs)
         return RunSummary(folder=work.folder, results=chain.results)
 
 
-def _walk(chain: "_Link", inputs: stages.Inputs) -> None:
+def _walk(chain: "_Link", inputs: Inputs) -> None:
     """Follow Figure 2, until the chain says that it is far enough."""
     try:
         scan = chain(stages.scan_stage(inputs))
@@ -196,7 +197,7 @@ def plan(run_file: Path, folder: Path | None = None, *, first: StageName | None 
     states : dict of str to str
         'up to date' or 'to be made', by stage.
     """
-    inputs = stages.read_inputs(run_file)
+    inputs = read_inputs(run_file)
     chain = _Plan(folder or default_folder(run_file), first)
     _walk(chain, inputs)
     return {stage: "up to date" if stage in chain.fresh else "to be made" for stage in STAGES}

@@ -3,24 +3,19 @@
 The order stands in `lidarspectra.pipeline`; how a stage is kept, in `lidarspectra.workspace`.
 """
 
-import shutil
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
-from platformdirs import user_cache_path
 
-from lidarspectra.config import RunFile, read_run_file
-from lidarspectra.databases import list_databases, scenes_folder
 from lidarspectra.delighting import take_light_out, with_light_uncertainty
-from lidarspectra.errors import WorkspaceError
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.hardware.phone.scan import Scan, load_scan, save_scan
-from lidarspectra.hardware.room.room import Room, find_room, load_room, save_room
+from lidarspectra.hardware.room.room import find_room, load_room, save_room
+from lidarspectra.inputs import Inputs, assigned_spectra, database_hashes, lamp_files, lamp_settings, scan_files
+from lidarspectra.lamps_of_run import ScannedRoom, daylight_of_run, lamps_of_run, with_told_fluxes
 from lidarspectra.mapping.figure_style import save_figure
 from lidarspectra.mapping.floor_plan import floor_plan
 from lidarspectra.mapping.material_figures import (
@@ -32,10 +27,8 @@ from lidarspectra.mapping.material_figures import (
 )
 from lidarspectra.mapping.report import PAGE, ReportInput, ReportView, StageRow, write_report
 from lidarspectra.mapping.spectral_map import load_map, save_map, save_map_table, spectral_map
-from lidarspectra.material.assignments import spectrum_files
 from lidarspectra.material.estimate import estimate_materials
-from lidarspectra.material.lamp_fluxes import flux_factors, load_lamp_fluxes, save_lamp_fluxes
-from lidarspectra.material.lit_lamps import find_lit_lamps
+from lidarspectra.material.lamp_fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
 from lidarspectra.material.material_mesh import daylight_colors, save_material_mesh
 from lidarspectra.material.model_card import CARD_SUFFIX
@@ -44,136 +37,26 @@ from lidarspectra.material.viewpoints import render_views
 from lidarspectra.material.views import ViewSet, load_views, save_views
 from lidarspectra.progress import Progress, part_of
 from lidarspectra.radiance.cluster import cluster_engine
-from lidarspectra.radiance.daylight import Window, daylight_lamps
 from lidarspectra.radiance.engine import Engine, find_engine
 from lidarspectra.radiance.lamp_file import load_lamps, save_lamps
-from lidarspectra.radiance.lamps import Lamp, lamps_from_lit, resolve_lamps
 from lidarspectra.radiance.placement import placement_notes
 from lidarspectra.radiance.receptors import Receptor, cone_receptor, cosine_receptor, read_receptor
 from lidarspectra.radiance.scene import RadianceScene, load_scene, write_scene
 from lidarspectra.radiance.sensors import SensorPoints, sensor_points
-from lidarspectra.radiance.sky import Daylight, compute_sky
 from lidarspectra.radiance.trace import trace
 from lidarspectra.radiance.transport import load_transport, save_transport
 from lidarspectra.radiance.workflow import write_workflow
-from lidarspectra.report_applications import check_cells, report_applications
+from lidarspectra.report_applications import report_applications
 from lidarspectra.sensor_files import find_bands
 from lidarspectra.workspace import Notes, Stage, StageResult, hash_file, versions
 
 REPORT_PAGE = PAGE
 TRANSPORT_FILE = "transport.nc"
 MODEL_FOLDER = "model"
-SKY_FOLDER = "sky"
 SEGMENTATION = "segmentation"
 MAP_FILE = "map.nc"
 MAP_TABLE = "map.csv"
-MULTI_FILE_FORMATS = (".obj", ".gltf", ".ply", ".usda", ".usd")
-COMPANION_SUFFIXES = (
-    ".mtl",
-    ".bin",
-    ".png",
-    ".jpg",
-    ".jpeg",
-    ".bmp",
-    ".tga",
-    ".tif",
-    ".tiff",
-    ".webp",
-    ".usd",
-    ".usda",
-    ".usdc",
-)
 TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays by the clock: runs agree within noise
-
-
-@dataclass(frozen=True, kw_only=True)
-class Inputs:
-    """What the user gave.
-
-    Parameters
-    ----------
-    room : RunFile
-        The checked run file.
-    base : Path
-        Its folder, where relative file names start.
-    name : str
-        Its name, without ending.
-    text : str
-        Its text, for the report.
-    workers : int or None
-        Processes side by side; None leaves it to the run file.
-    cluster : str or None
-        Address of a Dask scheduler that traces in place of this machine.
-    """
-
-    room: RunFile
-    base: Path
-    name: str
-    text: str
-    workers: int | None = None
-    cluster: str | None = None
-
-    def path(self, name: str) -> Path:
-        """A file that the run file names."""
-        return self.base / name
-
-    def hashes(self, *names: str | None) -> dict[str, str]:
-        """SHA-256 of files that the run file names; a missing file has none and is refused where it is read."""
-        return {name: hash_file(self.path(name)) for name in names if name is not None and self.path(name).is_file()}
-
-
-@dataclass(frozen=True, kw_only=True)
-class ScannedRoom:
-    """What stage 1 gives: the repaired mesh, and the room that it shows."""
-
-    scan: Scan
-    room: Room
-
-
-def read_inputs(run_file: Path, *, workers: int | None = None, cluster: str | None = None) -> Inputs:
-    """Read a run file; relative names start at its folder.
-
-    Raises
-    ------
-    RunFileError
-        If it does not fit.
-    LidarSpectraError
-        If its report asks for a solar cell that is none.
-    """
-    room = read_run_file(run_file)
-    check_cells(room.cells, base=run_file.resolve().parent)
-    return Inputs(
-        room=room,
-        base=run_file.resolve().parent,
-        name=run_file.stem,
-        text=run_file.read_text(encoding="utf-8"),
-        workers=workers,
-        cluster=cluster,
-    )
-
-
-def copy_scene(name: str, folder: Path) -> Path:
-    """Copy a room that comes with the package, and give the path of its run file there.
-
-    Raises
-    ------
-    WorkspaceError
-        If the folder cannot be written.
-    """
-    source = scenes_folder() / name
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for path in sorted(source.iterdir()):
-            if path.is_file():
-                shutil.copyfile(path, folder / path.name)
-    except OSError as cause:
-        raise WorkspaceError(
-            expected="a folder that can be written",
-            found=str(cause.strerror or cause),
-            where=str(folder),
-            todo="Name another one: lidarspectra demo DIR.",
-        ) from cause
-    return folder / "room.toml"
 
 
 def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
@@ -203,7 +86,7 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
             warnings=record.notes,
         )
 
-    settings = {"section": section.model_dump(), "files": {path.name: hash_file(path) for path in _scan_files(file)}}
+    settings = {"section": section.model_dump(), "files": {path.name: hash_file(path) for path in scan_files(file)}}
     return Stage(
         name="scan",
         settings=settings,
@@ -240,7 +123,7 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
     def make(folder: Path, progress: Progress) -> Notes:
         mesh, light = scan.value.scan, None
         if delight:
-            lamps = _lamps(inputs, scan.value)
+            lamps = lamps_of_run(inputs, scan.value)
             found = inputs.room.lamps_from_scan
             stated = found is None or found.fluxes == "area"
             light = take_light_out(
@@ -274,27 +157,19 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         "scan": scan.contents(),
         "views": views.contents(),
         "section": section.model_dump(exclude={"coverage"}),
-        "databases": {**_database_hashes("reflectance"), **(_database_hashes("lamps") if delight else {})},
+        "databases": {**database_hashes("reflectance"), **(database_hashes("lamps") if delight else {})},
         "model": {SHIPPED_MODEL.name: hash_file(SHIPPED_MODEL)} if section.model == "builtin" else {},
         "files": inputs.hashes(
             section.file,
-            *_assigned_spectra(inputs),
+            *assigned_spectra(inputs),
             section.model,
             str(Path(section.model).with_suffix(CARD_SUFFIX)),
             *section.databases,
-            *(_lamp_files(inputs.room) if delight else ()),
+            *(lamp_files(inputs.room) if delight else ()),
         ),
-        **(_lamp_settings(inputs.room) if delight else {}),
+        **(lamp_settings(inputs.room) if delight else {}),
     }
     return Stage(name="materials", settings=settings, make=make, load=load_materials)
-
-
-def _assigned_spectra(inputs: Inputs) -> tuple[str, ...]:
-    """Spectrum files that the file of assignments points to, from the run file's folder."""
-    name = inputs.room.materials.file
-    if name is None:
-        return ()
-    return tuple(str(Path(name).parent / spectrum) for spectrum in spectrum_files(inputs.path(name)))
 
 
 def scene_stage(
@@ -305,7 +180,7 @@ def scene_stage(
 
     def make(folder: Path, progress: Progress) -> Notes:
         progress(0.0, "lamps")
-        lamps = (*_with_told_fluxes(_lamps(inputs, scan.value), materials.folder), *_daylight(room, folder))
+        lamps = (*with_told_fluxes(lamps_of_run(inputs, scan.value), materials.folder), *daylight_of_run(room, folder))
         save_lamps(lamps, folder)
         scene = write_scene(
             scan.value.scan,
@@ -327,9 +202,9 @@ def scene_stage(
     settings = {
         "scan": scan.contents(),
         "materials": materials.contents(),
-        **_lamp_settings(room),
-        "databases": _database_hashes("lamps"),
-        "files": inputs.hashes(*_lamp_files(room), room.sensors.device),
+        **lamp_settings(room),
+        "databases": database_hashes("lamps"),
+        "files": inputs.hashes(*lamp_files(room), room.sensors.device),
         "device": room.sensors.device,
         "mode": room.trace.mode,
     }
@@ -452,7 +327,7 @@ def report_stage(
     settings = {"stages": {result.record.stage: result.contents() for result in before}, "run_file": inputs.text}
     if inputs.room.cells:
         settings["files"] = inputs.hashes(*(section.cell for section in inputs.room.cells))
-        settings["databases"] = _database_hashes("cells")
+        settings["databases"] = database_hashes("cells")
     return Stage(name="report", settings=settings, make=make, load=lambda folder: folder / REPORT_PAGE)
 
 
@@ -502,18 +377,6 @@ def _trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, .
     return tuple(warnings)
 
 
-def _scan_files(file: Path) -> tuple[Path, ...]:
-    """The scan's file and, for formats of several files, those beside it that it may read.
-
-    Which of them it does read is known only after parsing it; one too many costs a needless new run at worst.
-    """
-    if not file.is_file():
-        return ()  # refused in words where it is read
-    if file.suffix.lower() not in MULTI_FILE_FORMATS:
-        return (file,)
-    return (file, *sorted(path for path in file.parent.iterdir() if path.suffix.lower() in COMPANION_SUFFIXES))
-
-
 def _provenance(before: tuple[StageResult[Any], ...]) -> dict[str, str]:
     hashes = {
         f"sha256 of {name}": digest
@@ -523,53 +386,3 @@ def _provenance(before: tuple[StageResult[Any], ...]) -> dict[str, str]:
     }
     finished = {f"stage '{result.record.stage}' finished": result.record.finished for result in before}
     return {**versions(), **finished, **hashes, "trace seed": str(TRACE_SEED)}
-
-
-def _lamps(inputs: Inputs, scan: ScannedRoom) -> tuple[Lamp, ...]:
-    """The run file's lamps, or those that are lit in the scan."""
-    section = inputs.room.lamps_from_scan
-    if section is None:
-        return resolve_lamps(inputs.room.lamps, inputs.base)
-    return lamps_from_lit(find_lit_lamps(scan.scan, scan.room), section, inputs.base)
-
-
-def _with_told_fluxes(lamps: tuple[Lamp, ...], materials_folder: Path) -> tuple[Lamp, ...]:
-    """Lamps with the relative fluxes that the materials stage read off the walls; as they are where it read none."""
-    fluxes = load_lamp_fluxes(materials_folder)
-    if not fluxes:
-        return lamps
-    factors = flux_factors([lamp.name for lamp in lamps], fluxes, np.array([lamp.flux.integral() for lamp in lamps]))
-    return tuple(
-        replace(lamp, flux=lamp.flux.scaled(float(factor))) for lamp, factor in zip(lamps, factors, strict=True)
-    )
-
-
-def _daylight(room: RunFile, folder: Path) -> tuple[Lamp, ...]:
-    """What sky and sun make of the windows; nothing at night."""
-    section = room.daylight
-    if section is None:
-        return ()
-    day = Daylight(**section.model_dump(exclude={"windows"}))
-    windows = [Window(**window.model_dump()) for window in section.windows]
-    sky = compute_sky(
-        day, folder / SKY_FOLDER, find_engine(), atmosphere=user_cache_path("lidarspectra") / "atmosphere"
-    )
-    return daylight_lamps(sky, windows)
-
-
-def _lamp_settings(room: RunFile) -> dict[str, Any]:
-    return {
-        "lamps": [lamp.model_dump() for lamp in room.lamps],
-        "lamps_from_scan": room.lamps_from_scan.model_dump() if room.lamps_from_scan else None,
-        "daylight": room.daylight.model_dump(mode="json") if room.daylight else None,
-    }
-
-
-def _lamp_files(room: RunFile) -> tuple[str | None, ...]:
-    found = (room.lamps_from_scan.spectrum,) if room.lamps_from_scan else ()
-    return (*(lamp.file for lamp in room.lamps), *(lamp.spectrum for lamp in room.lamps), *found)
-
-
-def _database_hashes(kind: str) -> dict[str, str]:
-    """SHA-256 of every database file of a kind, as it is now and not as the manifest has it."""
-    return {f"{file.database}/{file.path.name}": hash_file(file.path) for file in list_databases() if file.kind == kind}

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra import stages
+from lidarspectra.inputs import read_inputs
+from lidarspectra.lamps_of_run import with_told_fluxes
 from lidarspectra.material.lamp_fluxes import LampFlux, save_lamp_fluxes
 from lidarspectra.pipeline import run
 from lidarspectra.radiance.lamps import resolve_lamps
@@ -37,15 +38,15 @@ def test_the_meshes_of_the_materials_have_the_rooms_size(folder: Path) -> None:
 
 
 def test_the_scene_takes_the_fluxes_that_the_walls_told(write_room: RoomWriter, tmp_path: Path) -> None:
-    lamps = resolve_lamps(stages.read_inputs(write_room(tmp_path)).room.lamps, tmp_path)
-    assert stages._with_told_fluxes(lamps, tmp_path) == lamps
+    lamps = resolve_lamps(read_inputs(write_room(tmp_path)).room.lamps, tmp_path)
+    assert with_told_fluxes(lamps, tmp_path) == lamps
     told = [
         LampFlux(lamp=lamp.name, factor=factor, log_deviation=0.05, told=True)
         for lamp, factor in zip(lamps, (2.0, 0.5), strict=True)
     ]
     save_lamp_fluxes(told, tmp_path)
     before, after = (
-        np.array([lamp.flux.integral() for lamp in each]) for each in (lamps, stages._with_told_fluxes(lamps, tmp_path))
+        np.array([lamp.flux.integral() for lamp in each]) for each in (lamps, with_told_fluxes(lamps, tmp_path))
     )
     assert after.sum() == pytest.approx(before.sum())
     assert (after[0] / after[1]) / (before[0] / before[1]) == pytest.approx(4.0)
