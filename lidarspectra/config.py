@@ -56,7 +56,7 @@ class LampSection(Section):
     """Over the spectrum's whole range. [W]"""
     dim: Fraction = 1.0
     file: str | None = None
-    """IES LM-63 file, for shape 'ies'."""
+    """IES LM-63 or EULUMDAT (.ldt) file, for shape 'ies'."""
 
     @model_validator(mode="after")
     def _one_flux(self) -> Self:

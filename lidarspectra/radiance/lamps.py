@@ -13,6 +13,7 @@ from lidarspectra.databases import lamp_spectrum
 from lidarspectra.errors import LampError
 from lidarspectra.radiance.ies import CandelaTable, read_ies, read_ies_text
 from lidarspectra.radiance.lamp_spectra import cct_spectrum, luminous_flux_lm
+from lidarspectra.radiance.ldt import ies_text_of_ldt
 from lidarspectra.spectra import Spectrum
 
 LampShape = Literal["panel", "disc", "strip", "bulb", "spot", "point", "ies", "window", "sun"]
@@ -220,7 +221,7 @@ def _relative_spectrum(section: LampsFromScanSection, folder: Path) -> Spectrum:
 
 def _resolve(section: LampSection, folder: Path) -> Lamp:
     where = f"lamp '{section.name}'"
-    candela_file = None if section.file is None else read_ies_text(folder / section.file)
+    candela_file = None if section.file is None else _candela_text(folder / section.file)
     table = None if candela_file is None else read_ies(candela_file, where=str(folder / str(section.file)))
     return Lamp(
         name=section.name,
@@ -233,6 +234,11 @@ def _resolve(section: LampSection, folder: Path) -> Lamp:
         flux=_flux(section, folder, where, table).scaled(section.dim),
         candela_file=candela_file,
     )
+
+
+def _candela_text(path: Path) -> str:
+    """LM-63 text of a luminaire's file, which may be an EULUMDAT one."""
+    return ies_text_of_ldt(path) if path.suffix.lower() == ".ldt" else read_ies_text(path)
 
 
 def _size(section: LampSection, where: str) -> tuple[float, ...]:
