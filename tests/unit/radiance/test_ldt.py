@@ -34,7 +34,8 @@ def per_klm(c_deg: np.ndarray, gamma_deg: np.ndarray, symmetry: int) -> np.ndarr
 def write_ldt(path: Path, symmetry: int, **changes: object) -> Path:
     header = LdtHeader(
         company="Ours", ityp=2, isym=symmetry, mc=PLANES.size, dc=15.0, ng=ANGLES.size, dg=5.0,
-        luminaire_name="Größe 1", length=1200.0, width=300.0, length_lum_area=1180.0, width_lum_area=280.0, n_sets=1, num_lamps=[1],
+        luminaire_name="Größe 1", length=1200.0, width=300.0, length_lum_area=1180.0, width_lum_area=280.0,
+        n_sets=1, num_lamps=[1],
         lamp_types=["LED"], lamp_flux=[LUMENS], lamp_cct=["4000"], lamp_cri=["80"], lamp_watt=[25.0],
         direct_ratios=[0.0] * 10, c_angles=PLANES.tolist(), g_angles=ANGLES.tolist(),
     )  # fmt: skip
