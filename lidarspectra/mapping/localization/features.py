@@ -1,0 +1,265 @@
+"""What a locator is given: by how much a person changes each channel of each sensor, in units of what can be told.
+
+    u = ln(N / N0)                               change against the reference N0, in each sensor and channel
+    u' = u - median over sensors of (Σ_b u/σ² / Σ_b 1/σ²)     a common change of level, as by dimming, is taken out
+    z = asinh(κ u'/σ) / κ                         the feature
+
+A sensor's gain, its dies' errors and the lamps' spectrum leave the ratio. N0 is the empty room, or the median over
+readings of many places, which is near it because a person changes few sensors at a time. σ is the standard deviation
+of u by rounding to whole counts, repeatability and drift. κ is how far a simulated change may be off in proportion to
+itself: asinh(κ u/σ)/κ has the same spread everywhere if the variance of u is σ² + (κu)². Channels whose reference is a
+few counts are left out, for one count is then more than a person changes.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from lidarspectra.arrays import BoolArray, FloatArray, float_array
+from lidarspectra.errors import MapError
+from lidarspectra.hardware.sensor.as7265x import (
+    DEFAULT_SETTINGS,
+    FULL_SCALE_PER_STEP,
+    GAIN_FACTORS,
+    SATURATED_COUNT,
+    SensorSettings,
+    count_uncertainty,
+    nominal_responsivity,
+)
+from lidarspectra.mapping.localization.fingerprint_table import quantity_of
+
+Reference = Literal["empty", "median"]
+DARKEST_COUNT = 0.5  # [count] what a count of 0 is taken as, for it has no logarithm
+HEADROOM = 0.9  # [1] of full scale, up to which a gain is used
+DRIFT = 0.003  # [1] of a sensor against its own reference within hours, beside rounding and repeatability
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeatureSettings:
+    """How features are made.
+
+    Parameters
+    ----------
+    min_count : float
+        Channels whose reference is less are left out. [count]
+    mismatch : float
+        κ: relative error of a simulated change. [1]
+    remove_level : bool
+        Whether a common change of level is taken out.
+    """
+
+    min_count: float = 10.0
+    mismatch: float = 0.15
+    remove_level: bool = True
+
+    def __post_init__(self) -> None:
+        if not (self.min_count >= 0 and 0 < self.mismatch <= 1):
+            raise MapError(
+                expected="a least count of 0 or more, and a mismatch above 0 and up to 1",
+                found=f"{self.min_count:g} and {self.mismatch:g}",
+                where="features",
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FeatureSpace:
+    """The features of a set of sensors.
+
+    Parameters
+    ----------
+    sensors : tuple of str
+    bands_nm : (band,) float
+        Centres. [nm]
+    usable : (sensor, band) bool
+        Which channels become features.
+    noise : (sensor, band) float
+        σ, the standard deviation of ln(N/N0). [1]
+    settings : FeatureSettings
+    """
+
+    sensors: tuple[str, ...]
+    bands_nm: FloatArray
+    usable: BoolArray
+    noise: FloatArray
+    settings: FeatureSettings
+
+    def __post_init__(self) -> None:
+        bands = float_array(self.bands_nm, name="FeatureSpace.bands_nm", shape=(None,))
+        shape = (len(self.sensors), bands.size)
+        noise = float_array(self.noise, name="FeatureSpace.noise", shape=shape)
+        if np.shape(self.usable) != shape or not np.any(self.usable) or noise.min() <= 0:
+            raise MapError(
+                expected="usable channels for the sensors, and noise above 0",
+                found=f"{int(np.sum(self.usable))} of {shape}, least noise {noise.min():g}",
+                where="features",
+                todo="Use a higher gain, or allow lower counts (--min-count).",
+            )
+        object.__setattr__(self, "bands_nm", bands)
+        object.__setattr__(self, "noise", noise)
+
+    @property
+    def count(self) -> int:
+        """Number of features."""
+        return int(self.usable.sum())
+
+    def changes(self, readings: FloatArray, reference: FloatArray) -> FloatArray:
+        """u': changes of the logarithm against the reference, the common level taken out.
+
+        Parameters
+        ----------
+        readings : (reading, sensor, band) float
+            NaN where missing. In any unit, the reference in the same.
+        reference : (sensor, band) float
+            N0.
+
+        Returns
+        -------
+        changes : (reading, sensor, band) float
+            NaN where a reading is missing, or the reference is dark. [1]
+        """
+        lit = np.where(reference > 0, reference, np.nan)
+        floor = DARKEST_COUNT / self.settings.min_count if self.settings.min_count else 1e-3
+        changes = np.log(np.maximum(readings / lit, floor))
+        if self.settings.remove_level:
+            changes = changes - self._level(changes)[:, None, None]
+        return np.asarray(changes, dtype=np.float64)
+
+    def features(self, readings: FloatArray, reference: FloatArray, *, usable: BoolArray | None = None) -> FloatArray:
+        """z: the features of readings.
+
+        Parameters
+        ----------
+        readings, reference
+            As in `changes`.
+        usable : (sensor, band) bool, optional
+            Of these readings; what a dimmer set of sensors cannot tell is missing.
+
+        Returns
+        -------
+        features : (reading, feature) float
+            NaN where missing. [1]
+        """
+        changes = self.changes(readings, reference)
+        kappa = self.settings.mismatch
+        scaled = np.arcsinh(kappa * changes / self.noise) / kappa
+        if usable is not None:
+            scaled = np.where(usable, scaled, np.nan)
+        return np.asarray(scaled[:, self.usable], dtype=np.float64)
+
+    def _level(self, changes: FloatArray) -> FloatArray:
+        """(reading,) change of the level that most sensors share; 0 where nothing was read."""
+        weight = np.where(self.usable & np.isfinite(changes), self.noise**-2.0, 0.0)
+        total = weight.sum(axis=2)
+        mean = (weight * np.nan_to_num(changes)).sum(axis=2) / np.where(total > 0, total, 1.0)
+        return _known_median(np.where(total > 0, mean, np.nan), axis=1)
+
+
+def feature_space(
+    table: xr.Dataset, settings: FeatureSettings | None = None, device: SensorSettings | None = None
+) -> FeatureSpace:
+    """The features of a table's sensors.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        Fingerprints.
+    settings : FeatureSettings, optional
+    device : SensorSettings, optional
+        Gain and time of the sensors, where the table holds irradiances; see `device_settings`.
+
+    Returns
+    -------
+    space : FeatureSpace
+
+    Raises
+    ------
+    MapError
+        If no channel is bright enough.
+    """
+    settings = settings or FeatureSettings()
+    counts = reference_counts(table, device)
+    bright = np.maximum(counts, 1.0)
+    noise = np.hypot(count_uncertainty(bright) / bright, DRIFT)
+    if "effect_se" in table:
+        lit = np.maximum(reference_of(table), np.finfo(float).tiny)
+        noise = np.hypot(noise, np.sqrt((table["effect_se"].to_numpy() ** 2).mean(axis=0)) / lit)
+    return FeatureSpace(
+        sensors=tuple(table["sensor"].to_numpy().astype(str).tolist()),
+        bands_nm=table["band"].to_numpy().astype(np.float64),
+        usable=(counts >= settings.min_count) & (counts > 0),
+        noise=noise,
+        settings=settings,
+    )
+
+
+def reference_of(table: xr.Dataset) -> FloatArray:
+    """(sensor, band) reference of a table: its empty room, or the median over its readings; 0 where none was read."""
+    if "empty" in table:
+        return np.asarray(table["empty"].to_numpy(), dtype=np.float64)
+    return _known_median(table[quantity_of(table)].to_numpy(), axis=0)
+
+
+def reference_kind(table: xr.Dataset) -> Reference:
+    """Which of the two `reference_of` takes."""
+    return "empty" if "empty" in table else "median"
+
+
+def reference_counts(table: xr.Dataset, device: SensorSettings | None = None) -> FloatArray:
+    """(sensor, band) reference in counts of a sensor.
+
+    Irradiances are turned into counts by the data sheet's responsivity, at the gain and time of `device`.
+    """
+    reference = reference_of(table)
+    if quantity_of(table) == "counts":
+        return reference
+    return reference * counts_per_irradiance(device or device_settings(table))
+
+
+def counts_per_irradiance(device: SensorSettings) -> float:
+    """Counts that the data sheet promises at a gain and time [count per W/m²/nm]."""
+    return nominal_responsivity()[0] * device.gain * device.integration_ms
+
+
+def device_settings(table: xr.Dataset) -> SensorSettings:
+    """The highest gain at the usual integration time at which none of the table's irradiances saturates."""
+    brightest = float(np.nanmax(table["irradiance"].to_numpy()))
+    steps = DEFAULT_SETTINGS.integration_steps
+    limit = HEADROOM * min(SATURATED_COUNT, FULL_SCALE_PER_STEP * steps)
+    for code in reversed(range(len(GAIN_FACTORS))):
+        settings = SensorSettings(gain_code=code, integration_steps=steps)
+        if brightest * counts_per_irradiance(settings) < limit:
+            return settings
+    return SensorSettings(gain_code=0, integration_steps=steps)
+
+
+def require_same_sensors(table: xr.Dataset, space: FeatureSpace, *, where: str) -> xr.Dataset:
+    """The table with its sensors and bands in the order of a feature space; more than those are left out.
+
+    Raises
+    ------
+    MapError
+        If the table lacks a sensor or a band.
+    """
+    missing = [name for name in space.sensors if name not in table["sensor"].to_numpy()]
+    if missing:
+        raise MapError(
+            expected=f"the sensors that the model was trained for, {', '.join(space.sensors[:5])}, ...",
+            found=f"no '{missing[0]}' among {', '.join(map(str, table['sensor'].to_numpy()[:5]))}, ...",
+            where=where,
+        )
+    try:
+        return table.sel(sensor=list(space.sensors)).sel(band=space.bands_nm, method="nearest", tolerance=1.0)
+    except KeyError as cause:
+        raise MapError(
+            expected="the bands " + ", ".join(f"{band:g}" for band in space.bands_nm) + " nm",
+            found=", ".join(f"{band:g}" for band in table["band"].to_numpy()) + " nm",
+            where=where,
+        ) from cause
+
+
+def _known_median(values: FloatArray, *, axis: int) -> FloatArray:
+    """Median of what is not NaN; 0 where there is nothing."""
+    nothing = np.isnan(values).all(axis=axis, keepdims=True)
+    return np.asarray(np.nanmedian(np.where(nothing, 0.0, values), axis=axis), dtype=np.float64)

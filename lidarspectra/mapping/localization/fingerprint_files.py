@@ -1,0 +1,348 @@
+"""Fingerprints from files: those that were traced (NetCDF), and readings of real sensors in a wide table (CSV).
+
+A wide table has a row a reading of all sensors together, and a column a channel, named SENSOR_CHANNEL:
+
+    s1_410, s1_435, ...   by the channel's wavelength in nm
+    s1_w1, s1_w2, ...     by the channel's number, counted by wavelength: w1 is 410 nm, w18 is 940 nm
+
+An empty cell, and a count of 65535, are missing readings. A column `label` (or `loc`, `location`, `position`) names
+the place of the person, `time_s` the time. Rows with the label `empty` are readings of the room with nobody in it; the
+mean of them becomes the table's `empty`. Where a place is, in metres, is told by a second file of name, x, y and z.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import MapError
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT, CHANNEL_LABELS, mask_counts
+from lidarspectra.mapping.localization.fingerprint_table import load_fingerprints, make_fingerprints
+from lidarspectra.spectra import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, gaussian_bands
+
+LABEL_COLUMNS = ("label", "loc", "location", "position")
+TIME_COLUMN = "time_s"
+EMPTY_LABEL = "empty"
+NETCDF_SUFFIXES = (".nc", ".nc4")
+MAX_FILE_BYTES = 500_000_000  # a longer night is split before
+
+_CHANNEL = re.compile(r"(?P<sensor>.+)_(?:w(?P<number>\d{1,2})|(?P<nm>\d{3,4}))")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WideColumns:
+    """Which column of a wide table holds what.
+
+    Parameters
+    ----------
+    sensors : tuple of str
+        In the order in which they come.
+    channels : tuple of int
+        Which of the AS7265x's channels by wavelength, ascending; all sensors have the same.
+    place : mapping of (sensor, channel) to int
+        The column of each.
+    label, time : int or None
+        Theirs; None where there is none.
+    width : int
+        Columns in all.
+    """
+
+    sensors: tuple[str, ...]
+    channels: tuple[int, ...]
+    place: Mapping[tuple[str, int], int]
+    label: int | None
+    time: int | None
+    width: int
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Columns of the counts, sensor by sensor and by wavelength."""
+        return tuple(self.place[sensor, channel] for sensor in self.sensors for channel in self.channels)
+
+
+def read_fingerprints(path: Path, positions: Path | None = None) -> xr.Dataset:
+    """Read fingerprints, traced or measured.
+
+    Parameters
+    ----------
+    path : Path
+        NetCDF of `fingerprint_table`, or a wide CSV (see the module's text), which may be packed by gzip.
+    positions : Path, optional
+        CSV with the columns name, x, y and, if wanted, z [m]; takes the place of positions in the file.
+
+    Returns
+    -------
+    table : xarray.Dataset
+        See `fingerprint_table`. The attribute `source` is the file's name.
+
+    Raises
+    ------
+    MapError
+        If a file cannot be read, does not say what its numbers mean, or positions lack a name that the table has.
+    """
+    table = load_fingerprints(path) if path.suffix in NETCDF_SUFFIXES else _read_wide(path)
+    table.attrs["source"] = path.name
+    return table if positions is None else with_positions(table, read_positions(positions), where=str(positions))
+
+
+def read_positions(path: Path) -> dict[str, tuple[float, float, float]]:
+    """Names of positions and where they are [m], from a CSV with the columns name, x, y and, if wanted, z.
+
+    Raises
+    ------
+    MapError
+        If it cannot be read, a name stands twice, or a number is none.
+    """
+    frame = _csv(path)
+    missing = [name for name in ("name", "x", "y") if name not in frame.columns]
+    if missing:
+        raise MapError(
+            expected="columns name, x, y and, if wanted, z in metres",
+            found=", ".join(map(str, frame.columns[:8])),
+            where=str(path),
+        )
+    names = frame["name"].astype(str).str.strip()
+    axes = [frame[axis] if axis in frame else pd.Series(0.0, index=frame.index) for axis in ("x", "y", "z")]
+    numbers = np.stack([pd.to_numeric(column, errors="coerce").to_numpy(np.float64) for column in axes], axis=1)
+    wrong = np.flatnonzero(~np.isfinite(numbers).all(axis=1) | names.duplicated().to_numpy() | (names == "").to_numpy())
+    if wrong.size:
+        raise MapError(
+            expected="a name of its own and numbers for each position",
+            found=f"'{names.iloc[wrong[0]]}', {', '.join(f'{number:g}' for number in numbers[wrong[0]])}",
+            where=f"{path}, row {wrong[0] + 2}",
+        )
+    return {name: (float(x), float(y), float(z)) for name, (x, y, z) in zip(names, numbers, strict=True)}
+
+
+def with_positions(
+    table: xr.Dataset, positions: Mapping[str, tuple[float, float, float]], *, where: str = "positions"
+) -> xr.Dataset:
+    """The same fingerprints, each at the place that its label has in `positions` [m].
+
+    Raises
+    ------
+    MapError
+        If a label has no place.
+    """
+    labels = table["label"].to_numpy().astype(str)
+    unknown = sorted(set(labels.tolist()) - set(positions) - {""})
+    if unknown:
+        raise MapError(
+            expected=f"a place for each of the {len(set(labels.tolist()))} labels",
+            found=f"none for {', '.join(unknown[:5])}",
+            where=where,
+            todo="Add a row for each.",
+        )
+    nowhere = (np.nan, np.nan, np.nan)
+    places = np.array([positions.get(label, nowhere) for label in labels]).reshape(-1, 3)
+    attributes = table["position_m"].attrs
+    placed = table.assign_coords(position_m=(("fingerprint", "axis"), places))
+    placed["position_m"].attrs = attributes
+    return placed
+
+
+def wide_columns(names: list[str], *, where: str) -> WideColumns:
+    """Find sensors and channels in the header of a wide table.
+
+    Parameters
+    ----------
+    names : list of str
+        The header's cells.
+    where : str
+        File, for the error.
+
+    Raises
+    ------
+    MapError
+        If no column is a channel, one is of no channel of the AS7265x or stands twice, or the sensors do not have the
+        same channels.
+    """
+    place: dict[tuple[str, int], int] = {}
+    label = time = None
+    for column, name in enumerate(name.strip() for name in names):
+        found = _CHANNEL.fullmatch(name)
+        if found is not None:
+            key = (found["sensor"], _channel(found, where))
+            if key in place:
+                raise MapError(expected="each channel once", found=f"'{name}' again", where=where)
+            place[key] = column
+        elif name.lower() in LABEL_COLUMNS and label is None:
+            label = column
+        elif name.lower() == TIME_COLUMN:
+            time = column
+    if not place:
+        raise MapError(
+            expected="columns named SENSOR_CHANNEL, as s1_410 or s1_w1",
+            found=", ".join(names[:6])[:80] or "an empty header",
+            where=where,
+            todo="docs/howto-localize.md shows such a table.",
+        )
+    sensors = tuple(dict.fromkeys(sensor for sensor, _ in place))
+    channels = tuple(sorted({channel for _, channel in place}))
+    for sensor in sensors:
+        lacking = [channel for channel in channels if (sensor, channel) not in place]
+        if lacking:
+            raise MapError(
+                expected="the same channels of every sensor",
+                found=f"no {CHANNEL_LABELS[lacking[0]]} nm of '{sensor}'",
+                where=where,
+                todo="Leave cells empty where a sensor has no reading.",
+            )
+    return WideColumns(sensors=sensors, channels=channels, place=place, label=label, time=time, width=len(names))
+
+
+def table_of_counts(
+    counts: FloatArray,
+    columns: WideColumns,
+    *,
+    labels: list[str],
+    times_s: FloatArray | None = None,
+    source: str,
+) -> xr.Dataset:
+    """Counts of a wide table in the form of fingerprints.
+
+    Parameters
+    ----------
+    counts : (reading, sensor, band) float
+        As the devices sent them; NaN where one is missing.
+    columns : WideColumns
+        Names the sensors and channels.
+    labels : list of str
+        One a reading; '' where the place is not known, `EMPTY_LABEL` where nobody was there.
+    times_s : (reading,) float, optional
+        [s]
+    source : str
+        For the table's attributes.
+
+    Returns
+    -------
+    table : xarray.Dataset
+        Without the readings of the empty room, whose mean is its `empty`.
+
+    Raises
+    ------
+    MapError
+        If nothing but the empty room was read, or some sensor never in it.
+    """
+    masked, _ = mask_counts(counts)
+    is_empty = np.array([label == EMPTY_LABEL for label in labels], dtype=np.bool_)
+    if is_empty.all():
+        raise MapError(
+            expected="readings with somebody in the room", found="none, or only of the empty room", where=source
+        )
+    present = ~is_empty
+    extra = {} if times_s is None else {"time_s": times_s[present]}
+    chosen = list(columns.channels)
+    return make_fingerprints(
+        masked[present],
+        quantity="counts",
+        labels=[label for label, kept in zip(labels, present, strict=True) if kept],
+        positions_m=np.full((int(present.sum()), 3), np.nan),
+        sensors=columns.sensors,
+        bands=gaussian_bands("as7265x", np.array(AS7265X_CENTERS_NM)[chosen], AS7265X_FWHM_NM),
+        empty=_empty_room(masked[is_empty], source) if is_empty.any() else None,
+        extra=extra,
+        attributes={"source": source},
+    )
+
+
+def _read_wide(path: Path) -> xr.Dataset:
+    frame = _csv(path)
+    columns = wide_columns([str(name) for name in frame.columns], where=str(path))
+    order = list(columns.order)
+    numbers = frame.iloc[:, order].apply(pd.to_numeric, errors="coerce").to_numpy(np.float64)
+    given = frame.iloc[:, order].notna().to_numpy()
+    words = np.argwhere(given & ~np.isfinite(numbers))
+    if words.size:
+        row, column = int(words[0, 0]), order[int(words[0, 1])]
+        raise MapError(
+            expected="counts, or empty cells",
+            found=f"'{str(frame.iloc[row, column])[:40]}'",
+            where=f"{path}, row {row + 2}, column {frame.columns[column]}",
+        )
+    shape = (len(frame), len(columns.sensors), len(columns.channels))
+    labels = [""] * len(frame) if columns.label is None else _words(frame.iloc[:, columns.label])
+    times = None
+    if columns.time is not None:
+        times = pd.to_numeric(frame.iloc[:, columns.time], errors="coerce").to_numpy(np.float64)
+    return table_of_counts(numbers.reshape(shape), columns, labels=labels, times_s=times, source=path.name)
+
+
+def _words(column: "pd.Series[str]") -> list[str]:
+    """Labels as words; 3.0, which a gap in a column of whole numbers makes of 3, is 3 again."""
+    return [re.sub(r"^(\d+)\.0$", r"\1", str(value).strip()) if pd.notna(value) else "" for value in column]
+
+
+def _csv(path: Path) -> pd.DataFrame:
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise ValueError(f"{path.stat().st_size // 1_000_000} MB, more than {MAX_FILE_BYTES // 1_000_000} MB")
+        frame = pd.read_csv(path, comment="#", encoding="utf-8-sig", skipinitialspace=True)
+    except (OSError, EOFError, ValueError) as cause:  # pandas' parser errors are ValueErrors
+        raise MapError(expected="a readable CSV", found=str(cause), where=str(path)) from cause
+    if frame.empty:
+        raise MapError(expected="a header and one row or more", found="no row", where=str(path))
+    return frame
+
+
+def _channel(found: "re.Match[str]", where: str) -> int:
+    if found["number"] is not None:
+        number = int(found["number"])
+        if 1 <= number <= CHANNEL_COUNT:
+            return number - 1
+    elif str(int(found["nm"])) in CHANNEL_LABELS:
+        return CHANNEL_LABELS.index(str(int(found["nm"])))
+    raise MapError(
+        expected=f"channels w1 to w{CHANNEL_COUNT}, or by wavelength: {', '.join(CHANNEL_LABELS)} nm",
+        found=f"'{found.group()}'",
+        where=where,
+    )
+
+
+def _empty_room(counts: FloatArray, source: str) -> FloatArray:
+    """(sensor, band) mean over the readings with nobody there."""
+    known = np.isfinite(counts)
+    if not known.any(axis=0).all():
+        raise MapError(
+            expected=f"one count or more of each sensor and channel in the rows '{EMPTY_LABEL}'",
+            found="a channel that has none",
+            where=source,
+            todo="Read the empty room again, or leave those rows out: the median over all readings is then taken.",
+        )
+    return np.asarray(np.where(known, counts, 0.0).sum(axis=0) / known.sum(axis=0), dtype=np.float64)
+
+
+def parse_frame(line: str, columns: WideColumns) -> FloatArray | None:
+    """One line of a wide table, as it comes over a wire.
+
+    Parameters
+    ----------
+    line : str
+        Comma-separated.
+    columns : WideColumns
+        Of the header before it.
+
+    Returns
+    -------
+    counts : (sensor, band) float or None
+        Saturated and missing ones as NaN; None for a line that is no whole row: cut, or damaged on the wire.
+    """
+    cells = [cell.strip() for cell in line.split(",")]
+    if len(cells) != columns.width:
+        return None
+    try:
+        numbers = np.array([float(cells[column] or "nan") for column in columns.order])
+    except ValueError:
+        return None
+    counts, _ = mask_counts(numbers.reshape(len(columns.sensors), len(columns.channels)))
+    return counts
+
+
+def header_of(text: str, *, where: str) -> WideColumns:
+    """The columns that a header line names; raises MapError as `wide_columns`."""
+    return wide_columns(text.strip().split(","), where=where)

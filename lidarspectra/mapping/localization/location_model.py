@@ -1,0 +1,368 @@
+"""A trained locator: what it is told (features), what it knows (places), and the three ways from one to the other.
+
+    model = train_locator(fingerprints)          in memory
+    save_model(model, folder); load_model(folder)
+    located = model.locate(readings)             probabilities of the places, and positions
+
+A folder holds `model.nc` (features, places, the nearest fingerprints and the ridge) and `network.onnx`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from lidarspectra.arrays import FloatArray, IntArray, float_array
+from lidarspectra.errors import MapError, WorkspaceError
+from lidarspectra.hardware.sensor.as7265x import SensorSettings
+from lidarspectra.mapping.localization.augmentation import Augmentation, augmented_counts
+from lidarspectra.mapping.localization.features import (
+    FeatureSettings,
+    FeatureSpace,
+    counts_per_irradiance,
+    device_settings,
+    feature_space,
+    reference_counts,
+    reference_of,
+    require_same_sensors,
+)
+from lidarspectra.mapping.localization.fingerprint_table import Quantity, quantity_of
+from lidarspectra.mapping.localization.locators import (
+    METHODS,
+    Locator,
+    Method,
+    NearestFingerprints,
+    NetworkPlaces,
+    NetworkSettings,
+    RidgePlaces,
+    fit_network,
+    fit_ridge,
+)
+from lidarspectra.mapping.localization.network_graph import network_graph
+from lidarspectra.mapping.localization.places import Located, Places, places_of_table
+from lidarspectra.progress import Progress, silent
+
+MODEL_FILE, NETWORK_FILE = "model.nc", "network.onnx"
+SCHEMA = "lidarspectra location model 1"
+MOST_NEIGHBOURS = 20_000  # [1] fingerprints that are kept to compare with; longer tables are thinned evenly
+MOST_TRAINED = 12_000  # [1] readings drawn for the network; beyond it only time grows
+
+Against = Literal["own", "trained"]
+"""What readings are compared with: their own reference, or the one that the model was trained with."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingSettings:
+    """How a locator is made.
+
+    Parameters
+    ----------
+    features : FeatureSettings
+    augmentation : Augmentation
+    network : NetworkSettings
+    device : SensorSettings, optional
+        Gain and time of the sensors that will read, where the fingerprints are traced; see `device_settings`.
+    """
+
+    features: FeatureSettings = field(default_factory=FeatureSettings)
+    augmentation: Augmentation = field(default_factory=Augmentation)
+    network: NetworkSettings = field(default_factory=NetworkSettings)
+    device: SensorSettings | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LocationModel:
+    """A trained locator.
+
+    Parameters
+    ----------
+    space : FeatureSpace
+    places : Places
+    neighbours : NearestFingerprints
+    ridge : RidgePlaces
+    network : NetworkPlaces
+    reference : (sensor, band) float
+        That of the fingerprints. [W/m²/nm] or counts
+    quantity : 'irradiance' or 'counts'
+        Of the fingerprints.
+    source : str
+        What it was trained on.
+    """
+
+    space: FeatureSpace
+    places: Places
+    neighbours: NearestFingerprints
+    ridge: RidgePlaces
+    network: NetworkPlaces
+    reference: FloatArray
+    quantity: Quantity
+    source: str
+
+    def __post_init__(self) -> None:
+        shape = self.space.usable.shape
+        object.__setattr__(self, "reference", float_array(self.reference, name="LocationModel.reference", shape=shape))
+        takes = (self.network.feature_count, self.neighbours.features.shape[1], self.ridge.weights.shape[0])
+        gives = (self.neighbours.place_count, self.ridge.weights.shape[1])
+        if set(takes) != {self.space.count} or set(gives) != {len(self.places)}:
+            raise MapError(
+                expected=f"locators of {self.space.count} features and {len(self.places)} places",
+                found=f"of {takes} and {gives}",
+                where="location model",
+            )
+
+    @property
+    def locators(self) -> Mapping[Method, Locator]:
+        """The three of them by name."""
+        return {"network": self.network, "neighbours": self.neighbours, "ridge": self.ridge}
+
+    def features(self, table: xr.Dataset, *, against: Against = "own") -> FloatArray:
+        """(reading, feature) features of readings, NaN where missing.
+
+        Parameters
+        ----------
+        table : xarray.Dataset
+            Readings in the form of fingerprints, of the model's sensors and bands.
+        against : 'own' or 'trained'
+            'own': the table's own empty room, or its median; 'trained': that of the fingerprints, as if nothing had
+            changed since, in the same unit.
+
+        Raises
+        ------
+        MapError
+            If sensors or bands are missing, or the units differ.
+        """
+        where = str(table.attrs.get("source", "readings"))
+        fitted = require_same_sensors(table, self.space, where=where)
+        quantity = quantity_of(fitted)
+        if against == "trained" and quantity != self.quantity:
+            raise MapError(
+                expected=f"{self.quantity}, as the model was trained with",
+                found=quantity,
+                where=where,
+                todo="Compare with the readings' own reference.",
+            )
+        reference = reference_of(fitted) if against == "own" else self.reference
+        usable = None
+        if quantity == "counts":
+            usable = reference >= self.space.settings.min_count
+        return self.space.features(fitted[quantity].to_numpy(), reference, usable=usable)
+
+    def locate(self, table: xr.Dataset, method: Method = "network", *, against: Against = "own") -> Located:
+        """Where the readings say that the person is; parameters as in `features`, and the way to tell."""
+        return self.locate_features(self.features(table, against=against), method)
+
+    def locate_features(self, features: FloatArray, method: Method = "network") -> Located:
+        """The same from features."""
+        return Located(scores=self.locators[method].scores(features), places=self.places)
+
+
+def train_locator(
+    tables: xr.Dataset | Sequence[xr.Dataset],
+    settings: TrainingSettings | None = None,
+    *,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> LocationModel:
+    """Train a locator on fingerprints.
+
+    Parameters
+    ----------
+    tables : xarray.Dataset, or several
+        Fingerprints of the same sensors, all traced or all measured; each is compared with its own reference. The first
+        one's counts say which channels are bright enough.
+    settings : TrainingSettings, optional
+    seed : int
+        Of the augmentation; the network has its own.
+    progress : Progress, optional
+
+    Returns
+    -------
+    model : LocationModel
+
+    Raises
+    ------
+    MapError
+        If the tables do not fit together, or labels or light are lacking.
+    """
+    settings = settings or TrainingSettings()
+    several = [tables] if isinstance(tables, xr.Dataset) else list(tables)
+    first = several[0]
+    device = settings.device
+    if device is None and quantity_of(first) == "irradiance":
+        device = device_settings(first)
+    space = feature_space(first, settings.features, device)
+    fitted = [
+        require_same_sensors(table, space, where=str(table.attrs.get("source", "fingerprints"))) for table in several
+    ]
+    if len({quantity_of(table) for table in fitted}) > 1:
+        raise MapError(expected="fingerprints that are all traced or all measured", found="both", where="training")
+    places = _joined_places(fitted)
+    generator = np.random.default_rng(seed)
+    clean, drawn, place, drawn_place = [], [], [], []
+    for number, table in enumerate(fitted):
+        progress(0.3 * number / len(fitted), "drawing readings")
+        own = places.index(table["label"].to_numpy())
+        values, reference = table[quantity_of(table)].to_numpy(), reference_of(table)
+        clean.append(space.features(values, reference))
+        place.append(own)
+        copies, rows = _draw(table, settings.augmentation, device, generator)
+        drawn.append(space.features(copies, reference_counts(table, device)))
+        drawn_place.append(own[rows])
+    all_drawn, all_place = np.vstack(drawn), np.concatenate(drawn_place)
+    progress(0.3, "fitting the ridge")
+    ridge = fit_ridge(all_drawn, all_place, len(places))
+    progress(0.4, "training the network")
+    weights = fit_network(all_drawn, all_place, len(places), settings.network)
+    progress(1.0, "trained")
+    return LocationModel(
+        space=space,
+        places=places,
+        neighbours=_neighbours(np.vstack(clean), np.concatenate(place), len(places)),
+        ridge=ridge,
+        network=NetworkPlaces(network_graph(weights, places, space), where="the trained network"),
+        reference=reference_of(fitted[0]),
+        quantity=quantity_of(first),
+        source=", ".join(str(table.attrs.get("source", "fingerprints")) for table in several),
+    )
+
+
+def save_model(model: LocationModel, folder: Path) -> Path:
+    """Write a model into a folder, which is made where it is not there.
+
+    Raises
+    ------
+    WorkspaceError
+        If it cannot be written.
+    """
+    settings = {
+        name: int(value) if isinstance(value, bool) else value for name, value in asdict(model.space.settings).items()
+    }
+    dataset = xr.Dataset(
+        {
+            "usable": (("sensor", "band"), model.space.usable.astype(np.int8)),
+            "noise": (("sensor", "band"), model.space.noise),
+            "reference": (("sensor", "band"), model.reference),
+            "position_m": (("place", "axis"), model.places.positions_m),
+            "neighbour_features": (("neighbour", "feature"), model.neighbours.features),
+            "neighbour_place": (("neighbour",), model.neighbours.place),
+            "ridge_weights": (("feature", "place"), model.ridge.weights),
+            "ridge_offset": (("place",), model.ridge.offset),
+        },
+        coords={
+            "sensor": list(model.space.sensors),
+            "band": ("band", model.space.bands_nm, {"units": "nm"}),
+            "place": list(model.places.labels),
+        },
+        attrs={"schema": SCHEMA, "quantity": model.quantity, "source": model.source, **settings},
+    )
+    partial = folder / f"{MODEL_FILE}.partial"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        # The network first: a folder that was cut short has no model.nc, and is seen to be incomplete.
+        (folder / MODEL_FILE).unlink(missing_ok=True)
+        (folder / NETWORK_FILE).write_bytes(model.network.model)
+        dataset.to_netcdf(partial, engine="h5netcdf")
+        partial.replace(folder / MODEL_FILE)
+    except OSError as cause:
+        raise WorkspaceError(
+            expected="a folder that can be written", found=str(cause), where=str(folder), todo="Choose another one."
+        ) from cause
+    return folder
+
+
+def load_model(folder: Path) -> LocationModel:
+    """Read a model that `save_model` wrote.
+
+    Raises
+    ------
+    MapError
+        If the folder lacks a file, or they are no model.
+    """
+    path = folder / MODEL_FILE
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as opened:
+            kept = opened.load()
+        network = (folder / NETWORK_FILE).read_bytes()
+        if kept.attrs.get("schema") != SCHEMA:
+            raise ValueError(f"schema {kept.attrs.get('schema')!r}")
+        quantity: Quantity = "counts" if kept.attrs["quantity"] == "counts" else "irradiance"
+        space = FeatureSpace(
+            sensors=tuple(kept["sensor"].to_numpy().astype(str).tolist()),
+            bands_nm=kept["band"].to_numpy(),
+            usable=kept["usable"].to_numpy().astype(np.bool_),
+            noise=kept["noise"].to_numpy(),
+            settings=FeatureSettings(
+                min_count=float(kept.attrs["min_count"]),
+                mismatch=float(kept.attrs["mismatch"]),
+                remove_level=bool(kept.attrs["remove_level"]),
+            ),
+        )
+        places = Places(
+            labels=tuple(kept["place"].to_numpy().astype(str).tolist()), positions_m=kept["position_m"].to_numpy()
+        )
+        neighbours = NearestFingerprints(
+            features=kept["neighbour_features"].to_numpy(),
+            place=kept["neighbour_place"].to_numpy().astype(np.int64),
+            place_count=len(places),
+        )
+        ridge = RidgePlaces(weights=kept["ridge_weights"].to_numpy(), offset=kept["ridge_offset"].to_numpy())
+        reference, source = kept["reference"].to_numpy(), str(kept.attrs["source"])
+    except (OSError, ValueError, KeyError) as cause:
+        raise MapError(
+            expected=f"a folder that 'localize train' wrote, with {MODEL_FILE} and {NETWORK_FILE}",
+            found=str(cause),
+            where=str(path),
+            todo="Train it again.",
+        ) from cause
+    return LocationModel(
+        space=space,
+        places=places,
+        neighbours=neighbours,
+        ridge=ridge,
+        network=NetworkPlaces(network, where=str(folder / NETWORK_FILE)),
+        reference=reference,
+        quantity=quantity,
+        source=source,
+    )
+
+
+def _joined_places(tables: Sequence[xr.Dataset]) -> Places:
+    """The places of all tables; one that is in several stands where the first has it."""
+    found: dict[str, FloatArray] = {}
+    for table in tables:
+        places = places_of_table(table)
+        for label, position in zip(places.labels, places.positions_m, strict=True):
+            found.setdefault(label, position)
+    return Places(labels=tuple(found), positions_m=np.array(list(found.values())))
+
+
+def _draw(
+    table: xr.Dataset, augmentation: Augmentation, device: SensorSettings | None, generator: np.random.Generator
+) -> tuple[FloatArray, IntArray]:
+    """Counts drawn from a table, and the fingerprint that each comes from."""
+    quantity = quantity_of(table)
+    values = table[quantity].to_numpy()
+    rows = np.arange(len(values))
+    if len(rows) * augmentation.copies > MOST_TRAINED:
+        augmentation = Augmentation(**{**asdict(augmentation), "copies": max(1, MOST_TRAINED // len(rows))})
+        rows = rows[:: -(-len(rows) // MOST_TRAINED)]
+    scale = 1.0 if quantity == "counts" or device is None else counts_per_irradiance(device)
+    drawn = augmented_counts(
+        values[rows] * scale,
+        reference_counts(table, device),
+        augmentation,
+        generator,
+        are_whole=quantity == "counts",
+    )
+    return drawn, np.repeat(rows, augmentation.copies)
+
+
+def _neighbours(features: FloatArray, place: IntArray, place_count: int) -> NearestFingerprints:
+    step = -(-len(features) // MOST_NEIGHBOURS)
+    return NearestFingerprints(features=features[::step], place=place[::step], place_count=place_count)
+
+
+__all__ = ["METHODS", "LocationModel", "TrainingSettings", "load_model", "save_model", "train_locator"]

@@ -1,0 +1,111 @@
+"""Locators on measured nights: within a night by splits in time, and from one night to another."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from lidarspectra.mapping.localization.location_errors import LocationErrors, location_errors
+from lidarspectra.mapping.localization.location_model import (
+    METHODS,
+    Against,
+    LocationModel,
+    TrainingSettings,
+    train_locator,
+)
+from lidarspectra.mapping.localization.locators import Method
+from lidarspectra.mapping.localization.time_splits import SplitKind, time_splits
+from lidarspectra.progress import Progress, part_of, silent
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NightScore:
+    """Errors on a night's readings.
+
+    Parameters
+    ----------
+    words : str
+        What was learned from and tested on.
+    errors : mapping of Method to LocationErrors
+    kind : 'visits', 'stretches' or None
+        How the night was split; None where another one was learned from.
+    """
+
+    words: str
+    errors: Mapping[Method, LocationErrors]
+    kind: SplitKind | None = None
+
+
+def errors_of(model: LocationModel, table: xr.Dataset, *, against: Against = "own") -> dict[Method, LocationErrors]:
+    """Errors of all three methods on a table of labelled readings."""
+    features = model.features(table, against=against)
+    return {method: location_errors(model.locate_features(features, method), table) for method in METHODS}
+
+
+def score_within(
+    table: xr.Dataset, settings: TrainingSettings | None = None, *, progress: Progress = silent
+) -> NightScore:
+    """Learn from one part of a night and test on the other, part after part.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        A night's readings in order of time. Without an empty room, each part's reference is its own median.
+    settings : TrainingSettings, optional
+    progress : Progress, optional
+
+    Returns
+    -------
+    score : NightScore
+        Over all readings, each tested once.
+
+    Raises
+    ------
+    MapError
+        As `time_splits` and `train_locator`.
+    """
+    splits = time_splits(table["label"].to_numpy().astype(str).tolist())
+    parts: list[dict[Method, LocationErrors]] = []
+    for number, split in enumerate(splits):
+        share = part_of(progress, number / len(splits), (number + 1) / len(splits))
+        model = train_locator(table.isel(fingerprint=np.flatnonzero(split.train)), settings, progress=share)
+        parts.append(errors_of(model, table.isel(fingerprint=np.flatnonzero(split.test))))
+    return NightScore(
+        words=f"{_name(table)}, within the night",
+        errors={method: LocationErrors.joined([part[method] for part in parts]) for method in METHODS},
+        kind=splits[0].kind,
+    )
+
+
+def score_across(
+    learned: xr.Dataset,
+    tested: xr.Dataset,
+    settings: TrainingSettings | None = None,
+    *,
+    progress: Progress = silent,
+) -> tuple[NightScore, NightScore]:
+    """Learn from one night and test on another: against the second night's own reference, and against the first's.
+
+    Parameters
+    ----------
+    learned, tested : xarray.Dataset
+        Two nights.
+    settings : TrainingSettings, optional
+    progress : Progress, optional
+
+    Returns
+    -------
+    own, trained : NightScore
+        The second is what raw readings are worth.
+    """
+    model = train_locator(learned, settings, progress=progress)
+    words = f"{_name(learned)} to {_name(tested)}"
+    return (
+        NightScore(words=f"{words}, own reference", errors=errors_of(model, tested)),
+        NightScore(words=f"{words}, first night's reference", errors=errors_of(model, tested, against="trained")),
+    )
+
+
+def _name(table: xr.Dataset) -> str:
+    return str(table.attrs.get("source", "readings"))
