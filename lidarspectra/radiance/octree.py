@@ -37,6 +37,33 @@ def compile_octree(engine: Engine, folder: Path, rad_files: Sequence[str], out: 
     return _compile(engine, folder, "oconv", ["-f", *rad_files], out, names=[*rad_files, out])
 
 
+def extend_octree(engine: Engine, folder: Path, base: str, rad_files: Sequence[str], out: str) -> EngineRun:
+    """Add scene files to a compiled octree (`oconv -f -i`); what it holds already is not compiled again.
+
+    Parameters
+    ----------
+    engine : Engine
+    folder : Path
+        The scene folder; all names are relative to it.
+    base : str
+        Octree that is added to, and stays as it is. What is added must lie within its bounds.
+    rad_files : sequence of str
+        Scene files, materials before their use.
+    out : str
+        Octree to write.
+
+    Returns
+    -------
+    run : EngineRun
+
+    Raises
+    ------
+    SceneError
+        If a name is unsafe, or oconv refuses the scene.
+    """
+    return _compile(engine, folder, "oconv", ["-f", "-i", base, *rad_files], out, names=[base, *rad_files, out])
+
+
 def compile_mesh(engine: Engine, folder: Path, obj: str, rad_materials: str | None, out: str) -> EngineRun:
     """Compile a Wavefront mesh into a Radiance mesh (`obj2mesh`).
 

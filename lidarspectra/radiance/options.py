@@ -77,6 +77,35 @@ class PassOptions:
         )
         return (*self._common(paths), *options, *self._ending())
 
+    def tree_arguments(self, fields: str, *, lamps_visible: bool) -> tuple[str, ...]:
+        """Arguments for rtrace: directions in, all rays of their paths out, each vertex with one look at each lamp."""
+        return self._path_arguments(self.bounces, lamps_visible=lamps_visible, lamp_part=0.0, output=f"T{fields}")
+
+    def direct_tree_arguments(self, fields: str) -> tuple[str, ...]:
+        """Arguments for rtrace: sensors in, all their shadow rays out, each sensor's own record closing its list."""
+        options = ("-I+", "-ab", "0", "-dj", "1", "-ds", f"{lamp_part(self.lamp_count):g}", "-dv+")
+        return (*self._rtrace(f"{fields}T{fields}"), *options, self.octree)
+
+    def radiance_arguments(self, octree: str, *, bounces: int) -> tuple[str, ...]:
+        """Arguments for rtrace: radiance along rays that end on a surface, reflected up to `bounces` times."""
+        return self._path_arguments(
+            bounces, lamps_visible=False, lamp_part=REFLECTED_LAMP_PART, output="v", octree=octree
+        )
+
+    def _path_arguments(
+        self, bounces: int, *, lamps_visible: bool, lamp_part: float, output: str, octree: str | None = None
+    ) -> tuple[str, ...]:
+        return (
+            *self._rtrace(output),
+            *("-I-", "-dv+" if lamps_visible else "-dv-", "-dj", "1", "-ds", f"{lamp_part:g}"),
+            *("-ab", str(bounces - 1), "-ad", "1", "-lw", f"{PATH_WEIGHT:g}"),
+            *("-lr", str(-(bounces + SPECULAR_REFLECTIONS)), octree or self.octree),
+        )
+
+    def _rtrace(self, output: str) -> tuple[str, ...]:
+        spectral = () if self.group.mode == "rgb" else ("-co+",)
+        return ("-h-", "-fdf", f"-o{output}", *SHARED_OPTIONS, *self.group.options, *spectral)
+
     def _common(self, averaged: int) -> tuple[str, ...]:
         return ("-h-", "-fdf", "-V+", "-c", str(averaged), *SHARED_OPTIONS)
 
