@@ -153,7 +153,7 @@ class FeatureSpace:
         weight = np.where(self.usable & np.isfinite(changes), self.noise**-2.0, 0.0)
         total = weight.sum(axis=2)
         mean = (weight * np.nan_to_num(changes)).sum(axis=2) / np.where(total > 0, total, 1.0)
-        return _known_median(np.where(total > 0, mean, np.nan), axis=1)
+        return known_median(np.where(total > 0, mean, np.nan), axis=1)
 
 
 def feature_space(
@@ -198,7 +198,7 @@ def reference_of(table: xr.Dataset) -> FloatArray:
     """(sensor, band) reference of a table: its empty room, or the median over its readings; 0 where none was read."""
     if "empty" in table:
         return np.asarray(table["empty"].to_numpy(), dtype=np.float64)
-    return _known_median(table[quantity_of(table)].to_numpy(), axis=0)
+    return known_median(table[quantity_of(table)].to_numpy(), axis=0)
 
 
 def reference_kind(table: xr.Dataset) -> Reference:
@@ -259,7 +259,7 @@ def require_same_sensors(table: xr.Dataset, space: FeatureSpace, *, where: str) 
         ) from cause
 
 
-def _known_median(values: FloatArray, *, axis: int) -> FloatArray:
+def known_median(values: FloatArray, *, axis: int) -> FloatArray:
     """Median of what is not NaN; 0 where there is nothing."""
     nothing = np.isnan(values).all(axis=axis, keepdims=True)
     return np.asarray(np.nanmedian(np.where(nothing, 0.0, values), axis=axis), dtype=np.float64)

@@ -33,7 +33,7 @@ class LocationErrors:
     true_m, located_m : (reading, 2) float
         In plan; NaN where coordinates are not known. [m]
     rank : (reading,) int
-        How many other places were held as likely as the true one or more; -1 where the locator does not know that place.
+        How many other places were held as likely as the true one or more; -1 where the locator does not know it.
     """
 
     labels: tuple[str, ...]

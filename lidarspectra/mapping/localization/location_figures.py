@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
@@ -99,7 +100,17 @@ def error_map_figure(errors: LocationErrors, plan: FloorPlan | None = None) -> F
     for here, there in zip(places, put, strict=True):
         axes.plot(*np.stack([here, there]).T, color=INK, linewidth=1.0, zorder=6)
     axes.plot(*put.T, ".", color=INK, markersize=3.0, zorder=6)
-    axes.scatter(*places.T, c=median, norm=norm, cmap=ERROR_MAP, s=46.0, edgecolors=INK, linewidths=0.6, zorder=7)
+    axes.scatter(
+        places[:, 0],
+        places[:, 1],
+        c=median,
+        norm=norm,
+        cmap=ERROR_MAP,
+        s=46.0,
+        edgecolors=INK,
+        linewidths=0.6,
+        zorder=7,
+    )
     bar = figure.colorbar(ScalarMappable(norm=norm, cmap=ERROR_MAP), cax=place(figure, *bar_box))
     bar.outline.set_visible(False)
     bar.set_label("median error [m]")
@@ -165,7 +176,7 @@ def gain_curve_figure(sizes: Sequence[int], curves: Mapping[str, Sequence[float]
     axes.set_xlabel("sensors [1]")
     axes.set_ylabel(label)
     axes.set_ylim(bottom=0.0)
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(True)
     axes.legend()
     return figure

@@ -1,0 +1,313 @@
+"""Frames: what all sensors read at one moment, out of recordings or over wires, one after the other.
+
+Two kinds of sources give them. A wide stream has a line a frame (`fingerprint_files`): a file, or a port at which a hub
+prints such lines below their header. Or each sensor has a source of its own, a log of `sensor record` or a port, and a
+frame is put together at a fixed pace from the latest reading of each; one that is too old is missing.
+"""
+
+import itertools
+import queue
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import DeviceError, LidarSpectraError, MapError
+from lidarspectra.hardware.sensor.drivers import LineSplitter
+from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
+from lidarspectra.hardware.sensor.reading_log import Entry, LogWriter
+from lidarspectra.hardware.sensor.recorder import RecordOptions, record
+from lidarspectra.hardware.sensor.sensor_records import Reading
+from lidarspectra.hardware.sensor.serial_link import BAUD_RATES, Clock, Link, Port, SystemClock
+from lidarspectra.mapping.localization.fingerprint_files import (
+    WideColumns,
+    header_of,
+    parse_frame,
+    read_fingerprints,
+    table_of_counts,
+)
+from lidarspectra.mapping.localization.fingerprint_table import quantity_of
+from lidarspectra.spectra import AS7265X_CENTERS_NM
+
+LONGEST_LINE_BYTES = 65536  # 1,000 sensors' channels or so
+HEADER_WITHIN_S = 30.0  # [s] a hub prints its header when it starts, and may print it again
+WAIT_S = 0.1  # [s] longest wait in one go, so that Ctrl-C is seen
+
+Stop = Callable[[], bool]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frame:
+    """What all sensors read at a moment.
+
+    Parameters
+    ----------
+    time_s : float
+        [s]
+    table : xarray.Dataset
+        One reading in the form of fingerprints, without a label.
+    """
+
+    time_s: float
+    table: xr.Dataset
+
+
+def replay_table(path: Path, *, period_s: float = 1.0) -> Iterator[Frame]:
+    """The frames of a recorded table, in its order.
+
+    Parameters
+    ----------
+    path : Path
+        See `fingerprint_files.read_fingerprints`.
+    period_s : float
+        Time between frames, where the table has no times. [s]
+    """
+    table = read_fingerprints(path)
+    quantity_of(table)
+    times = table["time_s"].to_numpy() if "time_s" in table.coords else period_s * np.arange(table.sizes["fingerprint"])
+    for number, time_s in enumerate(times):
+        yield Frame(time_s=float(time_s), table=table.isel(fingerprint=[number]))
+
+
+def frames_of_lines(port: Port, *, baud: int | None = None, clock: Clock | None = None, stop: Stop) -> Iterator[Frame]:
+    """Frames that a hub prints at a port, a header first and then a line a frame.
+
+    Lines that are no whole row are left out. A header that comes again begins anew.
+
+    Parameters
+    ----------
+    port : Port
+    baud : int, optional
+        115200 by default.
+    clock : Clock, optional
+    stop : callable
+        Asked ten times a second.
+
+    Raises
+    ------
+    DeviceError
+        If the port cannot be opened or breaks, or no header comes within `HEADER_WITHIN_S`.
+    """
+    clock = clock or SystemClock()
+    link = port.open(baud if baud is not None else BAUD_RATES[0])
+    start_s = clock.now().monotonic_s
+    columns: WideColumns | None = None
+    try:
+        for line in _lines(link, stop):
+            header = _header(line, port.name)
+            if header is not None:
+                columns = header
+            elif columns is not None and line is not None:
+                counts = parse_frame(line, columns)
+                if counts is not None:
+                    table = table_of_counts(counts[None], columns, labels=[""], source=port.name)
+                    yield Frame(time_s=clock.now().unix_s, table=table)
+            elif columns is None and clock.now().monotonic_s - start_s > HEADER_WITHIN_S:
+                raise DeviceError(
+                    expected="a header that names the columns, as s1_410,s1_435, ...",
+                    found=f"none within {HEADER_WITHIN_S:.0f} s",
+                    where=port.name,
+                    todo="Restart the hub, and let it print its header when it starts.",
+                )
+    finally:
+        link.close()
+
+
+def replay_logs(logs: Mapping[str, Path], *, period_s: float, max_age_s: float) -> Iterator[Frame]:
+    """Frames out of a log of each sensor, at a fixed pace.
+
+    Parameters
+    ----------
+    logs : mapping of str to Path
+        By the sensor's name; see `log_layouts.read_sensor_log`.
+    period_s : float
+        Time between frames. [s]
+    max_age_s : float
+        Older readings are missing. [s]
+
+    Raises
+    ------
+    ReadingError
+        If a log cannot be read.
+    MapError
+        If a log has no times.
+    """
+    assembler = FrameAssembler(tuple(logs), max_age_s=max_age_s)
+    readings: list[tuple[float, str, FloatArray]] = []
+    for name, path in logs.items():
+        log = read_sensor_log(path).readings
+        times = log["unix_s"].to_numpy()
+        if not np.isfinite(times).all():
+            raise MapError(expected="a log with times", found="readings without", where=str(path))
+        readings += [(float(t), name, row) for t, row in zip(times, log["counts"].to_numpy(), strict=True)]
+    readings.sort(key=lambda reading: reading[0])
+    due_s = readings[0][0] + period_s
+    for time_s, name, counts in readings:
+        while time_s > due_s:
+            yield assembler.frame(due_s)
+            due_s += period_s
+        assembler.take(name, time_s, counts)
+    yield assembler.frame(due_s)
+
+
+def frames_of_ports(
+    ports: Mapping[str, Port],
+    *,
+    period_s: float,
+    max_age_s: float,
+    stop: Stop,
+    options: RecordOptions | None = None,
+    clock: Clock | None = None,
+) -> Iterator[Frame]:
+    """Frames from sensors that each have a port, at a fixed pace until it is time to stop.
+
+    Each port is kept by a recorder in a thread of its own, which reconnects and leaves out damaged lines.
+
+    Parameters
+    ----------
+    ports : mapping of str to Port
+        By the sensor's name.
+    period_s, max_age_s
+        As in `replay_logs`.
+    stop : callable
+        Asked ten times a second.
+    options : RecordOptions, optional
+        Of the recorders.
+    clock : Clock, optional
+
+    Raises
+    ------
+    DeviceError
+        If a device cannot be reached or recognised at the start.
+    """
+    clock = clock or SystemClock()
+    assembler = FrameAssembler(tuple(ports), max_age_s=max_age_s)
+    heard: queue.Queue[tuple[str, Reading | LidarSpectraError]] = queue.Queue()
+    ended = threading.Event()
+    with tempfile.TemporaryDirectory() as scratch:
+        threads = [
+            threading.Thread(
+                target=_keep_port,
+                args=(name, port, Path(scratch) / f"{number}.csv", options or RecordOptions(), heard, ended, stop),
+                daemon=True,
+            )
+            for number, (name, port) in enumerate(ports.items())
+        ]
+        try:
+            for thread in threads:
+                thread.start()
+            due_s = clock.now().unix_s + period_s
+            while not stop() and any(thread.is_alive() for thread in threads):
+                _take_all(heard, assembler)
+                now_s = clock.now().unix_s
+                if now_s >= due_s and assembler.has_readings:
+                    yield assembler.frame(now_s)
+                    due_s = now_s + period_s
+                clock.sleep(min(WAIT_S, period_s))
+            _take_all(heard, assembler)
+        finally:
+            ended.set()
+            for thread in threads:
+                thread.join()
+
+
+class FrameAssembler:
+    """The latest reading of each sensor.
+
+    Parameters
+    ----------
+    sensors : tuple of str
+        In the order of the frames.
+    max_age_s : float
+        Older readings are missing. [s]
+    """
+
+    def __init__(self, sensors: tuple[str, ...], *, max_age_s: float) -> None:
+        channels = range(len(AS7265X_CENTERS_NM))
+        names = list(itertools.product(sensors, channels))
+        self._columns = WideColumns(
+            sensors=sensors,
+            channels=tuple(channels),
+            place={name: column for column, name in enumerate(names)},
+            label=None,
+            time=None,
+            width=len(names),
+        )
+        self._max_age_s = max_age_s
+        self._latest: dict[str, tuple[float, FloatArray]] = {}
+
+    @property
+    def has_readings(self) -> bool:
+        """Whether any sensor was heard."""
+        return bool(self._latest)
+
+    def take(self, sensor: str, time_s: float, counts: FloatArray) -> None:
+        """Take a reading (18,) of a sensor by wavelength [count]."""
+        self._latest[sensor] = (time_s, counts)
+
+    def frame(self, time_s: float) -> Frame:
+        """What is known at a moment [s]."""
+        missing = (-np.inf, np.full(len(self._columns.channels), np.nan))
+        latest = [self._latest.get(sensor, missing) for sensor in self._columns.sensors]
+        rows = [counts if time_s - read_s <= self._max_age_s else missing[1] for read_s, counts in latest]
+        return Frame(
+            time_s=time_s, table=table_of_counts(np.array([rows]), self._columns, labels=[""], source="live readings")
+        )
+
+
+def _lines(link: Link, stop: Stop) -> Iterator[str | None]:
+    """Lines from a link; None whenever nothing came for a while."""
+    splitter = LineSplitter(limit=LONGEST_LINE_BYTES)
+    while not stop():
+        data = link.read(WAIT_S)
+        lines = splitter.feed(data) if data else []
+        if not lines:
+            yield None
+        for line in lines:
+            yield line.decode("utf-8", errors="replace")
+
+
+def _header(line: str | None, where: str) -> WideColumns | None:
+    """The columns, if a line is a header; None if it is none, or damaged."""
+    if line is None or "_" not in line:
+        return None
+    try:
+        return header_of(line, where=where)
+    except MapError:  # it comes again when the hub restarts; if not, that is told
+        return None
+
+
+def _keep_port(
+    name: str,
+    port: Port,
+    log: Path,
+    options: RecordOptions,
+    heard: "queue.Queue[tuple[str, Reading | LidarSpectraError]]",
+    ended: threading.Event,
+    stop: Stop,
+) -> None:
+    """Record a port and hand its readings over; in a thread."""
+
+    def tell(entry: Entry) -> None:
+        if isinstance(entry, Reading):
+            heard.put((name, entry))
+
+    try:
+        with LogWriter(log) as writer:
+            record(port, writer, options=options, stop=lambda: ended.is_set() or stop(), tell=tell)
+    except LidarSpectraError as error:
+        heard.put((name, error))
+
+
+def _take_all(heard: "queue.Queue[tuple[str, Reading | LidarSpectraError]]", assembler: FrameAssembler) -> None:
+    """Take what the threads handed over; an error of one of them is raised here."""
+    while not heard.empty():
+        name, told = heard.get()
+        if isinstance(told, LidarSpectraError):
+            raise told
+        assembler.take(name, told.moment.unix_s, told.counts)

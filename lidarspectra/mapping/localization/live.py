@@ -1,0 +1,146 @@
+"""Where somebody is, frame by frame, as readings come in."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import MapError
+from lidarspectra.mapping.localization.features import known_median, require_same_sensors
+from lidarspectra.mapping.localization.fingerprint_table import quantity_of
+from lidarspectra.mapping.localization.frames import Frame
+from lidarspectra.mapping.localization.location_model import LocationModel
+from lidarspectra.mapping.localization.locators import Method
+
+REFRESH_FRAMES = 10  # [1] a running median over hundreds of frames does not change faster
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fix:
+    """Where a frame says that the person is.
+
+    Parameters
+    ----------
+    time_s : float
+        [s]
+    label : str
+        The likeliest place.
+    probability : float
+        Of it. [0-1]
+    position_m : (float, float)
+        Mean of the places weighted by how likely they are, in plan; NaN where coordinates are not known. [m]
+    spread_m : float
+        Root mean square distance of the places from it, so weighted. [m]
+    sensors : int
+        That were heard.
+    """
+
+    time_s: float
+    label: str
+    probability: float
+    position_m: tuple[float, float]
+    spread_m: float
+    sensors: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveSettings:
+    """How frames are located.
+
+    Parameters
+    ----------
+    method : Method
+    window : int
+        Frames of the running median, which is the reference where no empty room is given. It must be long against
+        the time that somebody stays at one place. [1]
+    first : int
+        Frames after which the running median is first believed. [1]
+    average : int
+        Latest frames whose features are averaged. [1]
+    """
+
+    method: Method = "network"
+    window: int = 600
+    first: int = 60
+    average: int = 1
+
+    def __post_init__(self) -> None:
+        if not (1 <= self.first <= self.window and self.average >= 1):
+            raise MapError(
+                expected="a window of one frame or more, its first part no longer, and an average of one or more",
+                found=f"window {self.window}, first {self.first}, average {self.average}",
+                where="live localization",
+            )
+
+
+class LiveLocator:
+    """Locates frames as they come, with a reference that follows the light.
+
+    Parameters
+    ----------
+    model : LocationModel
+    settings : LiveSettings, optional
+    reference : (sensor, band) float, optional
+        The empty room, in the unit of the frames and the model's order; without it the running median is taken.
+    """
+
+    def __init__(
+        self, model: LocationModel, settings: LiveSettings | None = None, reference: FloatArray | None = None
+    ) -> None:
+        self._model = model
+        self._settings = settings or LiveSettings()
+        self._given = reference is not None
+        self._reference = reference
+        self._seen: deque[FloatArray] = deque(maxlen=self._settings.window)
+        self._features: deque[FloatArray] = deque(maxlen=self._settings.average)
+        self._since = 0
+
+    def locate(self, frame: Frame) -> Fix | None:
+        """Where the person is; None while there is no reference yet, and where no sensor was heard.
+
+        Raises
+        ------
+        MapError
+            If the frame lacks sensors or bands of the model.
+        """
+        table = require_same_sensors(frame.table, self._model.space, where="live readings")
+        readings = table[quantity_of(table)].to_numpy()
+        heard = int(np.isfinite(readings[0]).any(axis=1).sum())
+        self._follow(readings[0])
+        if self._reference is None or not heard:
+            return None
+        usable = None
+        if quantity_of(table) == "counts":
+            usable = self._reference >= self._model.space.settings.min_count
+        self._features.append(self._model.space.features(readings, self._reference, usable=usable)[0])
+        mean = _known_mean(np.array(self._features))
+        located = self._model.locate_features(mean[None], self._settings.method)
+        best = int(located.best[0])
+        x, y, _ = (float(value) for value in located.positions_m[0])
+        return Fix(
+            time_s=frame.time_s,
+            label=self._model.places.labels[best],
+            probability=float(located.scores[0, best]),
+            position_m=(x, y),
+            spread_m=float(located.spread_m[0]),
+            sensors=heard,
+        )
+
+    def _follow(self, readings: FloatArray) -> None:
+        """Let the running median follow."""
+        if self._given:
+            return
+        self._seen.append(readings)
+        self._since += 1
+        due = self._reference is None or self._since >= REFRESH_FRAMES
+        if due and len(self._seen) >= self._settings.first:
+            self._reference = known_median(np.array(self._seen), axis=0)
+            self._since = 0
+
+
+def _known_mean(values: FloatArray) -> FloatArray:
+    """Mean over the rows of what is not NaN; NaN where nothing is."""
+    known = np.isfinite(values)
+    total = np.where(known, values, 0.0).sum(axis=0)
+    return np.asarray(np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan), dtype=np.float64)

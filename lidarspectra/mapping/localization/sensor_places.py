@@ -1,0 +1,166 @@
+"""Which k of n candidate places for sensors: to localize best, or to rebuild the whole map best; chosen greedily.
+
+One sensor is added at a time, the one that gains most. Both gains are functions of the set chosen so far:
+
+    locate    Each place p has a mean change m_p over the channels, in units of its noise (`features`). With the chosen
+              sensors C, two places are told apart by d²(p, q) = Σ_{s in C} |m_p - m_q|²_s. What is minimised is the
+              expected error of choosing the likelier of two, taken over all pairs:
+                  e(C) = Σ_{p,q} |x_p - x_q| Q(d(p, q)/2) / number of pairs,   Q the normal tail; [m], or [1] where
+              coordinates are not known. It is no locator's error, but it is smooth, and small where that is small.
+    rebuild   Maps over the n places (lamps dimmed or changed, somebody there) are taken as draws of a Gaussian process with
+              their own covariance K. The readings at C tell the others by regression; what is minimised is the root mean
+              variance that is left, sqrt(tr(K - K_C (K_CC + σ²)⁻¹ K_C') / n) (the greedy choice for A-optimality).
+
+References
+----------
+Krause, Singh, Guestrin (2008) Near-optimal sensor placements in Gaussian processes, JMLR 9, 235-284.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
+from lidarspectra.errors import MapError
+from lidarspectra.progress import Progress, silent
+
+LARGEST_DISTANCE = 60.0  # [1] sigmas: farther places are never mistaken, and squares stay small
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChosenSensors:
+    """Sensors in the order in which they were chosen.
+
+    Parameters
+    ----------
+    order : (chosen,) int
+        Of the candidates.
+    loss : (chosen + 1,) float
+        What is minimised, with none, one, two, ... of them. [m], or the unit of the maps
+    """
+
+    order: IntArray
+    loss: FloatArray
+
+
+def choose_to_locate(
+    changes: FloatArray,
+    count: int,
+    *,
+    positions_m: FloatArray | None = None,
+    progress: Progress = silent,
+) -> ChosenSensors:
+    """Choose sensors that tell places apart.
+
+    Parameters
+    ----------
+    changes : (place, sensor, band) float
+        Mean change of each place in units of its standard deviation; NaN where a channel is not usable. [1]
+    count : int
+        How many to choose.
+    positions_m : (place, 2) float, optional
+        Of the places; without them every mistake counts 1. [m]
+    progress : Progress, optional
+
+    Returns
+    -------
+    chosen : ChosenSensors
+
+    Raises
+    ------
+    MapError
+        If there are less than two places, or fewer sensors than wanted.
+    """
+    known = np.nan_to_num(np.asarray(changes, dtype=np.float64))
+    places, sensors, _ = known.shape
+    _require_count(count, sensors)
+    if places < 2:
+        raise MapError(expected="two places or more", found=f"{places}", where="sensor placement")
+    first, second = np.triu_indices(places, 1)
+    cost = np.ones(first.size)
+    if positions_m is not None:
+        where = float_array(positions_m, name="positions_m", shape=(places, 2))
+        cost = np.linalg.norm(where[first] - where[second], axis=1)
+    squares = ((known[first] - known[second]) ** 2).sum(axis=2)  # (pair, sensor)
+
+    def loss(apart: FloatArray) -> FloatArray:
+        half = np.minimum(np.sqrt(apart), LARGEST_DISTANCE) / 2.0
+        return np.asarray((cost[:, None] * ndtr(-half)).mean(axis=0), dtype=np.float64)
+
+    order: list[int] = []
+    losses = [float(loss(np.zeros((first.size, 1)))[0])]
+    total = np.zeros((first.size, 1))
+    for number in range(count):
+        left = _left(sensors, order)
+        trial = loss(total + squares[:, left])
+        best = int(np.argmin(trial))
+        order.append(int(left[best]))
+        losses.append(float(trial[best]))
+        total = total + squares[:, [order[-1]]]
+        progress((number + 1) / count, "choosing sensors")
+    return ChosenSensors(order=np.array(order), loss=np.array(losses))
+
+
+def choose_to_rebuild(maps: FloatArray, count: int, *, noise: float, progress: Progress = silent) -> ChosenSensors:
+    """Choose sensors from whose readings the others can be told.
+
+    Parameters
+    ----------
+    maps : (map, sensor) float
+        What all candidates read in one state of the room after the other. Any unit
+    count : int
+        How many to choose.
+    noise : float
+        Standard deviation of a reading, in the same unit; above 0.
+    progress : Progress, optional
+
+    Returns
+    -------
+    chosen : ChosenSensors
+        The loss is the root mean square error over all candidates.
+
+    Raises
+    ------
+    MapError
+        If there are less than two maps, fewer sensors than wanted, or no noise.
+    """
+    given = float_array(maps, name="maps", shape=(None, None))
+    if len(given) < 2 or not noise > 0:
+        raise MapError(
+            expected="two maps or more, and noise above 0", found=f"{len(given)}, {noise:g}", where="sensor placement"
+        )
+    _require_count(count, given.shape[1])
+    left_over = np.cov(given, rowvar=False).reshape(given.shape[1], given.shape[1])
+    order: list[int] = []
+    losses = [_root_mean_variance(left_over)]
+    for number in range(count):
+        left = _left(given.shape[1], order)
+        # Reading s takes K_s K_s'/(K_ss + σ²) off the covariance, so that much off its trace.
+        gain = (left_over[:, left] ** 2).sum(axis=0) / (np.diag(left_over)[left] + noise**2)
+        best = int(left[int(np.argmax(gain))])
+        column = left_over[:, best]
+        left_over = left_over - np.outer(column, column) / (column[best] + noise**2)
+        order.append(best)
+        losses.append(_root_mean_variance(left_over))
+        progress((number + 1) / count, "choosing sensors")
+    return ChosenSensors(order=np.array(order), loss=np.array(losses))
+
+
+def _root_mean_variance(covariance: FloatArray) -> float:
+    return float(np.sqrt(max(float(np.trace(covariance)), 0.0) / len(covariance)))
+
+
+def _left(sensors: int, order: list[int]) -> IntArray:
+    free: BoolArray = np.ones(sensors, dtype=np.bool_)
+    free[order] = False
+    return np.flatnonzero(free)
+
+
+def _require_count(count: int, sensors: int) -> None:
+    if not 1 <= count <= sensors:
+        raise MapError(
+            expected=f"1 to {sensors} sensors to choose, as many as there are candidates",
+            found=f"{count}",
+            where="sensor placement",
+        )
