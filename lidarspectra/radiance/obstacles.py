@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArrayError, SceneError
@@ -22,6 +23,7 @@ from lidarspectra.radiance.scene import RadianceScene, ScenePass
 from lidarspectra.radiance.surfaces import surface_slots, surface_text
 from lidarspectra.spectra import Spectrum
 
+_Floats = NDArray[np.floating]
 AROUND_M = 1e-3  # [m] the cylinder around an obstacle is so much wider, against rounding
 
 
@@ -75,7 +77,7 @@ class Obstacle:
         radius = float(np.linalg.norm(self.vertices[:, :2] - center, axis=1).max())
         return center, radius + AROUND_M, float(low[2]) - AROUND_M, float(high[2]) + AROUND_M
 
-    def meets(self, origins: FloatArray, directions: FloatArray, lengths: FloatArray) -> BoolArray:
+    def meets(self, origins: _Floats, directions: _Floats, lengths: _Floats) -> BoolArray:
         """Whether each ray meets the obstacle before its end.
 
         Parameters
@@ -96,7 +98,7 @@ class Obstacle:
             met[near] = hits.met & (hits.distance < lengths[near])
         return met
 
-    def _passes_near(self, origins: FloatArray, directions: FloatArray, lengths: FloatArray) -> BoolArray:
+    def _passes_near(self, origins: _Floats, directions: _Floats, lengths: _Floats) -> BoolArray:
         """Whether each ray comes into the cylinder, or its neighbourhood: quick, and never wrongly no."""
         center, radius, low, high = self._cylinder
         x, y = origins[:, 0] - center[0], origins[:, 1] - center[1]

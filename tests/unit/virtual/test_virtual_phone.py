@@ -6,7 +6,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lidarspectra.errors import ScanError
-from lidarspectra.hardware.virtual.phone import ScannedShape, scan_shape, zero_surface
+from lidarspectra.hardware.room.zero_surface import zero_surface
+from lidarspectra.hardware.virtual.phone import ScannedShape, scan_shape
 from lidarspectra.hardware.virtual.room_plan import PhoneSection, RoomPlan
 from lidarspectra.hardware.virtual.true_room import TrueRoom
 
