@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 from typer.core import TyperGroup
 
-from lidarspectra import databases_cli, photocurrent_cli, photometry_cli, relight_cli, sensor_cli
+from lidarspectra import databases_cli, localize_cli, photocurrent_cli, photometry_cli, relight_cli, sensor_cli
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.workspace import STAGES, StageName
 
@@ -54,6 +54,7 @@ app.command("relight", context_settings={"allow_extra_args": True, "ignore_unkno
 app.command("photometry")(photometry_cli.photometry)
 app.command("photocurrent")(photocurrent_cli.photocurrent)
 app.add_typer(photocurrent_cli.app, name="cells")
+app.add_typer(localize_cli.app, name="localize")
 console = Console(highlight=False)
 messages = Console(stderr=True, highlight=False)
 

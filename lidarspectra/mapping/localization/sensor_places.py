@@ -7,9 +7,12 @@ One sensor is added at a time, the one that gains most. Both gains are functions
               expected error of choosing the likelier of two, taken over all pairs:
                   e(C) = Σ_{p,q} |x_p - x_q| Q(d(p, q)/2) / number of pairs,   Q the normal tail; [m], or [1] where
               coordinates are not known. It is no locator's error, but it is smooth, and small where that is small.
-    rebuild   Maps over the n places (lamps dimmed or changed, somebody there) are taken as draws of a Gaussian process with
-              their own covariance K. The readings at C tell the others by regression; what is minimised is the root mean
-              variance that is left, sqrt(tr(K - K_C (K_CC + σ²)⁻¹ K_C') / n) (the greedy choice for A-optimality).
+    rebuild   The true map over the n places is the simulated one plus what the simulation does not know: by how much
+              each lamp l is off or dimmed (spread a), and an error in proportion to the light that is alike at places
+              near one another (spread b, correlation length L):
+                  K_ij = a² Σ_l E_li E_lj + b² E_i E_j exp(-|x_i - x_j|²/2L²)
+              Readings at C tell the others by regression (kriging); what is minimised is the root mean variance that is
+              left, sqrt(tr(K - K_C (K_CC + σ²)⁻¹ K_C') / n).
 
 References
 ----------
@@ -102,45 +105,88 @@ def choose_to_locate(
     return ChosenSensors(order=np.array(order), loss=np.array(losses))
 
 
-def choose_to_rebuild(maps: FloatArray, count: int, *, noise: float, progress: Progress = silent) -> ChosenSensors:
-    """Choose sensors from whose readings the others can be told.
+def map_covariance(
+    irradiance: FloatArray, positions_m: FloatArray, *, lamp_spread: float, error: float, length_m: float
+) -> FloatArray:
+    """K: how what is not known of a map hangs together from place to place.
 
     Parameters
     ----------
-    maps : (map, sensor) float
-        What all candidates read in one state of the room after the other. Any unit
+    irradiance : (lamp, point) float
+        Each lamp's share of the simulated map. Any unit
+    positions_m : (point, 3) float
+        [m]
+    lamp_spread : float
+        a: relative standard deviation of each lamp's level. [1]
+    error : float
+        b: relative standard deviation of all other errors of the map. [1]
+    length_m : float
+        L: how far those errors are alike. [m]
+
+    Returns
+    -------
+    covariance : (point, point) float
+        In the square of the unit.
+
+    Raises
+    ------
+    MapError
+        If a spread is negative, both are 0, or the length is not above 0.
+    """
+    shares = float_array(irradiance, name="irradiance", shape=(None, None))
+    places = float_array(positions_m, name="positions_m", shape=(shares.shape[1], 3))
+    if min(lamp_spread, error) < 0 or max(lamp_spread, error) <= 0 or not length_m > 0:
+        raise MapError(
+            expected="spreads of 0 or more, one of them above it, and a length above 0",
+            found=f"{lamp_spread:g}, {error:g}, {length_m:g} m",
+            where="sensor placement",
+        )
+    total = shares.sum(axis=0)
+    squared = ((places[:, None, :] - places[None, :, :]) ** 2).sum(axis=2)
+    local = np.outer(total, total) * np.exp(-squared / (2.0 * length_m**2))
+    return np.asarray(lamp_spread**2 * shares.T @ shares + error**2 * local, dtype=np.float64)
+
+
+def choose_to_rebuild(
+    covariance: FloatArray, count: int, *, noise: FloatArray, progress: Progress = silent
+) -> ChosenSensors:
+    """Choose sensors from whose readings the map at all places can be told.
+
+    Parameters
+    ----------
+    covariance : (point, point) float
+        See `map_covariance`.
     count : int
         How many to choose.
-    noise : float
-        Standard deviation of a reading, in the same unit; above 0.
+    noise : (point,) float
+        Standard deviation of a reading at each place, in the map's unit; above 0.
     progress : Progress, optional
 
     Returns
     -------
     chosen : ChosenSensors
-        The loss is the root mean square error over all candidates.
+        The loss is the root mean square error over all places.
 
     Raises
     ------
     MapError
-        If there are less than two maps, fewer sensors than wanted, or no noise.
+        If fewer sensors are there than wanted, or a reading has no noise.
     """
-    given = float_array(maps, name="maps", shape=(None, None))
-    if len(given) < 2 or not noise > 0:
-        raise MapError(
-            expected="two maps or more, and noise above 0", found=f"{len(given)}, {noise:g}", where="sensor placement"
-        )
-    _require_count(count, given.shape[1])
-    left_over = np.cov(given, rowvar=False).reshape(given.shape[1], given.shape[1])
+    left_over = np.array(covariance, dtype=np.float64)
+    points = len(left_over)
+    sigma = float_array(noise, name="noise", shape=(points,))
+    _require_count(count, points)
+    if sigma.min() <= 0:
+        raise MapError(expected="noise above 0", found=f"{sigma.min():g}", where="sensor placement")
     order: list[int] = []
     losses = [_root_mean_variance(left_over)]
     for number in range(count):
-        left = _left(given.shape[1], order)
+        left = _left(points, order)
         # Reading s takes K_s K_s'/(K_ss + σ²) off the covariance, so that much off its trace.
-        gain = (left_over[:, left] ** 2).sum(axis=0) / (np.diag(left_over)[left] + noise**2)
+        gain = (left_over[:, left] ** 2).sum(axis=0) / (np.diag(left_over)[left] + sigma[left] ** 2)
         best = int(left[int(np.argmax(gain))])
         column = left_over[:, best]
-        left_over = left_over - np.outer(column, column) / (column[best] + noise**2)
+        left_over = left_over - np.outer(column, column) / (column[best] + sigma[best] ** 2)
         order.append(best)
         losses.append(_root_mean_variance(left_over))
         progress((number + 1) / count, "choosing sensors")

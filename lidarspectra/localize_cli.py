@@ -1,0 +1,235 @@
+"""`lidarspectra localize train | test | score | live | place`."""
+
+import math
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.text import Text
+
+from lidarspectra.photometry_cli import shown, tell
+
+if TYPE_CHECKING:
+    from lidarspectra.hardware.sensor.as7265x import SensorSettings
+    from lidarspectra.localization_jobs import LocationReport
+    from lidarspectra.mapping.localization.location_model import TrainingSettings
+    from lidarspectra.progress import Progress as Report
+
+app = typer.Typer(no_args_is_help=True, help="Where somebody stands, from what fixed spectral sensors read.")
+console = Console(highlight=False)
+
+ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="What 'train' wrote.", show_default=False)]
+PositionsOption = Annotated[
+    Path | None,
+    typer.Option("--positions", metavar="FILE.csv", help="name,x,y[,z]: where the places are [m]."),
+]
+MinCountOption = Annotated[
+    float, typer.Option("--min-count", min=0.0, help="Channels whose reference reads less are left out.")
+]
+MethodName = Literal["network", "neighbours", "ridge"]
+
+
+@app.command()
+def train(
+    fingerprints: Annotated[
+        list[Path],
+        typer.Argument(metavar="FINGERPRINTS...", help="Of 'fingerprints', or CSV of readings.", show_default=False),
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="MODEL_DIR", help="Where the model goes.", show_default=False)],
+    positions: PositionsOption = None,
+    min_count: MinCountOption = 10.0,
+    gain: Annotated[float | None, typer.Option("--gain", help="Of the sensors: 1, 3.7, 16 or 64.")] = None,
+    integration: Annotated[float | None, typer.Option("--integration", metavar="MS", help="2.8 to 714 ms.")] = None,
+    copies: Annotated[int, typer.Option("--copies", min=1, help="Readings drawn from each fingerprint.")] = 20,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of what is drawn.")] = 0,
+) -> None:
+    """Learn where somebody stands from fingerprints, traced or measured."""
+    from lidarspectra.localization_jobs import train_from_files
+    from lidarspectra.sensor_cli.options import settings_given
+
+    device = settings_given(gain, integration)
+    settings = _training_settings(min_count, copies=copies, seed=seed, device=device)
+    with _bar() as report:
+        model = train_from_files(fingerprints, out, positions=positions, settings=settings, seed=seed, progress=report)
+    usable = model.space.usable
+    console.print(
+        f"{len(model.places)} places, {len(model.space.sensors)} sensors, {model.space.count} of {usable.size} channels"
+        f" bright enough; kept in {out}",
+        soft_wrap=True,
+    )
+    if not model.places.has_positions:
+        from lidarspectra.localization_jobs import NO_METRES_NOTE
+
+        tell(NO_METRES_NOTE)
+
+
+@app.command("test")
+def try_model(
+    model: ModelArgument,
+    readings: Annotated[
+        list[Path], typer.Argument(metavar="READINGS...", help="Labelled readings.", show_default=False)
+    ],
+    positions: PositionsOption = None,
+    against: Annotated[
+        Literal["own", "trained"],
+        typer.Option("--against", help="Compare with the readings' own empty room or median, or with the trained one."),
+    ] = "own",
+    run: Annotated[Path | None, typer.Option("--run", metavar="RUN", help="A run, for walls and furniture.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: MODEL_DIR/test.")] = None,
+) -> None:
+    """Say how far off a model is on labelled readings: percentiles, curve, map of errors, top-k."""
+    from lidarspectra.localization_jobs import errors_from_files
+
+    _show(errors_from_files(model, readings, out or model / "test", positions=positions, against=against, run=run))
+
+
+@app.command()
+def score(
+    nights: Annotated[
+        list[Path], typer.Argument(metavar="NIGHT...", help="Labelled readings in order of time.", show_default=False)
+    ],
+    positions: PositionsOption = None,
+    min_count: MinCountOption = 10.0,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where tables go.")] = Path("localization-score"),
+) -> None:
+    """Learn and test within each measured night, split in time, and from every night to every other."""
+    from lidarspectra.localization_jobs import score_nights
+
+    with _bar() as report:
+        found = score_nights(nights, out, positions=positions, settings=_training_settings(min_count), progress=report)
+    _show(found)
+
+
+@app.command()
+def live(
+    model: ModelArgument,
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="PORT|FILE | SENSOR=PORT|LOG ...",
+            help="A hub's port or a recorded table; or each sensor's port or log.",
+            show_default=False,
+        ),
+    ],
+    empty: Annotated[
+        Path | None, typer.Option("--empty", metavar="FILE", help="Readings of the empty room, as a reference.")
+    ] = None,
+    method: Annotated[MethodName, typer.Option("--method", help="How to tell.")] = "network",
+    period: Annotated[float, typer.Option("--period", metavar="S", min=0.01, help="Between frames.")] = 1.0,
+    max_age: Annotated[float, typer.Option("--max-age", metavar="S", min=0.01, help="Older readings are missing.")] = 5,
+    window: Annotated[
+        int, typer.Option("--window", min=1, help="Frames of the running median, without --empty.")
+    ] = 600,
+    first: Annotated[int, typer.Option("--first", min=1, help="Frames until it is believed.")] = 60,
+    average: Annotated[int, typer.Option("--average", min=1, help="Latest frames to average.")] = 1,
+    frames: Annotated[int | None, typer.Option("--frames", min=1, help="Stop after so many.")] = None,
+    baud: Annotated[int | None, typer.Option("--baud", help="Default: 115200.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Write the track there.")] = None,
+) -> None:
+    """Say where somebody is as readings come in, from ports or recordings, until Ctrl-C or their end."""
+    from lidarspectra.localization_jobs import TRACK_COLUMNS, follow, live_frames, track_row
+    from lidarspectra.mapping.localization.live import LiveSettings
+    from lidarspectra.spectrum_files import write_whole
+
+    settings = LiveSettings(method=method, window=max(window, first), first=first, average=average)
+    rows = [",".join(TRACK_COLUMNS) + "\n"]
+    with _until_interrupted() as stopped:
+        given = live_frames(sources, period_s=period, max_age_s=max_age, stop=stopped, baud=baud)
+        for number, fix in enumerate(follow(model, given, settings=settings, empty=empty)):
+            x, y = fix.position_m
+            where = f"  ({x:.2f}, {y:.2f}) ± {fix.spread_m:.2f} m" if math.isfinite(x) else ""
+            line = f"{fix.time_s:.1f} s  {fix.label}  {100 * fix.probability:.0f} %{where}"
+            console.print(Text(line), soft_wrap=True)
+            rows.append(track_row(fix))
+            if stopped() or number + 1 == frames:
+                break
+    if len(rows) == 1:
+        tell(f"no fix: the running median needs {first} frames (--first), or give --empty")
+    if out is not None:
+        write_whole(out, "".join(rows))
+        console.print(Text(f"Track: {out}"), soft_wrap=True)
+
+
+@app.command()
+def place(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FINGERPRINTS|RUN", help="Choose to localize best, or to rebuild the map best.", show_default=False
+        ),
+    ],
+    count: Annotated[int, typer.Option("--count", min=1, help="Sensors to choose.")] = 8,
+    positions: PositionsOption = None,
+    lamp_spread: Annotated[float, typer.Option("--lamp-spread", min=0.0, help="RUN: how far a lamp may be off.")] = 0.1,
+    error: Annotated[float, typer.Option("--error", min=0.0, help="RUN: how far the map may be off.")] = 0.1,
+    length: Annotated[float, typer.Option("--length", metavar="M", min=0.01, help="RUN: how far that is alike.")] = 1.0,
+    noise: Annotated[float, typer.Option("--noise", min=1e-4, help="RUN: of a reading, relative.")] = 0.02,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where table and curve go.")] = Path(
+        "sensor-places"
+    ),
+) -> None:
+    """Choose places for sensors one after the other, each the one that gains most; the curve says how many suffice."""
+    from lidarspectra.localization_jobs import MapDoubts, place_to_locate, place_to_rebuild
+
+    if source.is_dir():
+        doubts = MapDoubts(lamp_spread=lamp_spread, error=error, length_m=length, noise=noise)
+        _show(place_to_rebuild(source, count, out, doubts))
+    else:
+        _show(place_to_locate(source, count, out, positions=positions))
+
+
+def _training_settings(
+    min_count: float, *, copies: int = 20, seed: int = 0, device: "SensorSettings | None" = None
+) -> "TrainingSettings":
+    from lidarspectra.mapping.localization.augmentation import Augmentation
+    from lidarspectra.mapping.localization.features import FeatureSettings
+    from lidarspectra.mapping.localization.location_model import TrainingSettings
+    from lidarspectra.mapping.localization.locators import NetworkSettings
+
+    return TrainingSettings(
+        features=FeatureSettings(min_count=min_count),
+        augmentation=Augmentation(copies=copies),
+        network=NetworkSettings(seed=seed),
+        device=device,
+    )
+
+
+def _show(report: "LocationReport") -> None:
+    console.print(shown(report.tables[0]))
+    for note in report.notes:
+        tell(note)
+    console.print(Text(f"Tables and figures: {report.folder}"), soft_wrap=True)
+
+
+@contextmanager
+def _bar() -> "Iterator[Report]":
+    """A bar on the terminal; silent where there is none."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=1.0)
+
+        def report(fraction: float, message: str) -> None:
+            bar.update(task, completed=fraction, description=message)
+
+        yield report
+
+
+@contextmanager
+def _until_interrupted() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C, and a polite end from the system, become a question that the sources of frames ask."""
+    asked = {"stop": False}
+
+    def stop(number: int, frame: object) -> None:
+        asked["stop"] = True
+
+    before = {name: signal.signal(name, stop) for name in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: asked["stop"]
+    finally:
+        for name, handler in before.items():
+            signal.signal(name, handler)
