@@ -19,6 +19,7 @@ from lidarspectra.hardware.phone.scan import Scan
 from lidarspectra.hardware.room.rays import RayCaster
 from lidarspectra.hardware.room.room import Room
 from lidarspectra.material.albedo import (
+    BRIGHTEST_REFLECTANCE,
     CELL_M,
     COMMON,
     LOG_SCATTER,
@@ -37,6 +38,7 @@ from lidarspectra.material.surface_hues import surface_groups
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.direct_light import direct_coefficients
 from lidarspectra.radiance.engine import Engine
+from lidarspectra.radiance.lamp_shapes import distance_to_lamp
 from lidarspectra.radiance.lamps import Lamp
 from lidarspectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra import Spectrum
@@ -193,7 +195,7 @@ def take_light_out(
     fit, evidence, spread = found
     if (doubt := _doubt(fit)) is not None:
         return _left_in(doubt, fit)
-    face_color = _face_reflectance(shown, evidence, fit, spread)
+    face_color = _face_reflectance(evidence, fit, spread)
     face_color[~known] = 1.0
     progress(1.0, "light taken out")
     fluxes = () if fluxes_stated else told_fluxes([lamp.name for lamp in lamps], fit, told)
@@ -270,7 +272,8 @@ def _fit(
     for number in range(1, ROUNDS):
         progress(0.6 + 0.4 * number / ROUNDS, "camera and light")
         reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
-        faces = _face_reflectance(evidence.face_shown, evidence, fit, spread)
+        evidence = replace(evidence, face_excess=_beyond_white(evidence.face_shown, spread @ fit.irradiance))
+        faces = _face_reflectance(evidence, fit, spread)
         faces[evidence.face_lamp] = 0.0
         direct = np.einsum("ls,lb->sb", coefficients * fit.flux_factors[:, None], bands)
         evidence = replace(
@@ -405,8 +408,7 @@ def _emission(lamps: Sequence[Lamp], samples: _Samples) -> FloatArray:
 def _near_lamps(centers: FloatArray, lamps: Sequence[Lamp]) -> BoolArray:
     near = np.zeros(len(centers), dtype=np.bool_)
     for lamp in lamps:
-        reach = 0.5 * float(np.hypot(lamp.size[0], lamp.size[-1] if len(lamp.size) > 1 else 0.0)) + LAMP_GLOW_M
-        near |= np.linalg.norm(centers - lamp.center, axis=1) < reach
+        near |= distance_to_lamp(lamp, centers) < LAMP_GLOW_M
     return near
 
 
@@ -446,8 +448,19 @@ def _spread(scan: Scan, samples: _Samples) -> csr_array:
     return csr_array((weight.ravel(), (row, np.ravel(near))), shape=(len(distance), len(place)))
 
 
-def _face_reflectance(shown: FloatArray, evidence: LightEvidence, fit: LightFit, spread: csr_array) -> FloatArray:
-    """(face, 3) reflectance in linear sRGB: what each face shows over the light of the samples near it."""
+def _beyond_white(shown: FloatArray, irradiance: FloatArray) -> FloatArray:
+    """(face, 3) light that faces send over what a picture shows, which is cut at white; from (face, 3) light on them.
+
+    What is cut has at least the reflectance that just reaches white, 1/E, and at most that of fresh paint, ρ. Any
+    between is as likely, and sends (1 + ρE)/2 in the mean. Where E is too little for white (a screen, a window), what
+    is shown stays.
+    """
+    expected = 0.5 * (1.0 + BRIGHTEST_REFLECTANCE * srgb_of_cones(irradiance))
+    return np.where(shown >= CLIPPED, np.maximum(expected, 1.0), 1.0)
+
+
+def _face_reflectance(evidence: LightEvidence, fit: LightFit, spread: csr_array) -> FloatArray:
+    """(face, 3) reflectance in linear sRGB: what each face sends over the light of the samples near it."""
     light = fit.irradiance if evidence.tint is None else fit.irradiance * evidence.tint
-    seen = cones_of_srgb(fit.tone.light(shown))
+    seen = cones_of_srgb(evidence.face_light(fit.tone))
     return np.clip(srgb_of_cones(seen / np.exp(spread @ np.log(light))), *REFLECTANCE_RANGE)

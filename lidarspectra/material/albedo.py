@@ -87,6 +87,9 @@ class LightEvidence:
         Relative standard deviation of the light there, for want of knowing just where a shadow ends. [1]
     tint : (sample, 3) float, optional
         Ratio of apparent reflectance to that in daylight (see `colored_light`); 1 if left out. [1]
+    face_excess : (face, 3) float, optional
+        Light that a face sends in each channel of linear sRGB over what the picture shows, which is cut at white; 1 if
+        left out. [1]
     """
 
     shown: FloatArray
@@ -101,6 +104,12 @@ class LightEvidence:
     ceiling: BoolArray
     unsure: FloatArray
     tint: FloatArray | None = None
+    face_excess: FloatArray | None = None
+
+    def face_light(self, tone: ToneCurve) -> FloatArray:
+        """(face, 3) linear sRGB that faces send through a tone curve."""
+        light = tone.light(self.face_shown)
+        return light if self.face_excess is None else light * self.face_excess
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -371,7 +380,7 @@ def _pictured(
     evidence: LightEvidence, tone: ToneCurve, shown: FloatArray, exchange: csr_array, tint: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
     """(n, 3) light that a picture shows at points, brought to daylight's tint, and that it shows around them."""
-    sent = cones_of_srgb(tone.light(evidence.face_shown))
+    sent = cones_of_srgb(evidence.face_light(tone))
     sent[evidence.face_lamp] = 0.0
     elsewhere = np.average(sent, axis=0, weights=evidence.face_area)
     gathered = np.asarray(exchange @ np.vstack([sent, elsewhere]), dtype=np.float64)

@@ -61,6 +61,33 @@ def lamp_corners(lamp: Lamp) -> FloatArray:
     return np.asarray(lamp.center + np.stack([-along - across, along - across, along + across, across - along]))
 
 
+def distance_to_lamp(lamp: Lamp, places: FloatArray) -> FloatArray:
+    """Distance of places from the surface that shines.
+
+    Parameters
+    ----------
+    lamp : Lamp
+    places : (n, 3) float
+        [m]
+
+    Returns
+    -------
+    distance : (n,) float
+        0 within a sphere. [m]
+    """
+    away = places - lamp.center
+    radius = 0.5 * lamp.size[0]
+    if lamp.shape in ("bulb", "point"):
+        return np.asarray(np.maximum(np.linalg.norm(away, axis=1) - radius, 0.0), dtype=np.float64)
+    height = away @ lamp.normal
+    if len(lamp.size) == 1:
+        beside = np.maximum(np.linalg.norm(away - height[:, None] * lamp.normal, axis=1) - radius, 0.0)
+        return np.asarray(np.hypot(height, beside), dtype=np.float64)
+    in_plane = np.abs(away @ np.stack(lamp_axes(lamp), axis=1))
+    beside = np.linalg.norm(np.maximum(in_plane - 0.5 * np.array(lamp.size), 0.0), axis=1)
+    return np.asarray(np.hypot(height, beside), dtype=np.float64)
+
+
 def emitting_area_m2(lamp: Lamp) -> float:
     """Area of the surface that sends light [m²]."""
     match lamp.shape:
