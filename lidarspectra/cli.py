@@ -16,7 +16,15 @@ from rich.table import Table
 from rich.text import Text
 from typer.core import TyperGroup
 
-from lidarspectra import databases_cli, localize_cli, photocurrent_cli, photometry_cli, relight_cli, sensor_cli
+from lidarspectra import (
+    databases_cli,
+    fingerprints_cli,
+    localize_cli,
+    photocurrent_cli,
+    photometry_cli,
+    relight_cli,
+    sensor_cli,
+)
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.workspace import STAGES, StageName
 
@@ -35,7 +43,7 @@ class _Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as cause:
-            runs = ctx.invoked_subcommand in ("run", "demo", *STAGES)
+            runs = ctx.invoked_subcommand in ("run", "demo", "fingerprints", *STAGES)
             kept = "Finished stages are kept; the same command resumes after them." if runs else ""
             messages.print(Text.assemble(("Interrupted. ", "bold red"), kept))
             raise typer.Exit(1) from cause
@@ -54,6 +62,7 @@ app.command("relight", context_settings={"allow_extra_args": True, "ignore_unkno
 app.command("photometry")(photometry_cli.photometry)
 app.command("photocurrent")(photocurrent_cli.photocurrent)
 app.add_typer(photocurrent_cli.app, name="cells")
+app.command("fingerprints")(fingerprints_cli.fingerprints)
 app.add_typer(localize_cli.app, name="localize")
 console = Console(highlight=False)
 messages = Console(stderr=True, highlight=False)

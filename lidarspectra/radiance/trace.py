@@ -99,6 +99,7 @@ def trace_irradiance(
     relative_se: float = 0.05,
     accuracy: Accuracy = "high",
     seed: int = 0,
+    receptor: Receptor | None = None,
     workers: int | None = None,
     engine: Engine | None = None,
     progress: Progress = silent,
@@ -116,7 +117,7 @@ def trace_irradiance(
         Standard error aimed at, of the mean irradiance; 0.05 takes about a millisecond of one core a point. [1]
     accuracy : str
         Most reflections, as in the run file.
-    seed, workers, engine, progress
+    seed, receptor, workers, engine, progress
         As in `trace`.
 
     Returns
@@ -135,7 +136,7 @@ def trace_irradiance(
         bounces=BOUNCES[accuracy],
         target=relative_se,
         workers=workers or available_cores(),
-        receptor=cosine_receptor(),
+        receptor=cosine_receptor() if receptor is None else receptor,
         engine=find_engine() if engine is None else engine,
     )
     transport = _trace(scene, points, request, seed=seed, progress=progress)

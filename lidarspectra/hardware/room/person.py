@@ -216,7 +216,7 @@ def _ticks(extent: FloatArray, spacing_m: float) -> FloatArray:
 
 
 def outside_room(free: FreeSpace, places_m: FloatArray) -> BoolArray:
-    """(place,) whether each (place, 3) [m] is outside of the room's plan, or inside of something solid like a pillar."""
+    """(place,) whether each (place, 3) [m] is outside of the room, or inside of something solid like a pillar."""
     room = free.room
     assert room is not None
     return ~room.in_plan(places_m) | (_solid_share(free, places_m) > SOLID_SHARE)

@@ -1,0 +1,84 @@
+"""`lidarspectra fingerprints ROOM.toml`: what the room's sensors read with somebody at each of many places."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.text import Text
+
+from lidarspectra.photometry_cli import tell
+
+console = Console(highlight=False)
+PostureName = Literal["standing", "walking", "reading", "sitting"]
+
+
+def fingerprints(
+    run_file: Annotated[Path, typer.Argument(metavar="ROOM.toml", help="The run file.", show_default=False)],
+    positions: Annotated[
+        Path | None, typer.Option("--positions", metavar="FILE.csv", help="name,x,y[,z] of each position [m].")
+    ] = None,
+    grid: Annotated[
+        float | None,
+        typer.Option("--grid", metavar="M", min=0.1, help="Or: wherever there is room to stand on a grid so wide."),
+    ] = None,
+    draws: Annotated[int, typer.Option("--draws", min=1, max=1000, help="People drawn for each position.")] = 1,
+    posture: Annotated[
+        list[PostureName] | None, typer.Option("--posture", help="To draw from; may stand again. Standing by default.")
+    ] = None,
+    error: Annotated[
+        float, typer.Option("--error", metavar="PERCENT", min=0.02, max=10.0, help="Standard error, of the reading.")
+    ] = 0.3,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Another one draws other people.")] = 0,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="RUN", help="The run folder; NAME.run beside NAME.toml by default.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, max=1024, help="Processes side by side; one a core by default.")
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option("--cluster", metavar="tcp://HOST:PORT", help="Trace on the workers of a Dask scheduler."),
+    ] = None,
+) -> None:
+    """Trace what the room's sensors read with somebody at each of many places: the map that localization learns from.
+
+    The stages before are made where they are missing. An interrupted job goes on where it was.
+    """
+    if (positions is None) == (grid is None):
+        raise typer.BadParameter("give either --positions or --grid")
+    from lidarspectra.fingerprints import FingerprintOrder, fingerprint_room
+
+    order = FingerprintOrder(
+        positions=positions,
+        grid_m=grid,
+        draws=draws,
+        postures=tuple(posture or ("standing",)),
+        target=error / 100.0,
+        seed=seed,
+    )
+    columns = (
+        SpinnerColumn(), BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("scan, materials, scene", total=1.0)
+        found = fingerprint_room(
+            run_file,
+            order,
+            out,
+            workers=workers,
+            cluster=cluster,
+            progress=lambda fraction, words: bar.update(task, completed=fraction, description=words),
+        )
+    for note in found.notes:
+        tell(note)
+    table = found.table
+    changes = 100.0 * abs(table["irradiance"] / table["empty"] - 1.0).where(table["empty"] > 0)
+    count, sensors, bands = (table.sizes[name] for name in ("fingerprint", "sensor", "band"))
+    console.print(
+        f"{count} fingerprints of {sensors} sensors x {bands} channels; a person changes a reading by "
+        f"{float(changes.median()):.1f} % (median), {float(changes.max()):.0f} % at most; "
+        f"standard error {100 * table.attrs['achieved_relative_se']:.2f} %"
+    )
+    console.print(Text(f"Table: {found.path}"), soft_wrap=True)
