@@ -26,6 +26,7 @@ from lidarspectra.mapping.material_figures import (
     segmentation_figure,
 )
 from lidarspectra.mapping.report import PAGE, ReportInput, ReportView, StageRow, write_report
+from lidarspectra.mapping.room_view import RoomSurfaces
 from lidarspectra.mapping.spectral_map import load_map, save_map, save_map_table, spectral_map
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.lamp_fluxes import save_lamp_fluxes
@@ -301,6 +302,12 @@ def report_stage(
                 scan=mesh.record,
                 materials=materials.value.materials,
                 material_areas_m2=materials.value.areas(mesh.areas),
+                surfaces=RoomSurfaces(
+                    vertices=mesh.vertices,
+                    faces=mesh.faces,
+                    face_material=materials.value.face_material,
+                    face_color=mesh.face_colors(),
+                ),
                 lamps=lamps,
                 views=tuple(ReportView(name=view.name, image=view.image) for view in views.value.views[:6]),
                 material_pictures=_material_pictures(mesh, views.value, materials.value),

@@ -1,7 +1,8 @@
 """Install the system libraries that a bare Linux machine lacks; called by make, and does nothing elsewhere.
 
 pymeshlab needs OpenGL's loader (libGL), which wheels do not carry. With --tests come the AVR compiler, which builds the
-Arduino sketches, and LLVM, on which the second opinion's fast variant runs; their tests are skipped without them.
+Arduino sketches, LLVM, on which the second opinion's fast variant runs, and a browser without a window, which opens the
+report; their tests are skipped without them.
 """
 
 import ctypes.util
@@ -13,6 +14,8 @@ import sys
 OPENGL = ("libgl1", "libopengl0")  # Debian's names
 FIRMWARE = ("gcc-avr", "avr-libc", "arduino-core-avr")
 LLVM = ("libllvm19",)
+BROWSER = ("chromium-headless-shell",)
+BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 LLVM_VERSIONS = range(17, 31)  # that Mitsuba 3.9 takes
 
 
@@ -25,6 +28,8 @@ def missing(tests: bool) -> list[tuple[str, ...]]:
         groups.append(FIRMWARE)
     if tests and not any(ctypes.util.find_library(f"LLVM-{version}") for version in LLVM_VERSIONS):
         groups.append(LLVM)
+    if tests and not any(shutil.which(name) for name in BROWSERS):
+        groups.append(BROWSER)
     return groups
 
 

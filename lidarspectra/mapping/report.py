@@ -35,6 +35,7 @@ from lidarspectra.mapping.map_figures import (
 from lidarspectra.mapping.material_figures import MaterialPictures, light_figure, segmentation_figure
 from lidarspectra.mapping.photometry import covers_vision, illuminance, illuminance_from_map
 from lidarspectra.mapping.report_tables import StageRow
+from lidarspectra.mapping.room_view import MOST_FACES, MOST_POINTS, RoomSurfaces, room_view_data
 from lidarspectra.mapping.spectral_map import check_map, kept_points
 from lidarspectra.mapping.tables import Table, save_table, table_html
 from lidarspectra.material.material_map import Material
@@ -71,6 +72,8 @@ class ReportInput:
         [m²]
     lamps : tuple of Lamp
         In the order of the transport's lamps, or of the run file.
+    surfaces : RoomSurfaces, optional
+        The room's mesh, for the 3D view.
     views : tuple of ReportView
         Pictures of the room, the six of the first viewpoint first.
     view_notes : str
@@ -99,6 +102,7 @@ class ReportInput:
     materials: tuple[Material, ...]
     material_areas_m2: FloatArray
     lamps: tuple[Lamp, ...]
+    surfaces: RoomSurfaces | None = None
     views: tuple[ReportView, ...] = ()
     view_notes: str = ""
     material_pictures: MaterialPictures | None = None
@@ -180,6 +184,7 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
     light = _light(report)
     makers: tuple[tuple[str, Callable[[], str]], ...] = (
         ("Summary", lambda: _summary(report, light, writer)),
+        ("Room in 3D", lambda: _room(report)),
         ("Spectral maps", lambda: _maps(report, writer)),
         ("Spectra", lambda: _spectra(report, writer)),
         ("Illuminance", lambda: _illuminance(report, light, writer)),
@@ -198,7 +203,10 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
         content = make()
         if content:
             sections.append(html.Section(anchor=title.lower().replace(" ", "-"), title=title, content=content))
-    page = html.page(title=report.title, lead=_lead(report), sections=sections, footer=_footer(report))
+    data = room_view_data(
+        report.spectral_map, report.surfaces, report.materials, report.material_areas_m2, report.lamps
+    )
+    page = html.page(title=report.title, lead=_lead(report), sections=sections, footer=_footer(report), room_data=data)
     path = folder / PAGE
     try:
         path.write_text(page, encoding="utf-8", newline="\n")
@@ -242,6 +250,22 @@ def _summary(report: ReportInput, light: _Light, writer: _Writer) -> str:
     total = sum(row.seconds for row in report.stages)
     told = html.paragraph(f"All stages together took {total:.0f} s.") if report.stages else ""
     return html.cards(entries) + html.warning_box(report.warnings) + told + stages
+
+
+def _room(report: ReportInput) -> str:
+    said = [
+        "Dots are the sensor points, and between neighbours on one level the ground is filled; grey dots are buried. "
+        "Walls seen from behind are left out, and all surfaces are shaded a little so that edges show. Bars in the "
+        "spectrum are two standard errors to either side, of a reflectance two standard deviations of its estimate."
+    ]
+    count = report.spectral_map.sizes["point"]
+    if count > MOST_POINTS:
+        said.append(f"Of {count} points {MOST_POINTS} are here, evenly chosen from their list.")
+    if report.surfaces is not None and report.surfaces.faces.shape[0] > MOST_FACES:
+        said.append(
+            f"The mesh of {report.surfaces.faces.shape[0]} triangles is made coarser here; nothing else uses that."
+        )
+    return html.room_view() + html.paragraph(" ".join(said), css_class="notes")
 
 
 def _maps(report: ReportInput, writer: _Writer) -> str:

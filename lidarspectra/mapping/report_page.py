@@ -18,6 +18,7 @@ from lidarspectra.arrays import ByteArray
 from lidarspectra.mapping.figure_style import data_uri, printable
 
 VIEW_WIDTH_PX = 640  # [px] pictures in the page; the full ones lie in the run's folder
+ROOM_SCRIPTS = ("three.js", "room-picture.js", "room-view.js")
 JPEG_QUALITY = 85  # [1] Pillow's scale; no visible loss at this size
 
 
@@ -108,7 +109,12 @@ def pairs(entries: Mapping[str, str]) -> str:
     return f'<div class="scroll" tabindex="0"><table><tbody>{rows}</tbody></table></div>'
 
 
-def page(*, title: str, lead: str, sections: Sequence[Section], footer: str) -> str:
+def room_view() -> str:
+    """The 3D view's controls and its empty picture, which the page's scripts fill."""
+    return _resource("room-view.html")
+
+
+def page(*, title: str, lead: str, sections: Sequence[Section], footer: str, room_data: str = "") -> str:
     """The whole page.
 
     Parameters
@@ -117,15 +123,20 @@ def page(*, title: str, lead: str, sections: Sequence[Section], footer: str) -> 
         Plain text.
     sections : sequence of Section
         In order.
+    room_data : str
+        JSON of `room_view_data`, for a page that has a `room_view`.
 
     Returns
     -------
     page : str
         HTML 5 without any address to load from.
     """
-    script, style = _resource("script.js"), _resource("style.css")
-    script_hash = base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")
-    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{script_hash}'"
+    style = _resource("style.css")
+    scripts = [_resource(name) for name in (*(ROOM_SCRIPTS if room_data else ()), "script.js")]
+    allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
+    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}"
+    data = f'<script type="application/json" id="room-data">{room_data}</script>\n' if room_data else ""
+    running = "\n".join(f"<script>{script}</script>" for script in scripts)
     contents = "".join(f'<li><a href="#{words(part.anchor)}">{words(part.title)}</a></li>' for part in sections)
     body = "".join(
         f'<section id="{words(part.anchor)}" aria-labelledby="{words(part.anchor)}-title">'
@@ -140,8 +151,13 @@ def page(*, title: str, lead: str, sections: Sequence[Section], footer: str) -> 
         '<a class="skip" href="#content">Skip to the content</a>\n<div class="layout">\n'
         f'<nav aria-label="Contents"><p>LiDARSpectra</p><ol>{contents}</ol></nav>\n'
         f'<main id="content"><header><h1>{words(title)}</h1>{paragraph(lead)}</header>\n{body}'
-        f"<footer>{paragraph(footer)}</footer></main>\n</div>\n<script>{script}</script>\n</body>\n</html>\n"
+        f"<footer>{paragraph(footer)}</footer></main>\n</div>\n{data}{running}\n</body>\n</html>\n"
     )
+
+
+def _digest(script: str) -> str:
+    """What a content security policy knows a script by."""
+    return base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")
 
 
 @cache

@@ -83,7 +83,8 @@ def table_html(table: Table, *, sortable: bool = True, most_rows: int | None = N
     body = "".join(_row(cells, raw, numeric) for cells, raw in _html_rows(table, most_rows))
     caption = f"<caption>{html.escape(table.caption)}</caption>"
     parts = f"{caption}<thead><tr>{heads}</tr></thead><tbody>{body}</tbody>"
-    return f'<div class="scroll" tabindex="0"><table>{parts}</table></div>'
+    cut = f' data-rows="{len(table.frame)}"' if most_rows is not None and len(table.frame) > most_rows else ""
+    return f'<div class="scroll" tabindex="0"><table data-name="{table.name}"{cut}>{parts}</table></div>'
 
 
 def save_table(table: Table, folder: Path) -> tuple[Path, ...]:

@@ -1,20 +1,43 @@
 "use strict";
 // Sort a table by the column whose heading is pressed; numbers by value, words by the reader's alphabet.
+function cellValue(cell) {
+  return cell.dataset.value === undefined ? cell.textContent : Number(cell.dataset.value);
+}
+
 for (const button of document.querySelectorAll("th button")) {
   button.addEventListener("click", () => {
     const head = button.parentElement;
     const body = head.closest("table").tBodies[0];
     const column = head.cellIndex;
     const up = head.getAttribute("aria-sort") !== "ascending";
-    const value = (row) => {
-      const cell = row.cells[column];
-      return cell.dataset.value === undefined ? cell.textContent : Number(cell.dataset.value);
-    };
     const order = (a, b) => (typeof a === "number" ? a - b : a.localeCompare(b, undefined, { numeric: true }));
-    const rows = [...body.rows].map((row) => [value(row), row]);
+    const rows = [...body.rows].map((row) => [cellValue(row.cells[column]), row]);
     rows.sort((a, b) => (up ? order(a[0], b[0]) : order(b[0], a[0])));
     for (const other of head.parentElement.cells) other.removeAttribute("aria-sort");
     head.setAttribute("aria-sort", up ? "ascending" : "descending");
     body.append(...rows.map((row) => row[1]));
   });
+}
+
+// Give a table as CSV, in the order shown and with all digits, even where the page stands without the files beside it.
+function csv(table) {
+  const quoted = (words) => (/[",\n\r]/.test(words) ? `"${words.replaceAll('"', '""')}"` : words);
+  const heads = [...table.tHead.rows[0].cells].map((cell) => cell.textContent);
+  const rows = [...table.tBodies[0].rows].map((row) => [...row.cells].map((cell) => cell.dataset.value ?? cell.textContent));
+  return [heads, ...rows].map((cells) => cells.map(quoted).join(",")).join("\n") + "\n";
+}
+
+for (const table of document.querySelectorAll("table[data-name]")) {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.className = "download";
+  button.textContent = table.dataset.rows === undefined ? "Download CSV" : `Download these ${table.tBodies[0].rows.length} rows as CSV`;
+  button.addEventListener("click", () => {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([csv(table)], { type: "text/csv;charset=utf-8" }));
+    link.download = `${table.dataset.name}.csv`;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  });
+  table.parentElement.nextElementSibling.append(" ", button); // the line that names the files beside the page
 }

@@ -7,6 +7,12 @@ import pytest
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray
+from lidarspectra.hardware.phone.scan import ScanRecord
+from lidarspectra.mapping.floor_plan import FloorPlan
+from lidarspectra.mapping.report import ReportInput, ReportView, StageRow
+from lidarspectra.mapping.room_view import RoomSurfaces
+from lidarspectra.mapping.spectral_map import spectral_map
+from lidarspectra.material.material_map import Material
 from lidarspectra.radiance.lamps import Lamp
 from lidarspectra.spectra import BandSet, Spectrum, sensor_bands
 
@@ -16,6 +22,8 @@ TABLE_M = ((0.2, 0.2), (1.4, 0.2), (1.4, 1.0), (0.2, 1.0))
 RELATIVE_SE = 0.008
 
 MakeTransport = Callable[..., xr.Dataset]
+MakeReport = Callable[..., ReportInput]
+MakeMaterial = Callable[[str], Material]
 
 
 def led_flux(radiant_flux_W: float, name: str) -> Spectrum:
@@ -104,5 +112,72 @@ def make_transport(bands: BandSet, lamps: tuple[Lamp, ...]) -> MakeTransport:
             attrs={"accuracy": "ultra", "bounces": 20, "noise": "standard", "target_relative_se": 0.01,
                    "achieved_relative_se": RELATIVE_SE, "seconds": 12.5},
         )  # fmt: skip
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def make_material() -> MakeMaterial:
+    def make(name: str) -> Material:
+        return Material(
+            name=name,
+            category=name,
+            reflectance=Spectrum(wavelengths_nm=[380.0, 780.0], values=[0.4, 0.6]),
+            source=name,
+            provenance="measured",
+            confidence=0.9,
+            measured_range_nm=(400.0, 700.0),
+            color=(0.4, 0.5, 0.6),
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def room_surfaces() -> RoomSurfaces:
+    """The room's box, its triangles facing inwards: walls and ceiling of material 0, the floor of material 1."""
+    vertices = ROOM_M * np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 0.9)])
+    quads = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6))  # floor first
+    faces = np.array([corners for a, b, c, d in quads for corners in ((a, b, c), (a, c, d))])
+    return RoomSurfaces(
+        vertices=vertices,
+        faces=faces,
+        face_material=np.array([1, 1] + 10 * [0]),
+        face_color=np.tile([0.3, 0.25, 0.2], (12, 1)),
+    )
+
+
+@pytest.fixture(scope="session")
+def make_report(lamps: tuple[Lamp, ...], make_material: MakeMaterial, room_surfaces: RoomSurfaces) -> MakeReport:
+    """All that a report tells of, for a transport."""
+
+    def make(transport: xr.Dataset, *, lamps: tuple[Lamp, ...] = lamps) -> ReportInput:
+        return ReportInput(
+            title="Office",
+            spectral_map=spectral_map(transport),
+            transport=transport,
+            plan=FloorPlan(outline=np.array([[0.0, 0.0], [ROOM_M, 0.0], [ROOM_M, ROOM_M], [0.0, ROOM_M]])),
+            scan=ScanRecord(
+                file="scan.glb",
+                unit="m",
+                unit_confidence=0.9,
+                up_axis="+y",
+                up_confidence=0.8,
+                faces_read=100,
+                faces_kept=90,
+                holes_closed=3,
+                hole_area_m2=0.4,
+                area_m2=40.0,
+            ),
+            materials=(make_material("wall"), make_material("floor")),
+            material_areas_m2=np.array([30.0, 9.0]),
+            lamps=lamps,
+            surfaces=room_surfaces,
+            views=(ReportView(name="east", image=np.full((30, 40, 3), 90, dtype=np.uint8)),),
+            stages=(StageRow(stage="scan", summary="100 triangles", seconds=1.25, peak_memory_mib=210.0),),
+            warnings=("1 of 64 points is buried",),
+            provenance={"lidarspectra": "9.9.9", "numpy": "2"},
+            run_file='[scan]\nfile = "scan.glb"\n',
+        )
 
     return make

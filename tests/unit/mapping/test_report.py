@@ -5,17 +5,16 @@ import hashlib
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from importlib import resources
 
 import numpy as np
 import pytest
 
 from lidarspectra.errors import ArrayError, MapError
-from lidarspectra.hardware.phone.scan import ScanRecord
-from lidarspectra.mapping.report import FloorPlan, ReportInput, ReportView, StageRow, write_report
+from lidarspectra.mapping.report import ReportInput, ReportView, StageRow, write_report
 from lidarspectra.mapping.spectral_map import spectral_map
-from lidarspectra.material.material_map import Material
-from lidarspectra.spectra import Spectrum
 
+OWN_SCRIPTS = ("three.js", "room-picture.js", "room-view.js", "script.js")
 VOID = {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"}
 HOSTILE = "\"><script>alert(1)</script><img src=x onerror=alert(2)>\x00' & </style></script>"
 
@@ -48,59 +47,17 @@ class _Page(HTMLParser):
         self.text += data
 
 
-def _material(name: str) -> Material:
-    return Material(
-        name=name,
-        category=name,
-        reflectance=Spectrum(wavelengths_nm=[380.0, 780.0], values=[0.4, 0.6]),
-        source=name,
-        provenance="measured",
-        confidence=0.9,
-        measured_range_nm=(400.0, 700.0),
-        color=(0.4, 0.5, 0.6),
-    )
-
-
-def _report(transport, lamps) -> ReportInput:
-    return ReportInput(
-        title="Office",
-        spectral_map=spectral_map(transport),
-        transport=transport,
-        plan=FloorPlan(outline=np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]])),
-        scan=ScanRecord(
-            file="scan.glb",
-            unit="m",
-            unit_confidence=0.9,
-            up_axis="+y",
-            up_confidence=0.8,
-            faces_read=100,
-            faces_kept=90,
-            holes_closed=3,
-            hole_area_m2=0.4,
-            area_m2=40.0,
-        ),
-        materials=(_material("wall"), _material("floor")),
-        material_areas_m2=np.array([30.0, 9.0]),
-        lamps=lamps,
-        views=(ReportView(name="east", image=np.full((30, 40, 3), 90, dtype=np.uint8)),),
-        stages=(StageRow(stage="scan", summary="100 triangles", seconds=1.25, peak_memory_mib=210.0),),
-        warnings=("1 of 64 points is buried",),
-        provenance={"lidarspectra": "9.9.9", "numpy": "2"},
-        run_file='[scan]\nfile = "scan.glb"\n',
-    )
-
-
 @pytest.fixture(scope="module")
-def report(make_transport, lamps) -> ReportInput:
+def report(make_transport, make_report) -> ReportInput:
     """A small room of two bands, quick to draw."""
-    return _report(make_transport(points=36, buried=(9,)).isel(band=[1, 5]), lamps)
+    return make_report(make_transport(points=36, buried=(9,)).isel(band=[1, 5]))
 
 
 @pytest.fixture(scope="module")
-def whole(make_transport, lamps, tmp_path_factory):
+def whole(make_transport, make_report, tmp_path_factory):
     """The folder of a report of all bands, written once."""
     folder = tmp_path_factory.mktemp("whole")
-    write_report(folder, _report(make_transport(points=64, buried=(9,)), lamps))
+    write_report(folder, make_report(make_transport(points=64, buried=(9,))))
     return folder
 
 
@@ -152,28 +109,30 @@ def test_the_page_loads_nothing_from_anywhere(whole):
             assert link.startswith(("data:image/", "#"))
     assert not re.search(r"url\((?!#)", text)
     assert "@import" not in text
-    addresses = set(re.findall(r"https?://[^\s\"'<]+", text))
-    assert addresses <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}  # names of XML, not addresses
+    names = {f"http://www.w3.org/{name}" for name in ("2000/svg", "1999/xlink", "1999/xhtml")}  # of XML, not addresses
+    credit = {"https://threejs.org"}  # in the comment that holds its licence
+    assert set(re.findall(r"https?://[^\s\"'<]+", text)) <= names | credit
 
 
 def test_only_our_own_script_may_run(whole):
     text, page = _read(whole / "index.html")
     scripts = re.findall(r"<script>(.*?)</script>", text, flags=re.DOTALL)
-    assert len(scripts) == 1
-    digest = base64.b64encode(hashlib.sha256(scripts[0].encode()).digest()).decode()
+    folder = resources.files("lidarspectra.mapping") / "page"
+    assert scripts == [(folder / name).read_text(encoding="utf-8") for name in OWN_SCRIPTS]
+    digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
     policy = next(attrs["content"] for tag, attrs in page.tags if "http-equiv" in attrs)
-    assert f"'sha256-{digest}'" in policy
+    assert policy.partition("script-src ")[2].split() == [f"'sha256-{digest}'" for digest in digests]
     assert "default-src 'none'" in policy
 
 
-def test_words_from_users_stay_words_wherever_they_stand(report, lamps, tmp_path):
+def test_words_from_users_stay_words_wherever_they_stand(report, lamps, make_material, tmp_path):
     named = tuple(replace(lamp, name=HOSTILE if number else lamp.name) for number, lamp in enumerate(lamps))
     hostile = replace(
         report,
         title=HOSTILE,
         lamps=named,
         scan=replace(report.scan, file=HOSTILE, unit=HOSTILE, up_axis=HOSTILE, notes=(HOSTILE,)),
-        materials=(_material(HOSTILE), _material("floor")),
+        materials=(make_material(HOSTILE), make_material("floor")),
         views=(ReportView(name=HOSTILE, image=report.views[0].image),),
         view_notes=HOSTILE,
         room_notes=HOSTILE,
@@ -183,7 +142,7 @@ def test_words_from_users_stay_words_wherever_they_stand(report, lamps, tmp_path
         run_file=HOSTILE,
     )
     text, page = _read(write_report(tmp_path, hostile))
-    assert [tag for tag, _ in page.tags].count("script") == 1
+    assert [tag for tag, _ in page.tags].count("script") == len(OWN_SCRIPTS) + 1  # and the 3D view's data
     assert page.wrong == 0
     assert not [key for _, attrs in page.tags for key in attrs if key.startswith("on")]
     assert "\x00" not in text
@@ -209,8 +168,8 @@ def test_the_same_run_gives_the_same_page(report, tmp_path):
 
 def test_a_bare_report_leaves_out_what_it_does_not_have(report, tmp_path):
     bare = replace(
-        report, materials=(), material_areas_m2=np.empty(0), lamps=(), views=(), stages=(), warnings=(), provenance={},
-        run_file="",
+        report, materials=(), material_areas_m2=np.empty(0), lamps=(), surfaces=None, views=(), stages=(), warnings=(),
+        provenance={}, run_file="",
     )  # fmt: skip
     _, page = _read(write_report(tmp_path, bare))
     assert page.wrong == 0
@@ -218,8 +177,8 @@ def test_a_bare_report_leaves_out_what_it_does_not_have(report, tmp_path):
 
 
 @pytest.mark.slow
-def test_without_lamp_spectra_illuminance_comes_from_the_bands_and_says_so(make_transport, tmp_path):
-    _, page = _read(write_report(tmp_path, _report(make_transport(points=16), ())))
+def test_without_lamp_spectra_illuminance_comes_from_the_bands_and_says_so(make_transport, make_report, tmp_path):
+    _, page = _read(write_report(tmp_path, make_report(make_transport(points=16), lamps=())))
     assert "From the bands alone" in page.text
 
 
