@@ -20,6 +20,8 @@ Method = Literal["network", "neighbours", "ridge"]
 METHODS: tuple[Method, ...] = ("network", "neighbours", "ridge")
 NEIGHBOURS = 5  # [1] nearest fingerprints that vote
 RIDGE_ALPHAS = np.logspace(-1, 6, 15)  # [1] tried by leave-one-out
+READINGS_A_STEP = 200  # [1] of the network's training
+TINY = 1e-12  # [1] squared distance, in units of noise
 READINGS_AT_ONCE = 256  # [1] bounds the memory of distances
 
 
@@ -72,9 +74,9 @@ class NearestFingerprints:
         count = min(self.neighbours, squared.shape[1])
         nearest = np.argpartition(squared, count - 1, axis=1)[:, :count]
         distance = np.take_along_axis(squared, nearest, axis=1)
-        least = distance.min(axis=1, keepdims=True)
-        # Relative to the nearest, so that an exact fit does not divide by zero; no reading at all: all alike.
-        weight = np.where(np.isfinite(least), (least + 1e-12) / (distance + 1e-12), 1.0)
+        distance = np.where(np.isfinite(distance.min(axis=1, keepdims=True)), distance, 1.0)  # nothing read: all alike
+        # Relative to the nearest, so that an exact fit does not divide by zero.
+        weight = (distance.min(axis=1, keepdims=True) + TINY) / (distance + TINY)
         votes = np.zeros((len(squared), self.place_count))
         np.add.at(votes, (np.arange(len(squared))[:, None], self.place[nearest]), weight)
         return np.asarray(votes / votes.sum(axis=1, keepdims=True), dtype=np.float64)
@@ -122,15 +124,15 @@ class NetworkSettings:
     ----------
     hidden : int
         Neurons of the hidden layer.
-    epochs : int
-        Passes over the readings.
+    updates : int
+        Steps of the training, each on 200 readings or all: so many make few readings learned as well as many. [1]
     penalty : float
         On the weights' squares. [1]
     seed : int
     """
 
     hidden: int = 128
-    epochs: int = 60
+    updates: int = 3000
     penalty: float = 1e-3
     seed: int = 0
 
@@ -187,11 +189,17 @@ def fit_network(features: FloatArray, place: IntArray, place_count: int, setting
     given = np.nan_to_num(features)
     mean = given.mean(axis=0)
     scale = 1.0 / max(float(given.std()), 1e-12)
+    batches = -(-len(given) // READINGS_A_STEP)
     network = MLPClassifier(
-        (settings.hidden,), alpha=settings.penalty, max_iter=settings.epochs, random_state=settings.seed
+        (settings.hidden,),
+        alpha=settings.penalty,
+        batch_size=min(READINGS_A_STEP, len(given)),
+        max_iter=-(-settings.updates // batches),
+        n_iter_no_change=settings.updates,  # as many as are meant
+        random_state=settings.seed,
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # so many passes are meant
+        warnings.simplefilter("ignore", ConvergenceWarning)  # the steps are counted
         network.fit((given - mean) * scale, place)
     output_weights, output_offset = network.coefs_[1], network.intercepts_[1]
     if place_count == 2:  # scikit-learn has one logistic output then; a softmax over (0, x) is the same

@@ -1,0 +1,121 @@
+"""Percentiles, ranks and honest splits, by hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from lidarspectra.errors import MapError
+from lidarspectra.mapping.figure_style import save_figure
+from lidarspectra.mapping.floor_plan import FloorPlan
+from lidarspectra.mapping.localization.location_errors import LocationErrors, error_table, place_table
+from lidarspectra.mapping.localization.location_figures import (
+    error_curves_figure,
+    error_map_figure,
+    gain_curve_figure,
+    two_times_figure,
+)
+from lidarspectra.mapping.localization.places import Located, Places
+from lidarspectra.mapping.localization.time_splits import time_splits, visits_of
+
+
+def errors(distances: list[float], *, known: bool = True) -> LocationErrors:
+    true = np.zeros((len(distances), 2))
+    put = np.array([[distance, 0.0] for distance in distances])
+    return LocationErrors(
+        labels=tuple("ab"[number % 2] for number in range(len(distances))),
+        true_m=true if known else np.full_like(true, np.nan),
+        located_m=put,
+        rank=np.arange(len(distances)),
+    )
+
+
+def test_percentiles_and_shares_are_those_of_the_distances() -> None:
+    found = errors([0.0, 1.0, 2.0, 3.0, 4.0])
+    row = error_table({"x": found}, name="t", caption="c").frame.iloc[0]
+    assert [row["median [m]"], row["75th percentile [m]"], row["90th percentile [m]"]] == [2.0, 3.0, pytest.approx(3.6)]
+    assert [row["top 1 [%]"], row["top 3 [%]"], row["top 5 [%]"]] == [20.0, 60.0, 100.0]
+
+
+def test_without_coordinates_nothing_is_said_in_metres() -> None:
+    found = errors([0.0, 1.0], known=False)
+    assert np.isnan(found.percentile_m(50))
+    assert list(error_table({"x": found}, name="t", caption="c").frame) == [
+        "method", "readings", "top 1 [%]", "top 3 [%]", "top 5 [%]",
+    ]  # fmt: skip
+    with pytest.raises(MapError, match="--positions"):
+        error_map_figure(found)
+    with pytest.raises(MapError, match="--positions"):
+        error_curves_figure({"a room": {"x": found}})
+
+
+def test_errors_by_place_are_told_apart() -> None:
+    frame = place_table(errors([0.0, 1.0, 2.0, 3.0])).frame.set_index("place")
+    assert frame.loc["a", "median [m]"] == 1.0
+    assert frame.loc["b", "median [m]"] == 2.0
+
+
+def test_the_position_is_the_mean_of_the_places_and_a_tie_is_lost() -> None:
+    places = Places(labels=tuple("abc"), positions_m=np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 2.0, 0.0]]))
+    located = Located(scores=np.array([[0.5, 0.25, 0.25]]), places=places)
+    assert located.positions_m.tolist() == [[1.0, 0.5, 0.0]]
+    # Mean square distance from (1, .5): .5 x 1.25 + .25 x 9.25 + .25 x 3.25
+    assert located.spread_m == pytest.approx([np.sqrt(3.75)])
+    assert [int(located.rank(np.array([place]))[0]) for place in range(3)] == [0, 2, 2]
+
+
+def test_a_visit_ends_where_the_label_changes() -> None:
+    assert visits_of(list("aabba")).tolist() == [0, 0, 1, 1, 2]
+
+
+def test_single_visits_are_cut_with_a_gap_and_never_shuffled() -> None:
+    labels = ["a"] * 20 + ["b"] * 20
+    splits = time_splits(labels)
+    assert [split.kind for split in splits] == ["stretches", "stretches"]
+    tested = np.sum([split.test for split in splits], axis=0)
+    assert (tested == 1).all()
+    first = splits[0]
+    assert np.flatnonzero(first.test).tolist() == [*range(10), *range(20, 30)]
+    # A tenth of a visit of 20 readings: two are left out between what is tested on and what is learned from
+    assert np.flatnonzero(first.train).tolist() == [*range(12, 20), *range(32, 40)]
+
+
+def test_places_that_were_visited_again_are_split_by_visit() -> None:
+    splits = time_splits(list("aabbbaabaa"))
+    assert [split.kind for split in splits] == ["visits", "visits"]
+    assert np.flatnonzero(splits[1].test).tolist() == [5, 6, 7]
+    assert (splits[1].train == ~splits[1].test).all()  # the third visit to a is learned from
+
+
+def test_a_visit_of_one_reading_cannot_be_split() -> None:
+    with pytest.raises(MapError, match="at 'b'"):
+        time_splits(list("aaaaaab"))
+
+
+def test_curves_hold_every_reading(tmp_path: Path) -> None:
+    figure = error_curves_figure({"office": {"old": errors([0.1, 0.2, 0.4, 0.4]), "new": errors([0.1])}})
+    x, y = figure.axes[0].lines[0].get_data()
+    assert np.asarray(x).tolist() == [0.0, 0.1, 0.2, 0.4, 0.4]
+    assert np.asarray(y).tolist() == [0.0, 25.0, 50.0, 75.0, 100.0]
+    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["old: 0.30 m", "new: 0.10 m"]  # type: ignore[union-attr]
+    assert all(path.stat().st_size > 1000 for path in save_figure(figure, tmp_path, "curves"))
+    with pytest.raises(MapError):
+        error_curves_figure({})
+
+
+def test_the_map_leads_from_each_place_to_where_it_is_put() -> None:
+    found = errors([1.0, 2.0, 3.0, 4.0])
+    plan = FloorPlan(outline=np.array([[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]))
+    for ground in (None, plan):
+        axes = error_map_figure(found, ground).axes[0]
+        ends = [line.get_xdata()[-1] for line in axes.lines if len(line.get_xdata()) == 2][:2]  # type: ignore[arg-type, index]
+        assert ends[0] == 2.0
+
+
+def test_two_times_and_gains_are_drawn() -> None:
+    axes = two_times_figure(np.ones((3, 2)), 0.9 * np.ones((3, 2)), ["s1", "s2"], 560.0).axes[0]
+    assert [line.get_ydata()[0] for line in axes.lines[:2]] == [1.0, 0.9]  # type: ignore[index]
+    assert to_hex(axes.lines[0].get_color()) != to_hex(axes.lines[1].get_color())
+    axes = gain_curve_figure([0, 1, 2], {"greedy": [3.0, 2.0, 1.5]}, "error [m]").axes[0]
+    assert np.asarray(axes.lines[0].get_ydata()).tolist() == [3.0, 2.0, 1.5]

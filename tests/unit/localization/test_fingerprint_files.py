@@ -1,0 +1,96 @@
+"""Wide tables of counts, and the files of positions."""
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lidarspectra.errors import MapError
+from lidarspectra.mapping.localization.fingerprint_files import header_of, parse_frame, read_fingerprints
+
+HEADER = "s1_w1,s1_w9,s2_w1,s2_w9,loc"
+
+
+def written(folder: Path, *rows: str, header: str = HEADER, name: str = "night.csv") -> Path:
+    path = folder / name
+    path.write_text("\n".join([header, *rows, ""]), encoding="utf-8")
+    return path
+
+
+def test_channels_are_found_by_name_and_not_by_place(tmp_path: Path) -> None:
+    by_number = read_fingerprints(written(tmp_path, "8,153,9,216,0"))
+    shuffled = written(tmp_path, "216,0,153,8,9", header="s2_610,label,s1_610,s1_410,s2_410", name="b.csv")
+    by_wavelength = read_fingerprints(shuffled).sel(sensor=["s1", "s2"])
+    assert by_number["band"].to_numpy().tolist() == [410.0, 610.0]  # w9 is the ninth channel by wavelength
+    assert by_number["counts"].to_numpy().tolist() == [[[8.0, 153.0], [9.0, 216.0]]]
+    assert (by_wavelength["counts"] == by_number["counts"]).all()
+    assert by_number["label"].item() == by_wavelength["label"].item() == "0"
+
+
+def test_saturated_and_absent_counts_are_missing(tmp_path: Path) -> None:
+    counts = read_fingerprints(written(tmp_path, "8,65535,,216,a"))["counts"].to_numpy()[0]
+    assert np.isnan(counts).tolist() == [[False, True], [True, False]]
+
+
+def test_rows_of_the_empty_room_become_the_reference(tmp_path: Path) -> None:
+    rows = ("10,100,20,200,empty", "12,104,20,,empty", "9,90,21,210,a")
+    table = read_fingerprints(written(tmp_path, *rows))
+    assert table.sizes["fingerprint"] == 1
+    assert table["empty"].to_numpy().tolist() == [[11.0, 102.0], [20.0, 200.0]]
+
+
+def test_a_packed_table_and_labels_with_gaps_are_read(tmp_path: Path) -> None:
+    plain = written(tmp_path, "8,153,9,216,3", "8,153,9,216,")
+    packed = tmp_path / "night.csv.gz"
+    packed.write_bytes(gzip.compress(plain.read_bytes()))
+    # pandas makes 3.0 of 3 where a label is missing; it is the place '3' all the same
+    assert read_fingerprints(packed)["label"].to_numpy().tolist() == ["3", ""]
+
+
+def test_positions_come_from_a_file_of_names(tmp_path: Path) -> None:
+    night = written(tmp_path, "8,153,9,216,a", "8,150,9,210,b")
+    places = written(tmp_path, "b,3,4", "a,1,2", header="name,x,y", name="places.csv")
+    assert read_fingerprints(night, places)["position_m"].to_numpy().tolist() == [[1.0, 2.0, 0.0], [3.0, 4.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "found"),
+    [
+        ("a,b,c", "1,2,3", "a, b, c"),
+        ("s1_w19,loc", "1,a", "s1_w19"),
+        ("s1_411,loc", "1,a", "s1_411"),
+        ("s1_w1,s1_410,loc", "1,2,a", "again"),
+        ("s1_w1,s1_w2,s2_w1,loc", "1,2,3,a", "no 435 nm of 's2'"),
+        (HEADER, "1,2,3,dark,a", "'dark'"),
+        (HEADER, "1,2,3,4,empty", "only of the empty room"),
+    ],
+)
+def test_what_is_not_understood_is_refused(tmp_path: Path, header: str, row: str, found: str) -> None:
+    with pytest.raises(MapError, match=found):
+        read_fingerprints(written(tmp_path, row, header=header))
+
+
+@pytest.mark.parametrize(
+    ("rows", "found"), [(("a,1,2", "a,3,4"), "'a'"), (("a,1,far",), "nan"), (("b,1,2",), "none for a")]
+)
+def test_positions_that_are_no_positions_are_refused(tmp_path: Path, rows: tuple[str, ...], found: str) -> None:
+    night = written(tmp_path, "8,153,9,216,a")
+    with pytest.raises(MapError, match=found):
+        read_fingerprints(night, written(tmp_path, *rows, header="name,x,y", name="places.csv"))
+
+
+def test_a_line_over_a_wire_is_a_frame_or_nothing() -> None:
+    columns = header_of(HEADER, where="wire")
+    assert parse_frame("8,153,9,65535,", columns) == pytest.approx(np.array([[8, 153], [9, np.nan]]), nan_ok=True)
+    for damaged in ("8,153,9", "8,1?3,9,216,", "", HEADER + ",x"):
+        assert parse_frame(damaged, columns) is None
+
+
+def test_the_authors_night_is_read(shared: Path) -> None:
+    table = read_fingerprints(shared / "localization" / "night2.csv.gz")
+    assert dict(table.sizes) == {"fingerprint": 3008, "sensor": 27, "band": 18, "axis": 3}
+    assert len(set(table["label"].to_numpy().tolist())) == 43
+    # The 610 nm channel of real sensors reads several times its neighbours: the order is right.
+    ratio = table["counts"].sel(band=610) / table["counts"].sel(band=[585, 645]).mean("band")
+    assert float(ratio.median()) > 2.0
