@@ -21,6 +21,7 @@ from lidarspectra.hardware.room.person import (
 from lidarspectra.inputs import read_inputs
 from lidarspectra.mapping.localization.fingerprint_table import FINGERPRINTS_FILE, save_fingerprints
 from lidarspectra.mapping.localization.traced_fingerprints import (
+    EFFECT_TARGET,
     TARGET,
     FingerprintRequest,
     PlacedPerson,
@@ -51,8 +52,8 @@ class FingerprintOrder:
         People drawn for each position.
     postures : tuple of str
         To draw from.
-    target : float
-        Standard error wanted, of a reading. [1]
+    target, effect_target : float
+        Standard errors wanted, of a reading and of the difference that a person makes to it. [1]
     seed : int
         Of the people and of the first directions.
     """
@@ -62,6 +63,7 @@ class FingerprintOrder:
     draws: int = 1
     postures: tuple[Posture, ...] = ("standing",)
     target: float = TARGET
+    effect_target: float = EFFECT_TARGET
     seed: int = 0
 
 
@@ -135,6 +137,7 @@ def fingerprint_room(
             FingerprintRequest(
                 accuracy=inputs.room.trace.accuracy,
                 target=order.target,
+                effect_target=order.effect_target,
                 seed=order.seed,
                 receptor=receptor_of_run(inputs),
                 engine=engine,
@@ -143,9 +146,13 @@ def fingerprint_room(
             progress=progress,
         )
     if not table.attrs["target_met"]:
-        achieved = 100 * table.attrs["achieved_relative_se"]
-        notes = (*notes, f"the standard error stayed at {achieved:.2f} %; {100 * order.target:.2f} % was asked")
+        notes = (*notes, _missed("reading", "", table), _missed("person's effect", "effect_", table))
     return Fingerprints(table=table, path=save_fingerprints(table, out / FINGERPRINTS_FILE), notes=notes)
+
+
+def _missed(of: str, name: str, table: xr.Dataset) -> str:
+    achieved, target = (100 * table.attrs[f"{kind}_relative_{name}se"] for kind in ("achieved", "target"))
+    return f"standard error of a {of}: {achieved:.3f} % of the reading; {target:.3f} % was asked"
 
 
 def place_people(positions: Positions, order: FingerprintOrder) -> tuple[PlacedPerson, ...]:

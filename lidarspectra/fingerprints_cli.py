@@ -1,7 +1,8 @@
 """`lidarspectra fingerprints ROOM.toml`: what the room's sensors read with somebody at each of many places."""
 
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -11,7 +12,15 @@ from rich.text import Text
 from lidarspectra.photometry_cli import tell
 
 console = Console(highlight=False)
-PostureName = Literal["standing", "walking", "reading", "sitting"]
+
+
+class PostureName(StrEnum):
+    """A word for `--posture`."""
+
+    STANDING = "standing"
+    WALKING = "walking"
+    READING = "reading"
+    SITTING = "sitting"
 
 
 def fingerprints(
@@ -28,8 +37,11 @@ def fingerprints(
         list[PostureName] | None, typer.Option("--posture", help="To draw from; may stand again. Standing by default.")
     ] = None,
     error: Annotated[
-        float, typer.Option("--error", metavar="PERCENT", min=0.02, max=10.0, help="Standard error, of the reading.")
+        float, typer.Option("--error", metavar="PERCENT", min=0.02, max=10.0, help="Standard error of a reading.")
     ] = 0.3,
+    effect_error: Annotated[
+        float, typer.Option("--effect-error", metavar="PERCENT", min=0.005, max=10.0, help="Of what a person changes.")
+    ] = 0.05,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Another one draws other people.")] = 0,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="RUN", help="The run folder; NAME.run beside NAME.toml by default.")
@@ -54,8 +66,9 @@ def fingerprints(
         positions=positions,
         grid_m=grid,
         draws=draws,
-        postures=tuple(posture or ("standing",)),
+        postures=tuple(posture or (PostureName.STANDING,)),
         target=error / 100.0,
+        effect_target=effect_error / 100.0,
         seed=seed,
     )
     columns = (
@@ -79,6 +92,7 @@ def fingerprints(
     console.print(
         f"{count} fingerprints of {sensors} sensors x {bands} channels; a person changes a reading by "
         f"{float(changes.median()):.1f} % (median), {float(changes.max()):.0f} % at most; "
-        f"standard error {100 * table.attrs['achieved_relative_se']:.2f} %"
+        f"standard error {100 * table.attrs['achieved_relative_se']:.2f} %, of the change "
+        f"{100 * table.attrs['achieved_relative_effect_se']:.3f} %"
     )
     console.print(Text(f"Table: {found.path}"), soft_wrap=True)
