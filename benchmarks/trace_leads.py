@@ -20,11 +20,12 @@ from lidarspectra.config import TraceSection
 from lidarspectra.hardware.phone.decimation import decimate
 from lidarspectra.hardware.phone.scan import bare_scan
 from lidarspectra.radiance import primitives
+from lidarspectra.radiance.arrivals import load_surfaces
 from lidarspectra.radiance.engine import EngineJob, find_engine, float_rows
 from lidarspectra.radiance.estimator import smooth_over_neighbours
 from lidarspectra.radiance.octree import compile_octree
 from lidarspectra.radiance.options import PassOptions, plain_arguments
-from lidarspectra.radiance.pooling import draw_pooled_paths, load_surfaces
+from lidarspectra.radiance.pooling import draw_pooled_paths
 from lidarspectra.radiance.receptors import cosine_receptor
 from lidarspectra.radiance.scene import RadianceScene, write_scene
 from lidarspectra.radiance.sensor_rays import Sensors
@@ -102,11 +103,10 @@ class Bench:
             surfaces, self.sensors, PATHS, batches=SETS, values=lamps * slots, generator=self.generator
         )
         seconds = time.process_time() - start - loading
-        paths.found = np.zeros((len(paths.rays), slots))
-        for bounces in (BOUNCES, 1):
-            arguments = self.options.gather_arguments(1, bounces=bounces, lamps_visible=False)
-            values, spent = self.ask("rcontrib", arguments, paths.rays, rows=len(paths.rays))
-            paths.take(slice(None), values, whole=bounces > 1)
+        paths.found = np.zeros((len(paths.cell), slots))
+        for leg in paths.legs:
+            values, spent = self.ask("rcontrib", leg.arguments(self.options, BOUNCES), leg.rays, rows=len(leg.rays))
+            paths.take(leg, slice(None), values)
             seconds += spent
         return self.cost(np.pi * paths.estimates().transpose(1, 0, 2), seconds)
 

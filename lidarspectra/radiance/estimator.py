@@ -17,15 +17,17 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.radiance.arrivals import Surfaces
 from lidarspectra.radiance.engine import EngineJob, EngineRun, float_rows
 from lidarspectra.radiance.options import PassOptions
-from lidarspectra.radiance.pooling import PooledPaths, Surfaces, draw_pooled_paths
+from lidarspectra.radiance.pooling import Leg, PooledPaths, draw_pooled_paths
 from lidarspectra.radiance.receptors import FIBONACCI
 from lidarspectra.radiance.sensor_rays import Sensors
 
 BATCHES = 8  # [1] enough to tell a spread by, few enough for large sets of directions
 NEIGHBOURS = 9  # [1] points whose variances are averaged to share out work
-_REPEATS = tuple(2**power for power in range(13))  # [1] shadow-ray repeats a batch
+_REPEATS = tuple(4**power for power in range(7))  # [1] shadow-ray repeats a batch; each number is a job of its own
+_DIRECTIONS = FIBONACCI[::2]  # [1] of 'once' and 'view' a batch; the same
 _MOST_BURN_RECORDS = 8  # [1] results thrown away at the start of a job, so that jobs use the engine's numbers shifted
 _MOST_BURN_RAYS = 64  # [1] the same for the paths that sensors share
 
@@ -66,7 +68,7 @@ class Component:
     @property
     def sizes(self) -> tuple[int, ...]:
         """Numbers of samples that one set may have."""
-        return _REPEATS if self.kind == "direct" else FIBONACCI
+        return {"direct": _REPEATS, "often": FIBONACCI}.get(self.kind, _DIRECTIONS)
 
     @property
     def bounces(self) -> int:
@@ -90,7 +92,7 @@ class Component:
 class Task:
     """Samples to be taken for some points of a component, by one child process.
 
-    Of 'often', a part of the drawn paths, and whether they are followed whole or to their first reflection.
+    Of 'often', a part of one leg of the drawn paths.
     """
 
     component: Component
@@ -98,14 +100,14 @@ class Task:
     size: int
     burn: int = 0
     pooled: PooledPaths | None = None
+    leg: Leg | None = None
     part: slice = field(default_factory=lambda: slice(None))
-    whole: bool = True
 
     @property
     def rays(self) -> int:
         """That the engine is given."""
-        if self.pooled is not None:
-            return len(self.pooled.rays[self.part])
+        if self.leg is not None:
+            return len(self.leg.rays[self.part])
         return BATCHES * self.size * self.points.size
 
 
@@ -152,11 +154,11 @@ def _pooled_tasks(
     pooled = draw_pooled_paths(surfaces, sensors, paths, batches=BATCHES, values=values, generator=generator)
     component.seconds += time.process_time() - start
     points = np.arange(len(sensors.positions))
-    for first in range(0, len(pooled.rays), rays_a_job):
-        part = slice(first, first + rays_a_job)
-        burn = int(generator.integers(1, _MOST_BURN_RAYS + 1))  # or parts of one second err alike, and hide it
-        for whole in (True, False):
-            yield Task(component=component, points=points, size=paths, burn=burn, pooled=pooled, part=part, whole=whole)
+    for leg in pooled.legs:
+        for first in range(0, len(leg.rays), rays_a_job):
+            part = slice(first, first + rays_a_job)
+            burn = int(generator.integers(1, _MOST_BURN_RAYS + 1))  # or parts of one second err alike, and hide it
+            yield Task(component=component, points=points, size=paths, burn=burn, pooled=pooled, leg=leg, part=part)
 
 
 def task_job(task: Task, sensors: Sensors, folder: Path, *, generator: np.random.Generator) -> EngineJob:
@@ -168,10 +170,10 @@ def task_job(task: Task, sensors: Sensors, folder: Path, *, generator: np.random
         rays = np.repeat(rays, BATCHES * size, axis=0)
         rays = np.concatenate([np.repeat(rays[:1], task.burn * size, axis=0), rays])
         arguments = options.direct_arguments(size)
-    elif task.pooled is not None:
-        rays = task.pooled.rays[task.part]
+    elif task.leg is not None:
+        rays = task.leg.rays[task.part]
         rays = np.concatenate([np.repeat(rays[:1], task.burn, axis=0), rays])
-        arguments = options.gather_arguments(1, bounces=component.bounces if task.whole else 1, lamps_visible=False)
+        arguments = task.leg.arguments(options, component.bounces)
     else:
         rays = sensors.draw_rays(task.points, sets=BATCHES, count=size, generator=generator).reshape(-1, 6)
         rays = np.concatenate([np.repeat(rays[:1], task.burn * size, axis=0), rays])
@@ -190,9 +192,9 @@ def take_answer(task: Task, run: EngineRun, sensors: Sensors) -> None:
     component, group = task.component, task.component.options.group
     component.seconds += run.seconds
     count, lamps, slots = task.points.size, len(component.lamps), group.slot_count
-    if task.pooled is not None:
+    if task.pooled is not None and task.leg is not None:
         values = float_rows(run, rows=task.burn + task.rays, columns=lamps * slots)[task.burn :]
-        task.pooled.take(task.part, values, whole=task.whole)
+        task.pooled.take(task.leg, task.part, values)
         if task.pooled.missing:
             return
         values = task.pooled.estimates().reshape(BATCHES, count, lamps, slots).transpose(0, 2, 1, 3)

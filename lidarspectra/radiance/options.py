@@ -4,8 +4,8 @@ The irradiance at a sensor is split in three, each part by the estimator that su
 
     E = D + S + M,   D    straight from the lamps: shadow rays to jittered points of them
                      S    reflected once: rays in all directions, blind to lamps (`-dv-`), shadow rays where they arrive
-                     M    reflected more than once: such rays followed by paths with shadow rays at every corner, less
-                          what they find at their first; few paths serve all sensors (`pooling`)
+                     M    reflected more than once: paths with shadow rays at every corner, from the second on;
+                          few serve all sensors (`pooling`)
 
 Each path is unbiased: every shadow ray aims at a point drawn evenly from its part of the lamp (`-dj 1`), none is left
 out (`-dt 0`), paths end by Russian roulette (negative `-lr`), nothing is cached or interpolated (`-aa 0`), and
@@ -65,14 +65,16 @@ class PassOptions:
         options = ("-I+", "-ab", "0", "-dj", "1", "-ds", f"{lamp_part(self.lamp_count):g}", "-dv+")
         return (*self._common(repeats), *options, *self._ending())
 
-    def gather_arguments(self, paths: int, *, bounces: int, lamps_visible: bool) -> tuple[str, ...]:
+    def gather_arguments(
+        self, paths: int, *, bounces: int, lamps_visible: bool, path_weight: float = PATH_WEIGHT
+    ) -> tuple[str, ...]:
         """Arguments for S and M: directions in, each set of `paths` averaged, reflected up to `bounces` times.
 
         A narrow receptor takes all its light this way, with lamps in view.
         """
         options = (
             *("-I-", "-dv+" if lamps_visible else "-dv-", "-dj", "1", "-ds", f"{REFLECTED_LAMP_PART:g}"),
-            *("-ab", str(bounces - 1), "-ad", "1", "-lw", f"{PATH_WEIGHT:g}"),
+            *("-ab", str(bounces - 1), "-ad", "1", "-lw", f"{path_weight:g}"),
             *("-lr", str(-(bounces + SPECULAR_REFLECTIONS))),
         )
         return (*self._common(paths), *options, *self._ending())

@@ -5,120 +5,69 @@ than to a factor of two. So every sensor sends many rays that only look where th
 sensors are sorted into small cells of one material and one side of the room, and few paths a cell, drawn by lot from
 its arrivals, measure the light for all of them:
 
-    M(x) = ∫R dω / n Σ_rays m(cell of the ray),   m(cell) = mean over its drawn rays of (whole path - first reflection)
+    M(x) = ∫R dω / n Σ_rays m(cell of the ray),   m(cell) = mean of m(y) over its drawn arrivals y
 
-A cell's drawn rays are a fair sample of its arrivals. So the sum over all sensors is unbiased whatever the cells are,
+What leaves a matt surface of reflectance ρ is known from the light that comes to it, so that the path goes on from y
+along a ray drawn in proportion to the cosine there; these rays of a cell, and of the whole room, lie evenly (on the
+sequence of Roberts). A surface with some gloss is left to the engine, along the sensor's own ray:
+
+    m(y) = ρ(y) L(y, ω), L being the light reflected once or more;   or   whole path - first reflection
+
+A cell's drawn arrivals are a fair sample of all. So the sum over all sensors is unbiased whatever the cells are,
 and one sensor alone is sampled exactly as by independent paths. Light is only moved between sensors that look at the
-same cell, by its change across the cell; and cells shrink as more rays are asked for. Measured in docs/performance.md.
+same cell, by its change across the cell; and cells shrink as more rays are asked for. Bright cells get more of the
+paths than dark ones. Measured in docs/performance.md.
+
+References
+----------
+Roberts M (2018), The unreasonable effectiveness of quasirandom sequences, extremelearning.com.au (the R2 sequence).
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.errors import SceneError
-from lidarspectra.hardware.room.rays import RayCaster
-from lidarspectra.radiance.mesh_text import read_mesh_text
-from lidarspectra.radiance.receptors import FIBONACCI
-from lidarspectra.radiance.scene import RadianceScene
-from lidarspectra.radiance.sensor_rays import Sensors
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.radiance.arrivals import Arrivals, Scattering, Surfaces
+from lidarspectra.radiance.options import PassOptions
+from lidarspectra.radiance.receptors import FIBONACCI, cosine_directions
+from lidarspectra.radiance.sensor_rays import SENSOR_OFFSET_M, Sensors
 
-PATHS_A_CELL = 8  # [1] few, and a ray's own noise remains; many, and cells are coarse
-CELL_SHARE = 1.0 / 8.0  # [1] of the room's diagonal: longest side of a cell, 0.6 m in a room of 3 m x 3 m
+PATHS_A_CELL = 16  # [1] few, and a ray's own noise remains; many, and cells are coarse
 LEAST_LOOKS = 8  # [1] rays a sensor sends in a batch, at least
-MOST_POOLED_GLOSS = 0.1  # [1] specularity above which what leaves a surface depends on who looks
-_SIDES = 6  # [1] a face's side is told by the axis that its normal is nearest to
+PATHS_A_LOOK = 16  # [1] drawn paths for each ray of a sensor; half as many rays are dearer, twice as many noisier
+REST_WEIGHT = 0.2  # [1] as `PATH_WEIGHT`, of paths that go on: their first reflection, by a half or so, is behind them
+_R2 = np.array([0.7548776662466927, 0.5698402909980532])  # [1] 1/g and 1/g², g³ = g + 1 (Roberts 2018)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Surfaces:
-    """The surfaces of a pass, to look where rays arrive.
+class Leg:
+    """Rays that the engine follows for some of the drawn paths.
 
     Parameters
     ----------
-    caster : RayCaster
-    face_material : (face,) int
-    is_matt : (material,) bool
-        Whether it sends what it reflects in all directions alike.
-    cell_m : float
-        Longest side of a cell. [m]
+    reach : str
+        'rest' of paths that go on from a diffuse surface; 'whole' paths from the sensor, or their 'first' reflection.
+    rays : (ray, 6) float
+    path : (ray,) int
+        Each once.
+    weight : (ray, slot) or (ray, 1) float
+        What an answer counts. [1]
     """
 
-    caster: RayCaster
-    face_material: IntArray
-    is_matt: BoolArray
-    cell_m: float
+    reach: Literal["rest", "whole", "first"]
+    rays: FloatArray
+    path: IntArray
+    weight: FloatArray
 
-    def arrivals(self, rays: FloatArray, sensor: IntArray) -> tuple[FloatArray, IntArray]:
-        """Where rays (ray, 6) of sensors (ray,) arrive: place (ray, 3) [m] and a number for what may share a cell."""
-        origins, directions = rays[:, :3], rays[:, 3:]
-        hits = self.caster.nearest(origins, directions)
-        places = origins + np.where(hits.met, hits.distance, 0.0)[:, None] * directions
-        normals = self.caster.normals[hits.face]
-        away = np.einsum("ij,ij->i", normals, directions) > 0
-        normals = np.where(away[:, None], -normals, normals)  # towards the ray: the two sides of a face differ
-        axis = np.abs(normals).argmax(axis=1)
-        side = 2 * axis + (normals[np.arange(len(axis)), axis] > 0)
-        material = self.face_material[hits.face]
-        kind = np.where(hits.met, 1 + _SIDES * material + side, 0)
-        alone = hits.met & ~self.is_matt[material]
-        kinds = 1 + _SIDES * self.is_matt.size
-        return places, np.where(alone, kinds * (1 + sensor) + kind, kind)
-
-
-def load_surfaces(scene: RadianceScene) -> dict[str, Surfaces]:
-    """The surfaces of every pass, by its name.
-
-    Parameters
-    ----------
-    scene : RadianceScene
-
-    Returns
-    -------
-    surfaces : dict of str to Surfaces
-        Passes of the same mesh and materials share theirs.
-
-    Raises
-    ------
-    SceneError
-        If a file of the scene cannot be read.
-    """
-    known: dict[tuple[str, str], Surfaces] = {}
-    for scene_pass in scene.passes:
-        key = (scene_pass.mesh, scene_pass.materials_file)
-        if key not in known:
-            scan, face_material, names = read_mesh_text(scene.folder / scene_pass.mesh)
-            known[key] = Surfaces(
-                caster=RayCaster(scan),
-                face_material=face_material,
-                is_matt=_are_matt(names, scene.folder / scene_pass.materials_file),
-                cell_m=CELL_SHARE * float(np.linalg.norm(np.ptp(scan.bounds, axis=0))),
-            )
-    return {scene_pass.name: known[(scene_pass.mesh, scene_pass.materials_file)] for scene_pass in scene.passes}
-
-
-def _are_matt(names: Sequence[str], path: Path) -> BoolArray:
-    """Whether each named material of a scene file is matt: plastic of little gloss."""
-    matt = {}
-    try:
-        words = iter(re.sub("#.*", "", path.read_text(encoding="utf-8")).split())
-        for _modifier in words:  # modifier, type, name, then three lists, each headed by its length
-            kind, name = next(words), next(words)
-            _, _, numbers = [[next(words) for _ in range(int(next(words)))] for _ in range(3)]
-            matt[name] = kind == "plastic" and float(numbers[3]) <= MOST_POOLED_GLOSS
-        return np.array([matt[name] for name in names], dtype=np.bool_)
-    except (OSError, ValueError, LookupError, StopIteration) as cause:
-        raise SceneError(
-            expected="the materials that write_scene made, each with its three lists",
-            found=f"{type(cause).__name__}: {cause}",
-            where=str(path),
-            todo="Make the scene stage again.",
-        ) from cause
+    def arguments(self, options: PassOptions, bounces: int) -> tuple[str, ...]:
+        """Of the engine, where light at the sensor has been reflected so often at most."""
+        if self.reach == "rest":
+            return options.gather_arguments(1, bounces=bounces - 1, lamps_visible=False, path_weight=REST_WEIGHT)
+        return options.gather_arguments(1, bounces=bounces if self.reach == "whole" else 1, lamps_visible=False)
 
 
 @dataclass(kw_only=True, eq=False)
@@ -127,27 +76,29 @@ class PooledPaths:
 
     Parameters
     ----------
-    rays : (path, 6) float
-        First rays of the drawn paths.
+    legs : tuple of Leg
+        What the engine is asked.
     cell : (path,) int
-        Cell of each, numbered through all batches.
+        Cell of each path, numbered through all batches.
     shares : tuple of sparse (sensor, cell)
         Per batch, the share of a sensor's rays that arrive in each cell.
     found : (path, value) float
-        Whole paths less their first reflections, as answers come in.
+        What each path brings, as answers come in.
     missing : int
         Rays still to be answered.
     """
 
-    rays: FloatArray
+    legs: tuple[Leg, ...]
     cell: IntArray
     shares: tuple[csr_array, ...]
     found: FloatArray = field(repr=False)
     missing: int
 
-    def take(self, part: slice, values: FloatArray, *, whole: bool) -> None:
-        """Take in the answer for some paths: of whole paths, or of their first reflections alone."""
-        self.found[part] += values if whole else -values
+    def take(self, leg: Leg, part: slice, values: FloatArray) -> None:
+        """Take in the (ray, lamp x slot) answers for some rays of a leg."""
+        weight = leg.weight[part]
+        counted = values.reshape(len(values), -1, weight.shape[1]) * weight[:, None]
+        self.found[leg.path[part]] += counted.reshape(values.shape)
         self.missing -= len(values)
 
     def estimates(self) -> FloatArray:
@@ -183,35 +134,87 @@ def draw_pooled_paths(
     count = len(sensors.positions)
     looks = _looks(paths, count)
     sensor = np.repeat(np.arange(count), looks)
-    drawn: list[FloatArray] = []
+    legs: list[list[Leg]] = []
     cells: list[IntArray] = []
     arrived: list[IntArray] = []
-    total = 0
+    total = drawn = 0
     for _ in range(batches):  # one after the other: a million rays are 100 MB
         rays = sensors.draw_rays(np.arange(count), sets=1, count=looks, generator=generator).reshape(-1, 6)
-        places, kind = surfaces.arrivals(rays, sensor)
+        arrivals = surfaces.arrivals(rays, sensor)
         most = max(1, PATHS_A_CELL * len(rays) // paths)
-        cell = sort_into_cells(places, kind, most=most, longest_m=surfaces.cell_m)
-        chosen = _draw(cell, min(1.0, paths / len(rays)), generator)
-        drawn.append(rays[chosen])
+        cell = sort_into_cells(arrivals.places, arrivals.kind, most=most, longest_m=surfaces.cell_m)
+        chosen = _draw(cell, _worth(surfaces.scattering, arrivals.material), min(paths, len(rays)), generator)
+        legs.append(_legs(surfaces.scattering, arrivals, rays, chosen, first_path=drawn, generator=generator))
         cells.append(cell[chosen] + total)
         arrived.append(cell + total)
         total += int(cell.max()) + 1
-    shares = [csr_array((np.full(cell.size, 1.0 / looks), (sensor, cell)), shape=(count, total)) for cell in arrived]
-    rays = np.concatenate(drawn)
+        drawn += len(chosen)
+    joined = _joined(legs)
     return PooledPaths(
-        rays=rays,
+        legs=joined,
         cell=np.concatenate(cells),
-        shares=tuple(shares),
-        found=np.zeros((len(rays), values)),
-        missing=2 * len(rays),
+        shares=tuple(
+            csr_array((np.full(cell.size, 1.0 / looks), (sensor, cell)), shape=(count, total)) for cell in arrived
+        ),
+        found=np.zeros((drawn, values)),
+        missing=sum(len(leg.rays) for leg in joined),
     )
 
 
 def _looks(paths: int, sensors: int) -> int:
     """Rays a sensor sends in a batch: enough that their own noise is no more than the drawn paths'."""
-    wanted = max(LEAST_LOOKS, paths / PATHS_A_CELL, paths / sensors)
+    wanted = max(LEAST_LOOKS, paths / PATHS_A_LOOK, paths / sensors)
     return next((count for count in FIBONACCI if count >= wanted), FIBONACCI[-1])
+
+
+def _worth(scattering: Scattering, material: IntArray) -> FloatArray:
+    """(ray,) how much a path from an arrival is worth [1].
+
+    As the root of the surface's mean reflectance, where it is known: its light is in proportion to it, but what is
+    dark in the mean may be bright in one band.
+    """
+    worth = np.sqrt(np.where(scattering.is_diffuse, scattering.reflectance.mean(axis=1), 1.0))
+    return np.where(material >= 0, worth[material], 1.0)
+
+
+def _legs(
+    scattering: Scattering,
+    arrivals: Arrivals,
+    rays: FloatArray,
+    chosen: IntArray,
+    *,
+    first_path: int,
+    generator: np.random.Generator,
+) -> list[Leg]:
+    """What to ask the engine for chosen rays, which stand in the order of their cells."""
+    path = first_path + np.arange(len(chosen))
+    material = arrivals.material[chosen]
+    goes_on = (material >= 0) & scattering.is_diffuse[material]
+    there, watched = chosen[goes_on], chosen[~goes_on]
+    normals = arrivals.normals[there]
+    numbers = (generator.random(2) + np.arange(len(there))[:, None] * _R2) % 1.0
+    starts = arrivals.places[there] + SENSOR_OFFSET_M * normals
+    onward = np.concatenate([starts, cosine_directions(normals, numbers)], axis=1)
+    one = np.ones((len(watched), 1))
+    return [
+        Leg(reach="rest", rays=onward, path=path[goes_on], weight=scattering.reflectance[material[goes_on]]),
+        Leg(reach="whole", rays=rays[watched], path=path[~goes_on], weight=one),
+        Leg(reach="first", rays=rays[watched], path=path[~goes_on], weight=-one),
+    ]
+
+
+def _joined(legs: Sequence[Sequence[Leg]]) -> tuple[Leg, ...]:
+    """The legs of all batches, those of one reach together; none that has no rays."""
+    joined = [
+        Leg(
+            reach=alike[0].reach,
+            rays=np.concatenate([leg.rays for leg in alike]),
+            path=np.concatenate([leg.path for leg in alike]),
+            weight=np.concatenate([leg.weight for leg in alike]),
+        )
+        for alike in zip(*legs, strict=True)
+    ]
+    return tuple(leg for leg in joined if len(leg.rays))
 
 
 def sort_into_cells(places: FloatArray, kind: IntArray, *, most: int, longest_m: float) -> IntArray:
@@ -260,10 +263,12 @@ def sort_into_cells(places: FloatArray, kind: IntArray, *, most: int, longest_m:
     return cell
 
 
-def _draw(cell: IntArray, share: float, generator: np.random.Generator) -> IntArray:
-    """Numbers of points drawn by lot: about a share of each cell's, at least one."""
+def _draw(cell: IntArray, worth: FloatArray, paths: int, generator: np.random.Generator) -> IntArray:
+    """Numbers of points drawn by lot, in the order of their cells: at least one of each cell, more of worthy ones."""
     sizes = np.bincount(cell)
-    wanted = np.maximum(1, np.rint(share * sizes)).astype(np.int64)
+    worths = np.bincount(cell, weights=worth)
+    wanted = np.rint(worths * (paths / max(worths.sum(), 1e-9)))
+    wanted = np.clip(wanted, 1, sizes).astype(np.int64)
     order = np.argsort(cell + generator.random(cell.size))
     rank = np.arange(cell.size) - np.repeat(np.cumsum(sizes) - sizes, sizes)
     return np.asarray(order[rank < wanted[cell[order]]], dtype=np.int64)

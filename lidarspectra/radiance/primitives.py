@@ -8,6 +8,7 @@ In rgb mode the slots are the primitive's own three numbers, the last slot as re
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -91,6 +92,51 @@ def primitive(
     return "\n".join([f"{modifier} {kind} {name}", string_line, "0", " ".join([str(len(texts)), *lines[:1]])]) + (
         "\n" + "".join(f"{line}\n" for line in lines[1:])
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Primitive:
+    """A primitive as read back: its modifier, type and name, its words and its numbers."""
+
+    modifier: str
+    kind: str
+    name: str
+    words: tuple[str, ...]
+    numbers: tuple[float, ...]
+
+
+def read_primitives(path: Path) -> list[Primitive]:
+    """Read back a file of what `primitive` writes, comments or not.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    primitives : list of Primitive
+
+    Raises
+    ------
+    SceneError
+        If the file is missing, cut or another one.
+    """
+    try:
+        words = iter(re.sub("#.*", "", path.read_text(encoding="utf-8")).split())
+        found = []
+        for modifier in words:
+            kind, name = next(words), next(words)
+            texts, _, numbers = [[next(words) for _ in range(int(next(words)))] for _ in range(3)]
+            values = tuple(float(value) for value in numbers)
+            found.append(Primitive(modifier=modifier, kind=kind, name=name, words=tuple(texts), numbers=values))
+    except (OSError, ValueError, StopIteration, RuntimeError) as cause:
+        raise SceneError(
+            expected="primitives that write_scene made, each with its three lists",
+            found=f"{type(cause).__name__}: {cause}",
+            where=str(path),
+            todo="Make the scene stage again.",
+        ) from cause
+    return found
 
 
 def _colored(kind: str, name: str, color: Color, others: Sequence[float], modifier: str) -> str:

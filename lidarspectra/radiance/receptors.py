@@ -130,24 +130,50 @@ def draw_directions(
     step = round(count / ((1 + 5**0.5) / 2))  # the Fibonacci number before `count`
     lattice = np.stack([number / count, (number * step % count) / count], axis=-1)
     shifted = (lattice + generator.random((normals.shape[0], sets, 1, 2))) % 1.0
+    around = normals[:, None, None]
+    if receptor.is_cosine:
+        return cosine_directions(around, shifted)
     polar = receptor.polar_angle(shifted[..., 0])
-    azimuth = 2.0 * np.pi * shifted[..., 1]
-    along, across = _tangents(normals)
-    sine = np.sin(polar)
+    return _turned(around, np.sin(polar), np.cos(polar), shifted[..., 1])
+
+
+def cosine_directions(normals: FloatArray, numbers: FloatArray) -> FloatArray:
+    """Directions in proportion to the cosine to a normal (Malley's method: a disc's points, lifted to the sphere).
+
+    Parameters
+    ----------
+    normals : (..., 3) float
+        Unit vectors.
+    numbers : (..., 2) float
+        Uniform. [0-1]
+
+    Returns
+    -------
+    directions : (..., 3) float
+        Unit vectors.
+    """
+    share = numbers[..., 0]
+    return _turned(normals, np.sqrt(share), np.sqrt(1.0 - share), numbers[..., 1])
+
+
+def _turned(normals: FloatArray, sine: FloatArray, cosine: FloatArray, turn: FloatArray) -> FloatArray:
+    """Unit vectors of given sine and cosine to normals (..., 3), turned about them by a share [0-1] of a circle."""
+    azimuth = 2.0 * np.pi * turn
+    across = tangents(normals)
     return np.asarray(
-        (sine * np.cos(azimuth))[..., None] * along[:, None, None]
-        + (sine * np.sin(azimuth))[..., None] * across[:, None, None]
-        + np.cos(polar)[..., None] * normals[:, None, None],
+        (sine * np.cos(azimuth))[..., None] * across[..., 0, :]
+        + (sine * np.sin(azimuth))[..., None] * across[..., 1, :]
+        + cosine[..., None] * normals,
         dtype=np.float64,
     )
 
 
-def _tangents(normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors perpendicular to each normal and to one another."""
-    helper = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+def tangents(normals: FloatArray) -> FloatArray:
+    """(..., 2, 3) two unit vectors perpendicular to each normal (..., 3) and to one another."""
+    helper = np.where(np.abs(normals[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
     along = np.cross(helper, normals)
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    return along, np.cross(normals, along)
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    return np.stack([along, np.cross(normals, along)], axis=-2)
 
 
 def read_receptor(path: Path) -> Receptor:

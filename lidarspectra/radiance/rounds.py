@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.progress import Progress, part_of, silent
+from lidarspectra.radiance.arrivals import Surfaces
 from lidarspectra.radiance.engine import Engine, EngineJob
 from lidarspectra.radiance.estimator import (
     BATCHES,
@@ -24,17 +25,16 @@ from lidarspectra.radiance.estimator import (
     wanted_samples,
 )
 from lidarspectra.radiance.options import PassOptions
-from lidarspectra.radiance.pooling import Surfaces
 from lidarspectra.radiance.receptors import FIBONACCI, Receptor
 from lidarspectra.radiance.scene import RadianceScene
 from lidarspectra.radiance.sensor_rays import Sensors
 from lidarspectra.radiance.uncertainty import standard_error
 
-FIRST_PATHS = ((0.05, 8), (0.02, 13), (0.0, 34))  # (target at least, rays a point and batch) of the first round
+FIRST_PATHS = ((0.05, 5), (0.02, 13), (0.0, 34))  # (target at least, rays a point and batch) of the first round
 FIRST_POOLED = ((0.05, 34), (0.02, 89), (0.0, 233))  # (target at least, paths a batch that all points share)
 MOST_ROUNDS = 8  # [1] two or three do
 MOST_PATHS_A_POINT = 2**18  # [1] on average over a block, each pass; a quarter of a minute of one core
-RAYS_A_JOB = (2**13, 2**17)  # [1] fewest and most rays given to a child process: 6 MB, a few seconds
+RAYS_A_JOB = (2**15, 2**17)  # [1] fewest and most rays given to a child process: 6 MB, a few seconds
 CLOCK_LAG_S = 0.05  # [s] the engine asks a clock that is moved on by ticks, of 16 ms at the longest, behind our own
 AIM = 0.85  # [1] of the target variance that a round aims at: its prediction is uncertain
 PROGRESS_MARKS = (0.0, 0.2, 0.9, 0.96, 0.98)  # [1] where rounds begin
@@ -220,13 +220,9 @@ def _sample(
     progress: Progress,
 ) -> None:
     """Take the samples that each point of each component wants."""
-    rays = BATCHES * sum(
-        int(more.sum()) * (2 if component.kind == "often" else 1)
-        for component, more in zip(components, wanted, strict=True)
-    )
-    log.rays += rays
+    rays = BATCHES * sum(int(more.sum()) for more in wanted)  # about: of shared paths, cells take what they need
     fewest, most = RAYS_A_JOB
-    chunk = min(max(rays // (4 * request.workers), fewest), most)
+    chunk = min(max(rays // (2 * request.workers), fewest), most)
     waiting: deque[Task] = deque()
     if any(more.any() for component, more in zip(components, wanted, strict=True) if component.kind == "direct"):
         _await_second_after(log.direct_second)
@@ -243,6 +239,7 @@ def _sample(
         take_answer(task, run, sensors)
         log.commands.add(run.command)
         done += task.rays
+        log.rays += task.rays
         progress(min(done / rays, 1.0), f"{rays:,} rays")
     log.direct_second = int(time.time())
 

@@ -21,10 +21,10 @@ from numpy.typing import ArrayLike, NDArray
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.config import TraceSection
 from lidarspectra.progress import Progress, part_of, silent
+from lidarspectra.radiance.arrivals import load_surfaces
 from lidarspectra.radiance.engine import Engine, find_engine
 from lidarspectra.radiance.estimator import BATCHES
 from lidarspectra.radiance.options import BOUNCES, RELATIVE_STANDARD_ERROR, Accuracy
-from lidarspectra.radiance.pooling import load_surfaces
 from lidarspectra.radiance.receptors import Receptor, cosine_receptor
 from lidarspectra.radiance.rounds import Log, Request, estimate_block, first_mean, relative_rms
 from lidarspectra.radiance.scene import RadianceScene

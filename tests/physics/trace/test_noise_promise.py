@@ -11,10 +11,10 @@ import xarray as xr
 from lidarspectra.errors import EngineError
 from lidarspectra.radiance import rounds
 from lidarspectra.radiance import trace as trace_module
+from lidarspectra.radiance.arrivals import load_surfaces
 from lidarspectra.radiance.engine import find_engine, float_rows
 from lidarspectra.radiance.estimator import BATCHES
 from lidarspectra.radiance.options import RELATIVE_STANDARD_ERROR
-from lidarspectra.radiance.pooling import load_surfaces
 from lidarspectra.radiance.receptors import cone_receptor, cosine_receptor
 from lidarspectra.radiance.scene import RadianceScene
 from lidarspectra.radiance.sensor_rays import Sensors

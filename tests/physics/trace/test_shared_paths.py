@@ -5,10 +5,10 @@ import pytest
 import trimesh
 
 from lidarspectra.radiance import rounds
+from lidarspectra.radiance.arrivals import load_surfaces
 from lidarspectra.radiance.engine import EngineJob, find_engine, float_rows
 from lidarspectra.radiance.estimator import BATCHES
 from lidarspectra.radiance.options import PassOptions
-from lidarspectra.radiance.pooling import load_surfaces
 from lidarspectra.radiance.receptors import cosine_receptor
 from lidarspectra.radiance.sensor_rays import Sensors
 

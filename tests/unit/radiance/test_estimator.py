@@ -61,7 +61,7 @@ def test_wanted_samples_reach_the_target_within_a_step_of_sizes() -> None:
 
 def test_points_of_more_variance_get_more_samples() -> None:
     part = component(3)
-    (wanted,) = wanted_samples([part], [np.array([1.0, 4.0, 100.0])], points=3, target=0.5)
+    (wanted,) = wanted_samples([part], [np.array([1.0, 10.0, 100.0])], points=3, target=0.5)
     assert wanted[0] < wanted[1] < wanted[2]
 
 
