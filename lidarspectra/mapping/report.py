@@ -204,7 +204,12 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
         if content:
             sections.append(html.Section(anchor=title.lower().replace(" ", "-"), title=title, content=content))
     data = room_view_data(
-        report.spectral_map, report.surfaces, report.materials, report.material_areas_m2, report.lamps
+        report.spectral_map,
+        report.surfaces,
+        report.materials,
+        report.material_areas_m2,
+        report.lamps,
+        illuminance_lx=light.illuminance_lx,
     )
     page = html.page(title=report.title, lead=_lead(report), sections=sections, footer=_footer(report), room_data=data)
     path = folder / PAGE

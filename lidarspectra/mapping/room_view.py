@@ -89,6 +89,8 @@ def room_view_data(
     materials: tuple[Material, ...],
     material_areas_m2: FloatArray,
     lamps: tuple[Lamp, ...],
+    *,
+    illuminance_lx: FloatArray | None = None,
 ) -> str:
     """All that the 3D view shows, as JSON that may stand in a script element.
 
@@ -103,6 +105,8 @@ def room_view_data(
     material_areas_m2 : (material,) float
         [m²]
     lamps : tuple of Lamp
+    illuminance_lx : (point,) float, optional
+        Where the channels tell it. [lx]
 
     Returns
     -------
@@ -120,7 +124,7 @@ def room_view_data(
     data = {
         "bands": spectral_map["band"].to_numpy().tolist(),
         "colors": _colors(),
-        "points": _points(spectral_map),
+        "points": _points(spectral_map, illuminance_lx),
         "kind": "material" if code is None else code.kind,
         "materials": []
         if code is None
@@ -191,7 +195,7 @@ def _plane_triangles(places: FloatArray, points: IntArray) -> IntArray:
     return np.asarray(points[triangles[longest <= LONGEST_EDGE_SPACINGS * spacing]], dtype=np.int64)
 
 
-def _points(spectral_map: xr.Dataset) -> dict[str, Any]:
+def _points(spectral_map: xr.Dataset, illuminance_lx: FloatArray | None) -> dict[str, Any]:
     count = spectral_map.sizes["point"]
     shown = np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(np.int64))
     thinned = spectral_map.isel(point=shown)
@@ -207,6 +211,7 @@ def _points(spectral_map: xr.Dataset) -> dict[str, Any]:
         "places": _packed(places, "<f4"),
         "irradiance": _packed(irradiance, "<f4"),
         "error": _packed(thinned["irradiance_se"].to_numpy(), "<f4"),
+        "illuminance": None if illuminance_lx is None else _packed(illuminance_lx[shown], "<f4"),
         "buried": _packed(thinned["buried"].to_numpy(), "u1"),
         "triangles": _packed(point_triangles(thinned), "<u4"),
         "scales": [[float(norm.vmin or 0.0), float(norm.vmax or 1.0)] for norm in norms],

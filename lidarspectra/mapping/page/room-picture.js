@@ -49,16 +49,29 @@ class RoomPicture {
     const box = new THREE.Box3();
     for (const mesh of this.scene.children) if (mesh !== this.mark) box.expandByObject(mesh);
     const ball = box.getBoundingSphere(new THREE.Sphere());
-    const narrow = Math.min(1, this.camera.aspect); // of a picture higher than wide, the width counts
-    const distance = Math.max(ball.radius, 0.5) / Math.sin((this.camera.fov * Math.PI) / 360) / narrow;
-    this.camera.near = distance / 200;
+    let distance = 3 * Math.max(ball.radius, 0.5);
+    this.camera.near = distance / 500;
     this.camera.far = distance * 20;
     this.camera.updateProjectionMatrix();
     this.controls.target.copy(ball.center);
     const way = new THREE.Vector3(-0.55, -0.65, 0.75).normalize();
-    this.camera.position.copy(ball.center).addScaledVector(way, 1.02 * distance);
-    this.controls.update();
+    for (let round = 0; round < 6; round += 1) {
+      this.camera.position.copy(ball.center).addScaledVector(way, distance);
+      this.controls.update();
+      this.camera.updateMatrixWorld();
+      distance *= this.#share(box) / 0.96; // nearer or farther, until the room just fills the picture
+    }
     this.draw();
+  }
+
+  /** How much of the picture a box fills, from its middle to its rim; 1 is all. */
+  #share({ min, max }) {
+    let widest = 0;
+    for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) {
+      const corner = new THREE.Vector3(x, y, z).project(this.camera);
+      widest = Math.max(widest, Math.abs(corner.x), Math.abs(corner.y));
+    }
+    return widest;
   }
 
   /** Turn by angles [rad], go nearer by a factor, or move aside by shares of the distance. */

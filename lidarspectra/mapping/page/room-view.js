@@ -39,8 +39,9 @@
   const irradiance = (point, band) => points.irradiance[point * bands.length + band];
   const standardError = (point, band) => points.error[point * bands.length + band];
   const limits = () => (element("shared").checked ? [0, points.highest] : points.scales[state.band]);
-  const digits = (value) => String(Number(value.toPrecision(3))).replace("-", "−");
-  const inUnit = (value, places = 3) => (value * points.factor).toPrecision(places).replace("-", "−");
+  const signed = (number) => number.replace("-", "−");
+  const digits = (value) => signed(String(Number(value.toPrecision(3))));
+  const inUnit = (value, places = 3) => signed((value * points.factor).toPrecision(places));
   const channel = () => `${digits(bands[state.band])} nm`;
   const srgb = (linear) => (linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055); // IEC 61966-2-1
   const fromHex = (hex) => [1, 3, 5].map((start) => parseInt(hex.slice(start, start + 2), 16) / 255);
@@ -111,13 +112,14 @@
   }
 
   function tellPoint(point) {
-    const [x, y, z] = points.places.subarray(3 * point, 3 * point + 3);
+    const [x, y, z] = [...points.places.subarray(3 * point, 3 * point + 3)].map((metres) => signed(metres.toFixed(2)));
     const value = `${inUnit(irradiance(point, state.band))} ± ${inUnit(standardError(point, state.band), 2)} ${points.unit}`;
     const lines = [
       html("strong", `Point ${points.numbers[point]}`),
-      html("span", `x ${x.toFixed(2)}, y ${y.toFixed(2)}, z ${z.toFixed(2)} m`),
+      html("span", `x ${x}, y ${y}, z ${z} m`),
       html("span", `${channel()}: ${value}`),
     ];
+    if (points.illuminance !== null) lines.push(html("span", `all that the eye sees: ${digits(points.illuminance[point])} lx`));
     if (points.buried[point]) lines.push(html("span", "buried in a surface: not to be trusted"));
     element("reading").replaceChildren(...lines);
     const values = bands.map((_, band) => points.factor * irradiance(point, band));

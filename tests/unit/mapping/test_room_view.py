@@ -70,6 +70,15 @@ def test_every_number_of_the_map_arrives_in_the_page(report):
         assert sent == pytest.approx(report.spectral_map[variable].to_numpy(), rel=1e-6)  # single precision
     assert _array(data["points"]["buried"]).nonzero()[0].tolist() == [3]
     assert data["bands"] == report.spectral_map["band"].to_numpy().tolist()
+    assert data["points"]["illuminance"] is None  # nobody gave it
+
+
+def test_illuminance_goes_with_its_points(make_transport, make_report):
+    report = make_report(make_transport(points=MOST_POINTS + 500).isel(band=[5]))
+    lux = np.linspace(100.0, 300.0, MOST_POINTS + 500)
+    text = room_view_data(report.spectral_map, None, (), np.empty(0), (), illuminance_lx=lux)
+    points = json.loads(text)["points"]
+    assert _array(points["illuminance"]) == pytest.approx(lux[_array(points["numbers"]) - 1], rel=1e-6)
 
 
 def test_the_room_arrives_where_it_stands_with_its_materials(report):
