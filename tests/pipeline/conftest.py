@@ -1,9 +1,11 @@
 """A small room, and the command line as a user starts it."""
 
 import os
+import signal
 import subprocess
 import sys
 import sysconfig
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -113,6 +115,9 @@ class CommandLine:
 
     def start(self, *words: str | Path) -> subprocess.Popen[str]:
         """Start a command in a process group of its own, as a terminal does."""
+        if threading.current_thread() is threading.main_thread():
+            # A shell's background job ignores Ctrl-C, and so would its children.
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         return subprocess.Popen(
             [self.program, *map(str, words)],
             env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8",
