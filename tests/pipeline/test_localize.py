@@ -67,6 +67,7 @@ def test_a_model_of_one_night_locates_the_next(folder: Path) -> None:
     assert "no fix" in answer("localize live model two.csv --first 1000")
 
 
+@pytest.mark.slow
 def test_nights_are_scored_within_and_across(folder: Path) -> None:
     told = answer("localize score one.csv two.csv --out score")
     assert "cannot be told in metres" in told

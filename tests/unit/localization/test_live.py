@@ -44,11 +44,10 @@ def hub(*lines: str) -> Iterator[str]:
 
         def serve() -> None:
             peer, _ = listener.accept()
-            with peer:
-                with suppress(OSError):  # until the other side hangs up
-                    while True:
-                        peer.sendall("\r\n".join([*lines, ""]).encode())
-                        time.sleep(0.05)
+            with peer, suppress(OSError):  # until the other side hangs up
+                while True:
+                    peer.sendall("\r\n".join([*lines, ""]).encode())
+                    time.sleep(0.05)
 
         thread = threading.Thread(target=serve, daemon=True)
         thread.start()

@@ -1,0 +1,185 @@
+"""Rooms for the localization experiment: as they truly are, as they were scanned, and as they are later."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.config import LampSection
+from lidarspectra.databases import load_reflectances, scenes_folder
+from lidarspectra.hardware.phone.scan import Scan, load_scan
+from lidarspectra.hardware.room.free_space import FreeSpace
+from lidarspectra.hardware.room.person import Positions, draw_person, grid_positions, standing_faults
+from lidarspectra.hardware.room.room import Room, find_room, load_room
+from lidarspectra.hardware.virtual.room_plan import BoxSection, RoomPlan
+from lidarspectra.hardware.virtual.true_room import true_room
+from lidarspectra.mapping.evaluation.true_light import FLAT_DEG, true_materials
+from lidarspectra.mapping.floor_plan import FloorPlan, floor_plan
+from lidarspectra.mapping.localization.fingerprint_table import load_fingerprints, save_fingerprints
+from lidarspectra.mapping.localization.traced_fingerprints import (
+    FingerprintRequest,
+    PlacedPerson,
+    trace_fingerprints,
+)
+from lidarspectra.radiance.lamp_file import load_lamps
+from lidarspectra.radiance.lamps import Lamp, resolve_lamps
+from lidarspectra.radiance.options import Accuracy
+from lidarspectra.radiance.scene import RadianceScene, load_scene, write_scene
+from lidarspectra.radiance.sensors import SensorPoints, read_points
+from lidarspectra.sensor_files import find_bands
+from lidarspectra.workspace import require_stage
+
+CLEAR_OF_SENSOR_M = 0.3  # [m] in plan: nobody stands on a sensor
+TARGET, EFFECT_TARGET = 0.01, 0.0015  # [1] of a reading and of a person's effect; a real sensor's noise is .004
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TracedRoom:
+    """A room, ready to be traced.
+
+    Parameters
+    ----------
+    scene : RadianceScene
+    lamps : tuple of Lamp
+    points : SensorPoints
+        The fixed sensors.
+    free : FreeSpace
+    plan : FloorPlan
+        From above, for figures.
+    """
+
+    scene: RadianceScene
+    lamps: tuple[Lamp, ...]
+    points: SensorPoints
+    free: FreeSpace
+    plan: FloorPlan
+
+    def positions(self, spacing_m: float) -> Positions:
+        """Places where somebody can stand, on a grid, clear of the sensors."""
+        found = grid_positions(self.free, spacing_m)
+        return self._clear(found)
+
+    def places_between(self, count: int, seed: int) -> Positions:
+        """Places by lot wherever somebody can stand."""
+        room = self.free.room
+        assert room is not None
+        generator = np.random.default_rng(seed)
+        low, high = room.outline.min(axis=0), room.outline.max(axis=0)
+        places = np.column_stack(
+            [low + (high - low) * generator.random((40 * count, 2)), np.full(40 * count, room.floor_z)]
+        )
+        places = places[[not words for words in standing_faults(self.free, places)]]
+        names = tuple(f"between {number + 1}" for number in range(len(places)))
+        clear = self._clear(Positions(names=names, places_m=places))
+        return Positions(names=clear.names[:count], places_m=clear.places_m[:count])
+
+    def _clear(self, found: Positions) -> Positions:
+        away = np.linalg.norm(found.places_m[:, None, :2] - self.points.positions[None, :, :2], axis=2)
+        low = self.points.positions[:, 2] < 2.0  # those on the ceiling are in nobody's way
+        kept = np.flatnonzero((away[:, low] > CLEAR_OF_SENSOR_M).all(axis=1))
+        return Positions(names=tuple(found.names[index] for index in kept), places_m=found.places_m[kept])
+
+
+def common_positions(positions: Positions, room: TracedRoom) -> Positions:
+    """Those of the positions where somebody can stand in another state of the room too."""
+    faults = standing_faults(room.free, positions.places_m)
+    kept = [index for index, words in enumerate(faults) if not words]
+    return Positions(names=tuple(positions.names[index] for index in kept), places_m=positions.places_m[kept])
+
+
+def true_traced_room(plan: RoomPlan, scene_name: str, folder: Path) -> TracedRoom:
+    """The room of a plan as it truly is, with its own materials."""
+    base = scenes_folder() / scene_name
+    room = true_room(plan)
+    lamps = resolve_lamps(plan.file.lamps, base)
+    bands = find_bands(plan.file.sensors.device, base)
+    folder.mkdir(parents=True, exist_ok=True)
+    scene = write_scene(room.scan, true_materials(room), lamps, bands, folder, crease_deg=FLAT_DEG)
+    return _ready(scene, lamps, room.scan, find_room(room.scan), base)
+
+
+def scanned_room(run: Path, scene_name: str) -> TracedRoom:
+    """The room of a finished run: its scan, and what materials were estimated."""
+    folder = require_stage(run, "scan")
+    scene = load_scene(require_stage(run, "scene"))
+    base = scenes_folder() / scene_name
+    return _ready(scene, load_lamps(scene.folder), load_scan(folder), load_room(folder), base)
+
+
+def _ready(scene: RadianceScene, lamps: tuple[Lamp, ...], scan: Scan, room: Room, base: Path) -> TracedRoom:
+    positions, normals = read_points(base / "points.csv")
+    points = SensorPoints(positions=positions, normals=normals, buried=np.zeros(len(positions), dtype=np.bool_))
+    return TracedRoom(scene=scene, lamps=lamps, points=points, free=FreeSpace(scan, room), plan=floor_plan(scan, room))
+
+
+def traced(
+    room: TracedRoom, positions: Positions, work: Path, name: str, *, accuracy: Accuracy, draws: int, seed: int
+) -> xr.Dataset:
+    """Fingerprints of people by lot at positions, kept as NAME.nc."""
+    path = work / f"{name}.nc"
+    if path.is_file():
+        return load_fingerprints(path)
+    placed = [
+        PlacedPerson(
+            label=label,
+            place_m=place,
+            person=draw_person(np.random.default_rng([seed, index, draw])),
+            draw=draw,
+        )
+        for index, (label, place) in enumerate(zip(positions.names, positions.places_m, strict=True))
+        for draw in range(draws)
+    ]
+    request = FingerprintRequest(accuracy=accuracy, target=TARGET, effect_target=EFFECT_TARGET, seed=seed)
+    table = trace_fingerprints(
+        room.scene, room.lamps, room.points, placed, load_reflectances(), work / "parts" / name, request
+    )
+    table.attrs["source"] = name
+    save_fingerprints(table, path)
+    return table
+
+
+def later_room(plan: RoomPlan) -> RoomPlan:
+    """The large office three months later: two rows of desks moved, furniture replaced, lamps changed and dimmed."""
+    file = plan.file
+    moved = {
+        "5": (-0.5, 0.35),
+        "6": (-0.5, 0.35),
+        "7": (0.6, -0.4),
+        "8": (0.6, -0.4),
+        "11": (0.5, 0.0),
+        "12": (0.5, 0.0),
+    }
+    gone = {"bin", "books upper", "cabinets west"}
+    parts = [_moved(part, moved) for part in file.parts if part.name not in gone]
+    cupboard = BoxSection(
+        name="new cupboard", shape="box", low=(4.6, -0.05, -0.05), high=(7.4, 0.5, 1.9), material="white laminate"
+    )
+    changes: Mapping[str, dict[str, object]] = {
+        "strip south": {"spectrum": "LED-B2", "luminous_flux_lm": 11000.0},
+        "strip middle": {"luminous_flux_lm": 16000.0},
+        "strip north": {"luminous_flux_lm": 22000.0},
+    }
+    lamps = tuple(LampSection(**{**lamp.model_dump(), **changes[lamp.name]}) for lamp in file.lamps)
+    return replace(plan, file=file.model_copy(update={"parts": (*parts, cupboard), "lamps": lamps}))
+
+
+def _moved(part: object, moved: Mapping[str, tuple[float, float]]) -> object:
+    """A desk, its chair or its screen, where its number says that it went."""
+    name = str(part.name)  # type: ignore[attr-defined]
+    shift = moved.get(name.rsplit(" ", 1)[-1])
+    if shift is None:
+        return part
+    step = np.array([*shift, 0.0])
+    if isinstance(part, BoxSection):
+        return part.model_copy(
+            update={"low": _tuple(np.array(part.low) + step), "high": _tuple(np.array(part.high) + step)}
+        )
+    center = np.array(part.center) + step[:2]  # type: ignore[attr-defined]
+    return part.model_copy(update={"center": _tuple(center)})  # type: ignore[attr-defined]
+
+
+def _tuple(values: FloatArray) -> tuple[float, ...]:
+    return tuple(round(float(value), 4) for value in values)
