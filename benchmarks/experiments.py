@@ -40,6 +40,7 @@ from lidarspectra.mapping.evaluation.experiment_figures import (
     cloths_figure,
     inverse_square_figure,
     superposition_figure,
+    superposition_setup_figure,
     tornado_figure,
 )
 from lidarspectra.mapping.evaluation.instruments import cell_table, sensor_table
@@ -80,6 +81,7 @@ def microbenchmarks(arguments: argparse.Namespace) -> None:
     fabrics = cloths({name: spectra[row] for name, row in CLOTHS.items()}, noise)
     save_table(microbenchmark_table(squares, sums, fabrics), arguments.out)
     save_figure(inverse_square_figure(squares), arguments.out, "figure-8-inverse-square")
+    save_figure(superposition_setup_figure(sums), arguments.out, "figure-9-superposition-setup")
     save_figure(superposition_figure(sums), arguments.out, "figure-10-superposition")
     save_figure(cloths_figure(fabrics), arguments.out, "figure-11-reflectance")
 

@@ -1,6 +1,6 @@
 """What a map costs: time to 1 % and 0.5 % error by our trace and by other ways, what each idea buys, how cost grows.
 
-    python -m benchmarks.trace [--quick] [--only methods|cache|leads|growth] [--room coarse|office]
+    python -m benchmarks.trace [--quick] [--only methods|leads|cache|growth|memory] [--room coarse|office]
 
 Two rooms: a furnished one of 3 m x 3 m x 2.7 m of few large triangles, and the package's scanned office; two panels
 each, the 14 channels of the AS7265x, at most 20 reflections. Each method's map is held against Mitsuba's converged one
@@ -10,10 +10,12 @@ another number of cores does not matter. --quick takes 44 sensors, a coarser ref
 """
 
 import argparse
+import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +37,8 @@ from lidarspectra.second_opinion import reference_irradiance
 from lidarspectra.spectra import gaussian_bands
 
 TARGETS = (0.01, 0.005)  # [1] NRMSE that times are scaled to
+MITSUBA_CELLS = (20, 40)  # [1] along a square's edge: about 1 % and 0.5 %
+MANY_POINTS = 100_000  # [1] traced for their memory
 CACHE_OPTIONS = "-ab 8 -aa .1 -ar 256 -ad 1024 -as 512 -dj 0 -ds .2 -dt .05 -dc .75 -lr 8 -lw 1e-4"
 """Near what `rad` takes for QUALITY = HIGH, VARIABILITY = HIGH; eight reflections, since twenty take an hour."""
 CACHE_POINTS = 8  # [1] a lower bound: the cache is filled for so few sensors only
@@ -158,14 +162,15 @@ def compare(room: Room, folder: Path, *, quick: bool) -> None:
     others = {"ours, rgb": [rgb, rgb], "ours, one run a channel": [single, single]}
     if find_spec("mitsuba") is not None:
         for stratified in (True, False):
-            by_mitsuba(room, 2, 5, stratified=stratified)  # compiles its kernels, which is not counted
+            for cells in MITSUBA_CELLS:  # compiles its kernels, one for each number, which is not counted
+                by_mitsuba(room, cells, 5, stratified=stratified)
             name = f"Mitsuba 3 llvm, {'in cells' if stratified else 'independent'}"
             others[name] = [
                 referee.judge(
                     f"{name}, {2 * cells**2} paths",
                     lambda cells=cells, stratified=stratified: by_mitsuba(room, cells, 7, stratified=stratified),  # type: ignore[misc]
                 )
-                for cells in (20, 40)
+                for cells in MITSUBA_CELLS
             ]
     for target, own, position in zip(TARGETS, ours, (0, 1), strict=True):
         print(f"  processor time to {100 * target:g} %: ours {own.seconds_to(target):.2f} s", end="")
@@ -214,6 +219,26 @@ def growth(folder: Path, *, quick: bool) -> None:
     show("channels", channels, [timed(write_room(base, folder / f"c{len(bands)}", bands=bands), few) for bands in wide])
 
 
+def memory(*, quick: bool) -> None:
+    """Print what tracing a large map takes, in a process of its own whose peak memory is its own."""
+    with get_context("spawn").Pool(1) as pool:
+        count, seconds, peak_mb = pool.apply(_large_map, (MANY_POINTS // 20 if quick else MANY_POINTS,))
+    print(
+        f"\n{count:,} points at draft noise: {seconds:.0f} s of processor time, {peak_mb:,.0f} MB at most", flush=True
+    )
+
+
+def _large_map(count: int) -> tuple[int, float, float]:
+    import resource  # not on Windows, where nothing else needs it
+
+    room = coarse_room(count=count)
+    with tempfile.TemporaryDirectory(prefix="lidarspectra-") as name:
+        scene = write_room(room, Path(name))
+        seconds = timed(scene, room.points)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # in kB, but for macOS
+    return len(room.points), seconds, peak / (1024 if sys.platform != "darwin" else 1024**2)
+
+
 def timed(scene: RadianceScene, points: SensorPoints) -> float:
     """Processor time of a draft [s]."""
     before = processor_seconds()
@@ -232,16 +257,20 @@ def main() -> None:
     """Run what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="44 sensors, short tables")
-    parser.add_argument("--only", choices=("methods", "cache", "leads", "growth"), help="one part of the benchmark")
+    parser.add_argument(
+        "--only", choices=("methods", "leads", "cache", "growth", "memory"), help="one part of the benchmark"
+    )
     parser.add_argument("--room", choices=("coarse", "office"), help="one of the rooms, for methods and cache")
     options = parser.parse_args()
     count = 44 if options.quick else 176
-    for part in ("methods", "leads", "cache", "growth") if options.only is None else (options.only,):
+    for part in ("methods", "leads", "cache", "growth", "memory") if options.only is None else (options.only,):
         with tempfile.TemporaryDirectory(prefix="lidarspectra-") as name:
             rooms = [coarse_room(count=count)] if options.room != "office" else []
             rooms += [office_room(count)] if options.room != "coarse" else []
             if part == "growth":
                 growth(Path(name), quick=options.quick)
+            elif part == "memory" and sys.platform != "win32":
+                memory(quick=options.quick)
             elif part == "leads":
                 print_leads(office_room(count), Path(name))
             for room in rooms if part == "methods" else ():

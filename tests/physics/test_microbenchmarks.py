@@ -8,6 +8,7 @@ from lidarspectra.mapping.evaluation.experiment_figures import (
     cloths_figure,
     inverse_square_figure,
     superposition_figure,
+    superposition_setup_figure,
 )
 from lidarspectra.mapping.evaluation.microbenchmark_tables import microbenchmark_table
 from lidarspectra.mapping.evaluation.microbenchmarks import cloths, inverse_square, line_fit, superposition
@@ -31,7 +32,8 @@ def test_light_falls_with_the_square_adds_up_and_is_reflected_as_computed() -> N
     fabrics = cloths({"red": rows["fabric-red"]}, "standard")
     assert np.abs(fabrics.irradiance / fabrics.expected - 1.0).max() < 0.06
     assert len(microbenchmark_table(squares, sums, fabrics).frame) == 3
-    for figure in (inverse_square_figure(squares), superposition_figure(sums), cloths_figure(fabrics)):
+    figures = (inverse_square_figure(squares), superposition_setup_figure(sums), superposition_figure(sums))
+    for figure in (*figures, cloths_figure(fabrics)):
         for axes in figure.axes:
             assert "[" in axes.get_xlabel()
             assert "[" in axes.get_ylabel()

@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from lidarspectra.arrays import FloatArray
 from lidarspectra.mapping.evaluation.accuracy import MapDeviation
 from lidarspectra.mapping.evaluation.microbenchmarks import Cloths, InverseSquare, Superposition
 from lidarspectra.mapping.evaluation.sensitivity import Influence
@@ -65,6 +67,50 @@ def inverse_square_figure(result: InverseSquare) -> Figure:
     right.set_ylabel(f"spectral irradiance [{irradiance_unit(prefix)}]")
     right.set_title("marks: traced; lines: closed form")
     right.set_ylim(0.0, 1.45 * float(result.irradiance[:, bands].max()) * prefix.factor)  # room for the legend
+    right.legend()
+    return figure
+
+
+@styled
+def superposition_setup_figure(result: Superposition) -> Figure:
+    """Figure 9: where lamps and sensor stand, seen from above, and the spectra of the lamps."""
+    figure = new_figure(PAGE_WIDTH_IN, 3.6)
+    left, right = place(figure, 0.75, 0.6, 3.6, 2.65), place(figure, 5.3, 0.6, 4.3, 2.65)
+    (x, y, _), (toward_x, toward_y, _) = result.sensor
+    wavelengths: FloatArray = np.arange(400.0, 761.0, 2.0)
+    spectra = [lamp.flux.at(wavelengths, outside="zero") for lamp in result.lamps]
+    prefix = prefix_of(np.array(spectra))
+    for number, (lamp, flux) in enumerate(zip(result.lamps, spectra, strict=True)):
+        color = OKABE_ITO[number]
+        left.add_patch(Circle(tuple(lamp.center[:2]), lamp.size[0] / 2, facecolor=color, edgecolor=INK))
+        left.plot([x, lamp.center[0]], [y, lamp.center[1]], color=color, linestyle=DASHES[number])
+        words = f"{lamp.name}\n({lamp.size[0] * 100:.0f} cm)"
+        left.annotate(words, (lamp.center[0], lamp.center[1]), (0, 12), textcoords="offset points", ha="center")
+        right.plot(wavelengths, flux * prefix.factor, color=color, linestyle=DASHES[number], label=lamp.name)
+    middle = np.mean([lamp.center for lamp in result.lamps], axis=0)
+    apart = float(np.linalg.norm(result.lamps[1].center - result.lamps[0].center))
+    left.plot([lamp.center[0] for lamp in result.lamps], [lamp.center[1] for lamp in result.lamps], color=MUTED)
+    left.annotate(
+        f"{100 * apart:.0f} cm", (middle[0], middle[1]), (0, 5), textcoords="offset points", ha="center", color=MUTED
+    )
+    left.plot([x, middle[0]], [y, middle[1]], color=MUTED)
+    away = float(np.linalg.norm(middle - result.sensor[0]))
+    between = 0.5 * (middle[:2] + result.sensor[0, :2])
+    left.annotate(f"{100 * away:.0f} cm", (between[0], between[1]), (5, 0), textcoords="offset points", color=MUTED)
+    left.plot(x, y, marker="s", markersize=8, color=INK)
+    arrow = {"arrowstyle": "->", "color": INK, "linewidth": 1.4}
+    left.annotate("", (x + 0.1 * toward_x, y + 0.1 * toward_y), (x, y), arrowprops=arrow)
+    left.annotate("sensor", (x, y), (10, -4), textcoords="offset points")
+    left.set_aspect("equal")
+    left.set_xlim(-0.4, 0.4)
+    left.set_ylim(y - 0.07, 0.17)
+    left.set_xlabel("x [m]")
+    left.set_ylabel("y [m]")
+    left.set_title("seen from above")
+    right.set_xlabel("wavelength [nm]")
+    right.set_ylabel(f"spectral flux [{prefix.symbol}W nm⁻¹]")
+    right.set_ylim(bottom=0.0)
+    right.set_title("what each lamp sends")
     right.legend()
     return figure
 

@@ -65,8 +65,22 @@ class InverseSquare:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Superposition:
-    """Figures 9 and 10: two lamps, each alone and together; all (band,) [W/m²/nm]."""
+    """Figures 9 and 10: two lamps, each alone and together.
 
+    Parameters
+    ----------
+    lamps : tuple of Lamp
+        The two.
+    sensor : (2, 3) float
+        Where the sensor stands [m], and where it looks.
+    centers_nm : (band,) float
+        [nm]
+    first, second, together, together_se : (band,) float
+        Irradiance of each lamp alone, of both, and its standard error. [W/m²/nm]
+    """
+
+    lamps: tuple[Lamp, ...]
+    sensor: FloatArray
     centers_nm: FloatArray
     first: FloatArray
     second: FloatArray
@@ -137,7 +151,13 @@ def superposition(noise: Noise = "fine") -> Superposition:
     alone = [_light([lamp], position, towards, bands, walls=0.5, noise=noise)[0][0] for lamp in lamps]
     together, error = _light(lamps, position, towards, bands, walls=0.5, noise=noise)
     return Superposition(
-        centers_nm=bands.centers_nm, first=alone[0], second=alone[1], together=together[0], together_se=error[0]
+        lamps=lamps,
+        sensor=np.array([position[0], towards]),
+        centers_nm=bands.centers_nm,
+        first=alone[0],
+        second=alone[1],
+        together=together[0],
+        together_se=error[0],
     )
 
 

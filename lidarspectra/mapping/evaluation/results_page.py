@@ -42,7 +42,12 @@ PARTS = (
         title="Laws of light (the paper's Figures 8 to 11)",
         words="The experiments of the paper's Section 3.2, with an answer by another route for the spectrometer.",
         tables=("microbenchmarks",),
-        figures=("figure-8-inverse-square", "figure-10-superposition", "figure-11-reflectance"),
+        figures=(
+            "figure-8-inverse-square",
+            "figure-9-superposition-setup",
+            "figure-10-superposition",
+            "figure-11-reflectance",
+        ),
     ),
     Part(
         title="Table 1: error by accuracy, with and without material estimation",
