@@ -7,6 +7,7 @@ from scipy.integrate import quad
 from lidarspectra.errors import LampError
 from lidarspectra.radiance.lamp_shapes import (
     beam_exponent,
+    distance_to_lamp,
     emitting_area_m2,
     lamp_axes,
     lamp_corners,
@@ -91,3 +92,24 @@ def test_the_length_lies_along_x_and_turns_about_the_normal() -> None:
 def test_geometry_names_only_what_we_chose() -> None:
     text = lamp_geometry_text("lamp0", lamp())
     assert text == ("lamp0 polygon lamp0_shape\n0\n0\n12 0.7 2.15 2.5\n1.3 2.15 2.5\n1.3 1.85 2.5\n0.7 1.85 2.5\n")
+
+
+@pytest.mark.parametrize(
+    ("shape", "size", "place", "distance"),
+    [
+        ("strip", (9.0, 0.3), (5.4, 2.1, 2.5), 0.0),  # in its opening, near an end
+        ("strip", (9.0, 0.3), (5.8, 2.0, 2.1), 0.5),  # 0.3 m beyond the end, 0.4 m below
+        ("strip", (9.0, 0.3), (1.0, 2.0, 0.7), 1.8),  # a desk under its middle
+        ("disc", (0.2,), (1.4, 2.0, 2.1), 0.5),
+        ("bulb", (0.2,), (1.0, 2.0, 2.0), 0.4),
+        ("bulb", (0.2,), (1.0, 2.05, 2.5), 0.0),
+    ],
+)
+def test_distance_from_a_lamp_is_that_from_the_surface_that_shines(shape, size, place, distance: float) -> None:
+    assert distance_to_lamp(lamp(shape, size), np.array([place])) == pytest.approx([distance])
+
+
+def test_a_lamp_that_is_turned_is_as_near_as_it_reaches_there() -> None:
+    turned = lamp("strip", (2.0, 0.2), rotation_deg=90.0)
+    places = np.array([[1.0, 2.9, 2.5], [1.9, 2.0, 2.5]])
+    assert distance_to_lamp(turned, places) == pytest.approx([0.0, 0.8])

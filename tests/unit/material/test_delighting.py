@@ -1,0 +1,37 @@
+"""What is bright in a scan without being a lamp."""
+
+import numpy as np
+import pytest
+
+from lidarspectra.delighting import _beyond_white, _near_lamps
+from lidarspectra.material.sharpened_cones import cones_of_srgb
+from lidarspectra.radiance.lamps import Lamp
+from lidarspectra.spectra import Spectrum
+
+STRIP = Lamp(
+    name="strip",
+    shape="strip",
+    center=np.array([6.0, 1.6, 2.66]),
+    size=(9.0, 0.3),
+    normal=np.array([0.0, 0.0, -1.0]),
+    flux=Spectrum(wavelengths_nm=[400, 700], values=[1.0, 1.0]),
+)
+
+
+def test_a_white_desk_under_a_long_lamp_is_no_lamp() -> None:
+    # Within half of the lamp's length, as its own ends are: they are told by where the lamp shines.
+    desk, end, plate = [6.5, 1.8, 0.74], [10.4, 1.6, 2.67], [6.0, 1.7, 2.7]
+    assert _near_lamps(np.array([desk, end, plate]), [STRIP]).tolist() == [False, True, True]
+
+
+def light(level: float) -> np.ndarray:
+    return cones_of_srgb(np.full((1, 3), level))
+
+
+def test_what_is_cut_at_white_sends_between_white_and_what_fresh_paint_would() -> None:
+    shown = np.array([[1.0, 1.0, 0.5]])
+    assert _beyond_white(shown, light(2.0))[0] == pytest.approx([0.5 * (1 + 0.93 * 2.0)] * 2 + [1.0])
+
+
+def test_what_its_light_cannot_make_white_sends_no_more_than_it_shows() -> None:
+    assert _beyond_white(np.ones((1, 3)), light(0.9)) == pytest.approx(np.ones((1, 3)))
