@@ -314,7 +314,7 @@ def _other_lines(summary: InitSummary) -> Iterator[str]:
     yield '[sensors.grid]  # in the room\'s free space; or give points = "points.csv" under [sensors] in its place'
     yield f"height = {SENSOR_HEIGHT_M}  # above the floor [m]"
     yield f"count = {summary.sensor_count}  # or spacing = 0.4 [m]"
-    yield "margin = 0.1  # from walls and furniture [m]"
+    yield "margin = 0.1  # from walls and furniture, a table's top too [m]"
     yield ""
     yield "[trace]"
     yield 'accuracy = "high"  # at most 14 reflections; low 2, medium 8, ultra 20'
