@@ -33,6 +33,7 @@ VOXEL_M = 0.025  # [m] of the sampled distance: a wrist is 5 cm thick
 BLEND_M = 0.03  # [m] over which limbs flow into one another
 FACES = 1200  # [1] of the mesh
 CLOTH_M = 0.008  # [m] that clothes add all around
+LOST_M = 0.003  # [m] that sampling and thinning out take away all around
 SEAT_SHARE = 0.26  # [1] of the height: how high the hips of a sitting body are
 TRUNK_FLATNESS = 1.4  # [1] breadth over depth of the trunk
 
@@ -165,8 +166,8 @@ class _Figure:
         self, start: ArrayLike, end: ArrayLike, radii: tuple[float, float], part: Part, *, flatness: float = 1.0
     ) -> _Limb:
         """A limb between two points [m], its radii as shares of the girth."""
-        cloth = 0.0 if part in ("skin", "hair") else CLOTH_M
-        first, last = (self.girth * radius + cloth for radius in radii)
+        more = LOST_M + (0.0 if part in ("skin", "hair") else CLOTH_M)
+        first, last = (self.girth * radius + more for radius in radii)
         return _Limb(start=np.asarray(start), end=np.asarray(end), radii=(first, last), part=part, flatness=flatness)
 
 
