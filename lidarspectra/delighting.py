@@ -61,7 +61,8 @@ ROUNDS = 3  # [1] of grouping by hue and fitting: the first groups by hues that 
 NEIGHBORS = 8  # [1] samples whose light a face takes
 NORMAL_WEIGHT_M = 0.5  # [m] distance that a turn of one radian counts for
 SOFTEN_M = 0.05  # [m] softens the weight of the nearest sample
-REFLECTANCE_RANGE = (0.005, 0.93)  # [1] of surfaces; below what `colors.saturated` takes for a lamp
+REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
+WHITE_SHARE = 0.05  # [1] of the scan's area at the bright end, from which a reader should know
 FEWEST_WITNESSES = 30  # [1] independent places; fewer tell nothing of eight unknowns
 LEAST_EXPLAINED = 0.3  # [1] share of the scatter within surfaces that the lamps' light must explain
 LEAST_DIRECT = 0.15  # [1] of all light in a closed room of mean reflectance 0.85: white on all sides
@@ -208,6 +209,7 @@ def take_light_out(
             *(_flux_warnings(fit, lamps) if fluxes_stated else flux_notes(fluxes)),
             *_beam_warning(fit),
             *_other_light(scan, known, evidence, spread @ fit.irradiance),
+            *_whiter_than_paint(scan, known, face_color),
         ),
         lamp_fluxes=fluxes,
     )
@@ -354,6 +356,18 @@ def _other_light(scan: Scan, known: BoolArray, evidence: LightEvidence, light: F
         f"{area:.1f} m² of the scan are as bright as lamps and belong to none that is known (windows, screens, other "
         "lamps): their light is counted as the picture shows it, cut at white, and surfaces near them may come out "
         "too bright",
+    )
+
+
+def _whiter_than_paint(scan: Scan, known: BoolArray, reflectance: FloatArray) -> tuple[str, ...]:
+    """Area that came out brighter than white paint, which is held to it."""
+    white = known & (reflectance.max(axis=1) >= REFLECTANCE_RANGE[1])
+    area = float(scan.areas[white].sum())
+    if area < WHITE_SHARE * float(scan.areas.sum()):
+        return ()
+    return (
+        f"{area:.0f} m² came out brighter than fresh white paint and count as that, a reflectance of "
+        f"{REFLECTANCE_RANGE[1]:.2f}: more light falls there than the lamps explain, or the picture shows it too bright",
     )
 
 

@@ -30,7 +30,7 @@ def light(level: float) -> np.ndarray:
 
 def test_what_is_cut_at_white_sends_between_white_and_what_fresh_paint_would() -> None:
     shown = np.array([[1.0, 1.0, 0.5]])
-    assert _beyond_white(shown, light(2.0))[0] == pytest.approx([0.5 * (1 + 0.93 * 2.0)] * 2 + [1.0])
+    assert _beyond_white(shown, light(2.0))[0] == pytest.approx([0.5 * (1 + 0.90 * 2.0)] * 2 + [1.0])
 
 
 def test_what_its_light_cannot_make_white_sends_no_more_than_it_shows() -> None:
