@@ -14,7 +14,7 @@ from lidarspectra.hardware.phone.scan import Scan, load_scan
 from lidarspectra.hardware.room.free_space import FreeSpace
 from lidarspectra.hardware.room.person import Positions, draw_person, grid_positions, standing_faults
 from lidarspectra.hardware.room.room import Room, find_room, load_room
-from lidarspectra.hardware.virtual.room_plan import BoxSection, RoomPlan
+from lidarspectra.hardware.virtual.room_plan import BoxSection, CylinderSection, Part, RoomPlan
 from lidarspectra.hardware.virtual.true_room import true_room
 from lidarspectra.mapping.evaluation.true_light import FLAT_DEG, true_materials
 from lidarspectra.mapping.floor_plan import FloorPlan, floor_plan
@@ -118,8 +118,8 @@ def _ready(scene: RadianceScene, lamps: tuple[Lamp, ...], scan: Scan, room: Room
 def traced(
     room: TracedRoom, positions: Positions, work: Path, name: str, *, accuracy: Accuracy, draws: int, seed: int
 ) -> xr.Dataset:
-    """Fingerprints of people by lot at positions, kept as NAME.nc."""
-    path = work / f"{name}.nc"
+    """Fingerprints of people by lot at positions, kept as NAME-DRAWS.nc; further draws go on after the first."""
+    path = work / f"{name}-{draws}.nc"
     if path.is_file():
         return load_fingerprints(path)
     placed = [
@@ -141,44 +141,55 @@ def traced(
     return table
 
 
+MOVED_M: Mapping[str, tuple[float, float]] = {  # [m] between T1 and T2, by the name of the part or lamp
+    "coffee table": (-0.5, 0.05),
+    "bookshelf": (0.0, 0.9),
+    "books": (0.0, 0.9),
+    "dining table": (-0.25, -0.1),
+    "chair south": (-0.25, -0.1),
+    "chair north": (-0.25, -0.1),
+    "fruit bowl": (-0.25, -0.1),
+    "rim living 2": (0.4, 0.5),
+    "living 2": (0.4, 0.5),
+    "rim bedroom 3": (0.3, -0.3),
+    "bedroom 3": (0.3, -0.3),
+}
+GONE = ("television", "television foot", "night table", "plant", "plant pot")
+RUG = "white linen"  # what the rug is of then
+LATER_LAMPS: Mapping[str, dict[str, object]] = {
+    **{f"living {number}": {"spectrum": "LED-B3", "luminous_flux_lm": 800.0} for number in (1, 2, 3, 4)},
+    "dining": {"luminous_flux_lm": 250.0},
+    "kitchen 1": {"luminous_flux_lm": 350.0},
+    "bedroom 2": {"luminous_flux_lm": 900.0},
+}
+
+
 def later_room(plan: RoomPlan) -> RoomPlan:
-    """The large office three months later: two rows of desks moved, furniture replaced, lamps changed and dimmed."""
-    file = plan.file
-    moved = {
-        "5": (-0.5, 0.35),
-        "6": (-0.5, 0.35),
-        "7": (0.6, -0.4),
-        "8": (0.6, -0.4),
-        "11": (0.5, 0.0),
-        "12": (0.5, 0.0),
-    }
-    gone = {"bin", "books upper", "cabinets west"}
-    parts = [_moved(part, moved) for part in file.parts if part.name not in gone]
-    cupboard = BoxSection(
-        name="new cupboard", shape="box", low=(4.6, -0.05, -0.05), high=(7.4, 0.5, 1.9), material="white laminate"
-    )
-    changes: Mapping[str, dict[str, object]] = {
-        "strip south": {"spectrum": "LED-B2", "luminous_flux_lm": 11000.0},
-        "strip middle": {"luminous_flux_lm": 16000.0},
-        "strip north": {"luminous_flux_lm": 22000.0},
-    }
-    lamps = tuple(LampSection(**{**lamp.model_dump(), **changes[lamp.name]}) for lamp in file.lamps)
-    return replace(plan, file=file.model_copy(update={"parts": (*parts, cupboard), "lamps": lamps}))
+    """The apartment three months later: furniture moved and gone, another rug, lamps moved, changed and dimmed."""
+    parts = tuple(_later_part(part) for part in plan.file.parts if part.name not in GONE)
+    lamps = tuple(_later_lamp(lamp) for lamp in plan.file.lamps)
+    return replace(plan, file=plan.file.model_copy(update={"parts": parts, "lamps": lamps}))
 
 
-def _moved(part: object, moved: Mapping[str, tuple[float, float]]) -> object:
-    """A desk, its chair or its screen, where its number says that it went."""
-    name = str(part.name)  # type: ignore[attr-defined]
-    shift = moved.get(name.rsplit(" ", 1)[-1])
-    if shift is None:
-        return part
-    step = np.array([*shift, 0.0])
-    if isinstance(part, BoxSection):
-        return part.model_copy(
-            update={"low": _tuple(np.array(part.low) + step), "high": _tuple(np.array(part.high) + step)}
-        )
-    center = np.array(part.center) + step[:2]  # type: ignore[attr-defined]
-    return part.model_copy(update={"center": _tuple(center)})  # type: ignore[attr-defined]
+def _later_part(part: Part) -> Part:
+    step = np.array([*MOVED_M.get(part.name, (0.0, 0.0)), 0.0])
+    changes: dict[str, object] = {}
+    match part:
+        case BoxSection():
+            changes = {"low": _tuple(np.array(part.low) + step), "high": _tuple(np.array(part.high) + step)}
+        case CylinderSection():
+            changes = {"foot": _tuple(np.array(part.foot) + step)}
+        case _:
+            changes = {"center": _tuple(np.array(part.center) + step[:2])}
+    if part.name == "rug":
+        changes["material"] = RUG
+    return part.model_copy(update=changes)
+
+
+def _later_lamp(lamp: LampSection) -> LampSection:
+    step = np.array([*MOVED_M.get(lamp.name, (0.0, 0.0)), 0.0])
+    center = _tuple(np.array(lamp.center) + step)
+    return LampSection(**{**lamp.model_dump(), "center": center, **LATER_LAMPS.get(lamp.name, {})})
 
 
 def _tuple(values: FloatArray) -> tuple[float, ...]:

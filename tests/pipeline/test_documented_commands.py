@@ -60,6 +60,7 @@ ELSEWHERE = {
     "lidarspectra sensor emulate": "goes on until Ctrl-C; tests/unit/sensor/test_sensor_cli.py",
     "lidarspectra sensor calibrate": "needs a day's logs; test_virtual_robot.py walks that page",
     "lidarspectra sensor join": "test_virtual_robot.py",
+    "lidarspectra localize live model": "needs sensors; tests/unit/localization/test_live.py",
     "lidarspectra sensor cells": "test_virtual_robot.py",
     "lidarspectra evaluate room.run --measured measured.csv": "test_virtual_robot.py",
 }  # the start of a command: why it is not run here, and where it is; test_commands.py still reads its words

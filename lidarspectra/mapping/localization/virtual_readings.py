@@ -68,8 +68,8 @@ def read_by_sensors(
     generator = np.random.default_rng([seed, noise_seed])
     light = np.repeat(table["irradiance"].to_numpy(), readings, axis=0)
     late_h = hours * generator.random(len(light))
-    own_seeds = np.random.default_rng(seed).integers(0, 2**31, light.shape[1]).tolist()
-    sensors = [draw_sensor(own) for own in own_seeds]
+    lot = np.random.default_rng(seed)
+    sensors = [draw_sensor(int(lot.integers(2**31))) for _ in range(light.shape[1])]
     basic, basic_empty = np.empty_like(light), np.empty((EMPTY_READINGS, *light.shape[1:]))
     for number, sensor in enumerate(sensors):
         responsivity, drift = sensor.responsivity[channels], sensor.drift_per_hour[channels]
