@@ -62,7 +62,8 @@ NEIGHBORS = 8  # [1] samples whose light a face takes
 NORMAL_WEIGHT_M = 0.5  # [m] distance that a turn of one radian counts for
 SOFTEN_M = 0.05  # [m] softens the weight of the nearest sample
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
-WHITE_SHARE = 0.05  # [1] of the scan's area at the bright end, from which a reader should know
+LEAST_WHITE = 0.75  # [1] reflectance from which a surface is called white
+WHITE_SHARE = 0.05  # [1] of the scan's area beyond the bright end, from which a reader should know
 FEWEST_WITNESSES = 30  # [1] independent places; fewer tell nothing of eight unknowns
 LEAST_EXPLAINED = 0.3  # [1] share of the scatter within surfaces that the lamps' light must explain
 LEAST_DIRECT = 0.15  # [1] of all light in a closed room of mean reflectance 0.85: white on all sides
@@ -209,7 +210,7 @@ def take_light_out(
             *(_flux_warnings(fit, lamps) if fluxes_stated else flux_notes(fluxes)),
             *_beam_warning(fit),
             *_other_light(scan, known, evidence, spread @ fit.irradiance),
-            *_whiter_than_paint(scan, known, face_color),
+            *_whiter_than_paint(scan, evidence, fit),
         ),
         lamp_fluxes=fluxes,
     )
@@ -359,15 +360,16 @@ def _other_light(scan: Scan, known: BoolArray, evidence: LightEvidence, light: F
     )
 
 
-def _whiter_than_paint(scan: Scan, known: BoolArray, reflectance: FloatArray) -> tuple[str, ...]:
-    """Area that came out brighter than white paint, which is held to it."""
-    white = known & (reflectance.max(axis=1) >= REFLECTANCE_RANGE[1])
-    area = float(scan.areas[white].sum())
-    if area < WHITE_SHARE * float(scan.areas.sum()):
+def _whiter_than_paint(scan: Scan, evidence: LightEvidence, fit: LightFit) -> tuple[str, ...]:
+    """White surfaces of which most came out brighter than paint, and are held to it; noise alone does not do that."""
+    bright = srgb_of_cones(fit.reflectance).max(axis=1)[evidence.group >= 0]
+    beyond = bright > BRIGHTEST_REFLECTANCE
+    if np.mean(beyond) < WHITE_SHARE or np.median(bright[bright > LEAST_WHITE]) < BRIGHTEST_REFLECTANCE:
         return ()
+    area = float(scan.areas.sum()) * np.count_nonzero(beyond) / len(evidence.group)
     return (
-        f"{area:.0f} m² came out brighter than fresh white paint and count as that, a reflectance of "
-        f"{REFLECTANCE_RANGE[1]:.2f}: more light falls there than the lamps explain, or the picture shows it too bright",
+        f"{area:.0f} m² came out brighter than fresh white paint and count as that (reflectance "
+        f"{BRIGHTEST_REFLECTANCE:.2f}): more light falls there than the lamps explain, or the picture is too bright",
     )
 
 
