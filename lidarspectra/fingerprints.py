@@ -21,7 +21,6 @@ from lidarspectra.hardware.room.person import (
 from lidarspectra.inputs import read_inputs
 from lidarspectra.mapping.localization.fingerprint_table import FINGERPRINTS_FILE, save_fingerprints
 from lidarspectra.mapping.localization.traced_fingerprints import (
-    EFFECT_TARGET,
     TARGET,
     FingerprintRequest,
     PlacedPerson,
@@ -53,7 +52,8 @@ class FingerprintOrder:
     postures : tuple of str
         To draw from.
     target, effect_target : float
-        Standard errors wanted, of a reading and of the difference that a person makes to it. [1]
+        Standard errors wanted, of a reading and of the difference that a person makes to it; None fits the latter to
+        what people change. [1]
     seed : int
         Of the people and of the first directions.
     """
@@ -63,7 +63,7 @@ class FingerprintOrder:
     draws: int = 1
     postures: tuple[Posture, ...] = ("standing",)
     target: float = TARGET
-    effect_target: float = EFFECT_TARGET
+    effect_target: float | None = None
     seed: int = 0
 
 

@@ -40,8 +40,15 @@ def fingerprints(
         float, typer.Option("--error", metavar="PERCENT", min=0.02, max=10.0, help="Standard error of a reading.")
     ] = 0.3,
     effect_error: Annotated[
-        float, typer.Option("--effect-error", metavar="PERCENT", min=0.005, max=10.0, help="Of what a person changes.")
-    ] = 0.05,
+        float | None,
+        typer.Option(
+            "--effect-error",
+            metavar="PERCENT",
+            min=0.005,
+            max=10.0,
+            help="That of a person's change, of the reading too.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Another one draws other people.")] = 0,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="RUN", help="The run folder; NAME.run beside NAME.toml by default.")
@@ -68,7 +75,7 @@ def fingerprints(
         draws=draws,
         postures=tuple(posture or (PostureName.STANDING,)),
         target=error / 100.0,
-        effect_target=effect_error / 100.0,
+        effect_target=None if effect_error is None else effect_error / 100.0,
         seed=seed,
     )
     columns = (

@@ -60,6 +60,7 @@ ELSEWHERE = {
     "lidarspectra sensor emulate": "goes on until Ctrl-C; tests/unit/sensor/test_sensor_cli.py",
     "lidarspectra sensor calibrate": "needs a day's logs; test_virtual_robot.py walks that page",
     "lidarspectra sensor join": "test_virtual_robot.py",
+    "lidarspectra fingerprints scan.toml --positions": "takes minutes; test_fingerprints.py",
     "lidarspectra localize place scan.run/fingerprints": "needs fingerprints, which take a while; test_localize.py",
     "lidarspectra localize live model": "needs sensors; tests/unit/localization/test_live.py",
     "lidarspectra sensor cells": "test_virtual_robot.py",

@@ -42,13 +42,15 @@ from lidarspectra.reflectance_library import ReflectanceLibrary
 from lidarspectra.workspace import hash_file
 
 TARGET = 0.003  # [1] standard error wanted of a reading, a tenth of what somebody near the sensor changes
-EFFECT_TARGET = 0.0005  # [1] of the difference, for in a large room most sensors see somebody by 0.1 % and less
+FINEST_EFFECT = 0.0005  # [1] of the difference: in a large room most sensors see somebody by 0.1 % and less
+SHARE_OF_EFFECT = 0.02  # [1] of what people change, below which a difference's error serves nothing
 PILOT_WALKS = 89  # [1] of a sensor in a set, from which the noise is told
 PILOT_PERSONS = 6  # [1]
 LOOKS = 8  # [1] of a sensor at each part of each lamp in a set: noise far below that of the walks
 AIM = 0.9  # [1] of the target that is aimed at: a pilot's noise is uncertain itself
 AT_ONCE = 64  # [1] persons who share walks; the rays that they meet take some 5 MB each
 WORK_FOLDER = "work"
+SURVEY = "survey"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,9 +85,12 @@ class FingerprintRequest:
     ----------
     accuracy : str
         Most reflections, as in the run file.
-    target, effect_target : float
-        Standard errors to come down to, of a reading and of its difference from the empty room's; both relative to the
-        empty room's reading, root mean square over sensors, channels and persons. [1]
+    target : float
+        Standard error of a reading to come down to, relative to the empty room's; root mean square over sensors,
+        channels and persons. [1]
+    effect_target : float or None
+        The same of a reading's difference from the empty room's. None is 2 % of what people change (root mean square),
+        but between 0.05 % of the reading and the target. [1]
     seed : int
         Of first directions; the engine draws all others by the clock.
     receptor : Receptor or None
@@ -98,7 +103,7 @@ class FingerprintRequest:
 
     accuracy: Accuracy = "high"
     target: float = TARGET
-    effect_target: float = EFFECT_TARGET
+    effect_target: float | None = None
     seed: int = 0
     receptor: Receptor | None = None
     engine: Engine | None = None
@@ -192,12 +197,11 @@ def trace_fingerprints(
     empty, empty_se = _empty(scene, points, request, kept, part_of(progress, 0.0, 0.3))
     keys = [_person_key(each, library) for each in placed]
     missing = [index for index, key in enumerate(keys) if kept.load(key) is None]
-    walks = 0
     if missing:
         progress(0.3, "people")
         obstacles = {index: _checked_obstacle(placed[index], library, points) for index in missing}
         effects = _Effects(scene, lamps, points, request, folder / WORK_FOLDER)
-        walks = _walks(effects, list(obstacles.values()), empty, kept, part_of(progress, 0.3, 0.4))
+        walks = _survey(effects, list(obstacles.values()), empty, kept, part_of(progress, 0.3, 0.4)).walks
         for first in range(0, len(missing), AT_ONCE):
             block = missing[first : first + AT_ONCE]
             done = [0.4 + 0.6 * share / len(missing) for share in (first, first + len(block))]
@@ -205,6 +209,7 @@ def trace_fingerprints(
                 [obstacles[index] for index in block], [keys[index] for index in block], walks, kept,
                 part_of(progress, *done),
             )  # fmt: skip
+    survey = _Survey.of(kept.need(SURVEY))
     batches = np.stack([kept.need(key)["batches"] for key in keys]).astype(np.float64)
     effect_se = np.stack([standard_error(each) for each in batches])
     readings = empty + batches.mean(axis=1)
@@ -227,10 +232,10 @@ def trace_fingerprints(
             "bounces": BOUNCES[request.accuracy],
             "target_relative_se": request.target,
             "achieved_relative_se": achieved,
-            "target_relative_effect_se": request.effect_target,
+            "target_relative_effect_se": survey.target,
             "achieved_relative_effect_se": achieved_effect,
-            "target_met": int(achieved <= request.target and achieved_effect <= request.effect_target),
-            "walks_a_sensor": walks * BATCHES,
+            "target_met": int(achieved <= request.target and achieved_effect <= survey.target),
+            "walks_a_sensor": survey.walks * BATCHES,
             "seed": request.seed,
             "seconds": time.perf_counter() - start,
         },
@@ -301,8 +306,8 @@ class _Effects:
 
     def trace(
         self, obstacles: Sequence[Obstacle], keys: Sequence[str], walks: int, kept: "_Kept", progress: Progress
-    ) -> FloatArray:
-        """Trace and keep; gives (person, sensor, band) standard errors [W/m²/nm]."""
+    ) -> tuple[FloatArray, FloatArray]:
+        """Trace and keep; gives (person, sensor, band) effects and standard errors [W/m²/nm]."""
         request = self.request
         sampling = EffectRequest(
             bounces=BOUNCES[request.accuracy],
@@ -312,27 +317,45 @@ class _Effects:
             engine=find_engine() if request.engine is None else request.engine,
             workers=request.workers or available_cores(),
         )
-        errors = []
+        found, errors = [], []
         for effect in trace_effects(
             self.scene, self.lamps, self.points, obstacles, sampling, self.folder, seed=request.seed, progress=progress
         ):
             kept.save(keys[effect.number], {"batches": effect.batches.astype(np.float32)})
+            found.append(effect.effect)
             errors.append(effect.effect_se)
-        return np.stack(errors)
+        return np.stack(found), np.stack(errors)
 
 
-def _walks(
+@dataclass(frozen=True, kw_only=True)
+class _Survey:
+    """What a pilot told: walks of a sensor in a set, and the standard error that they are for [1]."""
+
+    walks: int
+    target: float
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, FloatArray]) -> "_Survey":
+        return cls(walks=int(arrays["walks"]), target=float(arrays["target"]))
+
+
+def _survey(
     effects: _Effects, obstacles: Sequence[Obstacle], empty: FloatArray, kept: "_Kept", progress: Progress
-) -> int:
-    """Walks of a sensor in a set that bring the error down to the target, from what few show."""
-    found = kept.load("walks")
+) -> _Survey:
+    """Tell from few people and walks how many walks bring the error of an effect down to its target."""
+    found = kept.load(SURVEY)
     if found is None:
         chosen = np.unique(np.linspace(0, len(obstacles) - 1, PILOT_PERSONS).astype(np.int64))
         few = [obstacles[index] for index in chosen]
-        errors = effects.trace(few, [f"pilot-{index}" for index in chosen], PILOT_WALKS, kept, progress)
-        wanted = PILOT_WALKS * (_relative_rms(errors, empty) / (AIM * effects.request.effect_target)) ** 2
-        found = kept.save("walks", {"walks": np.array([next((n for n in FIBONACCI if n >= wanted), FIBONACCI[-1])])})
-    return int(found["walks"][0])
+        changes, errors = effects.trace(few, [f"pilot-{index}" for index in chosen], PILOT_WALKS, kept, progress)
+        target = effects.request.effect_target
+        if target is None:
+            own = max(FINEST_EFFECT, SHARE_OF_EFFECT * _relative_rms(changes, empty))
+            target = min(own, effects.request.target)
+        wanted = PILOT_WALKS * (_relative_rms(errors, empty) / (AIM * target)) ** 2
+        walks = next((size for size in FIBONACCI if size >= wanted), FIBONACCI[-1])
+        found = kept.save(SURVEY, {"walks": np.array(float(walks)), "target": np.array(target)})
+    return _Survey.of(found)
 
 
 class _Kept:
