@@ -13,6 +13,7 @@ setup: .venv/.installed
 setup-test: .venv/.installed-test
 
 .venv/.installed: pyproject.toml
+	@echo "Setting up .venv. The first time this takes some minutes, and says nothing meanwhile."
 	$(PYTHON) tools/system_packages.py
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip

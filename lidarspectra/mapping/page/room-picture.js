@@ -189,7 +189,8 @@ class RoomPicture {
     const geometry = RoomPicture.#geometry(this.places);
     geometry.computeBoundingSphere();
     this.dotRadius = Math.min(0.05, Math.max(0.012, (0.3 * geometry.boundingSphere.radius) / Math.sqrt(count)));
-    const dots = new THREE.InstancedMesh(new THREE.SphereGeometry(this.dotRadius, 12, 8), new THREE.MeshBasicMaterial(), count);
+    const ball = new THREE.SphereGeometry(this.dotRadius, ...(count > 1000 ? [6, 4] : [12, 8])); // many are seen small
+    const dots = new THREE.InstancedMesh(ball, new THREE.MeshBasicMaterial(), count);
     const place = new THREE.Matrix4();
     for (let point = 0; point < count; point += 1) {
       dots.setMatrixAt(point, place.makeTranslation(...this.places.subarray(3 * point, 3 * point + 3)));
