@@ -37,6 +37,7 @@ from lidarspectra.second_opinion import reference_irradiance
 from lidarspectra.spectra import gaussian_bands
 
 TARGETS = (0.01, 0.005)  # [1] NRMSE that times are scaled to
+RUNS = 3  # [1] of ours and of Mitsuba; the errors of one run's sensors go together, so that one tells little
 MITSUBA_CELLS = (20, 40)  # [1] along a square's edge: about 1 % and 0.5 %
 MANY_POINTS = 100_000  # [1] traced for their memory
 CACHE_OPTIONS = "-ab 8 -aa .1 -ar 256 -ad 1024 -as 512 -dj 0 -ds .2 -dt .05 -dc .75 -lr 8 -lw 1e-4"
@@ -94,17 +95,19 @@ class Referee:
         self.light = np.mean([irradiance(run) for run in runs], axis=0)
         self.variance = np.mean([run["irradiance_se"].to_numpy() ** 2 for run in runs], axis=0) / len(runs)
 
-    def judge(self, name: str, answer: Callable[[], FloatArray], *, bands: Sequence[int] | None = None) -> Outcome:
-        """Run a method, time it, compare (in some bands, or for the first points, where it gives no more), print."""
+    def judge(
+        self, name: str, answer: Callable[[int], FloatArray], *, runs: int = 1, bands: Sequence[int] | None = None
+    ) -> Outcome:
+        """Run a method some times, by number; time it, compare (in some bands, where it gives no more), print."""
         before = processor_seconds()
-        found = answer()
-        seconds = processor_seconds() - before
+        found = np.stack([answer(run) for run in range(runs)])
+        seconds = (processor_seconds() - before) / runs
         chosen = slice(None) if bands is None else list(bands)
-        light, variance = self.light[: len(found), chosen], self.variance[: len(found), chosen]
-        noise = np.maximum(np.mean((found - light) ** 2 - variance, axis=0), 0.0)
+        light, variance = self.light[:, chosen], self.variance[:, chosen]
+        noise = np.maximum(np.mean((found - light) ** 2 - variance, axis=(0, 1)), 0.0)
         outcome = Outcome(
             nrmse=float(np.mean(np.sqrt(noise) / light.mean(axis=0))),
-            bias=float(np.mean(found.mean(axis=0) / light.mean(axis=0)) - 1.0),
+            bias=float(np.mean(found.mean(axis=(0, 1)) / light.mean(axis=0)) - 1.0),
             seconds=seconds,
         )
         print(f"  {name:40s} {100 * outcome.nrmse:6.2f} % {100 * outcome.bias:+6.2f} % {seconds:8.1f} s", flush=True)
@@ -146,16 +149,20 @@ def compare(room: Room, folder: Path, *, quick: bool) -> None:
     traced(scene, room.points, "draft", seed=0)  # imports what is imported on first use; not counted
     print(f"  {'method':40s} {'NRMSE':>8s} {'bias':>8s} {'time':>10s}")
     ours = [
-        referee.judge(f"ours, {noise}", lambda noise=noise: traced(scene, room.points, noise, seed=1))  # type: ignore[misc]
+        referee.judge(
+            f"ours, {noise}",
+            lambda run, noise=noise: traced(scene, room.points, noise, seed=1 + run),  # type: ignore[misc]
+            runs=RUNS,
+        )
         for noise in ("standard", "fine")
     ]
     classic = write_room(room, folder / "rgb", mode="rgb")
-    rgb = referee.judge("ours, rgb (5 passes)", lambda: traced(classic, room.points, "standard", seed=2))
+    rgb = referee.judge("ours, rgb (5 passes)", lambda _: traced(classic, room.points, "standard", seed=2))
     count = len(room.bands)
     chosen = range(0, count, 6) if quick else range(count)
     single = referee.judge(
         f"ours, one run a channel ({len(chosen)} of {count})",
-        lambda: by_single_channels(room, folder, chosen),
+        lambda _: by_single_channels(room, folder, chosen),
         bands=chosen,
     )
     single = replace(single, seconds=single.seconds * count / len(chosen))
@@ -168,7 +175,10 @@ def compare(room: Room, folder: Path, *, quick: bool) -> None:
             others[name] = [
                 referee.judge(
                     f"{name}, {2 * cells**2} paths",
-                    lambda cells=cells, stratified=stratified: by_mitsuba(room, cells, 7, stratified=stratified),  # type: ignore[misc]
+                    lambda run, cells=cells, stratified=stratified: by_mitsuba(  # type: ignore[misc]
+                        room, cells, 7 + run, stratified=stratified
+                    ),
+                    runs=RUNS,
                 )
                 for cells in MITSUBA_CELLS
             ]

@@ -93,10 +93,13 @@ class Bench:
         variance = values.var(axis=1, ddof=1).mean(axis=0) / self.mean**2
         return Cost(seconds=seconds / values.shape[1], variance=float(variance.max()))
 
-    def pooled(self) -> Cost:
-        """Light reflected more than once, by paths that all sensors share."""
+    def pooled(self, *, going_on: bool = True) -> Cost:
+        """Light reflected more than once, by shared paths that go on from matt surfaces, or start at the sensor."""
         start = time.process_time()
         surfaces = load_surfaces(self.scene)[self.scene_pass.name]
+        if not going_on:
+            nothing = np.zeros_like(surfaces.scattering.is_diffuse)
+            surfaces = replace(surfaces, scattering=replace(surfaces.scattering, is_diffuse=nothing))
         loading = time.process_time() - start
         lamps, slots = len(self.scene_pass.lamps), self.scene_pass.slot_count
         paths = draw_pooled_paths(
@@ -215,6 +218,10 @@ def print_leads(room: Room, folder: Path) -> None:
     own, reflected = bench.gather(BOUNCES), together(once, pooled)
     show("reflected light: each sensor's paths its own", own.beside(reflected))
     show("all light: one plain pass of rcontrib", bench.plain().beside(together(direct, once, pooled)))
+    show(
+        "shared paths: whole ones from the sensor, less their first reflection",
+        bench.pooled(going_on=False).beside(pooled),
+    )
     show("light reflected once: directions not on a lattice", bench.gather(1, lattice=False).beside(once))
     show("first reflections taken off along other rays", bench.rest(same=False).beside(bench.rest(same=True)))
     show("direct light: equal shares of the budget for all points", bench.shared_budget())
