@@ -22,6 +22,7 @@ from lidarspectra.errors import MaterialError
 from lidarspectra.hardware.phone.scan import Scan
 from lidarspectra.hardware.room.room import Room
 from lidarspectra.material.assignments import assign, database_material, read_assignments
+from lidarspectra.material.color_priors import color_likelihood
 from lidarspectra.material.colors import color_words, mean_color, primary_colors, saturated, surface_colors
 from lidarspectra.material.face_groups import agreement, face_adjacency, smooth_labels
 from lidarspectra.material.fusion import FaceClasses, fuse, split_by_class, view_votes
@@ -138,7 +139,7 @@ def material_classes(
     colors: FloatArray,
     progress: Progress = silent,
 ) -> FaceClasses:
-    """Material class of every face: the views' votes, the room's geometry, and the neighbours.
+    """Material class of every face: the views' votes, the room's geometry, the colour, and the neighbours.
 
     Parameters
     ----------
@@ -149,7 +150,7 @@ def material_classes(
     room : Room or None
         In the scan; None leaves the geometry out.
     colors : (face, 3) float
-        Linear sRGB, by which neighbours agree or do not. [0-1]
+        Linear sRGB, by which neighbours agree or do not, and which rules some classes out. [0-1]
     progress : callable
 
     Returns
@@ -158,8 +159,11 @@ def material_classes(
     """
     votes = view_votes(classifier, scan, views, progress)
     adjacency = face_adjacency(scan)
-    neighbors = agreement(adjacency, linear_srgb_to_lab(colors), scan.normals)
-    prior = None if room is None else class_prior(find_places(scan, room, adjacency), classifier.classes)
+    lab = linear_srgb_to_lab(colors)
+    neighbors = agreement(adjacency, lab, scan.normals)
+    prior = color_likelihood(lab, classifier.classes)
+    if room is not None:
+        prior = prior * class_prior(find_places(scan, room, adjacency), classifier.classes)
     return fuse(votes, neighbors, prior)
 
 
