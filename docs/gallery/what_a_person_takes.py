@@ -46,7 +46,7 @@ with tempfile.TemporaryDirectory() as name:
     bands = lidarspectra.sensor_bands("as7265x-14")
     scene = lidarspectra.write_scene(scan, materials, lamps, bands, folder / "scene")
     # Sensors under the ceiling that look down.
-    grid = GridSection(height=2.8, spacing=0.3, normal=(0.0, 0.0, -1.0))
+    grid = GridSection(height=2.8, spacing=0.5, normal=(0.0, 0.0, -1.0))
     points = sensor_points(scan, room, SensorsSection(grid=grid), folder=folder)
     table = trace_fingerprints(
         scene,
@@ -55,7 +55,7 @@ with tempfile.TemporaryDirectory() as name:
         [PlacedPerson(label="here", place_m=place, person=red)],
         load_reflectances(),
         folder / "parts",
-        FingerprintRequest(accuracy="medium", target=0.03, effect_target=0.004),
+        FingerprintRequest(accuracy="medium", target=0.05, effect_target=0.006),
     )
 
 change = 100 * (table["irradiance"] / table["empty"] - 1).isel(fingerprint=0)
@@ -65,12 +65,12 @@ for axes, center in zip(panels, (460, 645), strict=True):
     dots = axes.scatter(
         *points.positions[:, :2].T,
         c=change.sel(band=center),
-        s=90,
-        cmap="RdBu",
+        s=250,
+        cmap="magma",
         vmin=-most,
-        vmax=most,
+        vmax=0.0,
     )
-    axes.plot(*place[:2], "x", color="black")
+    axes.plot(*place[:2], "x", color="tab:cyan")
     axes.set(title=f"{center} nm", xlabel="x [m]", aspect="equal")
 panels[0].set_ylabel("y [m]")
 figure.colorbar(dots, ax=panels, label="change by a person in a red shirt [%]")
