@@ -7,7 +7,7 @@ BIN := .venv/bin
 endif
 JOBS ?= auto
 
-.PHONY: demo test quick lint docs experiments setup setup-test clean
+.PHONY: demo test quick fuzz lint docs experiments setup setup-test clean
 
 setup: .venv/.installed
 setup-test: .venv/.installed-test
@@ -41,6 +41,10 @@ docs: setup-test
 
 quick: setup-test
 	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
+
+# 10,000 damaged files for every reader: half an hour on two cores; FUZZ="--only glb" for one (tests/fuzz/campaign.py).
+fuzz: setup-test
+	$(BIN)/python tests/fuzz/campaign.py $(FUZZ)
 
 # The paper's experiments from nothing to docs/results.md; QUICK=--quick for a first look.
 experiments: setup-test

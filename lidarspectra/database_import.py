@@ -212,7 +212,7 @@ def import_lspdd(files: Sequence[Path]) -> ImportSummary:
 def _lspdd_row(file: Path) -> TableRow:
     try:
         lamp = json.loads(read_text(file))
-    except json.JSONDecodeError as cause:
+    except (json.JSONDecodeError, RecursionError) as cause:
         raise DatabaseError(expected="an LSPDD lamp (JSON)", found=str(cause), where=str(file)) from cause
     if not isinstance(lamp, dict) or not isinstance(lamp.get("spectraldata"), str) or "id" not in lamp:
         raise DatabaseError(

@@ -2,6 +2,7 @@
 
 import re
 
+LONGEST_PART = 1_000  # [1] characters of a part of a message: a damaged file may hold a word of any length
 _SYSTEM_NUMBER = re.compile(r"\[(?:Errno|WinError) -?\d+\] ")
 
 
@@ -21,6 +22,7 @@ class LidarSpectraError(Exception):
     """
 
     def __init__(self, *, expected: str, found: str, where: str = "", todo: str = "") -> None:
+        expected, found, where, todo = (_shown(part) for part in (expected, found, where, todo))
         # A system's own words begin with a number that says nothing and end in the file that is named anyway.
         found = _SYSTEM_NUMBER.sub("", found).removesuffix(f": {where!r}").rstrip(".")
         self.expected = expected
@@ -33,6 +35,13 @@ class LidarSpectraError(Exception):
 
     def __reduce__(self) -> tuple[object, ...]:
         return _rebuild, (type(self), self.expected, self.found, self.where, self.todo)
+
+
+def _shown(text: str) -> str:
+    """Text as one line that a terminal can show: a file's words may hold line ends, control characters, or a novel."""
+    if not text.isprintable():
+        text = " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
+    return text if len(text) <= LONGEST_PART else f"{text[: LONGEST_PART // 2]} ... {text[-LONGEST_PART // 2 :]}"
 
 
 def _rebuild(kind: type[LidarSpectraError], expected: str, found: str, where: str, todo: str) -> LidarSpectraError:

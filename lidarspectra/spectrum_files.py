@@ -24,6 +24,7 @@ ID_COLUMN = "id"
 WORD_COLUMNS = ("id", "name", "category")  # what every table starts with
 SHORTEST_NM, LONGEST_NM = 100.0, 20000.0  # [nm] a wavelength outside is another unit, or a slip
 NOISE_BELOW_ZERO = 0.01  # [1] of the peak: dark noise of a spectrometer; a deeper value is a fault
+LARGEST_NUMBER = 1e30  # [1] of a file, in any unit; beyond it sums and squares overflow
 MAX_FILE_BYTES = 50_000_000  # a spectrum or table larger than this is something else
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -330,7 +331,7 @@ def _is_number(text: str) -> bool:
 
 
 def finite_number(text: str, *, where: str) -> float:
-    """A number from a cell; raises DatabaseError that names the place for words, NaN and infinity."""
-    if not _is_number(text):
+    """A number from a cell; raises DatabaseError that names the place for words, NaN and what no quantity can be."""
+    if not _is_number(text) or abs(float(text)) > LARGEST_NUMBER:
         raise DatabaseError(expected="a number", found=f"'{text.strip()[:40]}'", where=where)
     return float(text)

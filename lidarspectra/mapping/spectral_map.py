@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import ArrayError, LidarSpectraError, MapError
+from lidarspectra.netcdf_files import LARGEST_VALUE, read_netcdf
 from lidarspectra.radiance.transport import standard_error_of_sum
 from lidarspectra.spectra import BandSet, Spectrum
 
@@ -33,6 +34,7 @@ POSITION = ("x", "y", "z")
 DIRECTION = ("nx", "ny", "nz")
 UNIT_LENGTH_TOLERANCE = 1e-6  # [1] directions survive a text file of nine digits
 CENTER_TOLERANCE_NM = 1e-6  # [nm] two band sets are the same within float noise
+LARGEST_COORDINATE_M = 1e9  # [m] as of a scan's
 NOISE_BELOW_ZERO = 6.0  # [1] a difference of two estimates may fall so many standard errors below a true zero
 
 _COORDINATES: dict[str, tuple[str, str | None, str]] = {  # name: (dim, unit, long name)
@@ -182,7 +184,7 @@ def check_map(dataset: xr.Dataset, *, where: str) -> xr.Dataset:
     units = {name: unit for name, (_, unit, _) in _COORDINATES.items()} | dict.fromkeys(_VARIABLES, IRRADIANCE_UNIT)
     for name, unit in units.items():
         found = dataset[name].attrs.get("units")
-        if unit is not None and found != unit:
+        if unit is not None and str(found) != unit:
             raise MapError(expected=f"'{name}' in {unit}", found=f"unit {found!r}", where=where)
     ordered = dataset.transpose("point", "band", missing_dims="ignore")
     try:
@@ -235,11 +237,8 @@ def load_map(path: Path) -> xr.Dataset:
     MapError
         If the file is missing, no NetCDF-4, or no spectral map.
     """
-    with (
-        _reported(path, expected="a spectral map in NetCDF-4", todo="Run the map stage again."),
-        xr.open_dataset(path, engine="h5netcdf") as opened,
-    ):
-        dataset = opened.load()
+    with _reported(path, expected="a spectral map in NetCDF-4", todo="Run the map stage again."):
+        dataset = read_netcdf(path)
     return check_map(dataset, where=str(path))
 
 
@@ -360,7 +359,10 @@ def _check_numbers(dataset: xr.Dataset) -> None:
     if not points or not channels:
         raise ArrayError(expected="at least one point and one band", found=f"{points} and {channels}", where="dims")
     for name in (*POSITION, *DIRECTION):
-        float_array(dataset[name].to_numpy(), name=name, shape=(points,))
+        numbers = float_array(dataset[name].to_numpy(), name=name, shape=(points,))
+        if np.abs(numbers).max() > LARGEST_COORDINATE_M:
+            found = f"{np.abs(numbers).max():g}"
+            raise ArrayError(expected=f"coordinates up to {LARGEST_COORDINATE_M:g} m", found=found, where=name)
     for name in ("band", "band_width"):
         numbers = float_array(dataset[name].to_numpy(), name=name, shape=(channels,))
         if numbers.min() <= 0 or (name == "band" and np.any(np.diff(numbers) <= 0)):
@@ -375,6 +377,10 @@ def _check_numbers(dataset: xr.Dataset) -> None:
         )
     if dataset["buried"].dtype != np.bool_:
         raise ArrayError(expected="true or false", found=f"{dataset['buried'].dtype}", where="buried")
+    for name in _VARIABLES:
+        largest = float(np.abs(dataset[name]).max()) if dataset[name].dtype.kind in "fiu" else np.inf
+        if largest > LARGEST_VALUE:
+            raise ArrayError(expected=f"numbers up to {LARGEST_VALUE:g}", found=f"{largest:g}", where=name)
     irradiance = float_array(dataset["irradiance"].to_numpy(), name="irradiance", shape=(points, channels))
     errors = float_array(dataset["irradiance_se"].to_numpy(), name="irradiance_se", shape=(points, channels))
     if errors.min() < 0 or np.any(irradiance < -NOISE_BELOW_ZERO * errors):

@@ -19,6 +19,7 @@ from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import LampError
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,2})?")  # finite, and nothing that only Python reads
+LARGEST_NUMBER = 1e12  # [1] of a file: four are multiplied for a candela value
 METRES_A_FOOT = 0.3048  # [m/ft] international foot
 MOST_BYTES = 20_000_000  # [B] a table of 720 x 360 directions has 2 MB
 MOST_ANGLES = 1000  # [1] of either kind; goniometers step by half a degree at the finest
@@ -197,6 +198,8 @@ class _Numbers:
             if not NUMBER.fullmatch(word):
                 raise _unreadable(self._where, f"'{word[:40]}' where a number should be")
             values.append(float(word))
+            if abs(values[-1]) > LARGEST_NUMBER:
+                raise _unreadable(self._where, f"the number {word[:40]}")
         return np.array(values)
 
     def count(self, of: str) -> int:

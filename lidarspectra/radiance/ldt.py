@@ -20,6 +20,7 @@ from lidarspectra.errors import LampError
 
 MOST_BYTES = 5_000_000  # [B] 721 planes of 361 angles have 2 MB
 MOST_PLANES, MOST_ANGLES = 721, 361  # [1] half a degree each way, the finest that the format foresees
+MOST_CANDELA = 1e12  # [cd] a lighthouse has 1e7
 LINE_OF_PLANES, LINE_OF_ANGLES = 3, 5  # [1] counted from 0
 LM_PER_KLM = 1000.0  # [1]
 MM_PER_M = 1000.0  # [1]
@@ -73,9 +74,10 @@ def _ies_text(luminaire: Ldt, where: str) -> str:
     lumens = header.lamp_flux[0]
     if not (np.isfinite(lumens) and lumens > 0 and header.conv_factor > 0):
         raise _unreadable(where, f"lamps of {lumens:g} lm, conversion factor {header.conv_factor:g}")
-    candela = np.array(luminaire.intensities, dtype=np.float64) * lumens / LM_PER_KLM * header.conv_factor
+    with np.errstate(over="ignore"):  # an infinite one is refused below
+        candela = np.array(luminaire.intensities, dtype=np.float64) * lumens / LM_PER_KLM * header.conv_factor
     planes = np.array(header.c_angles, dtype=np.float64)
-    if candela.shape != (planes.size, len(header.g_angles)) or not np.all(np.isfinite(candela)):
+    if candela.shape != (planes.size, len(header.g_angles)) or not np.all(np.abs(candela) <= MOST_CANDELA):
         raise _unreadable(where, f"{planes.size} planes and a table of {' x '.join(map(str, candela.shape))}")
     horizontal, candela = (np.zeros(1), candela[:1]) if header.isym == AXIAL else _along(planes, candela)
     length, width = header.length_lum_area / MM_PER_M, header.width_lum_area / MM_PER_M

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import EngineError, WorkspaceError
+from lidarspectra.netcdf_files import check_numbers, read_netcdf
 from lidarspectra.radiance.scene import RadianceScene
 from lidarspectra.radiance.sensors import SensorPoints
 from lidarspectra.radiance.uncertainty import standard_error
@@ -151,17 +152,19 @@ def load_transport(path: Path) -> xr.Dataset:
     """
     todo = "Run the trace stage again."
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            transport = opened.load()
-    except (OSError, ValueError, KeyError) as cause:
+        transport = read_netcdf(path)
+        for name, (dims, _, _) in _VARIABLES.items():
+            check_numbers(transport, name, dims)
+        if "coefficient_batches" in transport:
+            check_numbers(transport, "coefficient_batches", _BATCHES)
+    except ValueError as cause:
         raise WorkspaceError(
             expected="a transport in NetCDF-4", found=str(cause), where=str(path), todo=todo
         ) from cause
-    missing = [name for name in _VARIABLES if name not in transport]
-    if transport.attrs.get("schema") != SCHEMA or missing:
+    if str(transport.attrs.get("schema")) != SCHEMA:
         raise WorkspaceError(
             expected=f"a file of schema '{SCHEMA}'",
-            found=f"schema {transport.attrs.get('schema')!r}, without {', '.join(missing) or 'nothing'}",
+            found=f"schema {transport.attrs.get('schema')!r}",
             where=str(path),
             todo=todo,
         )

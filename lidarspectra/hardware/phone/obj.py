@@ -15,6 +15,7 @@ from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh
 from lidarspectra.hardware.phone.textures import check_texture_total
 
+_MOST_NUMBERS = 2**40  # [1] no file is so long
 _NO_INDEX = -1
 _IMAGE_OPTION_ARGUMENTS = {
     "-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-blendu": 1, "-blendv": 1, "-boost": 1, "-texres": 1, "-clamp": 1,
@@ -170,7 +171,7 @@ def _number(word: str, count: int) -> int:
     """
     value = int(word)
     index = value - 1 if value > 0 else count + value
-    if value == 0 or index < 0:
+    if value == 0 or not 0 <= index < _MOST_NUMBERS:
         raise ValueError(f"number {value} names nothing")
     return index
 

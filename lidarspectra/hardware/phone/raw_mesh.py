@@ -1,5 +1,6 @@
 """What a reader hands on: the meshes of a file in the file's own unit and axes, joined into one."""
 
+import re
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -19,11 +20,14 @@ Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 NEUTRAL_COLOR = 0.735  # [1] sRGB-encoded; linear 0.5, the stand-in where a file holds no colour
 MAX_FACES = 20_000_000  # about 6 GB as a Scan
 MAX_FILE_BYTES = 2 * 1024**3  # [byte] a room with an 8k texture is below 0.2 GB
+LONGEST_NAME = 255  # [byte] of a file or folder, on any common file system
 MAX_COORDINATE = 1e9  # [unit of the file] beyond it the rounding of 32-bit files is no geometry
 
+_DEVICE = re.compile(r"(?i)\s*(con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])\s*(\..*)?", re.DOTALL)
+"""What Windows takes for a device in any folder, whatever its ending."""
 PARSER_FAULTS = (
     ValueError, KeyError, IndexError, TypeError, AttributeError, AssertionError, OverflowError, EOFError, OSError,
-    NotImplementedError, RecursionError, MemoryError, ZeroDivisionError, struct.error,
+    NotImplementedError, RecursionError, MemoryError, ZeroDivisionError, UnboundLocalError, struct.error,
 )  # fmt: skip  # what parsers of libraries raise on malformed files; none of them says what is wrong
 
 
@@ -148,6 +152,7 @@ class FileFolder:
     def _inside(self, name: str) -> Path:
         parts = PurePosixPath(name.replace("\\", "/"))
         outside = not name.strip() or "\0" in name or ":" in name or parts.is_absolute() or ".." in parts.parts
+        outside = outside or any(not _is_file_name(part) for part in parts.parts)
         root = self.root.resolve()
         if outside or not (root / parts).resolve().is_relative_to(root):
             raise ScanError(
@@ -157,6 +162,14 @@ class FileFolder:
                 todo="Put the textures beside the scan and name them without a path.",
             )
         return root / parts
+
+
+def _is_file_name(name: str) -> bool:
+    """Whether every system can have a file of that name, and takes it for a file."""
+    try:
+        return len(name.encode()) <= LONGEST_NAME and not _DEVICE.fullmatch(name)
+    except UnicodeEncodeError:  # half a character, as JSON may write it
+        return False
 
 
 def read_bytes(path: Path) -> bytes:

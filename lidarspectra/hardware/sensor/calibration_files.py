@@ -147,7 +147,16 @@ def read_calibration(path: Path) -> Calibration:
         if set(told) != known:
             raise ValueError(f"parts missing or unknown: {', '.join(sorted(set(told) ^ known))}")
         return Calibration(**told)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, ArrayError) as cause:
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        OverflowError,
+        RecursionError,
+        ArrayError,
+    ) as cause:
         raise ReadingError(
             expected=f"a file of format '{FORMAT}'",
             found=f"{type(cause).__name__}: {cause}",

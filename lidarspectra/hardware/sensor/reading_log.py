@@ -243,7 +243,8 @@ def read_rows(path: Path) -> tuple[list[dict[str, str]], dict[str, str], int]:
             continue
         fields = next(iter(_fields(line)), [])
         if fields[:2] == ["kind", "utc"]:
-            columns = tuple(fields)
+            columns = tuple(fields) if set(LOG_COLUMNS) <= set(fields) else ()
+            broken += not columns
         elif len(fields) == len(columns) and fields and fields[0] in ("reading", "cells", "gap", "gap begins", "event"):
             rows.append(dict(zip(columns, fields, strict=True)))
         else:

@@ -1,0 +1,262 @@
+"""Damaged files for every reader, many thousands of them, in a process of its own with bounds.
+
+    python tests/fuzz/campaign.py                         10,000 cases of each reader, as `make fuzz` does
+    python tests/fuzz/campaign.py --cases 50 --together   a first look, all readers in one process
+    python tests/fuzz/campaign.py --only glb --case 123   one case again, with its traceback; its file is kept
+
+A case is right when the reader gives a result or raises an error of ours, of one paragraph; takes less than `CASE_S` of
+processor time; starts no program, opens no connection, writes nothing outside the case's folder and opens nothing that
+lies beside it. The process may use `MEMORY_BYTES`, and may not warn. The same seed gives the same cases.
+"""
+
+import argparse
+import contextlib
+import faulthandler
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from mutations import DECOY, one_of
+from readers import READERS, Files, Reader
+
+CASES = 10_000  # [1] of each reader
+SEED = 20240513
+CASE_S = 20.0  # [s] processor time of a case: the largest image that is allowed takes two
+HANG_S = 300.0  # [s] of the clock, after which the process ends itself and says where it was
+MEMORY_BYTES = 6 * 2**30  # [byte] of addresses that the process may use; libraries alone take 2
+LONGEST_MESSAGE = 5_000  # [1] characters; one paragraph
+WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+FORBIDDEN_EVENTS = ("subprocess.Popen", "os.system", "os.posix_spawn", "os.exec", "os.fork", "socket.connect")
+CHANGING_EVENTS = ("os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.symlink", "os.link", "os.truncate", "os.chmod")
+
+
+@dataclass
+class Guard:
+    """Listens to what Python does on behalf of a reader.
+
+    Parameters
+    ----------
+    allowed : Path
+        Where files may be written.
+    decoy : Path
+        What no case may open.
+    """
+
+    allowed: Path
+    decoy: Path
+    listens: bool = False
+    seen: list[str] = field(default_factory=list)
+
+    def __call__(self, event: str, arguments: tuple[object, ...]) -> None:
+        """Take one audit event (PEP 578)."""
+        if not self.listens:
+            return
+        if event in FORBIDDEN_EVENTS:
+            self.seen.append(f"{event} {arguments[:2]!r}")
+        elif event == "open" and isinstance(arguments[0], str | bytes):
+            path = Path(os.path.realpath(os.fsdecode(arguments[0])))
+            if path == self.decoy:
+                self.seen.append(f"opened {path}")
+            elif isinstance(arguments[2], int) and arguments[2] & WRITING:
+                self._check(event, path)
+        elif event in CHANGING_EVENTS and isinstance(arguments[0], str | bytes):
+            self._check(event, Path(os.path.realpath(os.fsdecode(arguments[0]))))
+
+    def _check(self, event: str, path: Path) -> None:
+        if not path.is_relative_to(self.allowed) and path != Path(os.devnull):
+            self.seen.append(f"{event} of {path}")
+
+
+@dataclass
+class Outcome:
+    """What a reader made of its cases."""
+
+    name: str
+    cases: int = 0
+    refused: int = 0
+    slowest_s: float = 0.0
+    seconds: float = 0.0
+    peak_mib: float = 0.0
+    faults: list[str] = field(default_factory=list)
+
+
+@contextlib.contextmanager
+def listening(guard: Guard) -> Iterator[None]:
+    """Let the guard listen for a while."""
+    guard.listens = True
+    try:
+        yield
+    finally:
+        guard.listens = False
+
+
+def damaged(reader: Reader, sets: list[Files], case: int, seed: int) -> tuple[str, Files]:
+    """The files of a case, and which of them is given to the reader; case 0 to len(sets) - 1 are the valid ones."""
+    if case < len(sets):
+        return next(iter(sets[case])), sets[case]
+    rng = np.random.default_rng([seed, zlib.crc32(reader.name.encode()), case])
+    files = dict(one_of(sets, rng))
+    first = next(iter(files))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a number that fits no float
+        files[first] = one_of(reader.damage, rng)(files[first], rng)
+    return first, files
+
+
+def fault_of(reader: Reader, path: Path, guard: Guard, outcome: Outcome) -> str | None:
+    """Read one case; gives what is wrong, or None."""
+    from lidarspectra.errors import LidarSpectraError
+
+    guard.seen.clear()
+    start = time.process_time()
+    fault = None
+    with listening(guard):
+        try:
+            reader.read(path)
+        except LidarSpectraError as error:
+            outcome.refused += 1
+            message = str(error)
+            if not message.isprintable() or len(message) > LONGEST_MESSAGE:
+                fault = f"a message that is no paragraph, of {len(message)} characters: {message[:300]!r}"
+        except (Exception, RecursionError, MemoryError):  # noqa: BLE001 - whatever comes is what is looked for
+            fault = traceback.format_exc(limit=-6)
+    took = time.process_time() - start
+    outcome.slowest_s = max(outcome.slowest_s, took)
+    if took > CASE_S:
+        fault = fault or f"took {took:.0f} s"
+    return fault or ("; ".join(guard.seen[:3]) if guard.seen else None)
+
+
+def seed_files(reader: Reader, work: Path) -> list[Files]:
+    """The reader's valid files."""
+    folder = work / "seeds"
+    folder.mkdir()
+    sets = list(reader.seeds(folder))
+    shutil.rmtree(folder)
+    return sets
+
+
+def try_reader(reader: Reader, work: Path, guard: Guard, *, cases: range, seed: int, state: Path | None) -> Outcome:
+    """Give a reader its cases."""
+    outcome = Outcome(name=reader.name)
+    sets = seed_files(reader, work)
+    folder = work / "case"
+    folder.mkdir(exist_ok=True)
+    for name, data in sets[0].items():
+        (folder / name).write_bytes(data)
+    reader.read(folder / next(iter(sets[0])))  # loads libraries, which may start programs once to find their fonts
+    start = time.perf_counter()
+    for case in cases:
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        first, files = damaged(reader, sets, case, seed)
+        for name, data in files.items():
+            (folder / name).write_bytes(data)
+        if state is not None:
+            state.write_text(str(case), encoding="utf-8")
+        faulthandler.dump_traceback_later(HANG_S, exit=True)
+        refused = outcome.refused
+        fault = fault_of(reader, folder / first, guard, outcome)
+        outcome.cases += 1
+        if fault is None and case < len(sets) and outcome.refused > refused:
+            fault = "a valid file was refused"
+        if fault is not None:
+            outcome.faults.append(f"{reader.name} --case {case}: {fault}")
+    faulthandler.cancel_dump_traceback_later()
+    outcome.seconds = time.perf_counter() - start
+    outcome.peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return outcome
+
+
+def try_readers(readers: list[Reader], arguments: argparse.Namespace) -> list[Outcome]:
+    """Try readers in this process, in a folder of their own."""
+    faulthandler.enable()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    warnings.simplefilter("error")
+    with tempfile.TemporaryDirectory(prefix="lidarspectra-fuzz-") as name:
+        root = Path(name).resolve()
+        work = root / "inner" / "work"
+        work.mkdir(parents=True)
+        (work / DECOY).write_text("not for readers", encoding="utf-8")
+        for variable in ("LIDARSPECTRA_DATA", "XDG_CACHE_HOME", "XDG_DATA_HOME", "HOME", "TMPDIR", "MPLCONFIGDIR"):
+            (work / variable).mkdir()
+            os.environ[variable] = str(work / variable)
+        tempfile.tempdir = None
+        guard = Guard(allowed=work, decoy=work / DECOY)
+        sys.addaudithook(guard)
+        cases = range(arguments.case, arguments.case + 1) if arguments.case is not None else range(arguments.cases)
+        outcomes = []
+        for reader in readers:
+            outcome = try_reader(reader, work, guard, cases=cases, seed=arguments.seed, state=arguments.state)
+            if arguments.case is not None:
+                shutil.copytree(work / "case", Path("fuzz-case"), dirs_exist_ok=True)
+            outcomes.append(outcome)
+        return outcomes
+
+
+def try_apart(reader: Reader, arguments: argparse.Namespace) -> Outcome:
+    """Try one reader in a process of its own, which may be killed by what it reads."""
+    with tempfile.NamedTemporaryFile(prefix="lidarspectra-fuzz-") as state:
+        words = ["--only", reader.name, "--cases", str(arguments.cases), "--seed", str(arguments.seed)]
+        run = subprocess.run(
+            [sys.executable, __file__, *words, "--json", "--together", "--state", state.name],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if run.returncode == 0:
+            return Outcome(**json.loads(run.stdout.splitlines()[-1]))
+        case = Path(state.name).read_text(encoding="utf-8")
+    fault = f"{reader.name} --case {case}: the process ended with {run.returncode}: {run.stderr[-2000:]}"
+    return Outcome(name=reader.name, faults=[fault])
+
+
+def main() -> int:
+    """Run it and print a table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--cases", type=int, default=CASES)
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--only", action="append", choices=[reader.name for reader in READERS])
+    parser.add_argument("--case", type=int, help="this one alone; its files are kept in ./fuzz-case")
+    parser.add_argument("--together", action="store_true", help="all in one process")
+    parser.add_argument("--json", action="store_true", help="a line a reader, for programs")
+    parser.add_argument("--state", type=Path, help="a file that always has the number of the case")
+    arguments = parser.parse_args()
+    readers = [reader for reader in READERS if not arguments.only or reader.name in arguments.only]
+    if arguments.together or arguments.case is not None:
+        outcomes = try_readers(readers, arguments)
+    else:
+        outcomes = []
+    if not arguments.json:
+        print("| reader | cases | refused | slowest case | memory | time | faults |\n|---|---|---|---|---|---|---|")
+    faults = []
+    for outcome in outcomes or (try_apart(reader, arguments) for reader in readers):
+        faults += outcome.faults
+        if arguments.json:
+            print(json.dumps(outcome.__dict__), flush=True)
+        else:
+            print(
+                f"| {outcome.name} | {outcome.cases:,} | {outcome.refused:,} | {outcome.slowest_s:.2f} s | "
+                f"{outcome.peak_mib:,.0f} MiB | {outcome.seconds:,.0f} s | {len(outcome.faults)} |",
+                flush=True,
+            )
+    if arguments.json:
+        return 0
+    for fault in faults[:200]:
+        print(f"\n{fault}")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
