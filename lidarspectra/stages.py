@@ -3,7 +3,6 @@
 The order stands in `lidarspectra.pipeline`; how a stage is kept, in `lidarspectra.workspace`.
 """
 
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -37,17 +36,16 @@ from lidarspectra.material.segmentation import SHIPPED_MODEL
 from lidarspectra.material.viewpoints import render_views
 from lidarspectra.material.views import ViewSet, load_views, save_views
 from lidarspectra.progress import Progress, part_of
-from lidarspectra.radiance.cluster import cluster_engine
-from lidarspectra.radiance.engine import Engine, find_engine
+from lidarspectra.radiance.engine import find_engine
 from lidarspectra.radiance.lamp_file import load_lamps, save_lamps
 from lidarspectra.radiance.placement import placement_notes
-from lidarspectra.radiance.receptors import Receptor, cone_receptor, cosine_receptor, read_receptor
 from lidarspectra.radiance.scene import RadianceScene, load_scene, write_scene
 from lidarspectra.radiance.sensors import SensorPoints, sensor_points
 from lidarspectra.radiance.trace import trace
 from lidarspectra.radiance.transport import load_transport, save_transport
 from lidarspectra.radiance.workflow import write_workflow
 from lidarspectra.report_applications import report_applications
+from lidarspectra.sensing_of_run import receptor_of_run, trace_engine
 from lidarspectra.sensor_files import find_bands
 from lidarspectra.workspace import Notes, Stage, StageResult, hash_file, versions
 
@@ -219,8 +217,8 @@ def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResu
 
     def make(folder: Path, progress: Progress) -> Notes:
         points = sensor_points(scan.value.scan, scan.value.room, sensors, folder=inputs.base)
-        receptor = _receptor(inputs)
-        with _trace_engine(inputs.cluster) as engine:
+        receptor = receptor_of_run(inputs)
+        with trace_engine(inputs.cluster) as engine:
             transport = trace(
                 scene.value, points, section, seed=TRACE_SEED, receptor=receptor, engine=engine, progress=progress
             )
@@ -357,18 +355,6 @@ def _material_pictures(scan: Scan, views: ViewSet, materials: MaterialMap) -> Ma
         shown=mean_shown_colors(scan.face_colors(), materials.face_material, scan.areas, len(listed)),
         found=found,
     )
-
-
-def _receptor(inputs: Inputs) -> Receptor:
-    """The sensors' angular response: the cosine, a restricted view, or a measured table."""
-    sensors = inputs.room.sensors
-    if sensors.receptor is not None:
-        return read_receptor(inputs.path(sensors.receptor))
-    return cosine_receptor() if sensors.field_of_view_deg is None else cone_receptor(sensors.field_of_view_deg)
-
-
-def _trace_engine(cluster: str | None) -> AbstractContextManager[Engine]:
-    return nullcontext(find_engine()) if cluster is None else cluster_engine(cluster)
 
 
 def _trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, ...]:

@@ -47,7 +47,8 @@ SHARE_OF_EFFECT = 0.02  # [1] of what people change, below which a difference's 
 PILOT_WALKS = 89  # [1] of a sensor in a set, from which the noise is told
 PILOT_PERSONS = 6  # [1]
 LOOKS = 8  # [1] of a sensor at each part of each lamp in a set: noise far below that of the walks
-AIM = 0.9  # [1] of the target that is aimed at: a pilot's noise is uncertain itself
+AIM = 0.9  # [1] of the target for the empty room: two errors add up to a reading's
+EFFECT_AIM = 0.8  # [1] of the target that is aimed at: six people are not all, and their noise is uncertain itself
 AT_ONCE = 64  # [1] persons who share walks; the rays that they meet take some 5 MB each
 WORK_FOLDER = "work"
 SURVEY = "survey"
@@ -352,7 +353,7 @@ def _survey(
         if target is None:
             own = max(FINEST_EFFECT, SHARE_OF_EFFECT * _relative_rms(changes, empty))
             target = min(own, effects.request.target)
-        wanted = PILOT_WALKS * (_relative_rms(errors, empty) / (AIM * target)) ** 2
+        wanted = PILOT_WALKS * max(1.0, (_relative_rms(errors, empty) / (EFFECT_AIM * target)) ** 2)
         walks = next((size for size in FIBONACCI if size >= wanted), FIBONACCI[-1])
         found = kept.save(SURVEY, {"walks": np.array(float(walks)), "target": np.array(target)})
     return _Survey.of(found)
