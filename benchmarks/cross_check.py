@@ -130,11 +130,19 @@ def _on_lamp(lamp: Lamp, generator: np.random.Generator) -> tuple[FloatArray, Fl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Traced:
-    """Our irradiance and its standard error, (point, band) [W/m²/nm]."""
+    """Our irradiance (point, band), and its independent estimates (batch, point, band) [W/m²/nm].
+
+    Sensors share paths and err together: what is known of a mean over them is told by the spread of its estimates.
+    """
 
     irradiance: FloatArray
-    error: FloatArray
+    estimates: FloatArray
     seconds: float
+
+    def mean_error(self, chosen: BoolArray) -> FloatArray:
+        """(band,) standard error of the mean over chosen points [W/m²/nm]."""
+        means = self.estimates[:, chosen].mean(axis=1)
+        return np.asarray(means.std(axis=0, ddof=1) / np.sqrt(len(means)), dtype=np.float64)
 
 
 def our_trace(room: Room, noise: Literal["standard", "fine"], wanted: Sequence[int]) -> Traced:
@@ -144,10 +152,14 @@ def our_trace(room: Room, noise: Literal["standard", "fine"], wanted: Sequence[i
         start = time.perf_counter()
         transport = trace(scene, room.points, TraceSection(accuracy="ultra", noise=noise), seed=SEED)
         seconds = time.perf_counter() - start
+    flux = transport["flux"].to_numpy()
     coefficient = transport["coefficient"].to_numpy().astype(np.float64)
-    irradiance = np.einsum("lpb,lb->pb", coefficient, transport["flux"].to_numpy())
-    error = transport["irradiance_se"].to_numpy().astype(np.float64)
-    return Traced(irradiance=irradiance[:, wanted], error=error[:, wanted], seconds=seconds)
+    batches = transport["coefficient_batches"].to_numpy().astype(np.float64)
+    return Traced(
+        irradiance=np.einsum("lpb,lb->pb", coefficient, flux)[:, wanted],
+        estimates=np.einsum("klpb,lb->kpb", batches, flux)[..., wanted],
+        seconds=seconds,
+    )
 
 
 def ask_mitsuba(room: Room, wanted: Sequence[int], custom: Custom, *, repeats: int) -> Reference:
@@ -177,8 +189,8 @@ def print_row(label: str, traced: Traced, reference: Reference, chosen: BoolArra
     plain = (difference**2).mean(axis=0) / mean**2
     cleaned = np.maximum(plain - (noise**2).mean(axis=0) / mean**2, 0.0)
     bias = difference.mean(axis=0) / mean
-    both = np.hypot(noise, 100.0 * traced.error[chosen])
-    bias_error = np.sqrt((both**2).sum(axis=0)) / chosen.sum() / mean
+    theirs = np.sqrt((noise**2).sum(axis=0)) / chosen.sum()
+    bias_error = np.hypot(theirs, 100.0 * traced.mean_error(chosen)) / mean
     kept = goal is None or (
         np.sqrt(cleaned.mean()) <= goal and abs(bias.mean()) <= BIAS_GOAL + 2.0 * float(bias_error.mean())
     )
