@@ -309,6 +309,27 @@ def evaluate(
 
 
 @app.command()
+def verify(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder; it may have moved.", show_default=False)],
+    inputs: Annotated[
+        Path | None, typer.Option("--inputs", metavar="DIR", help="Folder of the run file; found if beside the run.")
+    ] = None,
+) -> None:
+    """Compare inputs, databases, scene files and results with the hashes in a run's record; 1 if any differs."""
+    from lidarspectra.verify import verify_run
+
+    verification = verify_run(run, inputs=inputs)
+    for line in verification.lines():
+        console.print(Text(line), soft_wrap=True)
+    for finding in verification.differences:
+        console.print(Text.assemble(("differs: ", "bold red"), str(finding)), soft_wrap=True)
+    for note in verification.notes:
+        console.print(Text.assemble(("note: ", "yellow"), note), soft_wrap=True)
+    if verification.differences:
+        raise typer.Exit(1)
+
+
+@app.command()
 def doctor() -> None:
     """Check the engine and the libraries, and say what to do where something is wrong."""
     from lidarspectra.doctor import examine

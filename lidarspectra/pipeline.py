@@ -7,6 +7,7 @@ Each stage is made in its own folder of the run, and only where something that i
 (`lidarspectra.workspace`). What each stage does stands in `lidarspectra.stages`.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,17 @@ from typing import Any, Protocol, TypeVar
 from lidarspectra import stages
 from lidarspectra.inputs import Inputs, read_inputs
 from lidarspectra.progress import Progress, silent
-from lidarspectra.workspace import STAGES, Stage, StageName, StageRecord, StageResult, Workspace, read_record
+from lidarspectra.workspace import (
+    STAGES,
+    RunRequest,
+    Stage,
+    StageName,
+    StageRecord,
+    StageResult,
+    Workspace,
+    hash_file,
+    read_record,
+)
 
 Result = TypeVar("Result")
 
@@ -158,9 +169,21 @@ def run(
     """
     inputs = read_inputs(run_file, workers=workers, cluster=cluster)
     with Workspace(folder or default_folder(run_file)) as work:
+        work.keep_request(_request(run_file, inputs, work.folder))
         chain = _Chain(work, first, last, listener or SilentListener())
         _walk(chain, inputs)
         return RunSummary(folder=work.folder, results=chain.results)
+
+
+def _request(run_file: Path, inputs: Inputs, folder: Path) -> RunRequest:
+    """What is asked for, as the run folder keeps it."""
+    try:
+        base = Path(os.path.relpath(inputs.base, folder.resolve())).as_posix()
+    except ValueError:  # on another drive of Windows
+        base = inputs.base.as_posix()
+    return RunRequest(
+        name=run_file.name, folder=base, sha256=hash_file(run_file), text=inputs.text, seed=stages.TRACE_SEED
+    )
 
 
 def _walk(chain: "_Link", inputs: Inputs) -> None:

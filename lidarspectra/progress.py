@@ -17,3 +17,21 @@ def part_of(progress: Progress, start: float, stop: float) -> Progress:
         progress(start + (stop - start) * fraction, message)
 
     return report
+
+
+def remaining_s(elapsed_s: float, fraction: float) -> float | None:
+    """Time that a job still takes if it goes on as it went so far.
+
+    Parameters
+    ----------
+    elapsed_s : float
+        Since it began. [s]
+    fraction : float
+        Of it that is done. [0-1]
+
+    Returns
+    -------
+    remaining : float or None
+        None where nothing is done yet. [s]
+    """
+    return elapsed_s * (1.0 - fraction) / fraction if fraction > 0.0 else None

@@ -6,11 +6,13 @@ that it read, and the contents of the stages before it. A stage whose hash did n
 file that the user edited inside a stage folder is kept, and changes the hash of the stages after it.
 """
 
+import errno
 import hashlib
 import json
 import os
 import platform
 import shutil
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -20,7 +22,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Generic, Literal, Self, TypeVar, get_args
+from typing import Any, Generic, Literal, Self, TextIO, TypeVar, get_args
 
 import psutil
 
@@ -31,6 +33,7 @@ StageName = Literal["scan", "views", "materials", "scene", "trace", "map", "repo
 STAGES: tuple[StageName, ...] = get_args(StageName)
 RECORD_FILE = "stage.json"
 LOCK_FILE = "run.lock"
+LOCK_BYTE = 1 << 20  # [1] the byte of the lock file that is locked where a lock is of bytes
 MARKER_FILE = "lidarspectra-run.json"
 FORMAT = 1  # of the run folder; a change of it makes every stage stale
 MEMORY_SAMPLE_S = 0.1  # [s] how often the memory of the process tree is looked at
@@ -78,6 +81,8 @@ class StageRecord:
         See `Notes`.
     outputs : dict of str to str
         SHA-256 of every file of the stage when it was made.
+    versions : dict of str to str
+        Of this package, Python, the system and the libraries that numbers depend on.
     """
 
     stage: str
@@ -89,6 +94,32 @@ class StageRecord:
     summary: str
     warnings: tuple[str, ...]
     outputs: dict[str, str]
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRequest:
+    """What a run was asked for; kept in the run folder, so that it can be asked for again.
+
+    Parameters
+    ----------
+    name : str
+        File name of the run file.
+    folder : str
+        Its folder, from the run folder where that is possible: both may move together.
+    sha256 : str
+        Of the run file.
+    text : str
+        The run file.
+    seed : int
+        Of all that is drawn by lot.
+    """
+
+    name: str
+    folder: str
+    sha256: str
+    text: str
+    seed: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +182,7 @@ class Workspace:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._locked = False
+        self._held: TextIO | None = None
 
     def __enter__(self) -> Self:
         try:
@@ -166,9 +197,24 @@ class Workspace:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._locked:
+        if self._held is not None:
+            if sys.platform == "win32":  # an open file cannot be removed there
+                self._held.close()
             (self.folder / LOCK_FILE).unlink(missing_ok=True)
-            self._locked = False
+            self._held.close()
+            self._held = None
+
+    def keep_request(self, request: RunRequest) -> None:
+        """Write down what this run is asked for, in place of what the last was."""
+        marker = self.folder / MARKER_FILE
+        unfinished = marker.with_name(f"{MARKER_FILE}.part")
+        try:
+            write_json(unfinished, {**_marker(), "run_file": asdict(request)})
+            unfinished.replace(marker)
+        except OSError as cause:
+            raise unwritable(self.folder, cause) from cause
+        finally:
+            unfinished.unlink(missing_ok=True)
 
     def stage_folder(self, stage: StageName) -> Path:
         """The folder of a stage, `1-scan` to `7-report`."""
@@ -224,12 +270,20 @@ class Workspace:
                 summary=notes.summary,
                 warnings=notes.warnings,
                 outputs=hash_files(partial),
+                versions=versions(),
             )
             write_json(partial / RECORD_FILE, asdict(record))
             _remove(folder)
             partial.rename(folder)
         except OSError as cause:
             raise unwritable(partial, cause) from cause
+        except MemoryError as cause:
+            raise WorkspaceError(
+                expected=f"memory enough for the stage '{stage.name}'",
+                found=f"none left ({cause})" if str(cause) else "none left",
+                where=str(self.folder),
+                todo="End other programs, or make less: [scan] max_faces, a smaller texture, fewer points.",
+            ) from cause
         finally:
             shutil.rmtree(partial, ignore_errors=True)  # of a stage that failed; what stays is swept by the next run
         return record
@@ -247,31 +301,27 @@ class Workspace:
                 where=str(self.folder),
                 todo="Name another folder with --out.",
             )
-        write_json(marker, {"format": FORMAT, "made_by": f"lidarspectra {version('lidarspectra')}"})
+        write_json(marker, _marker())
 
     def _lock(self) -> None:
-        lock = self.folder / LOCK_FILE
-        if lock.exists():
-            holder = _lock_holder(lock)
-            if holder is not None:
+        """Hold the lock file while the run lasts; the system lets go of it when the process ends, however it ends."""
+        path = self.folder / LOCK_FILE
+        lock = path.open("a+", encoding="utf-8")
+        try:
+            if not _taken(lock) or not _is_open_at(lock, path):
                 raise WorkspaceError(
                     expected="a run folder that no other run is writing",
-                    found=f"one held by process {holder}",
+                    found=f"one held by {_lock_holder(path)}",
                     where=str(self.folder),
                     todo="Wait for it to end, or name another folder with --out.",
                 )
-            lock.unlink(missing_ok=True)
-        try:
-            with lock.open("x", encoding="utf-8") as file:
-                json.dump({"pid": os.getpid(), "started": psutil.Process().create_time()}, file)
-        except FileExistsError as cause:
-            raise WorkspaceError(
-                expected="a run folder that no other run is writing",
-                found="another run that took it at the same moment",
-                where=str(self.folder),
-                todo="Wait for it to end, or name another folder with --out.",
-            ) from cause
-        self._locked = True
+            lock.truncate(0)
+            json.dump({"pid": os.getpid()}, lock)
+            lock.flush()
+        except BaseException:
+            lock.close()
+            raise
+        self._held = lock
 
     def _sweep(self) -> None:
         """Remove what a cut run left behind."""
@@ -285,16 +335,48 @@ def stage_folder(run: Path, stage: StageName) -> Path:
     return run / f"{STAGES.index(stage) + 1}-{stage}"
 
 
-def read_record(folder: Path) -> StageRecord | None:
-    """The record of a finished stage, or None where the folder holds none that can be read."""
+def parse_record(folder: Path) -> StageRecord | None:
+    """The record of a stage whether or not its files are there, or None where it cannot be read."""
     try:
         fields = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
         record = StageRecord(**{**fields, "warnings": tuple(fields["warnings"])})
-    except (OSError, ValueError, TypeError, KeyError):
-        return None
-    if not all((folder / name).is_file() for name in record.outputs):
+        hashes = (record.outputs, record.versions)
+        if any(not isinstance(word, str) for table in hashes for pair in table.items() for word in pair):
+            return None
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
     return record
+
+
+def read_record(folder: Path) -> StageRecord | None:
+    """The record of a finished stage, or None where the folder holds none that can be read."""
+    record = parse_record(folder)
+    if record is None or not all((folder / name).is_file() for name in record.outputs):
+        return None
+    return record
+
+
+def read_request(run: Path) -> RunRequest | None:
+    """What a run was asked for; None where it does not say, as older ones do not.
+
+    Raises
+    ------
+    WorkspaceError
+        If the folder is no run.
+    """
+    marker = run / MARKER_FILE
+    try:
+        fields = json.loads(marker.read_text(encoding="utf-8"))
+        return RunRequest(**fields["run_file"]) if "run_file" in fields else None
+    except OSError as cause:
+        raise WorkspaceError(
+            expected="a run folder",
+            found=f"no {MARKER_FILE} that can be read",
+            where=str(run),
+            todo="Name the folder that 'lidarspectra run' made, NAME.run beside NAME.toml by default.",
+        ) from cause
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return None
 
 
 def require_stage(run: Path, stage: StageName) -> Path:
@@ -346,27 +428,62 @@ def versions() -> dict[str, str]:
     }
 
 
+def record_key(record: StageRecord) -> str:
+    """The key that a record's settings have; `record.key`, unless one of the two was changed."""
+    return _hash_of(record.stage, record.settings, record.versions.get("lidarspectra", ""))
+
+
 def _key(stage: Stage[Result]) -> str:
-    content = {
-        "format": FORMAT,
-        "version": version("lidarspectra"),
-        "stage": stage.name,
-        "settings": stage.settings,
-    }
+    return _hash_of(stage.name, stage.settings, version("lidarspectra"))
+
+
+def _hash_of(stage: str, settings: Settings, package_version: str) -> str:
+    content = {"format": FORMAT, "version": package_version, "stage": stage, "settings": settings}
     text = json.dumps(content, sort_keys=True, ensure_ascii=False, allow_nan=False)
     return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
-def _lock_holder(lock: Path) -> int | None:
-    """The process that holds a lock and still lives, else None: a killed run leaves its lock behind."""
+def _marker() -> dict[str, Any]:
+    return {"format": FORMAT, "made_by": f"lidarspectra {version('lidarspectra')}"}
+
+
+def _taken(lock: TextIO) -> bool:
+    """Lock an open file for this process alone, or say that another has it.
+
+    The system's own lock, and no number in a file: a killed run's number may be another program's by now, and its start
+    time moves when the clock is set.
+    """
     try:
-        holder = json.loads(lock.read_text(encoding="utf-8"))
-        pid, started = int(holder["pid"]), float(holder["started"])
-        # A process number is used again after a restart; the start time tells the two apart.
-        alive = abs(psutil.Process(pid).create_time() - started) < 1.0
-    except (OSError, ValueError, KeyError, TypeError, psutil.Error):
-        return None
-    return pid if alive else None
+        if sys.platform == "win32":
+            import msvcrt
+
+            lock.seek(LOCK_BYTE)  # beyond the text, which stays readable for the one who is refused
+            msvcrt.locking(lock.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as cause:
+        if cause.errno in (errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK):
+            return False
+        raise
+    return True
+
+
+def _is_open_at(lock: TextIO, path: Path) -> bool:
+    """Whether a name still is that of an open file: a run that ends removes it, and another may have made it anew."""
+    try:
+        return os.path.samestat(os.fstat(lock.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+def _lock_holder(lock: Path) -> str:
+    """Who holds a lock, in words."""
+    try:
+        return f"process {int(json.loads(lock.read_text(encoding='utf-8'))['pid'])}"
+    except (OSError, ValueError, KeyError, TypeError):
+        return "another run"
 
 
 def _remove(folder: Path) -> None:

@@ -245,9 +245,12 @@ def _sample(
 
 
 def _await_second_after(second: int) -> None:
-    """Wait, at most a second, until every clock shows a later one: the engine takes its seed from it."""
-    while int(time.time() - CLOCK_LAG_S) <= second:
-        time.sleep(max(0.0, second + 1 + CLOCK_LAG_S - time.time()))
+    """Wait, at most a second, until every clock shows a later one: the engine takes its seed from it.
+
+    A clock that was set back shows a second of its own, and is not waited for.
+    """
+    while second - 1 <= int(time.time() - CLOCK_LAG_S) <= second:
+        time.sleep(min(max(0.0, second + 1 + CLOCK_LAG_S - time.time()), 1.0))
 
 
 def _totals(scene: RadianceScene, components: Sequence[Component]) -> FloatArray:
