@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from lidarspectra.config import read_run_file
     from lidarspectra.errors import LidarSpectraError
     from lidarspectra.hardware.phone.readers import read_scan
+    from lidarspectra.mapping.localization.fingerprint_files import read_fingerprints
+    from lidarspectra.mapping.localization.location_model import load_locator, train_locator
     from lidarspectra.mapping.spectral_map import load_map, spectral_map
     from lidarspectra.material.estimate import estimate_materials
     from lidarspectra.pipeline import run
@@ -27,7 +29,9 @@ _HOMES = {
     "Spectrum": "spectra",
     "estimate_materials": "material.estimate",
     "gaussian_bands": "spectra",
+    "load_locator": "mapping.localization.location_model",
     "load_map": "mapping.spectral_map",
+    "read_fingerprints": "mapping.localization.fingerprint_files",
     "read_run_file": "config",
     "read_scan": "hardware.phone.readers",
     "relight_run": "relighting",
@@ -35,6 +39,7 @@ _HOMES = {
     "sensor_bands": "spectra",
     "spectral_map": "mapping.spectral_map",
     "trace": "radiance.trace",
+    "train_locator": "mapping.localization.location_model",
     "write_scene": "radiance.scene",
 }
 
@@ -47,7 +52,9 @@ __all__ = [
     "__version__",
     "estimate_materials",
     "gaussian_bands",
+    "load_locator",
     "load_map",
+    "read_fingerprints",
     "read_run_file",
     "read_scan",
     "relight_run",
@@ -55,6 +62,7 @@ __all__ = [
     "sensor_bands",
     "spectral_map",
     "trace",
+    "train_locator",
     "write_scene",
 ]
 

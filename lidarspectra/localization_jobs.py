@@ -39,8 +39,8 @@ from lidarspectra.mapping.localization.location_model import (
     Against,
     LocationModel,
     TrainingSettings,
-    load_model,
-    save_model,
+    load_locator,
+    save_locator,
     train_locator,
 )
 from lidarspectra.mapping.localization.locators import METHODS
@@ -113,10 +113,10 @@ def train_from_files(
     seed: int = 0,
     progress: Progress = silent,
 ) -> LocationModel:
-    """Train a locator on files of fingerprints, and keep it in a folder; see `train_locator` and `save_model`."""
+    """Train a locator on files of fingerprints, and keep it in a folder; see `train_locator` and `save_locator`."""
     tables = [read_fingerprints(path, positions) for path in files]
     model = train_locator(tables, settings, seed=seed, progress=progress)
-    save_model(model, out)
+    save_locator(model, out)
     return model
 
 
@@ -155,7 +155,7 @@ def errors_from_files(
     MapError
         If files cannot be read, or do not go with the model.
     """
-    model = load_model(folder)
+    model = load_locator(folder)
     parts = [errors_of(model, read_fingerprints(path, positions), against=against) for path in files]
     errors: dict[str, LocationErrors] = {
         method: LocationErrors.joined([part[method] for part in parts]) for method in METHODS
@@ -262,7 +262,7 @@ def follow(
     folder: Path, frames: Iterable[Frame], *, settings: LiveSettings, empty: Path | None = None
 ) -> Iterator[Fix]:
     """Locate frames by a model in a folder, with the empty room of a file as reference where one is given."""
-    model = load_model(folder)
+    model = load_locator(folder)
     reference: FloatArray | None = None
     if empty is not None:
         table = read_fingerprints(empty)

@@ -61,7 +61,7 @@ def error_curves_figure(panels: Mapping[str, Mapping[str, LocationErrors]]) -> F
         axes.set_ylabel("readings within it [%]" if number == 0 else "")
         axes.set_title(plain(title))
         axes.grid(True)
-        axes.legend(loc="lower right")
+        axes.legend(loc="lower right", title="median error")
     return figure
 
 

@@ -1,7 +1,7 @@
 """A trained locator: what it is told (features), what it knows (places), and the three ways from one to the other.
 
     model = train_locator(fingerprints)          in memory
-    save_model(model, folder); load_model(folder)
+    save_locator(model, folder); load_locator(folder)
     located = model.locate(readings)             probabilities of the places, and positions
 
 A folder holds `model.nc` (features, places, the nearest fingerprints and the ridge) and `network.onnx`.
@@ -229,7 +229,7 @@ def train_locator(
     )
 
 
-def save_model(model: LocationModel, folder: Path) -> Path:
+def save_locator(model: LocationModel, folder: Path) -> Path:
     """Write a model into a folder, which is made where it is not there.
 
     Raises
@@ -273,8 +273,8 @@ def save_model(model: LocationModel, folder: Path) -> Path:
     return folder
 
 
-def load_model(folder: Path) -> LocationModel:
-    """Read a model that `save_model` wrote.
+def load_locator(folder: Path) -> LocationModel:
+    """Read a model that `save_locator` wrote.
 
     Raises
     ------
@@ -365,4 +365,4 @@ def _neighbours(features: FloatArray, place: IntArray, place_count: int) -> Near
     return NearestFingerprints(features=features[::step], place=place[::step], place_count=place_count)
 
 
-__all__ = ["METHODS", "LocationModel", "TrainingSettings", "load_model", "save_model", "train_locator"]
+__all__ = ["METHODS", "LocationModel", "TrainingSettings", "load_locator", "save_locator", "train_locator"]

@@ -18,8 +18,8 @@ from lidarspectra.mapping.localization.location_errors import location_errors
 from lidarspectra.mapping.localization.location_model import (
     LocationModel,
     TrainingSettings,
-    load_model,
-    save_model,
+    load_locator,
+    save_locator,
     train_locator,
 )
 from lidarspectra.mapping.localization.locators import (
@@ -112,7 +112,7 @@ def test_light_that_was_traced_teaches_to_read_real_counts(model: LocationModel,
 
 
 def test_what_was_trained_is_what_is_loaded(model: LocationModel, make_table: Maker, tmp_path: Path) -> None:
-    again = load_model(save_model(model, tmp_path / "model"))
+    again = load_locator(save_locator(model, tmp_path / "model"))
     readings = make_table(5, gains=GAINS)
     for method in METHODS:
         assert (again.locate(readings, method).scores == model.locate(readings, method).scores).all()
@@ -122,7 +122,7 @@ def test_what_was_trained_is_what_is_loaded(model: LocationModel, make_table: Ma
 
 @pytest.mark.parametrize("damage", ["no network", "no model", "cut network", "another network", "text"])
 def test_a_damaged_model_is_refused(model: LocationModel, tmp_path: Path, damage: str) -> None:
-    folder = save_model(model, tmp_path / "model")
+    folder = save_locator(model, tmp_path / "model")
     network, kept = folder / "network.onnx", folder / "model.nc"
     if damage == "no network":
         network.unlink()
@@ -137,7 +137,7 @@ def test_a_damaged_model_is_refused(model: LocationModel, tmp_path: Path, damage
     else:
         kept.write_text("no NetCDF", encoding="utf-8")
     with pytest.raises(MapError):
-        load_model(folder)
+        load_locator(folder)
 
 
 def test_the_same_seed_gives_the_same_model(make_table: Maker, quick_settings: TrainingSettings) -> None:
