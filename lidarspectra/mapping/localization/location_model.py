@@ -276,6 +276,15 @@ def save_locator(model: LocationModel, folder: Path) -> Path:
 def load_locator(folder: Path) -> LocationModel:
     """Read a model that `save_locator` wrote.
 
+    Parameters
+    ----------
+    folder : Path
+        It holds `model.nc` and `network.onnx`.
+
+    Returns
+    -------
+    model : LocationModel
+
     Raises
     ------
     MapError
