@@ -64,7 +64,7 @@ def whole(make_transport, make_report, tmp_path_factory):
 @pytest.fixture(autouse=True)
 def _no_figure_files(monkeypatch):
     """The page alone is looked at; `whole` was written before this, with its files."""
-    monkeypatch.setattr("lidarspectra.mapping.report.save_figure", lambda figure, folder, name: ())
+    monkeypatch.setattr("lidarspectra.mapping.report_writer.save_figure", lambda figure, folder, name: ())
 
 
 def _read(path) -> tuple[str, _Page]:

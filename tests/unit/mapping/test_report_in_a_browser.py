@@ -47,7 +47,7 @@ def report(make_transport, make_report):
 def page_file(report, tmp_path_factory):
     """The whole report, without the figures' own files beside it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lidarspectra.mapping.report.save_figure", lambda figure, folder, name: ())
+        patch.setattr("lidarspectra.mapping.report_writer.save_figure", lambda figure, folder, name: ())
         return write_report(tmp_path_factory.mktemp("report"), report)
 
 
