@@ -15,9 +15,9 @@ Each L'_j is an unbiased estimate of the radiance along j in the occupied room w
 the walk, and up to j both rooms have the same walk with the same probability: the difference is unbiased. Of 100 walks
 97 add nothing, so its variance is a thirtieth of that of one trace, and the same walks serve all obstacles.
 
-Specular rays count as a reflection here, while Radiance counts diffuse ones alone: behind a glossy surface the walk's
-remainder with the obstacle is cut one reflection early. With eight reflections or more that is below 0.1 % of the
-difference.
+Reflections left to a walk are counted by the rays since its start, specular ones and passages through glass included,
+while Radiance counts diffuse reflections alone: behind gloss or glass, L' is cut short by so many. That is what 'low'
+accuracy, with two reflections, may feel; from eight on, what is cut is the ninth and less.
 """
 
 from collections import deque

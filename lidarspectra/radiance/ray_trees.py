@@ -13,7 +13,8 @@ each record behind as many tabs as the ray has ancestors. Records here are
 
 Tabs stand before binary records too, so that records are found by their "~\t", of which chance gives others.
 A shadow ray is told by its weight: Radiance gives it its parent's, while any other ray has its parent's times the
-largest of its own coefficients.
+largest of its own coefficients (specular ones too, with one sample each: `-ss 1`). What goes on from a shadow ray
+through glass is one as well.
 """
 
 from dataclasses import dataclass
@@ -107,7 +108,8 @@ def read_ray_trees(run: EngineRun, *, trees: int, slots: int) -> RayTrees:
     number = np.cumsum(kept) - 1
     return RayTrees(
         tree=tree[kept].astype(np.int64),
-        parent=np.where(first, -1, number[parent])[kept],  # parents are no shadow rays, so all are kept
+        # A parent is kept: it is no shadow ray, or one that brings all that its kept child brings.
+        parent=np.where(first, -1, number[parent])[kept],
         reflection=depth[kept],
         shadow=shadow[kept],
         origin=values[kept, 2:5],
@@ -170,7 +172,10 @@ def _are_shadows(weight: NDArray[np.float32], coefficient: NDArray[np.float32], 
     before = coefficient[parent]
     own = (coefficient / np.where(before > 0, before, 1.0)).max(axis=1)
     followed = np.abs(weight - weight[parent] * own) <= WEIGHT_TOLERANCE * weight
-    return np.asarray(~followed & (parent != np.arange(parent.size)), dtype=np.bool_)
+    shadow = np.asarray(~followed & (parent != np.arange(parent.size)), dtype=np.bool_)
+    while (behind := shadow[parent] & ~shadow).any():
+        shadow |= behind
+    return shadow
 
 
 def _broken(run: EngineRun, *, expected: str, found: str) -> EngineError:

@@ -9,14 +9,15 @@ import pytest
 import trimesh
 
 from lidarspectra.errors import SensorError
-from lidarspectra.material.material_map import Material
+from lidarspectra.hardware.phone.scan import bare_scan
+from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.engine import find_engine
 from lidarspectra.radiance.lamps import Lamp
 from lidarspectra.radiance.obstacle_effect import EffectRequest, ObstacleEffect, trace_effects
 from lidarspectra.radiance.obstacles import Obstacle
 from lidarspectra.radiance.options import BOUNCES
 from lidarspectra.radiance.receptors import cone_receptor, cosine_receptor
-from lidarspectra.radiance.scene import RadianceScene
+from lidarspectra.radiance.scene import RadianceScene, write_scene
 from lidarspectra.radiance.sensors import SensorPoints
 from lidarspectra.radiance.trace import trace_irradiance
 from lidarspectra.spectra import Spectrum
@@ -28,19 +29,24 @@ def grey(value: float) -> Spectrum:
     return Spectrum(wavelengths_nm=np.array([380.0, 780.0]), values=np.full(2, value))
 
 
+CLOTH = Material(
+    name="cloth",
+    category="fabric",
+    reflectance=grey(0.5),
+    source="test",
+    provenance="assigned",
+    confidence=1.0,
+    measured_range_nm=(380.0, 780.0),
+    color=(0.5, 0.5, 0.5),
+)
+
+
 def obstacle(mesh: trimesh.Trimesh, reflectance: Spectrum) -> Obstacle:
-    material = Material(
-        name="cloth",
-        category="fabric",
-        reflectance=reflectance,
-        source="test",
-        provenance="assigned",
-        confidence=1.0,
-        measured_range_nm=(380.0, 780.0),
-        color=(0.5, 0.5, 0.5),
-    )
     return Obstacle(
-        vertices=mesh.vertices, faces=mesh.faces, face_material=np.zeros(len(mesh.faces)), materials=(material,)
+        vertices=mesh.vertices,
+        faces=mesh.faces,
+        face_material=np.zeros(len(mesh.faces)),
+        materials=(replace(CLOTH, reflectance=reflectance),),
     )
 
 
@@ -107,7 +113,7 @@ def test_a_white_board_sends_what_configuration_factors_say(rooms, sensors, effe
 
 @pytest.fixture
 def office(rooms) -> tuple[RadianceScene, list[Lamp], Callable[..., RadianceScene]]:
-    """A room with furniture and gloss under two unlike lamps, and a way to build it with a block in it."""
+    """A room with a table under two unlike lamps, and a way to build it with more in it."""
     table = box((0.3, 0.4, 0.7), (1.5, 1.1, 0.74))
     lamps = [
         rooms.lamp("panel", (0.8, 1.5, 2.9), (0.6, 0.6), name="one"),
@@ -141,6 +147,39 @@ def test_the_difference_is_that_of_two_whole_traces(office, sensors, effects, ac
     assert np.sqrt(np.mean((found.effect_se / empty) ** 2)) < 0.006  # and it is seen
     # A bias shows in the mean over sensors and bands, whose error is no larger than that of one.
     assert abs(np.mean(difference / empty)) <= 8.0 * 0.0015, difference / empty
+
+
+def test_gloss_and_glass_are_no_exception(rooms, sensors, effects, tmp_path: Path) -> None:
+    lamps = [rooms.lamp("panel", (0.8, 1.5, 2.9), (0.6, 0.6))]
+    room = rooms.room(3.0)
+    block = box((1.0, 1.2, 0.1), (2.0, 2.0, 1.7))
+    parts = [
+        (room, replace(CLOTH, reflectance=grey(0.7), specularity=0.15, roughness=0.1)),
+        (box((0.3, 1.0, 1.5), (1.2, 1.01, 2.8)), replace(CLOTH, kind="glass", transmittance=0.85)),
+        (box((2.2, 2.2, 0.0), (2.8, 2.8, 1.0)), replace(CLOTH, kind="metal", specularity=0.8, roughness=0.1)),
+        (block, CLOTH),
+    ]
+
+    def scene(count: int) -> RadianceScene:
+        mesh = trimesh.util.concatenate([part for part, _ in parts[:count]])
+        faces = np.concatenate([np.full(len(part.faces), index) for index, (part, _) in enumerate(parts[:count])])
+        materials = MaterialMap(
+            materials=tuple(material for _, material in parts[:count]),
+            face_material=faces,
+            face_color=np.full((len(faces), 3), 0.5),
+            face_seen=np.ones(len(faces)),
+        )
+        scan = bare_scan(mesh.vertices, mesh.faces)
+        return write_scene(scan, materials, lamps, rooms.bands, tmp_path / f"{count}", crease_deg=0.0)
+
+    points = sensors([[0.02, 1.5, 1.5], [1.5, 0.02, 2.0], [2.5, 0.5, 0.02]], [[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    (found,) = effects(scene(3), lamps, points, [obstacle(block, CLOTH.reflectance)], "medium", walks=1597)
+    empty, empty_se = irradiance(scene(3), points, "medium", 0.005)
+    full, full_se = irradiance(scene(4), points, "medium", 0.005)
+    error = np.sqrt(found.effect_se**2 + empty_se**2 + full_se**2)
+    assert np.all(np.abs(found.effect - (full - empty)) <= 8.0 * error)
+    assert np.all(error < 0.02 * empty)
+    assert np.all(found.effect < -0.05 * empty)
 
 
 def test_a_narrow_view_that_sees_lamps_and_walls_loses_what_an_obstacle_hides(office, sensors, effects) -> None:

@@ -77,6 +77,24 @@ def test_numbers_that_look_like_a_mark_mislead_nobody(field: int, offset: int) -
     np.testing.assert_array_equal(rays.parent, [1, 2, 4, 4, -1, -1])
 
 
+@pytest.mark.parametrize("radiance", [10.0, 0.0])
+def test_a_look_at_a_lamp_through_glass_is_one_behind_it_too(radiance: float) -> None:
+    look, pane = 0.005, 0.9
+    rays = read_ray_trees(
+        run_of(
+            (2, 0.9, 2.0, grey(look * pane), grey(look * pane * radiance)),
+            (1, 1.0, 1.0, grey(look), grey(look * pane * radiance)),
+            (1, 0.5, 3.0, grey(0.5), grey(0.0)),
+            (0, 1.0, 5.0, grey(1.0), grey(look * pane * radiance)),
+        ),
+        trees=1,
+        slots=SLOTS,
+    )
+    lit = [True, True] if radiance else []  # a look that ends behind the pane on something dark is left out as a whole
+    np.testing.assert_array_equal(rays.shadow, [*lit, False, False])
+    np.testing.assert_array_equal(rays.parent, [1, 3, 3, -1] if radiance else [1, -1])
+
+
 @pytest.mark.parametrize(
     ("run", "trees", "words"),
     [
