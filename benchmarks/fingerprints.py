@@ -1,6 +1,6 @@
 """What fingerprints of fifty people cost, and how well they are known.
 
-    python -m benchmarks.fingerprints RUN [--scene large-office] [--count 50] [--fresh]
+    python -m benchmarks.fingerprints RUN [--scene large-office] [--count 50] [--effect-error PERCENT] [--fresh]
 
 RUN is a run folder of the scene, made up to the scene stage if it is not. Prints one table: processor time by part,
 time on the clock, standard errors.
@@ -93,6 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("run", type=Path)
     parser.add_argument("--scene", default="large-office")
     parser.add_argument("--count", type=int, default=50)
+    parser.add_argument("--effect-error", type=float, help="standard error of what a person changes [%%]")
     parser.add_argument("--fresh", action="store_true", help="trace again what was kept")
     choice = parser.parse_args(arguments)
     run_file = scenes_folder() / choice.scene / "room.toml"
@@ -112,7 +113,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         place_people(positions, FingerprintOrder()),
         load_reflectances(),
         folder,
-        FingerprintRequest(accuracy=inputs.room.trace.accuracy),
+        FingerprintRequest(
+            accuracy=inputs.room.trace.accuracy,
+            effect_target=None if choice.effect_error is None else choice.effect_error / 100,
+        ),
         progress=parts,
     )
     print(report(table, parts, time.perf_counter() - start))

@@ -126,7 +126,9 @@ def office(rooms) -> tuple[RadianceScene, list[Lamp], Callable[..., RadianceScen
     return make(), lamps, make
 
 
-@pytest.mark.parametrize(("accuracy", "walls"), [("low", grey(0.9)), ("high", RAMP)])
+@pytest.mark.parametrize(
+    ("accuracy", "walls"), [("low", grey(0.9)), pytest.param("high", RAMP, marks=pytest.mark.slow)]
+)
 def test_the_difference_is_that_of_two_whole_traces(office, sensors, effects, accuracy: str, walls: Spectrum) -> None:
     _, lamps, make = office
     scene = make(walls=walls)  # bright ones, where the reflections that no longer count would show
@@ -149,6 +151,7 @@ def test_the_difference_is_that_of_two_whole_traces(office, sensors, effects, ac
     assert abs(np.mean(difference / empty)) <= 8.0 * 0.0015, difference / empty
 
 
+@pytest.mark.slow
 def test_gloss_and_glass_are_no_exception(rooms, sensors, effects, tmp_path: Path) -> None:
     lamps = [rooms.lamp("panel", (0.8, 1.5, 2.9), (0.6, 0.6))]
     room = rooms.room(3.0)
