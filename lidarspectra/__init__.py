@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from lidarspectra.config import read_run_file
     from lidarspectra.errors import LidarSpectraError
+    from lidarspectra.fingerprints import FingerprintOrder, fingerprint_room
     from lidarspectra.hardware.phone.readers import read_scan
     from lidarspectra.mapping.localization.fingerprint_files import read_fingerprints
     from lidarspectra.mapping.localization.location_model import load_locator, train_locator
@@ -24,10 +25,12 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "BandSet": "spectra",
+    "FingerprintOrder": "fingerprints",
     "LampOrder": "relighting",
     "LidarSpectraError": "errors",
     "Spectrum": "spectra",
     "estimate_materials": "material.estimate",
+    "fingerprint_room": "fingerprints",
     "gaussian_bands": "spectra",
     "load_locator": "mapping.localization.location_model",
     "load_map": "mapping.spectral_map",
@@ -46,11 +49,13 @@ _HOMES = {
 __version__ = version("lidarspectra")
 __all__ = [
     "BandSet",
+    "FingerprintOrder",
     "LampOrder",
     "LidarSpectraError",
     "Spectrum",
     "__version__",
     "estimate_materials",
+    "fingerprint_room",
     "gaussian_bands",
     "load_locator",
     "load_map",
