@@ -1,6 +1,13 @@
-"""Open a NetCDF-4 file that may be anything: whatever its libraries trip over comes out as one kind of error."""
+"""NetCDF-4 files: read ones that may be anything, and written ones whole or not at all.
 
+Whatever the libraries trip over comes out as one kind of error. They write into memory, since HDF5 ends the process
+where a disk is full.
+"""
+
+import io
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -37,6 +44,32 @@ def read_netcdf(path: Path) -> xr.Dataset:
             return opened.load()
     except _FAULTS as cause:
         raise ValueError(" ".join(f"{type(cause).__name__}: {cause}".split())) from cause
+
+
+def write_netcdf(dataset: xr.Dataset, path: Path, *, encoding: Mapping[Any, Any]) -> None:
+    """Write a NetCDF-4 file, whole or not at all.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+    path : Path
+    encoding : mapping
+        As for `xarray.Dataset.to_netcdf`.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    packed = io.BytesIO()
+    dataset.to_netcdf(packed, engine="h5netcdf", encoding=encoding)
+    partial = path.with_name(f"{path.name}.partial")
+    try:
+        with partial.open("wb") as file:
+            file.write(packed.getbuffer())
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def check_numbers(dataset: xr.Dataset, name: str, dims: tuple[str, ...]) -> None:

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import ArrayError, LidarSpectraError, MapError
-from lidarspectra.netcdf_files import LARGEST_VALUE, read_netcdf
+from lidarspectra.netcdf_files import LARGEST_VALUE, read_netcdf, write_netcdf
 from lidarspectra.radiance.transport import standard_error_of_sum
 from lidarspectra.spectra import BandSet, Spectrum
 
@@ -211,11 +211,10 @@ def save_map(dataset: xr.Dataset, path: Path) -> Path:
         If the Dataset is no spectral map, or the file cannot be written.
     """
     checked = check_map(dataset, where="map to save")
-    partial = path.with_name(path.name + ".partial")
     encoding = {name: {"zlib": True, "complevel": 4} for name in _VARIABLES}
-    with _reported(path, expected="a file that can be written", todo="Choose a folder that you may write to."):
-        checked.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
-        partial.replace(path)
+    todo = "Check its permissions and the free disk space."
+    with _reported(path, expected="a file that can be written", todo=todo):
+        write_netcdf(checked, path, encoding=encoding)
     return path
 
 

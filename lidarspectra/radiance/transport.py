@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import EngineError, WorkspaceError
-from lidarspectra.netcdf_files import check_numbers, read_netcdf
+from lidarspectra.netcdf_files import check_numbers, read_netcdf, write_netcdf
 from lidarspectra.radiance.scene import RadianceScene
 from lidarspectra.radiance.sensors import SensorPoints
 from lidarspectra.radiance.uncertainty import standard_error
@@ -127,17 +127,15 @@ def save_transport(transport: xr.Dataset, path: Path) -> Path:
     WorkspaceError
         If the file cannot be written.
     """
-    partial = path.with_name(path.name + ".partial")
     encoding = {name: {"zlib": True, "complevel": 1} for name in transport.data_vars}
     try:
-        transport.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
-        partial.replace(path)
+        write_netcdf(transport, path, encoding=encoding)
     except OSError as cause:
         raise WorkspaceError(
             expected="a file that can be written",
-            found=str(cause),
+            found=str(cause.strerror or cause),
             where=str(path),
-            todo="Choose a folder that you may write to.",
+            todo="Check its permissions and the free disk space.",
         ) from cause
     return path
 
