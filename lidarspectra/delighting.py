@@ -465,14 +465,14 @@ def _spread(scan: Scan, samples: _Samples) -> csr_array:
 
 
 def _beyond_white(shown: FloatArray, irradiance: FloatArray) -> FloatArray:
-    """(face, 3) light that faces send over what a picture shows, which is cut at white; from (face, 3) light on them.
+    """(face, 3) light that faces send over the (face, 3) that a picture shows, from (face, 3) light on them.
 
-    What is cut has at least the reflectance that just reaches white, 1/E, and at most that of fresh paint, ρ. Any
-    between is as likely, and sends (1 + ρE)/2 in the mean. Where E is too little for white (a screen, a window), what
-    is shown stays.
+    A face that is cut at white in all channels, and so of unknown colour, has at least the reflectance that just
+    reaches white, 1/E, and at most that of fresh paint, ρ. Any between is as likely, and sends (1 + ρE)/2 in the mean.
+    Where E is too little for white (a screen, a window), what is shown stays.
     """
     expected = 0.5 * (1.0 + BRIGHTEST_REFLECTANCE * srgb_of_cones(irradiance))
-    return np.where(shown >= CLIPPED, np.maximum(expected, 1.0), 1.0)
+    return np.where((shown >= CLIPPED).all(axis=1, keepdims=True), np.maximum(expected, 1.0), 1.0)
 
 
 def _face_reflectance(evidence: LightEvidence, fit: LightFit, spread: csr_array) -> FloatArray:

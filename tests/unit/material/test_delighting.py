@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.delighting import _beyond_white, _near_lamps
+from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.sharpened_cones import cones_of_srgb
 from lidarspectra.radiance.lamps import Lamp
 from lidarspectra.spectra import Spectrum
@@ -29,8 +30,10 @@ def light(level: float) -> np.ndarray:
 
 
 def test_what_is_cut_at_white_sends_between_white_and_what_fresh_paint_would() -> None:
-    shown = np.array([[1.0, 1.0, 0.5]])
-    assert _beyond_white(shown, light(2.0))[0] == pytest.approx([0.5 * (1 + 0.90 * 2.0)] * 2 + [1.0])
+    shown = np.array([[1.0, 1.0, 0.98], [1.0, 1.0, 0.5]])
+    excess = _beyond_white(shown, np.repeat(light(2.0), 2, axis=0))
+    assert excess[0] == pytest.approx([0.5 * (1 + BRIGHTEST_REFLECTANCE * 2.0)] * 3)
+    assert excess[1] == pytest.approx([1.0] * 3)
 
 
 def test_what_its_light_cannot_make_white_sends_no_more_than_it_shows() -> None:
