@@ -26,7 +26,8 @@ class PostureName(StrEnum):
 def fingerprints(
     run_file: Annotated[Path, typer.Argument(metavar="ROOM.toml", help="The run file.", show_default=False)],
     positions: Annotated[
-        Path | None, typer.Option("--positions", metavar="FILE.csv", help="name,x,y[,z] of each position [m].")
+        Path | None,
+        typer.Option("--positions", metavar="FILE.csv", help="name,x,y and, if need be, z of each position (m)."),
     ] = None,
     grid: Annotated[
         float | None,
@@ -37,7 +38,7 @@ def fingerprints(
         list[PostureName] | None, typer.Option("--posture", help="To draw from; may stand again. Standing by default.")
     ] = None,
     error: Annotated[
-        float, typer.Option("--error", metavar="PERCENT", min=0.02, max=10.0, help="Standard error of a reading.")
+        float, typer.Option("--error", metavar="PERCENT", min=0.02, max=10.0, help="Standard error of a reading (%).")
     ] = 0.3,
     effect_error: Annotated[
         float | None,
@@ -46,7 +47,7 @@ def fingerprints(
             metavar="PERCENT",
             min=0.005,
             max=10.0,
-            help="That of a person's change, of the reading too.",
+            help="That of what a person changes (% of the reading).",
         ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Another one draws other people.")] = 0,
