@@ -26,7 +26,7 @@ console = Console(highlight=False)
 ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="What 'train' wrote.", show_default=False)]
 PositionsOption = Annotated[
     Path | None,
-    typer.Option("--positions", metavar="FILE.csv", help="name,x,y[,z]: where the places are [m]."),
+    typer.Option("--positions", metavar="FILE.csv", help="name,x,y and, if need be, z: where the places are (m)."),
 ]
 MinCountOption = Annotated[
     float, typer.Option("--min-count", min=0.0, help="Channels whose reference reads less are left out.")
