@@ -6,6 +6,7 @@ long to load are imported inside the commands, so that `--help` answers at once.
 
 import signal
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -26,6 +27,7 @@ from lidarspectra import (
     sensor_cli,
 )
 from lidarspectra.errors import LidarSpectraError
+from lidarspectra.progress import remaining_words
 from lidarspectra.workspace import STAGES, StageName
 
 if TYPE_CHECKING:
@@ -115,8 +117,11 @@ class _ConsoleListener:
         """Begin a bar."""
         self._bar.reset(self._task, total=1.0, description=f"{STAGES.index(stage) + 1} {stage}", words="")
 
+        begun = time.monotonic()
+
         def report(fraction: float, message: str) -> None:
-            self._bar.update(self._task, completed=fraction, words=message)
+            left = remaining_words(time.monotonic() - begun, fraction)
+            self._bar.update(self._task, completed=fraction, words=f"{message}; {left}" if left else message)
 
         return report
 

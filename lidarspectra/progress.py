@@ -2,6 +2,9 @@
 
 from collections.abc import Callable
 
+TOLD_FROM = 0.2  # [1] of a stage; before, a remaining time would be a guess
+LEAST_TOLD_S = 10.0  # [s]
+
 Progress = Callable[[float, str], None]
 """Called with the fraction done [0-1] and a few words on what is being done."""
 
@@ -35,3 +38,13 @@ def remaining_s(elapsed_s: float, fraction: float) -> float | None:
         None where nothing is done yet. [s]
     """
     return elapsed_s * (1.0 - fraction) / fraction if fraction > 0.0 else None
+
+
+def remaining_words(elapsed_s: float, fraction: float) -> str:
+    """The remaining time in words; empty while too little is done, or too little left, to speak of it."""
+    left_s = remaining_s(elapsed_s, fraction)
+    if left_s is None or fraction < TOLD_FROM or left_s < LEAST_TOLD_S:
+        return ""
+    if left_s < 90.0:
+        return f"about {10 * round(left_s / 10):.0f} s left"
+    return f"about {left_s / 60:.0f} min left" if left_s < 5400.0 else f"about {left_s / 3600:.1f} h left"

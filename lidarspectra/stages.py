@@ -55,6 +55,7 @@ MODEL_FOLDER = "model"
 SEGMENTATION = "segmentation"
 MAP_FILE = "map.nc"
 MAP_TABLE = "map.csv"
+DELIGHTING = 0.35  # [1] of the time of the materials stage
 TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays by the clock: runs agree within noise
 
 
@@ -64,16 +65,16 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
     file = inputs.path(section.file)
 
     def make(folder: Path, progress: Progress) -> Notes:
-        raw = read_scan(file, unit=section.unit, up=section.up, progress=part_of(progress, 0.0, 0.4))
+        raw = read_scan(file, unit=section.unit, up=section.up, progress=part_of(progress, 0.0, 0.15))
         scan = repair_scan(
             raw,
             close_holes=section.close_holes,
             max_hole_m=section.max_hole_m,
             flatten=section.flatten,
             max_faces=section.max_faces,
-            progress=part_of(progress, 0.4, 0.8),
+            progress=part_of(progress, 0.15, 0.95),
         )
-        progress(0.8, "finding floor, walls and ceiling")
+        progress(0.95, "finding floor, walls and ceiling")
         room = find_room(scan)
         save_scan(scan, folder)
         save_room(room, folder)
@@ -126,7 +127,7 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
             found = inputs.room.lamps_from_scan
             stated = found is None or found.fluxes == "area"
             light = take_light_out(
-                mesh, scan.value.room, lamps, fluxes_stated=stated, progress=part_of(progress, 0.0, 0.7)
+                mesh, scan.value.room, lamps, fluxes_stated=stated, progress=part_of(progress, 0.0, DELIGHTING)
             )
         materials = estimate_materials(
             mesh,
@@ -136,7 +137,7 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
             face_color=light.face_color if light else None,
             matching=section.matching,
             base_folder=inputs.base,
-            progress=part_of(progress, 0.7 if light else 0.0, 1.0),
+            progress=part_of(progress, DELIGHTING if light else 0.0, 1.0),
         )
         if light is not None:
             materials = with_light_uncertainty(materials, light, mesh.areas)
@@ -281,6 +282,7 @@ def report_stage(
         mesh, room = scan.value.scan, scan.value.room
         lamps = load_lamps(scene.folder)
         plan = floor_plan(mesh, room)
+        applied = 0.5 if inputs.room.people_and_plants or inputs.room.cells else 0.0  # [1] of the time
         page = write_report(
             folder,
             ReportInput(
@@ -295,7 +297,7 @@ def report_stage(
                     scene.value.bands,
                     plan,
                     base=inputs.base,
-                    progress=part_of(progress, 0.0, 0.5),
+                    progress=part_of(progress, 0.0, applied),
                 ),
                 scan=mesh.record,
                 materials=materials.value.materials,
@@ -325,7 +327,7 @@ def report_stage(
                 provenance=_provenance(before),
                 run_file=inputs.text,
             ),
-            progress=part_of(progress, 0.5, 1.0),
+            progress=part_of(progress, applied, 1.0),
         )
         return Notes(summary=f"{page.name}, with figures and tables beside it")
 

@@ -109,10 +109,10 @@ def estimate_materials(
     names = (UNKNOWN,) * count
     if count and chosen.model != "none":
         path = SHIPPED_MODEL if chosen.model == "builtin" else (base_folder or Path()) / chosen.model
-        looking = part_of(progress, 0.1, 0.9)
+        looking = part_of(progress, 0.3, 0.95)
         classes = material_classes(scan, views, Classifier(path), room=room, colors=colors, progress=looking)
         label, count, names = split_by_class(label, classes, scan.areas, most=chosen.colors)
-    progress(0.9, f"{count} segments")
+    progress(0.95, f"{count} segments")
     materials = [
         _material(group, names[group], colors, label, scan.areas, views.face_seen, known, matching)
         for group in range(count)
@@ -122,7 +122,7 @@ def estimate_materials(
         materials.append(default)
     materials = _distinct_names(materials)
     estimated = _material_map(materials, label, colors, views)
-    progress(0.95, f"{len(estimated.materials)} materials")
+    progress(0.97, f"{len(estimated.materials)} materials")
     if chosen.file is not None:
         path = Path(chosen.file) if base_folder is None else base_folder / chosen.file
         estimated = assign(estimated, read_assignments(path), known, where=path)

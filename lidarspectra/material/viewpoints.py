@@ -123,7 +123,7 @@ def render_views(
             covered |= shows[direction]
         viewpoints.append(viewpoint)
         history.append(search.share(covered))
-        progress(min(0.95, len(viewpoints) / chosen.most_viewpoints), f"{history[-1]:.1%} of the area seen")
+        progress(_share_done(history, coverage, chosen.most_viewpoints), f"{history[-1]:.1%} of the area seen")
         if history[-1] >= coverage:
             stopped = f"{coverage:.0%} of the area is seen"
         elif len(viewpoints) == chosen.most_viewpoints:
@@ -143,6 +143,13 @@ def render_views(
         history=np.array(history),
         stopped=stopped,
     )
+
+
+def _share_done(history: list[float], coverage: float, most: int) -> float:
+    """Share of the viewpoints that are taken, if each that is still missing adds half of what the last one added."""
+    gain = history[-1] - (history[-2] if len(history) > 1 else 0.0)
+    missing = max(1.0, 2.0 * (coverage - history[-1]) / max(gain, 1e-3))
+    return len(history) / min(len(history) + missing, max(most, len(history) + 1.0))
 
 
 class _Search:

@@ -44,7 +44,7 @@ def flatten_scan(scan: Scan, *, progress: Progress = silent) -> Scan:
     """
     progress(0.0, "finding planes")
     patches = find_flat_patches(scan)
-    progress(0.6, "drawing vertices onto planes")
+    progress(0.9, "drawing vertices onto planes")
     moved = _drawn(scan, patches)
     used = np.unique(scan.faces)
     distance = np.linalg.norm(moved[used] - scan.vertices[used], axis=1)

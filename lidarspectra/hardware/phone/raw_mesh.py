@@ -298,7 +298,8 @@ def _join_appearance(parts: list[MeshPart], images: tuple[ByteArray, ...]) -> tu
             corner_uv[span] = part.corner_uv
         elif part.corner_color is None:
             uncolored += part.faces.shape[0]
-    broken = ~np.isfinite(corner_uv).all(axis=(1, 2)) | ~np.isfinite(corner_color).all(axis=(1, 2))
+    sound = (np.abs(corner_uv) <= MAX_COORDINATE).all(axis=(1, 2))  # False for NaN, too
+    broken = ~sound | ~np.isfinite(corner_color).all(axis=(1, 2))
     bad = int(broken.sum())
     face_image[broken], corner_uv[broken], corner_color[broken] = -1, 0.0, NEUTRAL_COLOR
     notes = []

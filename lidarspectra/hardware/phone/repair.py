@@ -70,16 +70,16 @@ def repair_scan(
     """
     progress(0.0, "merging vertices")
     scan = _merged(scan)
-    progress(0.15, "dropping doubled and degenerate triangles")
+    progress(0.05, "dropping doubled and degenerate triangles")
     scan = _without_bad_faces(scan)
-    progress(0.25, "turning normals towards the room")
+    progress(0.1, "turning normals towards the room")
     scan = _turned(scan)
-    progress(0.5, "closing holes")
-    scan = _closed(scan, max_hole_m if close_holes else 0.0, part_of(progress, 0.5, 0.7))
+    progress(0.2, "closing holes")
+    scan = _closed(scan, max_hole_m if close_holes else 0.0, part_of(progress, 0.2, 0.3))
     if flatten:
-        scan = flatten_scan(scan, progress=part_of(progress, 0.7, 0.8))
+        scan = flatten_scan(scan, progress=part_of(progress, 0.3, 0.7 if max_faces else 1.0))
     if max_faces is not None:
-        scan = decimate(scan, max_faces, progress=part_of(progress, 0.8, 1.0))
+        scan = decimate(scan, max_faces, progress=part_of(progress, 0.7, 1.0))
     record = replace(scan.record, faces_kept=scan.faces.shape[0], area_m2=float(scan.areas.sum()))
     progress(1.0, "scan repaired")
     return replace(scan, record=record)
