@@ -111,8 +111,8 @@ def live(
     sources: Annotated[
         list[str],
         typer.Argument(
-            metavar="PORT|FILE | SENSOR=PORT|LOG ...",
-            help="A hub's port or a recorded table; or each sensor's port or log.",
+            metavar="SOURCE",
+            help="PORT of a hub or FILE recorded of it; or SENSOR=PORT or SENSOR=LOG of each sensor.",
             show_default=False,
         ),
     ],
