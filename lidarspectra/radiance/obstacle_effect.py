@@ -12,8 +12,8 @@ paths are shared. Walks from the sensors go through the EMPTY room once, with al
     i   shadow rays that reached a lamp, worth V_i, and now end on the obstacle
 
 Each L'_j is an unbiased estimate of the radiance along j in the occupied room with as many reflections as are left to
-the walk, and up to j both rooms have the same walk with the same probability: the difference is unbiased. Of 100 walks
-97 add nothing, so its variance is a thirtieth of that of one trace, and the same walks serve all obstacles.
+the walk, and up to j both rooms have the same walk with the same probability: the difference is unbiased. Nearly
+all walks add nothing, and no noise either; and the same walks serve all obstacles.
 
 Reflections left to a walk are counted by the rays since its start, specular ones and passages through glass included,
 while Radiance counts diffuse reflections alone: behind gloss or glass, L' is cut short by so many. That is what 'low'
