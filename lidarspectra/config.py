@@ -11,6 +11,8 @@ from lidarspectra.errors import LidarSpectraError, RunFileError
 
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")]
+"""Of a lamp: any words in one line; what files of results cannot hold, control characters, is refused."""
 Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -41,7 +43,7 @@ class ScanSection(Section):
 class LampSection(Section):
     """`[[lamps]]`: one lamp. Give one of luminous flux, radiant flux, or neither where the spectrum is absolute."""
 
-    name: str = Field(min_length=1, max_length=200)
+    name: Name
     shape: Literal["panel", "disc", "strip", "bulb", "spot", "point", "ies", "window"]
     center: Vector
     size: tuple[Positive, Positive] | tuple[Positive] | Positive | None = None
@@ -93,7 +95,7 @@ class LampsFromScanSection(Section):
 class WindowSection(Section):
     """`[[daylight.windows]]`: an opening to the outside."""
 
-    name: str = Field(min_length=1, max_length=200)
+    name: Name
     center: Vector
     """Middle, just inside the pane. [m]"""
     size: tuple[Positive, Positive]

@@ -151,21 +151,16 @@ def load_transport(path: Path) -> xr.Dataset:
     todo = "Run the trace stage again."
     try:
         transport = read_netcdf(path)
+        if str(transport.attrs.get("schema")) != SCHEMA:
+            raise ValueError(f"schema {transport.attrs.get('schema')!r}")
         for name, (dims, _, _) in _VARIABLES.items():
             check_numbers(transport, name, dims)
         if "coefficient_batches" in transport:
             check_numbers(transport, "coefficient_batches", _BATCHES)
     except ValueError as cause:
         raise WorkspaceError(
-            expected="a transport in NetCDF-4", found=str(cause), where=str(path), todo=todo
+            expected=f"a transport in NetCDF-4 of schema '{SCHEMA}'", found=str(cause), where=str(path), todo=todo
         ) from cause
-    if str(transport.attrs.get("schema")) != SCHEMA:
-        raise WorkspaceError(
-            expected=f"a file of schema '{SCHEMA}'",
-            found=f"schema {transport.attrs.get('schema')!r}",
-            where=str(path),
-            todo=todo,
-        )
     return transport
 
 
