@@ -22,7 +22,7 @@ import pytest
 import trimesh
 import xarray as xr
 
-from lidarspectra import stages
+from lidarspectra import sensing_of_run, stages
 from lidarspectra.errors import EngineError, LidarSpectraError, SceneError, WorkspaceError
 from lidarspectra.pipeline import plan, run
 from lidarspectra.progress import Progress, silent
@@ -222,7 +222,8 @@ def lying_engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[s
         (folder / program).write_text(text, encoding="utf-8")
         (folder / program).chmod(0o755)
         lying = Engine(programs=folder, library=real.library)
-        monkeypatch.setattr(stages, "find_engine", lambda: lying)
+        for module in (stages, sensing_of_run):
+            monkeypatch.setattr(module, "find_engine", lambda: lying)
 
     return make
 
