@@ -100,7 +100,7 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
     coverage = inputs.room.materials.coverage
 
     def make(folder: Path, progress: Progress) -> Notes:
-        views = render_views(scan.value.scan, scan.value.room, coverage=coverage, progress=progress)
+        views = render_views(scan.value.scan, scan.value.room, coverage=coverage, progress=part_of(progress, 0.0, 0.88))
         save_views(views, folder)
         short = views.area_coverage < views.threshold
         return Notes(
@@ -137,7 +137,7 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
             face_color=light.face_color if light else None,
             matching=section.matching,
             base_folder=inputs.base,
-            progress=part_of(progress, DELIGHTING if light else 0.0, 1.0),
+            progress=part_of(progress, DELIGHTING if light else 0.0, 0.92),
         )
         if light is not None:
             materials = with_light_uncertainty(materials, light, mesh.areas)
