@@ -40,7 +40,7 @@ class PartTimes:
     def __call__(self, fraction: float, words: str) -> None:
         """Count what was spent since the last report to what that was about to do."""
         now = processor_seconds()
-        name = "people, one after another" if "persons traced" in words else words
+        name = "people, their bodies included" if "persons traced" in words else words
         name = "the empty room" if name.endswith("rays") or name == "traced" else name
         self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
         self._last = now
