@@ -42,7 +42,7 @@ docs: setup-test
 quick: setup-test
 	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
 
-# 10,000 damaged files for every reader: half an hour on two cores; FUZZ="--only glb" for one (tests/fuzz/campaign.py).
+# 10,000 damaged files for every reader: an hour or more on two cores; FUZZ="--only glb" for one (tests/fuzz/campaign.py).
 fuzz: setup-test
 	$(BIN)/python tests/fuzz/campaign.py $(FUZZ)
 
