@@ -69,12 +69,14 @@ def fingerprints(
     if (positions is None) == (grid is None):
         raise typer.BadParameter("give either --positions or --grid")
     from lidarspectra.fingerprints import FingerprintOrder, fingerprint_room
+    from lidarspectra.hardware.room.body import POSTURES
 
+    wanted = {name.value for name in posture or [PostureName.STANDING]}
     order = FingerprintOrder(
         positions=positions,
         grid_m=grid,
         draws=draws,
-        postures=tuple(posture or (PostureName.STANDING,)),
+        postures=tuple(name for name in POSTURES if name in wanted),
         target=error / 100.0,
         effect_target=None if effect_error is None else effect_error / 100.0,
         seed=seed,
