@@ -229,7 +229,7 @@ def _from_echo(text: str, path: Path) -> Trajectory:
             lead = "pose.pose" if "pose.pose.position.x" in values else "pose"
             x, y, z = (float(values[f"{lead}.position.{axis}"]) for axis in "xyz")
             heading = yaw(*(float(values[f"{lead}.orientation.{axis}"]) for axis in "xyzw"))
-        except (KeyError, ValueError):  # the last message may be cut
+        except (KeyError, ValueError, OverflowError):  # the last message may be cut
             continue
         poses.append((time_s, x, y, z, heading))
     return _trajectory(poses, frame, str(path))

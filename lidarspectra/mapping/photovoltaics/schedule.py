@@ -164,7 +164,7 @@ def hour_of(text: str, *, where: str) -> float:
     hours, colon, minutes = text.strip().partition(":")
     try:
         found = int(hours) + int(minutes) / 60.0 if colon else float(hours)
-    except ValueError:
+    except (ValueError, OverflowError):  # words, or more digits than a number has
         found = -1.0
     if not 0 <= found <= DAY_H or (colon and not 0 <= int(minutes) < 60):
         raise MapError(expected="a time of day as 8:30", found=f"'{text}'", where=where)
