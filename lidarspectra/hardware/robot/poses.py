@@ -204,7 +204,7 @@ def _from_echo_csv(rows: list[list[str]], path: Path) -> Trajectory:
         try:
             x, y, z, qx, qy, qz, qw = (float(word) for word in words[numbers : numbers + 7])
             poses.append((int(words[0]) + int(words[1]) * 1e-9, x, y, z, yaw(qx, qy, qz, qw)))
-        except ValueError:  # a line that was cut
+        except (ValueError, OverflowError):  # a line that was cut
             continue
     return _trajectory(poses, rows[0][2].strip(), str(path))
 

@@ -1,0 +1,58 @@
+"""What the campaign once found, in the smallest file that shows it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from lidarspectra.databases import import_lspdd
+from lidarspectra.errors import DatabaseError, LampError, LidarSpectraError, MapError, ReadingError, ScanError
+from lidarspectra.hardware.phone.raw_mesh import FileFolder
+from lidarspectra.hardware.robot.poses import read_poses
+from lidarspectra.hardware.sensor.calibration_files import read_calibration
+from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
+from lidarspectra.hardware.sensor.reading_log import FORMAT_LINE
+from lidarspectra.mapping.photovoltaics.schedule import parse_hours
+from lidarspectra.radiance.ies import read_ies
+from lidarspectra.sensor_files import find_bands
+from lidarspectra.spectrum_files import read_spectrum_file
+
+MANY = "1" * 400
+
+
+@pytest.mark.parametrize(
+    ("read", "text"),
+    [
+        (lambda path: import_lspdd([path]), '{"a":' * 100_000),
+        (read_calibration, "[" * 100_000),
+        (lambda path: find_bands(path.name, path.parent), "center_nm,fwhm_nm\n460,4294967295\n"),
+        (lambda path: find_bands(path.name, path.parent), "center_nm,fwhm_nm\n460,1e-9\n"),
+        (read_spectrum_file, "nm,W/nm\n400,1e999\n500,1\n"),
+        (read_sensor_log, f"{FORMAT_LINE}\nkind,utc\nreading,now\n"),
+        (read_poses, f"header:\n  stamp:\n    sec: 1\n    nanosec: {MANY}\n---\n"),
+    ],
+)
+def test_a_file_that_asks_too_much_is_refused(tmp_path: Path, read: Callable[[Path], object], text: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises((DatabaseError, ReadingError)):
+        read(path)
+
+
+def test_numbers_of_too_many_digits_are_no_hours_and_no_candela() -> None:
+    with pytest.raises(MapError):
+        parse_hours(f"8:{MANY}-17")
+    with pytest.raises(LampError, match="the number 1e99"):
+        read_ies("TILT=NONE\n1 -1 1e99 2 1 1 2 1 1 0 1 1 1 0 90 0 1e99 1e99", where="a.ies")
+
+
+@pytest.mark.parametrize("name", ["CON", "nul.png", "a/COM1.mtl", "x" * 10_000, "\ud800.png", "aux .jpg"])
+def test_names_that_no_system_has_a_file_of_are_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ScanError):
+        FileFolder(root=tmp_path, where="a.obj").read(name)
+
+
+def test_a_message_is_one_paragraph_whatever_words_it_repeats() -> None:
+    error = LidarSpectraError(expected="a name", found="\x1b[2J" + "x" * 10_000 + "\n\u202eabc", where="a\nb")
+    assert str(error).isprintable()
+    assert len(str(error)) < 1_200
