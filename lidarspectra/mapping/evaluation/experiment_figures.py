@@ -235,9 +235,8 @@ def tornado_figure(influences: Sequence[Influence], base_percent: float, scene: 
     axes.set_yticks(range(len(ordered)), [influence.words for influence in ordered])
     axes.set_ylim(-0.6, len(ordered) - 0.4)
     axes.set_xscale("log")
-    axes.set_xlim(
-        left=0.8 * base_percent, right=4.0 * max(influence.worst_percent for influence in ordered)
-    )  # room for the words
+    ends = [change.error.absolute.mape_median for influence in ordered for change in influence.changes]
+    axes.set_xlim(left=0.8 * min(base_percent, *ends), right=4.0 * max(base_percent, *ends))  # room for the words
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda tick, _: f"{tick:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
