@@ -187,7 +187,8 @@ def _primitive(reading: _Reading, primitive: Primitive) -> list[MeshPart]:
         return []
     if "POSITION" not in primitive.attributes:
         raise damaged("a mesh with positions", "one without", reading.where)
-    vertices = _accessor(reading, primitive.attributes["POSITION"], columns=(3,)).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # of a signalling NaN, which is refused with the others
+        vertices = _accessor(reading, primitive.attributes["POSITION"], columns=(3,)).astype(np.float64)
     if primitive.indices is None:
         numbers = np.arange(vertices.shape[0])
     else:
