@@ -14,6 +14,7 @@ from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.sensor.reading_log import FORMAT_LINE
 from lidarspectra.mapping.photovoltaics.schedule import parse_hours
 from lidarspectra.radiance.ies import read_ies
+from lidarspectra.radiance.ldt import ies_text_of_ldt
 from lidarspectra.sensor_files import find_bands
 from lidarspectra.spectrum_files import read_spectrum_file
 
@@ -56,3 +57,11 @@ def test_a_message_is_one_paragraph_whatever_words_it_repeats() -> None:
     error = LidarSpectraError(expected="a name", found="\x1b[2J" + "x" * 10_000 + "\n\u202eabc", where="a\nb")
     assert str(error).isprintable()
     assert len(str(error)) < 1_200
+
+
+def test_a_luminaire_of_a_billion_lamp_sets_is_refused_at_once(tmp_path: Path) -> None:
+    lines = ["Ours", "1", "1", "1", "0", "4", "0", "", "", "", "", ""]  # up to the first size
+    path = tmp_path / "a.ldt"
+    path.write_text("\n".join([*lines, *["1"] * 13, "1000000000", "1"]), encoding="utf-8")
+    with pytest.raises(LampError, match="number of lamp sets"):
+        ies_text_of_ldt(path)
