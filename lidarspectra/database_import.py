@@ -218,8 +218,8 @@ def _lspdd_row(file: Path) -> TableRow:
         raise DatabaseError(
             expected="an LSPDD lamp with 'id' and 'spectraldata'", found=type(lamp).__name__, where=str(file)
         )
-    words = [str(lamp.get(key) or "") for key in ("brand", "lamptype", "category")]
-    name = " ".join(word for word in words if word) or str(lamp["id"])
+    words = [_word(lamp.get(key) or "") for key in ("brand", "lamptype", "category")]
+    name = " ".join(word for word in words if word) or _word(lamp["id"])
     points = []
     for number, line in enumerate(lamp["spectraldata"].splitlines()[1:], start=2):
         if line.strip():
@@ -234,12 +234,17 @@ def _lspdd_row(file: Path) -> TableRow:
             where=str(file),
         )
     return TableRow(
-        id=str(lamp["id"]),
-        name=f"{name} {lamp['cct']} K" if lamp.get("cct") else name,
-        category=str(lamp.get("category") or "unknown").lower(),
+        id=_word(lamp["id"]),
+        name=f"{name} {_word(lamp['cct'])} K" if lamp.get("cct") else name,
+        category=_word(lamp.get("category") or "unknown").lower(),
         spectrum=Spectrum(wavelengths_nm=table[:, 0], values=table[:, 1], name=name),
         properties={"provenance": "measured"},
     )
+
+
+def _word(value: object) -> str:
+    """Text of a JSON value; half of a surrogate pair, which JSON may escape and no file can hold, becomes '?'."""
+    return str(value).encode("utf-8", errors="replace").decode("utf-8")
 
 
 def _store(

@@ -139,7 +139,8 @@ def test_a_full_disk_leaves_whole_stages_and_the_next_run_goes_on(
     made = stage_folder(finished.with_suffix(".run"), stage)
     largest = max(path.stat().st_size for path in made.rglob("*") if path.is_file())
     marker = (run_file.with_suffix(".run") / MARKER_FILE).stat().st_size
-    with files_limited_to(max(largest - 1, marker)), pytest.raises(LidarSpectraError) as caught:
+    # Noise packs into more bytes or fewer: a tenth less is less in any run.
+    with files_limited_to(max(9 * largest // 10, marker)), pytest.raises(LidarSpectraError) as caught:
         run(run_file, last="map")
     assert re.search(r"File too large\. .*space", str(caught.value))
     assert_whole(run_file, stage)
