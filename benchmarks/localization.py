@@ -236,7 +236,7 @@ def placement(arguments: argparse.Namespace) -> None:
         report = place_to_locate(path, most, arguments.work / f"{scene}-places")
         order = report.tables[0].frame["added"].tolist()
         rows = []
-        for count in sorted({*range(2, 9), 10, 13, most} & set(range(1, most + 1))):
+        for count in sorted({3, 5, 8, 12, most}):
             errors = {}
             for words, chosen in (
                 ("greedy", order[:count]),
@@ -268,10 +268,10 @@ def night(arguments: argparse.Namespace) -> None:
         print("night: no file given, left out", flush=True)
         return
     report = score_nights(arguments.night, arguments.work / "score")
-    table = replace(
-        report.tables[0], caption="Measured nights: the right place among the likeliest. " + report.notes[0]
+    said = "".join(f" {note[0].upper()}{note[1:]}." for note in report.notes)
+    save(
+        replace(report.tables[0], caption=f"Measured nights: the right place among the likeliest.{said}"), arguments.out
     )
-    save(table, arguments.out)
 
 
 EXPERIMENTS: dict[str, Callable[[argparse.Namespace], None]] = {
