@@ -12,6 +12,7 @@ from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.evaluation.true_light import TrueLight
 from lidarspectra.mapping.tables import Table
+from lidarspectra.netcdf_files import read_netcdf, write_netcdf
 
 SCHEMA = "lidarspectra true light 1"
 UNIT = "W m-2 nm-1"
@@ -112,7 +113,7 @@ def save_true_light(light: TrueLight, path: Path, opinion: SecondOpinion | None 
         {"Conventions": "CF-1.11", "schema": SCHEMA, **(_opinion_attributes(opinion) if opinion else {})},
     )
     compressed = {name: {"zlib": True, "complevel": 9, "shuffle": True} for name in values}
-    dataset.to_netcdf(path, engine="h5netcdf", encoding=compressed)
+    write_netcdf(dataset, path, encoding=compressed)
     return path
 
 
@@ -125,9 +126,8 @@ def load_true_light(path: Path) -> StoredLight:
         If there is no such file, or it holds something else.
     """
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as stored:
-            dataset = stored.load()
-    except (OSError, ValueError) as cause:
+        dataset = read_netcdf(path)
+    except ValueError as cause:
         raise MapError(
             expected="the true light of a scene", found=str(cause), where=str(path),
             todo="Make it with 'python scenes/true_light.py SCENE'.",

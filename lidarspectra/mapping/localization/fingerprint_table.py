@@ -29,6 +29,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from lidarspectra.errors import MapError, WorkspaceError
+from lidarspectra.netcdf_files import read_netcdf, write_netcdf
 from lidarspectra.spectra import BandSet
 
 SCHEMA = "lidarspectra fingerprints 1"
@@ -212,11 +213,9 @@ def save_fingerprints(table: xr.Dataset, path: Path) -> Path:
         If the file cannot be written.
     """
     table = check_fingerprints(table, where=str(path))
-    partial = path.with_name(path.name + ".partial")
     encoding = {name: {"zlib": True, "complevel": 1} for name in table.data_vars}
     try:
-        table.to_netcdf(partial, engine="h5netcdf", encoding=encoding)
-        partial.replace(path)
+        write_netcdf(table, path, encoding=encoding)
     except OSError as cause:
         raise WorkspaceError(
             expected="a file that can be written",
@@ -236,9 +235,8 @@ def load_fingerprints(path: Path) -> xr.Dataset:
         If the file is missing, damaged, or no table of fingerprints.
     """
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            table = opened.load()
-    except (OSError, ValueError, KeyError) as cause:
+        table = read_netcdf(path)
+    except ValueError as cause:
         raise MapError(expected="fingerprints in NetCDF-4", found=str(cause), where=str(path)) from cause
     if table.attrs.get("schema") != SCHEMA:
         raise MapError(

@@ -43,6 +43,7 @@ from lidarspectra.mapping.localization.locators import (
 )
 from lidarspectra.mapping.localization.network_graph import network_graph
 from lidarspectra.mapping.localization.places import Located, Places, places_of_table
+from lidarspectra.netcdf_files import read_netcdf, write_netcdf
 from lidarspectra.progress import Progress, silent
 
 MODEL_FILE, NETWORK_FILE = "model.nc", "network.onnx"
@@ -258,14 +259,12 @@ def save_locator(model: LocationModel, folder: Path) -> Path:
         },
         attrs={"schema": SCHEMA, "quantity": model.quantity, "source": model.source, **settings},
     )
-    partial = folder / f"{MODEL_FILE}.partial"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         # The network first: a folder that was cut short has no model.nc, and is seen to be incomplete.
         (folder / MODEL_FILE).unlink(missing_ok=True)
         (folder / NETWORK_FILE).write_bytes(model.network.model)
-        dataset.to_netcdf(partial, engine="h5netcdf")
-        partial.replace(folder / MODEL_FILE)
+        write_netcdf(dataset, folder / MODEL_FILE, encoding={})
     except OSError as cause:
         raise WorkspaceError(
             expected="a folder that can be written", found=str(cause), where=str(folder), todo="Choose another one."
@@ -292,8 +291,7 @@ def load_locator(folder: Path) -> LocationModel:
     """
     path = folder / MODEL_FILE
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            kept = opened.load()
+        kept = read_netcdf(path)
         network = (folder / NETWORK_FILE).read_bytes()
         if kept.attrs.get("schema") != SCHEMA:
             raise ValueError(f"schema {kept.attrs.get('schema')!r}")
