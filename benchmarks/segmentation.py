@@ -1,33 +1,40 @@
 """How often the material class of a surface is right: rooms with known truth, with and without the room's geometry.
 
-    python -m benchmarks.segmentation [office apartment] [--textures FOLDER] [--views N]
+    python -m benchmarks.segmentation [office apartment] [--textures FOLDER] [--draws N] [--views N] [--spectraldb FILE]
 
 Shares of the surface area whose class is the true one. The rooms' own surfaces are plain or nearly so. With the folder
 of textures that the shipped model was trained on (see `lidarspectra.material.training`), every surface is also dressed
-in a tile of its class that training never saw, 1.28 m to a tile, with the room's light left on it.
+in a tile of its class that training never saw, 1.28 m to a tile, with the room's light left on it: several times, with
+other tiles, because one tile covers a wall. With spectraldb, how blue and how green measured surfaces of each class are
+(`lidarspectra.material.color_priors`).
 """
 
 import argparse
+import os
+import tempfile
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from benchmarks.true_faces import true_faces
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.colorimetry import decode_srgb, encode_srgb, linear_srgb_to_lab
-from lidarspectra.databases import scenes_folder
+from lidarspectra.databases import DATA_VARIABLE, import_spectraldb, load_reflectances, scenes_folder
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.scan import Scan
 from lidarspectra.hardware.phone.textures import sample_image
 from lidarspectra.hardware.room.room import find_room
+from lidarspectra.material.color_priors import color_likelihood
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.face_groups import agreement, face_adjacency
 from lidarspectra.material.fusion import FaceClasses, fuse, view_votes
 from lidarspectra.material.place_priors import class_prior, find_places
 from lidarspectra.material.projection import pixel_grid, reverse_project
 from lidarspectra.material.segmentation import Classifier
+from lidarspectra.material.surface_classes import surface_class
 from lidarspectra.material.training.pictures import Picture
 from lidarspectra.material.training.split import read_split
 from lidarspectra.material.viewpoints import render_views
@@ -47,10 +54,15 @@ def true_classes(folder: Path, classes: tuple[str, ...]) -> tuple[IntArray, IntA
 
 
 def dressed(
-    views: ViewSet, scan: Scan, material: IntArray, truth: IntArray, classes: tuple[str, ...], tiles: list[Picture]
+    views: ViewSet,
+    scan: Scan,
+    material: IntArray,
+    truth: IntArray,
+    classes: tuple[str, ...],
+    tiles: list[Picture],
+    random: np.random.Generator,
 ) -> tuple[ViewSet, BoolArray]:
     """The views with a tile of the right class on every surface that has one, and which faces those are."""
-    random = np.random.default_rng(SEED)
     chosen: dict[int, Picture] = {}
     for number in np.unique(material):
         name = classes[truth[material == number][0]] if truth[material == number][0] >= 0 else ""
@@ -82,31 +94,49 @@ def _dressed_view(view: View, scan: Scan, material: IntArray, chosen: dict[int, 
     return replace(view, image=image)
 
 
-def print_shares(
-    title: str, votes: FaceClasses, scan: Scan, truth: IntArray, counted: BoolArray, prior: FloatArray, lab: FloatArray
-) -> None:
-    """Print what each step gets right."""
-    neighbors = agreement(face_adjacency(scan), lab, scan.normals)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownRoom:
+    """A room whose classes are known, and what its geometry and colours say of them."""
+
+    scan: Scan
+    truth: IntArray
+    neighbors: csr_array
+    place: FloatArray
+    color: FloatArray
+
+
+def shares(votes: FaceClasses, room: KnownRoom, counted: BoolArray) -> dict[str, tuple[float, float]]:
+    """Share that each step gets right: of the area, and as the mean over the classes [0-1]."""
     nothing = replace(votes, belief=np.full_like(votes.belief, 1.0 / len(votes.classes)))
     steps = {
         "pictures alone": votes,
-        "pictures and neighbours": fuse(votes, neighbors),
-        "geometry alone": fuse(nothing, neighbors, prior),
-        "pictures, geometry and neighbours": fuse(votes, neighbors, prior),
+        "pictures and neighbours": fuse(votes, room.neighbors),
+        "pictures, colour and neighbours": fuse(votes, room.neighbors, room.color),
+        "geometry alone": fuse(nothing, room.neighbors, room.place),
+        "geometry and colour": fuse(nothing, room.neighbors, room.place * room.color),
+        "pictures, geometry and neighbours": fuse(votes, room.neighbors, room.place),
+        "all": fuse(votes, room.neighbors, room.place * room.color),
     }
-    weight = scan.areas * counted
-    print(f"{title}, {weight.sum():.0f} m²")
+    weight = room.scan.areas * counted
+    members = [counted & (room.truth == value) for value in np.unique(room.truth[counted])]
+    result = {}
     for name, found in steps.items():
-        right = found.best == truth
-        members = [counted & (truth == value) for value in np.unique(truth[counted])]
-        each = [float(np.average(right[member], weights=scan.areas[member])) for member in members]
-        print(
-            f"  {name:36s} {100 * np.average(right, weights=weight):5.1f} % of the area, "
-            f"{100 * np.mean(each):5.1f} % mean of classes"
-        )
+        right = found.best == room.truth
+        each = [float(np.average(right[member], weights=room.scan.areas[member])) for member in members]
+        result[name] = (float(np.average(right, weights=weight)), float(np.mean(each)))
+    return result
 
 
-def run(folder: Path, classifier: Classifier, tiles: list[Picture], most_views: int | None) -> None:
+def print_shares(title: str, results: list[dict[str, tuple[float, float]]]) -> None:
+    """Print the mean over draws, and how far they go where there are several."""
+    print(title)
+    for name in results[0]:
+        of_area, of_classes = 100.0 * np.array([result[name] for result in results]).T
+        span = f", {of_area.min():.1f} to {of_area.max():.1f}" if len(results) > 1 else ""
+        print(f"  {name:36s} {of_area.mean():5.1f} % of the area{span}; {of_classes.mean():5.1f} % mean of classes")
+
+
+def run(folder: Path, classifier: Classifier, tiles: list[Picture], draws: int, most_views: int | None) -> None:
     """Print a room's shares."""
     scan = read_scan(folder / "scan.glb")
     room = find_room(scan)
@@ -114,17 +144,45 @@ def run(folder: Path, classifier: Classifier, tiles: list[Picture], most_views: 
     views = replace(views, views=views.views[:most_views])
     material, truth = true_classes(folder, classifier.classes)
     colors, known = surface_colors(scan)
-    prior = class_prior(find_places(scan, room, face_adjacency(scan)), classifier.classes)
     lab = linear_srgb_to_lab(colors)
+    adjacency = face_adjacency(scan)
+    known_room = KnownRoom(
+        scan=scan,
+        truth=truth,
+        neighbors=agreement(adjacency, lab, scan.normals),
+        place=class_prior(find_places(scan, room, adjacency), classifier.classes),
+        color=color_likelihood(lab, classifier.classes),
+    )
     counted = known & (truth >= 0)
-    start = time.perf_counter()
+    start = time.process_time()
     votes = view_votes(classifier, scan, views)
-    print(f"\n{folder.name}: {len(views.views)} views, {time.perf_counter() - start:.1f} s for their classes")
-    print_shares("as it is", votes, scan, truth, counted, prior, lab)
+    seconds = time.process_time() - start
+    print(
+        f"\n{folder.name}: {scan.areas[counted].sum():.0f} m², {len(views.views)} views, {seconds:.1f} s of processor"
+    )
+    print_shares("as it is", [shares(votes, known_room, counted)])
     if tiles:
-        clad, has_tile = dressed(views, scan, material, truth, classifier.classes, tiles)
-        votes = view_votes(classifier, scan, clad)
-        print_shares("dressed in tiles that were held out", votes, scan, truth, counted & has_tile, prior, lab)
+        # The tiles have colours of their own, which the scan's do not show: colour has nothing to say.
+        colorless = replace(known_room, color=np.ones_like(known_room.color))
+        random = np.random.default_rng(SEED)
+        results = []
+        for _ in range(draws):
+            clad, has_tile = dressed(views, scan, material, truth, classifier.classes, tiles, random)
+            results.append(shares(view_votes(classifier, scan, clad), colorless, counted & has_tile))
+        print_shares(f"dressed {draws} times in tiles that were held out", results)
+
+
+def print_class_colors(file: Path) -> None:
+    """Print how blue (-b*) and green (-a*) the measured surfaces of each class go."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ[DATA_VARIABLE] = folder
+        import_spectraldb(file)
+        library = load_reflectances(["spectraldb"])
+    names = np.array([surface_class(surface) or "unknown" for surface in library.rows])
+    print(f"\n{'class':12s} surfaces  least b*  least a*  second least a*")
+    for name in np.unique(names):
+        a, b = np.sort(library.lab[names == name, 1:], axis=0).T
+        print(f"{name:12s} {len(a):8d} {b[0]:9.1f} {a[0]:9.1f} {a[min(1, len(a) - 1)]:9.1f}")
 
 
 def main() -> None:
@@ -132,6 +190,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("scenes", nargs="*", default=["office", "apartment"])
     parser.add_argument("--textures", type=Path, help="folder with ambientcg/ and photos/")
+    parser.add_argument("--draws", type=int, default=4, help="times that the surfaces are dressed in other tiles")
+    parser.add_argument("--spectraldb", type=Path, help="the table of spectraldb.com, as CSV: colours of each class")
     parser.add_argument("--views", type=int, help="classify the first so many views only; all by default")
     arguments = parser.parse_args()
     tiles = []
@@ -139,7 +199,9 @@ def main() -> None:
         tiles = [picture for picture in read_split(arguments.textures)[1] if picture.origin == "tile"]
     classifier = Classifier()
     for name in arguments.scenes:
-        run(scenes_folder() / name, classifier, tiles, arguments.views)
+        run(scenes_folder() / name, classifier, tiles, arguments.draws, arguments.views)
+    if arguments.spectraldb is not None:
+        print_class_colors(arguments.spectraldb)
 
 
 if __name__ == "__main__":
