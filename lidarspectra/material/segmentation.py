@@ -2,7 +2,8 @@
 
 The classifier is any fully convolutional ONNX model with a card (`model_card`). A prediction every 16 pixels is enough:
 a model of coarser stride is run on copies of the picture shifted by parts of its stride, across and down, and the
-answers interleave (four of them at a stride of 32). The picture is seen at three scales, whose probabilities are averaged. `crf` then refines them.
+answers interleave (four of them at a stride of 32). The picture is seen at three scales, whose probabilities are
+averaged. `crf` then refines them.
 
 References
 ----------

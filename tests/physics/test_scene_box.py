@@ -51,7 +51,7 @@ def test_the_mean_irradiance_on_the_walls_of_the_box_is_flux_over_area_over_one_
     coefficient = transport["coefficient"].sum("lamp").mean("point").to_numpy()
     area = 6 * 3.0**2  # [m²]
     expected = 1 / (area * (1 - 0.5))
-    # Measured on finer grids, the mean of 10 x 10 points a side is 0.3 % above that of the side. Sensors share paths, so
-    # the mean of 600 scatters by 0.15 % where a point does by 0.5 %: 1 % is more than six of it. 20 reflections of one
-    # half leave out a millionth.
+    # Measured on finer grids, the mean of 10 x 10 points a side is 0.3 % above that of the side. Sensors share paths,
+    # so the mean of 600 scatters by 0.15 % where a point does by 0.5 %: 1 % is more than six of it. 20 reflections of
+    # one half leave out a millionth.
     np.testing.assert_allclose(coefficient, 1.003 * expected, rtol=0.01)
