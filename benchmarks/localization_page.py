@@ -15,8 +15,8 @@ PARTS: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...]], ...] = (
         "Fingerprints are traced in the virtual phone's scan with estimated materials, at most 2 (low), 8 (medium) and "
         "14 (high) reflections, of people by lot at each place. The test is of other people in the room as it "
         "truly is, read in whole counts by virtual sensors whose gains, dies and drift nobody told. 'measured' learns "
-        "from such readings of other people in the true room. On the map of errors (high, network) a line leads from each "
-        "place to where its readings are put on the average.",
+        "from such readings of other people in the true room. On the map of errors (high, network) a line leads from "
+        "each place to where its readings are put on the average.",
         ("table-4", "paper-table-4", "table-4-all"),
         ("figure-14", "error-map-*"),
     ),
