@@ -17,9 +17,8 @@ from lidarspectra.hardware.sensor.recorder import RecordOptions
 from lidarspectra.hardware.sensor.serial_link import SerialPort
 from lidarspectra.light_of_run import TRANSPORT_FILE, plan_of_run
 from lidarspectra.mapping.figure_style import save_figure
-from lidarspectra.mapping.localization.features import feature_space, reference_of
+from lidarspectra.mapping.localization.features import reference_of
 from lidarspectra.mapping.localization.fingerprint_files import read_fingerprints
-from lidarspectra.mapping.localization.fingerprint_table import quantity_of
 from lidarspectra.mapping.localization.frames import (
     Frame,
     Stop,
@@ -51,6 +50,7 @@ from lidarspectra.mapping.localization.sensor_places import (
     choose_to_locate,
     choose_to_rebuild,
     map_covariance,
+    place_changes,
 )
 from lidarspectra.mapping.tables import Table, save_table
 from lidarspectra.progress import Progress, part_of, silent
@@ -290,18 +290,13 @@ def track_row(fix: Fix) -> str:
 def place_to_locate(file: Path, count: int, out: Path, *, positions: Path | None = None) -> LocationReport:
     """Choose sensors of a file of fingerprints to localize with; see `sensor_places.choose_to_locate`."""
     table = read_fingerprints(file, positions)
-    space = feature_space(table)
-    changes = space.changes(table[quantity_of(table)].to_numpy(), reference_of(table)) / space.noise
     places = places_of_table(table)
-    index = places.index(table["label"].to_numpy())
-    told = np.nan_to_num(np.where(space.usable, changes, 0.0))  # a missing reading counts as no change
-    mean = np.array([told[index == number].mean(axis=0) for number in range(len(places))])
     known = places.positions_m[:, :2] if places.has_positions else None
-    chosen = choose_to_locate(mean, count, positions_m=known)
+    chosen = choose_to_locate(place_changes(table), count, positions_m=known)
     unit = "m" if known is not None else "1"
     return _placement_report(
         chosen,
-        list(space.sensors),
+        table["sensor"].to_numpy().astype(str).tolist(),
         _sensor_positions(table),
         out,
         label=f"error of choosing between two places [{unit}]",

@@ -2,9 +2,10 @@
 
 One sensor is added at a time, the one that gains most. Both gains are functions of the set chosen so far:
 
-    locate    Each place p has a mean change m_p over the channels, in units of its noise (`features`). With the chosen
-              sensors C, two places are told apart by d²(p, q) = Σ_{s in C} |m_p - m_q|²_s. What is minimised is the
-              expected error of choosing the likelier of two, taken over all pairs:
+    locate    Somebody at place p changes sensor s by m_ps, in units of its noise: rounding and repeatability
+              (`features`), and by how much people at one place differ. With the chosen sensors C, two places are told
+              apart by d²(p, q) = Σ_{s in C} (m_ps - m_qs)². What is minimised is the expected error of choosing the
+              likelier of two, taken over all pairs:
                   e(C) = Σ_{p,q} |x_p - x_q| Q(d(p, q)/2) / number of pairs,   Q the normal tail; [m], or [1] where
               coordinates are not known. It is no locator's error, but it is smooth, and small where that is small.
     rebuild   The true map over the n places is the simulated one plus what the simulation does not know: by how much
@@ -22,12 +23,17 @@ Krause, Singh, Guestrin (2008) Near-optimal sensor placements in Gaussian proces
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 from scipy.special import ndtr
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError
+from lidarspectra.mapping.localization.features import feature_space, reference_of
+from lidarspectra.mapping.localization.fingerprint_table import quantity_of
+from lidarspectra.mapping.localization.places import places_of_table
 from lidarspectra.progress import Progress, silent
 
+TINY = 1e-12  # [1] noise of a sensor that has no channel, and no change
 LARGEST_DISTANCE = 60.0  # [1] sigmas: farther places are never mistaken, and squares stay small
 
 
@@ -45,6 +51,35 @@ class ChosenSensors:
 
     order: IntArray
     loss: FloatArray
+
+
+def place_changes(table: xr.Dataset) -> FloatArray:
+    """m_ps: the mean change of each sensor by somebody at each place, in units of its noise.
+
+    The channels of a sensor change together, as a larger body or a darker shirt does it; so they are averaged, and how
+    much a sensor scatters between the readings of one place is part of its noise.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        Fingerprints, best several of each place.
+
+    Returns
+    -------
+    changes : (place, sensor, 1) float
+        Places in the order of `places_of_table`; 0 for a sensor without a usable channel. [1]
+    """
+    space, places = feature_space(table), places_of_table(table)
+    changes = space.changes(table[quantity_of(table)].to_numpy(), reference_of(table))
+    told = np.where(space.usable & np.isfinite(changes), changes, 0.0)  # a missing reading counts as no change
+    channels = np.maximum(space.usable.sum(axis=1), 1)
+    by_sensor = told.sum(axis=2) / channels  # (fingerprint, sensor)
+    index = places.index(table["label"].to_numpy())
+    mean = np.array([by_sensor[index == number].mean(axis=0) for number in range(len(places))])
+    freedom = max(len(by_sensor) - len(places), 1)
+    scatter = np.sqrt(((by_sensor - mean[index]) ** 2).sum(axis=0) / freedom)
+    rounding = np.sqrt((np.where(space.usable, space.noise, 0.0) ** 2).sum(axis=1)) / channels
+    return np.asarray((mean / np.maximum(np.hypot(rounding, scatter), TINY))[:, :, None], dtype=np.float64)
 
 
 def choose_to_locate(
