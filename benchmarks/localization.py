@@ -4,6 +4,8 @@
                                       [--night FILE ...] [--work DIR] [--out DIR]
 
     table-4   Table 4 and Figure 14: learned from scan and estimated materials, tested in the true room
+    person-effect   how much somebody changes, and how much people differ; after table-4
+    reference-age   Table 4 by how long ago the empty room was read; after table-4
     table-5   Table 5, Figures 15 and 16: furniture and lamps changed since the fingerprints were taken
     placement which of the sensors suffice, for the true room
     night     a measured night (`localize score`): it is not part of the package, so give the file
@@ -42,7 +44,7 @@ from lidarspectra.hardware.virtual.true_room import true_room
 from lidarspectra.localization_jobs import place_to_locate, score_nights
 from lidarspectra.mapping.evaluation.variants import changed, write_run_file
 from lidarspectra.mapping.figure_style import save_figure
-from lidarspectra.mapping.localization.fingerprint_table import save_fingerprints
+from lidarspectra.mapping.localization.fingerprint_table import load_fingerprints, save_fingerprints
 from lidarspectra.mapping.localization.location_errors import LocationErrors, error_table, location_errors
 from lidarspectra.mapping.localization.location_figures import (
     error_curves_figure,
@@ -62,7 +64,8 @@ ROOT = Path(__file__).parent.parent
 SCENES = ("large-office", "apartment")
 SPACING_M = {"large-office": 1.2, "apartment": 0.4}  # [m] between places, as far as furniture lets people stand
 ACCURACIES: tuple[Accuracy, ...] = ("low", "medium", "high")
-READINGS = 5  # [1] of each tested person, each at an hour of its own
+READINGS = 5  # [1] of each tested person, each at a time of its own within two hours of the empty room's
+AGES_H = (0.1, 0.5, 1.0, 2.0)  # [h]
 BETWEEN = 12  # [1] places by lot that were not learned
 LEARNED_SEED, TESTED_SEED, MEASURED_SEED = 0, 1, 2  # of people
 SENSORS_SEED = 11
@@ -148,6 +151,48 @@ def table_4(arguments: argparse.Namespace) -> None:
     save(error_table(rows, name="table-4-all", caption=caption, heading="learned from"), arguments.out)
     save(paper_table(), arguments.out)
     save_figure(error_curves_figure(curves), arguments.out, "figure-14")
+
+
+def person_effect(arguments: argparse.Namespace) -> None:
+    """How much somebody changes a reading, how much people at one place differ, and what noise was traced."""
+    rows = []
+    for scene in arguments.scenes:
+        table = load_fingerprints(arguments.work / f"{scene}-measured-{arguments.draws}.nc")
+        change = np.log(table["irradiance"].to_numpy() / table["empty"].to_numpy()).mean(axis=2)
+        labels = table["label"].to_numpy()
+        own = np.array([change[labels == label].mean(axis=0) for label in labels])
+        freedom = 1.0 - np.unique(labels).size / labels.size
+        rows.append(
+            {
+                "room": scene,
+                "somebody changes a reading by [%]": 100.0 * float(np.sqrt((change**2).mean())),
+                "people at one place differ by [%]": 100.0 * float(np.sqrt(((change - own) ** 2).mean() / freedom)),
+                "traced noise of the change [%]": 100.0 * float(table.attrs["achieved_relative_effect_se"]),
+            }
+        )
+    caption = "Root mean squares over places and sensors, the channels of a sensor averaged (noise: each channel)."
+    formats = {name: ".2f" for name in rows[0] if name.endswith("[%]")}
+    save(Table(name="person-effect", caption=caption, frame=pd.DataFrame(rows), formats=formats), arguments.out)
+
+
+def reference_age(arguments: argparse.Namespace) -> None:
+    """What it costs that the empty room was read some time ago."""
+    rows = []
+    for scene in arguments.scenes:
+        kept = [
+            load_fingerprints(arguments.work / f"{scene}-{name}.nc") for name in ("tested-1", f"high-{arguments.draws}")
+        ]
+        model = train_locator(kept[1])
+        for hours in AGES_H:
+            read = read_by_sensors(kept[0], seed=SENSORS_SEED, readings=READINGS, hours=hours)
+            row: dict[str, object] = {"room": scene, "hours since the reference, at most": hours}
+            for method in METHODS:
+                row[f"{method}, median [m]"] = located(model, read, method).percentile_m(50)
+            row["network, 75th percentile [m]"] = located(model, read, "network").percentile_m(75)
+            rows.append(row)
+    caption = "Learned from 'high', by how long ago the empty room was read; the sensors drift by 1 % an hour."
+    formats = {name: ".2f" for name in rows[0] if name.endswith("[m]")}
+    save(Table(name="reference-age", caption=caption, frame=pd.DataFrame(rows), formats=formats), arguments.out)
 
 
 def paper_table() -> Table:
@@ -275,6 +320,8 @@ def night(arguments: argparse.Namespace) -> None:
 
 EXPERIMENTS: dict[str, Callable[[argparse.Namespace], None]] = {
     "table-4": table_4,
+    "person-effect": person_effect,
+    "reference-age": reference_age,
     "table-5": table_5,
     "placement": placement,
     "night": night,
