@@ -23,7 +23,7 @@ extensions = [
     "sphinx-mathjax-offline",  # formulas show without a network
     "matplotlib.sphinxext.plot_directive",  # runs the gallery
 ]
-exclude_patterns = ["_build", "results"]  # results.md holds what its parts say
+exclude_patterns = ["_build", "results", "results-localization"]  # results.md and its like hold what their parts say
 suppress_warnings = ["myst.header"]  # a page may begin its sections where it likes
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
