@@ -13,6 +13,8 @@ import h5py
 import numpy as np
 import xarray as xr
 
+from lidarspectra.errors import WorkspaceError
+
 LARGEST_VALUE = 1e30  # [1] of any physical number here; beyond it squares overflow
 _FAULTS = (
     OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, NotImplementedError,
@@ -58,7 +60,7 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, encoding: Mapping[Any, Any]
 
     Raises
     ------
-    OSError
+    WorkspaceError
         If the file cannot be written.
     """
     packed = io.BytesIO()
@@ -68,6 +70,13 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, encoding: Mapping[Any, Any]
         with partial.open("wb") as file:
             file.write(packed.getbuffer())
         partial.replace(path)
+    except OSError as cause:
+        raise WorkspaceError(
+            expected="a file that can be written",
+            found=str(cause.strerror or cause),
+            where=str(path),
+            todo="Check its permissions and the free disk space.",
+        ) from cause
     finally:
         partial.unlink(missing_ok=True)
 

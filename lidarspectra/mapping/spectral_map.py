@@ -208,13 +208,13 @@ def save_map(dataset: xr.Dataset, path: Path) -> Path:
     Raises
     ------
     MapError
-        If the Dataset is no spectral map, or the file cannot be written.
+        If the Dataset is no spectral map.
+    WorkspaceError
+        If the file cannot be written.
     """
     checked = check_map(dataset, where="map to save")
     encoding = {name: {"zlib": True, "complevel": 4} for name in _VARIABLES}
-    todo = "Check its permissions and the free disk space."
-    with _reported(path, expected="a file that can be written", todo=todo):
-        write_netcdf(checked, path, encoding=encoding)
+    write_netcdf(checked, path, encoding=encoding)
     return path
 
 

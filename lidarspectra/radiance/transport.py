@@ -128,15 +128,7 @@ def save_transport(transport: xr.Dataset, path: Path) -> Path:
         If the file cannot be written.
     """
     encoding = {name: {"zlib": True, "complevel": 1} for name in transport.data_vars}
-    try:
-        write_netcdf(transport, path, encoding=encoding)
-    except OSError as cause:
-        raise WorkspaceError(
-            expected="a file that can be written",
-            found=str(cause.strerror or cause),
-            where=str(path),
-            todo="Check its permissions and the free disk space.",
-        ) from cause
+    write_netcdf(transport, path, encoding=encoding)
     return path
 
 

@@ -28,7 +28,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from lidarspectra.errors import MapError, WorkspaceError
+from lidarspectra.errors import MapError
 from lidarspectra.netcdf_files import read_netcdf, write_netcdf
 from lidarspectra.spectra import BandSet
 
@@ -214,15 +214,7 @@ def save_fingerprints(table: xr.Dataset, path: Path) -> Path:
     """
     table = check_fingerprints(table, where=str(path))
     encoding = {name: {"zlib": True, "complevel": 1} for name in table.data_vars}
-    try:
-        write_netcdf(table, path, encoding=encoding)
-    except OSError as cause:
-        raise WorkspaceError(
-            expected="a file that can be written",
-            found=str(cause),
-            where=str(path),
-            todo="Choose a folder that you may write to.",
-        ) from cause
+    write_netcdf(table, path, encoding=encoding)
     return path
 
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from lidarspectra.errors import MapError
+from lidarspectra.errors import MapError, WorkspaceError
 from lidarspectra.mapping.spectral_map import (
     LampChange,
     check_map,
@@ -235,7 +235,7 @@ def test_a_map_that_is_not_there_is_one_clear_error(tmp_path):
 
 def test_a_map_cannot_be_written_into_a_missing_folder(make_transport, tmp_path):
     one_map = spectral_map(make_transport(points=9))
-    with pytest.raises(MapError, match="can be written"):
+    with pytest.raises(WorkspaceError, match="can be written"):
         save_map(one_map, tmp_path / "no" / "map.nc")
     with pytest.raises(MapError, match="can be written"):
         save_map_table(one_map, Path(tmp_path / "no" / "map.csv"))
