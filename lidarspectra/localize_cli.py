@@ -1,8 +1,7 @@
 """`lidarspectra localize train | test | score | live | place`."""
 
 import math
-import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -12,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
+from lidarspectra.interruption import until_interrupted
 from lidarspectra.photometry_cli import shown, tell
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ def live(
 
     settings = LiveSettings(method=method, window=max(window, first), first=first, average=average)
     rows = [",".join(TRACK_COLUMNS) + "\n"]
-    with _until_interrupted() as stopped:
+    with until_interrupted() as stopped:
         given = live_frames(sources, period_s=period, max_age_s=max_age, stop=stopped, baud=baud)
         for number, fix in enumerate(follow(model, given, settings=settings, empty=empty)):
             x, y = fix.position_m
@@ -217,19 +217,3 @@ def _bar() -> "Iterator[Report]":
             bar.update(task, completed=fraction, description=message)
 
         yield report
-
-
-@contextmanager
-def _until_interrupted() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C, and a polite end from the system, become a question that the sources of frames ask."""
-    asked = {"stop": False}
-
-    def stop(number: int, frame: object) -> None:
-        asked["stop"] = True
-
-    before = {name: signal.signal(name, stop) for name in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield lambda: asked["stop"]
-    finally:
-        for name, handler in before.items():
-            signal.signal(name, handler)

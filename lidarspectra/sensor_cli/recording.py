@@ -1,16 +1,15 @@
 """`lidarspectra sensor ports | check | record | emulate | firmware`."""
 
 import math
-import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
+from lidarspectra.interruption import until_interrupted
 from lidarspectra.sensor_cli.options import (
     BaudOption,
     GainOption,
@@ -27,22 +26,6 @@ if TYPE_CHECKING:
     from lidarspectra.hardware.virtual.emulator import Device
 
 app = typer.Typer()
-
-
-@contextmanager
-def _until_interrupted() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C, and a polite end from the system, become a question that the recorder asks."""
-    asked = {"stop": False}
-
-    def stop(number: int, frame: object) -> None:
-        asked["stop"] = True
-
-    before = {name: signal.signal(name, stop) for name in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield lambda: asked["stop"]
-    finally:
-        for name, handler in before.items():
-            signal.signal(name, handler)
 
 
 @app.command()
@@ -82,7 +65,7 @@ def check(
     options = RecordOptions(wishes=wishes_given(1.0, header, gain, integration), baud=baud, duration_s=40.0)
     with (
         tempfile.TemporaryDirectory() as folder,
-        _until_interrupted() as stopped,
+        until_interrupted() as stopped,
         LogWriter(Path(folder) / "check.csv") as log,
     ):
         summary = record(SerialPort(port), log, options=options, stop=enough, tell=told.append)
@@ -164,7 +147,7 @@ def record(
         auto_gain=auto_gain,
         give_up_s=give_up,
     )
-    with _until_interrupted() as stopped, LogWriter(out, append=append) as log:
+    with until_interrupted() as stopped, LogWriter(out, append=append) as log:
         summary = run_recorder(SerialPort(port), log, options=options, stop=stopped, tell=_tell_gap)
     counted = f"{summary.readings} readings" + (f", {summary.cell_readings} of cells" if summary.cell_readings else "")
     say(f"{out}: {counted}, {summary.gaps} gaps, {summary.lost} readings known to be lost ({summary.protocol})")
@@ -218,7 +201,7 @@ def emulate(
     server = EmulatorServer(wire, terminal=terminal)
     end = time.monotonic() + (duration if duration is not None else math.inf)
     say(server.address)
-    with _until_interrupted() as stopped:
+    with until_interrupted() as stopped:
         server.serve(lambda: stopped() or time.monotonic() >= end)
 
 
