@@ -28,6 +28,7 @@ from lidarspectra import (
 )
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.progress import remaining_words
+from lidarspectra.run_options import ClusterOption, OutOption, RunFileArgument, WorkersOption
 from lidarspectra.workspace import STAGES, StageName
 
 if TYPE_CHECKING:
@@ -85,12 +86,6 @@ def options(
     ] = False,
 ) -> None:
     """Take the options that belong to no command."""
-
-
-RunFileArgument = Annotated[Path, typer.Argument(metavar="ROOM.toml", help="The run file.", show_default=False)]
-OutOption = Annotated[
-    Path | None, typer.Option("--out", metavar="RUN", help="The run folder; NAME.run beside NAME.toml by default.")
-]
 
 
 def main() -> None:
@@ -179,13 +174,8 @@ def run_command(
     start: Annotated[
         StageName | None, typer.Option("--from", metavar="STAGE", help="Make this stage and all after it again.")
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", min=1, max=1024, help="Processes side by side; one a core by default.")
-    ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option("--cluster", metavar="tcp://HOST:PORT", help="Trace on the workers of a Dask scheduler."),
-    ] = None,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say which stages would be made; make none.")] = False,
 ) -> None:
     """Make maps and a report from a run file: all stages that are not up to date."""

@@ -10,6 +10,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.text import Text
 
 from lidarspectra.photometry_cli import tell
+from lidarspectra.run_options import ClusterOption, OutOption, RunFileArgument, WorkersOption
 
 console = Console(highlight=False)
 
@@ -24,7 +25,7 @@ class PostureName(StrEnum):
 
 
 def fingerprints(
-    run_file: Annotated[Path, typer.Argument(metavar="ROOM.toml", help="The run file.", show_default=False)],
+    run_file: RunFileArgument,
     positions: Annotated[
         Path | None,
         typer.Option("--positions", metavar="FILE.csv", help="name,x,y and, if need be, z of each position (m)."),
@@ -51,16 +52,9 @@ def fingerprints(
         ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Another one draws other people.")] = 0,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="RUN", help="The run folder; NAME.run beside NAME.toml by default.")
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", min=1, max=1024, help="Processes side by side; one a core by default.")
-    ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option("--cluster", metavar="tcp://HOST:PORT", help="Trace on the workers of a Dask scheduler."),
-    ] = None,
+    out: OutOption = None,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
 ) -> None:
     """Trace what the room's sensors read with somebody at each of many places: the map that localization learns from.
 
