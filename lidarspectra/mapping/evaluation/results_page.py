@@ -2,6 +2,7 @@
 
 import os
 import platform
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -87,8 +88,10 @@ PARTS = (
 )
 
 
-def write_results_page(folder: Path, page: Path) -> Path:
-    """Compose the page from what lies in a folder.
+def write_results_page(
+    folder: Path, page: Path, *, title: str = "Results", parts: Sequence[Part] = PARTS, script: str = "make experiments"
+) -> Path:
+    """Compose a page from what lies in a folder.
 
     Parameters
     ----------
@@ -96,16 +99,21 @@ def write_results_page(folder: Path, page: Path) -> Path:
         Holds NAME.md of the tables and NAME.png of the figures, and reading.md, what a person wrote about them.
     page : Path
         Beside the folder.
+    title : str
+    parts : sequence of Part
+        In the order of the page.
+    script : str
+        What it is written by, as a reader would call it.
 
     Returns
     -------
     page : Path
     """
-    lines = ["# Results", "", _who_and_where(), ""]
+    lines = [f"# {title}", "", _who_and_where(script, folder.name), ""]
     reading = folder / READING
     if reading.is_file():
         lines += [reading.read_text(encoding="utf-8").strip(), ""]
-    for part in PARTS:
+    for part in parts:
         tables = [path for name in part.tables for path in sorted(folder.glob(f"{name}.md"))]
         figures = [path for name in part.figures for path in sorted(folder.glob(f"{name}.png"))]
         if not tables and not figures:
@@ -120,11 +128,11 @@ def write_results_page(folder: Path, page: Path) -> Path:
     return page
 
 
-def _who_and_where() -> str:
+def _who_and_where(script: str, folder: str) -> str:
     known = versions()
     shown = ", ".join(f"{name} {known[name]}" for name in ("lidarspectra", "python", "pyradiance", "numpy"))
     return (
-        f"Written by `make experiments` on {datetime.now(UTC):%Y-%m-%d}, {os.cpu_count()} cores, {platform.machine()} "
+        f"Written by `{script}` on {datetime.now(UTC):%Y-%m-%d}, {os.cpu_count()} cores, {platform.machine()} "
         f"{platform.system()}, with other work beside it: processor time tells more than time. {shown}. Every table "
-        "is beside this page as CSV and every figure as PDF, in `results/`."
+        f"is beside this page as CSV and every figure as PDF, in `{folder}/`."
     )
