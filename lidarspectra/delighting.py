@@ -210,7 +210,7 @@ def take_light_out(
             *(_flux_warnings(fit, lamps) if fluxes_stated else flux_notes(fluxes)),
             *_beam_warning(fit),
             *_other_light(scan, known, evidence, spread @ fit.irradiance),
-            *_whiter_than_paint(scan, evidence, fit),
+            *_whiter_than_paint(srgb_of_cones(fit.reflectance[evidence.group >= 0]), float(scan.areas.sum())),
         ),
         lamp_fluxes=fluxes,
     )
@@ -360,15 +360,17 @@ def _other_light(scan: Scan, known: BoolArray, evidence: LightEvidence, light: F
     )
 
 
-def _whiter_than_paint(scan: Scan, evidence: LightEvidence, fit: LightFit) -> tuple[str, ...]:
-    """White surfaces of which most came out brighter than paint, and are held to it; noise alone does not do that."""
-    bright = srgb_of_cones(fit.reflectance).max(axis=1)[evidence.group >= 0]
-    beyond = bright > BRIGHTEST_REFLECTANCE
-    if np.mean(beyond) < WHITE_SHARE or np.median(bright[bright > LEAST_WHITE]) < BRIGHTEST_REFLECTANCE:
+def _whiter_than_paint(reflectance: FloatArray, area_m2: float) -> tuple[str, ...]:
+    """White surfaces of which most came out brighter than paint, and are held to it; noise alone does not do that.
+
+    The (sample, 3) reflectances stand evenly over the scan's area [m²].
+    """
+    bright = reflectance.max(axis=1)
+    share = float(np.mean(bright > BRIGHTEST_REFLECTANCE))
+    if share < WHITE_SHARE or np.median(bright[bright > LEAST_WHITE]) < BRIGHTEST_REFLECTANCE:
         return ()
-    area = float(scan.areas.sum()) * np.count_nonzero(beyond) / len(evidence.group)
     return (
-        f"{area:.0f} m² came out brighter than fresh white paint and count as that (reflectance "
+        f"{share * area_m2:.0f} m² came out brighter than fresh white paint and count as that (reflectance "
         f"{BRIGHTEST_REFLECTANCE:.2f}): more light falls there than the lamps explain, or the picture is too bright",
     )
 

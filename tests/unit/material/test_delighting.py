@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidarspectra.delighting import _beyond_white, _near_lamps
+from lidarspectra.delighting import _beyond_white, _near_lamps, _whiter_than_paint
 from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.sharpened_cones import cones_of_srgb
 from lidarspectra.radiance.lamps import Lamp
@@ -38,3 +38,13 @@ def test_what_is_cut_at_white_sends_between_white_and_what_fresh_paint_would() -
 
 def test_what_its_light_cannot_make_white_sends_no_more_than_it_shows() -> None:
     assert _beyond_white(np.ones((1, 3)), light(0.9)) == pytest.approx(np.ones((1, 3)))
+
+
+def test_a_note_tells_of_white_surfaces_that_came_out_brighter_than_paint_and_not_of_noise_about_white() -> None:
+    floor = np.full((60, 3), 0.2)
+    bright = np.vstack([floor, np.full((30, 3), 0.95), np.full((10, 3), 0.85)])
+    (note,) = _whiter_than_paint(bright, 200.0)
+    assert note.startswith("60 m² came out brighter")
+    noisy = np.vstack([floor, np.linspace(0.76, 0.94, 40)[:, None] * np.ones(3)])
+    assert _whiter_than_paint(noisy, 200.0) == ()
+    assert _whiter_than_paint(floor, 200.0) == ()
