@@ -27,7 +27,7 @@ LAMP_PART = 0.2  # [1] -ds: a 0.6 m panel at 2.3 m is cut into 4 parts
 REPEATS = 6  # [1] jittered looks at each lamp part: the shade of a lamp's edge comes out within 10 %
 POINTS_A_JOB = 2_000  # [1]
 # After SHARED_OPTIONS, in place of -u+: the same numbers in every run, so that materials come out alike to the bit.
-# They are stratified, too (2.5 % RMS in the office against 4.0 %); no path is followed whose corners would err alike.
+# They are stratified, too, and no path is followed whose corners would err alike.
 REPEATABLE = ("-u-",)
 
 
