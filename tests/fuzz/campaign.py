@@ -38,6 +38,7 @@ CASE_S = 20.0  # [s] processor time of a case: the largest image that is allowed
 HANG_S = 300.0  # [s] of the clock, after which the process ends itself and says where it was
 MEMORY_BYTES = 6 * 2**30  # [byte] of addresses that the process may use; libraries alone take 2
 LONGEST_MESSAGE = 5_000  # [1] characters; one paragraph
+MOST_FAULTS = 20  # [1] of a reader that are told in full
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 FORBIDDEN_EVENTS = ("subprocess.Popen", "os.system", "os.posix_spawn", "os.exec", "os.fork", "socket.connect")
 CHANGING_EVENTS = ("os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.symlink", "os.link", "os.truncate", "os.chmod")
@@ -91,6 +92,22 @@ class Outcome:
     seconds: float = 0.0
     peak_mib: float = 0.0
     faults: list[str] = field(default_factory=list)
+
+    def add(self, part: "Outcome") -> None:
+        """Take in what became of further cases."""
+        self.cases += part.cases
+        self.refused += part.refused
+        self.seconds += part.seconds
+        self.slowest_s = max(self.slowest_s, part.slowest_s)
+        self.peak_mib = max(self.peak_mib, part.peak_mib)
+        self.faults += part.faults
+
+    def row(self) -> str:
+        """Its line of the table."""
+        return (
+            f"| {self.name} | {self.cases:,} | {self.refused:,} | {self.slowest_s:.2f} s | {self.peak_mib:,.0f} MiB | "
+            f"{self.seconds:,.0f} s | {len(self.faults)} |"
+        )
 
 
 @contextlib.contextmanager
@@ -213,13 +230,7 @@ def try_apart(reader: Reader, arguments: argparse.Namespace) -> Outcome:
     """Try one reader in processes of its own, which may be killed by what they read."""
     whole = Outcome(name=reader.name)
     for first in range(0, arguments.cases, CASES_A_PROCESS):
-        part = try_part(reader, first, min(CASES_A_PROCESS, arguments.cases - first), arguments.seed)
-        whole.cases += part.cases
-        whole.refused += part.refused
-        whole.seconds += part.seconds
-        whole.slowest_s = max(whole.slowest_s, part.slowest_s)
-        whole.peak_mib = max(whole.peak_mib, part.peak_mib)
-        whole.faults += part.faults
+        whole.add(try_part(reader, first, min(CASES_A_PROCESS, arguments.cases - first), arguments.seed))
     return whole
 
 
@@ -257,22 +268,19 @@ def main() -> int:
         outcomes = []
     if not arguments.json:
         print("| reader | cases | refused | slowest case | memory | time | faults |\n|---|---|---|---|---|---|---|")
-    faults = []
+    whole = Outcome(name="all")
     for outcome in outcomes or (try_apart(reader, arguments) for reader in readers):
-        faults += outcome.faults
+        whole.add(outcome)
         if arguments.json:
             print(json.dumps(outcome.__dict__), flush=True)
-        else:
-            print(
-                f"| {outcome.name} | {outcome.cases:,} | {outcome.refused:,} | {outcome.slowest_s:.2f} s | "
-                f"{outcome.peak_mib:,.0f} MiB | {outcome.seconds:,.0f} s | {len(outcome.faults)} |",
-                flush=True,
-            )
+            continue
+        print(outcome.row(), flush=True)
+        for fault in outcome.faults[:MOST_FAULTS]:
+            print(f"\n{fault}", file=sys.stderr, flush=True)  # at once: the whole campaign takes long
     if arguments.json:
         return 0
-    for fault in faults[:200]:
-        print(f"\n{fault}")
-    return 1 if faults else 0
+    print(whole.row())
+    return 1 if whole.faults else 0
 
 
 if __name__ == "__main__":
