@@ -15,7 +15,6 @@ from lidarspectra.hardware.room.rays import RayCaster
 from lidarspectra.material.array_files import read_arrays
 from lidarspectra.material.projection import Camera, pixel_grid, ray_directions, shift_of_rays
 
-NOTHING_SEEN = (0, 0, 0)  # [1] pixel colour where a ray leaves the scan through a hole
 VIEWS_FILE = "views.json"
 VIEWS_FORMAT = 1
 

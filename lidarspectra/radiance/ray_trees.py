@@ -22,13 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, IntArray
 from lidarspectra.errors import EngineError
 from lidarspectra.radiance.engine import EngineRun
 
 FIELDS = "~wLodWV"
 """What rtrace is asked to tell of every ray (`-oT` and these)."""
-SMALLEST_LENGTH_M = 1e-9  # [m]
 _MARK = (0x7E, 0x09)  # "~\t"
 _TAB = 0x09
 _HEAD = 8  # [1] numbers before W: w, L, o, d
@@ -210,8 +209,3 @@ def covered_by_ancestor(rays: RayTrees, chosen: BoolArray) -> BoolArray:
         met = chosen[above]
         covered[members[met]] = True
         members, above = members[~met], rays.parent[above[~met]]
-
-
-def segments_end(rays: RayTrees) -> FloatArray:
-    """(ray, 3) where each ray arrived [m]."""
-    return np.asarray(rays.origin + rays.direction * rays.length[:, None], dtype=np.float64)

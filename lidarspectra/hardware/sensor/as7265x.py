@@ -57,7 +57,6 @@ RESPONSIVITY_TIME_MS = 166.0  # [ms] of that figure
 RESPONSIVITY_LIMITS = 0.12  # [1] ± limits of that figure (data sheet)
 GAIN_LIMITS = 0.10  # [1] ± limits of a gain's ratio to another (TCS3772 sheet; the AS7265x sheet gives none)
 REPEATABILITY = 0.004  # [1] noise of a reading, measured on 27 sensors in an office
-HALF_FIELD_OF_VIEW_DEG = 20.5  # [deg] of the aperture, without a diffuser (data sheet)
 GAUSSIAN_WIDTH_NM = AS7265X_FWHM_NM * float(np.sqrt(np.pi / (4.0 * np.log(2.0))))  # [nm] ∫ of a Gaussian of peak 1
 WIDTH_LIMITS = GAUSSIAN_WIDTH_NM / AS7265X_FWHM_NM - 1.0  # [1] the sheet leaves open which width its µW/cm² spans
 UW_CM2_TO_W_M2 = 0.01  # [W/m² per µW/cm²]

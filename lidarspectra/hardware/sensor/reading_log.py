@@ -115,6 +115,7 @@ class LogWriter:
 
 
 def _check_target(path: Path, *, append: bool) -> bool:
+    """Whether the log is new; refuse what would be written over."""
     if not path.exists() or (path.is_file() and path.stat().st_size == 0):
         return True
     if not append:
@@ -124,15 +125,20 @@ def _check_target(path: Path, *, append: bool) -> bool:
             where=str(path),
             todo="Choose another name, or go on in it with --append.",
         )
-    with path.open("rb") as file:
-        if file.readline().decode("utf-8", errors="replace").strip() != FORMAT_LINE:
-            raise DeviceError(
-                expected="a sensor log of this package",
-                found="something else",
-                where=str(path),
-                todo="Choose another name.",
-            )
+    if not _is_log(path):
+        raise DeviceError(
+            expected="a sensor log of this package",
+            found="something else",
+            where=str(path),
+            todo="Choose another name.",
+        )
     return False
+
+
+def _is_log(path: Path) -> bool:
+    """Whether a file starts as a log of ours."""
+    with path.open("rb") as file:
+        return file.readline().decode("utf-8", errors="replace").strip() == FORMAT_LINE
 
 
 def _unwritable(path: Path, cause: OSError) -> DeviceError:
@@ -194,12 +200,6 @@ def _reading_row(reading: Reading) -> dict[str, str]:
     row |= {name: _number(value) for name, value in zip(MODULE_COLUMNS, reading.module_values, strict=True)}
     row["flags"] = "".join(f"{flag:x}" for flag in np.asarray(reading.flags, dtype=int))
     return row
-
-
-def is_log(path: Path) -> bool:
-    """Whether a file starts as a log of ours."""
-    with path.open("rb") as file:
-        return file.readline().decode("utf-8", errors="replace").strip() == FORMAT_LINE
 
 
 def read_rows(path: Path) -> tuple[list[dict[str, str]], dict[str, str], int]:

@@ -5,7 +5,6 @@ It keeps account of what went over it whole, so that a test can ask whether the 
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
@@ -296,8 +295,3 @@ class _VirtualLink:
     def _check(self) -> None:
         if not self._wire.is_connected(self._clock.elapsed_s):
             raise LinkLostError(expected="a port that stays", found="it was unplugged", where="virtual")
-
-
-def whole_readings(sent: Sequence[Sent]) -> list[Sent]:
-    """Those that went over the wire in one piece."""
-    return [reading for reading in sent if reading.whole]

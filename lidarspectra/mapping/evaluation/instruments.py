@@ -11,7 +11,7 @@ import pandas as pd
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.hardware.sensor.as7265x import SATURATED_COUNT, basic_counts, nominal_responsivity
-from lidarspectra.hardware.sensor.photocell import CellCircuit, cell_current
+from lidarspectra.hardware.sensor.photocell import PAPER_CELL_AREA_CM2, CellCircuit, cell_current
 from lidarspectra.hardware.virtual.solar_cell import cell_counts, cell_current_in, draw_cell
 from lidarspectra.hardware.virtual.spectral_sensor import (
     VirtualSensor,
@@ -27,12 +27,12 @@ from lidarspectra.spectra import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, Spectrum, 
 
 READINGS = 10  # [1] averaged at every point: ten seconds of the robot's 1 Hz
 HOURS = 3.0  # [h] a session; the sensor was calibrated before it
-LAMP_READINGS = 30  # [1]
-SEED = 3
+LAMP_READINGS = 30  # [1] averaged under the reference lamp
+SEED = 3  # of sensors, cells and noise
 CIRCUITS = {
-    "a shunt alone": CellCircuit(reference_volt=1.1, shunt_ohm=100.0, area_cm2=36.0),
+    "a shunt alone": CellCircuit(reference_volt=1.1, shunt_ohm=100.0, area_cm2=PAPER_CELL_AREA_CM2),
     "a shunt and an amplifier of 10": CellCircuit(
-        reference_volt=1.1, shunt_ohm=100.0, area_cm2=36.0, amplification=10.0
+        reference_volt=1.1, shunt_ohm=100.0, area_cm2=PAPER_CELL_AREA_CM2, amplification=10.0
     ),
 }
 

@@ -8,7 +8,6 @@ McCree 1972, Agricultural Meteorology 9, 191-216: photosynthetically active radi
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
 
 import numpy as np
 from scipy import constants
@@ -16,8 +15,6 @@ from scipy import constants
 from lidarspectra.database_files import data_folder, table
 from lidarspectra.mapping.photometry.illuminance import luminosity
 from lidarspectra.spectra import Spectrum
-
-Audience = Literal["all", "people", "plants"]
 
 UMOL_PER_J_NM = float(1e6 * 1e-9 / (constants.N_A * constants.h * constants.c))
 """Photons of a joule, by wavelength: 0.00836 µmol/(J nm). [µmol/(J nm)]"""
@@ -46,14 +43,12 @@ class LightQuantity:
         As figures write it.
     response : Spectrum
         s(λ). [unit of Q per W/m²]
-    audience : 'all', 'people' or 'plants'
     """
 
     name: str
     words: str
     unit: str
     response: Spectrum
-    audience: Audience
 
 
 @cache
@@ -80,22 +75,21 @@ def light_quantities() -> tuple[LightQuantity, ...]:
     par = np.arange(PAR_NM[0], PAR_NM[1] + 1.0)
     leaf = np.arange(350.0, 726.0)
     quantities = [
-        LightQuantity(name="irradiance_W_m2", words="irradiance", unit="W/m²", audience="all",
+        LightQuantity(name="irradiance_W_m2", words="irradiance", unit="W/m²",
                       response=Spectrum(wavelengths_nm=np.array(OPTICAL_NM), values=np.ones(2), name="380 to 780 nm")),
-        LightQuantity(name="illuminance_lx", words="illuminance", unit="lx", audience="people", response=luminosity()),
-        LightQuantity(name="ppfd_umol_m2_s", words="PPFD", unit="µmol/m²/s", audience="plants",
+        LightQuantity(name="illuminance_lx", words="illuminance", unit="lx", response=luminosity()),
+        LightQuantity(name="ppfd_umol_m2_s", words="PPFD", unit="µmol/m²/s",
                       response=Spectrum(wavelengths_nm=par, values=UMOL_PER_J_NM * par, name="400 to 700 nm")),
-        LightQuantity(name="ypfd_umol_m2_s", words="YPFD", unit="µmol/m²/s", audience="plants",
+        LightQuantity(name="ypfd_umol_m2_s", words="YPFD", unit="µmol/m²/s",
                       response=Spectrum(wavelengths_nm=leaf, name="McCree, field",
                                         values=UMOL_PER_J_NM * leaf * quantum_yield().at(leaf, outside="zero"))),
     ]  # fmt: skip
     for key, spectrum in alpha_opic_spectra().items():
         words, stem = OPIC_WORDS[key], OPIC_WORDS[key].lower().replace("-", "_")
         quantities += [
-            LightQuantity(name=f"{stem}_edi_lx", words=f"{words} EDI", unit="lx", audience="people",
+            LightQuantity(name=f"{stem}_edi_lx", words=f"{words} EDI", unit="lx",
                           response=spectrum.scaled(1.0 / D65_EFFICACY_W_LM[key])),
-            LightQuantity(name=f"{stem}_irradiance_W_m2", words=f"{words} irradiance", unit="W/m²", audience="people",
-                          response=spectrum),
+            LightQuantity(name=f"{stem}_irradiance_W_m2", words=f"{words} irradiance", unit="W/m²", response=spectrum),
         ]  # fmt: skip
     return tuple(quantities)
 
