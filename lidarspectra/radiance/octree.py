@@ -6,6 +6,9 @@ from pathlib import Path, PurePosixPath
 from lidarspectra.errors import EngineError, SceneError
 from lidarspectra.radiance.engine import Engine, EngineRun
 
+OCTREE_END = b"\xff"
+"""What closes the objects of a frozen octree; the engine takes a file's early end for it, and says nothing."""
+
 
 def compile_octree(engine: Engine, folder: Path, rad_files: Sequence[str], out: str) -> EngineRun:
     """Compile scene files into an octree that holds them whole (`oconv -f`).
@@ -34,7 +37,7 @@ def compile_octree(engine: Engine, folder: Path, rad_files: Sequence[str], out: 
     """
     if not rad_files:
         raise SceneError(expected="one or more scene files", found="none", where=str(folder))
-    return _compile(engine, folder, "oconv", ["-f", *rad_files], out, names=[*rad_files, out])
+    return _compile(engine, folder, "oconv", ["-f", *rad_files], out, names=[*rad_files, out], end=OCTREE_END)
 
 
 def extend_octree(engine: Engine, folder: Path, base: str, rad_files: Sequence[str], out: str) -> EngineRun:
@@ -61,7 +64,8 @@ def extend_octree(engine: Engine, folder: Path, base: str, rad_files: Sequence[s
     SceneError
         If a name is unsafe, or oconv refuses the scene.
     """
-    return _compile(engine, folder, "oconv", ["-f", "-i", base, *rad_files], out, names=[base, *rad_files, out])
+    names = [base, *rad_files, out]
+    return _compile(engine, folder, "oconv", ["-f", "-i", base, *rad_files], out, names=names, end=OCTREE_END)
 
 
 def compile_mesh(engine: Engine, folder: Path, obj: str, rad_materials: str | None, out: str) -> EngineRun:
@@ -93,8 +97,43 @@ def compile_mesh(engine: Engine, folder: Path, obj: str, rad_materials: str | No
     return _compile(engine, folder, "obj2mesh", [*materials, obj], out, names=names)
 
 
+def check_octree(engine: Engine, folder: Path, octree: str) -> None:
+    """Have the engine read an octree with its meshes, and trace nothing.
+
+    Parameters
+    ----------
+    engine : Engine
+    folder : Path
+        The scene folder.
+    octree : str
+        In it.
+
+    Raises
+    ------
+    SceneError
+        If it is cut off, or a mesh that it names is missing or cut off.
+    """
+    _check_name(octree, folder)
+    try:
+        engine.run("rtrace", ["-h", octree], folder=folder)
+    except EngineError as cause:
+        raise SceneError(
+            expected="an octree and meshes that the engine can read",
+            found=cause.found,
+            where=str(folder / octree),
+            todo="Make the scene stage again.",
+        ) from cause
+
+
 def _compile(
-    engine: Engine, folder: Path, program: str, arguments: Sequence[str], out: str, *, names: Sequence[str]
+    engine: Engine,
+    folder: Path,
+    program: str,
+    arguments: Sequence[str],
+    out: str,
+    *,
+    names: Sequence[str],
+    end: bytes = b"",
 ) -> EngineRun:
     for name in names:
         _check_name(name, folder)
@@ -106,6 +145,9 @@ def _compile(
         ) from cause
     if not run.output:
         raise SceneError(expected=f"an answer from {program}", found=run.stderr or "nothing", where=str(folder / out))
+    if not run.output.endswith(end):
+        found = f"{len(run.output)} bytes that break off"
+        raise SceneError(expected=f"a whole answer from {program}", found=found, where=str(folder / out))
     unfinished = folder / f"{out}.part"
     unfinished.write_bytes(run.output)
     unfinished.replace(folder / out)  # a cut run leaves no octree that a later run trusts

@@ -49,7 +49,7 @@ from lidarspectra.radiance.lamp_shapes import (
 )
 from lidarspectra.radiance.lamps import Lamp
 from lidarspectra.radiance.mesh_text import CREASE_DEG, mesh_text
-from lidarspectra.radiance.octree import compile_mesh, compile_octree
+from lidarspectra.radiance.octree import check_octree, compile_mesh, compile_octree
 from lidarspectra.radiance.openings import open_windows
 from lidarspectra.radiance.primitives import Color
 from lidarspectra.radiance.scene_record import LAMPS_FILE, MESH_FILE, OPEN_MESH_FILE, save_scene
@@ -129,6 +129,8 @@ def write_scene(
             )
             compile_mesh(engine, folder, scene_pass.mesh, scene_pass.materials_file, scene_pass.mesh_file)
         compile_octree(engine, folder, [scene_pass.scene_file, LAMPS_FILE], scene_pass.octree)
+        if scene_pass.surfaces == scene_pass.name:
+            check_octree(engine, folder, scene_pass.octree)
         passes.append(scene_pass)
     scene = RadianceScene(
         folder=folder,

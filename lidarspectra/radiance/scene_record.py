@@ -142,7 +142,7 @@ def save_scene(scene: RadianceScene) -> None:
         wavelengths_nm=scene.bands.wavelengths_nm,
         responses=scene.bands.responses,
     )
-    record = {
+    record: dict[str, Any] = {
         "format": FORMAT,
         "bands": scene.bands.name,
         "mode": scene.mode,
@@ -167,6 +167,7 @@ def save_scene(scene: RadianceScene) -> None:
             for scene_pass in scene.passes
         ],
     }
+    record["bytes"] = {name: (scene.folder / name).stat().st_size for name in _compiled_files(scene)}
     text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
     (scene.folder / SCENE_FILE).write_text(text + "\n", encoding="utf-8", newline="\n")
 
@@ -186,7 +187,8 @@ def load_scene(folder: Path) -> RadianceScene:
     Raises
     ------
     SceneError
-        If the record is missing, of another format or damaged, or a file that it names is not there.
+        If the record is missing, of another format or damaged, or an octree or mesh that it names is not there or of
+        another size: of a cut octree the engine may read what is left, and tell of no light.
     """
     try:
         record: dict[str, Any] = json.loads((folder / SCENE_FILE).read_text(encoding="utf-8"))
@@ -206,10 +208,23 @@ def load_scene(folder: Path) -> RadianceScene:
         )
     except (OSError, ValueError, KeyError, TypeError, EOFError) as cause:
         raise _unreadable(folder, f"{type(cause).__name__}: {cause}") from cause
-    for scene_pass in scene.passes:
-        if not (folder / scene_pass.octree).is_file():
-            raise _unreadable(folder, f"no {scene_pass.octree}")
+    for name in _compiled_files(scene):
+        _check_size(folder, name, record.get("bytes", {}).get(name))
     return scene
+
+
+def _compiled_files(scene: RadianceScene) -> list[str]:
+    """What the engine reads: octrees, and the meshes beside them."""
+    return sorted({name for scene_pass in scene.passes for name in (scene_pass.octree, scene_pass.mesh_file)})
+
+
+def _check_size(folder: Path, name: str, written: int | None) -> None:
+    try:
+        size = (folder / name).stat().st_size
+    except OSError as cause:
+        raise _unreadable(folder, f"no {name}") from cause
+    if written is not None and size != written:
+        raise _unreadable(folder, f"{name} of {size} bytes, of which {written} were written")
 
 
 def _load_pass(entry: dict[str, Any], mode: Mode) -> ScenePass:
@@ -226,5 +241,8 @@ def _load_pass(entry: dict[str, Any], mode: Mode) -> ScenePass:
 
 def _unreadable(folder: Path, found: str) -> SceneError:
     return SceneError(
-        expected="a scene that write_scene made", found=found, where=str(folder), todo="Make the scene stage again."
+        expected="a scene that write_scene made",
+        found=found,
+        where=str(folder),
+        todo="Make the scene stage again ('lidarspectra run' with '--from scene').",
     )

@@ -6,7 +6,7 @@ import pytest
 
 from lidarspectra.errors import SceneError
 from lidarspectra.radiance.engine import MAX_SPECTRAL_SLOTS, engine_info, find_engine, float_rows
-from lidarspectra.radiance.octree import compile_mesh, compile_octree
+from lidarspectra.radiance.octree import OCTREE_END, check_octree, compile_mesh, compile_octree
 
 LAMP = "void light lamp\n0\n0\n3 1 1 1\nlamp sphere ball\n0\n0\n4 0 0 2 0.1\n"
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl grey\nf 1 2 3\n"
@@ -51,6 +51,27 @@ def test_a_mesh_is_compiled_with_its_materials(folder: Path) -> None:
     (folder / "grey.rad").write_text(GREY, encoding="utf-8", newline="\n")
     compile_mesh(find_engine(), folder, "room.obj", "grey.rad", "room.rtm")
     assert (folder / "room.rtm").stat().st_size > 100
+
+
+def test_an_octree_ends_with_the_mark_that_tells_a_whole_one_and_not_before(folder: Path) -> None:
+    compile_octree(find_engine(), folder, ["lamp.rad"], "room.oct")
+    octree = (folder / "room.oct").read_bytes()
+    assert octree.endswith(OCTREE_END)
+    assert not octree[:-1].endswith(OCTREE_END)
+
+
+def test_the_engine_refuses_an_octree_whose_mesh_is_cut_off(folder: Path) -> None:
+    engine = find_engine()
+    (folder / "room.obj").write_text(TRIANGLE, encoding="utf-8", newline="\n")
+    (folder / "grey.rad").write_text(GREY, encoding="utf-8", newline="\n")
+    (folder / "room.rad").write_text("void mesh room\n1 room.rtm\n0\n0\n", encoding="utf-8", newline="\n")
+    compile_mesh(engine, folder, "room.obj", "grey.rad", "room.rtm")
+    compile_octree(engine, folder, ["room.rad", "lamp.rad"], "room.oct")
+    check_octree(engine, folder, "room.oct")
+    mesh = folder / "room.rtm"
+    mesh.write_bytes(mesh.read_bytes()[:-1])
+    with pytest.raises(SceneError, match="truncated"):
+        check_octree(engine, folder, "room.oct")
 
 
 @pytest.mark.parametrize("text", ["void plastic\n", "nonsense here\n", "grey polygon p\n0\n0\n9 0 0 0 1 0 0 0 1 0\n"])

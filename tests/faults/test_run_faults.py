@@ -246,16 +246,32 @@ def test_an_engine_that_dies_or_lies_is_noticed_and_a_sound_one_goes_on(
 
 
 @pytest.mark.parametrize(
-    ("program", "fault"), [("oconv", "run.stdout = b''"), ("obj2mesh", "run.stdout = b''"), ("oconv", "sys.exit(3)")]
-)
+    ("program", "fault"),
+    [
+        ("oconv", "run.stdout = b''"), ("oconv", "run.stdout = run.stdout[:-1]"), ("oconv", "sys.exit(3)"),
+        ("obj2mesh", "run.stdout = b''"), ("obj2mesh", "run.stdout = run.stdout[:-1]"),
+    ],
+)  # fmt: skip
 def test_a_compiler_that_fails_leaves_no_scene(
     cut_before: Callable[[StageName], Path], lying_engine: Callable[[str, str], None], program: str, fault: str
 ) -> None:
     run_file = cut_before("scene")
     lying_engine(program, fault)
-    with pytest.raises(SceneError, match=program):
+    with pytest.raises(SceneError, match=f"{program}|mesh"):
         run(run_file, last="map")
     assert_whole(run_file, "scene")
+
+
+def test_an_octree_that_was_cut_off_is_no_dark_room(cut_before: Callable[[StageName], Path], finished: Path) -> None:
+    """Of what is left, the engine would make a map without some of its lamps."""
+    run_file = cut_before("trace")
+    octree = run_file.with_suffix(".run") / "4-scene" / "pass0.oct"
+    octree.write_bytes(octree.read_bytes()[: octree.stat().st_size // 2])
+    with pytest.raises(SceneError, match="--from scene"):
+        run(run_file, last="map")
+    assert_whole(run_file, "trace")
+    run(run_file, first="scene", last="scene")
+    assert_continues(run_file, finished)
 
 
 # --- clocks, places, databases

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from lidarspectra.errors import SceneError
 from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.bands import WRITTEN_PER_WATT
@@ -273,3 +274,20 @@ def test_a_scene_comes_back_as_it_was_saved_even_when_moved(engine: Engine, tmp_
     np.testing.assert_array_equal(back.flux, scene.flux)
     np.testing.assert_array_equal(back.bands.responses, scene.bands.responses)
     assert irradiance(engine, back, on_walls(1, seed=6), "-ab", "0").min() > 0
+
+
+def test_a_scene_whose_octree_or_mesh_was_cut_off_or_lost_is_refused(engine: Engine, tmp_path: Path) -> None:
+    scene = write_scene(
+        scan_of(cube()), material_map(scan_of(cube()), surface(0.5)), [lamp()], sensor_bands("as7265x-18"), tmp_path,
+        engine=engine,
+    )  # fmt: skip
+    for name in (scene.passes[0].octree, scene.passes[0].mesh_file):
+        whole = (tmp_path / name).read_bytes()
+        (tmp_path / name).write_bytes(whole[:-1])
+        with pytest.raises(SceneError, match=f"{name} of {len(whole) - 1} bytes, of which {len(whole)} were written"):
+            load_scene(tmp_path)
+        (tmp_path / name).unlink()
+        with pytest.raises(SceneError, match=f"no {name}"):
+            load_scene(tmp_path)
+        (tmp_path / name).write_bytes(whole)
+    assert load_scene(tmp_path).passes == scene.passes
