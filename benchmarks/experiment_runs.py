@@ -14,6 +14,7 @@ from benchmarks.true_faces import materials_on, nearest_faces, true_faces
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.config import RunFile, TraceSection, read_run_file
 from lidarspectra.databases import scenes_folder
+from lidarspectra.files import write_whole
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.scan import Scan, load_scan
 from lidarspectra.hardware.virtual.room_plan import read_plan
@@ -30,7 +31,6 @@ from lidarspectra.radiance.scene import write_scene
 from lidarspectra.radiance.sensors import SensorPoints
 from lidarspectra.radiance.trace import trace
 from lidarspectra.sensor_files import find_bands
-from lidarspectra.spectrum_files import write_whole
 from lidarspectra.workspace import require_stage
 
 THINNING = 4  # [1] every fourth point tells a median as well, where there are many

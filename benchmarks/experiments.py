@@ -28,6 +28,7 @@ from benchmarks.experiment_runs import SceneRuns, keep_rows, kept_rows
 from benchmarks.experiment_scans import scan_changes
 from lidarspectra.config import RunFile
 from lidarspectra.databases import scenes_folder
+from lidarspectra.files import write_whole
 from lidarspectra.mapping.evaluation.accuracy import (
     MapDeviation,
     accuracy_table,
@@ -54,7 +55,7 @@ from lidarspectra.mapping.evaluation.variants import changed, with_flux, with_la
 from lidarspectra.mapping.figure_style import save_figure
 from lidarspectra.mapping.tables import Table, table_csv, table_markdown
 from lidarspectra.radiance.options import Accuracy, Noise
-from lidarspectra.spectrum_files import read_table, write_whole
+from lidarspectra.spectrum_files import read_table
 
 ROOT = Path(__file__).parent.parent
 SCENES = ("office", "apartment", "large-office")

@@ -37,6 +37,7 @@ from benchmarks.localization_rooms import (
 )
 from lidarspectra.config import read_run_file
 from lidarspectra.databases import scenes_folder
+from lidarspectra.files import write_whole
 from lidarspectra.hardware.room.person import Positions
 from lidarspectra.hardware.sensor.as7265x import settings_for
 from lidarspectra.hardware.virtual.room_plan import RoomPlan, read_plan
@@ -57,7 +58,6 @@ from lidarspectra.mapping.localization.virtual_readings import read_by_sensors
 from lidarspectra.mapping.tables import Table, table_csv, table_markdown
 from lidarspectra.pipeline import run
 from lidarspectra.radiance.options import Accuracy
-from lidarspectra.spectrum_files import write_whole
 from scenes.build import phone_scan
 
 ROOT = Path(__file__).parent.parent

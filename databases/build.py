@@ -23,9 +23,10 @@ from colour.quality.datasets.tcs import APPROXIMATE_MUNSELL_NOTATIONS_TCS_CIE202
 from colour.quality.datasets.vs import SDS_VS
 
 from lidarspectra.arrays import FloatArray
+from lidarspectra.files import write_whole
 from lidarspectra.reflectance_library import MAX_REFLECTANCE
 from lidarspectra.spectra import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, Spectrum
-from lidarspectra.spectrum_files import TableRow, write_table, write_whole
+from lidarspectra.spectrum_files import TableRow, write_table
 
 HERE = Path(__file__).resolve().parent
 CARRIER = f"carried by colour-science {colour.__version__} (BSD-3-Clause)"

@@ -9,6 +9,7 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LidarSpectraError, MapError, ReadingError
+from lidarspectra.files import write_whole
 from lidarspectra.hardware.phone.scan import load_scan
 from lidarspectra.hardware.room.free_space import FreeSpace
 from lidarspectra.hardware.room.room import load_room
@@ -33,7 +34,6 @@ from lidarspectra.radiance.lamp_file import load_lamps
 from lidarspectra.radiance.scene import load_scene
 from lidarspectra.radiance.transport import load_transport
 from lidarspectra.sensor_files import find_bands
-from lidarspectra.spectrum_files import write_whole
 from lidarspectra.workspace import made_folder, require_stage
 
 CM2 = 1e-4  # [m²]

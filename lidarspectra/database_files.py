@@ -1,6 +1,5 @@
 """Where database files lie, and the manifests that say of each where it comes from and how it may be used."""
 
-import hashlib
 import json
 import os
 import tomllib
@@ -12,7 +11,8 @@ from pathlib import Path
 import platformdirs
 
 from lidarspectra.errors import DatabaseError
-from lidarspectra.spectrum_files import TableRow, read_table, read_text, write_whole
+from lidarspectra.files import write_whole
+from lidarspectra.spectrum_files import TableRow, read_table, read_text
 
 BUILTIN = "builtin"  # name of the databases that come with the package
 DATA_VARIABLE = "LIDARSPECTRA_DATA"  # environment variable: folder of imported databases
@@ -133,11 +133,6 @@ def read_manifest(folder: Path, *, database: str | None) -> tuple[DatabaseFile, 
             where=str(path),
             todo="Import the databases again.",
         ) from cause
-
-
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def write_manifest(folder: Path, entries: Sequence[DatabaseFile]) -> None:

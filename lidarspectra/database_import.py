@@ -15,14 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from lidarspectra.database_files import (
-    DatabaseFile,
-    file_hash,
-    list_databases,
-    user_folder,
-    write_manifest,
-)
+from lidarspectra.database_files import DatabaseFile, list_databases, user_folder, write_manifest
 from lidarspectra.errors import DatabaseError
+from lidarspectra.files import hash_file
 from lidarspectra.reflectance_library import MAX_REFLECTANCE
 from lidarspectra.spectra import Spectrum
 from lidarspectra.spectrum_files import TableRow, finite_number, read_table, read_text, write_table
@@ -275,8 +270,8 @@ def _store(
             grid=", ".join(f"{first:g}-{last:g}" for first, last in ranges) + " nm",
             provenance="measured",
             count=len(rows),
-            sha256=file_hash(path),
-            source_sha256=" ".join(file_hash(file) for file in sources),
+            sha256=hash_file(path),
+            source_sha256=" ".join(hash_file(file) for file in sources),
             note="; ".join(notes),
         )
         others = [file for file in list_databases() if file.path.is_relative_to(folder) and file.path != path]

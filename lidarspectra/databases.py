@@ -20,7 +20,6 @@ from lidarspectra.database_files import (
     DATA_VARIABLE,
     DatabaseFile,
     data_folder,
-    file_hash,
     list_databases,
     scenes_folder,
     table,
@@ -28,6 +27,7 @@ from lidarspectra.database_files import (
 )
 from lidarspectra.database_import import ImportSummary, import_lspdd, import_spectraldb
 from lidarspectra.errors import DatabaseError
+from lidarspectra.files import hash_file
 from lidarspectra.reflectance_library import COLOR_GRID_NM, Reflectance, ReflectanceLibrary
 from lidarspectra.spectra import Spectrum
 from lidarspectra.spectrum_files import TableRow, finite_number, read_spectrum_file
@@ -39,7 +39,6 @@ __all__ = [
     "ImportSummary",
     "LampSpectrum",
     "data_folder",
-    "file_hash",
     "import_lspdd",
     "import_spectraldb",
     "lamp_spectrum",
@@ -194,7 +193,7 @@ def load_reflectances(names: Sequence[str] = (BUILTIN,), base_folder: Path | Non
             )
         for database, path in paths:
             rows += [_reflectance(database, row, path) for row in table(path)]
-            hashes.append(file_hash(path))
+            hashes.append(hash_file(path))
     return ReflectanceLibrary(rows=tuple(rows), weights=tristimulus_table(), sha256=tuple(hashes))
 
 

@@ -8,9 +8,9 @@ from typing import Any
 from lidarspectra.config import RunFile, read_run_file
 from lidarspectra.databases import list_databases, scenes_folder
 from lidarspectra.errors import WorkspaceError
+from lidarspectra.files import hash_file
 from lidarspectra.material.assignments import spectrum_files
 from lidarspectra.report_applications import check_cells
-from lidarspectra.workspace import hash_file
 
 MULTI_FILE_FORMATS = (".obj", ".gltf", ".ply", ".usda", ".usd")
 COMPANION_SUFFIXES = (

@@ -76,8 +76,12 @@ def try_model(
     ],
     positions: PositionsOption = None,
     against: Annotated[
-        Literal["own", "trained"],
-        typer.Option("--against", help="Compare with the readings' own empty room or median, or with the trained one."),
+        Literal["own", "running", "trained"],
+        typer.Option(
+            "--against",
+            help="Compare with the readings' own empty room or median, with the running median that 'live' takes, or"
+            " with the reference that was trained with.",
+        ),
     ] = "own",
     run: Annotated[Path | None, typer.Option("--run", metavar="RUN", help="A run, for walls and furniture.")] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: MODEL_DIR/test.")] = None,
@@ -132,11 +136,12 @@ def live(
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Write the track there.")] = None,
 ) -> None:
     """Say where somebody is as readings come in, from ports or recordings, until Ctrl-C or their end."""
+    from lidarspectra.files import write_whole
     from lidarspectra.localization_jobs import TRACK_COLUMNS, follow, live_frames, track_row
     from lidarspectra.mapping.localization.live import LiveSettings
-    from lidarspectra.spectrum_files import write_whole
 
-    settings = LiveSettings(method=method, window=max(window, first), first=first, average=average)
+    median = MedianWindow(frames=max(window, first), first=first)
+    settings = LiveSettings(method=method, window=median, average=average)
     rows = [",".join(TRACK_COLUMNS) + "\n"]
     with until_interrupted() as stopped:
         given = live_frames(sources, period_s=period, max_age_s=max_age, stop=stopped, baud=baud)

@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from lidarspectra.errors import WorkspaceError
+from lidarspectra.files import write_whole
 
 LARGEST_VALUE = 1e30  # [1] of any physical number here; beyond it squares overflow
 _FAULTS = (
@@ -65,11 +66,8 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, encoding: Mapping[Any, Any]
     """
     packed = io.BytesIO()
     dataset.to_netcdf(packed, engine="h5netcdf", encoding=encoding)
-    partial = path.with_name(f"{path.name}.partial")
     try:
-        with partial.open("wb") as file:
-            file.write(packed.getbuffer())
-        partial.replace(path)
+        write_whole(path, packed.getbuffer())
     except OSError as cause:
         raise WorkspaceError(
             expected="a file that can be written",
@@ -77,8 +75,6 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, encoding: Mapping[Any, Any]
             where=str(path),
             todo="Check its permissions and the free disk space.",
         ) from cause
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def check_numbers(dataset: xr.Dataset, name: str, dims: tuple[str, ...]) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from lidarspectra import stages
+from lidarspectra.files import hash_file
 from lidarspectra.inputs import Inputs, read_inputs
 from lidarspectra.progress import Progress, silent
 from lidarspectra.workspace import (
@@ -24,7 +25,6 @@ from lidarspectra.workspace import (
     StageRecord,
     StageResult,
     Workspace,
-    hash_file,
     read_record,
 )
 

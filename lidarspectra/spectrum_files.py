@@ -18,6 +18,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import DatabaseError
+from lidarspectra.files import write_whole
 from lidarspectra.spectra import Spectrum
 
 ID_COLUMN = "id"
@@ -181,13 +182,6 @@ def write_table(path: Path, rows: Sequence[TableRow]) -> None:
         numbers = (f"{values[wavelength]:.6g}" if wavelength in values else "" for wavelength in grid)
         writer.writerow([row.id, row.name, row.category, *(row.properties.get(name, "") for name in extra), *numbers])
     write_whole(path, text.getvalue())
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file so that a cut leaves the old file or the new one, never a part."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8", newline="\n")
-    part.replace(path)
 
 
 def read_spectrum_file(path: Path) -> SpectrumFile:

@@ -9,6 +9,7 @@ from typing import Any
 import xarray as xr
 
 from lidarspectra.delighting import take_light_out, with_light_uncertainty
+from lidarspectra.files import hash_file
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.hardware.phone.scan import Scan, load_scan, save_scan
@@ -47,7 +48,7 @@ from lidarspectra.radiance.workflow import write_workflow
 from lidarspectra.report_applications import report_applications
 from lidarspectra.sensing_of_run import receptor_of_run, trace_engine
 from lidarspectra.sensor_files import find_bands
-from lidarspectra.workspace import Notes, Stage, StageResult, hash_file, versions
+from lidarspectra.workspace import Notes, Stage, StageResult, versions
 
 REPORT_PAGE = PAGE
 TRANSPORT_FILE = "transport.nc"

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from lidarspectra.databases import list_databases
 from lidarspectra.errors import WorkspaceError
+from lidarspectra.files import hash_file
 from lidarspectra.material.segmentation import SHIPPED_MODEL
 from lidarspectra.workspace import (
     RECORD_FILE,
@@ -20,7 +21,6 @@ from lidarspectra.workspace import (
     RunRequest,
     StageName,
     StageRecord,
-    hash_file,
     hash_files,
     parse_record,
     read_request,

@@ -27,6 +27,7 @@ from typing import Any, Generic, Literal, Self, TextIO, TypeVar, get_args
 import psutil
 
 from lidarspectra.errors import WorkspaceError
+from lidarspectra.files import hash_file, write_whole
 from lidarspectra.progress import Progress
 
 StageName = Literal["scan", "views", "materials", "scene", "trace", "map", "report"]
@@ -206,15 +207,10 @@ class Workspace:
 
     def keep_request(self, request: RunRequest) -> None:
         """Write down what this run is asked for, in place of what the last was."""
-        marker = self.folder / MARKER_FILE
-        unfinished = marker.with_name(f"{MARKER_FILE}.part")
         try:
-            write_json(unfinished, {**_marker(), "run_file": asdict(request)})
-            unfinished.replace(marker)
+            write_json(self.folder / MARKER_FILE, {**_marker(), "run_file": asdict(request)})
         except OSError as cause:
             raise unwritable(self.folder, cause) from cause
-        finally:
-            unfinished.unlink(missing_ok=True)
 
     def stage_folder(self, stage: StageName) -> Path:
         """The folder of a stage, `1-scan` to `7-report`."""
@@ -404,17 +400,9 @@ def hash_files(folder: Path) -> dict[str, str]:
     return {name: hash_file(folder / name) for name in names if name != RECORD_FILE}
 
 
-def hash_file(path: Path) -> str:
-    """SHA-256 of a file's bytes, as hexadecimal digits."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 def write_json(path: Path, value: object) -> None:
-    """Write a value as readable JSON text, strictly (no NaN)."""
-    path.write_text(
-        json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8", newline="\n"
-    )
+    """Write a value as readable JSON text, strictly (no NaN), whole or not at all."""
+    write_whole(path, json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def versions() -> dict[str, str]:

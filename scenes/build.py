@@ -31,6 +31,7 @@ from lidarspectra.colorimetry import encode_srgb, xyz_to_linear_srgb
 from lidarspectra.config import SensorsSection, read_run_file
 from lidarspectra.databases import tristimulus_table
 from lidarspectra.errors import PlanError
+from lidarspectra.files import write_whole
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.hardware.room.room import find_room
@@ -50,7 +51,7 @@ from lidarspectra.radiance.sensors import sensor_points
 from lidarspectra.radiance.trace import trace_irradiance
 from lidarspectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra import BandSet, uniform_bands
-from lidarspectra.spectrum_files import TableRow, write_table, write_whole
+from lidarspectra.spectrum_files import TableRow, write_table
 
 SCENES = Path(__file__).parent
 VISIBLE_NM = (380.0, 780.0)  # [nm] what the camera sees

@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 
 from lidarspectra.errors import MapError
-from lidarspectra.spectrum_files import write_whole
+from lidarspectra.files import write_whole
 
 PLACE = ("x", "y", "z", "nx", "ny", "nz", "buried")
 POINTS_FILE = "points.csv"

@@ -225,8 +225,8 @@ def _show_currents(adc: "ArrayLike", unix_s: "ArrayLike", circuit: "CellCircuit"
     import numpy as np
     import pandas as pd
 
+    from lidarspectra.files import write_whole
     from lidarspectra.hardware.sensor.photocell import cell_current, cell_current_density, loading
-    from lidarspectra.spectrum_files import write_whole
 
     counts = np.asarray(adc, dtype=np.float64)
     columns = {"unix_s": np.asarray(unix_s, dtype=np.float64)}

@@ -7,8 +7,8 @@ from pathlib import Path
 
 ROOMS = ("hardware", "material", "radiance", "mapping")
 SHARED = (
-    "arrays", "colorimetry", "config", "database_files", "database_import", "databases", "errors", "netcdf_files",
-    "progress", "reflectance_library", "sensor_files", "spectra", "spectrum_files", "workspace",
+    "arrays", "colorimetry", "config", "database_files", "database_import", "databases", "errors", "files",
+    "netcdf_files", "progress", "reflectance_library", "sensor_files", "spectra", "spectrum_files", "workspace",
 )  # fmt: skip  # root modules that the rooms use; all others at the root use the rooms
 
 

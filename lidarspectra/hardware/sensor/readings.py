@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ReadingError
+from lidarspectra.files import write_whole
 from lidarspectra.hardware.sensor.as7265x import (
     ASCENDING_LETTERS,
     CHANNEL_COUNT,
@@ -41,7 +42,6 @@ from lidarspectra.hardware.sensor.as7265x import (
     nominal_responsivity,
 )
 from lidarspectra.spectra import AS7265X_CENTERS_NM, AS7265X_FWHM_NM
-from lidarspectra.spectrum_files import write_whole
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.calibration import Calibration, Signal

@@ -9,6 +9,7 @@ import trimesh
 from PIL import Image
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
+from lidarspectra.files import write_whole
 
 
 def write_glb(
@@ -44,9 +45,7 @@ def write_glb(
     data = trimesh.exchange.gltf.export_glb(  # type: ignore[no-untyped-call]
         scene, include_normals=False, buffer_postprocessor=_ImagePlacer(jpeg.getvalue())
     )
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(data)
-    part.replace(path)
+    write_whole(path, data)
 
 
 class _ImagePlacer:

@@ -15,6 +15,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ReadingError
+from lidarspectra.files import write_whole
 from lidarspectra.hardware.robot.poses import Trajectory
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT
 from lidarspectra.hardware.sensor.calibration import reference_bands
@@ -27,7 +28,6 @@ from lidarspectra.hardware.virtual.solar_cell import VirtualCell, cell_counts, c
 from lidarspectra.hardware.virtual.spectral_sensor import draw_sensor
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra import AS7265X_CENTERS_NM, Spectrum
-from lidarspectra.spectrum_files import write_whole
 
 SPEED_M_S = 0.15  # a TurtleBot3 Waffle Pi goes 0.26 m/s at most (its manual); slow is sharp
 POSES_HZ = 10.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from lidarspectra.spectrum_files import write_whole
+from lidarspectra.files import write_whole
 from lidarspectra.workspace import versions
 
 READING = "reading.md"  # written by hand: what the numbers say

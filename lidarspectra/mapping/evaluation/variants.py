@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from lidarspectra.config import LampSection, RunFile, SensorsSection, read_run_file
-from lidarspectra.spectrum_files import write_whole
+from lidarspectra.files import write_whole
 
 
 def fixed_points(run_file: RunFile, points: Path) -> RunFile:

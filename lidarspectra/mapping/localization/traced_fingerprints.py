@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ArrayError, SensorError
+from lidarspectra.files import hash_file
 from lidarspectra.hardware.room.body import PARTS
 from lidarspectra.hardware.room.person import PERSON_COLUMNS, Person
 from lidarspectra.mapping.localization.fingerprint_table import make_fingerprints
@@ -39,7 +40,6 @@ from lidarspectra.radiance.sensors import SensorPoints
 from lidarspectra.radiance.trace import available_cores, trace_irradiance
 from lidarspectra.radiance.uncertainty import standard_error
 from lidarspectra.reflectance_library import ReflectanceLibrary
-from lidarspectra.workspace import hash_file
 
 TARGET = 0.003  # [1] standard error wanted of a reading, a tenth of what somebody near the sensor changes
 FINEST_EFFECT = 0.0005  # [1] of the difference: in a large room most sensors see somebody by 0.1 % and less

@@ -10,7 +10,6 @@ import pytest
 from lidarspectra.database_files import table
 from lidarspectra.databases import (
     data_folder,
-    file_hash,
     lamp_spectrum,
     list_databases,
     list_lamps,
@@ -19,6 +18,7 @@ from lidarspectra.databases import (
     show_spectrum,
 )
 from lidarspectra.errors import DatabaseError
+from lidarspectra.files import hash_file
 from lidarspectra.material.material_map import MAX_REFLECTANCE
 from lidarspectra.spectra import AS7265X_CENTERS_NM
 from lidarspectra.spectrum_files import read_table
@@ -34,7 +34,7 @@ def test_every_file_is_in_the_manifest_with_its_hash_count_source_and_licence():
     on_disk = set(data_folder().rglob("*.csv"))
     assert {file.path for file in files} == on_disk
     for file in files:
-        assert file.sha256 == file_hash(file.path), file.path
+        assert file.sha256 == hash_file(file.path), file.path
         assert file.source
         assert file.licence
         assert file.provenance
