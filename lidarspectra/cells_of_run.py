@@ -15,7 +15,7 @@ from lidarspectra.hardware.room.free_space import FreeSpace
 from lidarspectra.hardware.room.room import load_room
 from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.sensor.readings import best_signal, signal
-from lidarspectra.light_of_run import TRANSPORT_FILE, light_of_table, plan_of_run
+from lidarspectra.light_of_run import light_of_table, plan_of_run, transport_of_run
 from lidarspectra.mapping.figure_style import save_figure
 from lidarspectra.mapping.floor_plan import FloorPlan
 from lidarspectra.mapping.photometry.indoor_spectra import indoor_spectra
@@ -32,7 +32,6 @@ from lidarspectra.mapping.spectral_map import kept_points
 from lidarspectra.mapping.tables import Table, save_table
 from lidarspectra.radiance.lamp_file import load_lamps
 from lidarspectra.radiance.scene import load_scene
-from lidarspectra.radiance.transport import load_transport
 from lidarspectra.sensor_files import find_bands
 from lidarspectra.workspace import made_folder, require_stage
 
@@ -135,7 +134,7 @@ def current_of_run(run: Path, order: CurrentOrder) -> tuple[xr.Dataset, FloorPla
     shifts = read_schedule(order.base / order.schedule) if order.schedule else ()
     if order.hours:
         shifts = (parse_hours(order.hours),)
-    transport = load_transport(require_stage(run, "trace") / TRANSPORT_FILE)
+    transport = transport_of_run(run)
     currents = current_map(
         transport,
         {lamp.name: lamp.flux for lamp in load_lamps(require_stage(run, "scene"))},
@@ -165,7 +164,7 @@ def places_in_run(run: Path, order: PlaceOrder) -> tuple[Table, tuple[str, ...]]
         If the run is not finished, the cell is unknown, or nowhere is room for it.
     """
     cell = find_cell(order.cell, order.base)
-    transport = load_transport(require_stage(run, "trace") / TRANSPORT_FILE)
+    transport = transport_of_run(run)
     scene, folder = require_stage(run, "scene"), require_stage(run, "scan")
     scan, room = load_scan(folder), load_room(folder)
     points = np.stack([transport[name].to_numpy() for name in ("x", "y", "z")], axis=1)[kept_points(transport)]

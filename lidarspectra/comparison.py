@@ -15,7 +15,7 @@ from lidarspectra.mapping.evaluation.map_comparison_figure import map_comparison
 from lidarspectra.mapping.figure_style import save_figure
 from lidarspectra.mapping.floor_plan import FloorPlan
 from lidarspectra.mapping.metrics import Comparison, Normalisation, compare_maps
-from lidarspectra.mapping.spectral_map import load_map
+from lidarspectra.mapping.spectral_map import MAP_FILE, load_map
 from lidarspectra.mapping.tables import Table, save_table
 from lidarspectra.measured_readings import (
     Scale,
@@ -28,7 +28,6 @@ from lidarspectra.measured_readings import (
 from lidarspectra.radiance.scene import load_scene
 from lidarspectra.workspace import made_folder, require_stage
 
-MAP_FILE = "map.nc"
 FEWEST_POINTS = 3  # [1] fewer say nothing of a map
 NOWHERE_M = 1e9  # [m] stands for a place that is not known: far from everything
 NORMALISATIONS: tuple[Normalisation, ...] = ("absolute", "band", "all")

@@ -16,11 +16,9 @@ from lidarspectra.mapping.point_values import PLACE
 from lidarspectra.measured_readings import read_readings
 from lidarspectra.radiance.lamp_file import load_lamps
 from lidarspectra.radiance.scene import load_scene
-from lidarspectra.radiance.transport import load_transport
+from lidarspectra.radiance.transport import TRANSPORT_FILE, load_transport
 from lidarspectra.spectra import BandSet
 from lidarspectra.workspace import require_stage
-
-TRANSPORT_FILE = "transport.nc"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,7 +65,7 @@ def light_of_run(run: Path, dims: Mapping[str, float] | None = None) -> RunLight
     MapError
         If a lamp to dim is unknown.
     """
-    transport = load_transport(require_stage(run, "trace") / TRANSPORT_FILE)
+    transport = transport_of_run(run)
     scene = require_stage(run, "scene")
     names = [str(name) for name in transport["lamp"].to_numpy()]
     for name in dims or {}:
@@ -79,6 +77,11 @@ def light_of_run(run: Path, dims: Mapping[str, float] | None = None) -> RunLight
         bands=load_scene(scene).bands,
         plan=plan_of_run(run),
     )
+
+
+def transport_of_run(run: Path) -> xr.Dataset:
+    """What a finished run traced; raises WorkspaceError where its trace is not finished."""
+    return load_transport(require_stage(run, "trace") / TRANSPORT_FILE)
 
 
 def plan_of_run(run: Path) -> FloorPlan:

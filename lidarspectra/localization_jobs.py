@@ -15,7 +15,7 @@ from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import REPEATABILITY
 from lidarspectra.hardware.sensor.recorder import RecordOptions
 from lidarspectra.hardware.sensor.serial_link import SerialPort
-from lidarspectra.light_of_run import TRANSPORT_FILE, plan_of_run
+from lidarspectra.light_of_run import plan_of_run, transport_of_run
 from lidarspectra.mapping.figure_style import save_figure
 from lidarspectra.mapping.localization.features import reference_of
 from lidarspectra.mapping.localization.fingerprint_files import read_fingerprints
@@ -54,8 +54,7 @@ from lidarspectra.mapping.localization.sensor_places import (
 )
 from lidarspectra.mapping.tables import Table, save_table
 from lidarspectra.progress import Progress, part_of, silent
-from lidarspectra.radiance.transport import load_transport
-from lidarspectra.workspace import made_folder, require_stage
+from lidarspectra.workspace import made_folder
 
 STRETCHES_NOTE = (
     "each place was visited once, so a visit's first half is tested against its second: the person stood there all the"
@@ -306,7 +305,7 @@ def place_to_locate(file: Path, count: int, out: Path, *, positions: Path | None
 def place_to_rebuild(run: Path, count: int, out: Path, doubts: MapDoubts | None = None) -> LocationReport:
     """Choose points of a run from whose readings its whole map is told best; see `sensor_places.choose_to_rebuild`."""
     doubts = doubts or MapDoubts()
-    transport = load_transport(require_stage(run, "trace") / TRANSPORT_FILE)
+    transport = transport_of_run(run)
     free = np.flatnonzero(~transport["buried"].to_numpy().astype(np.bool_))
     light = (transport["coefficient"] * transport["flux"]).mean("band").transpose("lamp", "point").to_numpy()[:, free]
     positions = np.stack([transport[axis].to_numpy()[free] for axis in ("x", "y", "z")], axis=1)

@@ -9,18 +9,23 @@ import xarray as xr
 from lidarspectra.databases import lamp_spectrum
 from lidarspectra.errors import LampError
 from lidarspectra.hardware.room.room import load_room
+from lidarspectra.light_of_run import transport_of_run
 from lidarspectra.mapping.figure_style import save_figure
 from lidarspectra.mapping.floor_plan import FloorPlan
 from lidarspectra.mapping.map_figures import maps_figure
-from lidarspectra.mapping.spectral_map import LampChange, relight, save_map, save_map_table
+from lidarspectra.mapping.spectral_map import (
+    MAP_FILE,
+    MAP_TABLE_FILE,
+    LampChange,
+    relight,
+    save_map,
+    save_map_table,
+)
 from lidarspectra.radiance.lamp_file import load_lamps
 from lidarspectra.radiance.lamp_spectra import luminous_flux_lm
 from lidarspectra.radiance.lamps import Lamp
 from lidarspectra.radiance.scene import load_scene
-from lidarspectra.radiance.transport import load_transport
 from lidarspectra.workspace import require_stage, unwritable
-
-TRANSPORT_FILE = "transport.nc"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +74,7 @@ def relight_run(run: Path, orders: Sequence[LampOrder], *, base: Path) -> xr.Dat
     LampError, DatabaseError, MapError
         If a lamp or spectrum is unknown, or the flux cannot be met.
     """
-    transport = load_transport(require_stage(run, "trace") / TRANSPORT_FILE)
+    transport = transport_of_run(run)
     scene = require_stage(run, "scene")
     lamps = {lamp.name: lamp for lamp in load_lamps(scene)}
     changes: dict[str, LampChange] = {}
@@ -135,8 +140,8 @@ def save_relit(light: xr.Dataset, folder: Path, run: Path) -> tuple[Path, ...]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         return (
-            save_map(light, folder / "map.nc"),
-            save_map_table(light, folder / "map.csv"),
+            save_map(light, folder / MAP_FILE),
+            save_map_table(light, folder / MAP_TABLE_FILE),
             *save_figure(maps_figure(light, plan), folder, "maps"),
         )
     except OSError as cause:

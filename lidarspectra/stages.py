@@ -27,7 +27,14 @@ from lidarspectra.mapping.material_figures import (
 )
 from lidarspectra.mapping.report import PAGE, ReportInput, ReportView, StageRow, write_report
 from lidarspectra.mapping.room_view import RoomSurfaces
-from lidarspectra.mapping.spectral_map import load_map, save_map, save_map_table, spectral_map
+from lidarspectra.mapping.spectral_map import (
+    MAP_FILE,
+    MAP_TABLE_FILE,
+    load_map,
+    save_map,
+    save_map_table,
+    spectral_map,
+)
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.lamp_fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
@@ -43,7 +50,7 @@ from lidarspectra.radiance.placement import placement_notes
 from lidarspectra.radiance.scene import RadianceScene, load_scene, write_scene
 from lidarspectra.radiance.sensors import SensorPoints, sensor_points
 from lidarspectra.radiance.trace import trace
-from lidarspectra.radiance.transport import load_transport, save_transport
+from lidarspectra.radiance.transport import TRANSPORT_FILE, load_transport, save_transport
 from lidarspectra.radiance.workflow import write_workflow
 from lidarspectra.report_applications import report_applications
 from lidarspectra.sensing_of_run import receptor_of_run, trace_engine
@@ -51,11 +58,8 @@ from lidarspectra.sensor_files import find_bands
 from lidarspectra.workspace import Notes, Stage, StageResult, versions
 
 REPORT_PAGE = PAGE
-TRANSPORT_FILE = "transport.nc"
 MODEL_FOLDER = "model"
 SEGMENTATION = "segmentation"
-MAP_FILE = "map.nc"
-MAP_TABLE = "map.csv"
 DELIGHTING = 0.35  # [1] of the time of the materials stage
 TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays by the clock: runs agree within noise
 
@@ -252,7 +256,7 @@ def map_stage(transport: StageResult[xr.Dataset]) -> Stage[xr.Dataset]:
     def make(folder: Path, progress: Progress) -> Notes:
         light = spectral_map(transport.value)
         save_map(light, folder / MAP_FILE)
-        save_map_table(light, folder / MAP_TABLE)
+        save_map_table(light, folder / MAP_TABLE_FILE)
         mean = light["irradiance"].mean("point")
         return Notes(
             summary=f"{light.sizes['band']} channels x {light.sizes['point']} points; "

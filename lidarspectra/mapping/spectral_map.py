@@ -30,6 +30,7 @@ from lidarspectra.spectra import BandSet, Spectrum
 
 IRRADIANCE_UNIT = "W m-2 nm-1"
 SCHEMA = "lidarspectra spectral map 1"
+MAP_FILE, MAP_TABLE_FILE = "map.nc", "map.csv"  # in the folder of a run's map stage, and of a relighting
 POSITION = ("x", "y", "z")
 DIRECTION = ("nx", "ny", "nz")
 UNIT_LENGTH_TOLERANCE = 1e-6  # [1] directions survive a text file of nine digits
