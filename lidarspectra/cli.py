@@ -29,10 +29,10 @@ from lidarspectra import (
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.progress import remaining_words
 from lidarspectra.run_options import ClusterOption, OutOption, RunFileArgument, WorkersOption
+from lidarspectra.terminal import console, say, shown, tell
 from lidarspectra.workspace import STAGES, StageName
 
 if TYPE_CHECKING:
-    from lidarspectra.mapping.tables import Table as SavedTable
     from lidarspectra.pipeline import RunSummary
     from lidarspectra.progress import Progress as Report
     from lidarspectra.workspace import StageResult
@@ -67,7 +67,6 @@ app.command("photocurrent")(photocurrent_cli.photocurrent)
 app.add_typer(photocurrent_cli.app, name="cells")
 app.command("fingerprints")(fingerprints_cli.fingerprints)
 app.add_typer(localize_cli.app, name="localize")
-console = Console(highlight=False)
 messages = Console(stderr=True, highlight=False)
 
 
@@ -208,21 +207,10 @@ def _show_summary(summary: "RunSummary") -> None:
         console.print()
         from lidarspectra.mapping.report_tables import bands_table
 
-        console.print(_shown(bands_table(summary.results["map"].value)))
+        console.print(shown(bands_table(summary.results["map"].value)))
     if summary.report is not None:
         console.print()
         console.print(Text.assemble("Report: ", (str(summary.report), "bold")), soft_wrap=True)
-
-
-def _shown(source: "SavedTable") -> Table:
-    """One of our tables, as the terminal shows it."""
-    table = Table(title=source.caption, title_justify="left", box=None, pad_edge=False, header_style="bold")
-    for heading in source.frame.columns:
-        table.add_column(Text(str(heading)), justify="right")
-    for row in source.frame.itertuples(index=False):
-        cells = zip(map(str, source.frame.columns), row, strict=True)
-        table.add_row(*(Text(format(value, source.formats.get(name, ""))) for name, value in cells))
-    return table
 
 
 def _add_stage_command(stage: StageName, text: str) -> None:
@@ -270,7 +258,7 @@ def init(
 
     summary = write_init(scan, out or scan.with_suffix(".toml"), force=force)
     for line in summary.lines():
-        console.print(Text(line), soft_wrap=True)
+        say(line)
 
 
 @app.command()
@@ -294,13 +282,13 @@ def evaluate(
 
     evaluation = evaluate_run(run, measured, within_m=within, scale=scale, unit=unit)
     for note in evaluation.notes:
-        console.print(Text.assemble(("note: ", "yellow"), note), soft_wrap=True)
+        tell(note)
     for table in (evaluation.table, evaluation.bands):
-        console.print(_shown(table))
+        console.print(shown(table))
         console.print()
     folder = save_evaluation(evaluation, run / "evaluation")
     draw_evaluation(evaluation, run, folder)
-    console.print(Text(f"Tables and maps: {folder}"), soft_wrap=True)
+    say(f"Tables and maps: {folder}")
 
 
 @app.command()
@@ -315,11 +303,11 @@ def verify(
 
     verification = verify_run(run, inputs=inputs)
     for line in verification.lines():
-        console.print(Text(line), soft_wrap=True)
+        say(line)
     for finding in verification.differences:
         console.print(Text.assemble(("differs: ", "bold red"), str(finding)), soft_wrap=True)
     for note in verification.notes:
-        console.print(Text.assemble(("note: ", "yellow"), note), soft_wrap=True)
+        tell(note)
     if verification.differences:
         raise typer.Exit(1)
 
@@ -334,6 +322,6 @@ def doctor() -> None:
         mark = Text("ok   ", "green") if finding.good else Text("wrong", "bold red")
         console.print(Text.assemble(mark, f" {finding.subject:<22} {finding.value}"), soft_wrap=True)
         if not finding.good:
-            console.print(Text(f"      {finding.todo}"), soft_wrap=True)
+            say(f"      {finding.todo}")
     if not all(finding.good for finding in findings):
         raise typer.Exit(1)

@@ -4,15 +4,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+
+from lidarspectra.terminal import console, say, tell
 
 if TYPE_CHECKING:
     from lidarspectra.databases import ImportSummary
 
 app = typer.Typer(no_args_is_help=True, help="Spectra of surfaces and lamps: what is there, and how to add more.")
-console = Console(highlight=False)
 
 
 @app.command("list")
@@ -49,7 +49,7 @@ def show(name: Annotated[str, typer.Argument(help="As 'databases list' shows it.
     from lidarspectra.databases import show_spectrum
 
     entry = show_spectrum(name)
-    console.print(Text(f"# {entry.name}; {entry.category}; {entry.provenance}"), soft_wrap=True)
+    say(f"# {entry.name}; {entry.category}; {entry.provenance}")
     console.print("wavelength_nm,value")
     for wavelength, value in zip(entry.spectrum.wavelengths_nm, entry.spectrum.values, strict=True):
         console.print(f"{wavelength:g},{value:.6g}")
@@ -80,6 +80,6 @@ def lspdd(
 
 
 def _tell(summary: "ImportSummary") -> None:
-    console.print(Text(f"{summary.count} spectra imported as '{summary.database}' ({summary.path})"), soft_wrap=True)
+    say(f"{summary.count} spectra imported as '{summary.database}' ({summary.path})")
     for note in summary.notes:
-        console.print(Text.assemble(("note: ", "yellow"), note), soft_wrap=True)
+        tell(note)

@@ -5,14 +5,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.text import Text
 
-from lidarspectra.photometry_cli import tell
 from lidarspectra.run_options import ClusterOption, OutOption, RunFileArgument, WorkersOption
-
-console = Console(highlight=False)
+from lidarspectra.terminal import console, say, tell
 
 
 class PostureName(StrEnum):
@@ -99,4 +95,4 @@ def fingerprints(
         f"standard error {100 * table.attrs['achieved_relative_se']:.2f} %, of the change "
         f"{100 * table.attrs['achieved_relative_effect_se']:.3f} %"
     )
-    console.print(Text(f"Table: {found.path}"), soft_wrap=True)
+    say(f"Table: {found.path}")

@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.text import Text
 
 from lidarspectra.interruption import until_interrupted
-from lidarspectra.photometry_cli import shown, tell
+from lidarspectra.terminal import console, say, shown, tell
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.as7265x import SensorSettings
@@ -21,7 +19,6 @@ if TYPE_CHECKING:
     from lidarspectra.progress import Progress as Report
 
 app = typer.Typer(no_args_is_help=True, help="Where somebody stands, from what fixed spectral sensors read.")
-console = Console(highlight=False)
 
 ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="What 'train' wrote.", show_default=False)]
 PositionsOption = Annotated[
@@ -138,7 +135,7 @@ def live(
     """Say where somebody is as readings come in, from ports or recordings, until Ctrl-C or their end."""
     from lidarspectra.files import write_whole
     from lidarspectra.localization_jobs import TRACK_COLUMNS, follow, live_frames, track_row
-    from lidarspectra.mapping.localization.live import LiveSettings
+    from lidarspectra.mapping.localization.live import LiveSettings, MedianWindow
 
     median = MedianWindow(frames=max(window, first), first=first)
     settings = LiveSettings(method=method, window=median, average=average)
@@ -149,7 +146,7 @@ def live(
             x, y = fix.position_m
             where = f"  ({x:.2f}, {y:.2f}) ± {fix.spread_m:.2f} m" if math.isfinite(x) else ""
             line = f"{fix.time_s:.1f} s  {fix.label}  {100 * fix.probability:.0f} %{where}"
-            console.print(Text(line), soft_wrap=True)
+            say(line)
             rows.append(track_row(fix))
             if stopped() or number + 1 == frames:
                 break
@@ -157,7 +154,7 @@ def live(
         tell(f"no fix: the running median needs {first} frames (--first), or give --empty")
     if out is not None:
         write_whole(out, "".join(rows))
-        console.print(Text(f"Track: {out}"), soft_wrap=True)
+        say(f"Track: {out}")
 
 
 @app.command()
@@ -208,7 +205,7 @@ def _show(report: "LocationReport") -> None:
     console.print(shown(report.tables[0]))
     for note in report.notes:
         tell(note)
-    console.print(Text(f"Tables and figures: {report.folder}"), soft_wrap=True)
+    say(f"Tables and figures: {report.folder}")
 
 
 @contextmanager

@@ -4,13 +4,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
-from lidarspectra.photometry_cli import shown, tell
+from lidarspectra.terminal import console, say, shown, tell
 
 app = typer.Typer(no_args_is_help=True, help="Solar cells: which there are, the best place, and what sensors tell.")
-console = Console(highlight=False)
 
 RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="A finished run folder.", show_default=False)]
 CellOption = Annotated[
@@ -55,7 +52,7 @@ def photocurrent(
         tell(words)
     folder = save_currents(currents, plan, out or run / f"photocurrent-{found.name}")
     console.print(shown(currents_table(currents)))
-    console.print(Text(f"Points, table and maps: {folder}"), soft_wrap=True)
+    say(f"Points, table and maps: {folder}")
 
 
 @app.command("list")
@@ -121,7 +118,7 @@ def place_command(
     for note in notes:
         tell(note)
     console.print(shown(table))
-    console.print(Text(f"Table: {save_places(table, out or run / 'cell-places')}"), soft_wrap=True)
+    say(f"Table: {save_places(table, out or run / 'cell-places')}")
 
 
 @app.command("predict")
@@ -146,7 +143,7 @@ def predict_command(
     for note in notes:
         tell(note)
     console.print(shown(table))
-    console.print(Text(f"Readings: {path}"), soft_wrap=True)
+    say(f"Readings: {path}")
 
 
 @app.command("fit")

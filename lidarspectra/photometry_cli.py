@@ -1,17 +1,11 @@
 """`lidarspectra photometry RUN`: the light for people and plants."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table as ShownTable
-from rich.text import Text
 
-if TYPE_CHECKING:
-    from lidarspectra.mapping.tables import Table
-
-console = Console(highlight=False)
+from lidarspectra.terminal import console, say, shown, tell
 
 
 def photometry(
@@ -56,12 +50,7 @@ def photometry(
         notes = (*notes, words)
     for note in notes:
         tell(note)
-    console.print(Text(f"Points, table and maps: {folder}"), soft_wrap=True)
-
-
-def tell(note: str) -> None:
-    """Print what a user must know of the numbers."""
-    console.print(Text.assemble(("note: ", "yellow"), note), soft_wrap=True)
+    say(f"Points, table and maps: {folder}")
 
 
 def parse_factors(words: list[str]) -> dict[str, float]:
@@ -83,20 +72,3 @@ def parse_factors(words: list[str]) -> dict[str, float]:
             raise typer.BadParameter(f"'{word}' is not LAMP=FACTOR with a factor of 0 or more")
         factors[name] = factor
     return factors
-
-
-def shown(table: "Table") -> ShownTable:
-    """A table as the terminal shows it."""
-    drawn = ShownTable(title=table.caption, title_justify="left", box=None, pad_edge=False, header_style="bold")
-    for heading in table.frame.columns:
-        drawn.add_column(Text(str(heading)), justify="left" if table.frame[heading].dtype == object else "right")
-    for row in table.frame.itertuples(index=False):
-        cells = zip(map(str, table.frame.columns), row, strict=True)
-        drawn.add_row(*(Text(_cell(value, table.formats.get(name, ".4g"))) for name, value in cells))
-    return drawn
-
-
-def _cell(value: object, number_format: str) -> str:
-    if isinstance(value, float):
-        return format(value, number_format) if value == value else "–"
-    return str(value)

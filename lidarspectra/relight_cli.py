@@ -5,13 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.text import Text
+
+from lidarspectra.terminal import console, say
 
 if TYPE_CHECKING:
     from lidarspectra.relighting import LampOrder
 
-console = Console(highlight=False)
 FIELDS = {"--spectrum": "spectrum", "--lumens": "luminous_flux_lm", "--dim": "dim"}
 
 
@@ -34,7 +33,7 @@ def relight(
     folder = out or run / "relit"
     light = relight_run(run, orders, base=Path.cwd())
     for path in save_relit(light, folder, run):
-        console.print(Text(str(path)), soft_wrap=True)
+        say(str(path))
     mean = light["irradiance"].mean("point")
     for band, value in zip(light["band"].to_numpy(), mean.to_numpy(), strict=True):
         console.print(f"{band:5.0f} nm  {value:.4g} W/m²/nm")

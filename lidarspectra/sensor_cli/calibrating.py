@@ -11,10 +11,9 @@ from lidarspectra.sensor_cli.options import (
     GainOption,
     IntegrationOption,
     calibration_named,
-    console,
-    say,
     settings_given,
 )
+from lidarspectra.terminal import console, say
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.as7265x import SensorSettings

@@ -14,10 +14,9 @@ from lidarspectra.sensor_cli.options import (
     IntegrationOption,
     LogArgument,
     calibration_named,
-    console,
-    say,
     settings_given,
 )
+from lidarspectra.terminal import console, say
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -1,18 +1,14 @@
-"""What the sensor commands share: their options, and how they speak."""
+"""What the sensor commands share: their options."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.as7265x import SensorSettings
     from lidarspectra.hardware.sensor.calibration import Calibration
     from lidarspectra.hardware.sensor.identify import Wishes
-
-console = Console(highlight=False)
 
 PortArgument = Annotated[
     str, typer.Argument(metavar="PORT", help="COM3, /dev/ttyUSB0, socket://host:port ...", show_default=False)
@@ -53,11 +49,6 @@ def wishes_given(rate: float, header: str | None, gain: float | None, integratio
         settings=settings_given(gain, integration),
         order=order_by_user(header) if header is not None else None,
     )
-
-
-def say(words: str) -> None:
-    """Print a line as it is."""
-    console.print(Text(words), soft_wrap=True)
 
 
 def calibration_named(name: str | None) -> "Calibration | None":

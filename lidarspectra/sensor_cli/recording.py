@@ -16,10 +16,9 @@ from lidarspectra.sensor_cli.options import (
     HeaderOption,
     IntegrationOption,
     PortArgument,
-    console,
-    say,
     wishes_given,
 )
+from lidarspectra.terminal import console, say
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.reading_log import Entry
