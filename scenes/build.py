@@ -34,12 +34,12 @@ from lidarspectra.errors import PlanError
 from lidarspectra.files import write_whole
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.hardware.phone.texture_atlas import split_at_charts, unwrap
 from lidarspectra.hardware.room.room import find_room
 from lidarspectra.hardware.virtual.camera import SurfaceLight, photograph
 from lidarspectra.hardware.virtual.glb_file import write_glb
 from lidarspectra.hardware.virtual.phone import scan_shape
 from lidarspectra.hardware.virtual.room_plan import PlanFile, RoomPlan, RoomSection, read_plan
-from lidarspectra.hardware.virtual.texture_atlas import split_at_charts, unwrap
 from lidarspectra.hardware.virtual.true_room import TrueRoom, true_room
 from lidarspectra.mapping.evaluation.true_light import true_materials
 from lidarspectra.mapping.evaluation.variants import toml_value

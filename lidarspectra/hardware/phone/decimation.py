@@ -18,8 +18,8 @@ from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.colorimetry import encode_srgb
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.scan import Appearance, Scan
+from lidarspectra.hardware.phone.texture_atlas import PADDING_PX, Atlas, unwrap
 from lidarspectra.hardware.room.rays import RayCaster
-from lidarspectra.hardware.virtual.texture_atlas import PADDING_PX, Atlas, unwrap
 from lidarspectra.progress import Progress, silent
 
 SMALLEST_ATLAS_PX, LARGEST_ATLAS_PX = 512, 4096  # [px] edge of the new texture

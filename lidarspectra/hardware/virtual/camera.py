@@ -14,9 +14,9 @@ from lidarspectra.arrays import ByteArray, FloatArray, float_array
 from lidarspectra.colorimetry import BRADFORD, SRGB_FROM_XYZ, SRGB_WHITE_XYZ, encode_srgb
 from lidarspectra.databases import data_folder
 from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.texture_atlas import Atlas, split_at_charts
 from lidarspectra.hardware.virtual.phone import ScannedShape
 from lidarspectra.hardware.virtual.room_plan import CameraSection
-from lidarspectra.hardware.virtual.texture_atlas import Atlas, split_at_charts
 from lidarspectra.hardware.virtual.true_room import NORMAL_WEIGHT_M, TrueRoom
 from lidarspectra.spectrum_files import read_table
 

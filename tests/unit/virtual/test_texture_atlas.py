@@ -3,9 +3,9 @@ import pytest
 import trimesh
 
 from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.texture_atlas import PADDING_PX, Atlas, split_at_charts, unwrap
 from lidarspectra.hardware.virtual.phone import ScannedShape, scan_shape
 from lidarspectra.hardware.virtual.room_plan import RoomPlan
-from lidarspectra.hardware.virtual.texture_atlas import PADDING_PX, Atlas, split_at_charts, unwrap
 from lidarspectra.hardware.virtual.true_room import TrueRoom
 
 

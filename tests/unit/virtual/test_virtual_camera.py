@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.texture_atlas import Atlas, unwrap
 from lidarspectra.hardware.virtual.camera import (
     SurfaceLight,
     material_colors,
@@ -11,7 +12,6 @@ from lidarspectra.hardware.virtual.camera import (
 )
 from lidarspectra.hardware.virtual.phone import ScannedShape, scan_shape
 from lidarspectra.hardware.virtual.room_plan import CameraSection, RoomPlan
-from lidarspectra.hardware.virtual.texture_atlas import Atlas, unwrap
 from lidarspectra.hardware.virtual.true_room import TrueRoom
 from lidarspectra.spectra import Spectrum
 
