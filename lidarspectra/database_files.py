@@ -1,6 +1,5 @@
 """Where database files lie, and the manifests that say of each where it comes from and how it may be used."""
 
-import json
 import os
 import tomllib
 from collections.abc import Sequence
@@ -13,6 +12,7 @@ import platformdirs
 from lidarspectra.errors import DatabaseError
 from lidarspectra.files import write_whole
 from lidarspectra.spectrum_files import TableRow, read_table, read_text
+from lidarspectra.toml_text import toml_value
 
 BUILTIN = "builtin"  # name of the databases that come with the package
 DATA_VARIABLE = "LIDARSPECTRA_DATA"  # environment variable: folder of imported databases
@@ -152,14 +152,9 @@ def write_manifest(folder: Path, entries: Sequence[DatabaseFile]) -> None:
             "note": entry.note,
         }
         lines.append("[[file]]")
-        lines += [f"{key} = {_toml(value)}" for key, value in fields.items() if value != ""]
+        lines += [f"{key} = {toml_value(value)}" for key, value in fields.items() if value != ""]
         lines.append("")
     write_whole(folder / MANIFEST_FILE, "\n".join(lines))
-
-
-def _toml(value: str | int) -> str:
-    # A JSON string is a TOML basic string, but for the delete character, which TOML wants escaped.
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def table(path: Path) -> tuple[TableRow, ...]:

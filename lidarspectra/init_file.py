@@ -16,6 +16,7 @@ from lidarspectra.hardware.room.room import Room, find_room
 from lidarspectra.material.lit_lamps import LampSearch, LitLamp, search_lit_lamps
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.sensors import grid_points
+from lidarspectra.toml_text import toml_value
 
 SPECTRUM = "LED-B3"  # a white LED of 4100 K, common in offices (CIE 015:2018, illuminant LED-B3)
 SENSOR_HEIGHT_M = 0.3  # [m] the paper's robot carries its sensor about so high
@@ -144,40 +145,6 @@ def write_init(scan_path: Path, out_path: Path, *, force: bool = False, progress
     return summary
 
 
-def toml_string(text: str) -> str:
-    """Write any text as a TOML basic string, quotes and control characters escaped.
-
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    toml : str
-        With its quotes.
-
-    Raises
-    ------
-    RunFileError
-        If the text is no Unicode (a file name of other bytes): TOML cannot hold it.
-
-    References
-    ----------
-    TOML 1.0.0, "String".
-    """
-    short = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\n": "\\n", "\f": "\\f", "\r": "\\r"}
-    surrogates = [character for character in text if 0xD800 <= ord(character) <= 0xDFFF]
-    if surrogates:
-        raise RunFileError(
-            expected="a name in Unicode",
-            found=f"bytes that are none in {text.encode('ascii', 'backslashreplace').decode('ascii')!r}",
-            todo="Rename the file.",
-        )
-    escaped = "".join(short.get(character, character) for character in text)
-    control = {code: f"\\u{code:04X}" for code in (*range(0x20), 0x7F)}
-    return f'"{escaped.translate(control)}"'
-
-
 def _check_place(scan_path: Path, out_path: Path, *, force: bool) -> None:
     if out_path.exists() and scan_path.exists() and out_path.samefile(scan_path):
         raise RunFileError(
@@ -236,7 +203,7 @@ def _run_file_lines(summary: InitSummary, file: str) -> Iterator[str]:
 def _heading(summary: InitSummary, file: str) -> Iterator[str]:
     room = summary.room
     length, width = room.extent_m
-    yield f"# Run file for {toml_string(file)}, written by 'lidarspectra init'."
+    yield f"# Run file for {toml_value(file)}, written by 'lidarspectra init'."
     yield "# Look through it, edit what you know better, then: lidarspectra run THIS_FILE"
     yield "#"
     yield "# What was found, in metres, z up:"
@@ -254,9 +221,9 @@ def _scan_lines(summary: InitSummary, file: str) -> Iterator[str]:
     scan = summary.scan
     yield ""
     yield "[scan]"
-    yield f"file = {toml_string(file)}  # relative to this file"
-    yield f"unit = {toml_string(scan.unit)}  # detected, {_percent(scan.unit_confidence)} sure: m, cm, mm, in or ft"
-    yield f"up = {toml_string(scan.up_axis)}  # detected, {_percent(scan.up_confidence)} sure: the file's upward axis"
+    yield f"file = {toml_value(file)}  # relative to this file"
+    yield f"unit = {toml_value(scan.unit)}  # detected, {_percent(scan.unit_confidence)} sure: m, cm, mm, in or ft"
+    yield f"up = {toml_value(scan.up_axis)}  # detected, {_percent(scan.up_confidence)} sure: the file's upward axis"
     yield "# max_hole_m = 1.0  # larger holes of the mesh stay open, and light leaves through them"
 
 
@@ -275,8 +242,8 @@ def _lamp_lines(summary: InitSummary) -> Iterator[str]:
     for name, lamp in _named(lamps):
         yield ""
         yield "[[lamps]]"
-        yield f"name = {toml_string(name)}  # {_percent(lamp.confidence)} sure"
-        yield f"shape = {toml_string(lamp.shape)}"
+        yield f"name = {toml_value(name)}  # {_percent(lamp.confidence)} sure"
+        yield f"shape = {toml_value(lamp.shape)}"
         yield f"center = {_vector(lamp.center.tolist())}  # [m]"
         if lamp.shape == "disc":
             yield f"size = {lamp.size[0]:.3f}  # diameter [m]"
@@ -284,7 +251,7 @@ def _lamp_lines(summary: InitSummary) -> Iterator[str]:
             yield f"size = {_vector(list(lamp.size))}  # length, width [m]"
             yield f"rotation_deg = {lamp.rotation_deg:.1f}  # of the length, about the direction it shines in"
         yield f"normal = {_vector(lamp.normal.tolist())}  # the direction it shines in"
-        yield f"spectrum = {toml_string(SPECTRUM)}  # assumed"
+        yield f"spectrum = {toml_value(SPECTRUM)}  # assumed"
         yield f"luminous_flux_lm = {_significant(exitance * lamp.area_m2)}  # assumed, {lamp.area_m2:.3f} m² of lamp"
 
 
@@ -299,7 +266,7 @@ def _lamp_example(summary: InitSummary) -> Iterator[str]:
     yield '# shape = "panel"  # or disc, strip, bulb, spot, point, ies, window'
     yield f"# center = {_vector([x, y, room.ceiling_z - 0.06])}  # [m], 6 cm below the ceiling, clear of its noise"
     yield "# size = [0.6, 0.6]  # length, width [m]"
-    yield f"# spectrum = {toml_string(SPECTRUM)}  # a white LED; see: lidarspectra databases list"
+    yield f"# spectrum = {toml_value(SPECTRUM)}  # a white LED; see: lidarspectra databases list"
     yield "# luminous_flux_lm = 3600  # on the lamp's label"
 
 

@@ -42,7 +42,6 @@ from lidarspectra.hardware.virtual.phone import scan_shape
 from lidarspectra.hardware.virtual.room_plan import PlanFile, RoomPlan, RoomSection, read_plan
 from lidarspectra.hardware.virtual.true_room import TrueRoom, true_room
 from lidarspectra.mapping.evaluation.true_light import true_materials
-from lidarspectra.mapping.evaluation.variants import toml_value
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.bands import lamp_band_flux
 from lidarspectra.radiance.lamps import Lamp, resolve_lamps
@@ -52,6 +51,7 @@ from lidarspectra.radiance.trace import trace_irradiance
 from lidarspectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra import BandSet, uniform_bands
 from lidarspectra.spectrum_files import TableRow, write_table
+from lidarspectra.toml_text import toml_value
 
 SCENES = Path(__file__).parent
 VISIBLE_NM = (380.0, 780.0)  # [nm] what the camera sees

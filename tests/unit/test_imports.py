@@ -8,7 +8,8 @@ from pathlib import Path
 ROOMS = ("hardware", "material", "radiance", "mapping")
 SHARED = (
     "arrays", "colorimetry", "config", "database_files", "database_import", "databases", "errors", "files",
-    "netcdf_files", "progress", "reflectance_library", "sensor_files", "spectra", "spectrum_files", "workspace",
+    "netcdf_files", "progress", "reflectance_library", "sensor_files", "spectra", "spectrum_files",
+    "toml_text", "workspace",
 )  # fmt: skip  # root modules that the rooms use; all others at the root use the rooms
 
 

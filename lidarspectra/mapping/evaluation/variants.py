@@ -1,12 +1,11 @@
 """Run files with something changed: an experiment is an ordinary run of a scene, by the run file that stands here."""
 
-from collections.abc import Mapping, Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from lidarspectra.config import LampSection, RunFile, SensorsSection, read_run_file
 from lidarspectra.files import write_whole
+from lidarspectra.toml_text import toml_value
 
 
 def fixed_points(run_file: RunFile, points: Path) -> RunFile:
@@ -74,22 +73,3 @@ def write_run_file(run_file: RunFile, path: Path) -> Path:
     write_whole(path, "\n".join(lines))
     read_run_file(path)
     return path
-
-
-def toml_value(value: object) -> str:
-    """A value as TOML writes it on one line."""
-    match value:
-        case bool():
-            return "true" if value else "false"
-        case str():
-            # TOML's basic strings escape as JSON's do, for all that a name may hold here.
-            return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-        case datetime():
-            return value.isoformat()
-        case Mapping():
-            inner = ", ".join(f"{key} = {toml_value(item)}" for key, item in value.items() if item is not None)
-            return f"{{ {inner} }}"
-        case Sequence():
-            return "[" + ", ".join(toml_value(item) for item in value) + "]"
-        case _:
-            return str(value)

@@ -7,12 +7,10 @@ import tomllib
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from lidarspectra.config import parse_run_file, read_run_file
 from lidarspectra.errors import RunFileError, ScanError, WorkspaceError
-from lidarspectra.init_file import toml_string, write_init
+from lidarspectra.init_file import write_init
 
 
 @pytest.fixture(scope="module")
@@ -130,23 +128,6 @@ def test_any_file_name_survives(dark_room, tmp_path, name) -> None:
     table = tomllib.loads((tmp_path / "runs" / "room.toml").read_text(encoding="utf-8"))
     assert not os.path.isabs(table["scan"]["file"])
     assert (tmp_path / "runs" / table["scan"]["file"]).samefile(scan)
-
-
-@settings(deadline=None)  # a busy machine is no fault
-@given(st.text())
-def test_every_text_survives_as_a_toml_string(text) -> None:
-    try:
-        written = toml_string(text)
-    except RunFileError:
-        assert any(0xD800 <= ord(character) <= 0xDFFF for character in text)
-        return
-    assert "\n" not in written
-    assert tomllib.loads(f"key = {written}")["key"] == text
-
-
-def test_a_name_that_is_no_unicode_is_refused() -> None:
-    with pytest.raises(RunFileError, match="Rename"):
-        toml_string("room\udcff.glb")
 
 
 def test_a_run_file_that_is_there_is_kept_unless_forced(dark_room, tmp_path) -> None:
