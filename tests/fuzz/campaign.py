@@ -32,7 +32,6 @@ from mutations import DECOY, one_of
 from readers import READERS, Files, Reader
 
 CASES = 10_000  # [1] of each reader
-CASES_A_PROCESS = 1_000  # [1] USD's library loses some 2 MB with every damaged file, and says so nowhere
 SEED = 20240513
 CASE_S = 20.0  # [s] processor time of a case: the largest image that is allowed takes two
 HANG_S = 300.0  # [s] of the clock, after which the process ends itself and says where it was
@@ -229,8 +228,8 @@ def try_readers(readers: list[Reader], arguments: argparse.Namespace) -> list[Ou
 def try_apart(reader: Reader, arguments: argparse.Namespace) -> Outcome:
     """Try one reader in processes of its own, which may be killed by what they read."""
     whole = Outcome(name=reader.name)
-    for first in range(0, arguments.cases, CASES_A_PROCESS):
-        whole.add(try_part(reader, first, min(CASES_A_PROCESS, arguments.cases - first), arguments.seed))
+    for first in range(0, arguments.cases, reader.cases_a_process):
+        whole.add(try_part(reader, first, min(reader.cases_a_process, arguments.cases - first), arguments.seed))
     return whole
 
 
