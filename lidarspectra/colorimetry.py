@@ -45,6 +45,11 @@ def encode_srgb(linear: ArrayLike) -> FloatArray:
     return np.asarray(np.where(values <= _LINEAR_TOE, 12.92 * values, power), dtype=np.float64)
 
 
+def hex_color(linear: ArrayLike) -> str:
+    """'#rrggbb' of one linear sRGB colour, cut to what a display shows."""
+    return "#" + "".join(f"{int(np.rint(255 * value)):02x}" for value in encode_srgb(linear))
+
+
 def xyz_to_linear_srgb(xyz: ArrayLike) -> FloatArray:
     """Linear sRGB of XYZ (white Y = 1); (..., 3) to (..., 3). Negative outside sRGB's gamut."""
     return np.asarray(np.asarray(xyz, dtype=np.float64) @ SRGB_FROM_XYZ.T, dtype=np.float64)

@@ -38,6 +38,7 @@ __all__ = [
     "DatabaseFile",
     "ImportSummary",
     "LampSpectrum",
+    "color_matching_functions",
     "data_folder",
     "import_lspdd",
     "import_spectraldb",
@@ -219,9 +220,14 @@ def _reflectance(database: str, row: TableRow, path: Path) -> Reflectance:
 @lru_cache(maxsize=1)
 def tristimulus_table() -> FloatArray:
     """(wavelength, 3) weights that turn a reflectance on `COLOR_GRID_NM` into XYZ under D65."""
+    daylight = lamp_spectrum("D65").spectrum.at(COLOR_GRID_NM, outside="zero")
+    return tristimulus_weights(daylight, color_matching_functions(COLOR_GRID_NM))
+
+
+def color_matching_functions(wavelengths_nm: FloatArray) -> FloatArray:
+    """(wavelength, 3) x, y and z of the CIE 1931 observer of 2 degrees [1], 0 beyond its table."""
     axes = {row.id: row.spectrum for row in table(data_folder() / "observers" / "cie-1931-2-degree.csv")}
-    observer = np.stack([axes[axis].at(COLOR_GRID_NM, outside="zero") for axis in "xyz"], axis=1)
-    return tristimulus_weights(lamp_spectrum("D65").spectrum.at(COLOR_GRID_NM, outside="zero"), observer)
+    return np.stack([axes[axis].at(wavelengths_nm, outside="zero") for axis in "xyz"], axis=1)
 
 
 def show_spectrum(name: str) -> LampSpectrum | Reflectance:

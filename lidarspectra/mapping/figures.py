@@ -5,13 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.path import Path as Polygon
 from matplotlib.patheffects import Normal, Stroke
 
 from lidarspectra.arrays import ByteArray, FloatArray
-from lidarspectra.colorimetry import encode_srgb
+from lidarspectra.colorimetry import hex_color
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.figure_style import (
     DASHES,
@@ -228,19 +227,13 @@ def contact_sheet(views: tuple[ReportView, ...], *, columns: int = 3) -> Figure:
     return figure
 
 
-def swatch(color: tuple[float, float, float]) -> str:
-    """Hexadecimal sRGB, '#a0b1c2', of a linear sRGB colour [0-1]."""
-    red, green, blue = (float(part) for part in encode_srgb(np.asarray(color)))
-    return to_hex((red, green, blue))
-
-
 def _draw_reflectance(axes: Axes, material: Material, wavelengths: FloatArray, number: int, label: str) -> None:
     """A curve in its own colour on a dark edge, so that white stands on white paper, and its number on it."""
     values = material.reflectance.at(wavelengths, outside="nearest")
     low, high = material.measured_range_nm
     measured = (wavelengths >= low) & (wavelengths <= high)
     edge = [Stroke(linewidth=3.4, foreground=MUTED), Normal()]
-    color = swatch(material.color)
+    color = hex_color(material.color)
     handle_drawn = False
     for part, style in ((measured, "-"), (~measured, (0, (2.0, 1.6)))):
         if not part.any():
@@ -264,6 +257,6 @@ def _draw_reflectance(axes: Axes, material: Material, wavelengths: FloatArray, n
         fontsize=7.0,
         fontweight="bold",
         bbox={"boxstyle": "circle,pad=0.22", "facecolor": "white", "edgecolor": MUTED, "linewidth": 0.7},
-        color="#1d2125",
+        color="#1d2125",  # not INK, which a dark page turns light: the circle stays white there
         zorder=5,
     )

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
-from lidarspectra.colorimetry import encode_srgb
+from lidarspectra.colorimetry import LUMINANCE_FROM_SRGB, encode_srgb
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.figure_style import INK, MUTED, PAGE_WIDTH_IN, new_figure, place, plain, styled
 from lidarspectra.mapping.figures import ReportView
@@ -22,7 +22,6 @@ UNKNOWN_CLASSES = ("unknown", "")
 GAP_IN, ROW_TITLE_IN, LEGEND_LINE_IN = 0.08, 0.24, 0.2  # [in] of the figure of views
 LEGEND_COLUMNS = 5  # [1]
 MOST_COMPARED = 10  # [1] materials in the figure of light
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # [1] of linear sRGB, IEC 61966-2-1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -179,10 +178,8 @@ def light_figure(names: tuple[str, ...], areas_m2: FloatArray, shown: FloatArray
         y = high - (place_down + 1) * row
         axes.text(0.0, y + row / 2, f"{plain(names[number])}, {areas_m2[number]:.1f} m²", va="center", color=INK)
         for x, color in ((left, shown[number]), (left + 3.2, found[number])):
-            axes.add_patch(
-                Rectangle((x, y + 0.03), 2.2, row - 0.06, facecolor=encode_srgb(np.clip(color, 0, 1)), edgecolor=MUTED)
-            )
-            axes.text(x + 2.3, y + row / 2, f"{float(LUMINANCE @ color):.2f}", va="center", color=INK)
+            axes.add_patch(Rectangle((x, y + 0.03), 2.2, row - 0.06, facecolor=encode_srgb(color), edgecolor=MUTED))
+            axes.text(x + 2.3, y + row / 2, f"{float(LUMINANCE_FROM_SRGB @ color):.2f}", va="center", color=INK)
     return figure
 
 
@@ -209,7 +206,7 @@ def mean_shown_colors(
 def painted(face: IntArray, face_color: FloatArray) -> ByteArray:
     """(row, column, 3) uint8 sRGB of a view whose faces have linear sRGB colours of their own; black where none is."""
     colors = np.vstack([face_color, np.zeros((1, 3))])  # -1, for no face, is the last
-    return np.asarray(np.rint(255.0 * encode_srgb(np.clip(colors, 0.0, 1.0)))[face], dtype=np.uint8)
+    return np.asarray(np.rint(255.0 * encode_srgb(colors))[face], dtype=np.uint8)
 
 
 def _unit(color: tuple[int, int, int]) -> tuple[float, float, float]:

@@ -8,8 +8,9 @@ import pandas as pd
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray
+from lidarspectra.colorimetry import hex_color
 from lidarspectra.hardware.phone.scan import ScanRecord
-from lidarspectra.mapping.figures import ChosenPoint, swatch
+from lidarspectra.mapping.figures import ChosenPoint
 from lidarspectra.mapping.map_figures import relative_error
 from lidarspectra.mapping.spectral_map import kept_points, map_table
 from lidarspectra.mapping.tables import Table
@@ -103,7 +104,7 @@ def materials_table(materials: Sequence[Material], areas_m2: FloatArray, bands: 
         {
             "no.": np.arange(1, len(chosen) + 1),
             "material": [material.name for material in chosen],
-            "colour": [swatch(material.color) for material in chosen],
+            "colour": [hex_color(material.color) for material in chosen],
             "class": [material.category for material in chosen],
             "area [m²]": areas_m2[order],
             "share [%]": 100.0 * areas_m2[order] / total,

@@ -9,7 +9,7 @@ from typing import Literal, cast, get_args
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
-from lidarspectra.colorimetry import encode_srgb
+from lidarspectra.colorimetry import hex_color
 from lidarspectra.errors import ArrayError, DatabaseError, MaterialError
 from lidarspectra.files import write_whole
 from lidarspectra.material.array_files import read_arrays
@@ -274,8 +274,3 @@ def _material(row: dict[str, str], spectrum: Spectrum, uncertainty: Spectrum | N
         color=(float(color[0]), float(color[1]), float(color[2])),
         uncertainty=uncertainty,
     )
-
-
-def hex_color(linear: tuple[float, float, float]) -> str:
-    """'#rrggbb' of a linear sRGB colour, cut to what a display shows."""
-    return "#" + "".join(f"{int(np.rint(255 * value)):02x}" for value in encode_srgb(np.array(linear)))

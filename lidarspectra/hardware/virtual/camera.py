@@ -12,13 +12,12 @@ from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import ByteArray, FloatArray, float_array
 from lidarspectra.colorimetry import BRADFORD, SRGB_FROM_XYZ, SRGB_WHITE_XYZ, encode_srgb
-from lidarspectra.databases import data_folder
+from lidarspectra.databases import color_matching_functions
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.texture_atlas import Atlas, split_at_charts
 from lidarspectra.hardware.virtual.phone import ScannedShape
 from lidarspectra.hardware.virtual.room_plan import CameraSection
 from lidarspectra.hardware.virtual.true_room import NORMAL_WEIGHT_M, TrueRoom
-from lidarspectra.spectrum_files import read_table
 
 NEIGHBOURS = 12  # [1] light points that are averaged, against the noise of traced light
 LIGHT_BLUR_M = 0.06  # [m] standard deviation of that average
@@ -164,7 +163,7 @@ def _corner_colors(
 
 def material_colors(room: TrueRoom, light: SurfaceLight, settings: CameraSection) -> FloatArray:
     """(point, material, 3) white-balanced linear sRGB of each material at each light point, nothing below 0."""
-    observer = _observer(light.wavelengths_nm)
+    observer = color_matching_functions(light.wavelengths_nm)
     reflectance = np.stack([m.reflectance.at(light.wavelengths_nm, outside="nearest") for m in room.materials])
     per_material = reflectance[:, :, None] * observer
     xyz = np.einsum("pw,mwc->pmc", light.irradiance, per_material, optimize=True)
@@ -177,12 +176,6 @@ def white_balance_matrix(white_xyz: FloatArray, degree: float) -> FloatArray:
     """(3, 3) matrix on XYZ that takes a white to D65, wholly (degree 1) or in part (von Kries on Bradford cones)."""
     gain = (BRADFORD @ SRGB_WHITE_XYZ / (BRADFORD @ white_xyz)) ** degree
     return np.asarray(np.linalg.solve(BRADFORD, gain[:, None] * BRADFORD), dtype=np.float64)
-
-
-def _observer(wavelengths_nm: FloatArray) -> FloatArray:
-    """(wavelength, 3) CIE 1931 colour-matching functions of 2 degrees [1]."""
-    axes = {row.id: row.spectrum for row in read_table(data_folder() / "observers" / "cie-1931-2-degree.csv")}
-    return np.stack([axes[axis].at(wavelengths_nm, outside="zero") for axis in "xyz"], axis=1)
 
 
 class _Pattern:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.database_files import data_folder, table
+from lidarspectra.databases import color_matching_functions
 from lidarspectra.progress import Progress, silent
 
 COLOR_STEP_NM = 5.0  # [nm] CIE 13.3 and CIE 224 compute at 5 nm
@@ -56,9 +56,7 @@ def color_temperature(spectra: FloatArray, wavelengths_nm: FloatArray) -> tuple[
     """
     import colour  # here, since it takes over a second
 
-    rows = {row.id: row.spectrum for row in table(data_folder() / "observers" / "cie-1931-2-degree.csv")}
-    observer = np.stack([rows[axis].at(wavelengths_nm, outside="zero") for axis in "xyz"], axis=1)
-    x, y, z = (np.maximum(spectra, 0.0) @ observer).T
+    x, y, z = (np.maximum(spectra, 0.0) @ color_matching_functions(wavelengths_nm)).T
     base = x + 15.0 * y + 3.0 * z
     lit = base > 0
     cct, duv = np.full(base.shape, np.nan), np.full(base.shape, np.nan)

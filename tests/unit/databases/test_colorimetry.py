@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from lidarspectra.colorimetry import (
     decode_srgb,
     encode_srgb,
+    hex_color,
     lab_to_linear_srgb,
     linear_srgb_to_lab,
     linear_srgb_to_xyz,
@@ -78,3 +79,7 @@ def test_a_flat_reflectance_is_grey():
     row = library.rows.index(library.find("fully-reflective"))
     # 1e-6: the table's six digits
     assert np.allclose(library.linear_srgb[row], 0.99, atol=1e-6)
+
+
+def test_a_hexadecimal_color_is_encoded_and_cut_to_what_a_display_shows():
+    assert hex_color((1.3, -0.1, 0.2158605)) == "#ff0080"  # IEC 61966-2-1: code 128 of 255

@@ -16,7 +16,6 @@ from lidarspectra.mapping.figures import (
     contact_sheet,
     reflectances_figure,
     spectra_figure,
-    swatch,
 )
 from lidarspectra.mapping.floor_plan import FloorPlan
 from lidarspectra.mapping.map_figures import (
@@ -301,10 +300,6 @@ def test_relative_error_is_over_the_mean_of_the_band(make_transport):
 )
 def test_prefixes_bring_numbers_near_one(values, symbol):
     assert prefix_of(values).symbol == symbol
-
-
-def test_a_swatch_is_encoded_srgb():
-    assert swatch((1.0, 0.0, 0.2158605)) == "#ff0080"  # IEC 61966-2-1: code 128 of 255
 
 
 def test_an_outline_that_is_no_polygon_is_refused():
