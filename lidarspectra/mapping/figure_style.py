@@ -28,9 +28,10 @@ from lidarspectra.errors import MapError
 
 INK = "#1d2126"
 MUTED = "#6a7178"
-OKABE_ITO = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f6a00", INK)
+BLUE, VERMILION = "#0072b2", "#d55e00"
+OKABE_ITO = (BLUE, VERMILION, "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f6a00", INK)
 """Colours that the colour-blind tell apart (Okabe and Ito 2008), the yellow darkened to stand on white."""
-PAGE_COLORS = {INK: "currentColor", MUTED: "var(--muted, #6a7178)", OKABE_ITO[0]: "var(--blue, #0072b2)"}
+PAGE_COLORS = {INK: "currentColor", MUTED: "var(--muted, #6a7178)", BLUE: "var(--blue, #0072b2)"}
 """What a figure's colours are called in a page, which has others in the dark."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (3, 1)), (0, (1, 1)), "-")

@@ -12,13 +12,14 @@ from matplotlib.patches import Patch
 from matplotlib.patches import Polygon as PolygonPatch
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.errors import MapError
 from lidarspectra.mapping.figure_style import (
+    BLUE,
     ERROR_MAP,
     INK,
     LIGHT_MAP,
     MUTED,
     PAGE_WIDTH_IN,
+    VERMILION,
     irradiance_unit,
     new_figure,
     place,
@@ -26,7 +27,7 @@ from lidarspectra.mapping.figure_style import (
     styled,
 )
 from lidarspectra.mapping.floor_plan import FloorPlan, PanelLayout, plan_extent, single_plan
-from lidarspectra.mapping.interpolation import Grid, Method, grid_values, map_planes, plan_places
+from lidarspectra.mapping.interpolation import Method, map_planes, plan_places
 from lidarspectra.mapping.plan_drawing import (
     FURNITURE_COLOR,
     LAMP_COLOR,
@@ -40,6 +41,7 @@ from lidarspectra.mapping.plan_drawing import (
     draw_lamp_key,
     draw_panel_legend,
     draw_points,
+    field_grid,
     has_unknown,
     legend_handles,
 )
@@ -86,7 +88,7 @@ def maps_figure(
     shown = _shown_bands(checked.sizes["band"])
     values = checked["irradiance"].to_numpy()[:, shown]
     prefix = prefix_of(values[chosen])
-    grid = _gridded(checked, plan, chosen, values, method=method, across=PANEL_CELLS)
+    grid = field_grid(plan_places(checked)[chosen], values[chosen], plan, cells_across=PANEL_CELLS, method=method)
     labels = checked["band_label"].to_numpy()[shown]
     layout = PanelLayout.of(plan, len(shown), colorbars=scale == "panel")
     figure = new_figure(PAGE_WIDTH_IN, layout.height_in)
@@ -133,7 +135,7 @@ def error_figure(
     figure = new_figure(PAGE_WIDTH_IN, 4.2)
     axes = place(figure, 0.6, 0.6, width, height)
     norm = Normalize(0.0, float(per_point[chosen].max()) or 1.0)
-    grid = _gridded(checked, plan, chosen, per_point[:, None])
+    grid = field_grid(plan_places(checked)[chosen], per_point[chosen, None], plan, cells_across=SINGLE_CELLS)
     draw_field(axes, plan, grid, 0, norm, ERROR_MAP)
     draw_points(axes, checked, chosen, per_point if grid is None else None, norm, ERROR_MAP)
     draw_frame(axes, plan, left=True, bottom=True)
@@ -162,7 +164,7 @@ def illuminance_figure(
     figure, box, bar = single_plan(plan)
     axes = place(figure, *box)
     norm = Normalize(0.0, float(illuminance_lx[chosen].max()) or 1.0)
-    grid = _gridded(checked, plan, chosen, illuminance_lx[:, None])
+    grid = field_grid(plan_places(checked)[chosen], illuminance_lx[chosen, None], plan, cells_across=SINGLE_CELLS)
     draw_field(axes, plan, grid, 0, norm, LIGHT_MAP)
     draw_isolines(axes, grid)
     draw_points(axes, checked, chosen, illuminance_lx if grid is None else None, norm, LIGHT_MAP)
@@ -183,19 +185,19 @@ def plan_figure(dataset: xr.Dataset, plan: FloorPlan, lamps: tuple[Lamp, ...]) -
     x, y = checked["x"].to_numpy(), checked["y"].to_numpy()
     buried = checked["buried"].to_numpy()
     many = x.size > MOST_VECTOR_POINTS
-    axes.plot(x[~buried], y[~buried], ".", color="#0072b2", markersize=2.0 if many else 3.5, rasterized=many)
-    axes.plot(x[buried], y[buried], "x", color="#d55e00", markersize=5.0)
+    axes.plot(x[~buried], y[~buried], ".", color=BLUE, markersize=2.0 if many else 3.5, rasterized=many)
+    axes.plot(x[buried], y[buried], "x", color=VERMILION, markersize=5.0)
     for number, lamp in enumerate(lamps, start=1):
         draw_lamp(axes, lamp, number)
     draw_frame(axes, plan, left=True, bottom=True)
     handles: list[Line2D | Patch] = [
-        Line2D([], [], marker=".", color="#0072b2", linestyle="none", label=f"{int((~buried).sum())} sensor points"),
+        Line2D([], [], marker=".", color=BLUE, linestyle="none", label=f"{int((~buried).sum())} sensor points"),
         Patch(facecolor=LAMP_COLOR, edgecolor=INK, linewidth=0.8, label=f"{len(lamps)} lamps"),
         Line2D([], [], color=INK, linewidth=1.4, label="walls"),
     ]
     if buried.any():
         words = f"{int(buried.sum())} buried points"
-        handles.insert(1, Line2D([], [], marker="x", color="#d55e00", linestyle="none", label=words))
+        handles.insert(1, Line2D([], [], marker="x", color=VERMILION, linestyle="none", label=words))
     if plan.furniture:
         handles.append(Patch(facecolor=FURNITURE_COLOR, alpha=0.4, label="furniture"))
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0))
@@ -211,11 +213,11 @@ def relative_error(dataset: xr.Dataset) -> FloatArray:
 
 
 def _draw_histogram(axes: Axes, relative_percent: FloatArray, target: float | None) -> None:
-    axes.hist(relative_percent, bins=40, color="#0072b2", edgecolor="none", alpha=0.85)
+    axes.hist(relative_percent, bins=40, color=BLUE, edgecolor="none", alpha=0.85)
     median = float(np.median(relative_percent))
     axes.axvline(median, color=INK, linewidth=1.2, label=f"median {median:.2g} %")
     if target is not None:
-        axes.axvline(100.0 * target, color="#d55e00", linewidth=1.4, linestyle="--", label=f"target {100 * target:g} %")
+        axes.axvline(100.0 * target, color=VERMILION, linewidth=1.4, linestyle="--", label=f"target {100 * target:g} %")
     axes.set_xlabel("standard error [% of the band's mean irradiance]")
     axes.set_ylabel("number of point-bands [1]")
     axes.set_title("all points and bands", pad=22.0)
@@ -235,24 +237,3 @@ def _shown_bands(count: int) -> IntArray:
     if count <= MOST_PANELS:
         return np.arange(count)
     return np.linspace(0, count - 1, MOST_PANELS).round().astype(np.int64)
-
-
-def _gridded(
-    dataset: xr.Dataset,
-    plan: FloorPlan,
-    chosen: IntArray,
-    values: FloatArray,
-    *,
-    method: Method = "linear",
-    across: int = SINGLE_CELLS,
-) -> Grid | None:
-    """The interpolated values over the box around the room, or None where the points are too few or on a line.
-
-    The outline itself cuts the picture (`draw_field`), not whole cells along a slanted wall.
-    """
-    (x0, y0), (x1, y1) = plan.outline.min(axis=0), plan.outline.max(axis=0)
-    box = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-    try:
-        return grid_values(plan_places(dataset)[chosen], values[chosen], box, method=method, cells_across=across)
-    except MapError:  # the points alone are drawn then: that is all there is to see
-        return None

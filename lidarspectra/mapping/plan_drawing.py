@@ -15,9 +15,10 @@ from matplotlib.patheffects import AbstractPathEffect, Normal, Stroke
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.errors import MapError
 from lidarspectra.mapping.figure_style import INK, MUTED, PAGE_WIDTH_IN, place, plain
 from lidarspectra.mapping.floor_plan import FloorPlan, PanelLayout, plan_extent
-from lidarspectra.mapping.interpolation import Grid, inside_polygon
+from lidarspectra.mapping.interpolation import Grid, Method, grid_values, inside_polygon
 from lidarspectra.radiance.lamp_shapes import lamp_corners
 from lidarspectra.radiance.lamps import Lamp
 
@@ -35,6 +36,32 @@ def color_norm(values: FloatArray) -> Normalize:
     if high <= 0:
         return Normalize(0.0, 1.0)
     return Normalize(0.0 if low < 0.5 * high else low - 0.05 * (high - low), high)
+
+
+def field_grid(
+    places: FloatArray, values: FloatArray, plan: FloorPlan, *, cells_across: int, method: Method = "linear"
+) -> Grid | None:
+    """What `draw_field` draws: values over the box around the room, or None where the points make no map.
+
+    Too few points, or points on a line, make none; they alone are drawn then: that is all there is to see.
+
+    Parameters
+    ----------
+    places : (n, 2) float
+        Positions from above. [m]
+    values : (n, value) float
+        In any unit.
+    plan : FloorPlan
+        Its outline itself cuts the picture, not whole cells along a slanted wall.
+    cells_across, method
+        See `grid_values`.
+    """
+    (x0, y0), (x1, y1) = plan.outline.min(axis=0), plan.outline.max(axis=0)
+    box = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    try:
+        return grid_values(places, values, box, method=method, cells_across=cells_across)
+    except MapError:
+        return None
 
 
 def draw_field(

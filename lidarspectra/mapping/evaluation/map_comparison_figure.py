@@ -8,7 +8,6 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.errors import MapError
 from lidarspectra.hardware.virtual.room_plan import BoxSection, PlanFile, TableSection
 from lidarspectra.mapping.figure_style import (
     LIGHT_MAP,
@@ -20,8 +19,7 @@ from lidarspectra.mapping.figure_style import (
     styled,
 )
 from lidarspectra.mapping.floor_plan import FloorPlan, plan_extent
-from lidarspectra.mapping.interpolation import Grid, grid_values
-from lidarspectra.mapping.plan_drawing import HALO, draw_field, draw_frame
+from lidarspectra.mapping.plan_drawing import HALO, draw_field, draw_frame, field_grid
 
 SHOWN_NM = (410.0, 460.0, 510.0, 560.0, 610.0, 680.0, 760.0)  # [nm] every second channel
 WIDEST_IN = 2.5  # [in] of a panel, where there are few
@@ -83,7 +81,7 @@ def map_comparison_figure(
     for row, (name, irradiance) in enumerate(maps.items()):
         largest = irradiance[:, shown].max(axis=0)
         relative = irradiance[:, shown] / largest
-        grid = _gridded(places, relative, plan)
+        grid = field_grid(places, relative, plan, cells_across=CELLS_ACROSS)
         bottom = total - TOP_IN - (row + 1) * height - row * GAP_IN
         for number in range(len(shown)):
             axes = place(figure, LEFT_IN + number * (width + GAP_IN), bottom, width, height)
@@ -107,14 +105,6 @@ def _draw_sensors(axes: Axes, places: FloatArray, values: FloatArray | None, nor
         axes.plot(places[:, 0], places[:, 1], ".", color="white", markersize=1.5, markeredgewidth=0.0)
     else:
         axes.scatter(places[:, 0], places[:, 1], c=values, s=16.0, norm=norm, cmap=LIGHT_MAP, linewidths=0.0, zorder=3)
-
-
-def _gridded(places: FloatArray, values: FloatArray, plan: FloorPlan) -> Grid | None:
-    """The interpolated values, or None where the points are too few or on a line; they are drawn alone then."""
-    try:
-        return grid_values(places, values, plan.outline, cells_across=CELLS_ACROSS)
-    except MapError:
-        return None
 
 
 def _horizontal_bar(figure: Figure, box: tuple[float, float, float, float], norm: Normalize) -> None:

@@ -7,17 +7,16 @@ import xarray as xr
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.errors import MapError
 from lidarspectra.mapping.figure_style import ERROR_MAP, LIGHT_MAP, PAGE_WIDTH_IN, new_figure, place, styled
 from lidarspectra.mapping.floor_plan import FloorPlan, PanelLayout
-from lidarspectra.mapping.interpolation import Grid, grid_values, plan_places, point_planes
+from lidarspectra.mapping.interpolation import plan_places, point_planes
 from lidarspectra.mapping.plan_drawing import (
     draw_colorbar,
     draw_field,
     draw_frame,
     draw_panel_legend,
     draw_points,
+    field_grid,
     has_unknown,
     legend_handles,
 )
@@ -80,7 +79,7 @@ def point_maps(
         map_name = (colors or {}).get(name, LIGHT_MAP)
         low = float(field[known].min()) if name in (colors or {}) else 0.0
         norm = Normalize(low, max(float(field[known].max()), low + 1e-12))
-        grid = _gridded(values, plan, known, field)
+        grid = field_grid(plan_places(values)[known], field[known, None], plan, cells_across=PANEL_CELLS)
         axes = place(figure, *layout.box(number))
         draw_field(axes, plan, grid, 0, norm, map_name)
         draw_points(axes, values, known, field if grid is None else None, norm, map_name)
@@ -90,12 +89,3 @@ def point_maps(
         unknown = unknown or has_unknown(grid, plan)
     draw_panel_legend(figure, layout, legend_handles(values, plan, unknown=unknown), "")
     return figure
-
-
-def _gridded(values: xr.Dataset, plan: FloorPlan, chosen: IntArray, field: FloatArray) -> Grid | None:
-    (x0, y0), (x1, y1) = plan.outline.min(axis=0), plan.outline.max(axis=0)
-    box = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-    try:
-        return grid_values(plan_places(values)[chosen], field[chosen][:, None], box, cells_across=PANEL_CELLS)
-    except MapError:  # the points alone are drawn then: that is all there is to see
-        return None
