@@ -140,7 +140,7 @@ def errors_from_files(
         Folder for tables and figures.
     positions : Path, optional
         Where the readings' places are.
-    against : 'own' or 'trained'
+    against : 'own', 'running' or 'trained'
         See `LocationModel.features`.
     run : Path, optional
         A run of the room, whose walls and furniture are drawn on the map of errors.

@@ -28,7 +28,7 @@ PositionsOption = Annotated[
 MinCountOption = Annotated[
     float, typer.Option("--min-count", min=0.0, help="Channels whose reference reads less are left out.")
 ]
-MethodName = Literal["network", "neighbours", "ridge"]
+MethodName = Literal["network", "discriminant", "neighbours", "ridge"]
 
 
 @app.command()
@@ -43,6 +43,10 @@ def train(
     gain: Annotated[float | None, typer.Option("--gain", help="Of the sensors: 1, 3.7, 16 or 64.")] = None,
     integration: Annotated[float | None, typer.Option("--integration", metavar="MS", help="2.8 to 714 ms.")] = None,
     copies: Annotated[int, typer.Option("--copies", min=1, help="Readings drawn from each fingerprint.")] = 20,
+    drift: Annotated[
+        float,
+        typer.Option("--drift", metavar="PERCENT", min=0.0, help="Of a sensor's reading since its reference was read."),
+    ] = 0.3,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of what is drawn.")] = 0,
 ) -> None:
     """Learn where somebody stands from fingerprints, traced or measured."""
@@ -50,7 +54,7 @@ def train(
     from lidarspectra.sensor_cli.options import settings_given
 
     device = settings_given(gain, integration)
-    settings = _training_settings(min_count, copies=copies, seed=seed, device=device)
+    settings = _training_settings(min_count, copies=copies, drift=drift / 100.0, seed=seed, device=device)
     with _bar() as report:
         model = train_from_files(fingerprints, out, positions=positions, settings=settings, seed=seed, progress=report)
     usable = model.space.usable
@@ -135,7 +139,8 @@ def live(
     """Say where somebody is as readings come in, from ports or recordings, until Ctrl-C or their end."""
     from lidarspectra.files import write_whole
     from lidarspectra.localization_jobs import TRACK_COLUMNS, follow, live_frames, track_row
-    from lidarspectra.mapping.localization.live import LiveSettings, MedianWindow
+    from lidarspectra.mapping.localization.live import LiveSettings
+    from lidarspectra.mapping.localization.running_reference import MedianWindow
 
     median = MedianWindow(frames=max(window, first), first=first)
     settings = LiveSettings(method=method, window=median, average=average)
@@ -186,7 +191,12 @@ def place(
 
 
 def _training_settings(
-    min_count: float, *, copies: int = 20, seed: int = 0, device: "SensorSettings | None" = None
+    min_count: float,
+    *,
+    copies: int = 20,
+    drift: float = 0.003,
+    seed: int = 0,
+    device: "SensorSettings | None" = None,
 ) -> "TrainingSettings":
     from lidarspectra.mapping.localization.augmentation import Augmentation
     from lidarspectra.mapping.localization.features import FeatureSettings
@@ -195,7 +205,7 @@ def _training_settings(
 
     return TrainingSettings(
         features=FeatureSettings(min_count=min_count),
-        augmentation=Augmentation(copies=copies),
+        augmentation=Augmentation(copies=copies, drift=drift),
         network=NetworkSettings(seed=seed),
         device=device,
     )

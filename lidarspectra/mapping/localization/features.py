@@ -111,8 +111,8 @@ class FeatureSpace:
         ----------
         readings : (reading, sensor, band) float
             NaN where missing. In any unit, the reference in the same.
-        reference : (sensor, band) float
-            N0.
+        reference : (sensor, band) or (reading, sensor, band) float
+            N0, one for all readings or for each its own.
 
         Returns
         -------
@@ -133,7 +133,7 @@ class FeatureSpace:
         ----------
         readings, reference
             As in `changes`.
-        usable : (sensor, band) bool, optional
+        usable : (sensor, band) or (reading, sensor, band) bool, optional
             Of these readings; what a dimmer set of sensors cannot tell is missing.
 
         Returns

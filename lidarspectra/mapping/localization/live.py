@@ -1,19 +1,18 @@
 """Where somebody is, frame by frame, as readings come in."""
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.localization.features import known_median, require_same_sensors
+from lidarspectra.mapping.localization.features import require_same_sensors
 from lidarspectra.mapping.localization.fingerprint_table import quantity_of
 from lidarspectra.mapping.localization.frames import Frame
 from lidarspectra.mapping.localization.location_model import LocationModel
 from lidarspectra.mapping.localization.locators import Method
-
-REFRESH_FRAMES = 10  # [1] a running median over hundreds of frames does not change faster
+from lidarspectra.mapping.localization.running_reference import MedianWindow, RunningMedian
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,27 +50,19 @@ class LiveSettings:
     Parameters
     ----------
     method : Method
-    window : int
-        Frames of the running median, which is the reference where no empty room is given. It must be long against
-        the time that somebody stays at one place. [1]
-    first : int
-        Frames after which the running median is first believed. [1]
+    window : MedianWindow
+        Of the running median, which is the reference where no empty room is given.
     average : int
         Latest frames whose features are averaged. [1]
     """
 
     method: Method = "network"
-    window: int = 600
-    first: int = 60
+    window: MedianWindow = field(default_factory=MedianWindow)
     average: int = 1
 
     def __post_init__(self) -> None:
-        if not (1 <= self.first <= self.window and self.average >= 1):
-            raise MapError(
-                expected="a window of one frame or more, its first part no longer, and an average of one or more",
-                found=f"window {self.window}, first {self.first}, average {self.average}",
-                where="live localization",
-            )
+        if self.average < 1:
+            raise MapError(expected="an average of one frame or more", found=f"{self.average}", where="live settings")
 
 
 class LiveLocator:
@@ -90,11 +81,9 @@ class LiveLocator:
     ) -> None:
         self._model = model
         self._settings = settings or LiveSettings()
-        self._given = reference is not None
-        self._reference = reference
-        self._seen: deque[FloatArray] = deque(maxlen=self._settings.window)
+        self._given = reference
+        self._median = RunningMedian(self._settings.window)
         self._features: deque[FloatArray] = deque(maxlen=self._settings.average)
-        self._since = 0
 
     def locate(self, frame: Frame) -> Fix | None:
         """Where the person is; None while there is no reference yet, and where no sensor was heard.
@@ -107,13 +96,13 @@ class LiveLocator:
         table = require_same_sensors(frame.table, self._model.space, where="live readings")
         readings = table[quantity_of(table)].to_numpy()
         heard = int(np.isfinite(readings[0]).any(axis=1).sum())
-        self._follow(readings[0])
-        if self._reference is None or not heard:
+        reference = self._given if self._given is not None else self._median.take(readings[0])
+        if reference is None or not heard:
             return None
         usable = None
         if quantity_of(table) == "counts":
-            usable = self._reference >= self._model.space.settings.min_count
-        self._features.append(self._model.space.features(readings, self._reference, usable=usable)[0])
+            usable = reference >= self._model.space.settings.min_count
+        self._features.append(self._model.space.features(readings, reference, usable=usable)[0])
         mean = _known_mean(np.array(self._features))
         located = self._model.locate_features(mean[None], self._settings.method)
         best = int(located.best[0])
@@ -126,17 +115,6 @@ class LiveLocator:
             spread_m=float(located.spread_m[0]),
             sensors=heard,
         )
-
-    def _follow(self, readings: FloatArray) -> None:
-        """Let the running median follow."""
-        if self._given:
-            return
-        self._seen.append(readings)
-        self._since += 1
-        due = self._reference is None or self._since >= REFRESH_FRAMES
-        if due and len(self._seen) >= self._settings.first:
-            self._reference = known_median(np.array(self._seen), axis=0)
-            self._since = 0
 
 
 def _known_mean(values: FloatArray) -> FloatArray:

@@ -1,10 +1,11 @@
-"""A trained locator: what it is told (features), what it knows (places), and the three ways from one to the other.
+"""A trained locator: what it is told (features), what it knows (places), and the ways from one to the other.
 
     model = train_locator(fingerprints)          in memory
     save_locator(model, folder); load_locator(folder)
     located = model.locate(readings)             probabilities of the places, and positions
 
-A folder holds `model.nc` (features, places, the nearest fingerprints and the ridge) and `network.onnx`.
+A folder holds `model.nc` (features, places, the nearest fingerprints, the ridge and the discriminant), `network.onnx`,
+and `discriminant.onnx`, which is for devices alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,6 +20,7 @@ from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError, WorkspaceError
 from lidarspectra.hardware.sensor.as7265x import SensorSettings
 from lidarspectra.mapping.localization.augmentation import Augmentation, augmented_counts
+from lidarspectra.mapping.localization.discriminant import DiscriminantPlaces, fit_discriminant, sensor_blur
 from lidarspectra.mapping.localization.features import (
     FeatureSettings,
     FeatureSpace,
@@ -41,18 +43,19 @@ from lidarspectra.mapping.localization.locators import (
     fit_network,
     fit_ridge,
 )
-from lidarspectra.mapping.localization.network_graph import network_graph
+from lidarspectra.mapping.localization.network_graph import discriminant_graph, network_graph
 from lidarspectra.mapping.localization.places import Located, Places, places_of_table
+from lidarspectra.mapping.localization.running_reference import running_references
 from lidarspectra.netcdf_files import read_netcdf, write_netcdf
 from lidarspectra.progress import Progress, silent
 
-MODEL_FILE, NETWORK_FILE = "model.nc", "network.onnx"
-SCHEMA = "lidarspectra location model 1"
+MODEL_FILE, NETWORK_FILE, DISCRIMINANT_FILE = "model.nc", "network.onnx", "discriminant.onnx"
+SCHEMA = "lidarspectra location model 2"
 MOST_NEIGHBOURS = 20_000  # [1] fingerprints that are kept to compare with; longer tables are thinned evenly
 MOST_TRAINED = 12_000  # [1] readings drawn for the network; beyond it only time grows
 
-Against = Literal["own", "trained"]
-"""What readings are compared with: their own reference, or the one that the model was trained with."""
+Against = Literal["own", "running", "trained"]
+"""What readings are compared with: their own reference, the running median up to each, or the trained one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +66,7 @@ class TrainingSettings:
     ----------
     features : FeatureSettings
     augmentation : Augmentation
+        Its drift is also what the discriminant allows for.
     network : NetworkSettings
     device : SensorSettings, optional
         Gain and time of the sensors that will read, where the fingerprints are traced; see `device_settings`.
@@ -84,6 +88,7 @@ class LocationModel:
     places : Places
     neighbours : NearestFingerprints
     ridge : RidgePlaces
+    discriminant : DiscriminantPlaces
     network : NetworkPlaces
     reference : (sensor, band) float
         That of the fingerprints. [W/m²/nm] or counts
@@ -97,6 +102,7 @@ class LocationModel:
     places: Places
     neighbours: NearestFingerprints
     ridge: RidgePlaces
+    discriminant: DiscriminantPlaces
     network: NetworkPlaces
     reference: FloatArray
     quantity: Quantity
@@ -105,19 +111,24 @@ class LocationModel:
     def __post_init__(self) -> None:
         shape = self.space.usable.shape
         object.__setattr__(self, "reference", float_array(self.reference, name="LocationModel.reference", shape=shape))
-        takes = (self.network.feature_count, self.neighbours.features.shape[1], self.ridge.weights.shape[0])
-        gives = (self.neighbours.place_count, self.ridge.weights.shape[1])
-        if set(takes) != {self.space.count} or set(gives) != {len(self.places)}:
+        linear = (self.ridge.weights.shape, self.discriminant.weights.shape)
+        shapes = {*linear, (self.neighbours.features.shape[1], self.neighbours.place_count)}
+        if shapes != {(self.space.count, len(self.places))} or self.network.feature_count != self.space.count:
             raise MapError(
                 expected=f"locators of {self.space.count} features and {len(self.places)} places",
-                found=f"of {takes} and {gives}",
+                found=f"of {sorted(shapes)}, and a network of {self.network.feature_count} features",
                 where="location model",
             )
 
     @property
     def locators(self) -> Mapping[Method, Locator]:
-        """The three of them by name."""
-        return {"network": self.network, "neighbours": self.neighbours, "ridge": self.ridge}
+        """All of them by name."""
+        return {
+            "network": self.network,
+            "discriminant": self.discriminant,
+            "neighbours": self.neighbours,
+            "ridge": self.ridge,
+        }
 
     def features(self, table: xr.Dataset, *, against: Against = "own") -> FloatArray:
         """(reading, feature) features of readings, NaN where missing.
@@ -126,9 +137,10 @@ class LocationModel:
         ----------
         table : xarray.Dataset
             Readings in the form of fingerprints, of the model's sensors and bands.
-        against : 'own' or 'trained'
-            'own': the table's own empty room, or its median; 'trained': that of the fingerprints, as if nothing had
-            changed since, in the same unit.
+        against : 'own', 'running' or 'trained'
+            'own': the table's own empty room, or its median; 'running': the median over the latest frames, as live
+            localization takes it, for a table in order of time; 'trained': that of the fingerprints, as if nothing
+            had changed since, in the same unit.
 
         Raises
         ------
@@ -145,11 +157,18 @@ class LocationModel:
                 where=where,
                 todo="Compare with the readings' own reference.",
             )
-        reference = reference_of(fitted) if against == "own" else self.reference
+        readings = fitted[quantity].to_numpy()
+        match against:
+            case "own":
+                reference = reference_of(fitted)
+            case "running":
+                reference = running_references(readings)
+            case "trained":
+                reference = self.reference
         usable = None
         if quantity == "counts":
             usable = reference >= self.space.settings.min_count
-        return self.space.features(fitted[quantity].to_numpy(), reference, usable=usable)
+        return self.space.features(readings, reference, usable=usable)
 
     def locate(self, table: xr.Dataset, method: Method = "network", *, against: Against = "own") -> Located:
         """Where the readings say that the person is; parameters as in `features`, and the way to tell."""
@@ -213,7 +232,11 @@ def train_locator(
         drawn.append(space.features(copies, reference_counts(table, device)))
         drawn_place.append(own[rows])
     all_drawn, all_place = np.vstack(drawn), np.concatenate(drawn_place)
-    progress(0.3, "fitting the ridge")
+    all_clean, clean_place = np.vstack(clean), np.concatenate(place)
+    progress(0.3, "fitting the discriminant")
+    blur = sensor_blur(space, fitted[0], device, drift=settings.augmentation.drift)
+    discriminant = fit_discriminant(all_clean, clean_place, len(places), blur, mismatch=space.settings.mismatch)
+    progress(0.35, "fitting the ridge")
     ridge = fit_ridge(all_drawn, all_place, len(places))
     progress(0.4, "training the network")
     weights = fit_network(all_drawn, all_place, len(places), settings.network)
@@ -221,8 +244,9 @@ def train_locator(
     return LocationModel(
         space=space,
         places=places,
-        neighbours=_neighbours(np.vstack(clean), np.concatenate(place), len(places)),
+        neighbours=_neighbours(all_clean, clean_place, len(places)),
         ridge=ridge,
+        discriminant=discriminant,
         network=NetworkPlaces(network_graph(weights, places, space), where="the trained network"),
         reference=reference_of(fitted[0]),
         quantity=quantity_of(first),
@@ -251,6 +275,8 @@ def save_locator(model: LocationModel, folder: Path) -> Path:
             "neighbour_place": (("neighbour",), model.neighbours.place),
             "ridge_weights": (("feature", "place"), model.ridge.weights),
             "ridge_offset": (("place",), model.ridge.offset),
+            "discriminant_weights": (("feature", "place"), model.discriminant.weights),
+            "discriminant_offset": (("place",), model.discriminant.offset),
         },
         coords={
             "sensor": list(model.space.sensors),
@@ -261,9 +287,10 @@ def save_locator(model: LocationModel, folder: Path) -> Path:
     )
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        # The network first: a folder that was cut short has no model.nc, and is seen to be incomplete.
+        # The graphs first: a folder that was cut short has no model.nc, and is seen to be incomplete.
         (folder / MODEL_FILE).unlink(missing_ok=True)
         (folder / NETWORK_FILE).write_bytes(model.network.model)
+        (folder / DISCRIMINANT_FILE).write_bytes(discriminant_graph(model.discriminant, model.places, model.space))
         write_netcdf(dataset, folder / MODEL_FILE, encoding={})
     except OSError as cause:
         raise WorkspaceError(
@@ -316,6 +343,9 @@ def load_locator(folder: Path) -> LocationModel:
             place_count=len(places),
         )
         ridge = RidgePlaces(weights=kept["ridge_weights"].to_numpy(), offset=kept["ridge_offset"].to_numpy())
+        discriminant = DiscriminantPlaces(
+            weights=kept["discriminant_weights"].to_numpy(), offset=kept["discriminant_offset"].to_numpy()
+        )
         reference, source = kept["reference"].to_numpy(), str(kept.attrs["source"])
     except (OSError, ValueError, KeyError) as cause:
         raise MapError(
@@ -329,6 +359,7 @@ def load_locator(folder: Path) -> LocationModel:
         places=places,
         neighbours=neighbours,
         ridge=ridge,
+        discriminant=discriminant,
         network=NetworkPlaces(network, where=str(folder / NETWORK_FILE)),
         reference=reference,
         quantity=quantity,

@@ -1,7 +1,8 @@
-"""Three ways from features to places: a neural network, the nearest fingerprints, and a ridge regression.
+"""Ways from features to places: a neural network, the nearest fingerprints, and a ridge regression.
 
-Each gives a score for every place that sum to 1, and the position is the mean of the places so weighted. For the ridge
-on one-hot places that mean is the ridge regression on the coordinates themselves, for both are linear.
+A fourth, the linear discriminant, has a module of its own (`discriminant`). Each gives a score for every place that sum
+to 1, and the position is the mean of the places so weighted. For the ridge on one-hot places that mean is the ridge
+regression on the coordinates themselves, for both are linear.
 
 The network (one hidden layer, ReLU, softmax) stands for that of Iris, which is not published. It is trained by
 scikit-learn and kept as an ONNX graph, which runs here and on devices by onnxruntime.
@@ -16,8 +17,8 @@ import numpy as np
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import MapError
 
-Method = Literal["network", "neighbours", "ridge"]
-METHODS: tuple[Method, ...] = ("network", "neighbours", "ridge")
+Method = Literal["network", "discriminant", "neighbours", "ridge"]
+METHODS: tuple[Method, ...] = ("network", "discriminant", "neighbours", "ridge")
 NEIGHBOURS = 5  # [1] nearest fingerprints that vote
 RIDGE_ALPHAS = np.logspace(-1, 6, 15)  # [1] tried by leave-one-out
 READINGS_A_STEP = 200  # [1] of the network's training

@@ -1,18 +1,20 @@
-"""The network as an ONNX graph, for devices: features in, a probability of each place and the position out.
+"""The network and the discriminant as ONNX graphs, for devices: features in, each place's probability and position out.
 
     features (reading, feature)  ->  probability (reading, place),  position_m (reading, 3) where coordinates are known
 
-The graph is written here, operator by operator: it is five of them, and any runtime has those. What the features are
-stands in the model's metadata as JSON: sensors, bands, usable channels, noise, labels.
+The graphs are written here, operator by operator: they are five of them, and any runtime has those. What the features
+are stands in the model's metadata as JSON: sensors, bands, usable channels, noise, labels.
 """
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
+from lidarspectra.mapping.localization.discriminant import DiscriminantPlaces
 from lidarspectra.mapping.localization.features import FeatureSpace
 from lidarspectra.mapping.localization.locators import NetworkWeights
 from lidarspectra.mapping.localization.places import Places
@@ -42,16 +44,6 @@ def network_graph(weights: NetworkWeights, places: Places, space: FeatureSpace) 
     MapError
         If the package `onnx` is not installed.
     """
-    try:
-        from onnx import TensorProto, checker, helper
-    except ImportError as cause:
-        raise MapError(
-            expected="the package 'onnx', which writes the network",
-            found=str(cause),
-            where="training",
-            todo="Install it: pip install 'lidarspectra[localize]'.",
-        ) from cause
-    features, count = weights.mean.size, len(places)
     constants: dict[str, FloatArray] = {
         "mean": weights.mean,
         "scale": np.array(weights.scale),
@@ -60,17 +52,46 @@ def network_graph(weights: NetworkWeights, places: Places, space: FeatureSpace) 
         "place_weights": weights.place_weights,
         "place_offset": weights.place_offset,
     }
-    nodes = [
-        helper.make_node("Sub", ["features", "mean"], ["centred"]),
-        helper.make_node("Mul", ["centred", "scale"], ["scaled"]),
-        helper.make_node("Gemm", ["scaled", "hidden_weights", "hidden_offset"], ["sums"]),
-        helper.make_node("Relu", ["sums"], ["hidden"]),
-        helper.make_node("Gemm", ["hidden", "place_weights", "place_offset"], ["logits"]),
-        helper.make_node("Softmax", ["logits"], ["probability"], axis=1),
+    steps = [
+        ("Sub", ["features", "mean"], ["centred"]),
+        ("Mul", ["centred", "scale"], ["scaled"]),
+        ("Gemm", ["scaled", "hidden_weights", "hidden_offset"], ["sums"]),
+        ("Relu", ["sums"], ["hidden"]),
+        ("Gemm", ["hidden", "place_weights", "place_offset"], ["logits"]),
     ]
+    return _graph_of(steps, constants, weights.mean.size, places, space)
+
+
+def discriminant_graph(discriminant: DiscriminantPlaces, places: Places, space: FeatureSpace) -> bytes:
+    """The discriminant as the bytes of an ONNX file; parameters and errors as in `network_graph`."""
+    constants = {"weights": discriminant.weights, "offset": discriminant.offset}
+    steps = [("Gemm", ["features", "weights", "offset"], ["logits"])]
+    return _graph_of(steps, constants, len(discriminant.weights), places, space)
+
+
+def _graph_of(
+    steps: Sequence[tuple[str, list[str], list[str]]],
+    constants: dict[str, FloatArray],
+    features: int,
+    places: Places,
+    space: FeatureSpace,
+) -> bytes:
+    """A graph whose steps lead from features to logits, continued to probabilities and the position."""
+    try:
+        from onnx import TensorProto, checker, helper
+    except ImportError as cause:
+        raise MapError(
+            expected="the package 'onnx', which writes locators for devices",
+            found=str(cause),
+            where="training",
+            todo="Install it: pip install 'lidarspectra[localize]'.",
+        ) from cause
+    count = len(places)
+    nodes = [helper.make_node(*step) for step in steps]
+    nodes.append(helper.make_node("Softmax", ["logits"], ["probability"], axis=1))
     outputs = [helper.make_tensor_value_info("probability", TensorProto.FLOAT, ["reading", count])]
     if places.has_positions:
-        constants["positions_m"] = places.positions_m
+        constants = constants | {"positions_m": places.positions_m}
         nodes.append(helper.make_node("MatMul", ["probability", "positions_m"], ["position_m"]))
         outputs.append(helper.make_tensor_value_info("position_m", TensorProto.FLOAT, ["reading", 3]))
     graph = helper.make_graph(

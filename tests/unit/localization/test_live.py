@@ -31,6 +31,7 @@ from lidarspectra.mapping.localization.frames import (
 )
 from lidarspectra.mapping.localization.live import LiveLocator, LiveSettings
 from lidarspectra.mapping.localization.location_model import LocationModel
+from lidarspectra.mapping.localization.running_reference import MedianWindow
 
 Maker = Callable[..., xr.Dataset]
 GAINS = np.full(6, 1e6)  # [count per W/m²/nm]
@@ -143,7 +144,7 @@ def test_the_running_median_is_believed_after_a_while(model: LocationModel, make
     readings = make_table(9, draws=6, gains=GAINS, with_empty=False)
     order = np.random.default_rng(1).permutation(readings.sizes["fingerprint"])
     readings = readings.isel(fingerprint=order)
-    locator = LiveLocator(model, LiveSettings(first=30, window=72))
+    locator = LiveLocator(model, LiveSettings(window=MedianWindow(first=30, frames=72)))
     fixes = [locator.locate(frame) for frame in frames_of(readings)]
     assert fixes[:29] == [None] * 29
     errors = [
@@ -181,4 +182,4 @@ def test_nothing_heard_is_no_fix(model: LocationModel) -> None:
 
 def test_impossible_windows_are_refused() -> None:
     with pytest.raises(MapError, match="window"):
-        LiveSettings(first=10, window=5)
+        MedianWindow(first=10, frames=5)

@@ -11,7 +11,7 @@ from lidarspectra.hardware.sensor.as7265x import settings_for
 from lidarspectra.mapping.localization.features import feature_space, reference_of
 from lidarspectra.mapping.localization.location_errors import location_errors
 from lidarspectra.mapping.localization.location_model import LocationModel
-from lidarspectra.mapping.localization.virtual_readings import read_by_sensors
+from lidarspectra.mapping.localization.virtual_readings import Visits, read_by_sensors, watch_by_sensors
 
 Maker = Callable[..., xr.Dataset]
 
@@ -78,3 +78,34 @@ def test_only_traced_channels_of_the_sensor_can_be_read(make_table: Maker) -> No
         read_by_sensors(make_table(gains=np.full(6, 1e6)), seed=0)
     with pytest.raises(MapError, match="channels of the AS7265x"):
         read_by_sensors(make_table().assign_coords(band=("band", [460.0, 555.0, 645.0], {"units": "nm"})), seed=0)
+
+
+def test_a_watch_has_every_visit_once_and_a_lead_that_is_not_told(make_table: Maker) -> None:
+    table = make_table(draws=1)
+    visits = Visits(stay_s=(20.0, 40.0), lead_s=90.0, after_h=1.0)
+    read = watch_by_sensors(table, visits, seed=1)
+    labels, times_s = read["label"].to_numpy(), read["time_s"].to_numpy()
+    assert (labels[:90] == "").all()
+    assert np.isnan(read["position_m"].to_numpy()[:90]).all()
+    assert np.diff(times_s) == pytest.approx(1.0)
+    assert times_s[90] == 3600.0
+    asked = labels[90:]
+    stays = np.diff(np.flatnonzero(np.concatenate([[True], asked[1:] != asked[:-1], [True]])))
+    assert sorted(set(asked.tolist())) == sorted(set(table["label"].to_numpy().tolist()))
+    assert len(stays) == table.sizes["fingerprint"]  # no place twice
+    assert 20 <= stays.min() <= stays.max() <= 40
+    assert watch_by_sensors(table, visits, seed=1).identical(read)
+
+
+def test_drift_goes_on_through_a_watch(make_table: Maker) -> None:
+    """Twenty hours of one visit: a die that drifts by d an hour reads 1 + 20 d of what it read."""
+    table = make_table(draws=1).isel(fingerprint=[0])
+    visits = Visits(stay_s=(72000.0, 72000.0), lead_s=0.0, period_s=600.0, after_h=0.0)
+    counts = watch_by_sensors(table, visits, seed=3)["counts"].to_numpy()
+    trend = np.polyfit(np.arange(len(counts)) / 6.0, (counts / counts.mean(axis=0)).reshape(len(counts), -1), 1)[0]
+    assert 0.005 < trend.std() < 0.02  # [1/h] 18 dies or channels of 1 % an hour each
+
+
+def test_impossible_visits_are_refused() -> None:
+    with pytest.raises(MapError, match="the shortest first"):
+        Visits(stay_s=(100.0, 20.0))

@@ -1,0 +1,155 @@
+"""A linear discriminant: the likeliest place if all that blurs a fingerprint is normal and alike at all places.
+
+    p(place k | z) ∝ exp(m_k' C⁻¹ z - m_k' C⁻¹ m_k / 2)
+
+with the features z and the mean m_k of the n fingerprints of place k. What tells it from a textbook's is C. A few
+people a place are far too few to estimate it in hundreds of dimensions, but most of it is known beforehand:
+
+    C = (1 + 1/n) P + N + d² D + T
+
+    P   people at one place differ: the scatter of fingerprints about their place's mean, shrunk as its size demands
+        (Ledoit and Wolf); a place's mean has 1/n of it again
+    N   a reading scatters: rounding to whole counts and repeatability, each channel for itself
+    D   dies drift: all channels of one die of one sensor together, by a standard deviation d since the reference
+    T   the simulation is noisy: a sensor's channels together, for they share their paths
+
+A direction in which a sensor drifts is given the less weight the more it may have drifted, which no set of readings
+drawn at random tells so plainly. Readings of real sensors hold N in their own scatter, so it is added to traced
+fingerprints alone.
+
+References
+----------
+Fisher (1936) The use of multiple measurements in taxonomic problems, Annals of Eugenics 7, 179-188.
+Ledoit, Wolf (2004) A well-conditioned estimator for large-dimensional covariance matrices, J. Multivariate Analysis
+88, 365-411.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import softmax
+
+from lidarspectra.arrays import FloatArray, IntArray, float_array
+from lidarspectra.errors import MapError
+from lidarspectra.hardware.sensor.as7265x import DIE_INDEX, SensorSettings, count_uncertainty
+from lidarspectra.mapping.localization.features import FeatureSpace, reference_counts, reference_of
+from lidarspectra.mapping.localization.fingerprint_table import quantity_of
+from lidarspectra.spectra import AS7265X_CENTERS_NM
+
+BAND_TOLERANCE_NM = 1.0  # [nm] by which a channel of the AS7265x is known again
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DiscriminantPlaces:
+    """Probabilities whose logarithms are linear in the features, softmax(z W + b).
+
+    Parameters
+    ----------
+    weights : (feature, place) float
+    offset : (place,) float
+    """
+
+    weights: FloatArray
+    offset: FloatArray
+
+    def scores(self, features: FloatArray) -> FloatArray:
+        """(reading, place) probabilities; a missing feature counts as no change."""
+        return np.asarray(softmax(np.nan_to_num(features) @ self.weights + self.offset, axis=1), dtype=np.float64)
+
+
+def fit_discriminant(
+    features: FloatArray, place: IntArray, place_count: int, blur: FloatArray, *, mismatch: float
+) -> DiscriminantPlaces:
+    """Fit the discriminant.
+
+    Parameters
+    ----------
+    features : (fingerprint, feature) float
+        As they are, with no noise drawn; NaN where missing, which counts as no change.
+    place : (fingerprint,) int
+        Each place must come.
+    place_count : int
+    blur : (feature, feature) float
+        N + d² D + T; see `sensor_blur`.
+    mismatch : float
+        How far people differ in proportion to what they change, where each place has one fingerprint and nothing else
+        tells. [1]
+
+    Raises
+    ------
+    MapError
+        If a place has no fingerprint.
+    """
+    counts = np.bincount(place, minlength=place_count)
+    if place_count < 2 or counts.min() < 1:
+        raise MapError(
+            expected=f"fingerprints of all {place_count} places, two or more",
+            found=f"of {int((counts > 0).sum())}",
+            where="training",
+        )
+    given = np.nan_to_num(features)
+    mean = np.zeros((place_count, given.shape[1]))
+    np.add.at(mean, place, given)
+    mean /= counts[:, None]
+    people = _scatter(given - mean[place], place_count)
+    if people is None:
+        people = np.diag(mismatch**2 * (mean**2).mean(axis=0))
+    covariance = (1.0 + place_count / len(given)) * people + float_array(blur, name="blur", shape=people.shape)
+    weights = np.asarray(cho_solve(cho_factor(covariance), mean.T), dtype=np.float64)
+    return DiscriminantPlaces(weights=weights, offset=-0.5 * (mean * weights.T).sum(axis=1))
+
+
+def sensor_blur(space: FeatureSpace, table: xr.Dataset, device: SensorSettings | None, *, drift: float) -> FloatArray:
+    """N + d² D + T: the covariance of features that the sensors and the tracing make.
+
+    Parameters
+    ----------
+    space : FeatureSpace
+    table : xarray.Dataset
+        Fingerprints, of the space's sensors and bands.
+    device : SensorSettings, optional
+        Gain and time of the sensors, where the table holds irradiances; see `features.device_settings`.
+    drift : float
+        d, of a die since its reference. [1]
+
+    Returns
+    -------
+    blur : (feature, feature) float
+        For small changes, where a feature is the change in units of its noise. [1]
+    """
+    sensor, band = np.nonzero(space.usable)
+    per_noise = 1.0 / space.noise[space.usable]
+    die = sensor * len(DIE_INDEX) + _dies(space.bands_nm)[band]
+    drifts = drift * per_noise
+    blur = np.where(die[:, None] == die[None, :], np.outer(drifts, drifts), 0.0)
+    if quantity_of(table) == "irradiance":
+        counts = np.maximum(reference_counts(table, device), 1.0)
+        blur[np.diag_indices_from(blur)] += ((count_uncertainty(counts) / counts)[space.usable] * per_noise) ** 2
+    if "effect_se" in table:
+        traced = np.sqrt((table["effect_se"].to_numpy() ** 2).mean(axis=0)) / reference_of(table)
+        noise = traced[space.usable] * per_noise
+        blur += np.where(sensor[:, None] == sensor[None, :], np.outer(noise, noise), 0.0)
+    # A thousandth of the features' unit keeps the matrix regular where fingerprints of counts are all alike.
+    return np.asarray(blur + 1e-6 * np.eye(len(blur)), dtype=np.float64)
+
+
+def _scatter(deviations: FloatArray, place_count: int) -> FloatArray | None:
+    """(feature, feature) shrunk covariance of (fingerprint, feature) deviations; None if they cannot tell it."""
+    from sklearn.covariance import ledoit_wolf
+
+    freedom = len(deviations) - place_count
+    if freedom < 1:
+        return None
+    covariance, _ = ledoit_wolf(deviations * np.sqrt(len(deviations) / freedom), assume_centered=True)
+    return np.asarray(covariance, dtype=np.float64)
+
+
+def _dies(bands_nm: FloatArray) -> IntArray:
+    """(band,) die that holds each channel of the AS7265x; 0 for all where the bands are others."""
+    centers = np.array(AS7265X_CENTERS_NM)
+    nearest = np.abs(centers[None, :] - bands_nm[:, None]).argmin(axis=1)
+    if np.abs(centers[nearest] - bands_nm).max() > BAND_TOLERANCE_NM:
+        return np.zeros(bands_nm.size, dtype=np.int64)
+    return np.asarray(DIE_INDEX[nearest], dtype=np.int64)
