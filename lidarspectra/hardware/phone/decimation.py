@@ -19,6 +19,7 @@ from lidarspectra.colorimetry import encode_srgb
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.scan import Appearance, Scan
 from lidarspectra.hardware.phone.texture_atlas import PADDING_PX, Atlas, unwrap
+from lidarspectra.hardware.phone.triangles import triangle_crosses
 from lidarspectra.hardware.room.rays import RayCaster
 from lidarspectra.progress import Progress, silent
 
@@ -99,7 +100,7 @@ def _carried(scan: Scan, vertices: FloatArray, faces: IntArray, progress: Progre
     old = scan.appearance
     finder = _ColorFinder(scan)
     corners = vertices[faces]
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    crosses = triangle_crosses(corners)
     normals = crosses / np.maximum(np.linalg.norm(crosses, axis=1, keepdims=True), 1e-300)
     if not old.images:
         color = _corner_colors(finder, corners, normals)

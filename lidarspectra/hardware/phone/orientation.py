@@ -13,6 +13,7 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.raw_mesh import Axis, Unit
+from lidarspectra.hardware.phone.triangles import triangle_crosses
 
 METRES_PER_UNIT: dict[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 UNITS: tuple[Unit, ...] = get_args(Unit)
@@ -165,7 +166,7 @@ class _Surface:
     def of(cls, vertices: FloatArray, faces: IntArray, *, where: str) -> "_Surface":
         step = -(-faces.shape[0] // _MAX_FACES)
         corners = vertices[faces[::step]]
-        crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        crosses = triangle_crosses(corners)
         doubled = np.linalg.norm(crosses, axis=1)
         if not doubled.sum() > 0:
             raise ScanError(

@@ -28,6 +28,7 @@ from lidarspectra.hardware.phone.raw_mesh import (
     read_bytes,
 )
 from lidarspectra.hardware.phone.scan import Scan, ScanRecord
+from lidarspectra.hardware.phone.triangles import triangle_areas
 from lidarspectra.progress import Progress, silent
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl", ".usdz", ".usda", ".usd")
@@ -143,8 +144,6 @@ def _oriented(mesh: JoinedMesh, orientation: Orientation, *, where: str) -> Scan
         _log.info("%s: %s", where, note)
     vertices = orientation.apply(mesh.vertices)
     faces = mesh.faces
-    corners = vertices[faces]
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     record = ScanRecord(
         file=where,
         unit=orientation.unit,
@@ -153,7 +152,7 @@ def _oriented(mesh: JoinedMesh, orientation: Orientation, *, where: str) -> Scan
         up_confidence=orientation.up_confidence,
         faces_read=faces.shape[0],
         faces_kept=faces.shape[0],
-        area_m2=float(0.5 * np.linalg.norm(crosses, axis=1).sum()),
+        area_m2=float(triangle_areas(vertices[faces]).sum()),
         notes=notes,
     )
     return Scan(vertices=vertices, faces=faces, appearance=mesh.appearance, record=record)

@@ -26,6 +26,7 @@ from lidarspectra.hardware.phone.holes import (
     triangulate_loop,
 )
 from lidarspectra.hardware.phone.scan import Appearance, Scan
+from lidarspectra.hardware.phone.triangles import triangle_areas
 from lidarspectra.progress import Progress, part_of, silent
 
 MERGE_DISTANCE_M = 1e-5  # [m] a hundredth of the scanner's noise; above the rounding of 32-bit files
@@ -175,7 +176,7 @@ def _closed(scan: Scan, max_hole_m: float, progress: Progress) -> Scan:
         points = scan.vertices[loop.vertices]
         extent = longest_extent(points)
         triangles = _fill(points) if 0.0 < extent <= max_hole_m else None
-        area = 0.0 if triangles is None else _area(points[triangles])
+        area = 0.0 if triangles is None else float(triangle_areas(points[triangles]).sum())
         if triangles is not None and area < NO_AREA_M2:
             continue
         if triangles is None or area > SHEET_SHARE * piece_area[piece[loop.faces[0]]]:
@@ -206,11 +207,6 @@ def _closed(scan: Scan, max_hole_m: float, progress: Progress) -> Scan:
 
 def _fill(points: FloatArray) -> IntArray | None:
     return triangulate_loop(points) if len(points) >= 3 else None
-
-
-def _area(corners: FloatArray) -> float:
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return float(0.5 * np.linalg.norm(crosses, axis=1).sum())
 
 
 def _rim_colors(scan: Scan, loop: Loop) -> FloatArray:

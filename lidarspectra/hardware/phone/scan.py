@@ -14,6 +14,7 @@ from lidarspectra.arrays import ByteArray, FloatArray, IntArray, float_array, in
 from lidarspectra.colorimetry import decode_srgb
 from lidarspectra.errors import ArrayError, LidarSpectraError, ScanError
 from lidarspectra.hardware.phone.textures import decode_image, mean_texture_colors, sample_image
+from lidarspectra.hardware.phone.triangles import triangle_areas, triangle_crosses
 
 MESH_FILE = "mesh.npz"
 RECORD_FILE = "scan.json"
@@ -259,12 +260,12 @@ class Scan:
     @property
     def areas(self) -> FloatArray:
         """(face,) areas [m²]."""
-        return np.asarray(0.5 * np.linalg.norm(self._crosses(), axis=1), dtype=np.float64)
+        return triangle_areas(self.corners)
 
     @property
     def normals(self) -> FloatArray:
         """(face, 3) unit normals [1]; zero for a face without area."""
-        crosses = self._crosses()
+        crosses = triangle_crosses(self.corners)
         lengths = np.linalg.norm(crosses, axis=1, keepdims=True)
         return np.asarray(crosses / np.where(lengths > 0, lengths, 1.0), dtype=np.float64)
 
@@ -277,10 +278,6 @@ class Scan:
     def face_colors(self) -> FloatArray:
         """(face, 3) mean linear sRGB [0-1] of each face; worked out once."""
         return self.appearance.face_colors()
-
-    def _crosses(self) -> FloatArray:
-        corners = self.corners
-        return np.asarray(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), dtype=np.float64)
 
 
 def bare_scan(vertices: FloatArray, faces: IntArray, *, file: str = "") -> Scan:

@@ -14,8 +14,9 @@ from scipy.ndimage import distance_transform_edt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.triangles import triangle_crosses
 
 SMOOTHING_ROUNDS = 3  # [1] single triangles on a noisy edge join what surrounds them
 SMALLEST_CHART_FACES = 8  # [1] fewer make more padding than texture
@@ -52,7 +53,7 @@ class Atlas:
     chart_normal: FloatArray
     corner_px: FloatArray
     texel_face: IntArray
-    covered: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    covered: BoolArray
 
     @property
     def corner_uv(self) -> FloatArray:
@@ -181,7 +182,7 @@ def _joined(chart: IntArray, adjacency: IntArray) -> IntArray:
 
 def _chart_normals(corners: FloatArray, chart: IntArray) -> FloatArray:
     count = int(chart.max()) + 1
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    crosses = triangle_crosses(corners)
     sums = np.stack([np.bincount(chart, weights=crosses[:, axis], minlength=count) for axis in range(3)], axis=1)
     return np.asarray(sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12), dtype=np.float64)
 

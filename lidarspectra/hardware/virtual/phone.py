@@ -23,6 +23,7 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.scan import bare_scan
+from lidarspectra.hardware.phone.triangles import triangle_areas, triangle_crosses
 from lidarspectra.hardware.room.rays import RayCaster
 from lidarspectra.hardware.room.zero_surface import zero_surface
 from lidarspectra.hardware.virtual.room_plan import PhoneSection
@@ -93,7 +94,7 @@ def scan_shape(room: TrueRoom, settings: PhoneSection, generator: np.random.Gene
     )
     corners = vertices[faces]
     missing = _holes(vertices, faces, settings, generator)
-    areas = _areas(corners)
+    areas = triangle_areas(corners)
     vertices, kept_faces = _compact(vertices, faces[~missing])
     kept = vertices[kept_faces]
     return ScannedShape(
@@ -101,9 +102,9 @@ def scan_shape(room: TrueRoom, settings: PhoneSection, generator: np.random.Gene
         faces=kept_faces,
         # What a triangle stands for is asked before the noise moved it.
         true_face=room.nearest_faces(
-            fused_vertices[faces[~missing]].mean(axis=1), _unit(_crosses(fused_vertices[faces[~missing]]))
+            fused_vertices[faces[~missing]].mean(axis=1), _unit(triangle_crosses(fused_vertices[faces[~missing]]))
         ),
-        hole_area_m2=float(areas.sum() - _areas(kept).sum()),
+        hole_area_m2=float(areas.sum() - triangle_areas(kept).sum()),
     )
 
 
@@ -133,7 +134,7 @@ def _fused(room: TrueRoom, settings: PhoneSection) -> tuple[FloatArray, IntArray
 
 def _without_crumbs(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     """Drop pieces of a few triangles, and triangles without area."""
-    faces = faces[_areas(vertices[faces]) > 0]
+    faces = faces[triangle_areas(vertices[faces]) > 0]
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
     links = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(vertices), len(vertices)))
     _, piece = connected_components(links, directed=False)
@@ -157,7 +158,7 @@ def _drift(points: FloatArray, settings: PhoneSection, generator: np.random.Gene
 def _holes(vertices: FloatArray, faces: IntArray, settings: PhoneSection, generator: np.random.Generator) -> BoolArray:
     """(face,) which triangles are missing: round patches, mostly where the phone did not look."""
     corners = vertices[faces]
-    centers, normals, areas = corners.mean(axis=1), _unit(_crosses(corners)), _areas(corners)
+    centers, normals, areas = corners.mean(axis=1), _unit(triangle_crosses(corners)), triangle_areas(corners)
     weights = areas * np.where(_seen(vertices, faces), 1.0, HIDDEN_WEIGHT)
     weights /= weights.sum()
     tree = cKDTree(centers)
@@ -175,7 +176,7 @@ def _seen(vertices: FloatArray, faces: IntArray) -> BoolArray:
     """(face,) whether some point of the user's walk sees the triangle's centre."""
     caster = RayCaster(bare_scan(vertices, faces))
     corners = vertices[faces]
-    centers, normals = corners.mean(axis=1), _unit(_crosses(corners))
+    centers, normals = corners.mean(axis=1), _unit(triangle_crosses(corners))
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     angles = np.linspace(0, 2 * np.pi, PATH_POINTS, endpoint=False)
     middle, reach = (low + high) / 2, 0.3 * (high - low)
@@ -199,14 +200,6 @@ def _compact(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArra
 def _vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
     mesh = trimesh.Trimesh(vertices=vertices, faces=faces, process=False)
     return np.asarray(mesh.vertex_normals, dtype=np.float64)
-
-
-def _crosses(corners: FloatArray) -> FloatArray:
-    return np.asarray(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), dtype=np.float64)
-
-
-def _areas(corners: FloatArray) -> FloatArray:
-    return np.asarray(0.5 * np.linalg.norm(_crosses(corners), axis=1), dtype=np.float64)
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
