@@ -1,13 +1,13 @@
 """What `lidarspectra doctor` looks at: the engine, its spectral ability, the machine, the libraries."""
 
-import importlib.util
 import os
+import re
 import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
 
 import psutil
@@ -15,11 +15,8 @@ import psutil
 from lidarspectra.errors import EngineError
 from lidarspectra.radiance.engine import INSTALL_ADVICE, MAX_SPECTRAL_SLOTS, engine_info, find_engine
 
-LIBRARIES = (
-    "numpy", "scipy", "trimesh", "embreex", "pymeshlab", "opencv-contrib-python-headless",
-    "scikit-learn", "colour-science", "pandas", "xarray", "h5netcdf", "matplotlib", "pyserial", "pydantic", "typer",
-)  # fmt: skip
-EXTRAS = {"usd": "pxr", "validate": "mitsuba", "cluster": "distributed", "robot": "rosbags"}
+PACKAGE = "lidarspectra"
+DEVELOPER_EXTRAS = ("docs", "test")
 LEAST_MEMORY_GIB = 4.0  # [GiB] the demo and the meeting-room scan stay well below it
 LEAST_DISK_GIB = 1.0  # [GiB] a run folder of a large scan
 
@@ -101,15 +98,34 @@ def _machine() -> Iterator[Finding]:
 
 
 def _libraries() -> Iterator[Finding]:
-    for name in LIBRARIES:
-        try:
-            yield Finding(subject=name, value=version(name))
-        except PackageNotFoundError:
-            yield Finding(subject=name, value="missing", good=False, todo=f"pip install {name}")
+    for name in required_libraries():
+        if name == "pyradiance":  # said of the engine, whose programs may come from elsewhere
+            continue
+        found = _version(name)
+        yield Finding(subject=name, value=found or "missing", good=bool(found), todo=f"pip install {name}")
 
 
 def _extras() -> Iterator[Finding]:
-    for extra, module in EXTRAS.items():
-        there = importlib.util.find_spec(module) is not None
-        value = "installed" if there else f"not installed (pip install 'lidarspectra[{extra}]')"
+    for extra in metadata(PACKAGE).get_all("Provides-Extra") or ():
+        if extra in DEVELOPER_EXTRAS:
+            continue
+        there = all(map(_version, required_libraries(extra)))
+        value = "installed" if there else f"not installed (pip install '{PACKAGE}[{extra}]')"
         yield Finding(subject=f"extra '{extra}'", value=value)
+
+
+def required_libraries(extra: str = "") -> tuple[str, ...]:
+    """Names of the libraries that the package needs, or that one of its extras adds."""
+    names = []
+    for requirement in requires(PACKAGE) or ():
+        name, _, condition = requirement.partition(";")
+        if condition.replace('"', "'").strip() == (f"extra == '{extra}'" if extra else ""):
+            names.append(re.split(r"[^\w.-]", name.strip())[0])
+    return tuple(names)
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return ""

@@ -19,11 +19,11 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import SceneError
+from lidarspectra.radiance.engine import MAX_SPECTRAL_SLOTS
 from lidarspectra.spectra import BandSet, Spectrum
 
 Mode = Literal["native", "rgb"]
 
-MAX_SLOTS = 24  # [1] MAXCSAMP in color.h of Radiance 6
 MIN_SLOTS = 3  # [1] rtrace refuses fewer: "unsupported spectral sampling"
 RGB_SLOTS = 3  # [1] what Radiance carries without `-cs`
 FIRST_EDGE_NM = 380  # [nm] Radiance's own short end; its partition at 480 and 588 nm must lie inside
@@ -53,7 +53,7 @@ class BandGroup:
     mode: Mode
 
     def __post_init__(self) -> None:
-        most = MAX_SLOTS if self.mode == "native" else RGB_SLOTS
+        most = MAX_SPECTRAL_SLOTS if self.mode == "native" else RGB_SLOTS
         if not (self.bands and len(self.bands) <= self.slot_count and MIN_SLOTS <= self.slot_count <= most):
             raise SceneError(
                 expected=f"1 to {most} bands in {MIN_SLOTS} to {most} slots",
@@ -133,7 +133,7 @@ def band_groups(band_count: int, mode: Mode) -> tuple[BandGroup, ...]:
     """
     if band_count < 1:
         raise SceneError(expected="one or more bands", found=str(band_count), where="band groups")
-    most = MAX_SLOTS if mode == "native" else RGB_SLOTS
+    most = MAX_SPECTRAL_SLOTS if mode == "native" else RGB_SLOTS
     parts = np.array_split(np.arange(band_count), math.ceil(band_count / most))
     return tuple(
         BandGroup(

@@ -6,7 +6,6 @@ import pytest
 from lidarspectra.errors import SceneError
 from lidarspectra.radiance.bands import (
     LAMP_FLOOR,
-    MAX_SLOTS,
     SAME_SHAPE,
     BandGroup,
     band_groups,
@@ -14,6 +13,7 @@ from lidarspectra.radiance.bands import (
     spectral_groups,
     with_floor,
 )
+from lidarspectra.radiance.engine import MAX_SPECTRAL_SLOTS
 from lidarspectra.spectra import Spectrum, sensor_bands, uniform_bands
 
 BANDS = sensor_bands("as7265x-14")
@@ -30,7 +30,7 @@ def smooth(seed: int) -> Spectrum:
 def test_every_band_rides_in_one_group_in_order(count: int, mode: str) -> None:
     groups = band_groups(count, mode)
     assert [band for group in groups for band in group.bands] == list(range(count))
-    assert len(groups) == -(-count // (MAX_SLOTS if mode == "native" else 3))
+    assert len(groups) == -(-count // (MAX_SPECTRAL_SLOTS if mode == "native" else 3))
 
 
 def test_groups_are_as_even_as_can_be() -> None:
