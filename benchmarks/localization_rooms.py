@@ -1,6 +1,6 @@
 """Rooms for the localization experiment: as they truly are, as they were scanned, and as they are later."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -115,13 +115,29 @@ def _ready(scene: RadianceScene, lamps: tuple[Lamp, ...], scan: Scan, room: Room
     return TracedRoom(scene=scene, lamps=lamps, points=points, free=FreeSpace(scan, room), plan=floor_plan(scan, room))
 
 
+def first_people(table: xr.Dataset, count: int) -> xr.Dataset:
+    """The fingerprints of the first people at each place, so many of them."""
+    return table.isel(fingerprint=np.flatnonzero(table["draw"].to_numpy() < count))
+
+
 def traced(
-    room: TracedRoom, positions: Positions, work: Path, name: str, *, accuracy: Accuracy, draws: int, seed: int
+    room: TracedRoom | Callable[[], TracedRoom],
+    positions: Positions,
+    work: Path,
+    name: str,
+    *,
+    accuracy: Accuracy,
+    draws: int,
+    seed: int,
 ) -> xr.Dataset:
-    """Fingerprints of people by lot at positions, kept as NAME-DRAWS.nc; further draws go on after the first."""
+    """Fingerprints of people by lot at positions, kept as NAME-DRAWS.nc; further draws go on after the first.
+
+    A room may be given as what makes it, which is asked only where the fingerprints are not kept.
+    """
     path = work / f"{name}-{draws}.nc"
     if path.is_file():
         return load_fingerprints(path)
+    ready = room if isinstance(room, TracedRoom) else room()
     placed = [
         PlacedPerson(
             label=label,
@@ -134,7 +150,7 @@ def traced(
     ]
     request = FingerprintRequest(accuracy=accuracy, target=TARGET, effect_target=EFFECT_TARGET, seed=seed)
     table = trace_fingerprints(
-        room.scene, room.lamps, room.points, placed, load_reflectances(), work / "parts" / name, request
+        ready.scene, ready.lamps, ready.points, placed, load_reflectances(), work / "parts" / name, request
     )
     table.attrs["source"] = name
     save_fingerprints(table, path)

@@ -141,7 +141,7 @@ def watch_by_sensors(
     asked = np.repeat(order, stays)
     lead = int(np.ceil(visits.lead_s / visits.period_s))
     rows = np.concatenate([np.resize(asked[::-1], lead)[::-1], asked])
-    times_s = 3600.0 * visits.after_h + visits.period_s * (np.arange(rows.size) - lead)
+    times_s: FloatArray = 3600.0 * visits.after_h + visits.period_s * (np.arange(rows.size) - lead).astype(np.float64)
     read = _read(
         table, rows, times_s / 3600.0, seed=seed, generator=generator, settings=settings, extra={"time_s": times_s}
     )
