@@ -64,7 +64,8 @@ SOFTEN_M = 0.05  # [m] softens the weight of the nearest sample
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
 LEAST_WHITE = 0.75  # [1] reflectance from which a surface is called white
 WHITE_SHARE = 0.05  # [1] of the scan's area beyond the bright end, from which a reader should know
-FEWEST_WITNESSES = 30  # [1] independent places; fewer tell nothing of eight unknowns
+STRAY_LIGHT = 0.02  # [1] of white that a texture shows from beside: edges are rounded, frames blended, lenses glare
+FEWEST_WITNESSES = 16  # [1] independent places, twice the unknowns; fewer tell nothing
 LEAST_EXPLAINED = 0.3  # [1] share of the scatter within surfaces that the lamps' light must explain
 LEAST_DIRECT = 0.15  # [1] of all light in a closed room of mean reflectance 0.85: white on all sides
 MOST_UNCERTAIN = 0.5  # [1] standard deviation of log k
@@ -272,6 +273,7 @@ def _fit(
     bands /= bands.sum(axis=0).mean()
     progress(0.6, "camera and light")
     fit = fit_light(evidence, flux_deviation=flux_deviation)
+    shadow_edges = evidence.unsure
     for number in range(1, ROUNDS):
         progress(0.6 + 0.4 * number / ROUNDS, "camera and light")
         reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
@@ -281,6 +283,7 @@ def _fit(
         direct = np.einsum("ls,lb->sb", coefficients * fit.flux_factors[:, None], bands)
         evidence = replace(
             evidence,
+            unsure=np.hypot(shadow_edges, STRAY_LIGHT / fit.irradiance.mean(axis=1)),
             group=_groups(reflectance, samples, trusted, room),
             ceiling=_neutral(evidence.ceiling, reflectance),
             tint=apparent_ratio(

@@ -48,7 +48,7 @@ STATED_FLUX_DEVIATION = 0.15  # [1] of the log of a lamp's flux over the others'
 BRIGHTEST_REFLECTANCE = 0.90  # [1] fresh white paint, top of EN 12464-1; what comes out brighter speaks for more light
 BRIGHTEST_DEVIATION = 0.03  # [1] of its logarithm
 COMMON = 6  # [1] parameters that do not belong to single lamps
-CELL_M = 0.5  # [m] within which errors of light and exposure are alike: one cell is one independent witness
+CELL_M = 1.0  # [m] within which errors of light and exposure are alike, as a phone's frame shows 1 to 2 m: one witness
 STARTS = ((0.0, 0.0), (0.8, 0.0), (0.4, 1.0), (0.4, -1.0))  # [1] log(1 + s), and log k over its rough value
 BOUNDS_POWER, BOUND_SHOULDER, BOUND_EXPOSURE = 0.6, 2.3, 4.0  # [1] of |log g|, log(1 + s), |log k - rough value|
 COARSE = 4  # [1] every so-manieth point is enough to choose among starts
@@ -84,7 +84,8 @@ class LightEvidence:
     ceiling : (sample,) bool
         Points of a ceiling that may be taken for white.
     unsure : (sample,) float
-        Relative standard deviation of the light there, for want of knowing just where a shadow ends. [1]
+        Relative standard deviation of the light there, for want of knowing just where a shadow ends, and of what strays
+        into the picture of a dark place. [1]
     tint : (sample, 3) float, optional
         Ratio of apparent reflectance to that in daylight (see `colored_light`); 1 if left out. [1]
     face_excess : (face, 3) float, optional
