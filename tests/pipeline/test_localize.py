@@ -49,7 +49,7 @@ def answer(command: str) -> str:
 
 
 def test_a_model_of_one_night_locates_the_next(folder: Path) -> None:
-    told = answer("localize train one.csv --positions places.csv --out model --copies 4")
+    told = answer("localize train one.csv --positions places.csv --out model --copies 4 --drift 1")
     assert "6 places, 6 sensors, 12 of 12 channels" in told
     answer("localize test model two.csv --out tested")
     errors = pd.read_csv(folder / "tested" / "errors.csv").set_index("method")
@@ -58,12 +58,17 @@ def test_a_model_of_one_night_locates_the_next(folder: Path) -> None:
     for name in ("errors.png", "errors.pdf", "error-map.png", "places.csv", "places.md"):
         assert (folder / "tested" / name).stat().st_size > 100
     assert "says nothing" in answer("localize test model one.csv")
+    answer("localize test model two.csv --against running --out running")
+    running = pd.read_csv(folder / "running" / "errors.csv")
+    assert (running["readings"] == 13).all()  # of 72: the running median is believed from the 60th on
 
     told = answer("localize live model two.csv --empty two.csv --frames 5 --out track.csv")
     assert told.count("± ") == 5
     track = pd.read_csv(folder / "track.csv")
     assert track["label"].tolist() == ["p0"] * 5
     assert np.hypot(track["x"] - 1.0, track["y"] - 1.0).max() < 0.7
+    told = answer("localize live model two.csv --empty two.csv --frames 3 --method discriminant")
+    assert told.count(" p0 ") == 3
     assert "no fix" in answer("localize live model two.csv --first 1000")
 
 

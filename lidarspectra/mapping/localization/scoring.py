@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from lidarspectra.errors import MapError
 from lidarspectra.mapping.localization.location_errors import LocationErrors, location_errors
 from lidarspectra.mapping.localization.location_model import (
     METHODS,
@@ -15,6 +16,7 @@ from lidarspectra.mapping.localization.location_model import (
     train_locator,
 )
 from lidarspectra.mapping.localization.locators import Method
+from lidarspectra.mapping.localization.running_reference import MedianWindow
 from lidarspectra.mapping.localization.time_splits import SplitKind, time_splits
 from lidarspectra.progress import Progress, part_of, silent
 
@@ -42,9 +44,21 @@ def errors_of(model: LocationModel, table: xr.Dataset, *, against: Against = "ow
 
     These are readings of silent sensors, and the first of a stream, before its running median is believed: live
     localization gives no position for either.
+
+    Raises
+    ------
+    MapError
+        If nothing is left, or as `LocationModel.features` and `location_errors`.
     """
     features = model.features(table, against=against)
     told = np.flatnonzero(np.isfinite(features).any(axis=1))
+    if not told.size:
+        raise MapError(
+            expected="readings of which something is known",
+            found=f"none of {len(features)}",
+            where=_name(table),
+            todo=f"A running median needs {MedianWindow().first} readings." if against == "running" else "",
+        )
     readings = table.isel(fingerprint=told)
     return {method: location_errors(model.locate_features(features[told], method), readings) for method in METHODS}
 

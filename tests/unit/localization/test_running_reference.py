@@ -3,8 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 import xarray as xr
 
+from lidarspectra.errors import MapError
 from lidarspectra.mapping.localization.location_model import LocationModel
 from lidarspectra.mapping.localization.running_reference import (
     REFRESH_FRAMES,
@@ -51,3 +53,9 @@ def test_frames_before_the_median_is_believed_are_no_fixes(model: LocationModel,
     found = errors_of(model, read, against="running")["ridge"]
     assert len(found) == read.sizes["fingerprint"] - 59
     assert len(errors_of(model, read)["ridge"]) == read.sizes["fingerprint"]
+
+
+def test_a_recording_too_short_for_a_running_median_is_refused(model: LocationModel, make_table: Maker) -> None:
+    readings = make_table(9, draws=1, gains=np.full(6, 1e6))
+    with pytest.raises(MapError, match="needs 60 readings"):
+        errors_of(model, readings, against="running")
