@@ -35,7 +35,7 @@ from lidarspectra.mapping.spectral_map import (
     save_map_table,
     spectral_map,
 )
-from lidarspectra.material.estimate import estimate_materials
+from lidarspectra.material.estimate import estimate_costs, estimate_materials
 from lidarspectra.material.lamp_fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
 from lidarspectra.material.material_mesh import daylight_colors, save_material_mesh
@@ -43,7 +43,7 @@ from lidarspectra.material.model_card import CARD_SUFFIX
 from lidarspectra.material.segmentation import SHIPPED_MODEL
 from lidarspectra.material.viewpoints import render_views
 from lidarspectra.material.views import ViewSet, load_views, save_views
-from lidarspectra.progress import Progress, part_of
+from lidarspectra.progress import Progress, part_of, shares
 from lidarspectra.radiance.engine import find_engine
 from lidarspectra.radiance.lamp_file import load_lamps, save_lamps
 from lidarspectra.radiance.placement import placement_notes
@@ -60,7 +60,8 @@ from lidarspectra.workspace import Notes, Stage, StageResult, versions
 REPORT_PAGE = PAGE
 MODEL_FOLDER = "model"
 SEGMENTATION = "segmentation"
-DELIGHTING = 0.35  # [1] of the time of the materials stage
+DELIGHTING_S_A_FACE = 8e-5  # [s] of one core, in the demo room (benchmarks/scale.py)
+SAVING_S = (1.0, 1.1e-5)  # [s] of the materials: their picture, and for each face
 TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays by the clock: runs agree within noise
 
 
@@ -127,23 +128,25 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
 
     def make(folder: Path, progress: Progress) -> Notes:
         mesh, light = scan.value.scan, None
+        faces = len(mesh.faces)
+        estimate_s = sum(estimate_costs(faces, len(views.value.views) if section.model != "none" else 0))
+        costs = (DELIGHTING_S_A_FACE * faces if delight else 0.0, estimate_s, SAVING_S[0] + SAVING_S[1] * faces)
+        delighting, estimating, saving = shares(progress, costs)
         if delight:
             lamps = lamps_of_run(inputs, scan.value)
             found = inputs.room.lamps_from_scan
             stated = found is None or found.fluxes == "area"
-            light = take_light_out(
-                mesh, scan.value.room, lamps, fluxes_stated=stated, progress=part_of(progress, 0.0, DELIGHTING)
-            )
+            light = take_light_out(mesh, scan.value.room, lamps, fluxes_stated=stated, progress=delighting)
         materials = estimate_materials(
             mesh,
             views.value,
             section,
             room=scan.value.room,
             face_color=light.face_color if light else None,
-            matching=section.matching,
             base_folder=inputs.base,
-            progress=part_of(progress, DELIGHTING if light else 0.0, 0.92),
+            progress=estimating,
         )
+        saving(0.0, "saving")
         if light is not None:
             materials = with_light_uncertainty(materials, light, mesh.areas)
         save_materials(materials, folder, face_areas=mesh.areas)

@@ -32,7 +32,7 @@ from lidarspectra.material.place_priors import class_prior, find_places
 from lidarspectra.material.segmentation import SHIPPED_MODEL, Classifier
 from lidarspectra.material.surface_classes import favored_surfaces
 from lidarspectra.material.views import ViewSet
-from lidarspectra.progress import Progress, part_of, silent
+from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.reflectance_library import ReflectanceLibrary
 
 SEED = 20241104  # of K-means; materials of one scan are the same on every run
@@ -40,6 +40,8 @@ UNSEEN_EVIDENCE = 0.1  # [1] how much the colour of a face counts that no view s
 LEAST_SHARE = 2e-4  # [1] of the area; smaller groups of faces join the material nearest in colour
 CONFIDENT_DIFFERENCE = 10.0  # [1] CIEDE2000 to the nearest surface at which confidence has fallen to 1/e
 UNKNOWN = "unknown"  # class of a material where none was estimated
+GROUPING_S_A_FACE, MATCHING_S_A_FACE = 1.4e-5, 1.4e-5  # [s] of one core, in the demo room (benchmarks/scale.py)
+CLASSES_S_A_VIEW = 0.94  # [s] the same
 VISIBLE_BANDS_NM = (400.0, 770.0)  # [nm] what the sensor's first 14 channels see
 
 
@@ -51,7 +53,6 @@ def estimate_materials(
     library: ReflectanceLibrary | None = None,
     room: Room | None = None,
     face_color: FloatArray | None = None,
-    matching: MatchMethod = "wiener",
     base_folder: Path | None = None,
     progress: Progress = silent,
 ) -> MaterialMap:
@@ -71,8 +72,6 @@ def estimate_materials(
         In the scan; without it the classes come from the pictures alone.
     face_color : (face, 3) float, optional
         Linear sRGB to work from in place of the texture's, with the light taken out for instance. [0-1]
-    matching : str
-        'wiener' or 'nearest', see `matching.match_color`.
     base_folder : Path, optional
         Where relative file names of the section start; the run file's folder.
     progress : callable
@@ -93,7 +92,9 @@ def estimate_materials(
     chosen = section or MaterialsSection()
     known = load_reflectances(chosen.databases, base_folder) if library is None else library
     default = database_material(known.find(chosen.default), known, provenance="default", confidence=0.0)
-    progress(0.0, "reading colours")
+    costs = estimate_costs(len(scan.faces), len(views.views) if chosen.model != "none" else 0)
+    grouping, looking, finding = shares(progress, costs)
+    grouping(0.0, "reading colours")
     colors, usable = surface_colors(scan) if face_color is None else _given_colors(scan, face_color)
     if views.face_seen.size != len(scan.faces):
         raise MaterialError(
@@ -109,12 +110,11 @@ def estimate_materials(
     names = (UNKNOWN,) * count
     if count and chosen.model != "none":
         path = SHIPPED_MODEL if chosen.model == "builtin" else (base_folder or Path()) / chosen.model
-        looking = part_of(progress, 0.3, 0.95)
         classes = material_classes(scan, views, Classifier(path), room=room, colors=colors, progress=looking)
         label, count, names = split_by_class(label, classes, scan.areas, most=chosen.colors)
-    progress(0.95, f"{count} segments")
+    finding(0.0, f"{count} segments")
     materials = [
-        _material(group, names[group], colors, label, scan.areas, views.face_seen, known, matching)
+        _material(group, names[group], colors, label, scan.areas, views.face_seen, known, chosen.matching)
         for group in range(count)
     ]
     if (label < 0).any():
@@ -122,12 +122,17 @@ def estimate_materials(
         materials.append(default)
     materials = _distinct_names(materials)
     estimated = _material_map(materials, label, colors, views)
-    progress(0.97, f"{len(estimated.materials)} materials")
+    finding(0.7, f"{len(estimated.materials)} materials")
     if chosen.file is not None:
         path = Path(chosen.file) if base_folder is None else base_folder / chosen.file
         estimated = assign(estimated, read_assignments(path), known, where=path)
     progress(1.0, "materials estimated")
     return estimated
+
+
+def estimate_costs(faces: int, views: int) -> tuple[float, float, float]:
+    """What the parts of an estimate usually take: grouping, the views' classes, and what follows [s of one core]."""
+    return GROUPING_S_A_FACE * faces, CLASSES_S_A_VIEW * views, MATCHING_S_A_FACE * faces
 
 
 def material_classes(

@@ -70,7 +70,7 @@ def test_the_same_scan_gives_the_same_materials(room, estimated):
 
 
 def test_nearest_matching_names_the_surface(room):
-    found = estimate_materials(room[0], room[2], matching="nearest")
+    found = estimate_materials(room[0], room[2], MaterialsSection(matching="nearest"))
     measured = [material for material in found.materials if material.provenance == "measured"]
     assert measured
     assert all(material.source.startswith("builtin:") for material in measured)
