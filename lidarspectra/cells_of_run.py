@@ -14,6 +14,7 @@ from lidarspectra.hardware.phone.scan import load_scan
 from lidarspectra.hardware.room.free_space import FreeSpace
 from lidarspectra.hardware.room.room import load_room
 from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
+from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
 from lidarspectra.hardware.sensor.readings import best_signal, signal
 from lidarspectra.light_of_run import light_of_table, plan_of_run, transport_of_run
 from lidarspectra.mapping.figure_style import save_figure
@@ -35,7 +36,6 @@ from lidarspectra.radiance.scene import load_scene
 from lidarspectra.sensor_files import find_bands
 from lidarspectra.workspace import made_folder, require_stage
 
-CM2 = 1e-4  # [m²]
 CM = 1e-2  # [m]
 MICRO = 1e6  # [1]
 UNKNOWN_SHARE = 0.05  # [1] of a cell's response that channels do not see, from which on it is said
@@ -139,7 +139,7 @@ def current_of_run(run: Path, order: CurrentOrder) -> tuple[xr.Dataset, FloorPla
         transport,
         {lamp.name: lamp.flux for lamp in load_lamps(require_stage(run, "scene"))},
         cell,
-        area_m2=None if order.area_cm2 is None else order.area_cm2 * CM2,
+        area_m2=None if order.area_cm2 is None else order.area_cm2 * M2_PER_CM2,
         scale=order.scale,
         shifts=shifts,
         volt=order.volt,
@@ -182,7 +182,7 @@ def places_in_run(run: Path, order: PlaceOrder) -> tuple[Table, tuple[str, ...]]
         workers=order.workers,
         free=FreeSpace(scan, room),
     )
-    area = order.size_cm[0] * order.size_cm[1] * CM2
+    area = order.size_cm[0] * order.size_cm[1] * M2_PER_CM2
     found = ranked.mounts
     frame = pd.DataFrame(
         {
@@ -239,7 +239,7 @@ def predict_from_table(
     frame = pd.DataFrame({name: read.places[name].to_numpy() for name in ("x", "y", "z")})
     frame["current_density_A_m2"], frame["SE_current_density_A_m2"] = scale * density, scale * uncertainty
     if area_cm2 is not None or cell.area_m2 is not None:
-        area = area_of(cell, None if area_cm2 is None else area_cm2 * CM2)
+        area = area_of(cell, None if area_cm2 is None else area_cm2 * M2_PER_CM2)
         frame["current_A"] = area * frame["current_density_A_m2"]
         frame["SE_current_A"] = area * frame["SE_current_density_A_m2"]
     try:

@@ -186,7 +186,7 @@ def _request(run_file: Path, inputs: Inputs, folder: Path) -> RunRequest:
     )
 
 
-def _walk(chain: "_Link", inputs: Inputs) -> None:
+def _walk(chain: _Link, inputs: Inputs) -> None:
     """Follow Figure 2, until the chain says that it is far enough."""
     try:
         scan = chain(stages.scan_stage(inputs))

@@ -8,6 +8,7 @@ from pathlib import Path
 import xarray as xr
 
 from lidarspectra.config import CellSection, PeopleAndPlantsSection, RunFile
+from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
 from lidarspectra.mapping.applications import Application, ApplicationFigure
 from lidarspectra.mapping.floor_plan import FloorPlan
 from lidarspectra.mapping.photometry.figures import quantities_figure
@@ -19,8 +20,6 @@ from lidarspectra.mapping.photovoltaics.figures import currents_figure
 from lidarspectra.mapping.photovoltaics.schedule import Shift, parse_hours
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra import BandSet, Spectrum
-
-CM2 = 1e-4  # [m²]
 
 
 def check_cells(sections: Sequence[CellSection], *, base: Path) -> None:
@@ -133,7 +132,7 @@ def _cell(
 
 
 def _area_m2(section: CellSection) -> float | None:
-    return None if section.area_cm2 is None else section.area_cm2 * CM2
+    return None if section.area_cm2 is None else section.area_cm2 * M2_PER_CM2
 
 
 def _shifts(section: CellSection) -> tuple[Shift, ...]:

@@ -60,6 +60,8 @@ class ReportInput:
         Versions, database hashes, seeds.
     run_file : str
         Text of the run file.
+    applications : tuple of Application
+        What the light is good for: people, plants, cells.
     """
 
     title: str

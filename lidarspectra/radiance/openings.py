@@ -1,9 +1,11 @@
 """The mesh with holes at the windows, for the sun to shine through."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.hardware.phone.scan import Appearance, Scan
+from lidarspectra.hardware.phone.scan import Scan, bare_scan
 from lidarspectra.radiance.lamps import Lamp, Opening
 
 REVEAL_M = 0.5  # [m] outside a window's plane in which the mesh is taken out of the sun's way: pane, frame, reveal
@@ -45,18 +47,8 @@ def open_windows(scan: Scan, face_material: IntArray, sun: Lamp) -> tuple[Scan, 
         local = _local(corners.mean(axis=1), opening, sun.normal)
         inside = ((local > PRISM_LOW) & (local < PRISM_HIGH)).all(axis=1)
         corners, material = corners[~inside], material[~inside]
-    count = len(corners)
-    blank = Appearance(
-        images=(),
-        face_image=np.full(count, -1),
-        corner_uv=np.zeros((count, 3, 2)),
-        corner_color=np.zeros((count, 3, 3)),
-        known=False,
-    )
-    opened = Scan(
-        vertices=corners.reshape(-1, 3), faces=np.arange(3 * count).reshape(-1, 3), appearance=blank, record=scan.record
-    )
-    return opened, np.asarray(material, dtype=np.int64)
+    opened = bare_scan(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    return replace(opened, record=scan.record), np.asarray(material, dtype=np.int64)
 
 
 def _local(points: FloatArray, opening: Opening, beam: FloatArray) -> FloatArray:

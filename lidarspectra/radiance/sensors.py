@@ -86,9 +86,9 @@ def sensor_points(
     if section.points is not None:
         positions, normals = read_points(folder / section.points)
         return place_points(scan, positions, normals, section.lift, free=free)
-    grid = section.grid or GridSection(count=176)
-    points = grid_points(scan, room, grid, free=free)
-    if grid.height >= section.lift:
+    assert section.grid is not None  # the section has either a grid or a file of points
+    points = grid_points(scan, room, section.grid, free=free)
+    if section.grid.height >= section.lift:
         return points
     # So low a grid lies in the floor's own noise; it needs the lift that points on surfaces get.
     return place_points(scan, points.positions, points.normals, section.lift, free=free)
@@ -136,7 +136,8 @@ def grid_points(scan: Scan, room: Room, section: GridSection, *, free: FreeSpace
     if section.spacing is not None:
         plan, _ = plane.free_plan(plane.lattice(max(section.spacing, LEAST_SPACING_M), (0, 0)))
     else:
-        plan = plan_of_count(plane, section.count or 176)
+        assert section.count is not None  # the section has either a count or a spacing
+        plan = plan_of_count(plane, section.count)
     if len(plan) == 0:
         raise _no_place(section, room)
     positions = np.column_stack([plan, np.full(len(plan), z)])

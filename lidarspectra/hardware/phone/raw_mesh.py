@@ -287,7 +287,7 @@ def _join_appearance(parts: list[MeshPart], images: tuple[ByteArray, ...]) -> tu
     face_image = np.full(total, -1, dtype=np.int64)
     corner_uv = np.zeros((total, 3, 2))
     corner_color = np.full((total, 3, 3), NEUTRAL_COLOR)
-    uncolored = bad = start = 0
+    uncolored = start = 0
     for part in parts:
         span = slice(start, start + part.faces.shape[0])
         start = span.stop

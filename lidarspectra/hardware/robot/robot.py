@@ -18,7 +18,7 @@ from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.readings import POSITION
 
 LONGEST_GAP_S = 2.0  # [s] between poses over which a place is interpolated; odometry comes 20 to 30 times a second
-DEFAULT_RADIUS_M = 0.25
+DEFAULT_RADIUS_M = 0.25  # [m] so near a reading counts for a place, unless the places lie closer
 UP = (0.0, 0.0, 1.0)  # the sensor of the paper's robot looks up
 
 
@@ -185,7 +185,7 @@ def grid_readings(light: xr.Dataset, locations: ArrayLike, *, radius_m: float | 
     wanted = float_array(locations, name="locations", shape=(None, 3))
     places = np.stack([light[name].to_numpy() for name in POSITION], axis=1)
     known = np.flatnonzero(np.isfinite(places).all(axis=1))
-    radius = radius_m if radius_m is not None else min(DEFAULT_RADIUS_M, 0.5 * _spacing(wanted))
+    radius = radius_m if radius_m is not None else min(DEFAULT_RADIUS_M, 0.5 * median_spacing(wanted))
     nearest, distance = _nearest(places[known, :2], wanted[:, :2])
     near = distance <= radius
     if not near.any():
@@ -220,7 +220,7 @@ def grid_readings(light: xr.Dataset, locations: ArrayLike, *, radius_m: float | 
     )
 
 
-def _spacing(locations: FloatArray) -> float:
+def median_spacing(locations: FloatArray) -> float:
     """Median distance from a location to its nearest neighbour [m]."""
     if locations.shape[0] < 2:
         return 2.0 * DEFAULT_RADIUS_M

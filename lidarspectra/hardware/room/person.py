@@ -9,7 +9,7 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import SensorError
-from lidarspectra.hardware.room.body import BUILD_RANGE, HEIGHT_RANGE_M, PARTS, BodyMesh, Part, Posture, body_mesh
+from lidarspectra.hardware.room.body import BUILD_RANGE, BodyMesh, Part, Posture, body_mesh
 from lidarspectra.hardware.room.free_space import FreeSpace
 
 HEIGHT_MEAN_M, HEIGHT_SPREAD_M = 1.70, 0.09  # [m] adults of both sexes; means of 1.59 to 1.83 m by country and sex
@@ -261,9 +261,3 @@ def standing_faults(free: FreeSpace, places_m: FloatArray) -> list[str]:
         else:
             faults.append("")
     return faults
-
-
-__all__ = [
-    "HEIGHT_RANGE_M", "PARTS", "PERSON_COLUMNS", "Person", "Positions", "draw_person", "grid_positions", "outside_room",
-    "read_positions", "standing_faults",
-]  # fmt: skip

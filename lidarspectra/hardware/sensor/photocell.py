@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ReadingError
 
+M2_PER_CM2 = 1e-4  # [m² per cm²]
 PAPER_CELL_AREA_CM2 = 36.0  # [cm²] each of the two organic cells (paper, section 3.5)
 AVR_ADC_BITS = 10  # of the ATmega328P in an Arduino Uno (its data sheet)
 ADC_ERROR_LSB = 2.0  # [count] ± absolute accuracy of that converter (its data sheet, table of ADC characteristics)
@@ -149,7 +150,7 @@ def cell_current_density(counts: ArrayLike, circuit: CellCircuit) -> tuple[Float
     density, uncertainty : (...,) float
         [A/m²]
     """
-    area_m2 = circuit.area_cm2 * 1e-4
+    area_m2 = circuit.area_cm2 * M2_PER_CM2
     current, uncertainty = cell_current(counts, circuit)
     area = circuit.area_tolerance / np.sqrt(3.0)
     return current / area_m2, np.asarray(np.hypot(uncertainty, area * np.abs(current)) / area_m2)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import ByteArray, FloatArray, float_array
+from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, float_array
 from lidarspectra.colorimetry import BRADFORD, SRGB_FROM_XYZ, SRGB_WHITE_XYZ, encode_srgb
 from lidarspectra.databases import color_matching_functions
 from lidarspectra.errors import ScanError
@@ -113,7 +113,7 @@ def _seen_light(
     light: SurfaceLight,
     settings: CameraSection,
     generator: np.random.Generator,
-) -> tuple[FloatArray, np.ndarray[tuple[int, ...], np.dtype[np.bool_]]]:
+) -> tuple[FloatArray, BoolArray]:
     """White-balanced linear colour of every pixel, and which pixels show a lit lamp."""
     size = atlas.size_px
     linear = np.empty((size * size, 3), dtype=np.float64)

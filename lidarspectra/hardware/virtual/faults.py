@@ -15,6 +15,7 @@ from lidarspectra.hardware.sensor.serial_link import Link, LinkLostError
 from lidarspectra.hardware.virtual.emulator import Device, Message
 
 Fault = Literal["cut", "repeat", "corrupt", "pause", "reset", "disconnect", "flood", "garbage"]
+START_UNIX_S = 1_700_000_000.0  # [s] any time will do, as long as it is the same each time
 FAULTS: tuple[Fault, ...] = ("cut", "repeat", "corrupt", "pause", "reset", "disconnect", "flood", "garbage")
 
 
@@ -221,7 +222,7 @@ class VirtualClock:
         What it shows at first.
     """
 
-    def __init__(self, unix_s: float = 1_700_000_000.0) -> None:
+    def __init__(self, unix_s: float = START_UNIX_S) -> None:
         self._unix_s = unix_s
         self.elapsed_s = 0.0
 

@@ -17,25 +17,26 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ReadingError
 from lidarspectra.files import write_whole
 from lidarspectra.hardware.robot.poses import Trajectory
+from lidarspectra.hardware.robot.robot import median_spacing
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT
 from lidarspectra.hardware.sensor.calibration import reference_bands
 from lidarspectra.hardware.sensor.reading_log import LogWriter
 from lidarspectra.hardware.sensor.recorder import RecordOptions, RecordSummary, record
 from lidarspectra.hardware.sensor.reference_files import map_light, read_map
 from lidarspectra.hardware.virtual.emulator import Light, SketchBoard
-from lidarspectra.hardware.virtual.faults import FaultPlan, FaultyWire, VirtualClock, VirtualPort
+from lidarspectra.hardware.virtual.faults import START_UNIX_S, FaultPlan, FaultyWire, VirtualClock, VirtualPort
 from lidarspectra.hardware.virtual.solar_cell import VirtualCell, cell_counts, cell_current_in
 from lidarspectra.hardware.virtual.spectral_sensor import draw_sensor
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra import AS7265X_CENTERS_NM, Spectrum
 
 SPEED_M_S = 0.15  # a TurtleBot3 Waffle Pi goes 0.26 m/s at most (its manual); slow is sharp
-POSES_HZ = 10.0
+POSES_HZ = 10.0  # [Hz] of the robot's log
 CLOCK_OFFSET_S = 2.3  # [s] the robot's clock is ahead
-TURN_RAD = 0.6  # of the robot's frame against the scan's
-SHIFT_M = (-1.2, 0.7, 0.0)
-ODOMETRY_NOISE_M = 0.005
-LAMP_READINGS = 30
+TURN_RAD = 0.6  # [rad] of the robot's frame against the scan's
+SHIFT_M = (-1.2, 0.7, 0.0)  # [m] of the robot's frame against the scan's
+ODOMETRY_NOISE_M = 0.005  # [m] standard deviation of each pose
+LAMP_READINGS = 30  # [1] of the reference lamp
 WAIT_S = 10.0  # [s] that the robot stands before it drives, while the recorder starts
 
 
@@ -83,7 +84,7 @@ def drive_past(locations: FloatArray, *, start_unix_s: float, speed_m_s: float =
     """
     if locations.shape[0] < 2:
         raise ReadingError(expected="two locations or more", found=f"{locations.shape[0]}", where="drive")
-    rows = np.round((locations[:, 1] - locations[:, 1].min()) / max(_row_spacing(locations), 1e-3)).astype(int)
+    rows = np.round((locations[:, 1] - locations[:, 1].min()) / max(median_spacing(locations), 1e-3)).astype(int)
     order = np.lexsort((np.where(rows % 2 == 0, locations[:, 0], -locations[:, 0]), rows))
     way = locations[order] * (1.0, 1.0, 0.0)
     moves = np.linalg.norm(np.diff(way, axis=0), axis=1)
@@ -95,12 +96,6 @@ def drive_past(locations: FloatArray, *, start_unix_s: float, speed_m_s: float =
     step = ahead - place[:, :2]
     heading = np.arctan2(step[:, 1], step[:, 0])
     return Trajectory(unix_s=start_unix_s + times, positions=place, headings=heading, frame="scan")
-
-
-def _row_spacing(locations: FloatArray) -> float:
-    distance = np.linalg.norm(locations[:, None, :2] - locations[None, :, :2], axis=2)
-    np.fill_diagonal(distance, np.inf)
-    return float(np.median(distance.min(axis=1)))
 
 
 def virtual_responsivity(seed: int) -> FloatArray:
@@ -173,7 +168,7 @@ def rehearse(
     folder.mkdir(parents=True, exist_ok=True)
     sensor = draw_sensor(seed)
     responsivity, dark = sensor.responsivity, sensor.dark_per_ms
-    start = 1_700_000_000.0
+    start = START_UNIX_S
     wavelengths = np.arange(350.0, 1001.0, 5.0)
     lamp = Spectrum(wavelengths_nm=wavelengths, values=2e-3 * (0.2 + (wavelengths - 350.0) / 650.0))
     rows = "".join(f"{w:g},{v:.9g}\n" for w, v in zip(lamp.wavelengths_nm, lamp.values, strict=True))

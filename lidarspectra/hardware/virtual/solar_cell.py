@@ -12,7 +12,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import ReadingError
-from lidarspectra.hardware.sensor.photocell import ADC_ERROR_LSB, CellCircuit
+from lidarspectra.hardware.sensor.photocell import ADC_ERROR_LSB, M2_PER_CM2, CellCircuit
 from lidarspectra.spectra import Spectrum
 
 CELL_SPREAD = 0.03  # [1] standard deviation of a cell's response to its data sheet
@@ -72,7 +72,7 @@ def cell_current_in(cell: VirtualCell, wavelengths_nm: FloatArray, irradiance: F
     spectra = float_array(irradiance, name="irradiance", shape=(None, wavelengths_nm.size))
     response = cell.responsivity.at(wavelengths_nm, outside="zero")
     density = np.trapezoid(spectra * response, wavelengths_nm, axis=1)
-    return np.asarray(cell.factor * density * cell.circuit.area_cm2 * 1e-4, dtype=np.float64)
+    return np.asarray(cell.factor * density * cell.circuit.area_cm2 * M2_PER_CM2, dtype=np.float64)
 
 
 def cell_counts(cell: VirtualCell, current: FloatArray, generator: np.random.Generator) -> IntArray:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.config import LampSection, TraceSection
 from lidarspectra.hardware.phone.scan import bare_scan
 from lidarspectra.mapping.spectral_map import spectral_map
@@ -276,7 +276,7 @@ def _light(
     return light["irradiance"].to_numpy(), light["irradiance_se"].to_numpy()
 
 
-def _box() -> tuple[FloatArray, np.ndarray[tuple[int, ...], np.dtype[np.int64]]]:
+def _box() -> tuple[FloatArray, IntArray]:
     """A cube about (0, 0, 1), its faces turned inwards."""
     import trimesh
 

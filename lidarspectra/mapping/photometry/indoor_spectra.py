@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.databases import list_lamps, load_reflectances
 from lidarspectra.reflectance_library import ReflectanceLibrary
 from lidarspectra.spectra import BandSet, Spectrum
 
-GRID_NM = np.arange(350.0, 1000.1, 1.0)
+GRID_NM = np.arange(350.0, 1000.1, 1.0)  # [nm] the channels from 410 to 940 nm with their tails
 SURFACES = 12  # [1] taken evenly from the library, ordered by their mean reflectance
 DIRECT_SHARES = (0.0, 0.5)  # [1] of the light that comes straight from the lamp; all of it is one more spectrum
 
@@ -41,7 +41,7 @@ class IndoorSpectra:
     values: FloatArray
     factors: FloatArray
     lamps: FloatArray
-    lamp: np.ndarray[tuple[int], np.dtype[np.int64]]
+    lamp: IntArray
     categories: tuple[str, ...]
     names: tuple[str, ...]
 

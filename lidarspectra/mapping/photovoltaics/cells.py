@@ -17,6 +17,7 @@ from scipy import constants
 from lidarspectra.database_files import list_databases, table
 from lidarspectra.databases import FILE_SUFFIXES
 from lidarspectra.errors import DatabaseError
+from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
 from lidarspectra.spectra import Spectrum
 from lidarspectra.spectrum_files import TableRow, finite_number, read_spectrum_file, read_text
 
@@ -209,7 +210,7 @@ def _cell(row: TableRow, path: Path) -> Cell:
         provenance=properties.get("provenance", "measured"),
         quantity="relative" if properties.get("quantity") == "relative" else "efficiency",
         efficiency=row.spectrum,
-        area_m2=None if area is None else area * 1e-4,
+        area_m2=None if area is None else area * M2_PER_CM2,
         circuit=circuit,
     )
 

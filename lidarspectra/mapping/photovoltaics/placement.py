@@ -150,7 +150,7 @@ def wall_mounts(room: Room, heights_m: Sequence[float]) -> Mounts:
                 positions.append((*(start + share * along + OFF_WALL_M * inward[:2]), room.floor_z + height))
                 normals.append(inward)
     if not positions:
-        raise MapError(expected="a wall of 25 cm or more", found="none", where="walls of the room")
+        raise MapError(expected=f"a wall of {WALL_SPACING_M:g} m or more", found="none", where="walls of the room")
     found = np.array(positions)
     return Mounts(positions=found, normals=np.array(normals), place=np.arange(len(found)))
 
