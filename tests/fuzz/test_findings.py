@@ -8,6 +8,7 @@ import pytest
 from lidarspectra.databases import import_lspdd
 from lidarspectra.errors import DatabaseError, LampError, LidarSpectraError, MapError, ReadingError, ScanError
 from lidarspectra.hardware.phone.raw_mesh import FileFolder
+from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.robot.poses import read_poses
 from lidarspectra.hardware.sensor.calibration_files import read_calibration
 from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
@@ -51,6 +52,21 @@ def test_numbers_of_too_many_digits_are_no_hours_and_no_candela() -> None:
 def test_names_that_no_system_has_a_file_of_are_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(ScanError):
         FileFolder(root=tmp_path, where="a.obj").read(name)
+
+
+def test_a_usd_file_with_infinite_positions_is_refused_without_a_warning(tmp_path: Path) -> None:
+    pytest.importorskip("pxr", reason="the extra 'usd' is not installed")
+    points = "(inf, 0, 0), (-inf, 1, 0), (0, 1, nan), (0, 0, 1)"
+    text = (
+        '#usda 1.0\n( upAxis = "Z"\n metersPerUnit = 1 )\ndef Mesh "m" {\n'
+        f"point3f[] points = [{points}]\n"
+        "int[] faceVertexCounts = [3, 3]\nint[] faceVertexIndices = [0, 1, 2, 0, 2, 3]\n"
+        'double3 xformOp:scale = (2, 1, 1)\nuniform token[] xformOpOrder = ["xformOp:scale"]\n}\n'
+    )
+    path = tmp_path / "a.usda"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ScanError, match="finite positions"):
+        read_scan(path)
 
 
 def test_a_message_is_one_paragraph_whatever_words_it_repeats() -> None:

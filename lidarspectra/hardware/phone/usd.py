@@ -187,7 +187,8 @@ def _mesh_parts(reading: _Reading, prim: Usd.Prim) -> Iterator[MeshPart]:
         raise ValueError(f"faces of {sizes.sum()} corners, but {numbers.size} corner numbers")
     # Row vectors: position times matrix, as the library has it.
     matrix = np.array(UsdGeom.XformCache(reading.time).GetLocalToWorldTransform(prim), dtype=np.float64)
-    vertices = points @ matrix[:3, :3] + matrix[3, :3]
+    with np.errstate(invalid="ignore", over="ignore"):  # what is not finite then is refused with the whole mesh
+        vertices = points @ matrix[:3, :3] + matrix[3, :3]
     corners, polygon = _fans(sizes)
     left_handed = mesh.GetOrientationAttr().Get(reading.time) == UsdGeom.Tokens.leftHanded
     if left_handed != bool(np.linalg.det(matrix[:3, :3]) < 0):
