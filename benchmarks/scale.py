@@ -27,7 +27,7 @@ from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.inputs import copy_scene
 from lidarspectra.pipeline import run
 from lidarspectra.progress import Progress, remaining_s
-from lidarspectra.workspace import StageName, StageResult
+from lidarspectra.workspace import STAGES, StageName, StageResult
 
 HALL_M = (12.0, 9.0, 3.0)
 CELL_M = 0.03  # [m] edge of the mesh's squares, two triangles each
@@ -45,6 +45,10 @@ POINTS = 100_000
 SEED = 11
 HONEST_AFTER = 0.2  # [1] of a stage's time
 LAST_S = 2.0  # [s] before its end: a ratio of moments says nothing
+
+
+Report = tuple[float, float, str]
+"""Processor time of the stage so far [s], fraction that it says is done [1], and its words."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -268,17 +272,17 @@ def write_hall(folder: Path, points: int = POINTS) -> Path:
 class Watch:
     """Keeps every progress report with its moment, and prints a stage when it is done."""
 
-    reports: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    reports: dict[str, list[Report]] = field(default_factory=dict)
     _start_processor: float = 0.0
 
     def start(self, stage: StageName) -> Progress:
         """Begin a stage."""
         self._start_processor = processor_seconds()
-        kept: list[tuple[float, float]] = []
+        kept: list[Report] = []
         self.reports[stage] = kept
 
         def report(fraction: float, message: str) -> None:
-            kept.append((processor_seconds() - self._start_processor, fraction))
+            kept.append((processor_seconds() - self._start_processor, fraction, message))
 
         return report
 
@@ -286,6 +290,7 @@ class Watch:
         """Print its line."""
         record = result.record
         computed_s = processor_seconds() - self._start_processor
+        self.reports[record.stage].append((computed_s, 1.0, "done"))
         told = "kept" if result.was_fresh else told_words(self.reports[record.stage], computed_s)
         print(
             f"| {record.stage} | {computed_s:,.0f} s | {record.seconds:,.0f} s | "
@@ -294,10 +299,10 @@ class Watch:
         )
 
 
-def told_ratios(reports: list[tuple[float, float]], took_s: float) -> FloatArray:
+def told_ratios(reports: list[Report], took_s: float) -> FloatArray:
     """Ratio of the remaining time that was told to the true one, at every report that must be honest [1]."""
     ratios = []
-    for elapsed_s, fraction in reports:
+    for elapsed_s, fraction, _ in reports:
         left_s = took_s - elapsed_s
         told_s = remaining_s(elapsed_s, fraction)
         if elapsed_s >= HONEST_AFTER * took_s and left_s >= LAST_S and told_s is not None:
@@ -305,7 +310,7 @@ def told_ratios(reports: list[tuple[float, float]], took_s: float) -> FloatArray
     return np.array(ratios)
 
 
-def told_words(reports: list[tuple[float, float]], took_s: float) -> str:
+def told_words(reports: list[Report], took_s: float) -> str:
     """The range of those ratios, in words."""
     ratios = told_ratios(reports, took_s)
     if ratios.size == 0:
@@ -319,6 +324,7 @@ def main() -> None:
     parser.add_argument("room", choices=("hall", "demo"))
     parser.add_argument("folder", type=Path)
     parser.add_argument("--points", type=int, default=POINTS)
+    parser.add_argument("--last", choices=STAGES, default="report", help="stop after this stage")
     arguments = parser.parse_args()
     if arguments.room == "demo":
         run_file = copy_scene("office", arguments.folder)
@@ -332,7 +338,7 @@ def main() -> None:
     )
     watch = Watch()
     try:
-        run(run_file, listener=watch)
+        run(run_file, last=arguments.last, listener=watch)
     finally:
         (arguments.folder / "progress.json").write_text(json.dumps(watch.reports), encoding="utf-8")
 

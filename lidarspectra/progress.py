@@ -1,6 +1,7 @@
 """How long functions tell how far they are: silent unless the caller listens."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 TOLD_FROM = 0.2  # [1] of a stage; before, a remaining time would be a guess
 LEAST_TOLD_S = 10.0  # [s]
@@ -20,6 +21,26 @@ def part_of(progress: Progress, start: float, stop: float) -> Progress:
         progress(start + (stop - start) * fraction, message)
 
     return report
+
+
+def shares(progress: Progress, costs: Sequence[float]) -> tuple[Progress, ...]:
+    """Split a longer job's progress among its parts, in the order in which they are done.
+
+    Parameters
+    ----------
+    progress : Progress
+        Of the whole.
+    costs : sequence of float
+        What each part is expected to take: processor time, or anything in proportion to it. [any unit]
+
+    Returns
+    -------
+    parts : tuple of Progress
+        One for each cost.
+    """
+    total = sum(costs)
+    edges = [sum(costs[:number]) / total for number in range(len(costs) + 1)]
+    return tuple(part_of(progress, start, stop) for start, stop in pairwise(edges))
 
 
 def remaining_s(elapsed_s: float, fraction: float) -> float | None:

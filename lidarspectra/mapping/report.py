@@ -12,7 +12,7 @@ from lidarspectra.mapping.report_input import ReportInput
 from lidarspectra.mapping.report_tables import StageRow
 from lidarspectra.mapping.report_writer import ReportWriter, unwritable
 from lidarspectra.mapping.room_view import room_view_data
-from lidarspectra.progress import Progress, silent
+from lidarspectra.progress import Progress, shares, silent
 
 PAGE = "index.html"
 
@@ -43,24 +43,25 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
     """
     writer = ReportWriter(folder)
     light = parts.light_of_report(report)
-    makers: tuple[tuple[str, Callable[[], str]], ...] = (
-        ("Summary", lambda: parts.summary_section(report, light, writer)),
-        ("Room in 3D", lambda: parts.room_section(report)),
-        ("Spectral maps", lambda: parts.maps_section(report, writer)),
-        ("Spectra", lambda: parts.spectra_section(report, writer)),
-        ("Illuminance", lambda: parts.illuminance_section(report, light, writer)),
-        ("Accuracy", lambda: parts.accuracy_section(report, writer)),
-        ("Lamps and sensors", lambda: parts.lamps_section(report, writer)),
-        *((each.title, partial(parts.application_section, each, writer)) for each in report.applications),
-        ("Materials", lambda: parts.materials_section(report, writer)),
-        ("Views", lambda: parts.views_section(report, writer)),
-        ("Scan", lambda: parts.scan_section(report, writer)),
-        ("All points", lambda: parts.points_section(report, writer)),
-        ("Provenance", lambda: parts.provenance_section(report, writer)),
+    makers: tuple[tuple[str, float, Callable[[], str]], ...] = (  # title, usual processor time [s], content
+        ("Summary", 0.1, lambda: parts.summary_section(report, light, writer)),
+        ("Room in 3D", 0.0, lambda: parts.room_section(report)),
+        ("Spectral maps", 3.4, lambda: parts.maps_section(report, writer)),
+        ("Spectra", 0.5, lambda: parts.spectra_section(report, writer)),
+        ("Illuminance", 0.5, lambda: parts.illuminance_section(report, light, writer)),
+        ("Accuracy", 0.7, lambda: parts.accuracy_section(report, writer)),
+        ("Lamps and sensors", 0.2, lambda: parts.lamps_section(report, writer)),
+        *((each.title, 0.5, partial(parts.application_section, each, writer)) for each in report.applications),
+        ("Materials", 2.6, lambda: parts.materials_section(report, writer)),
+        ("Views", 2.0, lambda: parts.views_section(report, writer)),
+        ("Scan", 0.0, lambda: parts.scan_section(report, writer)),
+        ("All points", 0.1, lambda: parts.points_section(report, writer)),
+        ("Provenance", 0.1, lambda: parts.provenance_section(report, writer)),
     )
     sections = []
-    for number, (title, make) in enumerate(makers):
-        progress(number / len(makers), title.lower())
+    told = shares(progress, [cost for _, cost, _ in makers])
+    for (title, _, make), tell in zip(makers, told, strict=True):
+        tell(0.0, title.lower())
         content = make()
         if content:
             sections.append(html.Section(anchor=title.lower().replace(" ", "-"), title=title, content=content))

@@ -32,6 +32,8 @@ CANDIDATE_HEIGHTS = (0.15, 0.35, 0.6, 0.85)  # [1] of the room's height: below t
 CLEARANCE_M = 0.15  # [m] a camera so close to a surface sees little else
 MOST_CANDIDATES = 240  # [1] bounds the time of the search
 MOST_OF_NEW = 0.8  # [1] of the new area that a viewpoint sees; directions beyond it are not worth their image
+SEARCH_VIEWS = 3.0  # [1] views in whose time the search for viewpoints is made ready
+USUAL_LATER_VIEWS = 2.5  # [1] directions of a viewpoint after the first that show something new
 SURFACE_GAP = 1e-3  # [1] of a sight line, left out at the surface so that a sample does not hide itself
 
 
@@ -123,7 +125,6 @@ def render_views(
             covered |= shows[direction]
         viewpoints.append(viewpoint)
         history.append(search.share(covered))
-        progress(_share_done(history, coverage, chosen.most_viewpoints), f"{history[-1]:.1%} of the area seen")
         if history[-1] >= coverage:
             stopped = f"{coverage:.0%} of the area is seen"
         elif len(viewpoints) == chosen.most_viewpoints:
@@ -132,6 +133,8 @@ def render_views(
             viewpoint, gain = search.viewpoint_update(covered)
             if gain < chosen.least_gain:
                 stopped = f"no other place sees {chosen.least_gain:.1%} more of the area"
+        missing = 0 if stopped else search.missing_viewpoints(covered, coverage, chosen.most_viewpoints - len(history))
+        progress(_share_done(len(views), len(viewpoints), missing), f"{history[-1]:.1%} of the area seen")
     progress(1.0, "views rendered")
     return ViewSet(
         views=tuple(views),
@@ -145,11 +148,11 @@ def render_views(
     )
 
 
-def _share_done(history: list[float], coverage: float, most: int) -> float:
-    """Share of the viewpoints that are taken, if each that is still missing adds half of what the last one added."""
-    gain = history[-1] - (history[-2] if len(history) > 1 else 0.0)
-    missing = max(1.0, 2.0 * (coverage - history[-1]) / max(gain, 1e-3))
-    return len(history) / min(len(history) + missing, max(most, len(history) + 1.0))
+def _share_done(views: int, viewpoints: int, missing: int) -> float:
+    """Share of the work that is done with so many views of so many viewpoints, and so many viewpoints missing [1]."""
+    later = (views - len(DIRECTIONS)) / (viewpoints - 1) if viewpoints > 1 else USUAL_LATER_VIEWS
+    done = SEARCH_VIEWS + views
+    return done / (done + missing * later)
 
 
 class _Search:
@@ -162,6 +165,7 @@ class _Search:
         self._total = float(samples.area.sum())
         self._open: IntArray | None = None
         self._sees: BoolArray = np.zeros((0, 0), dtype=np.bool_)
+        self._missing: int | None = None
 
     def share(self, chosen: BoolArray) -> float:
         """Share of the scan's area that the chosen samples stand for [1]."""
@@ -175,6 +179,28 @@ class _Search:
         new_area = self._sees @ (self._samples.area[self._open] * ~covered[self._open])
         best = int(new_area.argmax())
         return self._candidates[best], float(new_area[best]) / self._total
+
+    def missing_viewpoints(self, covered: BoolArray, coverage: float, most: int) -> int:
+        """Viewpoints still to be taken, counted once as if every view showed all that can be seen from its place."""
+        if self._missing is None:
+            self._missing = self._count_viewpoints(covered, coverage, most)
+        else:
+            self._missing -= 1
+        return max(1, self._missing)
+
+    def _count_viewpoints(self, covered: BoolArray, coverage: float, most: int) -> int:
+        area, left = self._samples.area[self._open], ~covered[self._open]
+        wanted = (coverage - self.share(covered)) * self._total
+        for count in range(1, most + 1):
+            gains = self._sees @ (area * left)
+            best = int(gains.argmax())
+            wanted -= float(gains[best])
+            if wanted <= 0:
+                return count
+            if gains[best] < self._settings.least_gain * self._total:
+                return count - 1
+            left &= ~self._sees[best]
+        return most
 
 
 def free_candidates(scan: Scan, room: Room, caster: RayCaster) -> FloatArray:
