@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import FloatArray, IntArray
@@ -28,6 +29,7 @@ BATCHES = 8  # [1] enough to tell a spread by, few enough for large sets of dire
 NEIGHBOURS = 9  # [1] points whose variances are averaged to share out work
 _REPEATS = tuple(4**power for power in range(7))  # [1] shadow-ray repeats a batch; each number is a job of its own
 _DIRECTIONS = FIBONACCI[::2]  # [1] of 'once' and 'view' a batch; the same
+_FEW_DIRECTIONS = (1, 2, *_DIRECTIONS)  # [1] where at least so many passes share a band's light as make up the fewest
 _MOST_BURN_RECORDS = 8  # [1] results thrown away at the start of a job, so that jobs use the engine's numbers shifted
 _MOST_BURN_RAYS = 64  # [1] the same for the paths that sensors share
 
@@ -46,9 +48,11 @@ class Component:
     lamps, bands : tuple of int
         Which of the scene's they are.
     mean : (batch, lamp, point, band) float
-        Running means of the batches. [W/m²/nm]
+        Running means of the batches, in single precision: they are what fills the memory. [W/m²/nm]
     samples : (point,) or (1,) int
         Samples a batch so far; one number for the paths of 'often', which all points share.
+    sharers : int
+        Components of its kind whose light adds up in its bands, itself counted: the more, the less each need be known.
     surfaces : Surfaces or None
         For 'often'.
     seconds, sampled : float, int
@@ -59,8 +63,9 @@ class Component:
     options: PassOptions
     lamps: tuple[int, ...]
     bands: tuple[int, ...]
-    mean: FloatArray
+    mean: NDArray[np.float32]
     samples: IntArray
+    sharers: int = 1
     surfaces: Surfaces | None = None
     seconds: float = 0.0
     sampled: int = 0
@@ -68,7 +73,8 @@ class Component:
     @property
     def sizes(self) -> tuple[int, ...]:
         """Numbers of samples that one set may have."""
-        return {"direct": _REPEATS, "often": FIBONACCI}.get(self.kind, _DIRECTIONS)
+        directions = _FEW_DIRECTIONS if self.sharers >= FIBONACCI[0] else _DIRECTIONS
+        return {"direct": _REPEATS, "often": FIBONACCI}.get(self.kind, directions)
 
     @property
     def bounces(self) -> int:
@@ -151,7 +157,9 @@ def _pooled_tasks(
 ) -> Iterator[Task]:
     start = time.process_time()
     values = len(component.lamps) * component.options.group.slot_count
-    pooled = draw_pooled_paths(surfaces, sensors, paths, batches=BATCHES, values=values, generator=generator)
+    pooled = draw_pooled_paths(
+        surfaces, sensors, paths, batches=BATCHES, values=values, sharers=component.sharers, generator=generator
+    )
     component.seconds += time.process_time() - start
     points = np.arange(len(sensors.positions))
     for leg in pooled.legs:

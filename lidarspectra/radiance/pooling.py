@@ -37,9 +37,10 @@ from lidarspectra.radiance.receptors import FIBONACCI, cosine_directions
 from lidarspectra.radiance.sensor_rays import SENSOR_OFFSET_M, Sensors
 
 PATHS_A_CELL = 16  # [1] few, and a ray's own noise remains; many, and cells are coarse
-LEAST_LOOKS = 8  # [1] rays a sensor sends in a batch, at least
+LEAST_LOOKS = 8  # [1] rays a sensor sends in a batch, at least, in all passes of a band together
 PATHS_A_LOOK = 24  # [1] drawn paths for each ray of a sensor: more rays are dear, fewer are noisy
 REST_WEIGHT = 0.2  # [1] as `PATH_WEIGHT`, of paths that go on: their first reflection, by a half or so, is behind them
+_LOOKS = (1, 2, 3, *FIBONACCI)  # [1] rays of a sensor; less than five are no lattice, and do where many passes add up
 _CURVE_BITS = 6  # [1] steps along each side of a box, as a power of two: 1 cm
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])  # [1] 1/g and 1/g², g³ = g + 1 (Roberts 2018)
 
@@ -112,7 +113,14 @@ class PooledPaths:
 
 
 def draw_pooled_paths(
-    surfaces: Surfaces, sensors: Sensors, paths: int, *, batches: int, values: int, generator: np.random.Generator
+    surfaces: Surfaces,
+    sensors: Sensors,
+    paths: int,
+    *,
+    batches: int,
+    values: int,
+    generator: np.random.Generator,
+    sharers: int = 1,
 ) -> PooledPaths:
     """Look where sensors' rays arrive, and draw the paths to be followed.
 
@@ -127,13 +135,15 @@ def draw_pooled_paths(
     values : int
         Numbers that the engine answers a ray with.
     generator : numpy.random.Generator
+    sharers : int
+        Passes whose light adds up, each with looks of its own.
 
     Returns
     -------
     pooled : PooledPaths
     """
     count = len(sensors.positions)
-    looks = _looks(paths, count)
+    looks = _looks(paths, count, sharers)
     sensor = np.repeat(np.arange(count), looks)
     legs: list[list[Leg]] = []
     cells: list[IntArray] = []
@@ -162,10 +172,10 @@ def draw_pooled_paths(
     )
 
 
-def _looks(paths: int, sensors: int) -> int:
+def _looks(paths: int, sensors: int, sharers: int) -> int:
     """Rays a sensor sends in a batch: enough that their own noise is no more than the drawn paths'."""
-    wanted = max(LEAST_LOOKS, paths / PATHS_A_LOOK, paths / sensors)
-    return next((count for count in FIBONACCI if count >= wanted), FIBONACCI[-1])
+    wanted = max(LEAST_LOOKS / sharers, paths / PATHS_A_LOOK, paths / sensors)
+    return next((count for count in _LOOKS if count >= wanted), _LOOKS[-1])
 
 
 def _worth(scattering: Scattering, material: IntArray) -> FloatArray:

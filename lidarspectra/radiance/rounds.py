@@ -25,7 +25,7 @@ from lidarspectra.radiance.estimator import (
     wanted_samples,
 )
 from lidarspectra.radiance.options import PassOptions
-from lidarspectra.radiance.receptors import FIBONACCI, Receptor
+from lidarspectra.radiance.receptors import Receptor
 from lidarspectra.radiance.scene import RadianceScene
 from lidarspectra.radiance.sensor_rays import Sensors
 from lidarspectra.radiance.uncertainty import standard_error
@@ -37,7 +37,8 @@ MOST_PATHS_A_POINT = 2**18  # [1] on average over a block, each pass; a quarter 
 RAYS_A_JOB = (2**15, 2**17)  # [1] fewest and most rays given to a child process: 6 MB, a few seconds
 CLOCK_LAG_S = 0.05  # [s] the engine asks a clock that is moved on by ticks, of 16 ms at the longest, behind our own
 AIM = 0.85  # [1] of the target variance that a round aims at: its prediction is uncertain
-PROGRESS_MARKS = (0.0, 0.2, 0.9, 0.96, 0.98)  # [1] where rounds begin
+FIRST_ROUND = 0.2  # [1] of a block's progress: only what it finds tells how much the next one has to do
+SECOND_ROUND = 0.95  # [1] of it when that one is done; mostly it was the last
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +98,7 @@ class BlockResult:
         Standard error of the sum over lamps. [W/m²/nm]
     """
 
-    batches: FloatArray
+    batches: NDArray[np.float32]
     irradiance_se: FloatArray
 
 
@@ -140,9 +141,9 @@ def estimate_block(
     """
     components = _components(scene, request, counted.size)
     wanted = _first(components, request)
-    marks = [*PROGRESS_MARKS, *[PROGRESS_MARKS[-1]] * MOST_ROUNDS, 1.0]
-    for number in range(MOST_ROUNDS):
-        share = part_of(progress, marks[number], marks[number + 1])
+    start, stop = 0.0, FIRST_ROUND
+    for _ in range(MOST_ROUNDS):
+        share = part_of(progress, start, stop)
         _sample(components, wanted, sensors, scene, request, generator=generator, log=log, progress=share)
         totals = _totals(scene, components)
         error = standard_error(totals)
@@ -154,8 +155,19 @@ def estimate_block(
         wanted = _missing(scene, components, sensors, counted, means, request.target)
         if not any(more.any() for more in wanted):
             break
+        start = max(stop, SECOND_ROUND * share_done(components, wanted))
+        stop = max(start, SECOND_ROUND)
     progress(1.0, "traced")
     return BlockResult(batches=_coefficients(scene, components), irradiance_se=error)
+
+
+def share_done(components: Sequence[Component], wanted: Sequence[IntArray]) -> float:
+    """Share of the engine's time that is spent when these samples are still wanted, at the price of those taken [1]."""
+    spent_s = sum(component.seconds for component in components)
+    missing_s = sum(
+        BATCHES * float(more.sum()) * component.price for component, more in zip(components, wanted, strict=True)
+    )
+    return spent_s / max(spent_s + missing_s, 1e-9)
 
 
 def first_mean(
@@ -182,7 +194,8 @@ def _components(scene: RadianceScene, request: Request, count: int) -> list[Comp
             ),
             lamps=scene_pass.lamps,
             bands=scene_pass.bands,
-            mean=np.zeros((BATCHES, len(scene_pass.lamps), count, len(scene_pass.bands))),
+            mean=np.zeros((BATCHES, len(scene_pass.lamps), count, len(scene_pass.bands)), dtype=np.float32),
+            sharers=sum(other.bands == scene_pass.bands for other in scene.passes),
             samples=np.zeros(1 if kind == "often" else count, dtype=np.int64),
             surfaces=request.surfaces[scene_pass.name] if kind == "often" else None,
         )
@@ -201,9 +214,11 @@ def _first(components: Sequence[Component], request: Request) -> list[IntArray]:
     )
     wanted = []
     for component in components:
-        sharers = sum(other.bands == component.bands and other.kind == component.kind for other in components)
-        most = max((pooled if component.kind == "often" else paths) / sharers, FIBONACCI[0])
-        size = 1 if component.kind == "direct" else max(count for count in FIBONACCI if count <= most)
+        most = (pooled if component.kind == "often" else paths) / component.sharers
+        fewest = component.sizes[0]
+        size = (
+            1 if component.kind == "direct" else max(count for count in component.sizes if count <= max(most, fewest))
+        )
         wanted.append(np.full(component.samples.size, size, dtype=np.int64))
     return wanted
 
@@ -268,9 +283,10 @@ def _flux_ratio(scene: RadianceScene, component: Component) -> FloatArray:
     return np.asarray(scene.flux[where] / scene.written_flux[where], dtype=np.float64)
 
 
-def _coefficients(scene: RadianceScene, components: Sequence[Component]) -> FloatArray:
+def _coefficients(scene: RadianceScene, components: Sequence[Component]) -> NDArray[np.float32]:
     """(batch, lamp, point, band) [m⁻²]."""
-    values = np.zeros((BATCHES, len(scene.lamp_names), components[0].samples.size, len(scene.bands)))
+    shape = (BATCHES, len(scene.lamp_names), components[0].samples.size, len(scene.bands))
+    values = np.zeros(shape, dtype=np.float32)
     for component in components:
         written = scene.written_flux[np.ix_(component.lamps, component.bands)]
         for row, lamp in enumerate(component.lamps):

@@ -13,6 +13,7 @@ seconds, so that no round repeats another.
 import os
 import time
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import xarray as xr
@@ -33,7 +34,8 @@ from lidarspectra.radiance.sensors import SensorPoints
 from lidarspectra.radiance.transport import KEPT_BATCH_VALUES, make_transport
 from lidarspectra.radiance.uncertainty import standard_error
 
-BLOCK_VALUES = 8_000_000  # [1] batch values of a component in a block: 64 MB
+BLOCK_BYTES = 3 * 2**29  # [byte] of what is kept of a block: with many lamps small ones are mostly starts of the engine
+BYTES_A_VALUE = 16  # [byte] of a batch, lamp, point and band: three components and their sum, in single precision
 MOST_BLOCK_POINTS = 20_000  # [1]
 SCALE_POINTS = 256  # [1] points that tell the mean irradiance, where there is more than one block
 
@@ -177,9 +179,9 @@ def _trace(
         result = estimate_block(
             scene, sensors, counted[block], scale, request, generator=generator, log=log, progress=share
         )
-        coefficient[:, block] = result.batches.mean(axis=0)
+        coefficient[:, block] = result.batches.mean(axis=0, dtype=np.float64)
         for lamp in range(lamps):
-            coefficient_se[lamp, block] = standard_error(result.batches[:, lamp])
+            coefficient_se[lamp, block] = standard_error(result.batches[:, lamp].astype(np.float64))
         irradiance_se[block] = result.irradiance_se
         if batches is not None:
             batches[:, :, block] = result.batches
@@ -206,9 +208,11 @@ def _trace(
 
 
 def _blocks(scene: RadianceScene, count: int) -> list[slice]:
-    values_a_point = BATCHES * len(scene.lamp_names) * len(scene.bands)
-    size = max(1, min(MOST_BLOCK_POINTS, BLOCK_VALUES // values_a_point))
-    return [slice(first, min(first + size, count)) for first in range(0, count, size)]
+    """Blocks of about as many points each."""
+    bytes_a_point = BYTES_A_VALUE * BATCHES * len(scene.lamp_names) * len(scene.bands)
+    most = max(1, min(MOST_BLOCK_POINTS, BLOCK_BYTES // bytes_a_point))
+    edges = np.linspace(0, count, -(-count // most) + 1).round().astype(np.int64).tolist()
+    return [slice(first, last) for first, last in pairwise(edges)]
 
 
 def _scale(

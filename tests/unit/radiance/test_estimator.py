@@ -20,6 +20,7 @@ from lidarspectra.radiance.estimator import (
 )
 from lidarspectra.radiance.options import PassOptions
 from lidarspectra.radiance.receptors import FIBONACCI, cosine_receptor
+from lidarspectra.radiance.rounds import share_done
 from lidarspectra.radiance.sensor_rays import Sensors
 
 GROUP = band_groups(3, "native")[0]
@@ -177,3 +178,18 @@ def test_smoothing_averages_over_the_nearest_points() -> None:
     assert smoothed[50] == pytest.approx(1.0)
     assert smoothed[20] == 0.0
     assert smooth_over_neighbours(np.array([3.0]), sensors(1)) == pytest.approx(3.0)
+
+
+def test_the_share_that_is_done_counts_what_is_wanted_at_the_price_of_what_was_taken() -> None:
+    cheap, dear = component(10, "direct", seconds=1.0), component(10, seconds=3.0)
+    as_many = [np.full(10, 8), np.full(10, 8)]  # as were taken so far
+    assert share_done([cheap, dear], as_many) == pytest.approx(0.5)
+    assert share_done([cheap, dear], [np.full(10, 8), np.zeros(10)]) == pytest.approx(4.0 / 5.0)
+
+
+def test_where_many_passes_add_up_a_single_direction_of_each_may_do() -> None:
+    alone, shared = component(4), component(4, sharers=16)
+    assert alone.sizes[0] == FIBONACCI[0]
+    assert shared.sizes[0] == 1
+    assert set(alone.sizes) < set(shared.sizes)
+    assert component(4, "often", sharers=16).sizes == FIBONACCI
