@@ -17,7 +17,8 @@ from lidarspectra.terminal import console, say
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.as7265x import SensorSettings
-    from lidarspectra.hardware.sensor.calibration import Calibration, Observation, Signal
+    from lidarspectra.hardware.sensor.calibration import Calibration, Observation
+    from lidarspectra.hardware.sensor.readings import Signal
 
 app = typer.Typer()
 

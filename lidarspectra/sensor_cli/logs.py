@@ -79,9 +79,10 @@ def convert(
     integration: IntegrationOption = None,
 ) -> None:
     """Turn any known log into one table: counts, settings, and spectral irradiance with its uncertainty."""
+    from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
     from lidarspectra.hardware.sensor.identify import order_by_user
     from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
-    from lidarspectra.hardware.sensor.readings import spectral_irradiance, write_readings
+    from lidarspectra.hardware.sensor.readings import write_readings
 
     order = order_by_user(header) if header is not None else None
     readings = readings_from_csv(log, order=order, settings=settings_given(gain, integration))
@@ -128,8 +129,9 @@ def join(
     from lidarspectra.hardware.robot.alignment import read_point_pairs
     from lidarspectra.hardware.robot.poses import read_poses
     from lidarspectra.hardware.robot.robot import grid_readings, place_readings, read_locations, write_measured
+    from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
     from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
-    from lidarspectra.hardware.sensor.readings import spectral_irradiance, write_readings
+    from lidarspectra.hardware.sensor.readings import write_readings
     from lidarspectra.hardware.sensor.reference_files import map_light
 
     readings = readings_from_csv(log, settings=settings_given(gain, integration))

@@ -163,7 +163,7 @@ def grid_readings(light: xr.Dataset, locations: ArrayLike, *, radius_m: float | 
     Parameters
     ----------
     light : xarray.Dataset
-        From `readings.spectral_irradiance`, with places.
+        From `calibrated_light.spectral_irradiance`, with places.
     locations : (location, 3) float
         [m]
     radius_m : float, optional

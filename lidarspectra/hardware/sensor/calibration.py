@@ -16,10 +16,9 @@ from numpy.typing import ArrayLike
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT, CHANNEL_LABELS, DIE_INDEX, DIES, nominal_responsivity
-from lidarspectra.hardware.sensor.readings import best_signal, signal
+from lidarspectra.hardware.sensor.readings import Signal, best_signal, signal
 from lidarspectra.spectra import Spectrum, sensor_bands
 
-Signal = Literal["basic counts", "basic module values", "module values"]
 Kind = Literal["lamp", "field"]
 
 LIT_FRACTION = 1e-3  # [1] of the brightest channel; a reference that sends less into a channel says nothing on it

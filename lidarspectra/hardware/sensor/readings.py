@@ -1,4 +1,4 @@
-"""Readings of the spectral sensor as one table, and what light they mean.
+"""Readings of the spectral sensor as one table.
 
 A table is an xarray Dataset with the dims reading, channel, die and, where cells were read, cell:
 
@@ -17,7 +17,7 @@ Channels are always by wavelength; the attribute `order_said_by` tells who said 
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -34,18 +34,15 @@ from lidarspectra.hardware.sensor.as7265x import (
     DIE_INDEX,
     DIES,
     FLAG_SATURATED,
-    GAIN_LIMITS,
     GAUSSIAN_WIDTH_NM,
     UW_CM2_TO_W_M2,
     basic_counts,
     count_uncertainty,
-    nominal_responsivity,
 )
 from lidarspectra.spectra import AS7265X_CENTERS_NM, AS7265X_FWHM_NM
 
-if TYPE_CHECKING:
-    from lidarspectra.hardware.sensor.calibration import Calibration, Signal
-
+Signal = Literal["basic counts", "basic module values", "module values"]
+"""What of a reading is proportional to light."""
 SCHEMA = "lidarspectra sensor readings 1"
 CHANNEL, CELL = ("reading", "channel"), ("reading", "cell")
 POSITION = ("x", "y", "z")
@@ -171,7 +168,7 @@ def _shaped(values: ArrayLike | None, shape: tuple[int, int], what: str) -> Floa
     return array
 
 
-def signal(readings: xr.Dataset, kind: "Signal") -> tuple[FloatArray, FloatArray]:
+def signal(readings: xr.Dataset, kind: Signal) -> tuple[FloatArray, FloatArray]:
     """What is proportional to light in readings, and its standard uncertainty.
 
     Parameters
@@ -196,7 +193,7 @@ def signal(readings: xr.Dataset, kind: "Signal") -> tuple[FloatArray, FloatArray
     return basic_counts(values, gain, time_ms), basic_counts(uncertainty, gain, time_ms)
 
 
-def best_signal(readings: xr.Dataset) -> "Signal":
+def best_signal(readings: xr.Dataset) -> Signal:
     """The signal that a table has: counts before module values, with gain and time before without.
 
     Raises
@@ -223,71 +220,6 @@ def best_signal(readings: xr.Dataset) -> "Signal":
     )
 
 
-def spectral_irradiance(readings: xr.Dataset, calibration: "Calibration | None" = None) -> xr.Dataset:
-    """Spectral irradiance of each reading and channel, E = (signal - dark) / responsivity.
-
-    Without a calibration the data sheet's responsivity is taken, the same for all channels; on real devices the three
-    dies then disagree by factors (the 610 nm channel reads 3.5 to 4.5 times its neighbours), which the stated
-    uncertainty does not cover.
-
-    Parameters
-    ----------
-    readings : xarray.Dataset
-        The table.
-    calibration : Calibration, optional
-        Of this very device.
-
-    Returns
-    -------
-    light : xarray.Dataset
-        irradiance and irradiance_se (reading, channel) [W/m²/nm], with the table's coordinates; irradiance_se is the
-        standard uncertainty of all that is known: rounding, repeatability, responsivity, dark offset, gain.
-
-    Raises
-    ------
-    ReadingError
-        If the table lacks what the calibration, or the data sheet's figure, goes with.
-    """
-    kind = calibration.signal if calibration is not None else best_signal(readings)
-    if calibration is None and kind == "module values":
-        raise ReadingError(
-            expected="readings with their gain and integration time",
-            found="module values without them",
-            where=readings.attrs.get("source", "readings"),
-            todo="Give what the sketch uses (--gain 64 --integration 140 for the SparkFun examples), or a calibration.",
-        )
-    values, noise = signal(readings, kind)
-    if not np.isfinite(values).any():
-        raise ReadingError(
-            expected=f"readings with {kind}, for which the calibration was made",
-            found="none",
-            where=readings.attrs.get("source", "readings"),
-            todo="Record in the way in which you calibrated.",
-        )
-    if calibration is None:
-        nominal, relative = nominal_responsivity()
-        responsivity = np.full(CHANNEL_COUNT, nominal)
-        responsivity_se, dark, dark_se = relative * responsivity, np.zeros(CHANNEL_COUNT), np.zeros(CHANNEL_COUNT)
-        other_gain = np.zeros(values.shape[0])
-    else:
-        responsivity, responsivity_se = calibration.responsivity, calibration.responsivity_se
-        dark, dark_se = calibration.dark, calibration.dark_se
-        gain = readings["gain"].to_numpy()
-        other_gain = np.where(np.isfinite(gain) & (gain != calibration.gain), GAIN_LIMITS / np.sqrt(3.0), 0.0)
-        if kind == "module values":
-            other_gain = np.zeros(values.shape[0])
-    net = values - dark
-    light = net / responsivity
-    relative_se = np.hypot(responsivity_se / responsivity, other_gain[:, None])
-    light_se = np.hypot(np.hypot(noise, dark_se) / responsivity, relative_se * np.abs(light))
-    result = xr.Dataset(coords=readings.coords).assign(irradiance=(CHANNEL, light), irradiance_se=(CHANNEL, light_se))
-    result["irradiance"].attrs = {"units": "W m-2 nm-1", "long_name": "spectral irradiance, mean over the channel"}
-    result["irradiance_se"].attrs = {"units": "W m-2 nm-1", "long_name": "its standard uncertainty"}
-    told = "the data sheet's nominal responsivity" if calibration is None else calibration.label
-    result.attrs = {**readings.attrs, "signal": kind, "calibration": told}
-    return result
-
-
 def channel_irradiance(light: xr.Dataset) -> xr.Dataset:
     """Irradiance within each channel in µW/cm², the unit of the data sheet.
 
@@ -296,7 +228,7 @@ def channel_irradiance(light: xr.Dataset) -> xr.Dataset:
     Parameters
     ----------
     light : xarray.Dataset
-        From `spectral_irradiance`.
+        From `calibrated_light.spectral_irradiance`.
 
     Returns
     -------
@@ -318,7 +250,8 @@ def readings_table(readings: xr.Dataset, light: xr.Dataset | None = None) -> pd.
     readings : xarray.Dataset
         The table.
     light : xarray.Dataset, optional
-        From `spectral_irradiance`; adds E_410 ..., SE_410 ... [W/m²/nm] and the same as U_410 ..., SU_410 ... [µW/cm²].
+        From `calibrated_light.spectral_irradiance`; adds E_410 ..., SE_410 ... [W/m²/nm] and the same as U_410 ...,
+        SU_410 ... [µW/cm²].
 
     Returns
     -------

@@ -11,6 +11,7 @@ import xarray as xr
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, DIE_INDEX, mask_counts, nominal_responsivity
+from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
 from lidarspectra.hardware.sensor.calibration import (
     Calibration,
     Observation,
@@ -32,7 +33,6 @@ from lidarspectra.hardware.sensor.readings import (
     channel_irradiance,
     make_readings,
     readings_table,
-    spectral_irradiance,
     write_readings,
 )
 from lidarspectra.hardware.sensor.reference_files import reference_from_file, unit_scale
@@ -127,7 +127,7 @@ def test_without_calibration_the_data_sheets_figure_is_taken_and_said() -> None:
     assert float((out["irradiance_se"] / out["irradiance"]).min()) > 0.069  # 12 % limits, as a rectangle
 
 
-def test_microwatts_by_hand() -> None:
+def test_35_counts_are_a_microwatt_by_the_data_sheet() -> None:
     # 35 counts at gain 16 and 166 ms are 1 uW/cm2 by the data sheet
     readings = make_readings(unix_s=[0.0], counts=np.full((1, 18), 35.0), gain=16.0, integration_ms=166.0)
     out = channel_irradiance(spectral_irradiance(readings))

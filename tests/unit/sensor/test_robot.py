@@ -19,7 +19,8 @@ from lidarspectra.hardware.robot.robot import (
     write_measured,
 )
 from lidarspectra.hardware.robot.time_offset import estimate_time_offset
-from lidarspectra.hardware.sensor.readings import make_readings, spectral_irradiance
+from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
+from lidarspectra.hardware.sensor.readings import make_readings
 
 START = 1.7e9  # [s]
 SPEED = 0.2  # [m/s]
@@ -327,7 +328,7 @@ def test_what_are_no_poses_is_a_clear_error(text: str, tmp_path: Path) -> None:
         read_poses(tmp_path / "none.csv")
 
 
-def test_yaw_of_a_quaternion() -> None:
+def test_a_turn_about_the_upright_is_the_yaw_of_its_quaternion() -> None:
     for angle in (-3.0, -1.0, 0.0, 0.5, 3.1):
         assert yaw(0.0, 0.0, *half(angle)) == pytest.approx(angle)
 
