@@ -15,14 +15,14 @@ RGB = PassOptions(
 )
 
 
-def test_direct_light() -> None:
+def test_direct_light_is_asked_for_by_these_arguments() -> None:
     assert " ".join(NATIVE.direct_arguments(4)) == (
         "-h- -fdf -V+ -c 4 -u+ -bv+ -dt 0 -dc 1 -dr 2 -ss 1 -st 0.01 -aa 0 -as 0 -av 0 0 0 "
         "-I+ -ab 0 -dj 1 -ds 0.05 -dv+ -cs 14 -cw 380 800 -m lamp0 -m lamp1 pass0.oct"
     )
 
 
-def test_reflected_light() -> None:
+def test_reflected_light_is_asked_for_by_these_arguments() -> None:
     assert " ".join(NATIVE.gather_arguments(233, bounces=20, lamps_visible=False)) == (
         "-h- -fdf -V+ -c 233 -u+ -bv+ -dt 0 -dc 1 -dr 2 -ss 1 -st 0.01 -aa 0 -as 0 -av 0 0 0 "
         "-I- -dv- -dj 1 -ds 0.3 -ab 19 -ad 1 -lw 0.4 -lr -40 -cs 14 -cw 380 800 -m lamp0 -m lamp1 pass0.oct"

@@ -62,7 +62,7 @@ def texts(scene: RadianceScene, *names: str) -> str:
     return "".join((scene.folder / name).read_text(encoding="utf-8") for name in names)
 
 
-def test_lamp_shapes(tmp_path: Path) -> None:
+def test_a_panel_is_a_polygon_and_a_spot_a_ring(tmp_path: Path) -> None:
     assert texts(small_scene(tmp_path, "native"), "lamps.rad") == (
         "lamp0 polygon lamp0_shape\n0\n0\n12 0.25 0.75 2\n0.75 0.75 2\n0.75 0.25 2\n0.25 0.25 2\n"
         "lamp1 ring lamp1_shape\n0\n0\n8 0 0 2 0 0 -1 0 0.05\n"

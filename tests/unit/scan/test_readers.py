@@ -484,7 +484,7 @@ def test_a_material_colour_is_used_and_a_missing_library_noted(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("scale", [1, 255])
-def test_colours_behind_positions(tmp_path: Path, scale: int) -> None:
+def test_colours_behind_positions_go_to_1_or_to_255(tmp_path: Path, scale: int) -> None:
     color = f"{scale} {0.5 * scale} 0"
     path = tmp_path / "a.obj"
     path.write_text(f"v 0 0 0 {color}\nv 3 0 0 {color}\nv 0 3 0 {color}\nf 1 2 3\n", encoding="utf-8")

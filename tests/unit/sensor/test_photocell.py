@@ -13,7 +13,7 @@ from lidarspectra.hardware.sensor.photocell import CellCircuit, cell_current, ce
 CIRCUIT = CellCircuit(reference_volt=5.0, shunt_ohm=100.0, area_cm2=36.0)
 
 
-def test_current_by_hand() -> None:
+def test_half_of_the_range_is_half_of_the_voltage_over_the_shunt() -> None:
     # half of the range: 512 / 1024 x 5 V = 2.5 V over 100 ohm
     current, _ = cell_current(512, CIRCUIT)
     assert float(current) == pytest.approx(0.025)

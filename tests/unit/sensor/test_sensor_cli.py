@@ -55,7 +55,7 @@ def test_a_port_that_is_none_is_one_error() -> None:
     assert "cannot be opened" in refused("check", "no-such-port")
 
 
-def test_record_show_and_convert(tmp_path: Path) -> None:
+def test_what_is_recorded_can_be_shown_and_converted(tmp_path: Path) -> None:
     log, table = tmp_path / "log.csv", tmp_path / "table.csv"
     with port(SketchBoard()) as address:
         told = done("record", address, "--out", log, "--readings", 8, "--gain", 64, "--integration", 100)
@@ -79,7 +79,7 @@ def test_the_sketches_are_written_out(tmp_path: Path) -> None:
     assert (tmp_path / "sketches" / "README.md").is_file()
 
 
-def test_calibrate_and_use_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_calibration_is_made_saved_and_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LIDARSPECTRA_DATA", str(tmp_path / "data"))
     labels = [410, 435, 460, 485, 510, 535, 560, 585, 610, 645, 680, 705, 730, 760, 810, 860, 900, 940]
     spectrum = tmp_path / "lamp.csv"
