@@ -6,38 +6,31 @@ that it read, and the contents of the stages before it. A stage whose hash did n
 file that the user edited inside a stage folder is kept, and changes the hash of the stages after it.
 """
 
-import errno
 import hashlib
 import json
-import os
 import platform
 import shutil
-import sys
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Generic, Literal, Self, TextIO, TypeVar, get_args
-
-import psutil
+from typing import Any, Generic, Literal, Self, TypeVar, get_args
 
 from lidarspectra.errors import WorkspaceError
+from lidarspectra.file_lock import FileLock
 from lidarspectra.files import hash_file, write_whole
+from lidarspectra.peak_memory import peak_memory
 from lidarspectra.progress import Progress
 
 StageName = Literal["scan", "views", "materials", "scene", "trace", "map", "report"]
 STAGES: tuple[StageName, ...] = get_args(StageName)
 RECORD_FILE = "stage.json"
 LOCK_FILE = "run.lock"
-LOCK_BYTE = 1 << 20  # [1] the byte of the lock file that is locked where a lock is of bytes
 MARKER_FILE = "lidarspectra-run.json"
 FORMAT = 1  # of the run folder; a change of it makes every stage stale
-MEMORY_SAMPLE_S = 0.1  # [s] how often the memory of the process tree is looked at
 
 Result = TypeVar("Result")
 Settings = Mapping[str, Any]
@@ -183,13 +176,13 @@ class Workspace:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._held: TextIO | None = None
+        self._lock = FileLock(folder / LOCK_FILE)
 
     def __enter__(self) -> Self:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._claim()
-            self._lock()
+            self._hold()
         except OSError as cause:
             raise unwritable(self.folder, cause) from cause
         self._sweep()
@@ -198,12 +191,7 @@ class Workspace:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._held is not None:
-            if sys.platform == "win32":  # an open file cannot be removed there
-                self._held.close()
-            (self.folder / LOCK_FILE).unlink(missing_ok=True)
-            self._held.close()
-            self._held = None
+        self._lock.release()
 
     def keep_request(self, request: RunRequest) -> None:
         """Write down what this run is asked for, in place of what the last was."""
@@ -254,7 +242,7 @@ class Workspace:
             _remove(partial)
             partial.mkdir()
             start = time.monotonic()
-            with _peak_memory() as peak:
+            with peak_memory() as peak:
                 notes = stage.make(partial, progress)
             record = StageRecord(
                 stage=stage.name,
@@ -299,25 +287,15 @@ class Workspace:
             )
         write_json(marker, _marker())
 
-    def _lock(self) -> None:
-        """Hold the lock file while the run lasts; the system lets go of it when the process ends, however it ends."""
-        path = self.folder / LOCK_FILE
-        lock = path.open("a+", encoding="utf-8")
-        try:
-            if not _taken(lock) or not _is_open_at(lock, path):
-                raise WorkspaceError(
-                    expected="a run folder that no other run is writing",
-                    found=f"one held by {_lock_holder(path)}",
-                    where=str(self.folder),
-                    todo="Wait for it to end, or name another folder with --out.",
-                )
-            lock.truncate(0)
-            json.dump({"pid": os.getpid()}, lock)
-            lock.flush()
-        except BaseException:
-            lock.close()
-            raise
-        self._held = lock
+    def _hold(self) -> None:
+        """Refuse a folder that another run is writing; keep others out while this one lasts."""
+        if not self._lock.take():
+            raise WorkspaceError(
+                expected="a run folder that no other run is writing",
+                found=f"one held by {self._lock.holder()}",
+                where=str(self.folder),
+                todo="Wait for it to end, or name another folder with --out.",
+            )
 
     def _sweep(self) -> None:
         """Remove what a cut run left behind."""
@@ -435,45 +413,6 @@ def _marker() -> dict[str, Any]:
     return {"format": FORMAT, "made_by": f"lidarspectra {version('lidarspectra')}"}
 
 
-def _taken(lock: TextIO) -> bool:
-    """Lock an open file for this process alone, or say that another has it.
-
-    The system's own lock, and no number in a file: a killed run's number may be another program's by now, and its start
-    time moves when the clock is set.
-    """
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            lock.seek(LOCK_BYTE)  # beyond the text, which stays readable for the one who is refused
-            msvcrt.locking(lock.fileno(), msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as cause:
-        if cause.errno in (errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK):
-            return False
-        raise
-    return True
-
-
-def _is_open_at(lock: TextIO, path: Path) -> bool:
-    """Whether a name still is that of an open file: a run that ends removes it, and another may have made it anew."""
-    try:
-        return os.path.samestat(os.fstat(lock.fileno()), path.stat())
-    except FileNotFoundError:
-        return False
-
-
-def _lock_holder(lock: Path) -> str:
-    """Who holds a lock, in words."""
-    try:
-        return f"process {int(json.loads(lock.read_text(encoding='utf-8'))['pid'])}"
-    except (OSError, ValueError, KeyError, TypeError):
-        return "another run"
-
-
 def _remove(folder: Path) -> None:
     if folder.exists():
         shutil.rmtree(folder)
@@ -496,39 +435,3 @@ def unwritable(folder: Path, cause: OSError) -> WorkspaceError:
         where=str(cause.filename or folder),
         todo="Check its permissions and the free disk space, or name another folder with --out.",
     )
-
-
-class _Peak:
-    """Highest resident memory of the process tree, sampled [MiB]."""
-
-    def __init__(self) -> None:
-        self.mib = 0.0
-
-    def sample(self) -> None:
-        process = psutil.Process()
-        total = process.memory_info().rss
-        for child in process.children(recursive=True):
-            try:
-                total += child.memory_info().rss
-            except psutil.Error:  # it ended between being listed and being asked
-                continue
-        self.mib = max(self.mib, total / 2**20)
-
-
-@contextmanager
-def _peak_memory() -> Iterator[_Peak]:
-    peak = _Peak()
-    done = threading.Event()
-
-    def watch() -> None:
-        while not done.wait(MEMORY_SAMPLE_S):
-            peak.sample()
-
-    watcher = threading.Thread(target=watch, daemon=True)
-    watcher.start()
-    try:
-        yield peak
-    finally:
-        done.set()
-        watcher.join()
-        peak.sample()

@@ -3,12 +3,13 @@
 import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 ROOMS = ("hardware", "material", "radiance", "mapping")
 SHARED = (
-    "arrays", "colorimetry", "config", "database_files", "database_import", "databases", "errors", "files",
-    "netcdf_files", "progress", "reflectance_library", "sensor_files", "spectra", "spectrum_files",
+    "arrays", "colorimetry", "config", "database_files", "database_import", "databases", "errors", "file_lock", "files",
+    "netcdf_files", "peak_memory", "progress", "reflectance_library", "sensor_files", "spectra", "spectrum_files",
     "toml_text", "workspace",
 )  # fmt: skip  # root modules that the rooms use; all others at the root use the rooms
 
@@ -38,6 +39,22 @@ def test_shared_modules_import_no_room(project: Path) -> None:
     for stem in SHARED:
         for name in imported(project / "lidarspectra" / f"{stem}.py"):
             assert name.split(".")[1] in SHARED, f"{stem}.py imports {name}"
+
+
+def test_no_modules_import_one_another_in_a_circle(project: Path) -> None:
+    paths = {
+        ".".join(path.relative_to(project).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in (project / "lidarspectra").rglob("*.py")
+    }
+    order = TopologicalSorter({name: (imported(path) & paths.keys()) - {name} for name, path in paths.items()})
+    assert set(order.static_order()) == paths.keys()  # raises CycleError with the circle
+
+
+def test_nothing_rests_on_the_second_opinion(project: Path) -> None:
+    for path in sorted((project / "lidarspectra").rglob("*.py")):
+        if path.parent.name != "second_opinion":
+            borrowed = {name for name in imported(path) if name.startswith("lidarspectra.second_opinion")}
+            assert not borrowed, f"{path} imports {borrowed}"
 
 
 def test_only_the_engine_starts_programs(project: Path) -> None:

@@ -1,0 +1,92 @@
+"""A lock file that one process holds: the system lets go of it when the process ends, however it ends."""
+
+import errno
+import json
+import os
+import sys
+from pathlib import Path
+from typing import TextIO
+
+LOCK_BYTE = 1 << 20  # [1] the byte of the lock file that is locked where a lock is of bytes
+
+
+class FileLock:
+    """A file that is locked while it is held and is gone afterwards; its text says who holds it.
+
+    Parameters
+    ----------
+    path : Path
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._held: TextIO | None = None
+
+    def take(self) -> bool:
+        """Hold the lock, or say that another process does.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written.
+        """
+        lock = self.path.open("a+", encoding="utf-8")
+        try:
+            if not _taken(lock) or not _is_open_at(lock, self.path):
+                lock.close()
+                return False
+            lock.truncate(0)
+            json.dump({"pid": os.getpid()}, lock)
+            lock.flush()
+        except BaseException:
+            lock.close()
+            raise
+        self._held = lock
+        return True
+
+    def release(self) -> None:
+        """Let go of the lock, if it is held."""
+        if self._held is not None:
+            if sys.platform == "win32":  # an open file cannot be removed there
+                self._held.close()
+            self.path.unlink(missing_ok=True)
+            self._held.close()
+            self._held = None
+
+    def holder(self) -> str:
+        """Who holds it, in words."""
+        try:
+            return f"process {int(json.loads(self.path.read_text(encoding='utf-8'))['pid'])}"
+        except (OSError, ValueError, KeyError, TypeError):
+            return "another run"
+
+
+def _taken(lock: TextIO) -> bool:
+    """Lock an open file for this process alone, or say that another has it.
+
+    The system's own lock, and no number in a file: a killed run's number may be another program's by now, and its start
+    time moves when the clock is set.
+    """
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            lock.seek(LOCK_BYTE)  # beyond the text, which stays readable for the one who is refused
+            msvcrt.locking(lock.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as cause:
+        if cause.errno in (errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK):
+            return False
+        raise
+    return True
+
+
+def _is_open_at(lock: TextIO, path: Path) -> bool:
+    """Whether a name still is that of an open file: a run that ends removes it, and another may have made it anew."""
+    try:
+        return os.path.samestat(os.fstat(lock.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
