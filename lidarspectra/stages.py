@@ -61,6 +61,8 @@ REPORT_PAGE = PAGE
 MODEL_FOLDER = "model"
 SEGMENTATION = "segmentation"
 DELIGHTING_S_A_FACE = 8e-5  # [s] of one core, in the demo room (benchmarks/scale.py)
+READING_S_A_FACE = 3.8e-5  # [s] of one core, for the report of a hall of a million faces whose run goes on
+APPLICATIONS_S, PAGE_S = 10.0, 10.0  # [s] of one core: people, plants and cells; the page itself
 SAVING_S = (1.0, 1.1e-5)  # [s] of the materials: their picture, and for each face
 TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays by the clock: runs agree within noise
 
@@ -288,9 +290,19 @@ def report_stage(
 
     def make(folder: Path, progress: Progress) -> Notes:
         mesh, room = scan.value.scan, scan.value.room
+        reading, applying, writing = shares(
+            progress,
+            (
+                READING_S_A_FACE * len(mesh.faces) if materials.was_fresh else 0.0,  # else the colours are at hand
+                APPLICATIONS_S if inputs.room.people_and_plants or inputs.room.cells else 0.0,
+                PAGE_S,
+            ),
+        )
         lamps = load_lamps(scene.folder)
         plan = floor_plan(mesh, room)
-        applied = 0.5 if inputs.room.people_and_plants or inputs.room.cells else 0.0  # [1] of the time
+        face_color = mesh.face_colors()
+        pictures = _material_pictures(mesh, views.value, materials.value)
+        reading(1.0, "scan and materials are read")
         page = write_report(
             folder,
             ReportInput(
@@ -305,7 +317,7 @@ def report_stage(
                     scene.value.bands,
                     plan,
                     base=inputs.base,
-                    progress=part_of(progress, 0.0, applied),
+                    progress=applying,
                 ),
                 scan=mesh.record,
                 materials=materials.value.materials,
@@ -314,11 +326,11 @@ def report_stage(
                     vertices=mesh.vertices,
                     faces=mesh.faces,
                     face_material=materials.value.face_material,
-                    face_color=mesh.face_colors(),
+                    face_color=face_color,
                 ),
                 lamps=lamps,
                 views=tuple(ReportView(name=view.name, image=view.image) for view in views.value.views[:6]),
-                material_pictures=_material_pictures(mesh, views.value, materials.value),
+                material_pictures=pictures,
                 view_notes=views.record.summary,
                 floor_z_m=room.floor_z,
                 room_notes=scan.record.summary,
@@ -335,7 +347,7 @@ def report_stage(
                 provenance=_provenance(before),
                 run_file=inputs.text,
             ),
-            progress=part_of(progress, applied, 1.0),
+            progress=writing,
         )
         return Notes(summary=f"{page.name}, with figures and tables beside it")
 
