@@ -1,12 +1,13 @@
 """How often the material class of a surface is right: rooms with known truth, with and without the room's geometry.
 
-    python -m benchmarks.segmentation [office apartment] [--textures FOLDER] [--draws N] [--views N] [--spectraldb FILE]
+    python -m benchmarks.segmentation [office apartment] [--textures FOLDER] [--draws N] [--views N] [--wrong]
+                                      [--spectraldb FILE]
 
 Shares of the surface area whose class is the true one. The rooms' own surfaces are plain or nearly so. With the folder
 of textures that the shipped model was trained on (see `lidarspectra.material.training`), every surface is also dressed
 in a tile of its class that training never saw, 1.28 m to a tile, with the room's light left on it: several times, with
-other tiles, because one tile covers a wall. With spectraldb, how blue and how green measured surfaces of each class are
-(`lidarspectra.material.color_priors`).
+other tiles, because one tile covers a wall. `--wrong` prints what other values of `fusion.WRONG` make of a room. With
+spectraldb, how blue and how green measured surfaces of each class are (`lidarspectra.material.color_priors`).
 """
 
 import argparse
@@ -43,6 +44,7 @@ from lidarspectra.spectrum_files import read_table
 
 PIXELS_PER_M = 100.0  # [px/m] of a tile, once it is on a surface
 SEED = 7  # of the tiles that are drawn
+WRONG_SHARES = (0.3, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95)  # [1] that are tried for `fusion.WRONG`
 
 
 def true_classes(folder: Path, classes: tuple[str, ...]) -> tuple[IntArray, IntArray]:
@@ -136,7 +138,23 @@ def print_shares(title: str, results: list[dict[str, tuple[float, float]]]) -> N
         print(f"  {name:36s} {of_area.mean():5.1f} % of the area{span}; {of_classes.mean():5.1f} % mean of classes")
 
 
-def run(folder: Path, classifier: Classifier, tiles: list[Picture], draws: int, most_views: int | None) -> None:
+def print_wrong_shares(votes: FaceClasses, room: KnownRoom, counted: BoolArray) -> None:
+    """Print the share of the area that all steps together get right, by how lightly pictures are taken."""
+    for wrong in WRONG_SHARES:
+        right = fuse(votes, room.neighbors, room.place * room.color, wrong=wrong).best == room.truth
+        share = float(np.average(right, weights=room.scan.areas * counted))
+        print(f"  all, WRONG = {wrong:.2f}  {100.0 * share:5.1f} % of the area")
+
+
+def run(
+    folder: Path,
+    classifier: Classifier,
+    tiles: list[Picture],
+    draws: int,
+    *,
+    most_views: int | None,
+    wrong_shares: bool,
+) -> None:
     """Print a room's shares."""
     scan = read_scan(folder / "scan.glb")
     room = find_room(scan)
@@ -161,6 +179,8 @@ def run(folder: Path, classifier: Classifier, tiles: list[Picture], draws: int, 
         f"\n{folder.name}: {scan.areas[counted].sum():.0f} m², {len(views.views)} views, {seconds:.1f} s of processor"
     )
     print_shares("as it is", [shares(votes, known_room, counted)])
+    if wrong_shares:
+        print_wrong_shares(votes, known_room, counted)
     if tiles:
         # The tiles have colours of their own, which the scan's do not show: colour has nothing to say.
         colorless = replace(known_room, color=np.ones_like(known_room.color))
@@ -193,13 +213,21 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=4, help="times that the surfaces are dressed in other tiles")
     parser.add_argument("--spectraldb", type=Path, help="the table of spectraldb.com, as CSV: colours of each class")
     parser.add_argument("--views", type=int, help="classify the first so many views only; all by default")
+    parser.add_argument("--wrong", action="store_true", help="try other values of fusion.WRONG as well")
     arguments = parser.parse_args()
     tiles = []
     if arguments.textures is not None:
         tiles = [picture for picture in read_split(arguments.textures)[1] if picture.origin == "tile"]
     classifier = Classifier()
     for name in arguments.scenes:
-        run(scenes_folder() / name, classifier, tiles, arguments.draws, arguments.views)
+        run(
+            scenes_folder() / name,
+            classifier,
+            tiles,
+            arguments.draws,
+            most_views=arguments.views,
+            wrong_shares=arguments.wrong,
+        )
     if arguments.spectraldb is not None:
         print_class_colors(arguments.spectraldb)
 

@@ -25,7 +25,7 @@ from lidarspectra.progress import Progress, silent
 LEAST_CONFIDENCE = 0.05  # [1] weight of a pixel that knows nothing, against one that is sure
 NEIGHBOR_WEIGHT = 4.0  # [1] of all neighbours together in the mean field, as `crf`'s two kernels together
 ENOUGH_PIXELS = 30.0  # [1] sure, square pixels at which a face's own votes count as they are
-WRONG = 0.7  # [1] share of surfaces of which pictures say something that means nothing (docs/segmentation.md)
+WRONG = 0.8  # [1] share of surfaces of which pictures say something that means nothing (docs/segmentation.md)
 CLASS_PARTS = 0.15  # [1] share of a colour group from which a second class makes a group of its own
 CLASS_PART_M2 = 0.25  # [m²] and its least area
 
@@ -98,7 +98,9 @@ def view_votes(classifier: Classifier, scan: Scan, views: ViewSet, progress: Pro
     return FaceClasses(classes=classifier.classes, belief=belief, votes=weight)
 
 
-def fuse(votes: FaceClasses, neighbors: csr_array, prior: FloatArray | None = None) -> FaceClasses:
+def fuse(
+    votes: FaceClasses, neighbors: csr_array, prior: FloatArray | None = None, *, wrong: float = WRONG
+) -> FaceClasses:
     """Votes, prior and neighbours together.
 
     Parameters
@@ -109,13 +111,15 @@ def fuse(votes: FaceClasses, neighbors: csr_array, prior: FloatArray | None = No
         See `face_groups.agreement`.
     prior : (face, class) float, optional
         See `place_priors.class_prior`; even where it is left out. [0-1]
+    wrong : float
+        Share of surfaces of which pictures say something that means nothing. [0-1]
 
     Returns
     -------
     fused : FaceClasses
     """
     trust = np.minimum(votes.votes / ENOUGH_PIXELS, 1.0)[:, None]
-    told = (1.0 - WRONG) * votes.belief + WRONG / len(votes.classes)
+    told = (1.0 - wrong) * votes.belief + wrong / len(votes.classes)
     own = trust * np.log(told)
     if prior is not None:
         own = own + np.log(np.maximum(prior, LEAST_PROBABILITY))

@@ -1,6 +1,6 @@
 """Make the shipped model again.
 
-    python -m lidarspectra.material.training TEXTURES --out FOLDER [--minutes 40] [--judge-only]
+    python -m lidarspectra.material.training TEXTURES --out FOLDER [--judge-only]
 
 TEXTURES holds `ambientcg/NAME/NAME_000.png` with `ambientcg/minc_map.json`, and `photos/CLASS/*.jpg`. Writes
 `materials.onnx` and its card `materials.toml`, and prints accuracies on the materials that were held out.
@@ -13,19 +13,20 @@ from pathlib import Path
 
 import numpy as np
 
-from lidarspectra.material.training.baseline import fit_baseline, histogram_features
-from lidarspectra.material.training.fit import FitSettings, fit
-from lidarspectra.material.training.graph import save_features, save_model
-from lidarspectra.material.training.head import fit_head, picture_features
-from lidarspectra.material.training.network import Convolution, folded
-from lidarspectra.material.training.phone import DYED, phone_picture
-from lidarspectra.material.training.pictures import CLASSES, Picture
-from lidarspectra.material.training.scores import Scores, card_text, probabilities, score
-from lidarspectra.material.training.split import SEED, read_split
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.material.training import split
+from lidarspectra.material.training.baseline import baseline_probabilities, fit_baseline
+from lidarspectra.material.training.head import calibrated, fit_heads, material_weights, picture_features
+from lidarspectra.material.training.looks import look_at, phone_looks
+from lidarspectra.material.training.model import save_model
+from lidarspectra.material.training.patches import learn_patterns
+from lidarspectra.material.training.pictures import Picture
+from lidarspectra.material.training.scores import Judgement, card_text, probabilities, score
+from lidarspectra.material.training.surface_statistics import save_statistics
 
-TEST_PX = 128  # [px] of the pictures that are judged
-LOOKS = 4  # [1] phone pictures of each held-out one
-HEAD_LOOKS = 5  # [1] phone pictures of each that the head learns from
+TEST_LOOKS = 4  # [1] phone pictures of each held-out one
+LOOKS, ROOM_LOOKS = 12, 3  # [1] of each picture of a material that the heads learn from, and of each crop of a room
+PATTERN_PICTURES = 3000  # [1] phone pictures that patterns are learned from
 BASELINE_LOOKS = 5  # [1] phone pictures of each that the baseline learns from
 MODEL_FILE, CARD_FILE = "materials.onnx", "materials.toml"
 
@@ -36,40 +37,48 @@ def say(line: str) -> None:
     sys.stdout.flush()
 
 
-def phone_looks(pictures: list[Picture], count: int, seed: int) -> list[Picture]:
-    """Phone pictures of each picture, always the same."""
-    generator = np.random.default_rng(seed)
-    return [
-        Picture(
-            image=phone_picture(p.image, TEST_PX, generator, dyed=CLASSES[p.label] in DYED),
-            label=p.label,
-            material=p.material,
-            origin=p.origin,
-        )
-        for p in pictures
-        for _ in range(count)
-    ]
-
-
-def add_head(network: list[Convolution], training: list[Picture], model: Path) -> None:
-    """Fit the head on phone pictures of the pictures to learn from, and write the whole model."""
-    shown = phone_looks(training, HEAD_LOOKS, SEED + 3)
+def fit_model(training: list[Picture], rooms: list[Picture], model: Path) -> None:
+    """Learn the patterns, fit the heads on phone pictures, calibrate them, and write the model."""
+    generator = np.random.default_rng(split.PATTERNS)
+    chosen = generator.choice(len(training), PATTERN_PICTURES, p=material_weights(training))
+    images = look_at(training, split.LOOKS, 0)
+    patterns = learn_patterns(np.stack([images[n] for n in chosen]), generator)
     with tempfile.TemporaryDirectory() as folder:
-        save_features(network, Path(folder) / MODEL_FILE)
-        features = picture_features(Path(folder) / MODEL_FILE, [picture.image for picture in shown], say)
-    save_model(network, fit_head(features, shown, SEED, say), model)
+        statistics = Path(folder) / MODEL_FILE
+        save_statistics(patterns, statistics)
+        features, shown = look_features(training, rooms, statistics)
+    pictures = training + rooms
+    layers = fit_heads(features, pictures, shown, split.SEED, say)
+    kept_back = split.kept_back(training, rooms)
+    save_model(patterns, calibrated(layers, features, pictures, shown, kept_back, split.VALIDATION, say), model)
 
 
-def judge(model: Path, training: list[Picture], test: list[Picture]) -> tuple[Scores, Scores]:
-    """Scores of the network and of the baseline on the same phone pictures of held-out materials."""
-    shown = phone_looks(test, LOOKS, SEED + 1)
-    found = probabilities(model, [picture.image for picture in shown])
-    learned = phone_looks(training, BASELINE_LOOKS, SEED + 2)
-    forest = fit_baseline([p.image for p in learned], np.array([p.label for p in learned]), SEED)
-    features = np.stack([histogram_features(picture.image) for picture in shown])
-    other = np.zeros((len(shown), len(CLASSES)))
-    other[:, forest.classes_] = forest.predict_proba(features)
-    return score(found, shown), score(other, shown)
+def look_features(training: list[Picture], rooms: list[Picture], statistics: Path) -> tuple[FloatArray, IntArray]:
+    """(look, place, feature) of all phone pictures to learn from, and (look,) the picture that each is of."""
+    parts, shown = [], []
+    groups = ((training, split.LOOKS, LOOKS, 0), (rooms, split.ROOM_LOOKS, ROOM_LOOKS, len(training)))
+    for pictures, seed, looks, first in groups:
+        for number in range(looks):
+            say(f"look {number + 1} of {looks} at {len(pictures)} pictures")
+            parts.append(picture_features(statistics, look_at(pictures, seed, number)))
+            shown.append(first + np.arange(len(pictures)))
+    return np.concatenate(parts), np.concatenate(shown)
+
+
+def judge(model: Path, training: list[Picture], test: list[Picture], test_rooms: list[Picture]) -> Judgement:
+    """Score the model and the baseline on the same phone pictures of held-out materials and of rooms of them.
+
+    The baseline learns from pictures of materials alone.
+    """
+    shown = phone_looks(test, TEST_LOOKS, split.TEST_LOOKS) + phone_looks(test_rooms, 1, split.TEST_ROOM_LOOKS)
+    images = [picture.image for picture in shown]
+    learned = phone_looks(training, BASELINE_LOOKS, split.BASELINE_LOOKS)
+    forest = fit_baseline([p.image for p in learned], np.array([p.label for p in learned]), split.SEED)
+    return Judgement(
+        pictures=shown,
+        model=score(probabilities(model, images), shown),
+        baseline=score(baseline_probabilities(forest, images), shown),
+    )
 
 
 def main() -> None:
@@ -77,22 +86,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m lidarspectra.material.training")
     parser.add_argument("textures", type=Path, help="folder with ambientcg/ and photos/")
     parser.add_argument("--out", type=Path, required=True, help="folder for model and card")
-    parser.add_argument("--minutes", type=float, default=40.0, help="longest wall time of the fit")
-    parser.add_argument("--steps", type=int, default=4000)
-    parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--judge-only", action="store_true", help="judge the model that is there, and write its card")
     arguments = parser.parse_args()
-    training, test = read_split(arguments.textures)
-    say(f"{len(training)} pictures to learn from, {len(test)} of other materials to judge by")
+    training, test = split.read_split(arguments.textures)
+    rooms, test_rooms = split.split_rooms(training, test)
+    say(f"{len(training)} pictures and {len(rooms)} crops of rooms to learn from")
+    say(f"{len(test)} pictures of other materials, and {len(test_rooms)} crops of rooms of those, to judge by")
     model = arguments.out / MODEL_FILE
     if not arguments.judge_only:
-        settings = FitSettings(steps=arguments.steps, minutes=arguments.minutes, threads=arguments.threads)
-        network = folded(fit(training, settings, np.random.default_rng(SEED + 4), say))
         arguments.out.mkdir(parents=True, exist_ok=True)
-        add_head(network, training, model)
-    ours, baseline = judge(model, training, test)
-    (arguments.out / CARD_FILE).write_text(card_text(training, test, ours, baseline), encoding="utf-8")
-    say(ours.table(baseline))
+        fit_model(training, rooms, model)
+    judgement = judge(model, training, test, test_rooms)
+    (arguments.out / CARD_FILE).write_text(card_text(training, test, judgement), encoding="utf-8")
+    say(judgement.table())
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ import numpy as np
 from sklearn.ensemble import RandomForestClassifier
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
+from lidarspectra.material.training.pictures import CLASSES
 
 LIGHTNESS_BINS, COLOR_BINS, GRADIENT_BINS = 8, 8, 8
 TREES = 300
@@ -38,6 +39,13 @@ def fit_baseline(images: list[ByteArray], labels: IntArray, seed: int) -> Random
     features = np.stack([histogram_features(image) for image in images])
     forest = RandomForestClassifier(TREES, class_weight="balanced", random_state=seed, n_jobs=1)
     return forest.fit(features, labels)
+
+
+def baseline_probabilities(forest: RandomForestClassifier, images: list[ByteArray]) -> FloatArray:
+    """(picture, class) what the forest says of pictures."""
+    found = np.zeros((len(images), len(CLASSES)))
+    found[:, forest.classes_] = forest.predict_proba(np.stack([histogram_features(image) for image in images]))
+    return found
 
 
 def _histogram(values: FloatArray, bins: int, low: float, high: float) -> FloatArray:

@@ -48,7 +48,7 @@ def _color(
     )
 
 
-def _any_color(generator: np.random.Generator) -> FloatArray:
+def any_color(generator: np.random.Generator) -> FloatArray:
     """Wall paint and cloth: mostly pale or grey, now and then strong."""
     strong = generator.random() < 0.3
     level = generator.uniform(0.15, 0.9) if strong else generator.uniform(0.5, 0.97)
@@ -83,10 +83,10 @@ def _leather(generator: np.random.Generator) -> FloatArray:
 
 def _mirror(generator: np.random.Generator) -> FloatArray:
     """Sharp edges of something else, smooth in between, and no grain of its own."""
-    image = np.ones((SIZE_PX, SIZE_PX, 3)) * _any_color(generator)
+    image = np.ones((SIZE_PX, SIZE_PX, 3)) * any_color(generator)
     for _ in range(int(generator.integers(3, 8))):
         corners = generator.uniform(-40, SIZE_PX + 40, (int(generator.integers(3, 5)), 2)).astype(np.int32)
-        cv2.fillConvexPoly(image, cv2.convexHull(corners), _any_color(generator).tolist())
+        cv2.fillConvexPoly(image, cv2.convexHull(corners), any_color(generator).tolist())
     light = 1.0 + 0.15 * noise(generator, (2, 2), 1)
     return np.asarray(cv2.GaussianBlur(image, (0, 0), generator.uniform(0.5, 1.5)) * light[:, :, None])
 
@@ -116,7 +116,7 @@ def _water(generator: np.random.Generator) -> FloatArray:
 
 def _painted(generator: np.random.Generator) -> FloatArray:
     """A wall with roller texture, or a ceiling of panels with seams."""
-    image = _shade(_any_color(generator), 0.05 * noise(generator, (2, 2), 1))
+    image = _shade(any_color(generator), 0.05 * noise(generator, (2, 2), 1))
     image *= 1.0 + generator.uniform(0.0, 0.025) * noise(generator, (90, 90), 1)[:, :, None]
     if generator.random() < 0.25:
         pitch = int(generator.uniform(30, 120))
@@ -126,11 +126,11 @@ def _painted(generator: np.random.Generator) -> FloatArray:
 
 def _carpet(generator: np.random.Generator) -> FloatArray:
     pile = noise(generator, (generator.uniform(50, 150), generator.uniform(50, 150)), 2)
-    color = _any_color(generator) * generator.uniform(0.25, 0.8)
+    color = any_color(generator) * generator.uniform(0.25, 0.8)
     image = _shade(color, generator.uniform(0.08, 0.3) * pile + 0.06 * noise(generator, (4, 4), 2))
     if generator.random() < 0.5:
         flecks = noise(generator, (60, 60), 1)[:, :, None] > 1.2
-        image = np.where(flecks, image * 0.5 + 0.5 * _any_color(generator), image)
+        image = np.where(flecks, image * 0.5 + 0.5 * any_color(generator), image)
     return np.asarray(image)
 
 
@@ -141,13 +141,13 @@ def _fabric(generator: np.random.Generator) -> FloatArray:
     weave = np.sin(2 * np.pi * x / pitch) * np.sin(2 * np.pi * y / pitch)
     threads = noise(generator, (100, 4), 1) + noise(generator, (4, 100), 1)
     folds = noise(generator, (3, 2), 2)
-    color = _any_color(generator) * generator.uniform(0.3, 1.0)
+    color = any_color(generator) * generator.uniform(0.3, 1.0)
     return _shade(color, generator.uniform(0.04, 0.15) * weave + 0.05 * threads + 0.12 * folds)
 
 
 def _wallpaper(generator: np.random.Generator) -> FloatArray:
     """A pale ground with a motif that repeats, or stripes."""
-    ground, ink = 0.35 + 0.65 * _any_color(generator), _any_color(generator)
+    ground, ink = 0.35 + 0.65 * any_color(generator), any_color(generator)
     pitch = int(generator.uniform(16, 50))
     y, x = np.mgrid[0:SIZE_PX, 0:SIZE_PX]
     if generator.random() < 0.35:
@@ -164,7 +164,7 @@ def _wallpaper(generator: np.random.Generator) -> FloatArray:
 def _ceramic(generator: np.random.Generator) -> FloatArray:
     """Glaze: smooth, mostly white, with the lamps' soft-edged mirror images."""
     color = (
-        _color(generator, (0.8, 0.8, 0.78), (0.97, 0.97, 0.96)) if generator.random() < 0.7 else _any_color(generator)
+        _color(generator, (0.8, 0.8, 0.78), (0.97, 0.97, 0.96)) if generator.random() < 0.7 else any_color(generator)
     )
     image = _shade(color, 0.12 * noise(generator, (2, 2), 1))
     for _ in range(int(generator.integers(1, 4))):

@@ -28,8 +28,12 @@ def phone_picture(image: ByteArray, size_px: int, generator: np.random.Generator
     """
     light = _seen_from_elsewhere(image, size_px, generator).astype(np.float32) / 255.0
     if dyed and generator.random() < 0.6:
-        light = _other_hue(light, generator)
-    light = light**2.2 * _room_light(size_px, generator)
+        light = other_hue(light, generator)
+    return developed(light**2.2 * _room_light(size_px, generator), generator)
+
+
+def developed(light: np.ndarray[tuple[int, ...], np.dtype[np.floating]], generator: np.random.Generator) -> ByteArray:
+    """What a phone's camera makes of (height, width, 3) light, 1 being white: exposure, tone, blur, noise, JPEG."""
     encoded = np.clip(light * np.exp(generator.normal(0.0, 0.35)), 0.0, 1.0) ** (1.0 / generator.uniform(1.6, 2.8))
     if generator.random() < 0.6:
         encoded = cv2.GaussianBlur(encoded, (0, 0), generator.uniform(0.3, 1.6))
@@ -67,13 +71,13 @@ def _turn(angle: float) -> FloatArray:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def _other_hue(
-    light: np.ndarray[tuple[int, ...], np.dtype[np.float32]], generator: np.random.Generator
+def other_hue(
+    light: np.ndarray[tuple[int, ...], np.dtype[np.float32]], generator: np.random.Generator, *, deepest: float = 1.3
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
-    """The same pattern in another hue and depth of colour."""
+    """The same pattern in another hue and depth of colour, up to `deepest` times as deep."""
     hsv = cv2.cvtColor(light, cv2.COLOR_RGB2HSV)
     hsv[..., 0] = (hsv[..., 0] + generator.uniform(0, 360)) % 360
-    hsv[..., 1] = np.clip(hsv[..., 1] * generator.uniform(0.0, 1.3), 0, 1)
+    hsv[..., 1] = np.clip(hsv[..., 1] * generator.uniform(0.0, deepest), 0, 1)
     return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB), dtype=np.float32)
 
 

@@ -4,11 +4,18 @@ from pathlib import Path
 
 import numpy as np
 
+from lidarspectra.arrays import BoolArray
 from lidarspectra.material.training.drawn import draw_pictures
 from lidarspectra.material.training.pictures import Picture, held_out, read_photos, read_tiles
+from lidarspectra.material.training.rooms import room_pictures
 
-SEED = 20241121
+SEED = 20241121  # of the split itself; of all else, SEED + a number of its own
+TEST_LOOKS, BASELINE_LOOKS, LOOKS, PATTERNS, ROOMS, ROOM_LOOKS, TEST_ROOMS, TEST_ROOM_LOOKS = (
+    SEED + number for number in range(1, 9)
+)
+VALIDATION = SEED + 10
 DRAWN = 96  # [1] materials of each drawn class
+TRAINING_ROOM_COUNT, TEST_ROOM_COUNT = 120, 24  # [1]
 
 
 def read_split(textures: Path) -> tuple[list[Picture], list[Picture]]:
@@ -30,3 +37,18 @@ def read_split(textures: Path) -> tuple[list[Picture], list[Picture]]:
     training = [picture for picture, kept_back in zip(pictures, out, strict=True) if not kept_back]
     test = [picture for picture, kept_back in zip(pictures, out, strict=True) if kept_back]
     return training, test
+
+
+def split_rooms(training: list[Picture], test: list[Picture]) -> tuple[list[Picture], list[Picture]]:
+    """Crops of rooms dressed in the materials to learn from, and of other rooms in those to judge by."""
+    return (
+        room_pictures(training, TRAINING_ROOM_COUNT, np.random.default_rng(ROOMS)),
+        room_pictures(test, TEST_ROOM_COUNT, np.random.default_rng(TEST_ROOMS)),
+    )
+
+
+def kept_back(training: list[Picture], rooms: list[Picture]) -> BoolArray:
+    """(picture,) which of `training + rooms` show one of the materials that the model is calibrated on."""
+    out = held_out(training, np.random.default_rng(VALIDATION))
+    names = {picture.material for picture, gone in zip(training, out, strict=True) if gone}
+    return np.array([picture.material in names for picture in training + rooms])
