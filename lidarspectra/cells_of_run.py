@@ -248,6 +248,18 @@ def predict_from_table(
         raise ReadingError(
             expected="a file that can be written", found=str(cause.strerror or cause), where=str(out)
         ) from cause
+    caption = f"Cell '{cell.name}' told by {len(bands)} channels at {len(frame)} places, with its standard uncertainty."
+    unseen = unknown_share(light, cell)
+    words = (
+        f"{100 * unseen:.0f} % of the response of '{cell.name}' lies where these channels see nothing: "
+        "it gives more in the sun and under lamps that glow"
+    )
+    notes = (*read.notes, *cell.notes(scale), *((words,) if unseen > UNKNOWN_SHARE else ()))
+    return _predicted_table(frame, caption), notes
+
+
+def _predicted_table(frame: pd.DataFrame, caption: str) -> Table:
+    """Mean, lowest and highest of what was told."""
     rows = [
         (
             name,
@@ -260,14 +272,7 @@ def predict_from_table(
         if name in frame
     ]
     summary = pd.DataFrame(rows, columns=["quantity", "mean", "lowest", "highest", "uncertainty [%]"])
-    caption = f"Cell '{cell.name}' told by {len(bands)} channels at {len(frame)} places, with its standard uncertainty."
-    table = Table(name="predicted-current", caption=caption, frame=summary, formats={"uncertainty [%]": ".1f"})
-    unseen = unknown_share(light, cell)
-    words = (
-        f"{100 * unseen:.0f} % of the response of '{cell.name}' lies where these channels see nothing: "
-        "it gives more in the sun and under lamps that glow"
-    )
-    return table, (*read.notes, *cell.notes(scale), *((words,) if unseen > UNKNOWN_SHARE else ()))
+    return Table(name="predicted-current", caption=caption, frame=summary, formats={"uncertainty [%]": ".1f"})
 
 
 def ahead_in_log(log: Path, column: int, *, cell: Cell | None, share: float) -> AheadOfTime:

@@ -310,22 +310,31 @@ def _headed_table(text: str, path: Path) -> SensorLog | None:
         values = _columns(table, plain)
         known = values[np.isfinite(values)]
         counts, module = (plain, {}) if np.array_equal(known, np.rint(known)) else ({}, plain)
+    about = _about(path, "table with a header", "header: its column names")
+    return _log(_readings_of_columns(table, counts, module, about))
+
+
+def _readings_of_columns(
+    table: dict[str, list[str]], counts: dict[str, str], module: dict[str, str], about: dict[str, str]
+) -> xr.Dataset:
+    """Readings of a table by its columns' names; `counts` and `module` say which column has which channel."""
+    count = len(next(iter(table.values())))
     masked, flags = mask_counts(_columns(table, counts))
     modules, module_flags = mask_module_values(_columns(table, module))
     if "flag_410" in table:
-        letters = _channel_columns(names, lambda name: name.startswith("flag_"))
+        letters = _channel_columns(tuple(table), lambda name: name.startswith("flag_"))
         flags = np.nan_to_num(_columns(table, letters)).astype(np.uint8)
     elif not counts:
         flags = module_flags
-    time_name = next((name for wanted in _TIME_NAMES for name in names if name.lower() == wanted), None)
-    cells = [name for name in names if re.fullmatch(r"(cell|solar)_?\d+", name)]
+    time_name = next((name for wanted in _TIME_NAMES for name in table if name.lower() == wanted), None)
+    cells = [name for name in table if re.fullmatch(r"(cell|solar)_?\d+", name)]
 
     def column(*wanted: str) -> FloatArray:
         name = next((name for name in wanted if name in table), None)
-        return np.full(len(rows), np.nan) if name is None else np.array([_float(cell) for cell in table[name]])
+        return np.full(count, np.nan) if name is None else np.array([_float(cell) for cell in table[name]])
 
-    readings = make_readings(
-        unix_s=[parse_time(cell) for cell in table[time_name]] if time_name is not None else np.full(len(rows), np.nan),
+    return make_readings(
+        unix_s=[parse_time(cell) for cell in table[time_name]] if time_name is not None else np.full(count, np.nan),
         counts=masked,
         module_value=modules,
         flag=flags,
@@ -334,9 +343,8 @@ def _headed_table(text: str, path: Path) -> SensorLog | None:
         temperature_c=np.stack([column(f"temperature_{i}_c") for i in (1, 2, 3)], axis=1),
         adc=np.array([[_float(cell) for cell in table[name]] for name in cells]).T if cells else None,
         position=np.stack([column("x"), column("y"), column("z")], axis=1),
-        attributes=_about(path, "table with a header", "header: its column names"),
+        attributes=about,
     )
-    return _log(readings)
 
 
 def _channel_columns(names: Sequence[str], belongs: Callable[[str], bool]) -> dict[str, str]:

@@ -18,6 +18,7 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.files import write_whole
 from lidarspectra.hardware.robot.poses import Trajectory
 from lidarspectra.hardware.robot.robot import median_spacing
+from lidarspectra.hardware.robot.time_offset import ExpectedLight
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT
 from lidarspectra.hardware.sensor.calibration import reference_bands
 from lidarspectra.hardware.sensor.reading_log import LogWriter
@@ -26,7 +27,7 @@ from lidarspectra.hardware.sensor.reference_files import map_light, read_map
 from lidarspectra.hardware.virtual.emulator import Light, SketchBoard
 from lidarspectra.hardware.virtual.faults import START_UNIX_S, FaultPlan, FaultyWire, VirtualClock, VirtualPort
 from lidarspectra.hardware.virtual.solar_cell import VirtualCell, cell_counts, cell_current_in
-from lidarspectra.hardware.virtual.spectral_sensor import draw_sensor
+from lidarspectra.hardware.virtual.spectral_sensor import VirtualSensor, draw_sensor
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra import AS7265X_CENTERS_NM, Spectrum
 
@@ -111,10 +112,9 @@ def _record(
     readings: int | None,
     seed: int,
     plan: FaultPlan | None,
-    start: float,
     cells: Callable[[float], tuple[int, ...]] | None = None,
 ) -> RecordSummary:
-    clock = VirtualClock(start)
+    clock = VirtualClock()
     port = VirtualPort(FaultyWire(SketchBoard(light, cells=cells, seed=seed), plan), clock)
     with LogWriter(path, sync=_no_sync) as log:
         return record(port, log, options=RecordOptions(duration_s=duration_s, readings=readings), clock=clock)
@@ -167,43 +167,28 @@ def rehearse(
     expected = map_light(map_table)
     folder.mkdir(parents=True, exist_ok=True)
     sensor = draw_sensor(seed)
-    responsivity, dark = sensor.responsivity, sensor.dark_per_ms
-    start = START_UNIX_S
-    wavelengths = np.arange(350.0, 1001.0, 5.0)
-    lamp = Spectrum(wavelengths_nm=wavelengths, values=2e-3 * (0.2 + (wavelengths - 350.0) / 650.0))
-    rows = "".join(f"{w:g},{v:.9g}\n" for w, v in zip(lamp.wavelengths_nm, lamp.values, strict=True))
-    write_whole(folder / "lamp.csv", "wavelength_nm,irradiance W/m2/nm\n" + rows)
-    steady = {"lamp-log.csv": responsivity * reference_bands(lamp) + dark, "dark-log.csv": np.full(CHANNEL_COUNT, dark)}
-    for name, level in steady.items():
-        light = _steady(level)
-        _record(light, folder / name, duration_s=600.0, readings=LAMP_READINGS, seed=seed, plan=None, start=start)
-    drive = drive_past(locations, start_unix_s=start)
+    _record_references(sensor, folder, seed)
+    drive = drive_past(locations, start_unix_s=START_UNIX_S)
     progress(0.2, "driving")
-
-    def light_at(now_s: float) -> FloatArray:
-        place, _ = drive.at([np.clip(start + now_s, drive.unix_s[0], drive.unix_s[-1])], longest_gap_s=math.inf)
-        return np.asarray(np.nan_to_num(expected(place)[0]))
+    light_at = _light_past(drive, expected)
+    noise = np.random.default_rng(seed)
 
     def falling(now_s: float) -> FloatArray:
-        drifted = responsivity * (1.0 + sensor.drift_per_hour * now_s / 3600.0)
-        return np.asarray(drifted * light_at(now_s) + dark)
-
-    noise = np.random.default_rng(seed)
+        drifted = sensor.responsivity * (1.0 + sensor.drift_per_hour * now_s / 3600.0)
+        return np.asarray(drifted * light_at(now_s) + sensor.dark_per_ms)
 
     def cell_readings(now_s: float) -> tuple[int, ...]:
         spectrum = light_at(now_s)[None, :]
         currents = [cell_current_in(cell, np.array(AS7265X_CENTERS_NM), spectrum) for cell in cells]
         return tuple(int(cell_counts(cell, current, noise)[0]) for cell, current in zip(cells, currents, strict=True))
 
-    plan = FaultPlan(rate=fault_rate, seed=seed, pause_s=4.0, disconnect_s=4.0) if fault_rate else None
     summary = _record(
         falling,
         folder / "log.csv",
-        duration_s=float(drive.unix_s[-1] - start),
+        duration_s=float(drive.unix_s[-1] - START_UNIX_S),
         readings=None,
         seed=seed,
-        plan=plan,
-        start=start,
+        plan=FaultPlan(rate=fault_rate, seed=seed, pause_s=4.0, disconnect_s=4.0) if fault_rate else None,
         cells=cell_readings if cells else None,
     )
     _write_robot(drive, folder, seed)
@@ -219,8 +204,30 @@ def rehearse(
     )
 
 
+def _record_references(sensor: VirtualSensor, folder: Path, seed: int) -> None:
+    """Record a lamp of known spectrum, and the dark; the spectrum is written beside their logs."""
+    wavelengths = np.arange(350.0, 1001.0, 5.0)
+    lamp = Spectrum(wavelengths_nm=wavelengths, values=2e-3 * (0.2 + (wavelengths - 350.0) / 650.0))
+    rows = "".join(f"{w:g},{v:.9g}\n" for w, v in zip(lamp.wavelengths_nm, lamp.values, strict=True))
+    write_whole(folder / "lamp.csv", "wavelength_nm,irradiance W/m2/nm\n" + rows)
+    dark = np.full(CHANNEL_COUNT, sensor.dark_per_ms)
+    for name, level in (("lamp-log.csv", sensor.responsivity * reference_bands(lamp) + dark), ("dark-log.csv", dark)):
+        _record(_steady(level), folder / name, duration_s=600.0, readings=LAMP_READINGS, seed=seed, plan=None)
+
+
 def _steady(level: FloatArray) -> Light:
     return lambda now_s: level
+
+
+def _light_past(drive: Trajectory, expected: ExpectedLight) -> Light:
+    """What falls on a sensor that drives through a map's light, nothing where the map tells nothing [W/m²/nm]."""
+
+    def light_at(now_s: float) -> FloatArray:
+        moment = np.clip(START_UNIX_S + now_s, drive.unix_s[0], drive.unix_s[-1])
+        place, _ = drive.at([moment], longest_gap_s=math.inf)
+        return np.asarray(np.nan_to_num(expected(place)[0]))
+
+    return light_at
 
 
 def _write_robot(drive: Trajectory, folder: Path, seed: int) -> None:
