@@ -31,6 +31,7 @@ from lidarspectra.mapping.interpolation import Method, map_planes, plan_places
 from lidarspectra.mapping.plan_drawing import (
     FURNITURE_COLOR,
     LAMP_COLOR,
+    MOST_DOTS,
     MOST_VECTOR_POINTS,
     color_norm,
     draw_colorbar,
@@ -184,14 +185,18 @@ def plan_figure(dataset: xr.Dataset, plan: FloorPlan, lamps: tuple[Lamp, ...]) -
         axes.add_patch(PolygonPatch(shape, fill=False, edgecolor=MUTED, linewidth=0.8))
     x, y = checked["x"].to_numpy(), checked["y"].to_numpy()
     buried = checked["buried"].to_numpy()
-    many = x.size > MOST_VECTOR_POINTS
-    axes.plot(x[~buried], y[~buried], ".", color=BLUE, markersize=2.0 if many else 3.5, rasterized=many)
+    free = np.flatnonzero(~buried)
+    step = max(1, -(-free.size // MOST_DOTS))  # lamps and furniture would be covered by all of them
+    dots = free[::step]
+    many = dots.size > MOST_VECTOR_POINTS
+    axes.plot(x[dots], y[dots], ".", color=BLUE, markersize=2.0 if many else 3.5, rasterized=many)
     axes.plot(x[buried], y[buried], "x", color=VERMILION, markersize=5.0)
     for number, lamp in enumerate(lamps, start=1):
         draw_lamp(axes, lamp, number)
     draw_frame(axes, plan, left=True, bottom=True)
+    told = f"{free.size} sensor points" + (f",\none in {step} drawn" if step > 1 else "")
     handles: list[Line2D | Patch] = [
-        Line2D([], [], marker=".", color=BLUE, linestyle="none", label=f"{int((~buried).sum())} sensor points"),
+        Line2D([], [], marker=".", color=BLUE, linestyle="none", label=told),
         Patch(facecolor=LAMP_COLOR, edgecolor=INK, linewidth=0.8, label=f"{len(lamps)} lamps"),
         Line2D([], [], color=INK, linewidth=1.4, label="walls"),
     ]
@@ -201,7 +206,7 @@ def plan_figure(dataset: xr.Dataset, plan: FloorPlan, lamps: tuple[Lamp, ...]) -
     if plan.furniture:
         handles.append(Patch(facecolor=FURNITURE_COLOR, alpha=0.4, label="furniture"))
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0))
-    draw_lamp_key(axes, lamps, below_in=0.2 * len(handles) + 0.25)
+    draw_lamp_key(axes, lamps, below_in=0.2 * (len(handles) + told.count("\n")) + 0.25)
     return figure
 
 

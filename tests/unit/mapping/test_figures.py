@@ -76,6 +76,24 @@ def test_panels_show_the_numbers_of_their_own_band(make_transport, plan):
         np.testing.assert_allclose(field.compressed(), 1 + number, rtol=1e-9)  # constant readings, drawn in mW
 
 
+@pytest.mark.parametrize(("count", "dots"), [(2500, 2500), (2601, 0)])
+def test_so_many_points_that_they_would_cover_the_map_are_not_drawn_on_it(make_transport, plan, count, dots):
+    figure = maps_figure(spectral_map(make_transport(points=count)).isel(band=[0]), plan)
+    assert sum(len(drawn.get_offsets()) for axes in figure.axes[:1] for drawn in axes.collections) == dots
+    assert figure.axes[0].images
+    (legend,) = figure.legends
+    assert ("sensor" in [text.get_text() for text in legend.get_texts()]) == (dots > 0)
+
+
+def test_the_plan_draws_some_of_many_points_and_says_so(make_transport, plan, lamps):
+    figure = plan_figure(spectral_map(make_transport(points=5200)), plan, lamps)
+    points = max(figure.axes[0].lines, key=lambda line: len(line.get_xdata()))
+    assert len(points.get_xdata()) == 1734  # every third
+    assert "5200 sensor points,\none in 3 drawn" in [
+        text.get_text() for text in figure.axes[0].get_legend().get_texts()
+    ]
+
+
 def test_a_shared_scale_is_the_same_in_all_panels(make_transport, plan):
     one_map = spectral_map(make_transport())
     limits = {axes.images[0].get_clim() for axes in maps_figure(one_map, plan, scale="shared").axes if axes.images}
