@@ -93,7 +93,8 @@ class Margin:
     mean : float
         Difference of the means over the classes. [-1 to 1]
     low, high : float
-        Of 95 % of the samples in which materials are drawn anew within each class (bootstrap).
+        Of 95 % of the samples in which materials are drawn anew within each class (bootstrap). A class of one material
+        adds nothing to their spread, which is then too small.
     """
 
     mean: float
@@ -210,7 +211,8 @@ def card_text(training: list[Picture], test: list[Picture], judgement: Judgement
         'licence = "BSD-3-Clause"',
         'data = "CC0 tiles of ambientCG; photographs under MIT and CC0 licences; drawings of our own; '
         'renderings of rooms dressed in all of these"',
-        f'only_drawn = "{only}: learned from drawings alone; accuracy on them is accuracy on drawings"',
+        f'only_drawn = "{only}: learned from drawings, and rooms dressed in them, alone; '
+        'accuracy is accuracy on drawings"',
         'cannot_tell = "plain surfaces of one colour (paint, paper, plastic, ceramic), mirrors from what they show, '
         'and anything whose texture is finer than a pixel"',
         "held_out = \"a quarter of each class's materials, whole: tiles alike in structure, and photographs of one "
