@@ -248,18 +248,22 @@ def load_model(path: Path, threads: int | None = None) -> Any:
 
 
 def _input_name(session: Any, path: Path) -> str:
-    inputs = session.get_inputs()
-    if len(inputs) != 1 or inputs[0].type != "tensor(float)" or len(inputs[0].shape) != 4:
-        found = ", ".join(f"'{each.name}' {each.type} {each.shape}" for each in inputs) or "none"
+    try:
+        inputs = [(str(each.name), str(each.type), list(each.shape)) for each in session.get_inputs()]
+    except UnicodeDecodeError as cause:  # onnxruntime takes any bytes for a name, and decodes it when asked
+        raise _unfit(path, f"an input with a name that is no text: {cause}") from cause
+    name, kind, shape = inputs[0] if len(inputs) == 1 else ("", "", [])
+    if kind != "tensor(float)" or len(shape) != 4:
+        found = ", ".join(f"'{name}' {kind} {shape}" for name, kind, shape in inputs) or "none"
         raise _unfit(path, f"inputs {found}")
-    if any(isinstance(length, int) for length in inputs[0].shape[2:]):
+    if any(isinstance(length, int) for length in shape[2:]):
         raise MaterialError(
             expected="a fully convolutional model: height and width of its input free",
-            found=f"an input of shape {inputs[0].shape}",
+            found=f"an input of shape {shape}",
             where=str(path),
             todo="docs/segmentation.md says how fully connected layers are made convolutions.",
         )
-    return str(inputs[0].name)
+    return name
 
 
 def _engine_errors() -> tuple[type[Exception], ...]:

@@ -6,7 +6,15 @@ from pathlib import Path
 import pytest
 
 from lidarspectra.databases import import_lspdd
-from lidarspectra.errors import DatabaseError, LampError, LidarSpectraError, MapError, ReadingError, ScanError
+from lidarspectra.errors import (
+    DatabaseError,
+    LampError,
+    LidarSpectraError,
+    MapError,
+    MaterialError,
+    ReadingError,
+    ScanError,
+)
 from lidarspectra.hardware.phone.raw_mesh import FileFolder
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.robot.poses import read_poses
@@ -14,6 +22,7 @@ from lidarspectra.hardware.sensor.calibration_files import read_calibration
 from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.sensor.reading_log import FORMAT_LINE
 from lidarspectra.mapping.photovoltaics.schedule import parse_hours
+from lidarspectra.material.segmentation import Classifier
 from lidarspectra.radiance.ies import read_ies
 from lidarspectra.radiance.ldt import ies_text_of_ldt
 from lidarspectra.sensor_files import find_bands
@@ -67,6 +76,22 @@ def test_a_usd_file_with_infinite_positions_is_refused_without_a_warning(tmp_pat
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ScanError, match="finite positions"):
         read_scan(path)
+
+
+def test_a_model_whose_names_are_no_text_is_refused(tmp_path: Path) -> None:
+    onnx = pytest.importorskip("onnx", reason="onnx writes the model")
+    node = onnx.helper.make_node("Identity", ["x"], ["y"])
+    ends = [
+        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, 3, "height", "width"]) for name in "xy"
+    ]
+    model = onnx.helper.make_model(
+        onnx.helper.make_graph([node], "g", ends[:1], ends[1:]),
+        opset_imports=[onnx.helper.make_opsetid("", 13)], ir_version=8,
+    )  # fmt: skip
+    (tmp_path / "model.onnx").write_bytes(model.SerializeToString().replace(b"height", b"\xd3eight"))
+    (tmp_path / "model.toml").write_text('classes = ["wood", "tile", "metal"]\ninput_px = 16\nstride_px = 8\n')
+    with pytest.raises(MaterialError, match="no text"):
+        Classifier(tmp_path / "model.onnx")
 
 
 def test_a_message_is_one_paragraph_whatever_words_it_repeats() -> None:
