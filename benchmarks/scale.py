@@ -4,6 +4,9 @@
                                                64 panels, 100,000 points
     python -m benchmarks.scale demo FOLDER     the demo room, for its progress
 
+`--points 1000 --noise draft` makes the trace small; `--invented` leaves it out and goes on with light that nobody traced,
+for time and memory of the points, the transport's file, map and report. FOLDER is good for nothing else then.
+
 Processor time is that of all processes, and says more than the clock's on a machine that others use too. Memory is that
 of the process and its children together, pages that they share counted for each. The remaining time is what
 `lidarspectra.progress.remaining_s` makes of each report; "told" is the range, over the reports after a fifth of the
@@ -17,16 +20,23 @@ import json
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
+import xarray as xr
 from PIL import Image
 
 from benchmarks.processor_time import processor_seconds
+from lidarspectra import stages
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
+from lidarspectra.config import TraceSection
 from lidarspectra.inputs import copy_scene
 from lidarspectra.pipeline import run
 from lidarspectra.progress import Progress, remaining_s
+from lidarspectra.radiance.options import Noise
+from lidarspectra.radiance.scene import RadianceScene
+from lidarspectra.radiance.sensors import SensorPoints
+from lidarspectra.radiance.transport import make_transport
 from lidarspectra.workspace import STAGES, StageName, StageResult
 
 HALL_M = (12.0, 9.0, 3.0)
@@ -44,6 +54,7 @@ FLUX_LM = 1800.0
 POINTS = 100_000
 SEED = 11
 HONEST_AFTER = 0.2  # [1] of a stage's time
+INVENTED_NOISE = 0.03  # [1] of invented light
 LAST_S = 2.0  # [s] before its end: a ratio of moments says nothing
 
 
@@ -242,7 +253,7 @@ def write_glb(path: Path, parts: list[Part]) -> None:
     path.write_bytes(header + text + struct.pack("<I4s", len(blobs), b"BIN\0") + bytes(blobs))
 
 
-def run_file_text(points: int) -> str:
+def run_file_text(points: int, noise: Noise = "standard") -> str:
     """The hall's run file."""
     lamps = "\n".join(
         f'[[lamps]]\nname = "panel {number}"\nshape = "panel"\n'
@@ -253,18 +264,18 @@ def run_file_text(points: int) -> str:
     return (
         f'[scan]\nfile = "hall.glb"\nup = "+y"\nunit = "m"\n{lamps}\n'
         f"[sensors.grid]\ncount = {points}\nheight = 1.2\n"
-        '[trace]\naccuracy = "high"\nnoise = "standard"\n'
+        f'[trace]\naccuracy = "high"\nnoise = "{noise}"\n'
     )
 
 
-def write_hall(folder: Path, points: int = POINTS) -> Path:
+def write_hall(folder: Path, points: int = POINTS, noise: Noise = "standard") -> Path:
     """Write the hall's scan and run file; gives the latter."""
     folder.mkdir(parents=True, exist_ok=True)
     parts = hall_parts()
     print(f"{sum(len(part.faces) for part in parts):,} triangles, {len(parts)} textures, {len(lamp_centers())} lamps")
     write_glb(folder / "hall.glb", parts)
     path = folder / "room.toml"
-    path.write_text(run_file_text(points), encoding="utf-8")
+    path.write_text(run_file_text(points, noise), encoding="utf-8")
     return path
 
 
@@ -272,6 +283,7 @@ def write_hall(folder: Path, points: int = POINTS) -> Path:
 class Watch:
     """Keeps every progress report with its moment, and prints a stage when it is done."""
 
+    folder: Path
     reports: dict[str, list[Report]] = field(default_factory=dict)
     _start_processor: float = 0.0
 
@@ -291,6 +303,7 @@ class Watch:
         record = result.record
         computed_s = processor_seconds() - self._start_processor
         self.reports[record.stage].append((computed_s, 1.0, "done"))
+        (self.folder / "progress.json").write_text(json.dumps(self.reports), encoding="utf-8")
         told = "kept" if result.was_fresh else told_words(self.reports[record.stage], computed_s)
         print(
             f"| {record.stage} | {computed_s:,.0f} s | {record.seconds:,.0f} s | "
@@ -318,29 +331,62 @@ def told_words(reports: list[Report], took_s: float) -> str:
     return f"{ratios.min():.2f} to {ratios.max():.2f} of the truth, {ratios.size} reports"
 
 
+def invented_light(scene: RadianceScene, points: SensorPoints, section: TraceSection, **unused: object) -> xr.Dataset:
+    """A transport that nobody traced: every lamp as a small source with the cosine's pattern, and an even rest.
+
+    It is as large as a traced one, so that time and memory of what follows can be told without the trace.
+    """
+    generator = np.random.default_rng(SEED)
+    above_m = HALL_M[2] - LAMP_CLEARANCE_M - points.positions[:, 2]
+    shape = (len(scene.lamp_names), len(points), len(scene.bands))
+    coefficient = np.empty(shape, dtype=np.float32)
+    for number, center in enumerate(lamp_centers()):
+        away2 = above_m**2 + ((points.positions[:, :2] - center) ** 2).sum(axis=1)
+        direct = above_m**2 / away2**2 / np.pi + 1.0 / np.prod(HALL_M[:2])  # [m⁻²]
+        coefficient[number] = direct[:, None] * generator.normal(1.0, INVENTED_NOISE, shape[1:])
+    irradiance = np.einsum("lpb,lb->pb", coefficient, scene.flux)
+    return make_transport(
+        scene,
+        points,
+        coefficient=coefficient,
+        coefficient_se=INVENTED_NOISE * np.abs(coefficient),
+        irradiance_se=INVENTED_NOISE * irradiance / np.sqrt(shape[0]),
+        batches=None,
+        attributes={
+            "bounces": 1,
+            "target_relative_se": INVENTED_NOISE,
+            "achieved_relative_se": INVENTED_NOISE / float(np.sqrt(shape[0])),
+            "accuracy": section.accuracy,
+            "noise": section.noise,
+        },
+    )
+
+
 def main() -> None:
     """Make it, run it, print it."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("room", choices=("hall", "demo"))
     parser.add_argument("folder", type=Path)
     parser.add_argument("--points", type=int, default=POINTS)
+    parser.add_argument("--noise", choices=get_args(Noise), default="standard")
+    parser.add_argument(
+        "--invented", action="store_true", help="light is invented, not traced, for the cost of all but the tracing"
+    )
     parser.add_argument("--last", choices=STAGES, default="report", help="stop after this stage")
     arguments = parser.parse_args()
+    if arguments.invented:
+        setattr(stages, "trace", invented_light)  # noqa: B010 - a function that the type checker holds for fixed
     if arguments.room == "demo":
         run_file = copy_scene("office", arguments.folder)
     elif (arguments.folder / "hall.glb").is_file():
         run_file = arguments.folder / "room.toml"
-        run_file.write_text(run_file_text(arguments.points), encoding="utf-8")
+        run_file.write_text(run_file_text(arguments.points, arguments.noise), encoding="utf-8")
     else:
-        run_file = write_hall(arguments.folder, arguments.points)
+        run_file = write_hall(arguments.folder, arguments.points, arguments.noise)
     print(
         "| stage | processor | clock | memory | remaining time told | result |\n|---|---|---|---|---|---|", flush=True
     )
-    watch = Watch()
-    try:
-        run(run_file, last=arguments.last, listener=watch)
-    finally:
-        (arguments.folder / "progress.json").write_text(json.dumps(watch.reports), encoding="utf-8")
+    run(run_file, last=arguments.last, listener=Watch(arguments.folder))
 
 
 if __name__ == "__main__":
