@@ -4,8 +4,8 @@
                                                64 panels, 100,000 points
     python -m benchmarks.scale demo FOLDER     the demo room, for its progress
 
-`--points 1000 --noise draft` makes the trace small; `--invented` leaves it out and goes on with light that nobody traced,
-for time and memory of the points, the transport's file, map and report. FOLDER is good for nothing else then.
+`--points 1000 --noise draft` makes the trace small; `--invented` leaves it out and goes on with light that nobody
+traced, for time and memory of the points, the transport's file, map and report. FOLDER is good for nothing else then.
 
 Processor time is that of all processes, and says more than the clock's on a machine that others use too. Memory is that
 of the process and its children together, pages that they share counted for each. The remaining time is what
