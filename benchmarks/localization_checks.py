@@ -12,6 +12,7 @@ from benchmarks.localization_readings import (
     READINGS,
     SENSORS_SEED,
     SPACING_M,
+    TRIED_PEOPLE,
     VISITS,
     people_of,
     plan_of,
@@ -31,7 +32,6 @@ from lidarspectra.mapping.tables import Table
 AGES_H = (0.1, 0.5, 1.0, 2.0)  # [h] of an empty room's reading
 LONG_STAYS = Visits(stay_s=(120.0, 300.0))
 TOLD_DRIFT = 0.01  # [1] of a die in an hour: what a model is told that has to do with an old reference
-TRIED_PEOPLE = {"large-office": (1, 2, 4, 8), "apartment": (1, 2)}  # [1] at each place
 OTHER_SENSORS_SEED = 101  # not those of the reported tests
 
 
