@@ -24,8 +24,8 @@ PARTS = (
     Part(
         title="How many people to simulate",
         words="This was tried before the test of Table 4, on other people and other sensors: those of the survey, the "
-        "first at each place, read by sensors drawn anew. Table 4 uses four in the large office, where eight are better "
-        "and cost twice as much, and two in the apartment.",
+        "first at each place, read by sensors drawn anew. Table 4 uses four in the large office, where eight are "
+        "better and cost more, and two in the apartment.",
         tables=("people",),
     ),
     Part(
