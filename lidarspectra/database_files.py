@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from operator import index
 from pathlib import Path
 
 import platformdirs
@@ -119,7 +120,7 @@ def read_manifest(folder: Path, *, database: str | None) -> tuple[DatabaseFile, 
                 licence=str(entry["licence"]),
                 grid=str(entry["grid"]),
                 provenance=str(entry["provenance"]),
-                count=int(entry["count"]),
+                count=index(entry["count"]),
                 sha256=str(entry["sha256"]),
                 source_sha256=str(entry.get("source_sha256", "")),
                 note=str(entry.get("note", "")),

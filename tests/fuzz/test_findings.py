@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from lidarspectra.database_files import read_manifest
 from lidarspectra.databases import import_lspdd
 from lidarspectra.errors import (
     DatabaseError,
@@ -92,6 +93,14 @@ def test_a_model_whose_names_are_no_text_is_refused(tmp_path: Path) -> None:
     (tmp_path / "model.toml").write_text('classes = ["wood", "tile", "metal"]\ninput_px = 16\nstride_px = 8\n')
     with pytest.raises(MaterialError, match="no text"):
         Classifier(tmp_path / "model.onnx")
+
+
+@pytest.mark.parametrize("count", ["inf", "nan", "3.5", '"3"'])
+def test_a_manifest_counts_in_whole_numbers(tmp_path: Path, count: str) -> None:
+    words = "".join(f'{key} = "a"\n' for key in ("path", "title", "source", "licence", "grid", "provenance", "sha256"))
+    (tmp_path / "MANIFEST.toml").write_text(f"[[file]]\n{words}count = {count}\n", encoding="utf-8")
+    with pytest.raises(DatabaseError, match="a manifest with path"):
+        read_manifest(tmp_path, database=None)
 
 
 def test_a_message_is_one_paragraph_whatever_words_it_repeats() -> None:
