@@ -21,7 +21,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import SceneError
 from lidarspectra.hardware.phone.scan import Scan
 from lidarspectra.material.material_map import MaterialMap
-from lidarspectra.progress import Progress, silent
+from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance import primitives
 from lidarspectra.radiance.bands import (
     WRITTEN_PER_WATT,
@@ -59,6 +59,8 @@ from lidarspectra.radiance.scene_record import load_scene as load_scene
 from lidarspectra.radiance.surfaces import surface_slots, surface_text
 from lidarspectra.spectra import BandSet
 
+WRITING_S_A_FACE, COMPILING_S_A_FACE = 2e-5, 4e-5  # [s] of one core, for a hall of a million faces (docs/scale.md)
+OCTREE_S = 0.1  # [s] the same
 LAMPS_A_PASS = 4  # [1] a path asks every lamp of its pass for light: 64 lamps in one pass took 13 times 4 lamps' time
 
 
@@ -116,12 +118,14 @@ def write_scene(
     flux = lamp_band_flux([lamp.flux for lamp in lamps], bands)
     room = _Room(folder, lamps, modifiers, bands, WRITTEN_PER_WATT * with_floor(flux), _bounds(scan, lamps))
     names = tuple(f"m{index}" for index in range(len(materials.materials)))
+    plans = _plan_passes(lamps, bands, mode)
+    writing, *compiling = shares(progress, _costs(len(scan.faces), [planned for _, planned in plans]))
+    writing(0.0, "writing the mesh")
     _write_shapes(room)
     meshes = _write_meshes(scan, materials, lamps, folder, names=names, crease_deg=crease_deg)
-    plans = _plan_passes(lamps, bands, mode)
     passes = []
     for index, (light, planned) in enumerate(plans):
-        progress(index / len(plans), f"compiling pass {index + 1} of {len(plans)}")
+        compiling[index](0.0, f"compiling pass {index + 1} of {len(plans)}")
         scene_pass = _write_pass(replace(planned, mesh=meshes[_has_sun(light, lamps)]), room)
         if scene_pass.surfaces == scene_pass.name:
             _write(
@@ -144,6 +148,12 @@ def write_scene(
     )
     save_scene(scene)
     return scene
+
+
+def _costs(faces: int, passes: Sequence[ScenePass]) -> list[float]:
+    """What the text of the mesh and each pass usually take [s of one core]; a pass of shared surfaces has no mesh."""
+    compiled = [COMPILING_S_A_FACE * faces if each.surfaces == each.name else 0.0 for each in passes]
+    return [WRITING_S_A_FACE * faces, *(mesh_s + OCTREE_S for mesh_s in compiled)]
 
 
 def _check_parts(scan: Scan, materials: MaterialMap, lamps: Sequence[Lamp]) -> None:
