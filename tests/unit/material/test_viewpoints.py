@@ -11,7 +11,14 @@ from lidarspectra.hardware.room.rays import RayCaster
 from lidarspectra.hardware.room.room import find_room
 from lidarspectra.material.projection import camera_towards, pixel_grid, reverse_project
 from lidarspectra.material.surface_samples import surface_samples
-from lidarspectra.material.viewpoints import ViewSettings, free_candidates, render_views, visible
+from lidarspectra.material.viewpoints import (
+    SEARCH_VIEWS,
+    USUAL_LATER_VIEWS,
+    ViewSettings,
+    free_candidates,
+    render_views,
+    visible,
+)
 from lidarspectra.material.views import capture_image, load_views, save_views
 
 from .conftest import COLORS, SIZE_M, box_scan
@@ -108,6 +115,19 @@ def test_the_loop_goes_where_the_uncovered_area_is(box):
     assert first.area_coverage < found.area_coverage
     assert first.stopped.startswith("1 viewpoints")
     assert len(first.views) == 6
+
+
+def test_the_viewpoints_to_come_are_counted_ahead(box):
+    told: list[float] = []
+    found = render_views(
+        with_plate(box), coverage=0.99, settings=SMALL, progress=lambda fraction, words: told.append(fraction)
+    )
+    later = len(found.viewpoints) - 1
+    assert later > 0
+    done = SEARCH_VIEWS + 6  # after the first viewpoint
+    assert told[0] == pytest.approx(done / (done + later * USUAL_LATER_VIEWS))
+    assert told == sorted(told)
+    assert told[-1] == 1.0
 
 
 def test_a_back_is_never_seen_and_the_loop_ends_without_it(box):
