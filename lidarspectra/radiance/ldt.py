@@ -81,11 +81,13 @@ def _ies_text(luminaire: Ldt, where: str) -> str:
     lumens = header.lamp_flux[0]
     if not (np.isfinite(lumens) and lumens > 0 and header.conv_factor > 0):
         raise _unreadable(where, f"lamps of {lumens:g} lm, conversion factor {header.conv_factor:g}")
-    with np.errstate(over="ignore"):  # an infinite one is refused below
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused below
         candela = np.array(luminaire.intensities, dtype=np.float64) * lumens / LM_PER_KLM * header.conv_factor
     planes = np.array(header.c_angles, dtype=np.float64)
     if candela.shape != (planes.size, len(header.g_angles)) or not np.all(np.abs(candela) <= MOST_CANDELA):
         raise _unreadable(where, f"{planes.size} planes and a table of {' x '.join(map(str, candela.shape))}")
+    if not np.isfinite(planes).all():
+        raise _unreadable(where, "a C-plane at no angle")
     horizontal, candela = (np.zeros(1), candela[:1]) if header.isym == AXIAL else _along(planes, candela)
     length, width = header.length_lum_area / MM_PER_M, header.width_lum_area / MM_PER_M
     if width == 0:  # a round opening, which LM-63 marks by negative sizes

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from pyldt import Ldt, LdtHeader, LdtWriter
 
 from lidarspectra.database_files import read_manifest
 from lidarspectra.databases import import_lspdd
@@ -107,6 +108,26 @@ def test_a_message_is_one_paragraph_whatever_words_it_repeats() -> None:
     error = LidarSpectraError(expected="a name", found="\x1b[2J" + "x" * 10_000 + "\n\u202eabc", where="a\nb")
     assert str(error).isprintable()
     assert len(str(error)) < 1_200
+
+
+@pytest.mark.parametrize(("line", "damage"), [("271", "inf"), ("271", "nan"), ("1", "inf")])
+def test_a_luminaire_of_planes_or_factors_without_bound_is_refused_without_a_warning(
+    tmp_path: Path, line: str, damage: str
+) -> None:
+    header = LdtHeader(
+        company="Ours", ityp=2, isym=0, mc=4, dc=90.0, ng=4, dg=30.0, luminaire_name="One", length=1200.0, width=300.0,
+        length_lum_area=1180.0, width_lum_area=280.0, n_sets=2, num_lamps=[2, 2], lamp_types=["LED"] * 2,
+        lamp_flux=[3000.0] * 2, lamp_cct=["4000"] * 2, lamp_cri=["80"] * 2, lamp_watt=[25.0] * 2,
+        direct_ratios=[0.0] * 10, c_angles=[0.0, 90.0, 180.0, 271.0], g_angles=[0.0, 30.0, 60.0, 90.0],
+    )  # fmt: skip
+    path = tmp_path / "a.ldt"
+    LdtWriter.write(Ldt(header=header, intensities=[[300.0, 200.0, 100.0, 0.0]] * 4), path)
+    lines = path.read_text(encoding="latin-1").splitlines()
+    (where,) = (number for number, words in enumerate(lines) if words == line)
+    lines[where] = damage
+    path.write_text("\n".join(lines), encoding="latin-1")
+    with pytest.raises(LampError):
+        ies_text_of_ldt(path)
 
 
 def test_a_luminaire_of_a_billion_lamp_sets_is_refused_at_once(tmp_path: Path) -> None:
