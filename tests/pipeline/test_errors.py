@@ -20,6 +20,8 @@ from typing import Any
 import psutil
 import pytest
 
+from lidarspectra.radiance.engine import find_engine
+
 pytestmark = pytest.mark.slow  # a child process loads its libraries anew, which takes seconds
 
 RoomWriter = Callable[..., Path]
@@ -220,11 +222,16 @@ NEEDS_SIGNALS = pytest.mark.skipif(sys.platform == "win32", reason="signals to a
 
 
 def engine_children(process: int) -> list[psutil.Process]:
-    """The programs that a run has started, long enough ago that it knows of them, and that still run."""
+    """The engine's programs that a run has started, long enough ago that it knows of them, and that still run.
+
+    Libraries start processes of their own while they are imported, before the run holds its folder.
+    """
+    programs = str(find_engine().programs)
     children = []
     for child in psutil.Process(process).children(recursive=True):
-        with contextlib.suppress(psutil.NoSuchProcess):
-            if child.status() != psutil.STATUS_ZOMBIE and time.time() - child.create_time() > KNOWN_AFTER_S:
+        with contextlib.suppress(psutil.NoSuchProcess, psutil.ZombieProcess):
+            is_known = time.time() - child.create_time() > KNOWN_AFTER_S
+            if is_known and child.status() != psutil.STATUS_ZOMBIE and programs in " ".join(child.cmdline()[:2]):
                 children.append(child)
     return children
 
