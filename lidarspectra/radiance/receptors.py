@@ -50,9 +50,10 @@ class Receptor:
         response = float_array(self.response, name="Receptor.response", shape=angles.shape)
         ascending = angles.size > 1 and angles[0] == 0 and angles[-1] <= 90 and bool(np.all(np.diff(angles) > 0))
         if not ascending or response.min() < 0 or response.max() <= 0:
+            words = f"responses {response.min():g} to {response.max():g}" if response.size else "no response"
             raise SensorError(
                 expected="responses of 0 or more at ascending angles from 0 to at most 90 degrees",
-                found=f"{angles.size} angles, responses {response.min():g} to {response.max():g}",
+                found=f"{angles.size} angles, {words}",
                 where="receptor",
             )
         object.__setattr__(self, "angles_deg", angles)
@@ -194,7 +195,7 @@ def read_receptor(path: Path) -> Receptor:
             rows = list(csv.reader(line for line in file if line.strip() and not line.startswith("#")))
         if not rows or [name.strip() for name in rows[0]] != ["angle_deg", "response"]:
             raise ValueError(f"a header '{','.join(rows[0]) if rows else ''}'")
-        numbers = np.array([[float(cell) for cell in row] for row in rows[1:]]).reshape(-1, 2)
+        numbers = np.array([(float(angle), float(response)) for angle, response in rows[1:]]).reshape(-1, 2)
     except (OSError, ValueError) as cause:
         raise SensorError(
             expected="a CSV file with the header 'angle_deg,response' and two numbers a row",

@@ -16,6 +16,7 @@ from lidarspectra.errors import (
     MaterialError,
     ReadingError,
     ScanError,
+    SensorError,
 )
 from lidarspectra.hardware.phone.raw_mesh import FileFolder
 from lidarspectra.hardware.phone.readers import read_scan
@@ -27,6 +28,7 @@ from lidarspectra.mapping.photovoltaics.schedule import parse_hours
 from lidarspectra.material.segmentation import Classifier
 from lidarspectra.radiance.ies import read_ies
 from lidarspectra.radiance.ldt import ies_text_of_ldt
+from lidarspectra.radiance.receptors import read_receptor
 from lidarspectra.sensor_files import find_bands
 from lidarspectra.spectrum_files import read_spectrum_file
 
@@ -102,6 +104,13 @@ def test_a_manifest_counts_in_whole_numbers(tmp_path: Path, count: str) -> None:
     (tmp_path / "MANIFEST.toml").write_text(f"[[file]]\n{words}count = {count}\n", encoding="utf-8")
     with pytest.raises(DatabaseError, match="a manifest with path"):
         read_manifest(tmp_path, database=None)
+
+
+@pytest.mark.parametrize(("rows", "words"), [("", "no response"), ("0,1,45,1,90,0\n", "two numbers a row")])
+def test_a_receptor_of_no_rows_or_of_long_ones_is_refused(tmp_path: Path, rows: str, words: str) -> None:
+    (tmp_path / "a.csv").write_text(f"angle_deg,response\n{rows}", encoding="utf-8")
+    with pytest.raises(SensorError, match=words):
+        read_receptor(tmp_path / "a.csv")
 
 
 def test_a_message_is_one_paragraph_whatever_words_it_repeats() -> None:
