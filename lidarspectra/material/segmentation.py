@@ -24,6 +24,7 @@ from lidarspectra.arrays import ByteArray, FloatArray
 from lidarspectra.errors import MaterialError
 from lidarspectra.material.crf import CrfSettings, refine
 from lidarspectra.material.model_card import ModelCard, read_card
+from lidarspectra.onnx_errors import onnx_errors
 
 SHIPPED_MODEL = Path(__file__).parent / "models" / "materials.onnx"
 MODEL_LIMIT_BYTES = 500_000_000  # [1] far above any classifier of this use; a larger file is a mistake
@@ -123,7 +124,7 @@ class Classifier:
         try:
             outputs = self._session.run(None, {self._input: np.ascontiguousarray(values.transpose(2, 0, 1)[None])})
             answer = np.asarray(outputs[0])
-        except _engine_errors() as cause:
+        except onnx_errors() as cause:
             raise _unfit(
                 self.path, f"it fails on a picture of {image.shape[1]} x {image.shape[0]} pixels: {cause}"
             ) from cause
@@ -243,7 +244,7 @@ def load_model(path: Path, threads: int | None = None) -> Any:
         options.intra_op_num_threads = threads
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except _engine_errors() as cause:
+    except onnx_errors() as cause:
         raise _unfit(path, f"a file that cannot be loaded: {cause}") from cause
 
 
@@ -264,14 +265,6 @@ def _input_name(session: Any, path: Path) -> str:
             todo="docs/segmentation.md says how fully connected layers are made convolutions.",
         )
     return name
-
-
-def _engine_errors() -> tuple[type[Exception], ...]:
-    """Whatever onnxruntime raises; its exceptions have no base of their own."""
-    from onnxruntime.capi import onnxruntime_pybind11_state as state
-
-    named = [value for value in vars(state).values() if isinstance(value, type) and issubclass(value, Exception)]
-    return (*named, ValueError, RuntimeError)
 
 
 def _unfit(path: Path, found: str) -> MaterialError:

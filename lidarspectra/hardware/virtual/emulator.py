@@ -17,6 +17,7 @@ from lidarspectra.hardware.sensor.as7265x import (
     ASCENDING_LETTERS,
     CHANNEL_COUNT,
     CHANNEL_LABELS,
+    FULL_SCALE_PER_STEP,
     GAIN_FACTORS,
     INTEGRATION_STEP_MS,
     REPEATABILITY,
@@ -93,7 +94,7 @@ class _Sensor:
         clean = self._light(now_s) * exposure
         noisy = clean * (1.0 + REPEATABILITY * self._rng.standard_normal(CHANNEL_COUNT))
         whole = np.where(np.isfinite(noisy), np.rint(np.nan_to_num(noisy, posinf=1e9)), 0)
-        limit = min(SATURATED_COUNT, 1024 * self.steps)
+        limit = min(SATURATED_COUNT, FULL_SCALE_PER_STEP * self.steps)
         return [int(n) if n < limit else SATURATED_COUNT for n in np.maximum(whole, 0)]
 
     def module_values(self, counts: list[int]) -> list[float]:

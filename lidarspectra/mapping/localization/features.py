@@ -201,11 +201,6 @@ def reference_of(table: xr.Dataset) -> FloatArray:
     return known_median(table[quantity_of(table)].to_numpy(), axis=0)
 
 
-def reference_kind(table: xr.Dataset) -> Reference:
-    """Which of the two `reference_of` takes."""
-    return "empty" if "empty" in table else "median"
-
-
 def reference_counts(table: xr.Dataset, device: SensorSettings | None = None) -> FloatArray:
     """(sensor, band) reference in counts of a sensor.
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import MapError
+from lidarspectra.onnx_errors import onnx_errors
 
 Method = Literal["network", "discriminant", "neighbours", "ridge"]
 METHODS: tuple[Method, ...] = ("network", "discriminant", "neighbours", "ridge")
@@ -242,7 +243,7 @@ class NetworkPlaces:
         options.log_severity_level = 4
         try:
             self._session: Any = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
-        except _runtime_errors() as cause:
+        except onnx_errors() as cause:
             raise MapError(expected="a network in ONNX", found=str(cause)[:200], where=where) from cause
         inputs = self._session.get_inputs()
         if len(inputs) != 1 or len(inputs[0].shape) != 2:
@@ -260,7 +261,7 @@ class NetworkPlaces:
         given = np.nan_to_num(features).astype(np.float32)
         try:
             answer = np.asarray(self._session.run(None, {self._input.name: given})[0], dtype=np.float64)
-        except _runtime_errors() as cause:
+        except onnx_errors() as cause:
             raise MapError(
                 expected=f"a network for {features.shape[1]} features", found=str(cause)[:200], where=self.where
             ) from cause
@@ -269,11 +270,3 @@ class NetworkPlaces:
                 expected="a finite probability of each place", found=f"shape {answer.shape}", where=self.where
             )
         return answer
-
-
-def _runtime_errors() -> tuple[type[Exception], ...]:
-    """Whatever onnxruntime raises; its exceptions have no base of their own."""
-    from onnxruntime.capi import onnxruntime_pybind11_state as state
-
-    named = [value for value in vars(state).values() if isinstance(value, type) and issubclass(value, Exception)]
-    return (*named, ValueError, RuntimeError)
