@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pyldt import Ldt, LdtHeader, LdtWriter
 
@@ -23,7 +24,8 @@ from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.robot.poses import read_poses
 from lidarspectra.hardware.sensor.calibration_files import read_calibration
 from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
-from lidarspectra.hardware.sensor.reading_log import FORMAT_LINE
+from lidarspectra.hardware.sensor.reading_log import FORMAT_LINE, LogWriter
+from lidarspectra.hardware.sensor.sensor_records import Moment, Reading
 from lidarspectra.mapping.photovoltaics.schedule import parse_hours
 from lidarspectra.material.segmentation import Classifier
 from lidarspectra.radiance.ies import read_ies
@@ -111,6 +113,36 @@ def test_a_receptor_of_no_rows_or_of_long_ones_is_refused(tmp_path: Path, rows: 
     (tmp_path / "a.csv").write_text(f"angle_deg,response\n{rows}", encoding="utf-8")
     with pytest.raises(SensorError, match=words):
         read_receptor(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("column", "damage"), [("flags", "0-0"), ("flags", "0" * 19), ("lost", "many"), ("lost", "9" * 400)]
+)
+def test_a_row_of_a_log_with_damaged_flags_or_counts_is_a_broken_one(tmp_path: Path, column: str, damage: str) -> None:
+    with LogWriter(tmp_path / "log.csv") as writer:
+        writer.head(["protocol = test"])
+        for number in range(3):
+            moment = Moment(unix_s=1.7e9 + number, monotonic_s=float(number))
+            reading = Reading(
+                moment=moment, counts=np.arange(18.0), module_values=np.full(18, np.nan),
+                flags=np.zeros(18, dtype=np.uint8), gain=16.0, integration_ms=165.2,
+                temperatures_c=(25.0, 25.0, 25.0), boot=1, sequence=number, device_ms=1000 * number,
+            )  # fmt: skip
+            writer.write([reading], moment)
+    lines = (tmp_path / "log.csv").read_text(encoding="utf-8").splitlines()
+    (header,) = (line for line in lines if line.startswith("kind,utc"))
+    cells = lines[-1].split(",")
+    cells[header.split(",").index(column)] = damage
+    (tmp_path / "log.csv").write_text("\n".join([*lines[:-1], ",".join(cells)]) + "\n", encoding="utf-8")
+    log = read_sensor_log(tmp_path / "log.csv")
+    assert log.readings.sizes["reading"] == 2
+    assert log.readings.attrs["broken_lines"] == "1"
+
+
+def test_a_column_that_only_begins_like_a_channels_is_none(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("time,count,410\n2023-04-20T14:36:08Z,1,2\n", encoding="utf-8")
+    with pytest.raises(ReadingError):
+        read_sensor_log(tmp_path / "log.csv")
 
 
 def test_a_message_is_one_paragraph_whatever_words_it_repeats() -> None:

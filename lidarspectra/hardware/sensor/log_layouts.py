@@ -352,7 +352,7 @@ def _channel_columns(names: Sequence[str], belongs: Callable[[str], bool]) -> di
     found: dict[str, str] = {}
     for name in names:
         letter = channel_letter(
-            name.split("_", 1)[1] if name.lower().startswith(("count", "module", "flag", "cal")) else name
+            name.split("_", 1)[-1] if name.lower().startswith(("count", "module", "flag", "cal")) else name
         )
         if letter is None or not belongs(name.lower()):
             continue

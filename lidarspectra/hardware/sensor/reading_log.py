@@ -9,6 +9,7 @@ import csv
 import io
 import math
 import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -33,6 +34,9 @@ LOG_COLUMNS = (
     "temperature_1_c", "temperature_2_c", "temperature_3_c", *COUNT_COLUMNS, *MODULE_COLUMNS, "flags", *CELLS,
     "since_unix_s", "stream", "lost", "reason", "detail",
 )  # fmt: skip
+
+_FLAGS = re.compile(rf"[0-9a-fA-F]{{0,{len(CHANNEL_LABELS)}}}")
+_LOST = re.compile(r"[0-9]{0,15}")
 
 Entry = Reading | CellReading | Gap | Upset | Note
 
@@ -245,11 +249,17 @@ def read_rows(path: Path) -> tuple[list[dict[str, str]], dict[str, str], int]:
         if fields[:2] == ["kind", "utc"]:
             columns = tuple(fields) if set(LOG_COLUMNS) <= set(fields) else ()
             broken += not columns
-        elif len(fields) == len(columns) and fields and fields[0] in ("reading", "cells", "gap", "gap begins", "event"):
-            rows.append(dict(zip(columns, fields, strict=True)))
+        elif len(fields) == len(columns) and _is_sound(row := dict(zip(columns, fields, strict=True))):
+            rows.append(row)
         else:
             broken += 1
     return rows, description, broken
+
+
+def _is_sound(row: dict[str, str]) -> bool:
+    """Whether a row is of a kind that is written, its flags a digit a channel, and its count of lost lines a number."""
+    known = row.get("kind") in ("reading", "cells", "gap", "gap begins", "event")
+    return known and bool(_FLAGS.fullmatch(row["flags"]) and _LOST.fullmatch(row["lost"]))
 
 
 def _fields(line: str) -> Iterator[list[str]]:
