@@ -25,6 +25,7 @@ from lidarspectra.hardware.robot.poses import read_poses
 from lidarspectra.hardware.sensor.calibration_files import read_calibration
 from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.sensor.reading_log import FORMAT_LINE, LogWriter
+from lidarspectra.hardware.sensor.reference_files import read_map
 from lidarspectra.hardware.sensor.sensor_records import Moment, Reading
 from lidarspectra.mapping.photovoltaics.schedule import parse_hours
 from lidarspectra.material.segmentation import Classifier
@@ -143,6 +144,14 @@ def test_a_column_that_only_begins_like_a_channels_is_none(tmp_path: Path) -> No
     (tmp_path / "log.csv").write_text("time,count,410\n2023-04-20T14:36:08Z,1,2\n", encoding="utf-8")
     with pytest.raises(ReadingError):
         read_sensor_log(tmp_path / "log.csv")
+
+
+@pytest.mark.parametrize("row", [f"a,{MANY},1", f"1,1,{MANY}"])
+def test_a_map_table_with_a_number_of_hundreds_of_digits_is_refused(tmp_path: Path, row: str) -> None:
+    rows = "".join(f"{cells},0.3\n" for cells in (row, "2,2,1"))
+    (tmp_path / "map.csv").write_text(f"x,y,E_410,z\n{rows}", encoding="utf-8")
+    with pytest.raises(ReadingError, match="Mend that row"):
+        read_map(tmp_path / "map.csv")
 
 
 def test_a_message_is_one_paragraph_whatever_words_it_repeats() -> None:

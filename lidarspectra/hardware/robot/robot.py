@@ -149,7 +149,12 @@ def read_locations(path: Path) -> FloatArray:
             where=str(path),
             todo="Name them so.",
         )
-    numbers = table[[names[name] for name in POSITION]].apply(pd.to_numeric, errors="coerce").to_numpy(np.float64)
+    try:
+        numbers = table[[names[name] for name in POSITION]].apply(pd.to_numeric, errors="coerce").to_numpy(np.float64)
+    except OverflowError as cause:  # pandas reads a whole number of hundreds of digits, and cannot make it a float
+        raise ReadingError(
+            expected="numbers in every row", found=str(cause), where=str(path), todo="Mend that row."
+        ) from cause
     if not len(numbers) or not np.isfinite(numbers).all():
         raise ReadingError(
             expected="numbers in every row", found="a gap or a word", where=str(path), todo="Mend that row."

@@ -116,9 +116,14 @@ def read_map(path: Path) -> tuple[FloatArray, FloatArray]:
     positions = read_locations(path)
     table = pd.read_csv(path, encoding="utf-8-sig", comment="#")
     values = np.full((len(table), len(CHANNEL_LABELS)), np.nan)
-    for c, label in enumerate(CHANNEL_LABELS):
-        if f"E_{label}" in table.columns:
-            values[:, c] = pd.to_numeric(table[f"E_{label}"], errors="coerce")
+    try:
+        for c, label in enumerate(CHANNEL_LABELS):
+            if f"E_{label}" in table.columns:
+                values[:, c] = pd.to_numeric(table[f"E_{label}"], errors="coerce")
+    except OverflowError as cause:  # pandas reads a whole number of hundreds of digits, and cannot make it a float
+        raise ReadingError(
+            expected="spectral irradiances [W/m²/nm]", found=str(cause), where=str(path), todo="Mend that row."
+        ) from cause
     if not np.isfinite(values).any():
         raise ReadingError(
             expected="columns E_410, E_435, ... [W/m²/nm]",
