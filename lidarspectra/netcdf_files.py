@@ -5,6 +5,7 @@ where a disk is full.
 """
 
 import io
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from lidarspectra.files import write_whole
 LARGEST_VALUE = 1e30  # [1] of any physical number here; beyond it squares overflow
 _FAULTS = (
     OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, NotImplementedError,
-    OverflowError, MemoryError,
+    OverflowError, MemoryError, xr.SerializationWarning,
 )  # fmt: skip  # what xarray, h5netcdf and h5py raise on damaged files
 
 
@@ -43,8 +44,10 @@ def read_netcdf(path: Path) -> xr.Dataset:
     try:
         with h5py.File(path, "r"):  # h5netcdf leaves half an object, and its complaint, where this fails
             pass
-        with xr.open_dataset(path, engine="h5netcdf", phony_dims="sort", decode_times=False) as opened:
-            return opened.load()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", xr.SerializationWarning)  # of attributes that contradict one another
+            with xr.open_dataset(path, engine="h5netcdf", phony_dims="sort", decode_times=False) as opened:
+                return opened.load()
     except _FAULTS as cause:
         raise ValueError(" ".join(f"{type(cause).__name__}: {cause}".split())) from cause
 

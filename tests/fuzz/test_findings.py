@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from pyldt import Ldt, LdtHeader, LdtWriter
@@ -29,6 +30,7 @@ from lidarspectra.hardware.sensor.reference_files import read_map
 from lidarspectra.hardware.sensor.sensor_records import Moment, Reading
 from lidarspectra.mapping.photovoltaics.schedule import parse_hours
 from lidarspectra.material.segmentation import Classifier
+from lidarspectra.netcdf_files import read_netcdf
 from lidarspectra.radiance.ies import read_ies
 from lidarspectra.radiance.ldt import ies_text_of_ldt
 from lidarspectra.radiance.receptors import read_receptor
@@ -152,6 +154,14 @@ def test_a_map_table_with_a_number_of_hundreds_of_digits_is_refused(tmp_path: Pa
     (tmp_path / "map.csv").write_text(f"x,y,E_410,z\n{rows}", encoding="utf-8")
     with pytest.raises(ReadingError, match="Mend that row"):
         read_map(tmp_path / "map.csv")
+
+
+def test_a_netcdf_file_with_two_fill_values_is_refused_without_a_warning(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.nc", "w") as file:
+        numbers = file.create_dataset("ny", data=np.ones(4))
+        numbers.attrs["_FillValue"] = np.array([1, 2])
+    with pytest.raises(ValueError, match="multiple fill values"):
+        read_netcdf(tmp_path / "a.nc")
 
 
 def test_a_message_is_one_paragraph_whatever_words_it_repeats() -> None:
