@@ -2,11 +2,12 @@
 
     python -m benchmarks.delighting [--mesh flat|scanned|both] [office apartment ... or folders made by scenes/build.py]
 
-For each scene three material maps on the scan's own geometry, made flat or as scanned: colours as they are (raw),
-without the light (delit), and the true materials; each traced at the scene's sensor points in 14 bands and compared
-with the light in the true room (true geometry and materials, the same engine). Reflectance errors are area-weighted
-means over the scan of the absolute difference, in linear sRGB and over 400 to 700 nm. "noise" is the NRMSE that the
-two traces' standard errors alone would make. benchmarks/mesh.py looks closer at the mesh's own share.
+For each scene four material maps on the scan's own geometry, made flat or as scanned: colours as they are (raw),
+without the light (delit), true colours whose spectra are recovered as always (color), and the true materials (true);
+each traced at the scene's sensor points in 14 bands and compared with the light in the true room (true geometry and
+materials, the same engine). Reflectance errors are area-weighted means over the scan of the absolute difference, in
+linear sRGB and over 400 to 700 nm. "noise" is the NRMSE that the two traces' standard errors alone would make.
+benchmarks/mesh.py looks closer at the mesh's own share.
 """
 
 import argparse
@@ -123,13 +124,22 @@ def true_light(case: Case) -> Light:
     return light(room.scan, materials_on(materials, room.face_material), case)
 
 
+def true_colors(case: Case) -> FloatArray:
+    """(face, 3) true reflectance in linear sRGB; 1 where the scan shows no surface."""
+    colors = xyz_to_linear_srgb(_on_color_grid(case.truth) @ tristimulus_table())[case.face_truth]
+    colors[~surface_colors(case.scan)[1]] = 1.0
+    return colors
+
+
+def _on_color_grid(materials: Sequence[Material]) -> FloatArray:
+    """(material, wavelength) reflectances."""
+    return np.stack([m.reflectance.at(COLOR_GRID_NM, outside="nearest") for m in materials])
+
+
 def reflectance_errors(found: MaterialMap, case: Case) -> tuple[float, float]:
     """Area-weighted mean absolute error in linear sRGB, and over 400 to 700 nm."""
     weights = tristimulus_table()
-    spectra, truth = (
-        np.stack([m.reflectance.at(COLOR_GRID_NM, outside="nearest") for m in materials])
-        for materials in (found.materials, case.truth)
-    )
+    spectra, truth = _on_color_grid(found.materials), _on_color_grid(case.truth)
     colors, true_colors = (xyz_to_linear_srgb(values @ weights) for values in (spectra, truth))
     known = surface_colors(case.scan)[1]
     apart = np.abs(colors[found.face_material] - true_colors[case.face_truth]).mean(axis=1)
@@ -152,6 +162,7 @@ def run(folder: Path, meshes: Sequence[Mesh]) -> None:
         maps = {
             "raw": estimate_materials(case.scan, views, MaterialsSection()),
             "delit": estimate_materials(case.scan, views, MaterialsSection(), face_color=delit.face_color),
+            "color": estimate_materials(case.scan, views, MaterialsSection(), face_color=true_colors(case)),
             "true": materials_on(case.truth, case.face_truth),
         }
         print(f"  {delit.words}\n  {took}")
