@@ -20,7 +20,7 @@ from lidarspectra.files import write_whole
 LARGEST_VALUE = 1e30  # [1] of any physical number here; beyond it squares overflow
 _FAULTS = (
     OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, NotImplementedError,
-    OverflowError, MemoryError, xr.SerializationWarning,
+    OverflowError, MemoryError, AssertionError, xr.SerializationWarning,
 )  # fmt: skip  # what xarray, h5netcdf and h5py raise on damaged files
 
 
@@ -47,9 +47,13 @@ def read_netcdf(path: Path) -> xr.Dataset:
         with warnings.catch_warnings():
             warnings.simplefilter("error", xr.SerializationWarning)  # of attributes that contradict one another
             with xr.open_dataset(path, engine="h5netcdf", phony_dims="sort", decode_times=False) as opened:
-                return opened.load()
+                dataset = opened.load()
     except _FAULTS as cause:
         raise ValueError(" ".join(f"{type(cause).__name__}: {cause}".split())) from cause
+    for name, variable in dataset.variables.items():
+        if len(variable.dims) != len(variable.shape):  # a damaged rank; xarray trips over it later
+            raise ValueError(f"'{name}' with {len(variable.shape)} axes and {len(variable.dims)} dims")
+    return dataset
 
 
 def write_netcdf(dataset: xr.Dataset, path: Path, *, encoding: Mapping[Any, Any]) -> None:

@@ -164,6 +164,20 @@ def test_a_netcdf_file_with_two_fill_values_is_refused_without_a_warning(tmp_pat
         read_netcdf(tmp_path / "a.nc")
 
 
+@pytest.mark.parametrize(("axes", "chunks"), [([0], None), ([], (1, 3))])
+def test_a_netcdf_file_whose_array_has_other_axes_than_dims_is_refused(
+    tmp_path: Path, axes: list[int], chunks: tuple[int, int] | None
+) -> None:
+    with h5py.File(tmp_path / "a.nc", "w") as file:
+        for number, (name, values) in enumerate({"x": np.zeros(2), "v": np.zeros((2, 3))}.items()):
+            made = file.create_dataset(name, data=values, chunks=chunks if name == "v" else None)
+            made.make_scale(name)
+            made.attrs["_Netcdf4Dimid"] = np.int32(number)
+        file["v"].attrs["_Netcdf4Coordinates"] = np.array(axes, dtype=np.int32)
+    with pytest.raises(ValueError, match=r"axes|Assertion"):
+        read_netcdf(tmp_path / "a.nc")
+
+
 def test_a_message_is_one_paragraph_whatever_words_it_repeats() -> None:
     error = LidarSpectraError(expected="a name", found="\x1b[2J" + "x" * 10_000 + "\n\u202eabc", where="a\nb")
     assert str(error).isprintable()
