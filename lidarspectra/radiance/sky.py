@@ -14,7 +14,7 @@ import re
 import shutil
 import tempfile
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -167,7 +167,7 @@ def compute_sky(daylight: Daylight, folder: Path, engine: Engine, *, atmosphere:
 
 
 def sun_altitude_deg(time: datetime, latitude_deg: float, longitude_deg: float) -> float:
-    """Altitude of the sun above the horizon, without refraction, right to half a degree.
+    """Altitude of the sun above the horizon, without refraction, by pvlib.
 
     Parameters
     ----------
@@ -180,30 +180,12 @@ def sun_altitude_deg(time: datetime, latitude_deg: float, longitude_deg: float) 
     -------
     altitude : float
         [deg]
-
-    References
-    ----------
-    Spencer, Fourier series representation of the position of the sun, Search 2 (1971) 172: declination and equation of
-    time.
     """
-    utc = time.astimezone(UTC)
-    hours = utc.hour + utc.minute / 60.0 + utc.second / 3600.0
-    day = 2.0 * math.pi / 365.0 * (utc.timetuple().tm_yday - 1 + (hours - 12.0) / 24.0)
-    one, two, three = day, 2.0 * day, 3.0 * day
-    declination = (
-        0.006918 - 0.399912 * math.cos(one) + 0.070257 * math.sin(one) - 0.006758 * math.cos(two)
-        + 0.000907 * math.sin(two) - 0.002697 * math.cos(three) + 0.00148 * math.sin(three)
-    )  # fmt: skip
-    equation = 229.18 * (
-        0.000075 + 0.001868 * math.cos(one) - 0.032077 * math.sin(one) - 0.014615 * math.cos(two)
-        - 0.040849 * math.sin(two)
-    )  # fmt: skip
-    hour_angle = math.radians((60.0 * hours + equation + 4.0 * longitude_deg) / 4.0 - 180.0)
-    latitude = math.radians(latitude_deg)
-    sine = math.sin(latitude) * math.sin(declination) + math.cos(latitude) * math.cos(declination) * math.cos(
-        hour_angle
-    )
-    return math.degrees(math.asin(max(-1.0, min(1.0, sine))))
+    import pandas as pd
+    import pvlib  # here, since it takes over a second
+
+    found = pvlib.solarposition.get_solarposition(pd.DatetimeIndex([time]), latitude_deg, longitude_deg)
+    return float(found["elevation"].iloc[0])
 
 
 def _run_genssky(daylight: Daylight, folder: Path, engine: Engine, atmosphere: Path) -> EngineRun:

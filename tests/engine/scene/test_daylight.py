@@ -186,7 +186,7 @@ def test_night_is_dark_and_makes_no_lamp(engine: Engine, tmp_path: Path) -> None
 def test_the_sun_stands_where_almanacs_have_it(
     time: datetime, latitude: float, longitude: float, altitude: float
 ) -> None:
-    assert sun_altitude_deg(time, latitude, longitude) == pytest.approx(altitude, abs=0.7)
+    assert sun_altitude_deg(time, latitude, longitude) == pytest.approx(altitude, abs=0.3)
 
 
 @pytest.mark.parametrize(
