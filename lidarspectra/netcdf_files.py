@@ -16,6 +16,7 @@ import xarray as xr
 
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.files import write_whole
+from lidarspectra.hdf5_heaps import check_heaps
 
 LARGEST_VALUE = 1e30  # [1] of any physical number here; beyond it squares overflow
 _FAULTS = (
@@ -42,6 +43,7 @@ def read_netcdf(path: Path) -> xr.Dataset:
         If it is missing, damaged or no NetCDF-4; the message says what was found.
     """
     try:
+        check_heaps(path)
         with h5py.File(path, "r"):  # h5netcdf leaves half an object, and its complaint, where this fails
             pass
         with warnings.catch_warnings():

@@ -6,6 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import xarray as xr
 from pyldt import Ldt, LdtHeader, LdtWriter
 
 from lidarspectra.database_files import read_manifest
@@ -28,6 +29,7 @@ from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.sensor.reading_log import FORMAT_LINE, LogWriter
 from lidarspectra.hardware.sensor.reference_files import read_map
 from lidarspectra.hardware.sensor.sensor_records import Moment, Reading
+from lidarspectra.hdf5_heaps import HEAD, ITEM, SIGNATURE, check_heaps
 from lidarspectra.mapping.photovoltaics.schedule import parse_hours
 from lidarspectra.material.segmentation import Classifier
 from lidarspectra.netcdf_files import read_netcdf
@@ -175,6 +177,21 @@ def test_a_netcdf_file_whose_array_has_other_axes_than_dims_is_refused(
             made.attrs["_Netcdf4Dimid"] = np.int32(number)
         file["v"].attrs["_Netcdf4Coordinates"] = np.array(axes, dtype=np.int32)
     with pytest.raises(ValueError, match=r"axes|Assertion"):
+        read_netcdf(tmp_path / "a.nc")
+
+
+def test_a_netcdf_file_on_which_hdf5_never_ends_is_refused(tmp_path: Path) -> None:
+    xr.Dataset({"name": ("lamp", np.array(["one", "two"], dtype=object))}).to_netcdf(
+        tmp_path / "a.nc", engine="h5netcdf"
+    )
+    check_heaps(tmp_path / "a.nc")
+    data = bytearray((tmp_path / "a.nc").read_bytes())
+    at = data.index(SIGNATURE) + HEAD.size
+    while ITEM.unpack_from(data, at)[0] > 0:
+        at += ITEM.size + -(-ITEM.unpack_from(data, at)[3] // 8) * 8
+    ITEM.pack_into(data, at, 0, 0, 0, 0)  # what is free has no size now
+    (tmp_path / "a.nc").write_bytes(data)
+    with pytest.raises(ValueError, match="free space of no size"):
         read_netcdf(tmp_path / "a.nc")
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 ROOMS = ("hardware", "material", "radiance", "mapping")
 SHARED = (
     "arrays", "colorimetry", "config", "database_files", "database_import", "databases", "errors", "file_lock", "files",
-    "netcdf_files", "onnx_errors", "peak_memory", "progress", "reflectance_library", "sensor_files", "spectra",
-    "spectrum_files", "toml_text", "workspace",
+    "hdf5_heaps", "netcdf_files", "onnx_errors", "peak_memory", "progress", "reflectance_library", "sensor_files",
+    "spectra", "spectrum_files", "toml_text", "workspace",
 )  # fmt: skip  # root modules that the rooms use; all others at the root use the rooms
 
 
