@@ -1,7 +1,7 @@
 """Damaged HDF5 files on which the HDF5 library works for ever: found before it is given them.
 
-Text and references to dimensions lie in global heaps of a file. HDF5 walks through a heap object by
-object, and an object of free space (number 0) that has no size keeps it where it is; nothing in Python can interrupt it.
+Text and references to dimensions lie in global heaps of a file. HDF5 walks through a heap object by object, and an
+object of free space (number 0) that has no size keeps it where it is; nothing in Python can interrupt it.
 
 References
 ----------
