@@ -130,7 +130,10 @@ def live(
     window: Annotated[
         int, typer.Option("--window", min=1, help="Frames of the running median, without --empty.")
     ] = 600,
-    first: Annotated[int, typer.Option("--first", min=1, help="Frames until it is believed.")] = 60,
+    first: Annotated[
+        int | None,
+        typer.Option("--first", min=1, help="Frames until it is believed; 60, or the window where that is shorter."),
+    ] = None,
     average: Annotated[int, typer.Option("--average", min=1, help="Latest frames to average.")] = 1,
     frames: Annotated[int | None, typer.Option("--frames", min=1, help="Stop after so many.")] = None,
     baud: Annotated[int | None, typer.Option("--baud", help="Default: 115200.")] = None,
@@ -140,9 +143,9 @@ def live(
     from lidarspectra.files import write_whole
     from lidarspectra.localization_jobs import TRACK_COLUMNS, follow, live_frames, track_row
     from lidarspectra.mapping.localization.live import LiveSettings
-    from lidarspectra.mapping.localization.running_reference import MedianWindow
+    from lidarspectra.mapping.localization.running_reference import FIRST_FRAMES, MedianWindow
 
-    median = MedianWindow(frames=max(window, first), first=first)
+    median = MedianWindow(frames=window, first=min(FIRST_FRAMES, window) if first is None else first)
     settings = LiveSettings(method=method, window=median, average=average)
     rows = [",".join(TRACK_COLUMNS) + "\n"]
     with until_interrupted() as stopped:

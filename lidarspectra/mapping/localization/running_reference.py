@@ -14,6 +14,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.localization.features import known_median
 
+WINDOW_FRAMES, FIRST_FRAMES = 600, 60  # [1] ten minutes and one, at a reading a second
 REFRESH_FRAMES = 10  # [1] a running median over hundreds of frames does not change faster
 
 
@@ -29,8 +30,8 @@ class MedianWindow:
         Frames after which it is first believed. [1]
     """
 
-    frames: int = 600
-    first: int = 60
+    frames: int = WINDOW_FRAMES
+    first: int = FIRST_FRAMES
 
     def __post_init__(self) -> None:
         if not 1 <= self.first <= self.frames:
