@@ -62,6 +62,7 @@ NEIGHBORS = 8  # [1] samples whose light a face takes
 NORMAL_WEIGHT_M = 0.5  # [m] distance that a turn of one radian counts for
 SOFTEN_M = 0.05  # [m] softens the weight of the nearest sample
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
+LIGHT_REFLECTANCE = 0.65  # [1] from which surfaces in buildings are mostly whites; 0.6 and 0.7 give much the same
 LEAST_WHITE = 0.75  # [1] reflectance from which a surface is called white
 WHITE_SHARE = 0.05  # [1] of the scan's area beyond the bright end, from which a reader should know
 STRAY_LIGHT = 0.02  # [1] of white that a texture shows from beside: edges are rounded, frames blended, lenses glare
@@ -184,6 +185,7 @@ def take_light_out(
         group=_groups(colors, samples, trusted, room),
         cell=_cells(samples.positions),
         ceiling=_ceiling(samples, trusted, room),
+        white=np.zeros(len(colors), dtype=np.bool_),
         unsure=unsure,
     )
     witnesses = _witnesses(evidence)
@@ -286,6 +288,7 @@ def _fit(
             unsure=np.hypot(shadow_edges, STRAY_LIGHT / fit.irradiance.mean(axis=1)),
             group=_groups(reflectance, samples, trusted, room),
             ceiling=_neutral(evidence.ceiling, reflectance),
+            white=~evidence.ceiling & (cones_of_srgb(reflectance)[:, 1] > LIGHT_REFLECTANCE),
             tint=apparent_ratio(
                 reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct), library, daylight
             ),

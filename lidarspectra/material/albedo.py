@@ -13,6 +13,11 @@ points of one plane and one hue. The scatter is measured in units of the picture
 Box and Cox do), for else a curve that presses everything together would win. The scale of the lamps' flux is in k, and
 cancels.
 
+White balance, the ratios in k, is the least certain: a room of orange walls shows hardly any blue. Surfaces so light that
+they are most likely white tell it besides. The 268 measured surfaces of buildings that reflect more than .65 have log
+cone ratios to red of -.004 ± .011 (green) and -.058 ± .056 (blue; two thirds from -.149 to -.019), by
+`benchmarks/whites.py`. A room is taken to have one such paint, however many walls have it.
+
 References
 ----------
 Yu, Debevec, Malik, Hawkins (1999) Inverse global illumination, SIGGRAPH, 215. Box, Cox (1964) An analysis of
@@ -47,6 +52,10 @@ LEAST_EMISSION = 1e-3  # [1] cosine below which a lamp is seen from its edge
 STATED_FLUX_DEVIATION = 0.15  # [1] of the log of a lamp's flux over the others', where fluxes are stated
 BRIGHTEST_REFLECTANCE = 0.90  # [1] fresh white paint, top of EN 12464-1; what comes out brighter speaks for more light
 BRIGHTEST_DEVIATION = 0.03  # [1] of its logarithm
+WHITE_HUE = (-0.004, -0.058)  # [1] of light surfaces, log cone ratios green and blue over red
+WHITE_HUE_DEVIATION = (0.02, 0.08)  # [1] of them, wider than measured: some are beige, and a scan's hues are noisy
+WHITE_PAINTS = 1.0  # [1] different whites that a room is taken to have: its walls are of one paint
+WHITE_DOUBT = 2.0  # [1] deviations from which a light surface counts for less: it may be yellow
 COMMON = 6  # [1] parameters that do not belong to single lamps
 CELL_M = 1.0  # [m] within which errors of light and exposure are alike, as a phone's frame shows 1 to 2 m: one witness
 STARTS = ((0.0, 0.0), (0.8, 0.0), (0.4, 1.0), (0.4, -1.0))  # [1] log(1 + s), and log k over its rough value
@@ -83,6 +92,8 @@ class LightEvidence:
         Places whose errors are alike.
     ceiling : (sample,) bool
         Points of a ceiling that may be taken for white.
+    white : (sample,) bool
+        Points so light that their surface is most likely a white one.
     unsure : (sample,) float
         Relative standard deviation of the light there, for want of knowing just where a shadow ends, and of what strays
         into the picture of a dark place. [1]
@@ -103,6 +114,7 @@ class LightEvidence:
     group: IntArray
     cell: IntArray
     ceiling: BoolArray
+    white: BoolArray
     unsure: FloatArray
     tint: FloatArray | None = None
     face_excess: FloatArray | None = None
@@ -186,6 +198,7 @@ class _Model:
         self.fit_fluxes = len(evidence.direct) > 1
         self.count = COMMON + (len(evidence.direct) if self.fit_fluxes else 0)
         self._picture: tuple[ToneCurve, FloatArray, FloatArray] | None = None
+        self._lamps: tuple[float, FloatArray] | None = None
         self.rows = np.flatnonzero(evidence.group >= 0)[::every]
         self.shown = evidence.shown[self.rows]
         self.exchange = evidence.exchange[self.rows]
@@ -196,6 +209,8 @@ class _Model:
         self.tint = None if evidence.tint is None else evidence.tint[self.rows]
         _, self.group = np.unique(evidence.group[self.rows], return_inverse=True)
         self.group_sizes = np.bincount(self.group)
+        white = np.bincount(self.group, weights=evidence.white[self.rows]) / self.group_sizes
+        self.white = white * min(1.0, WHITE_PAINTS / max(float(white.sum()), 1e-9))
         places = np.stack([evidence.group[self.rows], evidence.cell[self.rows]], axis=1)
         self.cluster = np.unique(places, axis=0, return_inverse=True)[1].reshape(-1)
         self.witnesses = int(self.cluster.max()) + 1
@@ -220,7 +235,9 @@ class _Model:
         if self._picture is None or self._picture[0] != tone:  # kept, since only the tone changes it
             self._picture = (tone, *_pictured(self.evidence, tone, self.shown, self.exchange, self.tint))
         _, seen, gathered = self._picture
-        direct = _direct(self.direct, self.emission, beam, factors)
+        if self._lamps is None or self._lamps[0] != beam:  # kept: powers of many lamps' cosines are most of the work
+            self._lamps = (beam, _narrowed(self.direct, self.emission, beam))
+        direct = np.tensordot(factors, self._lamps[1], axes=1)
         return seen, np.maximum(exposure * direct + gathered, LEAST_LIGHT)
 
     def all_light(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -228,7 +245,8 @@ class _Model:
         evidence = self.evidence
         tone, exposure, beam, factors = self.parts(parameters)
         seen, gathered = _pictured(evidence, tone, evidence.shown, evidence.exchange, evidence.tint)
-        direct = exposure * _direct(evidence.direct / self.mean_direct, evidence.emission, beam, factors)
+        lamps = _narrowed(evidence.direct / self.mean_direct, evidence.emission, beam)
+        direct = exposure * np.tensordot(factors, lamps, axes=1)
         return seen, np.maximum(direct + gathered, LEAST_LIGHT), direct
 
     def log_reflectance(self, parameters: FloatArray) -> FloatArray:
@@ -291,11 +309,18 @@ class _Model:
         bright = np.log(np.maximum(srgb_of_cones(np.exp(center)).max(axis=1), LEAST_LIGHT) / BRIGHTEST_REFLECTANCE)
         share = np.sqrt(self.group_sizes / self.group_sizes.sum())
         parts.append(share * np.maximum(bright, 0.0) / BRIGHTEST_DEVIATION)
+        parts.append(np.sqrt(self.white)[:, None] * _from_white(center))
         if self.ceiling.size:
             apart = (np.median(values[self.ceiling], axis=0) - np.log(CEILING_REFLECTANCE)) / CEILING_DEVIATION
             doubt = CEILING_DOUBT
             parts.append(np.sign(apart) * doubt * np.sqrt(np.log1p((apart / doubt) ** 2)))
         return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
+
+
+def _from_white(center: FloatArray) -> FloatArray:
+    """(group, 2) how far (group, 3) log ρ is from the hue of whites; more than `WHITE_DOUBT` counts less and less."""
+    apart = (center[:, 1:] - center[:, :1] - np.array(WHITE_HUE)) / np.array(WHITE_HUE_DEVIATION)
+    return np.asarray(np.sign(apart) * WHITE_DOUBT * np.sqrt(np.log1p((apart / WHITE_DOUBT) ** 2)), dtype=np.float64)
 
 
 def fit_light(evidence: LightEvidence, *, flux_deviation: FloatArray, start: FloatArray | None = None) -> LightFit:
@@ -371,10 +396,10 @@ def _fit(model: _Model, best: FloatArray, jacobian: FloatArray, residual: FloatA
     )
 
 
-def _direct(direct: FloatArray, emission: FloatArray, beam: float, factors: FloatArray) -> FloatArray:
-    """(n, 3) direct light of all lamps, their beams narrowed at equal flux."""
+def _narrowed(direct: FloatArray, emission: FloatArray, beam: float) -> FloatArray:
+    """(lamp, n, 3) direct light of each lamp, its beam narrowed at equal flux."""
     shape = np.where(emission < 1.0, (1.0 + 0.5 * beam) * np.maximum(emission, LEAST_EMISSION) ** beam, 1.0)
-    return np.asarray(np.einsum("l,ls,lsc->sc", factors, shape, direct, optimize=True), dtype=np.float64)
+    return np.asarray(shape[:, :, None] * direct, dtype=np.float64)
 
 
 def _pictured(
