@@ -13,9 +13,9 @@ points of one plane and one hue. The scatter is measured in units of the picture
 Box and Cox do), for else a curve that presses everything together would win. The scale of the lamps' flux is in k, and
 cancels.
 
-White balance, the ratios in k, is the least certain: a room of orange walls shows hardly any blue. Surfaces so light that
-they are most likely white tell it besides. The 268 measured surfaces of buildings that reflect more than .65 have log
-cone ratios to red of -.004 ± .011 (green) and -.058 ± .056 (blue; two thirds from -.149 to -.019), by
+White balance, the ratios in k, is the least certain: a room of orange walls shows hardly any blue. Surfaces so light
+that they are most likely white tell it besides. The 268 measured surfaces of buildings that reflect more than .65
+have log cone ratios to red of -.004 ± .011 (green) and -.058 ± .056 (blue; two thirds from -.149 to -.019), by
 `benchmarks/whites.py`. A room is taken to have one such paint, however many walls have it.
 
 References
