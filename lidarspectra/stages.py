@@ -11,8 +11,9 @@ import xarray as xr
 from lidarspectra.delighting import take_light_out, with_light_uncertainty
 from lidarspectra.files import hash_file
 from lidarspectra.hardware.phone.readers import read_scan
-from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.hardware.phone.repair import repair_costs, repair_scan
 from lidarspectra.hardware.phone.scan import Scan, load_scan, save_scan
+from lidarspectra.hardware.phone.scan_times import coloring_s, saving_s
 from lidarspectra.hardware.room.room import find_room, load_room, save_room
 from lidarspectra.inputs import Inputs, assigned_spectra, database_hashes, lamp_files, lamp_settings, scan_files
 from lidarspectra.lamps_of_run import ScannedRoom, daylight_of_run, lamps_of_run, with_told_fluxes
@@ -61,7 +62,9 @@ REPORT_PAGE = PAGE
 MODEL_FOLDER = "model"
 SEGMENTATION = "segmentation"
 DELIGHTING_S_A_FACE = 8e-5  # [s] of one core, in the demo room (benchmarks/scale.py)
-SCAN_COSTS = (0.06, 0.74, 0.08, 0.12)  # [1] of the time, in the demo room: reading, repair, finding the room, saving
+READING_SHARE = 0.15  # [1] of the scan's time, before its size is known
+HOLES_LIKELY = 0.5  # [1] that there are some, to be closed in the colours of their rims
+FINDING_S_A_FACE = 2.3e-6  # [s] of one core, floor, walls and ceiling of a million faces (benchmarks/scale.py)
 READING_S_A_FACE = 3.8e-5  # [s] of one core, for the report of a hall of a million faces whose run goes on
 APPLICATIONS_S, PAGE_S = 10.0, 10.0  # [s] of one core: people, plants and cells; the page itself
 SAVING_S = (1.0, 1.1e-5)  # [s] of the materials: their picture, and for each face
@@ -74,8 +77,12 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
     file = inputs.path(section.file)
 
     def make(folder: Path, progress: Progress) -> Notes:
-        reading, repairing, finding, saving = shares(progress, SCAN_COSTS)
+        reading, rest = shares(progress, (READING_SHARE, 1.0 - READING_SHARE))
         raw = read_scan(file, unit=section.unit, up=section.up, progress=reading)
+        repair_s = sum(repair_costs(raw, close_holes=False, flatten=section.flatten, max_faces=section.max_faces))
+        holes_s = HOLES_LIKELY * coloring_s(raw) if section.close_holes else 0.0
+        costs = (repair_s + holes_s, FINDING_S_A_FACE * len(raw.faces), saving_s(raw))
+        repairing, finding, saving = shares(rest, costs)
         scan = repair_scan(
             raw,
             close_holes=section.close_holes,

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.hardware.phone.scan import Scan
 from lidarspectra.hardware.room.free_space import sphere_directions
+from lidarspectra.progress import Progress, shares, silent
 
 LEAST_PATCH_M2 = 0.08  # [m²] a seat; smaller patches say little of their direction
 LEAST_WIDTH_M = 0.08  # [m] a board's narrow side, rounded by the scanner, has no direction of its own
@@ -30,6 +31,9 @@ DIRECTIONS = 1_600  # [1] on the sphere, 5 degrees apart
 DIRECTION_REACH = 0.16  # [1] chord of 9 degrees, over which a direction's area is summed
 OFFSET_BIN_M = 0.01  # [m]
 FITS = 4  # [1] of a plane to what lies on it; it has settled by then
+DROPPED_SHARE = 0.2  # [1] of the faces looked at, from which those that are taken are looked at no more
+USUAL_PATCH_M2 = 0.5  # [m²] of those that follow on walls and floor: 0.2 in the demo room, 0.7 in benchmarks/scale.py
+COSTS = (0.4, 0.55, 0.05)  # [1] of the time, in both: normals and neighbours; planes; bumps and rims
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,22 +62,29 @@ class FlatPatches:
         return len(self.offsets)
 
 
-def find_flat_patches(scan: Scan) -> FlatPatches:
+def find_flat_patches(scan: Scan, *, progress: Progress = silent) -> FlatPatches:
     """Find the flat patches of a scan, largest directions first.
 
     Parameters
     ----------
     scan : Scan
         Vertices merged by position.
+    progress : callable
+        Told how far it is.
 
     Returns
     -------
     patches : FlatPatches
     """
+    preparing, searching, growing = shares(progress, COSTS)
+    preparing(0.0, "finding planes")
     search = _Search(scan)
     while (direction := search.fullest_direction()) is not None:
         search.take(direction)
-    face_plane = search.grown()
+        searching(search.share_done(), f"finding planes, {len(search.offsets)} found")
+    growing(0.0, f"{len(search.offsets)} planes found")
+    face_plane = search.grown(scan)
+    progress(1.0, "planes found")
     return FlatPatches(
         face_plane=face_plane,
         normals=np.array(search.normals).reshape(-1, 3),
@@ -92,12 +103,12 @@ def face_neighbors(faces: IntArray) -> IntArray:
 
 
 class _Search:
-    """What is left of a scan while planes are taken out of it."""
+    """What is left of a scan while planes are taken out of it; faces that are taken are dropped now and then."""
 
     def __init__(self, scan: Scan) -> None:
         self.corners, self.centers = scan.corners, scan.centers
         self.areas, self.face_normals = scan.areas, scan.normals
-        self.pairs = face_neighbors(scan.faces)
+        self.all_pairs = self.pairs = face_neighbors(scan.faces)
         self.smooth = self._smoothed(scan)
         self.directions = sphere_directions(DIRECTIONS, turn_rad=0.0)
         tree = cKDTree(self.directions)
@@ -107,10 +118,12 @@ class _Search:
         ) + csr_array(np.eye(DIRECTIONS))
         # Where both sides of a sheet share vertices, the mean normal is none, and no plane can be told from it.
         self.left = (self.areas > 0) & (np.linalg.norm(self.smooth, axis=1) > 0.5)
+        self.face = np.arange(len(self.areas))  # numbers in the scan of the faces that are still looked at
         self.face_plane = np.full(len(self.areas), -1, dtype=np.int64)
         self.normals: list[FloatArray] = []
         self.offsets: list[float] = []
         self.reach_m = WIDEST_M
+        self.looked_at = 0  # faces, summed over all that was taken
 
     def _smoothed(self, scan: Scan) -> FloatArray:
         """(face, 3) unit normals, averaged over all faces that touch a face's vertices."""
@@ -133,8 +146,14 @@ class _Search:
         length = float(np.linalg.norm(mean))
         return np.asarray(mean / length if length > 0 else self.directions[best], dtype=np.float64)
 
+    def share_done(self) -> float:
+        """Faces that were looked at, over those and the ones to come if what is left is patches of usual size [1]."""
+        to_come = float(self.areas[self.left].sum()) / USUAL_PATCH_M2 * 0.5 * int(self.left.sum())
+        return self.looked_at / max(self.looked_at + to_come, 1.0)
+
     def take(self, direction: FloatArray) -> None:
         """Take the fullest plane of a direction out of what is left: as a patch, or as too small for one."""
+        self.looked_at += len(self.left)
         facing = self.left & (self.smooth @ direction > SMOOTH_COSINE)
         along = self.centers[facing] @ direction
         offset = _fullest_offset(along, self.areas[facing])
@@ -150,12 +169,24 @@ class _Search:
                 self._learn_noise(member, normal, offset)
             member = self._largest_piece(self._on(normal, offset))
         if self._is_patch(member, normal, offset):
-            self.face_plane[member] = len(self.offsets)
+            self.face_plane[self.face[member]] = len(self.offsets)
             self.normals.append(normal)
             self.offsets.append(offset)
             self.left &= ~member
         else:
             self.left &= ~(near | member)
+        if self.left.mean() < 1.0 - DROPPED_SHARE:
+            self._drop_taken()
+
+    def _drop_taken(self) -> None:
+        """Look no more at faces that are taken; those that are left keep their order, and so the planes to the bit."""
+        kept = np.flatnonzero(self.left)
+        number = np.cumsum(self.left) - 1
+        self.pairs = number[self.pairs[self.left[self.pairs[:, 0]] & self.left[self.pairs[:, 1]]]]
+        self.corners, self.centers, self.areas = self.corners[kept], self.centers[kept], self.areas[kept]
+        self.face_normals, self.smooth = self.face_normals[kept], self.smooth[kept]
+        self.face_direction, self.face = self.face_direction[kept], self.face[kept]
+        self.left = np.ones(kept.size, dtype=np.bool_)
 
     def _learn_noise(self, member: BoolArray, normal: FloatArray, offset: float) -> None:
         """How far the largest plane's faces are off it tells how far noise reaches."""
@@ -164,10 +195,13 @@ class _Search:
         self.reach_m = float(np.clip(NOISE_REACH * deviation, FINEST_M, WIDEST_M))
 
     def _on(self, normal: FloatArray, offset: float) -> BoolArray:
-        off = np.abs(self.corners @ normal - offset).max(axis=1)
         cosine = self.face_normals @ normal
         facing = (cosine > NEAR_COSINE) | ((self.smooth @ normal > SMOOTH_COSINE) & (cosine > GROWN_COSINE))
-        return np.asarray(self.left & facing & (off <= self.reach_m), dtype=np.bool_)
+        maybe = np.flatnonzero(self.left & facing)
+        off = np.abs(self.corners[maybe] @ normal - offset).max(axis=1)
+        on = np.zeros(len(self.left), dtype=np.bool_)
+        on[maybe[off <= self.reach_m]] = True
+        return on
 
     def _is_patch(self, member: BoolArray, normal: FloatArray, offset: float) -> bool:
         area = float(self.areas[member].sum())
@@ -181,27 +215,29 @@ class _Search:
 
     def _largest_piece(self, member: BoolArray) -> BoolArray:
         """Those members that hang together, in the piece of most area."""
-        inside = self.pairs[member[self.pairs].all(axis=1)]
-        count = len(member)
-        links = coo_array((np.ones(len(inside), dtype=np.int8), (inside[:, 0], inside[:, 1])), shape=(count, count))
-        _, piece = connected_components(links, directed=False)
-        largest = int(np.bincount(piece, weights=self.areas * member).argmax())
-        return np.asarray(member & (piece == largest), dtype=np.bool_)
+        rows = np.flatnonzero(member)
+        largest = np.zeros(len(member), dtype=np.bool_)
+        if rows.size:
+            first, second = self.pairs.T
+            inside = (np.cumsum(member) - 1)[self.pairs[member[first] & member[second]]]
+            links = coo_array((np.ones(len(inside), dtype=np.int8), inside.T), shape=(rows.size,) * 2)
+            _, piece = connected_components(links, directed=False)
+            largest[rows[piece == np.bincount(piece, weights=self.areas[rows]).argmax()]] = True
+        return largest
 
-    def grown(self) -> IntArray:
+    def grown(self, scan: Scan) -> IntArray:
         """(face,) planes, with the bumps and rounded rims between and beside their faces."""
         plane = self.face_plane.copy()
         if not self.offsets:
             return plane
         normals, offsets = np.array(self.normals), np.array(self.offsets)
-        both = np.concatenate([self.pairs, self.pairs[:, ::-1]])
+        corners, face_normals = scan.corners, scan.normals
+        both = np.concatenate([self.all_pairs, self.all_pairs[:, ::-1]])
         for _ in range(GROWTH_ROUNDS):
             edge = both[(plane[both[:, 0]] >= 0) & (plane[both[:, 1]] < 0)]
             candidate = plane[edge[:, 0]]
-            off = np.abs(
-                np.einsum("nkc,nc->nk", self.corners[edge[:, 1]], normals[candidate]) - offsets[candidate, None]
-            )
-            facing = np.einsum("nc,nc->n", self.face_normals[edge[:, 1]], normals[candidate])
+            off = np.abs(np.einsum("nkc,nc->nk", corners[edge[:, 1]], normals[candidate]) - offsets[candidate, None])
+            facing = np.einsum("nc,nc->n", face_normals[edge[:, 1]], normals[candidate])
             fits = (off.max(axis=1) <= self.reach_m) & (facing > GROWN_COSINE)
             plane[edge[fits, 1]] = candidate[fits]
         return plane

@@ -14,7 +14,7 @@ from scipy.sparse import coo_array, csr_array
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.hardware.phone.flat_patches import FlatPatches, find_flat_patches
 from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.progress import Progress, silent
+from lidarspectra.progress import Progress, shares, silent
 
 EDGE_REACH_M = 0.03  # [m] that a phone's voxels cut off an edge, about
 MOST_MOVE_M = 0.045  # [m] into a corner of three such planes
@@ -25,6 +25,7 @@ UNMOVING_ROUNDS = 4  # [1] of taking back what turned a triangle over
 TURNED_COSINE = 0.0  # [1] of the turn of a face's normal
 LEAST_FACE_AREA_M2 = 1e-9  # [m²] a face that an edge swallowed
 LEAST_MOVE_M = 1e-6  # [m] that counts as one
+COSTS = (0.7, 0.3)  # [1] of the time, in a small room and a large hall (benchmarks/scale.py): finding planes, drawing
 
 
 def flatten_scan(scan: Scan, *, progress: Progress = silent) -> Scan:
@@ -42,9 +43,9 @@ def flatten_scan(scan: Scan, *, progress: Progress = silent) -> Scan:
     scan : Scan
         With what was moved in its record. Faces that an edge swallowed are gone.
     """
-    progress(0.0, "finding planes")
-    patches = find_flat_patches(scan)
-    progress(0.9, "drawing vertices onto planes")
+    finding, drawing = shares(progress, COSTS)
+    patches = find_flat_patches(scan, progress=finding)
+    drawing(0.0, "drawing vertices onto planes")
     moved = _drawn(scan, patches)
     used = np.unique(scan.faces)
     distance = np.linalg.norm(moved[used] - scan.vertices[used], axis=1)

@@ -4,6 +4,7 @@ Colour belongs to faces and their corners here, so that vertices can be merged a
 seams getting in the way. Everything done is counted in the scan's record.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,11 +27,14 @@ from lidarspectra.hardware.phone.holes import (
     triangulate_loop,
 )
 from lidarspectra.hardware.phone.scan import Appearance, Scan
+from lidarspectra.hardware.phone.scan_times import coloring_s
 from lidarspectra.hardware.phone.triangles import triangle_areas
-from lidarspectra.progress import Progress, part_of, silent
+from lidarspectra.progress import Progress, shares, silent
 
 MERGE_DISTANCE_M = 1e-5  # [m] a hundredth of the scanner's noise; above the rounding of 32-bit files
 LEAST_FACE_AREA_M2 = 1e-10  # [m²] 0.01 mm x 0.01 mm; Radiance has no use for less
+MERGING_S, DROPPING_S, TURNING_S, CLOSING_S = 0.7e-6, 0.7e-6, 2.5e-6, 0.6e-6  # [s] a face, of one core (docs/scale.md)
+FLATTENING_S, DECIMATING_S = 9e-6, 4e-5  # [s] the same
 
 
 def repair_scan(
@@ -69,21 +73,55 @@ def repair_scan(
     ScanError
         If no face is left.
     """
-    progress(0.0, "merging vertices")
+    costs = repair_costs(scan, close_holes=close_holes, flatten=flatten, max_faces=max_faces)
+    merging, dropping, turning, rest = shares(progress, (*costs[:3], sum(costs[3:])))
+    merging(0.0, "merging vertices")
     scan = _merged(scan)
-    progress(0.05, "dropping doubled and degenerate triangles")
+    dropping(0.0, "dropping doubled and degenerate triangles")
     scan = _without_bad_faces(scan)
-    progress(0.1, "turning normals towards the room")
+    turning(0.0, "turning normals towards the room")
     scan = _turned(scan)
-    progress(0.2, "closing holes")
-    scan = _closed(scan, max_hole_m if close_holes else 0.0, part_of(progress, 0.2, 0.3))
+    rest(0.0, "closing holes")
+    loops, loose_edges = find_loops(scan.faces)
+    costs = repair_costs(scan, close_holes=close_holes and bool(loops), flatten=flatten, max_faces=max_faces)
+    closing, flattening, decimating = shares(rest, costs[3:])
+    scan = _closed(scan, loops, loose_edges, max_hole_m if close_holes else 0.0, closing)
     if flatten:
-        scan = flatten_scan(scan, progress=part_of(progress, 0.3, 0.7 if max_faces else 1.0))
+        scan = flatten_scan(scan, progress=flattening)
     if max_faces is not None:
-        scan = decimate(scan, max_faces, progress=part_of(progress, 0.7, 1.0))
+        scan = decimate(scan, max_faces, progress=decimating)
     record = replace(scan.record, faces_kept=scan.faces.shape[0], area_m2=float(scan.areas.sum()))
     progress(1.0, "scan repaired")
     return replace(scan, record=record)
+
+
+def repair_costs(
+    scan: Scan, *, close_holes: bool = True, flatten: bool = False, max_faces: int | None = None
+) -> tuple[float, ...]:
+    """What merging, dropping, turning, closing, flattening and decimating usually take [s of one core].
+
+    Parameters
+    ----------
+    scan : Scan
+    close_holes : bool
+        Whether holes are asked for and to be expected: the first asks for the colours of all faces.
+    flatten : bool
+    max_faces : int, optional
+
+    Returns
+    -------
+    costs : tuple of float
+        0 for what is not asked for. [s]
+    """
+    faces = len(scan.faces)
+    return (
+        MERGING_S * faces,
+        DROPPING_S * faces,
+        TURNING_S * faces,
+        CLOSING_S * faces + (coloring_s(scan) if close_holes else 0.0),
+        FLATTENING_S * faces if flatten else 0.0,
+        DECIMATING_S * faces if max_faces is not None and max_faces < faces else 0.0,
+    )
 
 
 def merged_numbers(vertices: FloatArray, distance: float = MERGE_DISTANCE_M) -> IntArray:
@@ -161,9 +199,8 @@ def _reversed_where(turn: BoolArray, corners: FloatArray) -> FloatArray:
     return np.where(turn[:, np.newaxis, np.newaxis], corners[:, ::-1], corners)
 
 
-def _closed(scan: Scan, max_hole_m: float, progress: Progress) -> Scan:
+def _closed(scan: Scan, loops: Sequence[Loop], loose_edges: int, max_hole_m: float, progress: Progress) -> Scan:
     """Close the loops no longer than `max_hole_m`, and count the others."""
-    loops, loose_edges = find_loops(scan.faces)
     piece, _ = connected_pieces(scan.faces)
     piece_area = np.bincount(piece, weights=scan.areas)
     fills: list[IntArray] = []
