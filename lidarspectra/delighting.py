@@ -186,7 +186,7 @@ def take_light_out(
         cell=_cells(samples.positions),
         ceiling=_ceiling(samples, trusted, room),
         white=np.zeros(len(colors), dtype=np.bool_),
-        unsure=unsure,
+        unsure=np.repeat(unsure[:, None], 3, axis=1),
     )
     witnesses = _witnesses(evidence)
     if witnesses < FEWEST_WITNESSES or not evidence.direct.any():
@@ -285,7 +285,7 @@ def _fit(
         direct = np.einsum("ls,lb->sb", coefficients * fit.flux_factors[:, None], bands)
         evidence = replace(
             evidence,
-            unsure=np.hypot(shadow_edges, STRAY_LIGHT / fit.irradiance.mean(axis=1)),
+            unsure=np.hypot(shadow_edges, STRAY_LIGHT / fit.irradiance),
             group=_groups(reflectance, samples, trusted, room),
             ceiling=_neutral(evidence.ceiling, reflectance),
             white=~evidence.ceiling & (cones_of_srgb(reflectance)[:, 1] > LIGHT_REFLECTANCE),

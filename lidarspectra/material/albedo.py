@@ -53,7 +53,7 @@ STATED_FLUX_DEVIATION = 0.15  # [1] of the log of a lamp's flux over the others'
 BRIGHTEST_REFLECTANCE = 0.90  # [1] fresh white paint, top of EN 12464-1; what comes out brighter speaks for more light
 BRIGHTEST_DEVIATION = 0.03  # [1] of its logarithm
 WHITE_HUE = (-0.004, -0.058)  # [1] of light surfaces, log cone ratios green and blue over red
-WHITE_HUE_DEVIATION = (0.02, 0.08)  # [1] of them, wider than measured: some are beige, and a scan's hues are noisy
+WHITE_HUE_DEVIATION = (0.04, 0.10)  # [1] of them, wider than measured: some are beige, and a scan's hues are noisy
 WHITE_PAINTS = 1.0  # [1] different whites that a room is taken to have: its walls are of one paint
 WHITE_DOUBT = 2.0  # [1] deviations from which a light surface counts for less: it may be yellow
 COMMON = 6  # [1] parameters that do not belong to single lamps
@@ -94,9 +94,9 @@ class LightEvidence:
         Points of a ceiling that may be taken for white.
     white : (sample,) bool
         Points so light that their surface is most likely a white one.
-    unsure : (sample,) float
+    unsure : (sample, 3) float
         Relative standard deviation of the light there, for want of knowing just where a shadow ends, and of what strays
-        into the picture of a dark place. [1]
+        into the picture of a dark place, in each cone. [1]
     tint : (sample, 3) float, optional
         Ratio of apparent reflectance to that in daylight (see `colored_light`); 1 if left out. [1]
     face_excess : (face, 3) float, optional
@@ -217,7 +217,7 @@ class _Model:
         # All points together weigh as much as there are independent places.
         self.weight = np.sqrt(self.witnesses / self.rows.size) / LOG_SCATTER
         seen = np.maximum(cones_of_srgb(self.shown), LEAST_LIGHT)
-        noise = np.hypot(PICTURE_NOISE / seen, evidence.unsure[self.rows, None])
+        noise = np.hypot(PICTURE_NOISE / seen, evidence.unsure[self.rows])
         self.clarity = 1.0 / np.hypot(1.0, noise / LOG_SCATTER)
         self.ceiling = np.flatnonzero(evidence.ceiling[self.rows])
         self.rough = np.log(np.maximum(cones_of_srgb(evidence.shown[evidence.group >= 0]).mean(axis=0), LEAST_LIGHT))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from lidarspectra.material.albedo import WHITE_HUE, LightEvidence, _from_white, fit_light
+from lidarspectra.material.albedo import WHITE_HUE, WHITE_HUE_DEVIATION, LightEvidence, _from_white, fit_light
 from lidarspectra.material.sharpened_cones import srgb_of_cones
 
 PER_GROUP = 60
@@ -33,7 +33,7 @@ def evidence(white_groups: int) -> LightEvidence:
         cell=np.arange(group.size),
         ceiling=np.zeros(group.size, dtype=np.bool_),
         white=group < white_groups,
-        unsure=np.zeros(group.size),
+        unsure=np.zeros((group.size, 3)),
     )
 
 
@@ -57,6 +57,6 @@ def test_one_paint_on_many_walls_is_one_witness() -> None:
 
 
 def test_a_yellow_surface_counts_less_than_its_distance_from_white() -> None:
-    near, far = (np.log(WHITE) - [[0.0, 0.0, 0.08 * deviations]] for deviations in (0.5, 10.0))
+    near, far = (np.log(WHITE) - [[0.0, 0.0, WHITE_HUE_DEVIATION[1] * deviations]] for deviations in (0.5, 10.0))
     assert abs(_from_white(near)[0, 1] + 0.5) < 0.02
     assert -4.0 < _from_white(far)[0, 1] < -2.0
