@@ -13,7 +13,7 @@ from lidarspectra.files import hash_file
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_costs, repair_scan
 from lidarspectra.hardware.phone.scan import Scan, load_scan, save_scan
-from lidarspectra.hardware.phone.scan_times import coloring_s, saving_s
+from lidarspectra.hardware.phone.scan_times import coloring_s, loading_s, saving_s
 from lidarspectra.hardware.room.room import find_room, load_room, save_room
 from lidarspectra.inputs import Inputs, assigned_spectra, database_hashes, lamp_files, lamp_settings, scan_files
 from lidarspectra.lamps_of_run import ScannedRoom, daylight_of_run, lamps_of_run, with_told_fluxes
@@ -42,7 +42,7 @@ from lidarspectra.material.material_map import MaterialMap, load_materials, save
 from lidarspectra.material.material_mesh import daylight_colors, save_material_mesh
 from lidarspectra.material.model_card import CARD_SUFFIX
 from lidarspectra.material.segmentation import SHIPPED_MODEL
-from lidarspectra.material.viewpoints import render_views
+from lidarspectra.material.viewpoints import render_views, view_times
 from lidarspectra.material.views import ViewSet, load_views, save_views
 from lidarspectra.progress import Progress, part_of, shares
 from lidarspectra.radiance.engine import find_engine
@@ -64,6 +64,7 @@ SEGMENTATION = "segmentation"
 DELIGHTING_S_A_FACE = 8e-5  # [s] of one core, in the demo room (benchmarks/scale.py)
 READING_SHARE = 0.15  # [1] of the scan's time, before its size is known
 HOLES_LIKELY = 0.5  # [1] that there are some, to be closed in the colours of their rims
+SAVING_VIEWS_SHARE = 0.12  # [1] of the time that they took (benchmarks/scale.py)
 FINDING_S_A_FACE = 2.3e-6  # [s] of one core, floor, walls and ceiling of a million faces (benchmarks/scale.py)
 READING_S_A_FACE = 3.8e-5  # [s] of one core, for the report of a hall of a million faces whose run goes on
 APPLICATIONS_S, PAGE_S = 10.0, 10.0  # [s] of one core: people, plants and cells; the page itself
@@ -118,7 +119,13 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
     coverage = inputs.room.materials.coverage
 
     def make(folder: Path, progress: Progress) -> Notes:
-        views = render_views(scan.value.scan, scan.value.room, coverage=coverage, progress=part_of(progress, 0.0, 0.88))
+        progress(0.0, "reading the scan")
+        mesh = scan.value.scan
+        usual_s = view_times(mesh).usual_s
+        loading, looking, saving = shares(progress, (loading_s(mesh), usual_s, SAVING_VIEWS_SHARE * usual_s))
+        loading(1.0, "scan read")
+        views = render_views(mesh, scan.value.room, coverage=coverage, progress=looking)
+        saving(0.0, "saving")
         save_views(views, folder)
         short = views.area_coverage < views.threshold
         return Notes(

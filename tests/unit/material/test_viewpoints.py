@@ -12,11 +12,11 @@ from lidarspectra.hardware.room.room import find_room
 from lidarspectra.material.projection import camera_towards, pixel_grid, reverse_project
 from lidarspectra.material.surface_samples import surface_samples
 from lidarspectra.material.viewpoints import (
-    SEARCH_VIEWS,
     USUAL_LATER_VIEWS,
     ViewSettings,
     free_candidates,
     render_views,
+    view_times,
     visible,
 )
 from lidarspectra.material.views import capture_image, load_views, save_views
@@ -119,13 +119,14 @@ def test_the_loop_goes_where_the_uncovered_area_is(box):
 
 def test_the_viewpoints_to_come_are_counted_ahead(box):
     told: list[float] = []
-    found = render_views(
-        with_plate(box), coverage=0.99, settings=SMALL, progress=lambda fraction, words: told.append(fraction)
-    )
+    scan = with_plate(box)
+    found = render_views(scan, coverage=0.99, settings=SMALL, progress=lambda fraction, words: told.append(fraction))
     later = len(found.viewpoints) - 1
     assert later > 0
-    done = SEARCH_VIEWS + 6  # after the first viewpoint
-    assert told[0] == pytest.approx(done / (done + later * USUAL_LATER_VIEWS))
+    times = view_times(scan, SMALL)
+    done_s = times.search_s + 6 * times.view_s + times.update_s  # after the first viewpoint
+    to_come_s = later * (USUAL_LATER_VIEWS * times.view_s + times.update_s)
+    assert told[1] == pytest.approx(done_s / (done_s + to_come_s))
     assert told == sorted(told)
     assert told[-1] == 1.0
 
