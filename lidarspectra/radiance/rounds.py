@@ -37,7 +37,7 @@ MOST_PATHS_A_POINT = 2**18  # [1] on average over a block, each pass; a quarter 
 RAYS_A_JOB = (2**15, 2**17)  # [1] fewest and most rays given to a child process: 6 MB, a few seconds
 CLOCK_LAG_S = 0.05  # [s] the engine asks a clock that is moved on by ticks, of 16 ms at the longest, behind our own
 AIM = 0.85  # [1] of the target variance that a round aims at: its prediction is uncertain
-FIRST_ROUND = 0.2  # [1] of a block's progress: only what it finds tells how much the next one has to do
+FIRST_ROUND = 0.2  # [1] of the first block's progress: only what it finds tells how much the next one has to do
 SECOND_ROUND = 0.95  # [1] of it when that one is done; mostly it was the last
 
 
@@ -96,10 +96,13 @@ class BlockResult:
         Independent estimates of the coefficient. [m⁻²]
     irradiance_se : (point, band) float
         Standard error of the sum over lamps. [W/m²/nm]
+    first_round : float
+        Share of the engine's time that the first round took. [0-1]
     """
 
     batches: NDArray[np.float32]
     irradiance_se: FloatArray
+    first_round: float
 
 
 def estimate_block(
@@ -112,6 +115,7 @@ def estimate_block(
     generator: np.random.Generator,
     log: Log,
     progress: Progress,
+    first_round: float = FIRST_ROUND,
 ) -> BlockResult:
     """Sample a block of points until its error is down to the target or the budget is spent.
 
@@ -129,6 +133,8 @@ def estimate_block(
     log : Log
         Added to.
     progress : Progress
+    first_round : float
+        Share of the block's time that its first round is expected to take. [0-1]
 
     Returns
     -------
@@ -141,10 +147,11 @@ def estimate_block(
     """
     components = _components(scene, request, counted.size)
     wanted = _first(components, request)
-    start, stop = 0.0, FIRST_ROUND
+    start, stop, first_s = 0.0, min(first_round, SECOND_ROUND), 0.0
     for _ in range(MOST_ROUNDS):
         share = part_of(progress, start, stop)
         _sample(components, wanted, sensors, scene, request, generator=generator, log=log, progress=share)
+        first_s = first_s or _spent_s(components)
         totals = _totals(scene, components)
         error = standard_error(totals)
         means = totals[:, counted].mean(axis=(0, 1)) if scale is None else scale
@@ -158,12 +165,21 @@ def estimate_block(
         start = max(stop, SECOND_ROUND * share_done(components, wanted))
         stop = max(start, SECOND_ROUND)
     progress(1.0, "traced")
-    return BlockResult(batches=_coefficients(scene, components), irradiance_se=error)
+    return BlockResult(
+        batches=_coefficients(scene, components),
+        irradiance_se=error,
+        first_round=first_s / max(_spent_s(components), 1e-9),
+    )
+
+
+def _spent_s(components: Sequence[Component]) -> float:
+    """Time that the engine took so far [s]."""
+    return sum(component.seconds for component in components)
 
 
 def share_done(components: Sequence[Component], wanted: Sequence[IntArray]) -> float:
     """Share of the engine's time that is spent when these samples are still wanted, at the price of those taken [1]."""
-    spent_s = sum(component.seconds for component in components)
+    spent_s = _spent_s(components)
     missing_s = sum(
         BATCHES * float(more.sum()) * component.price for component, more in zip(components, wanted, strict=True)
     )

@@ -27,7 +27,7 @@ from lidarspectra.radiance.engine import Engine, find_engine
 from lidarspectra.radiance.estimator import BATCHES
 from lidarspectra.radiance.options import BOUNCES, RELATIVE_STANDARD_ERROR, Accuracy
 from lidarspectra.radiance.receptors import Receptor, cosine_receptor
-from lidarspectra.radiance.rounds import Log, Request, estimate_block, first_mean, relative_rms
+from lidarspectra.radiance.rounds import FIRST_ROUND, Log, Request, estimate_block, first_mean, relative_rms
 from lidarspectra.radiance.scene import RadianceScene
 from lidarspectra.radiance.sensor_rays import Sensors
 from lidarspectra.radiance.sensors import SensorPoints
@@ -173,12 +173,22 @@ def _trace(
     batches = None
     if BATCHES * coefficient.size <= KEPT_BATCH_VALUES:
         batches = np.empty((BATCHES, *coefficient.shape), dtype=np.float32)
+    first_round = FIRST_ROUND
     for number, block in enumerate(blocks):
         share = part_of(progress, number / len(blocks), (number + 1) / len(blocks))
         sensors = Sensors(positions=points.positions[block], normals=points.normals[block], receptor=request.receptor)
         result = estimate_block(
-            scene, sensors, counted[block], scale, request, generator=generator, log=log, progress=share
+            scene,
+            sensors,
+            counted[block],
+            scale,
+            request,
+            generator=generator,
+            log=log,
+            progress=share,
+            first_round=first_round,
         )
+        first_round = result.first_round  # the next one's will be about that
         coefficient[:, block] = result.batches.mean(axis=0, dtype=np.float64)
         for lamp in range(lamps):
             coefficient_se[lamp, block] = standard_error(result.batches[:, lamp].astype(np.float64))
