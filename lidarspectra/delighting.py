@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.databases import lamp_spectrum, load_reflectances, tristimulus_table
 from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.hardware.phone.scan_times import coloring_s
 from lidarspectra.hardware.room.rays import RayCaster
 from lidarspectra.hardware.room.room import Room
 from lidarspectra.material.albedo import (
@@ -35,7 +36,7 @@ from lidarspectra.material.light_exchange import exchange_matrix
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
 from lidarspectra.material.surface_hues import surface_groups
-from lidarspectra.progress import Progress, part_of, silent
+from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance.direct_light import direct_coefficients
 from lidarspectra.radiance.engine import Engine
 from lidarspectra.radiance.lamp_shapes import distance_to_lamp
@@ -74,6 +75,13 @@ BEAM_EXPONENT = 0.3  # [1] over that of matt lamps, from which a reader should k
 FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp that is off by more, and surely so, is worth a warning
 OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area
 CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
+# Of one core, in the demo room and a hall of a million faces with 8 and with 64 lamps (benchmarks/scale.py).
+SAMPLING_S_A_FACE = 2.7e-6  # [s] colours without lamps, and samples
+DIRECT_S_A_FACE, DIRECT_S_A_LAMP = 2e-5, 0.35  # [s] writing and compiling the mesh; its passes
+EXCHANGE_S, EXCHANGE_S_A_FACE = 0.5, 4.5e-6  # [s] rays; loading them, and what is near the lamps
+FIRST_FIT_S, FIRST_FIT_S_A_FACE, FIRST_FIT_S_A_PAIR = 0.3, 6e-6, 0.022  # [s] a pair of lamps: unknowns times sources
+NEXT_FIT_S, NEXT_FIT_S_A_FACE, NEXT_FIT_S_A_PAIR = 0.2, 2.5e-6, 0.009  # [s] and its grouping by hue
+ONCE_MORE = 0.5  # [1] that lamps of unknown fluxes are fitted once more
 SEED = 20240911  # of samples and rays; the same scan gives the same reflectances
 
 
@@ -159,15 +167,18 @@ def take_light_out(
         return _left_in("the scan has no colours")
     if not lamps:
         return _left_in("no lamps are known")
+    costs = delighting_costs(scan, len(lamps), fluxes_stated=fluxes_stated)
+    coloring, lighting, exchanging, fitting, fitting_again = shares(progress, costs)
+    coloring(0.0, "reading colours")
     shown, known = surface_colors(scan)
     generator = np.random.default_rng(SEED)
     samples = _samples(scan, generator)
     with tempfile.TemporaryDirectory() as folder:
         coefficients = direct_coefficients(
             scan, lamps, samples.positions, samples.normals, Path(folder),
-            engine=engine, workers=workers, progress=part_of(progress, 0.05, 0.5),
+            engine=engine, workers=workers, progress=lighting,
         )  # fmt: skip
-    progress(0.5, "light from surface to surface")
+    exchanging(0.0, "light from surface to surface")
     unsure = _shadow_edges(samples, coefficients)
     exchange = exchange_matrix(
         RayCaster(scan), len(scan.faces), samples.positions, samples.normals, rays=RAYS, generator=generator
@@ -192,11 +203,11 @@ def take_light_out(
     if witnesses < FEWEST_WITNESSES or not evidence.direct.any():
         return _left_in("too little of it shows surfaces that the lamps light")
     unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
-    found = _fit(scan, room, lamps, samples, trusted, evidence, coefficients, unsure_of, progress)
+    found = _fit(scan, room, lamps, samples, trusted, evidence, coefficients, unsure_of, fitting)
     told = told_lamps(found[0])
     if not fluxes_stated and not told.all():  # lamps that the picture cannot tell apart must not take what it cannot
         unsure_of = np.where(told, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
-        found = _fit(scan, room, lamps, samples, trusted, evidence, coefficients, unsure_of, progress)
+        found = _fit(scan, room, lamps, samples, trusted, evidence, coefficients, unsure_of, fitting_again)
     fit, evidence, spread = found
     if (doubt := _doubt(fit)) is not None:
         return _left_in(doubt, fit)
@@ -217,6 +228,40 @@ def take_light_out(
         ),
         lamp_fluxes=fluxes,
     )
+
+
+def delighting_costs(scan: Scan, lamps: int, *, fluxes_stated: bool = True) -> tuple[float, float, float, float, float]:
+    """What colours, direct light, light exchange, the fits, and the fits once more usually take [s of one core].
+
+    Parameters
+    ----------
+    scan : Scan
+    lamps : int
+        Their number: each is an unknown of the fits, and a source that every one of their steps adds up.
+    fluxes_stated : bool
+        As for `take_light_out`.
+
+    Returns
+    -------
+    costs : tuple of float
+        [s]
+    """
+    faces = len(scan.faces)
+    fits_s = sum(_fit_costs(faces, lamps))
+    return (
+        coloring_s(scan) + SAMPLING_S_A_FACE * faces,
+        DIRECT_S_A_FACE * faces + DIRECT_S_A_LAMP * lamps,
+        EXCHANGE_S + EXCHANGE_S_A_FACE * faces,
+        fits_s,
+        0.0 if fluxes_stated else ONCE_MORE * fits_s,
+    )
+
+
+def _fit_costs(faces: int, lamps: int) -> list[float]:
+    """What each round's fit usually takes [s of one core]."""
+    pairs = lamps**2
+    first_s = FIRST_FIT_S + FIRST_FIT_S_A_FACE * faces + FIRST_FIT_S_A_PAIR * pairs
+    return [first_s, *[NEXT_FIT_S + NEXT_FIT_S_A_FACE * faces + NEXT_FIT_S_A_PAIR * pairs] * (ROUNDS - 1)]
 
 
 def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_areas: FloatArray) -> MaterialMap:
@@ -273,11 +318,11 @@ def _fit(
     spread = _spread(scan, samples)
     bands = np.stack([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps])
     bands /= bands.sum(axis=0).mean()
-    progress(0.6, "camera and light")
-    fit = fit_light(evidence, flux_deviation=flux_deviation)
+    first, *following = shares(progress, _fit_costs(len(scan.faces), len(lamps)))
+    fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
     shadow_edges = evidence.unsure
-    for number in range(1, ROUNDS):
-        progress(0.6 + 0.4 * number / ROUNDS, "camera and light")
+    for part in following:
+        part(0.0, "surfaces of one hue")
         reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
         evidence = replace(evidence, face_excess=_beyond_white(evidence.face_shown, spread @ fit.irradiance))
         faces = _face_reflectance(evidence, fit, spread)
@@ -293,7 +338,7 @@ def _fit(
                 reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct), library, daylight
             ),
         )
-        fit = fit_light(evidence, flux_deviation=flux_deviation, start=fit.parameters)
+        fit = fit_light(evidence, flux_deviation=flux_deviation, start=fit.parameters, progress=part)
     return fit, evidence, spread
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import xarray as xr
 
-from lidarspectra.delighting import take_light_out, with_light_uncertainty
+from lidarspectra.delighting import delighting_costs, take_light_out, with_light_uncertainty
 from lidarspectra.files import hash_file
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_costs, repair_scan
@@ -44,11 +44,11 @@ from lidarspectra.material.model_card import CARD_SUFFIX
 from lidarspectra.material.segmentation import SHIPPED_MODEL
 from lidarspectra.material.viewpoints import render_views, view_times
 from lidarspectra.material.views import ViewSet, load_views, save_views
-from lidarspectra.progress import Progress, part_of, shares
+from lidarspectra.progress import Progress, shares
 from lidarspectra.radiance.engine import find_engine
 from lidarspectra.radiance.lamp_file import load_lamps, save_lamps
 from lidarspectra.radiance.placement import placement_notes
-from lidarspectra.radiance.scene import RadianceScene, load_scene, write_scene
+from lidarspectra.radiance.scene import RadianceScene, load_scene, scene_s, write_scene
 from lidarspectra.radiance.sensors import SensorPoints, sensor_points
 from lidarspectra.radiance.trace import trace
 from lidarspectra.radiance.transport import TRANSPORT_FILE, load_transport, save_transport
@@ -61,14 +61,14 @@ from lidarspectra.workspace import Notes, Stage, StageResult, versions
 REPORT_PAGE = PAGE
 MODEL_FOLDER = "model"
 SEGMENTATION = "segmentation"
-DELIGHTING_S_A_FACE = 8e-5  # [s] of one core, in the demo room (benchmarks/scale.py)
 READING_SHARE = 0.15  # [1] of the scan's time, before its size is known
 HOLES_LIKELY = 0.5  # [1] that there are some, to be closed in the colours of their rims
 SAVING_VIEWS_SHARE = 0.12  # [1] of the time that they took (benchmarks/scale.py)
 FINDING_S_A_FACE = 2.3e-6  # [s] of one core, floor, walls and ceiling of a million faces (benchmarks/scale.py)
+LAMPS_S, PLACING_S_A_LAMP_AND_FACE = 0.2, 3.3e-7  # [s] of one core, in that hall
 READING_S_A_FACE = 3.8e-5  # [s] of one core, for the report of a hall of a million faces whose run goes on
 APPLICATIONS_S, PAGE_S = 10.0, 10.0  # [s] of one core: people, plants and cells; the page itself
-SAVING_S = (1.0, 1.1e-5)  # [s] of the materials: their picture, and for each face
+SAVING_S = (1.1, 3e-6)  # [s] of the materials: their picture, and for each face
 TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays by the clock: runs agree within noise
 
 
@@ -149,12 +149,13 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         mesh, light = scan.value.scan, None
         faces = len(mesh.faces)
         estimate_s = sum(estimate_costs(faces, len(views.value.views) if section.model != "none" else 0))
-        costs = (DELIGHTING_S_A_FACE * faces if delight else 0.0, estimate_s, SAVING_S[0] + SAVING_S[1] * faces)
+        lamps = lamps_of_run(inputs, scan.value) if delight else ()
+        found = inputs.room.lamps_from_scan
+        stated = found is None or found.fluxes == "area"
+        delighting_s = sum(delighting_costs(mesh, len(lamps), fluxes_stated=stated)) if delight else 0.0
+        costs = (delighting_s, estimate_s, SAVING_S[0] + SAVING_S[1] * faces)
         delighting, estimating, saving = shares(progress, costs)
         if delight:
-            lamps = lamps_of_run(inputs, scan.value)
-            found = inputs.room.lamps_from_scan
-            stated = found is None or found.fluxes == "area"
             light = take_light_out(mesh, scan.value.room, lamps, fluxes_stated=stated, progress=delighting)
         materials = estimate_materials(
             mesh,
@@ -209,21 +210,30 @@ def scene_stage(
         progress(0.0, "lamps")
         lamps = (*with_told_fluxes(lamps_of_run(inputs, scan.value), materials.folder), *daylight_of_run(room, folder))
         save_lamps(lamps, folder)
+        mesh, bands = scan.value.scan, find_bands(room.sensors.device, inputs.base)
+        costs = (
+            LAMPS_S,
+            scene_s(len(mesh.faces), lamps, bands, room.trace.mode),
+            PLACING_S_A_LAMP_AND_FACE * len(lamps) * len(mesh.faces),
+        )
+        _, writing, placing = shares(progress, costs)
         scene = write_scene(
-            scan.value.scan,
+            mesh,
             materials.value,
             lamps,
-            find_bands(room.sensors.device, inputs.base),
+            bands,
             folder,
             mode=room.trace.mode,
             engine=find_engine(),
-            progress=part_of(progress, 0.1, 1.0),
+            progress=writing,
         )
+        placing(0.0, "places of the lamps")
+        notes = placement_notes(lamps, mesh)
         return Notes(
             summary=f"{len(lamps)} lamps, {len(materials.value.materials)} materials, "
             f"{len(scene.passes)} {'pass' if len(scene.passes) == 1 else 'passes'} of up to "
             f"{max(each.slot_count for each in scene.passes)} bands",
-            warnings=placement_notes(lamps, scan.value.scan),
+            warnings=notes,
         )
 
     settings = {

@@ -35,6 +35,7 @@ from scipy.sparse import csr_array
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.material.sharpened_cones import cones_of_srgb, srgb_of_cones
 from lidarspectra.material.tone_curve import ToneCurve
+from lidarspectra.progress import Progress, shares, silent
 
 LEAST_LIGHT = 1e-5  # [1] of white, floor of cone responses before their logarithm
 LOG_SCATTER = 0.07  # [1] usual deviation of log ρ within a surface: grain, uneven exposure, noise of the mesh
@@ -59,9 +60,11 @@ WHITE_DOUBT = 2.0  # [1] deviations from which a light surface counts for less: 
 COMMON = 6  # [1] parameters that do not belong to single lamps
 CELL_M = 1.0  # [m] within which errors of light and exposure are alike, as a phone's frame shows 1 to 2 m: one witness
 STARTS = ((0.0, 0.0), (0.8, 0.0), (0.4, 1.0), (0.4, -1.0))  # [1] log(1 + s), and log k over its rough value
+FIT_COSTS = (*(1.0,) * len(STARTS), 1.5, 0.5)  # [1] of the time: each start, the fit itself, how sure it is
 BOUNDS_POWER, BOUND_SHOULDER, BOUND_EXPOSURE = 0.6, 2.3, 4.0  # [1] of |log g|, log(1 + s), |log k - rough value|
 COARSE = 4  # [1] every so-manieth point is enough to choose among starts
 STEP = 1e-3  # [1] of a parameter, for slopes by differences
+USUAL_STEPS = 8  # [1] of a fit; from 4 to 40
 BOUNDS_BEAM = (-0.5, 4.0)  # [1]
 BOUND_FLUX = 2.5  # [1] of the log of a lamp's flux over the others': a lamp dimmed to a tenth is hardly lit
 
@@ -323,7 +326,13 @@ def _from_white(center: FloatArray) -> FloatArray:
     return np.asarray(np.sign(apart) * WHITE_DOUBT * np.sqrt(np.log1p((apart / WHITE_DOUBT) ** 2)), dtype=np.float64)
 
 
-def fit_light(evidence: LightEvidence, *, flux_deviation: FloatArray, start: FloatArray | None = None) -> LightFit:
+def fit_light(
+    evidence: LightEvidence,
+    *,
+    flux_deviation: FloatArray,
+    start: FloatArray | None = None,
+    progress: Progress = silent,
+) -> LightFit:
     """Find tone curve, exposure and the lamps' relative fluxes that explain a picture best.
 
     Parameters
@@ -333,26 +342,38 @@ def fit_light(evidence: LightEvidence, *, flux_deviation: FloatArray, start: Flo
         How unsure each lamp's flux over the others' is beforehand, as the standard deviation of its logarithm. [1]
     start : (parameter,) float, optional
         Of an earlier fit to the same picture; several starts are tried where it is not given.
+    progress : Progress, optional
+        Told at each step.
 
     Returns
     -------
     fit : LightFit
     """
     model = _Model(evidence, flux_deviation=flux_deviation)
+    *trying, fitting, ending = shares(progress, FIT_COSTS if start is None else FIT_COSTS[-2:])
     if start is None:
         coarse = _Model(evidence, flux_deviation=flux_deviation, every=COARSE, forgets=False)
-        found = [_least(coarse, _start(coarse, *values)) for values in STARTS]
+        found = [_least(coarse, _start(coarse, *values), part) for values, part in zip(STARTS, trying, strict=True)]
         start = min(found, key=lambda result: float(result.cost)).x
-    best = _least(model, np.asarray(start))
+    best = _least(model, np.asarray(start), fitting)
+    ending(0.0, "camera and light")
     return _fit(model, np.asarray(best.x), np.asarray(best.jac), np.asarray(best.fun), float(best.cost))
 
 
-def _least(model: _Model, start: FloatArray) -> OptimizeResult:
+def _least(model: _Model, start: FloatArray, progress: Progress) -> OptimizeResult:
+    steps = 0
+
+    def slopes(parameters: FloatArray) -> FloatArray:
+        nonlocal steps
+        progress(steps / (steps + USUAL_STEPS), "camera and light")  # how many it takes cannot be told
+        steps += 1
+        return model.jacobian(parameters)
+
     lamps = np.full(model.count - COMMON, BOUND_FLUX)
     low = np.concatenate([[-BOUNDS_POWER, 0.0], np.full(3, -BOUND_EXPOSURE), [BOUNDS_BEAM[0]], -lamps])
     high = np.concatenate([[BOUNDS_POWER, BOUND_SHOULDER], np.full(3, BOUND_EXPOSURE), [BOUNDS_BEAM[1]], lamps])
     return least_squares(
-        model.residuals, start, jac=model.jacobian, bounds=(low, high), x_scale=0.1, xtol=1e-4, ftol=1e-5,
+        model.residuals, start, jac=slopes, bounds=(low, high), x_scale=0.1, xtol=1e-4, ftol=1e-5,
         tr_solver="lsmr",
     )  # fmt: skip
 

@@ -40,8 +40,9 @@ UNSEEN_EVIDENCE = 0.1  # [1] how much the colour of a face counts that no view s
 LEAST_SHARE = 2e-4  # [1] of the area; smaller groups of faces join the material nearest in colour
 CONFIDENT_DIFFERENCE = 10.0  # [1] CIEDE2000 to the nearest surface at which confidence has fallen to 1/e
 UNKNOWN = "unknown"  # class of a material where none was estimated
-GROUPING_S_A_FACE, MATCHING_S_A_FACE = 1.4e-5, 1.4e-5  # [s] of one core, in the demo room (benchmarks/scale.py)
-CLASSES_S_A_VIEW = 0.94  # [s] the same
+# Of one core, in the demo room and a hall of a million faces (benchmarks/scale.py).
+GROUPING_S_A_FACE, FUSING_S_A_FACE, MATCHING_S_A_FACE = 8.3e-6, 8e-6, 4e-6  # [s]
+MODEL_S, CLASSES_S_A_VIEW = 1.5, 0.85  # [s] the network's start; a view's classes
 VISIBLE_BANDS_NM = (400.0, 770.0)  # [nm] what the sensor's first 14 channels see
 
 
@@ -93,7 +94,7 @@ def estimate_materials(
     known = load_reflectances(chosen.databases, base_folder) if library is None else library
     default = database_material(known.find(chosen.default), known, provenance="default", confidence=0.0)
     costs = estimate_costs(len(scan.faces), len(views.views) if chosen.model != "none" else 0)
-    grouping, looking, finding = shares(progress, costs)
+    grouping, looking, finding = shares(progress, (costs[0], costs[1] + costs[2], costs[3]))
     grouping(0.0, "reading colours")
     colors, usable = surface_colors(scan) if face_color is None else _given_colors(scan, face_color)
     if views.face_seen.size != len(scan.faces):
@@ -130,9 +131,14 @@ def estimate_materials(
     return estimated
 
 
-def estimate_costs(faces: int, views: int) -> tuple[float, float, float]:
-    """What the parts of an estimate usually take: grouping, the views' classes, and what follows [s of one core]."""
-    return GROUPING_S_A_FACE * faces, CLASSES_S_A_VIEW * views, MATCHING_S_A_FACE * faces
+def estimate_costs(faces: int, views: int) -> tuple[float, float, float, float]:
+    """What the parts of an estimate usually take [s of one core]: grouping, the views' classes, the faces', matching.
+
+    Without views to look at there are no classes.
+    """
+    looking_s = MODEL_S + CLASSES_S_A_VIEW * views if views else 0.0
+    fusing_s = FUSING_S_A_FACE * faces if views else 0.0
+    return GROUPING_S_A_FACE * faces, looking_s, fusing_s, MATCHING_S_A_FACE * faces
 
 
 def material_classes(
@@ -162,7 +168,10 @@ def material_classes(
     -------
     classes : FaceClasses
     """
-    votes = view_votes(classifier, scan, views, progress)
+    _, *costs, _ = estimate_costs(len(scan.faces), max(1, len(views.views)))
+    looking, fusing = shares(progress, costs)
+    votes = view_votes(classifier, scan, views, looking)
+    fusing(0.0, "material classes of faces")
     adjacency = face_adjacency(scan)
     lab = linear_srgb_to_lab(colors)
     neighbors = agreement(adjacency, lab, scan.normals)

@@ -59,8 +59,8 @@ from lidarspectra.radiance.scene_record import load_scene as load_scene
 from lidarspectra.radiance.surfaces import surface_slots, surface_text
 from lidarspectra.spectra import BandSet
 
-WRITING_S_A_FACE, COMPILING_S_A_FACE = 2e-5, 4e-5  # [s] of one core, for a hall of a million faces (docs/scale.md)
-OCTREE_S = 0.1  # [s] the same
+WRITING_S_A_FACE, COMPILING_S_A_FACE = 1.25e-5, 7e-6  # [s] of one core, for a hall of a million faces (docs/scale.md)
+COMPILING_S, OCTREE_S = 0.3, 0.02  # [s] the same; engine's programs start
 LAMPS_A_PASS = 4  # [1] a path asks every lamp of its pass for light: 64 lamps in one pass took 13 times 4 lamps' time
 
 
@@ -150,10 +150,16 @@ def write_scene(
     return scene
 
 
+def scene_s(faces: int, lamps: Sequence[Lamp], bands: BandSet, mode: Mode = "native") -> float:
+    """Time that `write_scene` usually takes of one core [s]."""
+    return sum(_costs(faces, [planned for _, planned in _plan_passes(lamps, bands, mode)]))
+
+
 def _costs(faces: int, passes: Sequence[ScenePass]) -> list[float]:
     """What the text of the mesh and each pass usually take [s of one core]; a pass of shared surfaces has no mesh."""
-    compiled = [COMPILING_S_A_FACE * faces if each.surfaces == each.name else 0.0 for each in passes]
-    return [WRITING_S_A_FACE * faces, *(mesh_s + OCTREE_S for mesh_s in compiled)]
+    mesh_s = COMPILING_S + COMPILING_S_A_FACE * faces
+    compiled = [mesh_s if each.surfaces == each.name else 0.0 for each in passes]
+    return [WRITING_S_A_FACE * faces, *(compiled_s + OCTREE_S for compiled_s in compiled)]
 
 
 def _check_parts(scan: Scan, materials: MaterialMap, lamps: Sequence[Lamp]) -> None:

@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from lidarspectra.material.albedo import WHITE_HUE, WHITE_HUE_DEVIATION, LightEvidence, _from_white, fit_light
+from lidarspectra.material.albedo import (
+    FIT_COSTS,
+    WHITE_HUE,
+    WHITE_HUE_DEVIATION,
+    LightEvidence,
+    _from_white,
+    fit_light,
+)
 from lidarspectra.material.sharpened_cones import srgb_of_cones
 
 PER_GROUP = 60
@@ -49,6 +56,15 @@ def test_white_surfaces_come_out_white() -> None:
     assert np.abs(hue(data) - WHITE_HUE).max() < 0.05
     blind = replace(data, white=np.zeros_like(data.white))
     assert np.abs(hue(blind) - WHITE_HUE).max() > 0.1
+
+
+def test_a_fit_tells_every_step_and_never_goes_back() -> None:
+    told: list[float] = []
+    fit_light(evidence(1), flux_deviation=np.array([0.15]), progress=lambda fraction, words: told.append(fraction))
+    assert len(told) > len(FIT_COSTS)
+    assert told == sorted(told)
+    assert told[0] == 0.0
+    assert told[-1] < 1.0
 
 
 def test_one_paint_on_many_walls_is_one_witness() -> None:

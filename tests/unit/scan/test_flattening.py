@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from lidarspectra.hardware.phone import flat_patches
 from lidarspectra.hardware.phone.flat_patches import find_flat_patches
 from lidarspectra.hardware.phone.flattening import flatten_scan
 from lidarspectra.hardware.phone.scan import Scan
@@ -76,6 +77,28 @@ def test_every_plane_looks_where_its_faces_look(room: Scan) -> None:
     on = patches.face_plane >= 0
     cosine = np.einsum("fc,fc->f", room.normals[on], patches.normals[patches.face_plane[on]])
     assert cosine.min() > 0
+
+
+@pytest.mark.parametrize("dropped_share", [0.0, 1.0])
+def test_planes_are_the_same_to_the_bit_whenever_taken_faces_are_dropped(
+    room: Scan, monkeypatch: pytest.MonkeyPatch, dropped_share: float
+) -> None:
+    usual = find_flat_patches(room)
+    monkeypatch.setattr(flat_patches, "DROPPED_SHARE", dropped_share)  # after every plane; never
+    other = find_flat_patches(room)
+    np.testing.assert_array_equal(other.face_plane, usual.face_plane)
+    np.testing.assert_array_equal(other.normals, usual.normals)
+    np.testing.assert_array_equal(other.offsets, usual.offsets)
+
+
+def test_planes_are_told_one_by_one(room: Scan) -> None:
+    told: list[tuple[float, str]] = []
+    flatten_scan(room, progress=lambda fraction, words: told.append((fraction, words)))
+    fractions = [fraction for fraction, _ in told]
+    assert fractions == sorted(fractions)
+    assert fractions[0] == 0.0
+    assert fractions[-1] == 1.0
+    assert [words for _, words in told].count("finding planes, 3 found") >= 1
 
 
 def test_a_thin_leg_and_a_ball_stay_as_they_were_scanned(room: Scan, plain_scan: MakeScan) -> None:

@@ -587,10 +587,13 @@ def test_without_the_extra_a_usd_file_says_what_to_install(tmp_path: Path, monke
 
 def test_progress_goes_from_zero_to_one(room_glb: Path) -> None:
     fractions: list[float] = []
-    repair_scan(read_scan(room_glb, progress=lambda f, _: fractions.append(f)))
-    assert fractions[0] == 0.0
-    assert fractions[-1] == 1.0
-    assert fractions == sorted(fractions)
+    scan = read_scan(room_glb, progress=lambda f, _: fractions.append(f))
+    repaired: list[float] = []
+    repair_scan(scan, flatten=True, max_faces=len(scan.faces) // 2, progress=lambda f, _: repaired.append(f))
+    for each in (fractions, repaired):
+        assert each[0] == 0.0
+        assert each[-1] == 1.0
+        assert each == sorted(each)
 
 
 # --- USD
