@@ -1,16 +1,18 @@
 """What taking the light out of a scan's colours buys: scenes with known truth, with and without.
 
-    python -m benchmarks.delighting [--mesh flat|scanned|both] [office apartment ... or folders made by scenes/build.py]
+    python -m benchmarks.delighting [--mesh flat|scanned|both] [--spectraldb FILE]
+                                    [office apartment ... or folders made by scenes/build.py]
 
 For each scene four material maps on the scan's own geometry, made flat or as scanned: colours as they are (raw),
 without the light (delit), true colours whose spectra are recovered as always (color), and the true materials (true);
 each traced at the scene's sensor points in 14 bands and compared with the light in the true room (true geometry and
 materials, the same engine). Reflectance errors are area-weighted means over the scan of the absolute difference, in
 linear sRGB and over 400 to 700 nm. "noise" is the NRMSE that the two traces' standard errors alone would make.
-benchmarks/mesh.py looks closer at the mesh's own share.
+`--spectraldb` adds that database to the built-in one. benchmarks/mesh.py looks closer at the mesh's own share.
 """
 
 import argparse
+import os
 import tempfile
 import time
 from collections.abc import Sequence
@@ -24,7 +26,7 @@ from benchmarks.true_faces import materials_on, nearest_faces, true_faces
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.colorimetry import xyz_to_linear_srgb
 from lidarspectra.config import MaterialsSection, TraceSection, read_run_file
-from lidarspectra.databases import scenes_folder, tristimulus_table
+from lidarspectra.databases import DATA_VARIABLE, import_spectraldb, scenes_folder, tristimulus_table
 from lidarspectra.delighting import take_light_out
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
@@ -148,7 +150,7 @@ def reflectance_errors(found: MaterialMap, case: Case) -> tuple[float, float]:
     return float(np.average(apart, weights=areas)), float(np.average(spectral, weights=areas))
 
 
-def run(folder: Path, meshes: Sequence[Mesh]) -> None:
+def run(folder: Path, meshes: Sequence[Mesh], section: MaterialsSection) -> None:
     """Print a scene's table."""
     reference = true_light(read_case(folder))
     for mesh in meshes:
@@ -160,9 +162,9 @@ def run(folder: Path, meshes: Sequence[Mesh]) -> None:
         delit = take_light_out(case.scan, find_room(case.scan), case.lamps)
         took = f"{time.perf_counter() - start:.1f} s, {time.process_time() - cpu:.1f} s of them outside the engine"
         maps = {
-            "raw": estimate_materials(case.scan, views, MaterialsSection()),
-            "delit": estimate_materials(case.scan, views, MaterialsSection(), face_color=delit.face_color),
-            "color": estimate_materials(case.scan, views, MaterialsSection(), face_color=true_colors(case)),
+            "raw": estimate_materials(case.scan, views, section),
+            "delit": estimate_materials(case.scan, views, section, face_color=delit.face_color),
+            "color": estimate_materials(case.scan, views, section, face_color=true_colors(case)),
             "true": materials_on(case.truth, case.face_truth),
         }
         print(f"  {delit.words}\n  {took}")
@@ -204,11 +206,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("scenes", nargs="*", default=["office", "apartment"])
     parser.add_argument("--mesh", choices=["flat", "scanned", "both"], default="flat")
+    parser.add_argument("--spectraldb", type=Path)
     given = parser.parse_args()
     meshes: tuple[Mesh, ...] = ("scanned", "flat") if given.mesh == "both" else (given.mesh,)
-    for name in given.scenes:
-        known = scenes_folder() / name
-        run(known if known.is_dir() else Path(name), meshes)
+    with tempfile.TemporaryDirectory() as data:
+        section = MaterialsSection()
+        if given.spectraldb is not None:
+            os.environ[DATA_VARIABLE] = data
+            import_spectraldb(given.spectraldb)
+            section = MaterialsSection(databases=(*section.databases, "spectraldb"))
+        for name in given.scenes:
+            known = scenes_folder() / name
+            run(known if known.is_dir() else Path(name), meshes, section)
 
 
 if __name__ == "__main__":
