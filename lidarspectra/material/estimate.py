@@ -18,7 +18,7 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.colorimetry import linear_srgb_to_lab, linear_srgb_to_xyz
 from lidarspectra.config import MaterialsSection
 from lidarspectra.databases import load_reflectances
-from lidarspectra.errors import MaterialError
+from lidarspectra.errors import DatabaseError, MaterialError
 from lidarspectra.hardware.phone.scan import Scan
 from lidarspectra.hardware.room.room import Room
 from lidarspectra.material.assignments import assign, database_material, read_assignments
@@ -92,7 +92,7 @@ def estimate_materials(
     """
     chosen = section or MaterialsSection()
     known = load_reflectances(chosen.databases, base_folder) if library is None else library
-    default = database_material(known.find(chosen.default), known, provenance="default", confidence=0.0)
+    default = default_material(chosen.default, known)
     costs = estimate_costs(len(scan.faces), len(views.views) if chosen.model != "none" else 0)
     grouping, looking, finding = shares(progress, (costs[0], costs[1] + costs[2], costs[3]))
     grouping(0.0, "reading colours")
@@ -139,6 +139,33 @@ def estimate_costs(faces: int, views: int) -> tuple[float, float, float, float]:
     looking_s = MODEL_S + CLASSES_S_A_VIEW * views if views else 0.0
     fusing_s = FUSING_S_A_FACE * faces if views else 0.0
     return GROUPING_S_A_FACE * faces, looking_s, fusing_s, MATCHING_S_A_FACE * faces
+
+
+def default_material(name: str, library: ReflectanceLibrary) -> Material:
+    """Material of what no view shows: of the library or, where colours are matched elsewhere, a built-in one.
+
+    Parameters
+    ----------
+    name : str
+        ID or key of a reflectance.
+    library : ReflectanceLibrary
+        That colours are matched in.
+
+    Returns
+    -------
+    material : Material
+
+    Raises
+    ------
+    DatabaseError
+        If neither has it.
+    """
+    try:
+        surface = library.find(name)
+    except DatabaseError:
+        library = load_reflectances()
+        surface = library.find(name)
+    return database_material(surface, library, provenance="default", confidence=0.0)
 
 
 def material_classes(

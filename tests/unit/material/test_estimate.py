@@ -12,7 +12,7 @@ from lidarspectra.errors import DatabaseError, MaterialError
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.room.room import find_room
 from lidarspectra.material.colors import color_difference
-from lidarspectra.material.estimate import estimate_materials
+from lidarspectra.material.estimate import default_material, estimate_materials
 from lidarspectra.material.material_map import MAX_REFLECTANCE, load_materials, save_materials
 from lidarspectra.material.viewpoints import ViewSettings, render_views
 from lidarspectra.reflectance_library import COLOR_GRID_NM
@@ -201,3 +201,11 @@ def test_the_real_meeting_rooms_floor_is_blue_and_its_ceiling_grey(shared):
     assert floor_mean[0] > 1.5 * floor_mean[2]
     # grey within a tenth; its level is far too low, as the room's light is still in the picture
     assert abs(ceiling_mean[0] / ceiling_mean[2] - 1) < 0.1
+
+
+def test_the_default_material_is_there_whatever_colors_are_matched_in():
+    everything = load_reflectances()
+    swatches = everything.subset(np.array([row.id.startswith("aces-") for row in everything.rows]))
+    assert default_material("white-plastic", swatches).source == "builtin:white-plastic"
+    with pytest.raises(DatabaseError, match="no-such"):
+        default_material("no-such", swatches)
