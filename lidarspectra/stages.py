@@ -82,7 +82,8 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
         raw = read_scan(file, unit=section.unit, up=section.up, progress=reading)
         repair_s = sum(repair_costs(raw, close_holes=False, flatten=section.flatten, max_faces=section.max_faces))
         holes_s = HOLES_LIKELY * coloring_s(raw) if section.close_holes else 0.0
-        costs = (repair_s + holes_s, FINDING_S_A_FACE * len(raw.faces), saving_s(raw))
+        finding_s = FINDING_S_A_FACE * min(len(raw.faces), section.max_faces or len(raw.faces))
+        costs = (repair_s + holes_s, finding_s, saving_s(raw, section.max_faces))
         repairing, finding, saving = shares(rest, costs)
         scan = repair_scan(
             raw,

@@ -27,14 +27,14 @@ from lidarspectra.hardware.phone.holes import (
     triangulate_loop,
 )
 from lidarspectra.hardware.phone.scan import Appearance, Scan
-from lidarspectra.hardware.phone.scan_times import coloring_s
+from lidarspectra.hardware.phone.scan_times import coloring_s, decimating_s
 from lidarspectra.hardware.phone.triangles import triangle_areas
 from lidarspectra.progress import Progress, shares, silent
 
 MERGE_DISTANCE_M = 1e-5  # [m] a hundredth of the scanner's noise; above the rounding of 32-bit files
 LEAST_FACE_AREA_M2 = 1e-10  # [m²] 0.01 mm x 0.01 mm; Radiance has no use for less
 MERGING_S, DROPPING_S, TURNING_S, CLOSING_S = 0.7e-6, 0.7e-6, 2.5e-6, 0.6e-6  # [s] a face, of one core (docs/scale.md)
-FLATTENING_S, DECIMATING_S = 9e-6, 4e-5  # [s] the same
+FLATTENING_S = 9e-6  # [s] the same
 
 
 def repair_scan(
@@ -120,7 +120,7 @@ def repair_costs(
         TURNING_S * faces,
         CLOSING_S * faces + (coloring_s(scan) if close_holes else 0.0),
         FLATTENING_S * faces if flatten else 0.0,
-        DECIMATING_S * faces if max_faces is not None and max_faces < faces else 0.0,
+        decimating_s(scan, max_faces),
     )
 
 
