@@ -34,13 +34,13 @@ def placement_notes(lamps: Sequence[Lamp], scan: Scan) -> tuple[str, ...]:
     notes : tuple of str
         One for each lamp that has a fault.
     """
-    caster = RayCaster(scan)
+    caster, bounds, normals = RayCaster(scan), scan.bounds, scan.normals
     inside = [lamp for lamp in lamps if lamp.shape != "sun"]
-    return tuple(note for lamp in inside if (note := _note(lamp, scan, caster)) is not None)
+    return tuple(note for lamp in inside if (note := _note(lamp, caster, bounds, normals)) is not None)
 
 
-def _note(lamp: Lamp, scan: Scan, caster: RayCaster) -> str | None:
-    low, high = scan.bounds
+def _note(lamp: Lamp, caster: RayCaster, bounds: FloatArray, normals: FloatArray) -> str | None:
+    low, high = bounds
     name = f"lamp '{lamp.name}'"
     if np.any(lamp.center < low - ROUND_OFF_M) or np.any(lamp.center > high + ROUND_OFF_M):
         place = ", ".join(f"{value:.2f}" for value in lamp.center)
@@ -51,7 +51,7 @@ def _note(lamp: Lamp, scan: Scan, caster: RayCaster) -> str | None:
     rays = np.tile(shines, (len(places), 1))
     hits = caster.nearest(starts, rays)
     behind = ~hits.met
-    behind[hits.met] = np.einsum("ij,ij->i", scan.normals[hits.face[hits.met]], rays[hits.met]) > 0
+    behind[hits.met] = np.einsum("ij,ij->i", normals[hits.face[hits.met]], rays[hits.met]) > 0
     if behind.mean() > MOST:
         return f"{name} is behind a surface of the scan (in a wall, above the ceiling): its light stays there"
     reach = places[1:] - lamp.center
