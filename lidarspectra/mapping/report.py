@@ -15,6 +15,7 @@ from lidarspectra.mapping.room_view import room_view_data
 from lidarspectra.progress import Progress, shares, silent
 
 PAGE = "index.html"
+POINT_S, FACE_S = 2e-5, 2e-6  # [s] of one core, of a hall with many: its table of all points, the page's 3D view
 
 __all__ = ["PAGE", "FloorPlan", "ReportInput", "ReportView", "StageRow", "write_report"]
 
@@ -55,16 +56,22 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
         ("Materials", 2.6, lambda: parts.materials_section(report, writer)),
         ("Views", 2.0, lambda: parts.views_section(report, writer)),
         ("Scan", 0.0, lambda: parts.scan_section(report, writer)),
-        ("All points", 0.1, lambda: parts.points_section(report, writer)),
+        (
+            "All points",
+            0.1 + POINT_S * report.spectral_map.sizes["point"],
+            lambda: parts.points_section(report, writer),
+        ),
         ("Provenance", 0.1, lambda: parts.provenance_section(report, writer)),
     )
     sections = []
-    told = shares(progress, [cost for _, cost, _ in makers])
+    faces = 0 if report.surfaces is None else len(report.surfaces.faces)
+    *told, joining = shares(progress, [*(cost for _, cost, _ in makers), FACE_S * faces])
     for (title, _, make), tell in zip(makers, told, strict=True):
         tell(0.0, title.lower())
         content = make()
         if content:
             sections.append(html.Section(anchor=title.lower().replace(" ", "-"), title=title, content=content))
+    joining(0.0, "room in 3d")
     data = room_view_data(
         report.spectral_map,
         report.surfaces,
