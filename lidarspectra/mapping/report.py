@@ -44,6 +44,8 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
     """
     writer = ReportWriter(folder)
     light = parts.light_of_report(report)
+    points = report.spectral_map.sizes["point"]
+    faces = 0 if report.surfaces is None else len(report.surfaces.faces)
     makers: tuple[tuple[str, float, Callable[[], str]], ...] = (  # title, usual processor time [s], content
         ("Summary", 0.1, lambda: parts.summary_section(report, light, writer)),
         ("Room in 3D", 0.0, lambda: parts.room_section(report)),
@@ -64,7 +66,6 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
         ("Provenance", 0.1, lambda: parts.provenance_section(report, writer)),
     )
     sections = []
-    faces = 0 if report.surfaces is None else len(report.surfaces.faces)
     *told, joining = shares(progress, [*(cost for _, cost, _ in makers), FACE_S * faces])
     for (title, _, make), tell in zip(makers, told, strict=True):
         tell(0.0, title.lower())
