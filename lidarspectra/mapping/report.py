@@ -58,11 +58,7 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
         ("Materials", 2.6, lambda: parts.materials_section(report, writer)),
         ("Views", 2.0, lambda: parts.views_section(report, writer)),
         ("Scan", 0.0, lambda: parts.scan_section(report, writer)),
-        (
-            "All points",
-            0.1 + POINT_S * report.spectral_map.sizes["point"],
-            lambda: parts.points_section(report, writer),
-        ),
+        ("All points", 0.1 + POINT_S * points, lambda: parts.points_section(report, writer)),
         ("Provenance", 0.1, lambda: parts.provenance_section(report, writer)),
     )
     sections = []
