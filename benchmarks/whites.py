@@ -2,9 +2,9 @@
 
     python -m benchmarks.whites --spectraldb FILE
 
-Of all measured surfaces of spectraldb but its colour charts, those that reflect more than a given share of daylight:
-logarithms of the sharpened cone responses green and blue over red, their medians, robust deviations (from the median
-absolute one), and where the middle 68 % lie.
+Of all measured surfaces of spectraldb but its colour charts, those whose green sharpened cone response is over a given
+one: logarithms of the responses green and blue over red, their medians, robust deviations (from the median absolute
+one), and where the middle 68 % lie.
 """
 
 import argparse

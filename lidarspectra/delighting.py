@@ -244,8 +244,10 @@ def delighting_costs(scan: Scan, lamps: int, *, fluxes_stated: bool = True) -> t
     Returns
     -------
     costs : tuple of float
-        [s]
+        0 where there are no colours or no lamps, since nothing is done then. [s]
     """
+    if not (lamps and scan.appearance.known):
+        return 0.0, 0.0, 0.0, 0.0, 0.0
     faces = len(scan.faces)
     fits_s = sum(_fit_costs(faces, lamps))
     return (

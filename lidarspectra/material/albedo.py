@@ -98,8 +98,8 @@ class LightEvidence:
     white : (sample,) bool
         Points so light that their surface is most likely a white one.
     unsure : (sample, 3) float
-        Relative standard deviation of the light there, for want of knowing just where a shadow ends, and of what strays
-        into the picture of a dark place, in each cone. [1]
+        Relative standard deviation of the light there in each cone, for want of knowing just where a shadow ends, and
+        for what strays into the picture of a dark place. [1]
     tint : (sample, 3) float, optional
         Ratio of apparent reflectance to that in daylight (see `colored_light`); 1 if left out. [1]
     face_excess : (face, 3) float, optional

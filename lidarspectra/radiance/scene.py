@@ -60,7 +60,7 @@ from lidarspectra.radiance.surfaces import surface_slots, surface_text
 from lidarspectra.spectra import BandSet
 
 WRITING_S_A_FACE, COMPILING_S_A_FACE = 1.25e-5, 7e-6  # [s] of one core, for a hall of a million faces (docs/scale.md)
-COMPILING_S, OCTREE_S = 0.3, 0.02  # [s] the same; engine's programs start
+COMPILING_S, OCTREE_S = 0.3, 0.02  # [s] the same: the engine's programs start
 LAMPS_A_PASS = 4  # [1] a path asks every lamp of its pass for light: 64 lamps in one pass took 13 times 4 lamps' time
 
 

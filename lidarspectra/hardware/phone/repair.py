@@ -33,8 +33,9 @@ from lidarspectra.progress import Progress, shares, silent
 
 MERGE_DISTANCE_M = 1e-5  # [m] a hundredth of the scanner's noise; above the rounding of 32-bit files
 LEAST_FACE_AREA_M2 = 1e-10  # [m²] 0.01 mm x 0.01 mm; Radiance has no use for less
-MERGING_S, DROPPING_S, TURNING_S, CLOSING_S = 0.7e-6, 0.7e-6, 2.5e-6, 0.6e-6  # [s] a face, of one core (docs/scale.md)
-FLATTENING_S = 9e-6  # [s] the same
+# Of one core, in the demo room and a hall of a million faces (benchmarks/scale.py).
+MERGING_S_A_FACE, DROPPING_S_A_FACE, TURNING_S_A_FACE = 0.7e-6, 0.7e-6, 2.5e-6  # [s]
+CLOSING_S_A_FACE, FLATTENING_S_A_FACE = 0.6e-6, 9e-6  # [s] looking for holes; finding planes and drawing onto them
 
 
 def repair_scan(
@@ -104,7 +105,7 @@ def repair_costs(
     ----------
     scan : Scan
     close_holes : bool
-        Whether holes are asked for and to be expected: the first asks for the colours of all faces.
+        Whether they are to be closed and some are expected: the first one's rim asks for the colours of all faces.
     flatten : bool
     max_faces : int, optional
 
@@ -115,11 +116,11 @@ def repair_costs(
     """
     faces = len(scan.faces)
     return (
-        MERGING_S * faces,
-        DROPPING_S * faces,
-        TURNING_S * faces,
-        CLOSING_S * faces + (coloring_s(scan) if close_holes else 0.0),
-        FLATTENING_S * faces if flatten else 0.0,
+        MERGING_S_A_FACE * faces,
+        DROPPING_S_A_FACE * faces,
+        TURNING_S_A_FACE * faces,
+        CLOSING_S_A_FACE * faces + (coloring_s(scan) if close_holes else 0.0),
+        FLATTENING_S_A_FACE * faces if flatten else 0.0,
         decimating_s(scan, max_faces),
     )
 

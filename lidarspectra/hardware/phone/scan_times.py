@@ -19,14 +19,14 @@ def texture_pixels(scan: Scan) -> int:
 
 
 def decimating_s(scan: Scan, max_faces: int | None) -> float:
-    """Time that `decimate` usually takes, or the lack of a need for it [s]."""
+    """Time that `decimate` usually takes [s]; 0 where the scan has no more faces than it may."""
     if max_faces is None or max_faces >= len(scan.faces):
         return 0.0
     return DECIMATING_S_A_FACE * len(scan.faces) + CARRYING_S_A_PIXEL * _carried_pixels(scan)
 
 
 def saving_s(scan: Scan, max_faces: int | None = None) -> float:
-    """Time that `save_scan` usually takes, once the scan has at most so many faces [s]."""
+    """Time that `save_scan` usually takes, of a scan that has at most `max_faces` by then [s]."""
     faces, pixels = len(scan.faces), texture_pixels(scan)
     if max_faces is not None and max_faces < faces:
         faces, pixels = max_faces, _carried_pixels(scan)

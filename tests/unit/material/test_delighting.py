@@ -1,9 +1,12 @@
 """What is bright in a scan without being a lamp."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from lidarspectra.delighting import _beyond_white, _near_lamps, _whiter_than_paint
+from lidarspectra.delighting import _beyond_white, _near_lamps, _whiter_than_paint, delighting_costs
+from lidarspectra.hardware.phone.scan import bare_scan
 from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.sharpened_cones import cones_of_srgb
 from lidarspectra.radiance.lamps import Lamp
@@ -48,3 +51,11 @@ def test_a_note_tells_of_white_surfaces_that_came_out_brighter_than_paint_and_no
     noisy = np.vstack([floor, np.linspace(0.76, 0.94, 40)[:, None] * np.ones(3)])
     assert _whiter_than_paint(noisy, 200.0) == ()
     assert _whiter_than_paint(floor, 200.0) == ()
+
+
+def test_light_that_cannot_be_taken_out_has_no_share_of_the_time() -> None:
+    colorless = bare_scan(np.eye(3), np.array([[0, 1, 2]]))
+    colored = replace(colorless, appearance=replace(colorless.appearance, known=True))
+    assert sum(delighting_costs(colorless, 2)) == 0
+    assert sum(delighting_costs(colored, 0)) == 0
+    assert 0 < sum(delighting_costs(colored, 2)) < sum(delighting_costs(colored, 2, fluxes_stated=False))
