@@ -67,7 +67,7 @@ LIGHT_REFLECTANCE = 0.65  # [1] from which surfaces in buildings are mostly whit
 LEAST_WHITE = 0.75  # [1] reflectance from which a surface is called white
 WHITE_SHARE = 0.05  # [1] of the scan's area beyond the bright end, from which a reader should know
 STRAY_LIGHT = 0.02  # [1] of white that a texture shows from beside: edges are rounded, frames blended, lenses glare
-FEWEST_WITNESSES = 16  # [1] independent places, twice the unknowns; fewer tell nothing
+FEWEST_WITNESSES = 16  # [1] independent places, over twice the unknowns; fewer tell nothing
 LEAST_EXPLAINED = 0.3  # [1] share of the scatter within surfaces that the lamps' light must explain
 LEAST_DIRECT = 0.15  # [1] of all light in a closed room of mean reflectance 0.85: white on all sides
 MOST_UNCERTAIN = 0.5  # [1] standard deviation of log k
@@ -322,7 +322,7 @@ def _fit(
     bands /= bands.sum(axis=0).mean()
     first, *following = shares(progress, _fit_costs(len(scan.faces), len(lamps)))
     fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
-    shadow_edges = evidence.unsure
+    shadow_edges, ceiling = evidence.unsure, evidence.ceiling
     for part in following:
         part(0.0, "surfaces of one hue")
         reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
@@ -334,8 +334,8 @@ def _fit(
             evidence,
             unsure=np.hypot(shadow_edges, STRAY_LIGHT / fit.irradiance),
             group=_groups(reflectance, samples, trusted, room),
-            ceiling=_neutral(evidence.ceiling, reflectance),
-            white=~evidence.ceiling & (cones_of_srgb(reflectance)[:, 1] > LIGHT_REFLECTANCE),
+            ceiling=_neutral(ceiling, reflectance),
+            white=~ceiling & (cones_of_srgb(reflectance)[:, 1] > LIGHT_REFLECTANCE),
             tint=apparent_ratio(
                 reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct), library, daylight
             ),

@@ -21,11 +21,12 @@ from lidarspectra.hardware.phone.scan import Appearance, Scan
 from lidarspectra.hardware.phone.texture_atlas import PADDING_PX, Atlas, unwrap
 from lidarspectra.hardware.phone.triangles import triangle_crosses
 from lidarspectra.hardware.room.rays import RayCaster
-from lidarspectra.progress import Progress, silent
+from lidarspectra.progress import Progress, shares, silent
 
 SMALLEST_ATLAS_PX, LARGEST_ATLAS_PX = 512, 4096  # [px] edge of the new texture
 REACH_M = 0.1  # [m] how far decimation may move a surface and still find its colour straight below or above
 ROWS_AT_ONCE = 256  # texture rows drawn at once, a million points
+COLLAPSING_S_A_FACE, CARRYING_S_A_PIXEL = 1.6e-5, 7e-7  # [s] of one core, in the hall of benchmarks/scale.py
 _CORNER_INSET = 0.02  # [1] colours at corners are read so far inside the face, away from its neighbours
 
 
@@ -55,10 +56,11 @@ def decimate(scan: Scan, max_faces: int, *, progress: Progress = silent) -> Scan
     count = scan.faces.shape[0]
     if count <= max_faces:
         return scan
-    progress(0.0, f"decimating {count} triangles")
+    collapsing, carrying = shares(progress, decimation_costs(scan, max_faces))
+    collapsing(0.0, f"decimating {count} triangles")
     vertices, faces = _collapsed(scan, max_faces)
-    progress(0.3, "carrying the texture over")
-    appearance, note = _carried(scan, vertices, faces, progress)
+    carrying(0.0, "carrying the texture over")
+    appearance, note = _carried(scan, vertices, faces, carrying)
     notes = scan.record.notes + (note,)
     if faces.shape[0] > max_faces:
         notes += (f"decimation stopped at {faces.shape[0]} triangles, for fewer would change the room's form",)
@@ -66,6 +68,18 @@ def decimate(scan: Scan, max_faces: int, *, progress: Progress = silent) -> Scan
     small = Scan(vertices=vertices, faces=faces, appearance=appearance, record=record)
     progress(1.0, f"{faces.shape[0]} triangles left")
     return replace(small, record=replace(record, area_m2=float(small.areas.sum())))
+
+
+def decimation_costs(scan: Scan, max_faces: int | None) -> tuple[float, float]:
+    """What collapsing edges and carrying the texture usually take; 0 where nothing is to be done [s of one core]."""
+    if max_faces is None or max_faces >= len(scan.faces):
+        return 0.0, 0.0
+    return COLLAPSING_S_A_FACE * len(scan.faces), CARRYING_S_A_PIXEL * carried_pixels(scan)
+
+
+def carried_pixels(scan: Scan) -> int:
+    """Pixels of the texture after decimation, about."""
+    return min(scan.appearance.pixels, LARGEST_ATLAS_PX**2)
 
 
 def _collapsed(scan: Scan, max_faces: int) -> tuple[FloatArray, IntArray]:
@@ -112,8 +126,7 @@ def _carried(scan: Scan, vertices: FloatArray, faces: IntArray, progress: Progre
             known=old.known,
         )
         return appearance, "colours were carried over to the decimated mesh, corner by corner"
-    texels = sum(image.shape[0] * image.shape[1] for image in old.images)
-    size = int(np.clip(64 * np.ceil(np.sqrt(texels) / 64), SMALLEST_ATLAS_PX, LARGEST_ATLAS_PX))
+    size = int(np.clip(64 * np.ceil(np.sqrt(old.pixels) / 64), SMALLEST_ATLAS_PX, LARGEST_ATLAS_PX))
     atlas = unwrap(vertices, faces, normals, size)
     image = _drawn(finder, atlas, corners, normals, progress)
     appearance = Appearance(
@@ -167,5 +180,5 @@ def _drawn(
         points = np.einsum("nk,nkc->nc", atlas.barycentric(rows, columns), corners[face])
         colors = finder.find(points, normals[face])
         image[rows, columns] = np.rint(255.0 * encode_srgb(colors)).astype(np.uint8)
-        progress(0.3 + 0.7 * (start + ROWS_AT_ONCE) / atlas.size_px, "carrying the texture over")
+        progress(min(1.0, (start + ROWS_AT_ONCE) / atlas.size_px), "carrying the texture over")
     return image

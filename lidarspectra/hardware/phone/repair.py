@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.colorimetry import encode_srgb
 from lidarspectra.errors import ScanError
-from lidarspectra.hardware.phone.decimation import decimate
+from lidarspectra.hardware.phone.decimation import decimate, decimation_costs
 from lidarspectra.hardware.phone.facing import connected_pieces, faces_to_turn
 from lidarspectra.hardware.phone.flattening import flatten_scan
 from lidarspectra.hardware.phone.holes import (
@@ -27,7 +27,7 @@ from lidarspectra.hardware.phone.holes import (
     triangulate_loop,
 )
 from lidarspectra.hardware.phone.scan import Appearance, Scan
-from lidarspectra.hardware.phone.scan_times import coloring_s, decimating_s
+from lidarspectra.hardware.phone.scan_times import coloring_s
 from lidarspectra.hardware.phone.triangles import triangle_areas
 from lidarspectra.progress import Progress, shares, silent
 
@@ -121,7 +121,7 @@ def repair_costs(
         TURNING_S_A_FACE * faces,
         CLOSING_S_A_FACE * faces + (coloring_s(scan) if close_holes else 0.0),
         FLATTENING_S_A_FACE * faces if flatten else 0.0,
-        decimating_s(scan, max_faces),
+        sum(decimation_costs(scan, max_faces)),
     )
 
 

@@ -72,6 +72,11 @@ class Appearance:
         object.__setattr__(self, "corner_uv", uv)
         object.__setattr__(self, "corner_color", color)
 
+    @property
+    def pixels(self) -> int:
+        """Of all images together."""
+        return sum(image.shape[0] * image.shape[1] for image in self.images)
+
     def sample(self, faces: IntArray, barycentric: FloatArray) -> FloatArray:
         """Colour at points on faces: bilinear in the texture, linear between corner colours, both in linear light.
 

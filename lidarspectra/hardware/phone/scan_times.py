@@ -4,45 +4,27 @@ Measured in the demo room (55 thousand faces, 4 million pixels) and the hall of 
 268 million pixels of texture).
 """
 
-from lidarspectra.hardware.phone.decimation import LARGEST_ATLAS_PX
+from lidarspectra.hardware.phone.decimation import carried_pixels
 from lidarspectra.hardware.phone.scan import Scan
 
 SAVING_S_A_PIXEL, SAVING_S_A_FACE = 4.5e-8, 1.5e-6  # [s]
 LOADING_S_A_PIXEL, LOADING_S_A_FACE = 3.6e-8, 0.8e-6  # [s]
 COLORING_S_A_PIXEL = 5.5e-8  # [s]
-DECIMATING_S_A_FACE, CARRYING_S_A_PIXEL = 1.6e-5, 7e-7  # [s] its texture is drawn anew
-
-
-def texture_pixels(scan: Scan) -> int:
-    """Pixels of all textures of a scan."""
-    return sum(image.shape[0] * image.shape[1] for image in scan.appearance.images)
-
-
-def decimating_s(scan: Scan, max_faces: int | None) -> float:
-    """Time that `decimate` usually takes [s]; 0 where the scan has no more faces than it may."""
-    if max_faces is None or max_faces >= len(scan.faces):
-        return 0.0
-    return DECIMATING_S_A_FACE * len(scan.faces) + CARRYING_S_A_PIXEL * _carried_pixels(scan)
 
 
 def saving_s(scan: Scan, max_faces: int | None = None) -> float:
     """Time that `save_scan` usually takes, of a scan that has at most `max_faces` by then [s]."""
-    faces, pixels = len(scan.faces), texture_pixels(scan)
+    faces, pixels = len(scan.faces), scan.appearance.pixels
     if max_faces is not None and max_faces < faces:
-        faces, pixels = max_faces, _carried_pixels(scan)
+        faces, pixels = max_faces, carried_pixels(scan)
     return SAVING_S_A_PIXEL * pixels + SAVING_S_A_FACE * faces
-
-
-def _carried_pixels(scan: Scan) -> int:
-    """Pixels of the texture after decimation, at most."""
-    return min(texture_pixels(scan), LARGEST_ATLAS_PX**2)
 
 
 def loading_s(scan: Scan) -> float:
     """Time that `load_scan` usually takes [s]."""
-    return LOADING_S_A_PIXEL * texture_pixels(scan) + LOADING_S_A_FACE * len(scan.faces)
+    return LOADING_S_A_PIXEL * scan.appearance.pixels + LOADING_S_A_FACE * len(scan.faces)
 
 
 def coloring_s(scan: Scan) -> float:
     """Time that `Scan.face_colors` usually takes when it is first asked for [s]."""
-    return COLORING_S_A_PIXEL * texture_pixels(scan)
+    return COLORING_S_A_PIXEL * scan.appearance.pixels
