@@ -207,6 +207,24 @@ def test_blocks_of_points_give_what_one_block_gives(office, places, section, mon
     assert parts.attrs["target_met"] == 1
 
 
+def test_a_block_of_one_round_fills_its_share_of_the_progress_once_one_was_seen(
+    office, places, section, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trace_module, "MOST_BLOCK_POINTS", 10)
+    told: list[tuple[float, str]] = []
+    transport = trace(
+        office(), places, section("low", "draft"), seed=1, progress=lambda share, words: told.append((share, words))
+    )
+    assert transport.attrs["target_met"] == 1
+    blocks = sum(words == "traced" for _, words in told)
+    assert blocks >= 3
+    shares = np.array([share for share, _ in told])
+    assert np.all(np.diff(shares) >= 0)
+    before_end = [told[index - 1][0] * blocks % 1.0 for index, (_, words) in enumerate(told) if words == "traced"]
+    assert before_end[0] == pytest.approx(rounds.FIRST_ROUND)
+    assert before_end[1:] == pytest.approx([rounds.SECOND_ROUND] * (blocks - 1))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", ["draft", "standard"])
 def test_a_panel_cut_into_24_lamps_gives_the_light_of_the_whole(rooms, places, section, noise: str) -> None:
