@@ -27,6 +27,7 @@ Cameron, Miller (2015) A practitioner's guide to cluster-robust inference, J. Hu
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
@@ -123,10 +124,10 @@ class LightEvidence:
     tint: FloatArray | None = None
     face_excess: FloatArray | None = None
 
-    def face_light(self, tone: ToneCurve) -> FloatArray:
-        """(face, 3) linear sRGB that faces send through a tone curve."""
-        light = tone.light(self.face_shown)
-        return light if self.face_excess is None else light * self.face_excess
+    def face_light(self, tone: ToneCurve, faces: IntArray | slice = slice(None)) -> FloatArray:
+        """(face, 3) linear sRGB that all or some faces send through a tone curve."""
+        light = tone.light(self.face_shown[faces])
+        return light if self.face_excess is None else light * self.face_excess[faces]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,6 +187,48 @@ class LightFit:
         return 1.0 - (self.scatter / max(self.scatter_shown, 1e-9)) ** 2
 
 
+class _LightAt:
+    """The light at some of the samples; what only the tone curve changes is kept, and what only the beam does."""
+
+    def __init__(self, evidence: LightEvidence, samples: IntArray | slice, mean_direct: FloatArray) -> None:
+        self._evidence = evidence
+        self._shown = evidence.shown[samples]
+        self._tint = 1.0 if evidence.tint is None else evidence.tint[samples]
+        exchange = csr_array(evidence.exchange[samples])
+        around = np.unique(exchange.indices)
+        self._faces = around[around < exchange.shape[1] - 1]  # a large scan has many more than these points see
+        self._exchange = csr_array(exchange[:, self._faces])
+        self._nothing = exchange[:, [-1]].toarray()
+        self._direct = evidence.direct[:, samples] / mean_direct
+        self._emission = evidence.emission[:, samples]
+        self._picture: tuple[ToneCurve, FloatArray, FloatArray] | None = None
+        self._lamps: tuple[float, FloatArray] | None = None
+
+    def shown(self, tone: ToneCurve) -> tuple[FloatArray, FloatArray]:
+        """(n, 3) light that a picture shows at points, brought to daylight's tint, and that it shows around them."""
+        if self._picture is None or self._picture[0] != tone:
+            gathered = self._exchange @ self._sent(tone, self._faces)
+            if self._nothing.any():
+                every = self._sent(tone, slice(None))
+                gathered += self._nothing * np.average(every, axis=0, weights=self._evidence.face_area)
+            seen = np.maximum(cones_of_srgb(tone.light(self._shown)), LEAST_LIGHT) / self._tint
+            self._picture = (tone, seen, np.asarray(gathered, dtype=np.float64))
+        return self._picture[1], self._picture[2]
+
+    def direct(self, beam: float, factors: FloatArray) -> FloatArray:
+        """(n, 3) light straight from the lamps, their beams narrowed at equal flux."""
+        if self._lamps is None or self._lamps[0] != beam:
+            cosine = np.maximum(self._emission, LEAST_EMISSION)
+            shape = np.where(self._emission < 1.0, (1.0 + 0.5 * beam) * cosine**beam, 1.0)
+            self._lamps = (beam, shape[:, :, None] * self._direct)
+        return np.asarray(np.tensordot(factors, self._lamps[1], axes=1), dtype=np.float64)
+
+    def _sent(self, tone: ToneCurve, faces: IntArray | slice) -> FloatArray:
+        sent = cones_of_srgb(self._evidence.face_light(tone, faces))
+        sent[self._evidence.face_lamp[faces]] = 0.0
+        return sent
+
+
 class _Model:
     """The objective: residuals as functions of the parameters, from every n-th of the points that count.
 
@@ -201,16 +244,11 @@ class _Model:
         self.forgets = forgets
         self.fit_fluxes = len(evidence.direct) > 1
         self.count = COMMON + (len(evidence.direct) if self.fit_fluxes else 0)
-        self._picture: tuple[ToneCurve, FloatArray, FloatArray] | None = None
-        self._lamps: tuple[float, FloatArray] | None = None
         self.rows = np.flatnonzero(evidence.group >= 0)[::every]
         self.shown = evidence.shown[self.rows]
-        self.exchange = evidence.exchange[self.rows]
         # Mean direct light of 1 in every cone: exposure then starts near the mean of the picture.
         self.mean_direct = np.maximum(evidence.direct.sum(axis=0).mean(axis=0), 1e-30)
-        self.direct = evidence.direct[:, self.rows] / self.mean_direct
-        self.emission = evidence.emission[:, self.rows]
-        self.tint = None if evidence.tint is None else evidence.tint[self.rows]
+        self.some_light = _LightAt(evidence, self.rows, self.mean_direct)
         _, self.group = np.unique(evidence.group[self.rows], return_inverse=True)
         self.group_sizes = np.bincount(self.group)
         white = np.bincount(self.group, weights=evidence.white[self.rows]) / self.group_sizes
@@ -230,27 +268,25 @@ class _Model:
         """Tone curve, exposure, beam exponent and flux factors of parameters."""
         tone = ToneCurve(power=float(np.exp(parameters[0])), shoulder=float(np.expm1(max(parameters[1], 0.0))))
         exposure = np.exp(parameters[2:5] + self.rough)
-        logs = parameters[COMMON:] if self.fit_fluxes else np.zeros(len(self.direct))
+        logs = parameters[COMMON:] if self.fit_fluxes else np.zeros(len(self.evidence.direct))
         return tone, exposure, float(parameters[5]), np.exp(logs - logs.mean())
 
     def light(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(row, 3) light that the picture shows, and irradiance times k, in cones."""
         tone, exposure, beam, factors = self.parts(parameters)
-        if self._picture is None or self._picture[0] != tone:  # kept, since only the tone changes it
-            self._picture = (tone, *_pictured(self.evidence, tone, self.shown, self.exchange, self.tint))
-        _, seen, gathered = self._picture
-        if self._lamps is None or self._lamps[0] != beam:  # kept: powers of many lamps' cosines are most of the work
-            self._lamps = (beam, _narrowed(self.direct, self.emission, beam))
-        direct = np.tensordot(factors, self._lamps[1], axes=1)
-        return seen, np.maximum(exposure * direct + gathered, LEAST_LIGHT)
+        seen, gathered = self.some_light.shown(tone)
+        return seen, np.maximum(exposure * self.some_light.direct(beam, factors) + gathered, LEAST_LIGHT)
+
+    @cached_property
+    def whole_light(self) -> _LightAt:
+        """At all samples."""
+        return _LightAt(self.evidence, slice(None), self.mean_direct)
 
     def all_light(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """As `light`, at all samples; and the direct light among it."""
-        evidence = self.evidence
         tone, exposure, beam, factors = self.parts(parameters)
-        seen, gathered = _pictured(evidence, tone, evidence.shown, evidence.exchange, evidence.tint)
-        lamps = _narrowed(evidence.direct / self.mean_direct, evidence.emission, beam)
-        direct = exposure * np.tensordot(factors, lamps, axes=1)
+        seen, gathered = self.whole_light.shown(tone)
+        direct = exposure * self.whole_light.direct(beam, factors)
         return seen, np.maximum(direct + gathered, LEAST_LIGHT), direct
 
     def log_reflectance(self, parameters: FloatArray) -> FloatArray:
@@ -418,24 +454,6 @@ def _fit(model: _Model, best: FloatArray, jacobian: FloatArray, residual: FloatA
     )
 
 
-def _narrowed(direct: FloatArray, emission: FloatArray, beam: float) -> FloatArray:
-    """(lamp, n, 3) direct light of each lamp, its beam narrowed at equal flux."""
-    shape = np.where(emission < 1.0, (1.0 + 0.5 * beam) * np.maximum(emission, LEAST_EMISSION) ** beam, 1.0)
-    return np.asarray(shape[:, :, None] * direct, dtype=np.float64)
-
-
-def _pictured(
-    evidence: LightEvidence, tone: ToneCurve, shown: FloatArray, exchange: csr_array, tint: FloatArray | None
-) -> tuple[FloatArray, FloatArray]:
-    """(n, 3) light that a picture shows at points, brought to daylight's tint, and that it shows around them."""
-    sent = cones_of_srgb(evidence.face_light(tone))
-    sent[evidence.face_lamp] = 0.0
-    elsewhere = np.average(sent, axis=0, weights=evidence.face_area)
-    gathered = np.asarray(exchange @ np.vstack([sent, elsewhere]), dtype=np.float64)
-    seen = np.maximum(cones_of_srgb(tone.light(shown)), LEAST_LIGHT)
-    return seen if tint is None else seen / tint, gathered
-
-
 def _log_ratio(model: _Model, parameters: FloatArray) -> FloatArray:
     seen, light, _ = model.all_light(parameters)
     return np.asarray(np.log(seen / light), dtype=np.float64)
@@ -455,7 +473,7 @@ def _covariance(model: _Model, jacobian: FloatArray, residual: FloatArray) -> Fl
 
 def _flux_deviations(model: _Model, covariance: FloatArray) -> FloatArray:
     """(lamp,) of each lamp's log flux over the geometric mean of all."""
-    count = len(model.direct)
+    count = len(model.evidence.direct)
     if not model.fit_fluxes:
         return np.zeros(count)
     over_mean = np.eye(count) - 1.0 / count
