@@ -1,6 +1,6 @@
 """What taking the light out of a scan's colours buys: scenes with known truth, with and without.
 
-    python -m benchmarks.delighting [--mesh flat|scanned|both] [--spectraldb FILE]
+    python -m benchmarks.delighting [--mesh flat|scanned|both] [--spectraldb FILE] [--white-from R]
                                     [office apartment ... or folders made by scenes/build.py]
 
 For each scene four material maps on the scan's own geometry, made flat or as scanned: colours as they are (raw),
@@ -8,25 +8,29 @@ without the light (delit), true colours whose spectra are recovered as always (c
 each traced at the scene's sensor points in 14 bands and compared with the light in the true room (true geometry and
 materials, the same engine). Reflectance errors are area-weighted means over the scan of the absolute difference, in
 linear sRGB and over 400 to 700 nm. "noise" is the NRMSE that the two traces' standard errors alone would make.
-`--spectraldb` adds that database to the built-in one. benchmarks/mesh.py looks closer at the mesh's own share.
+`--spectraldb` adds that database to the built-in one; `--white-from` is the reflectance from which a surface is taken
+for a white. benchmarks/mesh.py looks closer at the mesh's own share.
 """
 
 import argparse
-import os
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
+from unittest.mock import patch
 
 import numpy as np
 
+from benchmarks.spectraldb import imported
 from benchmarks.true_faces import materials_on, nearest_faces, true_faces
+from lidarspectra import delighting
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.colorimetry import xyz_to_linear_srgb
 from lidarspectra.config import MaterialsSection, TraceSection, read_run_file
-from lidarspectra.databases import DATA_VARIABLE, import_spectraldb, scenes_folder, tristimulus_table
+from lidarspectra.databases import scenes_folder, tristimulus_table
 from lidarspectra.delighting import take_light_out
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
@@ -167,7 +171,8 @@ def run(folder: Path, meshes: Sequence[Mesh], section: MaterialsSection) -> None
             "color": estimate_materials(case.scan, views, section, face_color=true_colors(case)),
             "true": materials_on(case.truth, case.face_truth),
         }
-        print(f"  {delit.words}\n  {took}")
+        steps = "" if delit.fit is None else f", {delit.fit.steps} steps of the last fit"
+        print(f"  {delit.words}\n  {took}{steps}")
         print("".join(f"  warning: {warning}\n" for warning in delit.warnings), end="")
         print_errors(case, maps, reference)
 
@@ -207,14 +212,15 @@ def main() -> None:
     parser.add_argument("scenes", nargs="*", default=["office", "apartment"])
     parser.add_argument("--mesh", choices=["flat", "scanned", "both"], default="flat")
     parser.add_argument("--spectraldb", type=Path)
+    parser.add_argument("--white-from", type=float, default=delighting.LIGHT_REFLECTANCE, help="2: no whites")
     given = parser.parse_args()
     meshes: tuple[Mesh, ...] = ("scanned", "flat") if given.mesh == "both" else (given.mesh,)
-    with tempfile.TemporaryDirectory() as data:
+    with ExitStack() as stack:
+        stack.enter_context(patch.object(delighting, "LIGHT_REFLECTANCE", given.white_from))
         section = MaterialsSection()
         if given.spectraldb is not None:
-            os.environ[DATA_VARIABLE] = data
-            import_spectraldb(given.spectraldb)
-            section = MaterialsSection(databases=(*section.databases, "spectraldb"))
+            spectraldb = stack.enter_context(imported(given.spectraldb))
+            section = MaterialsSection(databases=(*section.databases, spectraldb))
         for name in given.scenes:
             known = scenes_folder() / name
             run(known if known.is_dir() else Path(name), meshes, section)

@@ -8,8 +8,6 @@ what comes back is taken over 400 to 740 nm at 10 nm.
 """
 
 import argparse
-import os
-import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -18,11 +16,12 @@ from typing import get_args
 
 import numpy as np
 
+from benchmarks.spectraldb import imported
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.colorimetry import linear_srgb_to_lab
 from lidarspectra.config import MaterialsSection
 from lidarspectra.database_files import table
-from lidarspectra.databases import DATA_VARIABLE, import_spectraldb, load_reflectances, scenes_folder
+from lidarspectra.databases import load_reflectances, scenes_folder
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.material.colors import color_difference, surface_colors
 from lidarspectra.material.estimate import estimate_materials
@@ -190,10 +189,8 @@ def main() -> None:
     parser.add_argument("--spectraldb", type=Path, required=True, help="the table of spectraldb.com, as CSV")
     parser.add_argument("--every", type=int, default=1, help="take every N-th row only")
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ[DATA_VARIABLE] = folder
-        import_spectraldb(arguments.spectraldb)
-        library = load_reflectances(["spectraldb"])
+    with imported(arguments.spectraldb) as spectraldb:
+        library = load_reflectances([spectraldb])
         leave_one_out(library.subset(rows_of_protocol(library)), arguments.every)
         office()
 

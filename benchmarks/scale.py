@@ -307,9 +307,15 @@ class Watch:
         told = "kept" if result.was_fresh else told_words(self.reports[record.stage], computed_s)
         print(
             f"| {record.stage} | {computed_s:,.0f} s | {record.seconds:,.0f} s | "
-            f"{record.peak_memory_mib / 1024:.2f} GB | {told} | {record.summary} |",
+            f"{record.peak_memory_mib / 1024:.2f} GB | {folder_bytes(result.folder) / 1e6:,.0f} MB | {told} | "
+            f"{record.summary} |",
             flush=True,
         )
+
+
+def folder_bytes(folder: Path) -> int:
+    """What a folder's files take on the disk."""
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
 
 
 def told_ratios(reports: list[Report], took_s: float) -> FloatArray:
@@ -384,7 +390,8 @@ def main() -> None:
     else:
         run_file = write_hall(arguments.folder, arguments.points, arguments.noise)
     print(
-        "| stage | processor | clock | memory | remaining time told | result |\n|---|---|---|---|---|---|", flush=True
+        "| stage | processor | clock | memory | disk | remaining time told | result |\n|---|---|---|---|---|---|---|",
+        flush=True,
     )
     run(run_file, last=arguments.last, listener=Watch(arguments.folder))
 

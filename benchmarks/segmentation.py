@@ -11,8 +11,6 @@ spectraldb, how blue and how green measured surfaces of each class are (`lidarsp
 """
 
 import argparse
-import os
-import tempfile
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,10 +18,11 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_array
 
+from benchmarks.spectraldb import imported
 from benchmarks.true_faces import true_faces
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.colorimetry import decode_srgb, encode_srgb, linear_srgb_to_lab
-from lidarspectra.databases import DATA_VARIABLE, import_spectraldb, load_reflectances, scenes_folder
+from lidarspectra.databases import load_reflectances, scenes_folder
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.scan import Scan
 from lidarspectra.hardware.phone.textures import sample_image
@@ -194,10 +193,8 @@ def run(
 
 def print_class_colors(file: Path) -> None:
     """Print how blue (-b*) and green (-a*) the measured surfaces of each class go."""
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ[DATA_VARIABLE] = folder
-        import_spectraldb(file)
-        library = load_reflectances(["spectraldb"])
+    with imported(file) as spectraldb:
+        library = load_reflectances([spectraldb])
     names = np.array([surface_class(surface) or "unknown" for surface in library.rows])
     print(f"\n{'class':12s} surfaces  least b*  least a*  second least a*")
     for name in np.unique(names):

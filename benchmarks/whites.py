@@ -8,14 +8,13 @@ one), and where the middle 68 % lie.
 """
 
 import argparse
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.spectraldb import imported
 from lidarspectra.arrays import FloatArray
-from lidarspectra.databases import DATA_VARIABLE, import_spectraldb, load_reflectances
+from lidarspectra.databases import load_reflectances
 from lidarspectra.material.sharpened_cones import CONES_FROM_XYZ
 
 CHARTS = "Color Swatch"  # colours that were chosen to differ, not to live with
@@ -38,10 +37,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--spectraldb", type=Path, required=True)
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ[DATA_VARIABLE] = folder
-        import_spectraldb(arguments.spectraldb)
-        library = load_reflectances(["spectraldb"])
+    with imported(arguments.spectraldb) as spectraldb:
+        library = load_reflectances([spectraldb])
     cones = library.xyz @ CONES_FROM_XYZ.T
     used = np.array([row.category != CHARTS for row in library.rows])
     for least in (0.6, 0.65, 0.7, 0.75, 0.8):

@@ -24,6 +24,7 @@ from lidarspectra.material.albedo import (
     CELL_M,
     COMMON,
     LOG_SCATTER,
+    MOST_STEPS,
     STATED_FLUX_DEVIATION,
     LightEvidence,
     LightFit,
@@ -63,7 +64,7 @@ NEIGHBORS = 8  # [1] samples whose light a face takes
 NORMAL_WEIGHT_M = 0.5  # [m] distance that a turn of one radian counts for
 SOFTEN_M = 0.05  # [m] softens the weight of the nearest sample
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
-LIGHT_REFLECTANCE = 0.65  # [1] from which surfaces in buildings are mostly whites; 0.6 and 0.7 give much the same
+LIGHT_REFLECTANCE = 0.65  # [1] from which surfaces in buildings are mostly whites (benchmarks/whites.py)
 LEAST_WHITE = 0.75  # [1] reflectance from which a surface is called white
 WHITE_SHARE = 0.05  # [1] of the scan's area beyond the bright end, from which a reader should know
 STRAY_LIGHT = 0.02  # [1] of white that a texture shows from beside: edges are rounded, frames blended, lenses glare
@@ -75,7 +76,7 @@ BEAM_EXPONENT = 0.3  # [1] over that of matt lamps, from which a reader should k
 FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp that is off by more, and surely so, is worth a warning
 OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area
 CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
-# Of one core, in the demo room and a hall of a million faces with 8 and with 64 lamps (benchmarks/scale.py).
+# Of one core, in the demo room and a hall of a million faces with 64 lamps (benchmarks/scale.py).
 SAMPLING_S_A_FACE = 2.7e-6  # [s] colours without lamps, and samples
 DIRECT_S_A_FACE, DIRECT_S_A_LAMP = 2e-5, 0.35  # [s] writing and compiling the mesh; its passes
 EXCHANGE_S, EXCHANGE_S_A_FACE = 0.5, 4.5e-6  # [s] rays; loading them, and what is near the lamps
@@ -223,6 +224,7 @@ def take_light_out(
         warnings=(
             *(_flux_warnings(fit, lamps) if fluxes_stated else flux_notes(fluxes)),
             *_beam_warning(fit),
+            *_unsettled(fit),
             *_other_light(scan, known, evidence, spread @ fit.irradiance),
             *_whiter_than_paint(srgb_of_cones(fit.reflectance[evidence.group >= 0]), float(scan.areas.sum())),
         ),
@@ -332,10 +334,10 @@ def _fit(
         direct = np.einsum("ls,lb->sb", coefficients * fit.flux_factors[:, None], bands)
         evidence = replace(
             evidence,
-            unsure=np.hypot(shadow_edges, STRAY_LIGHT / fit.irradiance),
+            unsure=_unsure(shadow_edges, fit.irradiance),
             group=_groups(reflectance, samples, trusted, room),
             ceiling=_neutral(ceiling, reflectance),
-            white=~ceiling & (cones_of_srgb(reflectance)[:, 1] > LIGHT_REFLECTANCE),
+            white=_whites(reflectance, ceiling),
             tint=apparent_ratio(
                 reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct), library, daylight
             ),
@@ -397,6 +399,14 @@ def _beam_warning(fit: LightFit) -> tuple[str, ...]:
     return (
         f"panels, strips and discs seem to shine {how} than matt ones, as cos^{1 + fit.beam:.1f} of the angle; the "
         "simulation takes them as matt, and an IES file would tell it better",
+    )
+
+
+def _unsettled(fit: LightFit) -> tuple[str, ...]:
+    if fit.steps < MOST_STEPS:
+        return ()
+    return (
+        f"camera and light had not settled after {MOST_STEPS} steps: the reflectances may be off by more than stated",
     )
 
 
@@ -505,6 +515,16 @@ def _neutral(ceiling: BoolArray, reflectance: FloatArray) -> BoolArray:
         return ceiling
     color = np.median(reflectance[ceiling], axis=0)
     return ceiling if np.ptp(color) <= NEUTRAL * color.max() else np.zeros_like(ceiling)
+
+
+def _whites(reflectance: FloatArray, ceiling: BoolArray) -> BoolArray:
+    """(sample,) which are light, but for the ceiling: what is known of that one is counted already."""
+    return np.asarray(~ceiling & (cones_of_srgb(reflectance)[:, 1] > LIGHT_REFLECTANCE), dtype=np.bool_)
+
+
+def _unsure(shadow_edges: FloatArray, irradiance: FloatArray) -> FloatArray:
+    """(sample, 3) how unsure the light is: that of shadows' edges, and what strays in over (sample, 3) light."""
+    return np.asarray(np.hypot(shadow_edges, STRAY_LIGHT / irradiance), dtype=np.float64)
 
 
 def _spread(scan: Scan, samples: _Samples) -> csr_array:

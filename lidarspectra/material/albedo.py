@@ -64,9 +64,9 @@ STARTS = ((0.0, 0.0), (0.8, 0.0), (0.4, 1.0), (0.4, -1.0))  # [1] log(1 + s), an
 FIT_COSTS = (*(1.0,) * len(STARTS), 1.5, 0.5)  # [1] of the time: each start, the fit itself, how sure it is
 BOUNDS_POWER, BOUND_SHOULDER, BOUND_EXPOSURE = 0.6, 2.3, 4.0  # [1] of |log g|, log(1 + s), |log k - rough value|
 COARSE = 4  # [1] every so-manieth point is enough to choose among starts
-MOST_STEPS = 60  # [1] of a fit; rooms take 3 to 31, and pictures that their lamps do not explain any number
+MOST_STEPS = 60  # [1] of a fit; pictures that their lamps do not explain take any number
 STEP = 1e-3  # [1] of a parameter, for slopes by differences
-USUAL_STEPS = 8  # [1] of a fit; from 4 to 40
+USUAL_STEPS = 8  # [1] of a fit
 BOUNDS_BEAM = (-0.5, 4.0)  # [1]
 BOUND_FLUX = 2.5  # [1] of the log of a lamp's flux over the others': a lamp dimmed to a tenth is hardly lit
 
@@ -163,6 +163,8 @@ class LightFit:
         Places that speak independently.
     cost : float
         Least value of the objective, halved sum of squares.
+    steps : int
+        That the fit took; at `MOST_STEPS` it was left as it stood.
     """
 
     tone: ToneCurve
@@ -180,6 +182,7 @@ class LightFit:
     scatter_shown: float
     witnesses: int
     cost: float
+    steps: int
 
     @property
     def explained(self) -> float:
@@ -394,7 +397,7 @@ def fit_light(
         start = min(found, key=lambda result: float(result.cost)).x
     best = _least(model, np.asarray(start), fitting)
     ending(0.0, "camera and light")
-    return _fit(model, np.asarray(best.x), np.asarray(best.jac), np.asarray(best.fun), float(best.cost))
+    return _fit(model, best)
 
 
 def _least(model: _Model, start: FloatArray, progress: Progress) -> OptimizeResult:
@@ -422,8 +425,9 @@ def _start(model: _Model, shoulder: float, exposure: float) -> FloatArray:
     return first
 
 
-def _fit(model: _Model, best: FloatArray, jacobian: FloatArray, residual: FloatArray, cost: float) -> LightFit:
-    covariance = _covariance(model, jacobian, residual)
+def _fit(model: _Model, result: OptimizeResult) -> LightFit:
+    best = np.asarray(result.x)
+    covariance = _covariance(model, np.asarray(result.jac), np.asarray(result.fun))
     seen, light, direct = model.all_light(best)
     slope = np.stack(
         [
@@ -450,7 +454,8 @@ def _fit(model: _Model, best: FloatArray, jacobian: FloatArray, residual: FloatA
         scatter=_robust_deviation(model.scatter(best, values)[0]),
         scatter_shown=_robust_deviation(shown - model.centers(shown)[model.group]),
         witnesses=model.witnesses,
-        cost=cost,
+        cost=float(result.cost),
+        steps=int(result.nfev),
     )
 
 

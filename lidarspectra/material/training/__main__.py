@@ -9,6 +9,7 @@ TEXTURES holds `ambientcg/NAME/NAME_000.png` with `ambientcg/minc_map.json`, and
 import argparse
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +100,7 @@ def main() -> None:
     judgement = judge(model, training, test, test_rooms)
     (arguments.out / CARD_FILE).write_text(card_text(training, test, judgement), encoding="utf-8")
     say(judgement.table())
+    say(f"{time.process_time() / 60:.0f} min of processor time")
 
 
 if __name__ == "__main__":

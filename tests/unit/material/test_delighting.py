@@ -5,12 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lidarspectra.delighting import _beyond_white, _near_lamps, _whiter_than_paint, delighting_costs
+from lidarspectra.delighting import (
+    STRAY_LIGHT,
+    _beyond_white,
+    _near_lamps,
+    _unsettled,
+    _unsure,
+    _whiter_than_paint,
+    _whites,
+    delighting_costs,
+)
 from lidarspectra.hardware.phone.scan import bare_scan
-from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE
+from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, MOST_STEPS, fit_light
 from lidarspectra.material.sharpened_cones import cones_of_srgb
 from lidarspectra.radiance.lamps import Lamp
 from lidarspectra.spectra import Spectrum
+
+from .lit_walls import evidence
 
 STRIP = Lamp(
     name="strip",
@@ -59,3 +70,22 @@ def test_light_that_cannot_be_taken_out_has_no_share_of_the_time() -> None:
     assert sum(delighting_costs(colorless, 2)) == 0
     assert sum(delighting_costs(colored, 0)) == 0
     assert 0 < sum(delighting_costs(colored, 2)) < sum(delighting_costs(colored, 2, fluxes_stated=False))
+
+
+def test_whites_are_light_surfaces_other_than_the_ceiling() -> None:
+    reflectance = np.repeat([[0.9], [0.9], [0.5], [0.7]], 3, axis=1)
+    ceiling = np.array([False, True, False, False])
+    assert _whites(reflectance, ceiling).tolist() == [True, False, False, True]
+
+
+def test_what_strays_in_counts_most_in_the_cone_of_least_light() -> None:
+    edges = np.zeros((1, 3))
+    assert _unsure(edges, np.array([[1.0, 0.5, 0.1]]))[0] == pytest.approx(STRAY_LIGHT / np.array([1.0, 0.5, 0.1]))
+
+
+def test_a_note_tells_of_a_fit_that_has_not_settled() -> None:
+    fit = fit_light(evidence(1), flux_deviation=np.array([0.15]))
+    assert 0 < fit.steps < MOST_STEPS
+    assert _unsettled(fit) == ()
+    (note,) = _unsettled(replace(fit, steps=MOST_STEPS))
+    assert "not settled" in note

@@ -7,41 +7,18 @@ from scipy.sparse import csr_array
 
 from lidarspectra.material.albedo import (
     FIT_COSTS,
+    LEAST_EMISSION,
     WHITE_HUE,
     WHITE_HUE_DEVIATION,
     LightEvidence,
     _from_white,
+    _LightAt,
     fit_light,
 )
-from lidarspectra.material.sharpened_cones import srgb_of_cones
+from lidarspectra.material.sharpened_cones import cones_of_srgb
+from lidarspectra.material.tone_curve import ToneCurve
 
-PER_GROUP = 60
-BALANCE = np.array([0.30, 0.36, 0.42])  # [1] k of the picture: bluish light
-WHITE = 0.8 * np.exp([0.0, *WHITE_HUE])
-GREY = np.array([0.2, 0.22, 0.18])
-
-
-def evidence(white_groups: int) -> LightEvidence:
-    """Surfaces that see nothing of each other, so that only what is known beforehand tells k."""
-    groups = white_groups + 1
-    group = np.repeat(np.arange(groups), PER_GROUP)
-    direct = np.linspace(0.5, 1.5, group.size)[np.argsort(np.argsort(np.sin(1.0 + np.arange(group.size))))]
-    reflectance = np.where((group < white_groups)[:, None], WHITE, GREY)
-    shown = srgb_of_cones(BALANCE * reflectance * direct[:, None])
-    return LightEvidence(
-        shown=shown,
-        direct=np.repeat(direct[None, :, None], 3, axis=2),
-        emission=np.ones((1, group.size)),
-        exchange=csr_array((group.size, group.size + 1)),
-        face_shown=shown,
-        face_area=np.ones(group.size),
-        face_lamp=np.zeros(group.size, dtype=np.bool_),
-        group=group,
-        cell=np.arange(group.size),
-        ceiling=np.zeros(group.size, dtype=np.bool_),
-        white=group < white_groups,
-        unsure=np.zeros((group.size, 3)),
-    )
+from .lit_walls import WHITE, evidence
 
 
 def hue(data: LightEvidence) -> np.ndarray:
@@ -76,3 +53,35 @@ def test_a_yellow_surface_counts_less_than_its_distance_from_white() -> None:
     near, far = (np.log(WHITE) - [[0.0, 0.0, WHITE_HUE_DEVIATION[1] * deviations]] for deviations in (0.5, 10.0))
     assert abs(_from_white(near)[0, 1] + 0.5) < 0.02
     assert -4.0 < _from_white(far)[0, 1] < -2.0
+
+
+def test_light_at_some_points_is_that_of_the_equations_for_every_tone_and_beam() -> None:
+    random = np.random.default_rng(3)
+    data = evidence(1)
+    count = len(data.shown)
+    shares = random.random((count, count + 1)) * (random.random((count, count + 1)) < 0.05)  # the last sees nothing
+    shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1e-9)
+    lamp = random.random(count) < 0.1
+    data = replace(
+        data,
+        exchange=csr_array(shares),
+        face_area=random.random(count),
+        face_lamp=lamp,
+        emission=np.where(np.arange(count) % 3, random.random((1, count)), 1.0),
+        tint=1.0 + random.random((count, 3)),
+        face_excess=1.0 + random.random((count, 3)),
+    )
+    some, mean_direct, factors = np.arange(5, 60, 2), np.array([0.5, 0.6, 0.7]), np.array([1.3])
+    at = _LightAt(data, some, mean_direct)
+    for power, beam in ((1.0, 0.0), (0.8, 0.0), (0.8, 1.5), (1.0, 0.5)):
+        tone = ToneCurve(power=power, shoulder=0.4)
+        sent = cones_of_srgb(tone.light(data.face_shown) * data.face_excess)
+        sent[lamp] = 0.0
+        elsewhere = np.average(sent, axis=0, weights=data.face_area)
+        seen, gathered = at.shown(tone)
+        np.testing.assert_allclose(gathered, (shares @ np.vstack([sent, elsewhere]))[some], rtol=1e-12)
+        np.testing.assert_allclose(seen, (cones_of_srgb(tone.light(data.shown)) / data.tint)[some], rtol=1e-12)
+        cosine = data.emission[0, some, None]
+        narrowed = np.where(cosine < 1.0, (1.0 + 0.5 * beam) * np.maximum(cosine, LEAST_EMISSION) ** beam, 1.0)
+        expected = factors[0] * narrowed * data.direct[0, some] / mean_direct
+        np.testing.assert_allclose(at.direct(beam, factors), expected, rtol=1e-12)
