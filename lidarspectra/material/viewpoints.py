@@ -169,7 +169,7 @@ class ViewTimes:
     update_s: float
 
     def share_done(self, views: int, viewpoints: int, missing: int) -> float:
-        """Share of the work that is done with so many views of so many viewpoints, and so many viewpoints missing."""
+        """Share of the work done with so many views of so many viewpoints, and so many viewpoints missing [0-1]."""
         later = (views - len(DIRECTIONS)) / (viewpoints - 1) if viewpoints > 1 else USUAL_LATER_VIEWS
         done_s = self.search_s + views * self.view_s + viewpoints * self.update_s
         return done_s / (done_s + missing * (later * self.view_s + self.update_s))
