@@ -58,6 +58,15 @@ def test_the_nearest_surface_is_found_and_brought_to_the_luminance_seen(library)
     assert match.measured_range_nm == library.rows[row].range_nm
 
 
+def test_a_surface_of_the_right_hue_serves_though_it_is_lighter(library):
+    row = library.rows.index(library.find("cc-orange"))
+    match = match_color(0.6 * library.xyz[row], library)
+    assert match.nearest.id != "cc-orange"
+    off = match.spectrum.at(COLOR_GRID_NM, outside="nearest") - 0.6 * library.values[row]
+    # 0.013; 0.034 if surfaces as dark as that were the only neighbours
+    assert np.abs(off[(COLOR_GRID_NM >= 400) & (COLOR_GRID_NM <= 700)]).mean() < 0.02
+
+
 def test_a_color_far_from_all_is_recovered_and_not_matched(library):
     wanted = linear_srgb_to_xyz(np.array([0.0, 1.0, 0.0]))
     match = match_color(wanted, library, method="nearest")
