@@ -36,7 +36,7 @@ from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.hardware.phone.texture_atlas import split_at_charts, unwrap
 from lidarspectra.hardware.room.room import find_room
-from lidarspectra.hardware.virtual.camera import SurfaceLight, photograph
+from lidarspectra.hardware.virtual.camera import DirectLight, SurfaceLight, photograph
 from lidarspectra.hardware.virtual.glb_file import write_glb
 from lidarspectra.hardware.virtual.phone import scan_shape
 from lidarspectra.hardware.virtual.room_plan import PlanFile, RoomPlan, RoomSection, read_plan
@@ -44,6 +44,7 @@ from lidarspectra.hardware.virtual.true_room import TrueRoom, true_room
 from lidarspectra.mapping.evaluation.true_light import true_materials
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.bands import lamp_band_flux
+from lidarspectra.radiance.direct_light import direct_coefficients
 from lidarspectra.radiance.lamps import Lamp, resolve_lamps
 from lidarspectra.radiance.scene import write_scene
 from lidarspectra.radiance.sensors import sensor_points
@@ -60,7 +61,7 @@ WAVELENGTH_STEP_NM = 5.0  # [nm] of the light that the camera is given
 ASSIGNMENTS, WALLS = "assignments.csv", "walls.csv"
 POINTS_ALONG = 10  # [1] sensor points along each edge of an exact box: their mean is 0.3 % above the walls' (6: 0.7 %)
 LIFT_M = 1e-3  # [m] light is asked for just off the surface
-LIGHT_RELATIVE_SE = 0.05  # [1] of the mean; a dozen neighbours are averaged, so single points may be rough
+LIGHT_RELATIVE_SE = 0.02  # [1] of the mean at a point: far below what exposure varies by in a phone's texture
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,7 +125,8 @@ def phone_scan(
     if light is None:
         light = surface_light(plan, room, folder, light_generator, progress=part_of(progress, 0.15, 0.7))
     progress(0.7, "photographing")
-    texture = photograph(room, shape, atlas, light, plan.file.camera, camera_generator)
+    direct = direct_light(plan, room, folder, light.wavelengths_nm)
+    texture = photograph(room, shape, atlas, light, direct, plan.file.camera, camera_generator)
     progress(0.95, "writing")
     origin, faces, uv = split_at_charts(shape.faces, atlas)
     path = folder / "scan.glb"
@@ -228,12 +230,36 @@ def surface_light(
             progress=progress,
         )
     wavelengths = np.arange(VISIBLE_NM[0], VISIBLE_NM[1] + WAVELENGTH_STEP_NM / 2, WAVELENGTH_STEP_NM)
+    coefficients = _direct_coefficients(room, lamps, positions, normals)
+    direct = coefficients @ spectral_flux(lamps, wavelengths)
+    reflected = np.maximum(band_irradiance - coefficients @ lamp_band_flux([lamp.flux for lamp in lamps], bands), 0.0)
     return SurfaceLight(
         positions=positions,
         normals=normals,
         wavelengths_nm=wavelengths,
-        irradiance=spectral_irradiance(band_irradiance, lamps, bands, wavelengths),
+        irradiance=direct + spectral_irradiance(reflected, lamps, bands, wavelengths),
+        direct=direct,
     )
+
+
+def direct_light(plan: RoomPlan, room: TrueRoom, folder: Path, wavelengths_nm: FloatArray) -> DirectLight:
+    """What the lamps of a plan send straight to its true surfaces; parameters as in `surface_light`."""
+    lamps = resolve_lamps(plan.file.lamps, folder)
+    flux = spectral_flux(lamps, wavelengths_nm)
+    return lambda positions, normals: _direct_coefficients(room, lamps, positions, normals) @ flux
+
+
+def _direct_coefficients(
+    room: TrueRoom, lamps: Sequence[Lamp], positions: FloatArray, normals: FloatArray
+) -> FloatArray:
+    """(point, lamp) irradiance straight from the lamps, over their flux [m⁻²]."""
+    with tempfile.TemporaryDirectory() as scratch:
+        return direct_coefficients(room.scan, lamps, positions + LIFT_M * normals, normals, Path(scratch)).T
+
+
+def spectral_flux(lamps: Sequence[Lamp], wavelengths_nm: FloatArray) -> FloatArray:
+    """(lamp, wavelength) flux [W/nm]."""
+    return np.stack([lamp.flux.at(wavelengths_nm, outside="zero") for lamp in lamps])
 
 
 def spectral_irradiance(
@@ -241,8 +267,7 @@ def spectral_irradiance(
 ) -> FloatArray:
     """Irradiance at single wavelengths: within a band it has the shape of all lamps together.
 
-    E(λ) = Φ(λ) E_b/Φ_b, with E_b/Φ_b linear between the bands' centres and Φ the sum over the lamps. Exact for what
-    comes straight from lamps of one spectrum.
+    E(λ) = Φ(λ) E_b/Φ_b, with E_b/Φ_b linear between the bands' centres and Φ the sum over the lamps.
 
     Parameters
     ----------
@@ -264,7 +289,7 @@ def spectral_irradiance(
     lower = np.minimum(position.astype(np.int64), len(bands) - 2)
     share = position - lower
     between = travel[:, lower] * (1 - share) + travel[:, lower + 1] * share
-    power = np.sum([lamp.flux.at(wavelengths_nm, outside="zero") for lamp in lamps], axis=0)
+    power = spectral_flux(lamps, wavelengths_nm).sum(axis=0)
     return np.asarray(np.maximum(between * power, 0.0), dtype=np.float64)
 
 

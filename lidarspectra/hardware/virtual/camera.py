@@ -3,8 +3,13 @@
 What a pixel of the texture shows is the light that its bit of surface sends, reflectance times irradiance (all
 surfaces taken as matt), white balanced, exposed, tone mapped, and cut at white, where the lamps are. That is why a
 phone's texture is no reflectance.
+
+Light straight from the lamps is asked for at every corner of the scan, since shadows have edges; light from the other
+surfaces changes slowly, and a plane is fitted to it at points around. (Means of all light over points 10 to 20 cm apart
+made shadows and corners some per cent too bright, and what takes the light out of a scan took that for its own error.)
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,13 +22,18 @@ from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.texture_atlas import Atlas, split_at_charts
 from lidarspectra.hardware.virtual.phone import ScannedShape
 from lidarspectra.hardware.virtual.room_plan import CameraSection
-from lidarspectra.hardware.virtual.true_room import NORMAL_WEIGHT_M, TrueRoom
+from lidarspectra.hardware.virtual.true_room import TrueRoom
 
-NEIGHBOURS = 12  # [1] light points that are averaged, against the noise of traced light
-LIGHT_BLUR_M = 0.06  # [m] standard deviation of that average
+NEIGHBOURS = 12  # [1] light points that a plane is fitted to, against the noise of traced light
+SIDE_WEIGHT_M = 1.0  # [m] that a normal turned by a radian counts for: a board's two sides have nothing in common
+STEADINESS = 1e-2  # [1] of a plane's slopes, which neighbours in a row do not tell
+PLANE_RANGE = (0.5, 2.0)  # [1] of the least and the most light around, beyond which a plane is not believed
 GRAIN_WAVES = 14  # [1] plane waves that make up a pattern
 LAMP_RADIANCE = 20.0  # [1] over the exposure's white: a panel of 3000 cd/m² over a white wall of 100
 TEXELS_AT_ONCE = 1_000_000  # [1] bounds memory
+
+DirectLight = Callable[[FloatArray, FloatArray], FloatArray]
+"""From (n, 3) positions on the true surface [m] and normals there to (n, wavelength) light straight from the lamps."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,12 +48,15 @@ class SurfaceLight:
         Evenly spaced, over the visible range. [nm]
     irradiance : (point, wavelength) float
         In any one unit: exposure takes it out. [W/m²/nm]
+    direct : (point, wavelength) float
+        What of it comes straight from the lamps, in the same unit. [W/m²/nm]
     """
 
     positions: FloatArray
     normals: FloatArray
     wavelengths_nm: FloatArray
     irradiance: FloatArray
+    direct: FloatArray
 
     def __post_init__(self) -> None:
         positions = float_array(self.positions, name="SurfaceLight.positions", shape=(None, 3))
@@ -60,6 +73,12 @@ class SurfaceLight:
         object.__setattr__(self, "normals", float_array(self.normals, name="normals", shape=positions.shape))
         object.__setattr__(self, "wavelengths_nm", wavelengths)
         object.__setattr__(self, "irradiance", irradiance)
+        object.__setattr__(self, "direct", float_array(self.direct, name="SurfaceLight.direct", shape=shape))
+
+    @property
+    def reflected(self) -> FloatArray:
+        """(point, wavelength) light from other surfaces [W/m²/nm]."""
+        return np.maximum(self.irradiance - self.direct, 0.0)
 
 
 def photograph(
@@ -67,6 +86,7 @@ def photograph(
     shape: ScannedShape,
     atlas: Atlas,
     light: SurfaceLight,
+    direct: DirectLight,
     settings: CameraSection,
     generator: np.random.Generator,
 ) -> ByteArray:
@@ -81,6 +101,8 @@ def photograph(
     atlas : Atlas
         Of the shape.
     light : SurfaceLight
+    direct : DirectLight
+        At the light's wavelengths, in its unit.
     settings : CameraSection
     generator : Generator
         Exposure, grain and noise.
@@ -90,7 +112,7 @@ def photograph(
     texture : (texture_px, texture_px, 3) uint8
         sRGB encoded.
     """
-    linear, lit = _seen_light(room, shape, atlas, light, settings, generator)
+    linear, lit = _seen_light(room, shape, atlas, light, direct, settings, generator)
     shown = atlas.covered & ~lit
     bright = np.quantile(linear[shown].max(axis=1), 1.0 - settings.bright_share)
     exposed = linear * (settings.bright_level / bright)
@@ -111,6 +133,7 @@ def _seen_light(
     shape: ScannedShape,
     atlas: Atlas,
     light: SurfaceLight,
+    direct: DirectLight,
     settings: CameraSection,
     generator: np.random.Generator,
 ) -> tuple[FloatArray, BoolArray]:
@@ -118,7 +141,7 @@ def _seen_light(
     size = atlas.size_px
     linear = np.empty((size * size, 3), dtype=np.float64)
     lit = np.zeros(size * size, dtype=np.bool_)
-    corner_color = _corner_colors(room, shape, atlas, light, settings)
+    corner_color = _corner_colors(room, shape, atlas, light, direct, settings)
     exposure = _Pattern(generator, settings.exposure_spread, (1.0, 1.0, 1.0))
     grains = [_Pattern(generator, material.grain, material.grain_size) for material in room.materials]
     lamps = np.array([surface.lamp is not None for surface in room.surfaces])
@@ -144,29 +167,59 @@ def _seen_light(
 
 
 def _corner_colors(
-    room: TrueRoom, shape: ScannedShape, atlas: Atlas, light: SurfaceLight, settings: CameraSection
+    room: TrueRoom,
+    shape: ScannedShape,
+    atlas: Atlas,
+    light: SurfaceLight,
+    direct: DirectLight,
+    settings: CameraSection,
 ) -> FloatArray:
     """(face, 3, material, 3) linear sRGB that each material would show at each corner."""
     origin, faces, _ = split_at_charts(shape.faces, atlas)
-    normals = np.zeros((len(origin), 3))
-    np.add.at(normals, faces, room.normals[shape.true_face][:, None, :])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    tree = cKDTree(np.hstack([light.positions, NORMAL_WEIGHT_M * light.normals]))
-    distance, index = tree.query(np.hstack([shape.vertices[origin], NORMAL_WEIGHT_M * normals]), k=NEIGHBOURS)
+    corners = shape.vertices[origin]
+    true_face = np.empty(len(origin), dtype=np.int64)
+    true_face[faces] = shape.true_face[:, None]  # of a corner of many faces, one
+    normals = room.normals[true_face]
+    off = np.einsum("vc,vc->v", corners - room.scan.corners[true_face, 0], normals)
+    there = direct(corners - off[:, None] * normals, normals) + _reflected(corners, normals, light, settings)
+    return material_colors(room, light, there, settings)[faces]
+
+
+def _reflected(positions: FloatArray, normals: FloatArray, light: SurfaceLight, settings: CameraSection) -> FloatArray:
+    """(n, wavelength) light from other surfaces at positions, from planes fitted to that of the points around."""
+    tree = cKDTree(np.hstack([light.positions, SIDE_WEIGHT_M * light.normals]))
+    distance, index = tree.query(np.hstack([positions, SIDE_WEIGHT_M * normals]), k=NEIGHBOURS)
+    offsets = light.positions[index] - positions[:, None]
+    weights = _plane_weights(offsets / settings.light_spacing_m, distance / settings.light_spacing_m)
+    around = light.reflected[index]
+    low, high = PLANE_RANGE[0] * around.min(axis=1), PLANE_RANGE[1] * around.max(axis=1)
+    return np.asarray(np.clip(np.einsum("nk,nkw->nw", weights, around), low, high), dtype=np.float64)
+
+
+def _plane_weights(offsets: FloatArray, distance: FloatArray) -> FloatArray:
+    """(n, k) weights that values at (n, k, 3) offsets have in a plane fitted to them, at the origin.
+
+    A mean would show the light from beside where all neighbours lie on one side, as under a ceiling. Near neighbours
+    count more, by their (n, k) distance; all lengths over the spacing.
+    """
     # Relative to the nearest, so that a corner far from all points still has a weight that is not zero.
-    near = np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2) / LIGHT_BLUR_M**2)
+    near = np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2))
     near /= near.sum(axis=1, keepdims=True)
-    shown = material_colors(room, light, settings)
-    blurred = np.einsum("vk,vkmc->vmc", near, shown[index])
-    return np.asarray(blurred[faces], dtype=np.float64)
+    terms = np.concatenate([np.ones((*distance.shape, 1)), offsets], axis=2)
+    weighted = np.einsum("nkt,nk->ntk", terms, near)
+    normal = weighted @ terms + STEADINESS * np.diag([0.0, 1.0, 1.0, 1.0])
+    return np.asarray(np.linalg.solve(normal, weighted)[:, 0], dtype=np.float64)
 
 
-def material_colors(room: TrueRoom, light: SurfaceLight, settings: CameraSection) -> FloatArray:
-    """(point, material, 3) white-balanced linear sRGB of each material at each light point, nothing below 0."""
+def material_colors(room: TrueRoom, light: SurfaceLight, irradiance: FloatArray, settings: CameraSection) -> FloatArray:
+    """(n, material, 3) linear sRGB, balanced to the mean of the light, of each material under (n, wavelength) light.
+
+    Nothing is below 0.
+    """
     observer = color_matching_functions(light.wavelengths_nm)
     reflectance = np.stack([m.reflectance.at(light.wavelengths_nm, outside="nearest") for m in room.materials])
     per_material = reflectance[:, :, None] * observer
-    xyz = np.einsum("pw,mwc->pmc", light.irradiance, per_material, optimize=True)
+    xyz = np.einsum("pw,mwc->pmc", irradiance, per_material, optimize=True)
     white = light.irradiance.mean(axis=0) @ observer
     matrix = SRGB_FROM_XYZ @ white_balance_matrix(white / white[1], settings.white_balance)
     return np.asarray(np.maximum(xyz @ matrix.T, 0.0), dtype=np.float64)
