@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import get_args
+from unittest.mock import patch
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from lidarspectra.config import MaterialsSection
 from lidarspectra.database_files import table
 from lidarspectra.databases import load_reflectances, scenes_folder
 from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.material import matching
 from lidarspectra.material.colors import color_difference, surface_colors
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.matching import MatchMethod, match_color
@@ -83,6 +85,13 @@ def leave_one_out(library: ReflectanceLibrary, every: int) -> None:
         found = match_color(library.xyz[row], library, among=others).spectrum
         return found.at(COLOR_GRID_NM, outside="nearest")
 
+    def from_builtin(row: int) -> FloatArray:
+        return match_color(library.xyz[row], builtin).spectrum.at(COLOR_GRID_NM, outside="nearest")
+
+    def as_light_as_they_are(row: int) -> FloatArray:
+        with patch.object(matching, "SCALING", 1e9):
+            return from_builtin(row)
+
     def scaled(row: int) -> FloatArray:
         others = np.arange(len(library)) != row
         found = match_color(library.xyz[row], library, method="nearest", among=others).spectrum
@@ -97,9 +106,8 @@ def leave_one_out(library: ReflectanceLibrary, every: int) -> None:
             library, library.xyz[row], differences[row]
         ),
         "Wiener over 80 nearest, in logit ('wiener')": ours,
-        "the same, built-in library only": lambda row: match_color(library.xyz[row], builtin).spectrum.at(
-            COLOR_GRID_NM, outside="nearest"
-        ),
+        "the same, built-in library only": from_builtin,
+        "and none brought to the luminance seen": as_light_as_they_are,
     }
     rows = range(0, len(library), every)
     known = [row for row in range(len(library)) if surface_class(library.rows[row]) is not None]

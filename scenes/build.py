@@ -231,14 +231,15 @@ def surface_light(
         )
     wavelengths = np.arange(VISIBLE_NM[0], VISIBLE_NM[1] + WAVELENGTH_STEP_NM / 2, WAVELENGTH_STEP_NM)
     coefficients = _direct_coefficients(room, lamps, positions, normals)
-    direct = coefficients @ spectral_flux(lamps, wavelengths)
-    reflected = np.maximum(band_irradiance - coefficients @ lamp_band_flux([lamp.flux for lamp in lamps], bands), 0.0)
+    band_direct = coefficients @ lamp_band_flux([lamp.flux for lamp in lamps], bands)
+    # Both are sampled: where little is reflected, the difference may come out below 0.
+    band_reflected = np.maximum(band_irradiance - band_direct, 0.0)
     return SurfaceLight(
         positions=positions,
         normals=normals,
         wavelengths_nm=wavelengths,
-        irradiance=direct + spectral_irradiance(reflected, lamps, bands, wavelengths),
-        direct=direct,
+        direct=coefficients @ spectral_flux(lamps, wavelengths),
+        reflected=spectral_irradiance(band_reflected, lamps, bands, wavelengths),
     )
 
 

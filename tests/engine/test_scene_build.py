@@ -121,6 +121,21 @@ def test_light_within_a_band_has_the_shape_of_the_lamps_that_send_it(script: Mod
     np.testing.assert_allclose(shone[0], 0.25 * lamps[0].flux.at(wavelengths, outside="zero"), rtol=1e-9)
 
 
+def test_the_light_on_all_surfaces_is_what_the_lamps_send_and_none_is_counted_twice(
+    script: ModuleType, cabin: Path
+) -> None:
+    plan = read_plan(cabin / "plan.toml")
+    room = true_room(plan)
+    light = script.surface_light(plan, room, cabin, np.random.default_rng(0))
+    material = room.face_material[room.nearest_faces(light.positions, light.normals)]
+    reflectance = np.stack([m.reflectance.at(light.wavelengths_nm, outside="nearest") for m in room.materials])
+    absorbed = ((1.0 - reflectance[material]) * light.irradiance).mean(axis=0) * room.scan.areas.sum()
+    sent = script.spectral_flux(resolve_lamps(plan.file.lamps, cabin), light.wavelengths_nm).sum(axis=0)
+    # 3 % go back into the lamp, and the points are some hundred; a quarter of all light comes straight from it.
+    assert absorbed.sum() / sent.sum() == pytest.approx(0.97, abs=0.03)
+    assert light.direct.sum() / light.irradiance.sum() == pytest.approx(0.27, abs=0.03)
+
+
 def test_an_exact_scan_of_several_materials_is_refused(script: ModuleType, cabin: Path) -> None:
     plan = read_plan(cabin / "plan.toml")
     with pytest.raises(PlanError, match="one material"):

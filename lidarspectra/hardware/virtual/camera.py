@@ -5,8 +5,8 @@ surfaces taken as matt), white balanced, exposed, tone mapped, and cut at white,
 phone's texture is no reflectance.
 
 Light straight from the lamps is asked for at every corner of the scan, since shadows have edges; light from the other
-surfaces changes slowly, and a plane is fitted to it at points around. (Means of all light over points 10 to 20 cm apart
-made shadows and corners some per cent too bright, and what takes the light out of a scan took that for its own error.)
+surfaces changes slowly, and a plane is fitted to it at points around. Means of all light over points 10 to 20 cm apart
+would show shadows and corners too bright, which no camera does, and which misleads whoever takes the light out again.
 """
 
 from collections.abc import Callable
@@ -38,7 +38,7 @@ DirectLight = Callable[[FloatArray, FloatArray], FloatArray]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurfaceLight:
-    """Irradiance at points of the true surface.
+    """Irradiance at points of the true surface, in any one unit: exposure takes it out.
 
     Parameters
     ----------
@@ -46,39 +46,41 @@ class SurfaceLight:
         [m], [1]
     wavelengths_nm : (wavelength,) float
         Evenly spaced, over the visible range. [nm]
-    irradiance : (point, wavelength) float
-        In any one unit: exposure takes it out. [W/m²/nm]
     direct : (point, wavelength) float
-        What of it comes straight from the lamps, in the same unit. [W/m²/nm]
+        Straight from the lamps. [W/m²/nm]
+    reflected : (point, wavelength) float
+        From other surfaces. [W/m²/nm]
     """
 
     positions: FloatArray
     normals: FloatArray
     wavelengths_nm: FloatArray
-    irradiance: FloatArray
     direct: FloatArray
+    reflected: FloatArray
 
     def __post_init__(self) -> None:
         positions = float_array(self.positions, name="SurfaceLight.positions", shape=(None, 3))
         wavelengths = float_array(self.wavelengths_nm, name="SurfaceLight.wavelengths_nm", shape=(None,))
         shape = (len(positions), wavelengths.size)
-        irradiance = float_array(self.irradiance, name="SurfaceLight.irradiance", shape=shape)
-        if len(positions) < NEIGHBOURS or irradiance.min() < 0 or irradiance.max() <= 0:
+        direct = float_array(self.direct, name="SurfaceLight.direct", shape=shape)
+        reflected = float_array(self.reflected, name="SurfaceLight.reflected", shape=shape)
+        least = min((float(part.min()) for part in (direct, reflected) if part.size), default=0.0)
+        if len(positions) < NEIGHBOURS or least < 0 or not (direct.any() or reflected.any()):
             raise ScanError(
                 expected=f"light at {NEIGHBOURS} or more points, nowhere negative and somewhere positive",
-                found=f"{len(positions)} points, {irradiance.min() if irradiance.size else 0:g} at least",
+                found=f"{len(positions)} points, {least:g} at least",
                 where="virtual phone",
             )
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "normals", float_array(self.normals, name="normals", shape=positions.shape))
         object.__setattr__(self, "wavelengths_nm", wavelengths)
-        object.__setattr__(self, "irradiance", irradiance)
-        object.__setattr__(self, "direct", float_array(self.direct, name="SurfaceLight.direct", shape=shape))
+        object.__setattr__(self, "direct", direct)
+        object.__setattr__(self, "reflected", reflected)
 
     @property
-    def reflected(self) -> FloatArray:
-        """(point, wavelength) light from other surfaces [W/m²/nm]."""
-        return np.maximum(self.irradiance - self.direct, 0.0)
+    def irradiance(self) -> FloatArray:
+        """(point, wavelength) both together [W/m²/nm]."""
+        return self.direct + self.reflected
 
 
 def photograph(
@@ -112,7 +114,8 @@ def photograph(
     texture : (texture_px, texture_px, 3) uint8
         sRGB encoded.
     """
-    linear, lit = _seen_light(room, shape, atlas, light, direct, settings, generator)
+    corner_color = _corner_colors(room, shape, atlas, light, direct, settings)
+    linear, lit = _seen_light(room, shape, atlas, corner_color, settings, generator)
     shown = atlas.covered & ~lit
     bright = np.quantile(linear[shown].max(axis=1), 1.0 - settings.bright_share)
     exposed = linear * (settings.bright_level / bright)
@@ -132,16 +135,17 @@ def _seen_light(
     room: TrueRoom,
     shape: ScannedShape,
     atlas: Atlas,
-    light: SurfaceLight,
-    direct: DirectLight,
+    corner_color: FloatArray,
     settings: CameraSection,
     generator: np.random.Generator,
 ) -> tuple[FloatArray, BoolArray]:
-    """White-balanced linear colour of every pixel, and which pixels show a lit lamp."""
+    """White-balanced linear colour of every pixel, and which pixels show a lit lamp.
+
+    Between the (face, 3, material, 3) colours of the corners, with the patterns of exposure and materials.
+    """
     size = atlas.size_px
     linear = np.empty((size * size, 3), dtype=np.float64)
     lit = np.zeros(size * size, dtype=np.bool_)
-    corner_color = _corner_colors(room, shape, atlas, light, direct, settings)
     exposure = _Pattern(generator, settings.exposure_spread, (1.0, 1.0, 1.0))
     grains = [_Pattern(generator, material.grain, material.grain_size) for material in room.materials]
     lamps = np.array([surface.lamp is not None for surface in room.surfaces])

@@ -11,7 +11,7 @@ from lidarspectra.colorimetry import linear_srgb_to_xyz
 from lidarspectra.databases import import_spectraldb, load_reflectances
 from lidarspectra.errors import MaterialError
 from lidarspectra.material.colors import color_difference
-from lidarspectra.material.matching import FAR_COLOR, match_color
+from lidarspectra.material.matching import FAR_COLOR, LOGIT_RANGE, _brought_to_luminance, match_color
 from lidarspectra.reflectance_library import COLOR_GRID_NM, MAX_REFLECTANCE, ReflectanceLibrary
 from lidarspectra.spectra import Spectrum
 
@@ -65,6 +65,15 @@ def test_a_surface_of_the_right_hue_serves_though_it_is_lighter(library):
     off = match.spectrum.at(COLOR_GRID_NM, outside="nearest") - 0.6 * library.values[row]
     # 0.013; 0.034 if surfaces as dark as that were the only neighbours
     assert np.abs(off[(COLOR_GRID_NM >= 400) & (COLOR_GRID_NM <= 700)]).mean() < 0.02
+
+
+def test_no_surface_is_brought_beyond_white(library):
+    every = np.arange(len(library))
+    wanted = library.weights.sum(axis=0)  # of the perfect reflector
+    factors, distances = _brought_to_luminance(wanted, library, every, np.full(len(library), np.inf))
+    assert (factors * library.values.max(axis=1)).max() <= LOGIT_RANGE[1] * (1 + 1e-9)
+    assert factors.max() > 2.0
+    assert np.isfinite(distances).all()
 
 
 def test_a_color_far_from_all_is_recovered_and_not_matched(library):
