@@ -164,7 +164,7 @@ class _Search:
         for _ in range(FITS):
             if self.areas[member].sum() < LEAST_PATCH_M2:
                 break
-            normal, offset = _fitted(self.centers[member], self.areas[member], normal)
+            normal, offset = _fitted(self.corners[member], self.areas[member], normal)
             if not self.offsets:
                 self._learn_noise(member, normal, offset)
             member = self._largest_piece(self._on(normal, offset))
@@ -209,8 +209,8 @@ class _Search:
             return False
         centers, areas = self.centers[member], self.areas[member]
         rough = float(np.sqrt(np.average((centers @ normal - offset) ** 2, weights=areas)))
-        spread = np.linalg.eigvalsh(np.cov(centers.T, aweights=areas))
-        width = float(np.sqrt(12.0 * spread[1]))  # of a rectangle of that variance
+        spread = np.linalg.eigvalsh(_second_moment(self.corners[member], areas))
+        width = float(np.sqrt(12.0 * max(spread[1], 0.0)))  # of a rectangle of that variance
         return width >= LEAST_WIDTH_M and rough <= ROUGHEST * self.reach_m
 
     def _largest_piece(self, member: BoolArray) -> BoolArray:
@@ -251,11 +251,26 @@ def _fullest_offset(along: FloatArray, areas: FloatArray) -> float:
     return float(0.5 * (edges[peak] + edges[peak + 1]))
 
 
-def _fitted(centers: FloatArray, areas: FloatArray, unit: FloatArray) -> tuple[FloatArray, float]:
-    """Plane through face centres in the least squares' sense, on the side of `unit`."""
-    middle = np.average(centers, axis=0, weights=areas)
-    apart = centers - middle
-    _, axes = np.linalg.eigh((apart * areas[:, None]).T @ apart)
+def _second_moment(corners: FloatArray, areas: FloatArray) -> FloatArray:
+    """(3, 3) covariance [m²] of the area of triangles: between their centres, and within each of them.
+
+    A triangle of even density has the covariance Σ (v - c)(v - c)ᵀ / 12 over its corners v about its centre c; without
+    it one large triangle would have no extent, and two would be a line.
+    """
+    centers = corners.mean(axis=1)
+    weight = areas / areas.sum()
+    between = centers - weight @ centers
+    within = corners - centers[:, None]
+    return np.asarray(
+        (between * weight[:, None]).T @ between + np.einsum("n,nki,nkj->ij", weight, within, within) / 12.0,
+        dtype=np.float64,
+    )
+
+
+def _fitted(corners: FloatArray, areas: FloatArray, unit: FloatArray) -> tuple[FloatArray, float]:
+    """Plane through triangles in the least squares' sense, on the side of `unit`."""
+    middle = np.average(corners.mean(axis=1), axis=0, weights=areas)
+    _, axes = np.linalg.eigh(_second_moment(corners, areas))
     normal = axes[:, 0] * (np.sign(axes[:, 0] @ unit) or 1.0)
     if normal @ unit < NEAR_COSINE:  # a strip says nothing about its turn; its faces' normals do
         normal = unit

@@ -192,3 +192,37 @@ def test_a_sheet_whose_two_sides_share_vertices_has_no_side_and_stays(plain_scan
     flat = flatten_scan(scan)
     assert flat.record.flat_planes == 0
     np.testing.assert_array_equal(flat.vertices, scan.vertices)
+
+
+def with_strays(room: Scan, plain_scan: MakeScan, triangles: list[list[list[float]]]) -> Scan:
+    """The room with free triangles in it."""
+    loose = np.array(triangles).reshape(-1, 3)
+    count = len(room.vertices)
+    faces = count + np.arange(len(loose)).reshape(-1, 3)
+    return plain_scan(np.vstack([room.vertices, loose]), np.vstack([room.faces, faces]))
+
+
+@pytest.mark.parametrize("side_m", [0.05, 0.42, 0.8])  # below, at and above the least area of a patch
+def test_a_free_triangle_is_a_plane_or_none_and_never_an_error(
+    room: Scan, plain_scan: MakeScan, side_m: float
+) -> None:
+    stray = [[0.0, 0.0, -0.2], [side_m, 0.0, -0.2], [0.0, side_m, -0.2]]
+    flat = flatten_scan(with_strays(room, plain_scan, [stray]))
+    assert flat.record.flat_planes == (7 if 0.5 * side_m**2 > flat_patches.LEAST_PATCH_M2 else 6)
+    np.testing.assert_allclose(np.sort(flat.vertices[-3:], axis=0), np.sort(np.array(stray), axis=0), atol=1e-9)
+
+
+def test_a_sliver_of_enough_area_has_no_direction_of_its_own(room: Scan, plain_scan: MakeScan) -> None:
+    sliver = [[-0.9, 0.1, 0.0], [0.9, 0.1, 0.0], [0.9, 0.1, 0.1]]  # 0.09 m², 5 cm wide in the mean
+    assert flatten_scan(with_strays(room, plain_scan, [sliver])).record.flat_planes == 6
+
+
+def test_two_large_triangles_lie_on_the_plane_that_they_make(room: Scan, plain_scan: MakeScan) -> None:
+    a, b, c, d = [0.0, -0.4, -0.3], [0.5, -0.4, -0.1], [0.5, 0.4, -0.1], [0.0, 0.4, -0.3]
+    scan = with_strays(room, plain_scan, [[a, b, c], [a, c, d]])
+    patches = find_flat_patches(scan)
+    # Free triangles share no edge, so each is a patch of its own; both have the board's normal.
+    for face in (-1, -2):
+        plane = patches.face_plane[face]
+        assert plane >= 0
+        np.testing.assert_allclose(np.abs(patches.normals[plane] @ scan.normals[face]), 1.0, atol=1e-9)
