@@ -2,8 +2,10 @@
 
 `make` there compiles the meshes and octrees, traces every pass (side by side with `make -j`) and adds them up in
 `irradiance.txt`: one line a sensor, x y z nx ny nz and the irradiance of each band [W/m²/nm], shortest wavelength
-first. It is the run's answer within noise. Only oconv, obj2mesh, rtrace, rcalc, rlam and total are called; no step
-needs quotes, so that make's shell may be any, and no program's search path matters.
+first. It is the run's answer within noise. Only oconv, obj2mesh, rtrace, rcalc, rlam and total are called, and those
+of Radiance's function files that they read lie beside the model, so that RAYPATH need not be set. No step needs quotes.
+Each program is a step of its own and not part of a pipe, whose status would be the last one's: a program that fails
+ends make with a status other than 0, and so does a table with fewer rows than there are sensors (`check`).
 """
 
 import shutil
@@ -14,6 +16,7 @@ import numpy as np
 from lidarspectra.config import TraceSection
 from lidarspectra.errors import SceneError
 from lidarspectra.radiance.bands import WRITTEN_PER_WATT
+from lidarspectra.radiance.engine import Engine, find_engine
 from lidarspectra.radiance.lamp_shapes import candela_file
 from lidarspectra.radiance.options import Noise, plain_arguments
 from lidarspectra.radiance.scene_record import LAMPS_FILE, RadianceScene, ScenePass
@@ -24,12 +27,15 @@ POINTS_FILE = "points.txt"
 TRACE_OPTIONS_FILE = "trace.opt"
 REPEAT_FILE = "repeat.fmt"
 ANSWER_FILE = "irradiance.txt"
+FUNCTION_FILES = ("rayinit.cal", "source.cal")  # read by every program, and for the intensity tables of 'ies' lamps
 REPEATS: dict[Noise, int] = {"draft": 2, "standard": 8, "fine": 32}
 """[1] Times that each sensor is traced with 256 rays; the mean's noise comes near the run's."""
 PICTURE_EYE_HEIGHT_M = 1.6  # [m] of the view that `rad` is given
 
 
-def write_workflow(scene: RadianceScene, points: SensorPoints, section: TraceSection, folder: Path) -> Path:
+def write_workflow(
+    scene: RadianceScene, points: SensorPoints, section: TraceSection, folder: Path, *, engine: Engine | None = None
+) -> Path:
     """Write the model into a folder of its own.
 
     Parameters
@@ -42,6 +48,8 @@ def write_workflow(scene: RadianceScene, points: SensorPoints, section: TraceSec
         Accuracy and noise.
     folder : Path
         Made if it is not there.
+    engine : Engine, optional
+        Whose function files are put beside the model. Default: the one that pyradiance brings.
 
     Returns
     -------
@@ -52,10 +60,13 @@ def write_workflow(scene: RadianceScene, points: SensorPoints, section: TraceSec
     SceneError
         If a file of the scene is not there, or the folder cannot be written.
     """
+    library = (find_engine() if engine is None else engine).library
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name in _scene_files(scene):
             shutil.copyfile(scene.folder / name, folder / name)
+        for name in FUNCTION_FILES:
+            shutil.copyfile(library / name, folder / name)
         for name, text in _texts(scene, points, section).items():
             (folder / name).write_text(text, encoding="utf-8", newline="\n")
     except OSError as cause:
@@ -85,7 +96,7 @@ def _texts(scene: RadianceScene, points: SensorPoints, section: TraceSection) ->
         REPEAT_FILE: "${$1} ${$2} ${$3} ${$4} ${$5} ${$6}\n" * REPEATS[section.noise],
         "sum.cal": _sum_text(scene),
         "bands.txt": _bands_text(scene),
-        MAKEFILE: _makefile_text(scene, REPEATS[section.noise]),
+        MAKEFILE: _makefile_text(scene, len(points), REPEATS[section.noise]),
     }
     for scene_pass in scene.passes:
         slots = [*scene_pass.group.options, "-co+"] if scene.mode == "native" else []
@@ -121,23 +132,38 @@ def _sum_text(scene: RadianceScene) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _makefile_text(scene: RadianceScene, repeats: int) -> str:
+def _makefile_text(scene: RadianceScene, sensors: int, repeats: int) -> str:
     data = " ".join(f"{scene_pass.name}.dat" for scene_pass in scene.passes)
     head = (
         f"# Irradiance at the sensors of {POINTS_FILE}, by Radiance 6 alone; make -j runs the passes side by side.\n"
         f"# {ANSWER_FILE}: its columns are named in bands.txt; irradiance in W/m2/nm.\n"
+        "# Radiance's function files stand beside this one; a RAYPATH that is set is searched after this folder.\n"
+        "export RAYPATH := .:$(RAYPATH)\n"
+        "export LC_ALL := C\n"
+        f"SENSORS := {sensors}\n\n"
+        "# Refuses a table that has not a row for every sensor: Radiance may end well without an answer.\n"
+        "check = test $$(wc -l < $@) -eq $(1) || "
+        "{ echo $@ has not the $(1) rows that it should have, see the lines above >&2; exit 1; }\n\n"
         f"all: {ANSWER_FILE}\n\n"
-        f"{ANSWER_FILE}: {POINTS_FILE} {data} sum.cal\n"
-        f"\trlam {POINTS_FILE} {data} | rcalc -f ./sum.cal > $@\n"
+        f"{ANSWER_FILE}: joined.tmp sum.cal\n"
+        "\trcalc -f ./sum.cal joined.tmp > $@\n"
+        "\t@$(call check,$(SENSORS))\n\n"
+        f"joined.tmp: {POINTS_FILE} {data}\n"
+        f"\trlam {POINTS_FILE} {data} > $@\n"
+        "\t@$(call check,$(SENSORS))\n\n"
+        f"rays.tmp: {REPEAT_FILE} {POINTS_FILE}\n"
+        f"\trcalc -o {REPEAT_FILE} {POINTS_FILE} > $@\n"
+        f"\t@$(call check,{sensors * repeats})\n"
     )
-    rules = "".join(_pass_rules(scene_pass, repeats) for scene_pass in scene.passes)
+    rules = "".join(_pass_rules(scene_pass, sensors, repeats) for scene_pass in scene.passes)
     octrees = [scene_pass.octree for scene_pass in scene.passes]
     meshes = sorted({scene_pass.mesh_file for scene_pass in scene.passes})
-    made = " ".join([data, *octrees, *meshes, ANSWER_FILE])
+    traced = " ".join(f"{scene_pass.name}.tmp" for scene_pass in scene.passes)
+    made = " ".join([data, *octrees, *meshes, ANSWER_FILE, traced, "rays.tmp", "joined.tmp"])
     return f"{head}{rules}\nclean:\n\trm -f {made}\n\n.PHONY: all clean\n.DELETE_ON_ERROR:\n"
 
 
-def _pass_rules(scene_pass: ScenePass, repeats: int) -> str:
+def _pass_rules(scene_pass: ScenePass, sensors: int, repeats: int) -> str:
     """How make compiles and traces a pass; passes that share their surfaces leave the mesh to the first."""
     name, mesh, materials = scene_pass.name, scene_pass.mesh, scene_pass.materials_file
     read = " ".join([scene_pass.scene_file, LAMPS_FILE, scene_pass.mesh_file, *scene_pass.data_files])
@@ -145,9 +171,10 @@ def _pass_rules(scene_pass: ScenePass, repeats: int) -> str:
     return (
         (compiled if scene_pass.surfaces == name else "")
         + f"\n{scene_pass.octree}: {read}\n\toconv {scene_pass.scene_file} {LAMPS_FILE} > $@\n"
-        + f"\n{name}.dat: {scene_pass.octree} {POINTS_FILE} {REPEAT_FILE} {TRACE_OPTIONS_FILE} {name}.opt\n"
-        + f"\trcalc -o {REPEAT_FILE} {POINTS_FILE} | rtrace -h @{TRACE_OPTIONS_FILE} @{name}.opt {scene_pass.octree} "
-        + f"| total -m -{repeats} > $@\n"
+        + f"\n{name}.tmp: {scene_pass.octree} rays.tmp {TRACE_OPTIONS_FILE} {name}.opt\n"
+        + f"\trtrace -h @{TRACE_OPTIONS_FILE} @{name}.opt {scene_pass.octree} < rays.tmp > $@\n"
+        + f"\t@$(call check,{sensors * repeats})\n"
+        + f"\n{name}.dat: {name}.tmp\n\ttotal -m -{repeats} {name}.tmp > $@\n\t@$(call check,$(SENSORS))\n"
     )
 
 

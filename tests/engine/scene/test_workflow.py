@@ -69,13 +69,9 @@ def two_lamp_scene(folder: Path, mode: str, engine: Engine) -> RadianceScene:
 
 
 def stock(engine: Engine) -> dict[str, str]:
-    """An environment with Radiance and make, and nothing of Python's."""
+    """An environment with Radiance's programs and make on the search path, and nothing else: no RAYPATH."""
     make = Path(str(shutil.which("make"))).parent
-    return {
-        "PATH": os.pathsep.join([str(engine.programs), str(make), os.defpath]),
-        "RAYPATH": str(engine.library),
-        "LC_ALL": "C",
-    }
+    return {"PATH": os.pathsep.join([str(engine.programs), str(make), os.defpath])}
 
 
 def answer(folder: Path, engine: Engine, *options: str) -> np.ndarray:
@@ -116,6 +112,74 @@ def test_make_does_nothing_twice_and_cleans_up(engine: Engine, points: SensorPoi
     assert again.returncode == 0  # make's word for up to date
     subprocess.run(["make", "clean"], cwd=folder, env=stock(engine), capture_output=True, check=True)
     assert {path.name for path in folder.iterdir()} == before
+
+
+def lying(folder: Path, engine: Engine, program: str, script: str) -> dict[str, str]:
+    """The stock environment, with a script of ours in place of one of Radiance's programs."""
+    folder.mkdir()
+    stand_in = folder / program
+    stand_in.write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+    stand_in.chmod(0o755)
+    environment = stock(engine)
+    return environment | {"PATH": os.pathsep.join([str(folder), environment["PATH"]])}
+
+
+@needs_make
+@pytest.mark.parametrize(
+    ("program", "script"),
+    [
+        ("rtrace", "echo no licence >&2; exit 1"),
+        ("rtrace", "exit 0"),
+        ("rtrace", "cat > /dev/null; echo 1 2 3"),
+        ("rcalc", "exit 1"),
+        ("oconv", "exit 1"),
+        ("total", "exit 3"),
+        ("total", "cat > /dev/null"),
+        ("rlam", "exit 1"),
+        ("rlam", "head -n 1 points.txt"),
+    ],
+)
+def test_a_program_that_fails_or_answers_too_little_ends_make_with_a_status_and_no_answer(
+    engine: Engine, points: SensorPoints, tmp_path: Path, program: str, script: str
+) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine)
+    folder = write_workflow(scene, points, TraceSection(accuracy="low", noise="draft"), tmp_path / "model").parent
+    for _ in range(2):  # a second try must not take what the first left behind for an answer
+        done = subprocess.run(
+            ["make"],
+            cwd=folder,
+            env=lying(tmp_path / f"bin{_}", engine, program, script),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode != 0
+        assert not (folder / "irradiance.txt").exists()
+    answer(folder, engine)  # and with the true program it goes on from there
+
+
+@needs_make
+def test_a_search_path_without_radiances_library_changes_nothing(
+    engine: Engine, points: SensorPoints, tmp_path: Path
+) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine)
+    folder = write_workflow(scene, points, TraceSection(accuracy="low", noise="draft"), tmp_path / "model").parent
+    environment = stock(engine) | {"RAYPATH": str(tmp_path / "nowhere")}
+    subprocess.run(["make"], cwd=folder, env=environment, capture_output=True, check=True)
+    assert np.loadtxt(folder / "irradiance.txt", ndmin=2).shape == (4, 20)
+
+
+@needs_make
+def test_without_its_function_files_make_fails_and_leaves_no_answer(
+    engine: Engine, points: SensorPoints, tmp_path: Path
+) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine)
+    folder = write_workflow(scene, points, TraceSection(accuracy="low", noise="draft"), tmp_path / "model").parent
+    (folder / "rayinit.cal").unlink()
+    done = subprocess.run(["make"], cwd=folder, env=stock(engine), capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "rayinit.cal" in done.stderr
+    assert not (folder / "irradiance.txt").exists()
 
 
 @needs_make
