@@ -48,10 +48,10 @@ fuzz: setup-test
 
 # The paper's experiments from nothing to docs/results.md; QUICK=--quick for a first look.
 experiments: setup-test
-	$(BIN)/python scenes/true_light.py office
-	$(BIN)/python scenes/true_light.py apartment
-	$(BIN)/python scenes/true_light.py large-office
-	$(BIN)/python -m benchmarks.experiments $(QUICK)
+	$(BIN)/python -m research.scenes.true_light office
+	$(BIN)/python -m research.scenes.true_light apartment
+	$(BIN)/python -m research.scenes.true_light large-office
+	$(BIN)/python -m research.benchmarks.experiments $(QUICK)
 
 clean:
 	$(PYTHON) -c "import shutil; shutil.rmtree('.venv', ignore_errors=True)"

@@ -23,10 +23,10 @@ from colour.quality.datasets.tcs import APPROXIMATE_MUNSELL_NOTATIONS_TCS_CIE202
 from colour.quality.datasets.vs import SDS_VS
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.files import write_whole
-from lidarspectra.reflectance_library import MAX_REFLECTANCE
-from lidarspectra.spectra import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, Spectrum
-from lidarspectra.spectrum_files import TableRow, write_table
+from lidarspectra.io.files import write_whole
+from lidarspectra.spectra.reflectance_library import MAX_REFLECTANCE
+from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, Spectrum
+from lidarspectra.spectra.spectrum_files import TableRow, write_table
 
 HERE = Path(__file__).resolve().parent
 CARRIER = f"carried by colour-science {colour.__version__} (BSD-3-Clause)"
@@ -104,7 +104,7 @@ CIE_LICENCE = f"CIE tables; no separate licence stated with the data; {CARRIER}"
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """One file of the manifest; see lidarspectra.databases.DatabaseFile."""
+    """One file of the manifest; see lidarspectra.spectra.databases.DatabaseFile."""
 
     path: str
     title: str

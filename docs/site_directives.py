@@ -7,8 +7,8 @@ from docutils.parsers.rst import Directive
 from typer.main import get_command
 from typer.testing import CliRunner
 
-from lidarspectra.cli import app
-from lidarspectra.databases import data_folder
+from lidarspectra.cli.app import app
+from lidarspectra.spectra.databases import data_folder
 
 PLAIN = {"COLUMNS": "80", "NO_COLOR": "1", "TERM": "dumb"}
 

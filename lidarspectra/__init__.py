@@ -11,39 +11,39 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from lidarspectra.config import read_run_file
     from lidarspectra.errors import LidarSpectraError
-    from lidarspectra.fingerprints import FingerprintOrder, fingerprint_room
     from lidarspectra.hardware.phone.readers import read_scan
     from lidarspectra.mapping.localization.fingerprint_files import read_fingerprints
     from lidarspectra.mapping.localization.location_model import load_locator, train_locator
-    from lidarspectra.mapping.spectral_map import load_map, spectral_map
+    from lidarspectra.mapping.maps.spectral_map import load_map, spectral_map
     from lidarspectra.material.estimate import estimate_materials
-    from lidarspectra.pipeline import run
-    from lidarspectra.radiance.scene import write_scene
-    from lidarspectra.radiance.trace import trace
-    from lidarspectra.relighting import LampOrder, relight_run
-    from lidarspectra.spectra import BandSet, Spectrum, gaussian_bands, sensor_bands
+    from lidarspectra.radiance.sampling.trace import trace
+    from lidarspectra.radiance.scene.scene import write_scene
+    from lidarspectra.spectra.spectrum import BandSet, Spectrum, gaussian_bands, sensor_bands
+    from lidarspectra.workflow.fingerprints import FingerprintOrder, fingerprint_room
+    from lidarspectra.workflow.pipeline import run
+    from lidarspectra.workflow.relighting import LampOrder, relight_run
 
 _HOMES = {
-    "BandSet": "spectra",
-    "FingerprintOrder": "fingerprints",
-    "LampOrder": "relighting",
+    "BandSet": "spectra.spectrum",
+    "FingerprintOrder": "workflow.fingerprints",
+    "LampOrder": "workflow.relighting",
     "LidarSpectraError": "errors",
-    "Spectrum": "spectra",
+    "Spectrum": "spectra.spectrum",
     "estimate_materials": "material.estimate",
-    "fingerprint_room": "fingerprints",
-    "gaussian_bands": "spectra",
+    "fingerprint_room": "workflow.fingerprints",
+    "gaussian_bands": "spectra.spectrum",
     "load_locator": "mapping.localization.location_model",
-    "load_map": "mapping.spectral_map",
+    "load_map": "mapping.maps.spectral_map",
     "read_fingerprints": "mapping.localization.fingerprint_files",
     "read_run_file": "config",
     "read_scan": "hardware.phone.readers",
-    "relight_run": "relighting",
-    "run": "pipeline",
-    "sensor_bands": "spectra",
-    "spectral_map": "mapping.spectral_map",
-    "trace": "radiance.trace",
+    "relight_run": "workflow.relighting",
+    "run": "workflow.pipeline",
+    "sensor_bands": "spectra.spectrum",
+    "spectral_map": "mapping.maps.spectral_map",
+    "trace": "radiance.sampling.trace",
     "train_locator": "mapping.localization.location_model",
-    "write_scene": "radiance.scene",
+    "write_scene": "radiance.scene.scene",
 }
 
 __version__ = version("lidarspectra")

@@ -1,7 +1,7 @@
 import matplotlib.pyplot as plt
 
 import lidarspectra
-from lidarspectra.databases import lamp_spectrum
+from lidarspectra.spectra.databases import lamp_spectrum
 
 bands = lidarspectra.sensor_bands("as7265x-14")
 # A sensor of your own: any centres and widths.

@@ -4,7 +4,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import lidarspectra
-from lidarspectra.inputs import copy_scene
+from lidarspectra.workflow.inputs import copy_scene
 
 with tempfile.TemporaryDirectory() as folder:
     # A closed cube of 3 m, reflectance 0.5, with one bulb of 1000 lm.

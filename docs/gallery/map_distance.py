@@ -1,7 +1,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from lidarspectra.mapping.metrics import compare_maps
+from lidarspectra.mapping.maps.metrics import compare_maps
 
 generator = np.random.default_rng(7)
 truth = 1e-3 * (1.0 + generator.random((176, 14)))  # (point, band) [W/m²/nm]

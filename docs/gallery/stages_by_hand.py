@@ -12,11 +12,11 @@ from lidarspectra.config import (
     SensorsSection,
     TraceSection,
 )
-from lidarspectra.databases import scenes_folder
-from lidarspectra.hardware.room.room import find_room
+from lidarspectra.lamps.lamps import resolve_lamps
 from lidarspectra.material.viewpoints import render_views
-from lidarspectra.radiance.lamps import resolve_lamps
-from lidarspectra.radiance.sensors import sensor_points
+from lidarspectra.room.room import find_room
+from lidarspectra.room.sensor_points import sensor_points
+from lidarspectra.spectra.databases import scenes_folder
 
 panel = {
     "shape": "panel",

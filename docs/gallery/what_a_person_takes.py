@@ -11,17 +11,17 @@ from lidarspectra.config import (
     MaterialsSection,
     SensorsSection,
 )
-from lidarspectra.databases import load_reflectances, scenes_folder
-from lidarspectra.hardware.room.person import Person
-from lidarspectra.hardware.room.room import find_room
+from lidarspectra.lamps.lamps import resolve_lamps
+from lidarspectra.mapping.localization.person import Person
 from lidarspectra.mapping.localization.traced_fingerprints import (
     FingerprintRequest,
     PlacedPerson,
     trace_fingerprints,
 )
 from lidarspectra.material.viewpoints import render_views
-from lidarspectra.radiance.lamps import resolve_lamps
-from lidarspectra.radiance.sensors import sensor_points
+from lidarspectra.room.room import find_room
+from lidarspectra.room.sensor_points import sensor_points
+from lidarspectra.spectra.databases import load_reflectances, scenes_folder
 
 panel = LampSection(
     name="panel",

@@ -1,10 +1,10 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from lidarspectra.databases import lamp_spectrum
 from lidarspectra.mapping.photometry.quantities import light_quantity
 from lidarspectra.mapping.photovoltaics.cells import find_cell
 from lidarspectra.mapping.photovoltaics.currents import photocurrent_density
+from lidarspectra.spectra.databases import lamp_spectrum
 
 grid = np.arange(380.0, 781.0)  # [nm]
 silicon = find_cell("silicon").efficiency.at(grid, outside="zero")

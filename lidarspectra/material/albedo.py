@@ -16,7 +16,7 @@ cancels.
 White balance, the ratios in k, is the least certain: a room of orange walls shows hardly any blue. Surfaces so light
 that they are most likely white tell it besides. The 268 measured surfaces of buildings that reflect more than .65
 have log cone ratios to red of -.004 ± .011 (green) and -.058 ± .056 (blue; two thirds from -.149 to -.019), by
-`benchmarks/whites.py`. A room is taken to have one such paint, however many walls have it.
+`research/benchmarks/whites.py`. A room is taken to have one such paint, however many walls have it.
 
 References
 ----------

@@ -23,9 +23,9 @@ import numpy as np
 
 from lidarspectra.errors import DatabaseError, MaterialError
 from lidarspectra.material.material_map import Material, MaterialMap, Provenance, SurfaceKind
-from lidarspectra.reflectance_library import MAX_REFLECTANCE, Reflectance, ReflectanceLibrary
-from lidarspectra.spectra import Spectrum
-from lidarspectra.spectrum_files import finite_number, read_spectrum_file, read_text
+from lidarspectra.spectra.reflectance_library import MAX_REFLECTANCE, Reflectance, ReflectanceLibrary
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.spectra.spectrum_files import finite_number, read_spectrum_file, read_text
 
 ALL_GROUPS = "*"
 AS_ESTIMATED = "recovered"  # a reflectance that starts so, or an empty one, leaves the group as it was estimated

@@ -3,7 +3,7 @@
 What colours them (lignin and tannin in wood, oxides of iron in brick and stone, melanin in hair, melanin and blood in
 skin) reflects more the longer the wavelength, so that they are yellowish, reddish or grey in any light that is near
 white. A surface that looks blue is none of them, however much its grain looks like wood's: it is dyed or painted.
-`benchmarks/segmentation.py --spectraldb FILE` prints how far measured surfaces go.
+`research/benchmarks/segmentation.py --spectraldb FILE` prints how far measured surfaces go.
 
 Other classes come in any colour and are left as they are: this can only take a class away, never name one.
 """

@@ -23,11 +23,11 @@ from scipy.spatial import cKDTree
 from sklearn.cluster import KMeans
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.colorimetry import lab_to_xyz, linear_srgb_to_lab
 from lidarspectra.material.matching import match_color
 from lidarspectra.material.sharpened_cones import CONES_FROM_XYZ
-from lidarspectra.reflectance_library import ReflectanceLibrary
-from lidarspectra.spectra import Spectrum, uniform_bands
+from lidarspectra.spectra.colorimetry import lab_to_xyz, linear_srgb_to_lab
+from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
+from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
 
 PALETTE = 32  # [1] colours whose spectra are looked up
 PALETTE_DIGITS = 3  # [1] decimals of L*a*b* that tell colours apart

@@ -11,9 +11,9 @@ from colour.difference import delta_E_CIE2000
 from sklearn.cluster import KMeans
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.colorimetry import linear_srgb_to_lab
-from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.surface_samples import surface_samples
+from lidarspectra.spectra.colorimetry import linear_srgb_to_lab
 
 SATURATED = 0.94  # [1] linear; all channels above it: a lamp, its mirror image, or a blown-out highlight (sRGB 248)
 MOST_SATURATED = 0.7  # [1] of a face; what is left of it is the lamp's glow

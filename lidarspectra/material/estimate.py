@@ -15,12 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
-from lidarspectra.colorimetry import linear_srgb_to_lab, linear_srgb_to_xyz
 from lidarspectra.config import MaterialsSection
-from lidarspectra.databases import load_reflectances
 from lidarspectra.errors import DatabaseError, MaterialError
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.room import Room
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.assignments import assign, database_material, read_assignments
 from lidarspectra.material.color_priors import color_likelihood
 from lidarspectra.material.colors import color_words, mean_color, primary_colors, saturated, surface_colors
@@ -33,14 +30,17 @@ from lidarspectra.material.segmentation import SHIPPED_MODEL, Classifier
 from lidarspectra.material.surface_classes import favored_surfaces
 from lidarspectra.material.views import ViewSet
 from lidarspectra.progress import Progress, shares, silent
-from lidarspectra.reflectance_library import ReflectanceLibrary
+from lidarspectra.room.room import Room
+from lidarspectra.spectra.colorimetry import linear_srgb_to_lab, linear_srgb_to_xyz
+from lidarspectra.spectra.databases import load_reflectances
+from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
 
 SEED = 20241104  # of K-means; materials of one scan are the same on every run
 UNSEEN_EVIDENCE = 0.1  # [1] how much the colour of a face counts that no view saw, against one that is seen whole
 LEAST_SHARE = 2e-4  # [1] of the area; smaller groups of faces join the material nearest in colour
 CONFIDENT_DIFFERENCE = 10.0  # [1] CIEDE2000 to the nearest surface at which confidence has fallen to 1/e
 UNKNOWN = "unknown"  # class of a material where none was estimated
-# Of one core, in the demo room and a hall of a million faces (benchmarks/scale.py).
+# Of one core, in the demo room and a hall of a million faces (research/benchmarks/scale.py).
 GROUPING_S_A_FACE, FUSING_S_A_FACE, MATCHING_S_A_FACE = 8.3e-6, 8e-6, 4e-6  # [s]
 MODEL_S, CLASSES_S_A_VIEW = 1.5, 0.85  # [s] the network's start; a view's classes
 VISIBLE_BANDS_NM = (400.0, 770.0)  # [nm] what the sensor's first 14 channels see

@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 from scipy.special import softmax
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.geometry.scan import Scan
 
 WELD_M = 1e-4  # [m] corners so close are one: a scan's texture seams double its vertices
 COLOR_SCALE = 8.0  # [1] L*a*b* units over which neighbours stop to agree

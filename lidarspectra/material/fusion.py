@@ -14,7 +14,7 @@ from scipy.special import softmax
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import MaterialError
-from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.crf import LEAST_PROBABILITY
 from lidarspectra.material.face_groups import ROUNDS
 from lidarspectra.material.projection import pixel_grid, ray_directions

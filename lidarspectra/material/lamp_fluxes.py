@@ -16,9 +16,9 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import DatabaseError, MaterialError
-from lidarspectra.files import write_whole
+from lidarspectra.io.files import write_whole
 from lidarspectra.material.albedo import LightFit
-from lidarspectra.spectrum_files import read_text
+from lidarspectra.spectra.spectrum_files import read_text
 
 FLUXES_FILE = "lamp-fluxes.csv"
 COLUMNS = ("lamp", "factor", "log_deviation", "told")

@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, ByteArray, FloatArray
-from lidarspectra.colorimetry import decode_srgb, encode_srgb
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.rays import RayCaster
-from lidarspectra.hardware.room.room import Room
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.lamp_evidence import RECESS_M, SATURATED, PlaneKind, demands_on
 from lidarspectra.material.plane_picture import PlaneFrame, PlanePicture, take_picture
+from lidarspectra.room.room import Room
+from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 
 PIXEL_M = 0.01  # [m] of the survey; a small downlight (6 cm) still has 28 pixels
 MOST_PIXELS = 4_000_000  # [1] a larger plane gets larger pixels

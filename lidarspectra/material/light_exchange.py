@@ -19,7 +19,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.hardware.room.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster
 
 GOLDEN_TURN = 2.0 * np.pi * (np.sqrt(5.0) - 1.0) / 2.0  # [rad] spreads azimuths evenly, whatever their number
 

@@ -15,9 +15,8 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.errors import ArrayError
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.rays import RayCaster
-from lidarspectra.hardware.room.room import Room
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.lamp_evidence import (
     ON_CEILING,
     RING_GAP_M,
@@ -31,6 +30,7 @@ from lidarspectra.material.lamp_evidence import (
 from lidarspectra.material.lamp_surveys import Survey, seeds, surveys
 from lidarspectra.material.outline_fit import OutlineFit, fit_outline
 from lidarspectra.material.plane_picture import PlanePicture
+from lidarspectra.room.room import Room
 
 LitShape = Literal["panel", "strip", "disc"]
 

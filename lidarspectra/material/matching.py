@@ -13,7 +13,7 @@ but the more that takes, the farther it counts.
 
 Surfaces of the material class that a segment seems to be of are favoured, not demanded: the paper's search within the
 class alone measures worse even where the class is right (6.0 % against 5.7 %), a slight preference measures better.
-Leave-one-out on spectraldb (885 surfaces, 400 to 740 nm): `benchmarks/reflectance.py`.
+Leave-one-out on spectraldb (885 surfaces, 400 to 740 nm): `research/benchmarks/reflectance.py`.
 
 References
 ----------
@@ -31,11 +31,11 @@ import numpy as np
 from colour.recovery import XYZ_to_sd_Jakob2019
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.colorimetry import xyz_to_lab
 from lidarspectra.errors import MaterialError
 from lidarspectra.material.colors import color_difference
-from lidarspectra.reflectance_library import COLOR_GRID_NM, MAX_REFLECTANCE, Reflectance, ReflectanceLibrary
-from lidarspectra.spectra import Spectrum
+from lidarspectra.spectra.colorimetry import xyz_to_lab
+from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, MAX_REFLECTANCE, Reflectance, ReflectanceLibrary
+from lidarspectra.spectra.spectrum import Spectrum
 
 MatchMethod = Literal["wiener", "nearest"]
 FAR_COLOR = 5.0  # [1] CIEDE2000: beyond it two colours are plainly not the same, and `nearest` is no match

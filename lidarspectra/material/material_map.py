@@ -9,13 +9,13 @@ from typing import Literal, cast, get_args
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
-from lidarspectra.colorimetry import hex_color
 from lidarspectra.errors import ArrayError, DatabaseError, MaterialError
-from lidarspectra.files import write_whole
+from lidarspectra.io.files import write_whole
 from lidarspectra.material.array_files import read_arrays
-from lidarspectra.reflectance_library import MAX_REFLECTANCE as MAX_REFLECTANCE
-from lidarspectra.spectra import Spectrum
-from lidarspectra.spectrum_files import TableRow, read_table, read_text, write_table
+from lidarspectra.spectra.colorimetry import hex_color
+from lidarspectra.spectra.reflectance_library import MAX_REFLECTANCE as MAX_REFLECTANCE
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.spectra.spectrum_files import TableRow, read_table, read_text, write_table
 
 SurfaceKind = Literal["plastic", "metal", "glass", "trans", "mirror"]
 Provenance = Literal["measured", "recovered", "modelled", "default", "assigned"]

@@ -14,12 +14,12 @@ import trimesh
 from trimesh import exchange, visual
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.colorimetry import encode_srgb, xyz_to_linear_srgb
-from lidarspectra.databases import tristimulus_table
 from lidarspectra.errors import MaterialError
-from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.material_map import Material, MaterialMap
-from lidarspectra.reflectance_library import COLOR_GRID_NM
+from lidarspectra.spectra.colorimetry import encode_srgb, xyz_to_linear_srgb
+from lidarspectra.spectra.databases import tristimulus_table
+from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 
 MESH_STEM = "materials"
 _EXCHANGE: Any = exchange  # trimesh types only a part of itself

@@ -5,7 +5,7 @@ ceiling, and ceilings are mostly painted. Faces get one of five kinds of place f
 size, and each kind has a prior over the classes. The network learned from all classes evenly, so that its probabilities
 multiplied by the prior are what Bayes' rule asks for.
 
-The priors are our judgement of furnished rooms, rounded, with nothing counted behind them; `benchmarks/segmentation.py`
+The priors are our judgement of furnished rooms, rounded, with nothing counted behind them; the segmentation benchmark
 shows what they change.
 """
 
@@ -16,9 +16,9 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.room import Room
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.face_groups import Adjacency
+from lidarspectra.room.room import Room
 
 KINDS = ("floor", "ceiling", "wall", "top", "other")
 PRIORS: dict[str, dict[str, float]] = {

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
-from lidarspectra.colorimetry import LUMINANCE_FROM_SRGB
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.spectra.colorimetry import LUMINANCE_FROM_SRGB
 
 ALONG_X = 0.999  # [1] |n_x| above which a plane's first axis follows y instead of x
 

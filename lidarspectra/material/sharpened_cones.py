@@ -14,8 +14,8 @@ Funt (1994) Spectral sharpening, JOSA A 11, 1553 (why it works).
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.colorimetry import BRADFORD, SRGB_WHITE_XYZ, XYZ_FROM_SRGB
-from lidarspectra.spectra import Spectrum
+from lidarspectra.spectra.colorimetry import BRADFORD, SRGB_WHITE_XYZ, XYZ_FROM_SRGB
+from lidarspectra.spectra.spectrum import Spectrum
 
 CONES_FROM_XYZ = BRADFORD / (BRADFORD @ SRGB_WHITE_XYZ)[:, None]  # [1] D65 has (1, 1, 1)
 CONES_FROM_SRGB = CONES_FROM_XYZ @ XYZ_FROM_SRGB  # [1] rows sum to 1

@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from lidarspectra.arrays import BoolArray
-from lidarspectra.reflectance_library import Reflectance, ReflectanceLibrary
+from lidarspectra.spectra.reflectance_library import Reflectance, ReflectanceLibrary
 
 CLASS_WORDS: dict[str, tuple[str, ...]] = {
     "brick": ("brick", "bricks"),

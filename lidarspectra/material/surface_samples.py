@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.phone.textures import subdivision_barycentrics
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.geometry.textures import subdivision_barycentrics
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

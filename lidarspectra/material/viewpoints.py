@@ -19,14 +19,14 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MaterialError
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.free_space import FreeSpace
-from lidarspectra.hardware.room.rays import RayCaster
-from lidarspectra.hardware.room.room import Room, find_room
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.projection import DIRECTIONS, Camera, camera_towards, project
 from lidarspectra.material.surface_samples import SurfaceSamples, surface_samples
 from lidarspectra.material.views import View, ViewSet, capture_image
 from lidarspectra.progress import Progress, silent
+from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.room import Room, find_room
 
 CANDIDATE_HEIGHTS = (0.15, 0.35, 0.6, 0.85)  # [1] of the room's height: below tables, above them, over all
 CLEARANCE_M = 0.15  # [m] a camera so close to a surface sees little else
@@ -34,7 +34,7 @@ MOST_CANDIDATES = 240  # [1] bounds the time of the search
 MOST_OF_NEW = 0.8  # [1] of the new area that a viewpoint sees; directions beyond it are not worth their image
 USUAL_LATER_VIEWS = 2.5  # [1] directions of a viewpoint after the first that show something new
 USUAL_VIEWPOINTS = 7  # [1]
-VIEW_S_A_RAY = 3.8e-7  # [s] of one core, in the demo room and a hall of a million faces (benchmarks/scale.py)
+VIEW_S_A_RAY = 3.8e-7  # [s] of one core, in the demo room and a hall of a million faces (research/benchmarks/scale.py)
 SEARCH_S_A_FACE, SEARCH_S_A_M2, UPDATE_S_A_M2 = 4.5e-6, 0.018, 0.0018  # [s] the same; m² of the scan's area
 SURFACE_GAP = 1e-3  # [1] of a sight line, left out at the surface so that a sample does not hide itself
 

@@ -8,12 +8,12 @@ import numpy as np
 from PIL import Image
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray, float_array, int_array
-from lidarspectra.colorimetry import encode_srgb
 from lidarspectra.errors import ArrayError, MaterialError
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.array_files import read_arrays
 from lidarspectra.material.projection import Camera, pixel_grid, ray_directions, shift_of_rays
+from lidarspectra.spectra.colorimetry import encode_srgb
 
 VIEWS_FILE = "views.json"
 VIEWS_FORMAT = 1

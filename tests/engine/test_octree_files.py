@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from lidarspectra.errors import SceneError
-from lidarspectra.radiance.engine import MAX_SPECTRAL_SLOTS, engine_info, find_engine, float_rows
-from lidarspectra.radiance.octree import OCTREE_END, check_octree, compile_mesh, compile_octree
+from lidarspectra.radiance.engine.engine import MAX_SPECTRAL_SLOTS, engine_info, find_engine, float_rows
+from lidarspectra.radiance.engine.octree import OCTREE_END, check_octree, compile_mesh, compile_octree
 
 LAMP = "void light lamp\n0\n0\n3 1 1 1\nlamp sphere ball\n0\n0\n4 0 0 2 0.1\n"
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl grey\nf 1 2 3\n"

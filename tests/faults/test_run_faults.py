@@ -22,13 +22,21 @@ import pytest
 import trimesh
 import xarray as xr
 
-from lidarspectra import sensing_of_run, stages
 from lidarspectra.errors import EngineError, LidarSpectraError, SceneError, WorkspaceError
-from lidarspectra.pipeline import plan, run
 from lidarspectra.progress import Progress, silent
-from lidarspectra.radiance import rounds
-from lidarspectra.radiance.engine import PROGRAMS, Engine, find_engine
-from lidarspectra.workspace import LOCK_FILE, MARKER_FILE, STAGES, StageName, StageResult, hash_files, stage_folder
+from lidarspectra.radiance.engine.engine import PROGRAMS, Engine, find_engine
+from lidarspectra.radiance.sampling import rounds
+from lidarspectra.workflow import sensing_of_run, stages
+from lidarspectra.workflow.pipeline import plan, run
+from lidarspectra.workflow.workspace import (
+    LOCK_FILE,
+    MARKER_FILE,
+    STAGES,
+    StageName,
+    StageResult,
+    hash_files,
+    stage_folder,
+)
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="limits and programs of POSIX")]
 
@@ -311,7 +319,7 @@ def test_a_run_moved_away_from_its_run_file_goes_on_with_out(
 def test_a_database_that_changes_between_runs_makes_what_depends_on_it_again(
     cut_before: Callable[[StageName], Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from lidarspectra.databases import import_lspdd
+    from lidarspectra.spectra.databases import import_lspdd
 
     monkeypatch.setenv("LIDARSPECTRA_DATA", str(tmp_path / "data"))
     run_file = cut_before("report")

@@ -173,7 +173,7 @@ def texture_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_a_texture(path: Path) -> object:
-    from lidarspectra.hardware.phone.textures import decode_image
+    from lidarspectra.geometry.textures import decode_image
 
     decoded = decode_image(path.read_bytes(), name="texture")
     assert decoded.dtype == np.uint8
@@ -232,7 +232,7 @@ hours = "8:30-17"
 
 
 def read_a_run_file(path: Path) -> object:
-    from lidarspectra.inputs import read_inputs
+    from lidarspectra.workflow.inputs import read_inputs
 
     return read_inputs(path)
 
@@ -246,7 +246,7 @@ def plan_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_a_plan(path: Path) -> object:
-    from lidarspectra.hardware.virtual.room_plan import read_plan
+    from research.virtual_rooms.room_plan import read_plan
 
     return read_plan(path)
 
@@ -296,7 +296,7 @@ def spectrum_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_a_spectrum(path: Path) -> object:
-    from lidarspectra.spectrum_files import read_spectrum_file
+    from lidarspectra.spectra.spectrum_files import read_spectrum_file
 
     found = read_spectrum_file(path)
     assert np.isfinite(found.spectrum.values).all()
@@ -309,7 +309,7 @@ def table_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_a_table(path: Path) -> object:
-    from lidarspectra.spectrum_files import read_table
+    from lidarspectra.spectra.spectrum_files import read_table
 
     return read_table(path)
 
@@ -319,7 +319,7 @@ def manifest_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_a_manifest(path: Path) -> object:
-    from lidarspectra.database_files import read_manifest
+    from lidarspectra.spectra.database_files import read_manifest
 
     return read_manifest(path.parent, database=None)
 
@@ -335,7 +335,7 @@ def spectraldb_seeds(folder: Path) -> Iterator[Files]:
 
 
 def import_spectraldb(path: Path) -> object:
-    from lidarspectra.databases import import_spectraldb
+    from lidarspectra.spectra.databases import import_spectraldb
 
     return import_spectraldb(path)
 
@@ -349,7 +349,7 @@ def lspdd_seeds(folder: Path) -> Iterator[Files]:
 
 
 def import_lspdd(path: Path) -> object:
-    from lidarspectra.databases import import_lspdd, user_folder
+    from lidarspectra.spectra.databases import import_lspdd, user_folder
 
     (user_folder() / "lamps" / "lspdd.csv").unlink(missing_ok=True)
     return import_lspdd([path])
@@ -369,7 +369,7 @@ def ies_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_an_ies(path: Path) -> object:
-    from lidarspectra.radiance.ies import read_ies, read_ies_text
+    from lidarspectra.lamps.ies import read_ies, read_ies_text
 
     table = read_ies(read_ies_text(path), where=path.name)
     assert table.luminous_flux_lm() > 0
@@ -392,8 +392,8 @@ def ldt_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_an_ldt(path: Path) -> object:
-    from lidarspectra.radiance.ies import read_ies
-    from lidarspectra.radiance.ldt import ies_text_of_ldt
+    from lidarspectra.lamps.ies import read_ies
+    from lidarspectra.lamps.ldt import ies_text_of_ldt
 
     return read_ies(ies_text_of_ldt(path), where=path.name)
 
@@ -417,7 +417,7 @@ def device_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_a_device(path: Path) -> object:
-    from lidarspectra.sensor_files import find_bands
+    from lidarspectra.spectra.sensor_files import find_bands
 
     return find_bands(path.name, path.parent)
 
@@ -427,7 +427,7 @@ def receptor_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_a_receptor(path: Path) -> object:
-    from lidarspectra.radiance.receptors import read_receptor
+    from lidarspectra.radiance.sampling.receptors import read_receptor
 
     return read_receptor(path)
 
@@ -438,7 +438,7 @@ def points_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_some_points(path: Path) -> object:
-    from lidarspectra.radiance.sensors import read_points
+    from lidarspectra.room.sensor_points import read_points
 
     return read_points(path)
 
@@ -576,7 +576,7 @@ def measured_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_a_measured_table(path: Path) -> object:
-    from lidarspectra.measured_readings import channel_columns, read_readings
+    from lidarspectra.hardware.sensor.measured_readings import channel_columns, read_readings
 
     table = read_readings(path)
     return channel_columns(table, ("410", "435"), "W/m2/nm")
@@ -607,7 +607,7 @@ POINTS = 4
 
 def coordinates() -> dict[str, object]:
     """Coordinates of a transport: two lamps, four points, 14 bands."""
-    from lidarspectra.spectra import sensor_bands
+    from lidarspectra.spectra.spectrum import sensor_bands
 
     bands = sensor_bands("as7265x-14")
     places = {name: ("point", np.arange(POINTS, dtype=float), {"units": "m"}) for name in ("x", "y", "z")}
@@ -626,7 +626,7 @@ def hand_made_transport() -> "object":
     """A transport that was not traced."""
     import xarray as xr
 
-    from lidarspectra.radiance.transport import SCHEMA
+    from lidarspectra.radiance.sampling.transport import SCHEMA
 
     where = coordinates()
     count = len(where["band"][1])
@@ -642,34 +642,34 @@ def hand_made_transport() -> "object":
 
 
 def transport_seeds(folder: Path) -> Iterator[Files]:
-    from lidarspectra.radiance.transport import save_transport
+    from lidarspectra.radiance.sampling.transport import save_transport
 
     save_transport(hand_made_transport(), folder / "transport.nc")
     yield {"transport.nc": (folder / "transport.nc").read_bytes()}
 
 
 def read_a_transport(path: Path) -> object:
-    from lidarspectra.mapping.spectral_map import spectral_map
-    from lidarspectra.radiance.transport import load_transport
+    from lidarspectra.mapping.maps.spectral_map import spectral_map
+    from lidarspectra.radiance.sampling.transport import load_transport
 
     return spectral_map(load_transport(path))
 
 
 def map_seeds(folder: Path) -> Iterator[Files]:
-    from lidarspectra.mapping.spectral_map import save_map, spectral_map
+    from lidarspectra.mapping.maps.spectral_map import save_map, spectral_map
 
     save_map(spectral_map(hand_made_transport()), folder / "map.nc")
     yield {"map.nc": (folder / "map.nc").read_bytes()}
 
 
 def read_a_map(path: Path) -> object:
-    from lidarspectra.mapping.spectral_map import load_map
+    from lidarspectra.mapping.maps.spectral_map import load_map
 
     return load_map(path)
 
 
 def map_table_seeds(folder: Path) -> Iterator[Files]:
-    from lidarspectra.mapping.spectral_map import save_map_table, spectral_map
+    from lidarspectra.mapping.maps.spectral_map import save_map_table, spectral_map
 
     save_map_table(spectral_map(hand_made_transport()), folder / "map.csv")
     yield {"map.csv": (folder / "map.csv").read_bytes()}
@@ -677,8 +677,8 @@ def map_table_seeds(folder: Path) -> Iterator[Files]:
 
 def read_a_map_table(path: Path) -> object:
     from lidarspectra.hardware.sensor.reference_files import read_map
-    from lidarspectra.mapping.spectral_map import read_map_table
-    from lidarspectra.spectra import sensor_bands
+    from lidarspectra.mapping.maps.spectral_map import read_map_table
+    from lidarspectra.spectra.spectrum import sensor_bands
 
     read_map(path)
     return read_map_table(path, bands=sensor_bands("as7265x-14"))

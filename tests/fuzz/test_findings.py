@@ -9,8 +9,6 @@ import pytest
 import xarray as xr
 from pyldt import Ldt, LdtHeader, LdtWriter
 
-from lidarspectra.database_files import read_manifest
-from lidarspectra.databases import import_lspdd
 from lidarspectra.errors import (
     DatabaseError,
     LampError,
@@ -29,15 +27,17 @@ from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.sensor.reading_log import FORMAT_LINE, LogWriter
 from lidarspectra.hardware.sensor.reference_files import read_map
 from lidarspectra.hardware.sensor.sensor_records import Moment, Reading
-from lidarspectra.hdf5_heaps import HEAD, ITEM, SIGNATURE, check_heaps
+from lidarspectra.io.hdf5_heaps import HEAD, ITEM, SIGNATURE, check_heaps
+from lidarspectra.io.netcdf import read_netcdf
+from lidarspectra.lamps.ies import read_ies
+from lidarspectra.lamps.ldt import ies_text_of_ldt
 from lidarspectra.mapping.photovoltaics.schedule import parse_hours
 from lidarspectra.material.segmentation import Classifier
-from lidarspectra.netcdf_files import read_netcdf
-from lidarspectra.radiance.ies import read_ies
-from lidarspectra.radiance.ldt import ies_text_of_ldt
-from lidarspectra.radiance.receptors import read_receptor
-from lidarspectra.sensor_files import find_bands
-from lidarspectra.spectrum_files import read_spectrum_file
+from lidarspectra.radiance.sampling.receptors import read_receptor
+from lidarspectra.spectra.database_files import read_manifest
+from lidarspectra.spectra.databases import import_lspdd
+from lidarspectra.spectra.sensor_files import find_bands
+from lidarspectra.spectra.spectrum_files import read_spectrum_file
 
 MANY = "1" * 400
 

@@ -11,8 +11,8 @@ import trimesh
 
 from lidarspectra.config import parse_run_file
 from lidarspectra.errors import RunFileError
-from lidarspectra.pipeline import run
-from lidarspectra.radiance.scene import load_scene
+from lidarspectra.radiance.scene.scene import load_scene
+from lidarspectra.workflow.pipeline import run
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mutations import HOSTILE_NAMES

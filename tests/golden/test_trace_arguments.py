@@ -1,7 +1,7 @@
 """The exact arguments that the engine is run with: a change of any is a change of method."""
 
-from lidarspectra.radiance.bands import band_groups
-from lidarspectra.radiance.options import BOUNCES, PassOptions, plain_arguments
+from lidarspectra.radiance.engine.bands import band_groups
+from lidarspectra.radiance.engine.options import BOUNCES, PassOptions, plain_arguments
 
 NATIVE = PassOptions(
     group=band_groups(14, "native")[0],

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from lidarspectra.databases import lamp_spectrum, load_reflectances
-from lidarspectra.radiance.bands import spectral_groups
-from lidarspectra.spectra import sensor_bands, uniform_bands
+from lidarspectra.radiance.engine.bands import spectral_groups
+from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances
+from lidarspectra.spectra.spectrum import sensor_bands, uniform_bands
 
 LAMPS = ("LED-B3", "LED-RGB1", "FL2", "FL11", "A", "HP5")
 BANDS = sensor_bands("as7265x-14")
@@ -33,7 +33,7 @@ def test_the_first_reflection_is_exact(lamp_name: str) -> None:
 @pytest.mark.parametrize("lamp_name", LAMPS)
 @pytest.mark.parametrize(("reflections", "most"), [(2, 0.007), (4, 0.018)])
 def test_later_reflections_are_off_by_what_is_documented(lamp_name: str, reflections: int, most: float) -> None:
-    # benchmarks/bands.py measured .3 to .6 % and .8 to 1.5 %; a spectrally steep surface does worse than the sum.
+    # The benchmark `bands` measured .3 to .6 % and .8 to 1.5 %; a spectrally steep surface does worse than the sum.
     assert light_error(lamp_name, reflections) < most
 
 

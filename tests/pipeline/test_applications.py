@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from lidarspectra.cli import app
+from lidarspectra.cli.app import app
 from lidarspectra.config import parse_run_file
 from lidarspectra.errors import LidarSpectraError, MapError, RunFileError
-from lidarspectra.pipeline import run
+from lidarspectra.workflow.pipeline import run
 
 ASKED = """
 [people_and_plants]

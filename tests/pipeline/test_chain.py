@@ -11,11 +11,11 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from lidarspectra.cli import app
+from lidarspectra.cli.app import app
 from lidarspectra.errors import LidarSpectraError
-from lidarspectra.pipeline import plan, run
 from lidarspectra.progress import Progress, silent
-from lidarspectra.workspace import STAGES, StageName, StageResult
+from lidarspectra.workflow.pipeline import plan, run
+from lidarspectra.workflow.workspace import STAGES, StageName, StageResult
 
 RoomWriter = Callable[..., Path]
 
@@ -112,7 +112,7 @@ def test_an_interrupted_run_resumes_at_the_stage_that_was_cut(tmp_path: Path, wr
 
 
 def test_relighting_is_the_sum_of_its_lamps(finished: Path, tmp_path: Path) -> None:
-    from lidarspectra.relighting import LampOrder, relight_run
+    from lidarspectra.workflow.relighting import LampOrder, relight_run
 
     folder = finished.with_suffix(".run")
     first, second = 'lamp "one" !rm', "warm"

@@ -10,8 +10,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from lidarspectra.cli import app
-from lidarspectra.relight_cli import parse_orders
+from lidarspectra.cli.app import app
+from lidarspectra.cli.relight import parse_orders
 
 PROGRAM = "lidarspectra"
 PROJECT = Path(__file__).resolve().parents[2]

@@ -17,9 +17,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from lidarspectra.cli import app
+from lidarspectra.cli.app import app
 from lidarspectra.config import parse_run_file
-from lidarspectra.pipeline import run
+from lidarspectra.workflow.pipeline import run
 
 PROJECT = Path(__file__).resolve().parents[2]
 RUN_FILE = "scan.toml"
@@ -166,7 +166,7 @@ def test_what_a_page_shows_works(
     monkeypatch.chdir(here)
     monkeypatch.setenv("LIDARSPECTRA_DATA", str(tmp_path / "data"))
     # The demo's own room takes minutes; here the command shows a room that has been run.
-    monkeypatch.setattr("lidarspectra.inputs.copy_scene", lambda name, folder: here / "demo" / RUN_FILE)
+    monkeypatch.setattr("lidarspectra.workflow.inputs.copy_scene", lambda name, folder: here / "demo" / RUN_FILE)
     for language, text in found:
         do_block(language, text)
 

@@ -20,7 +20,7 @@ from typing import Any
 import psutil
 import pytest
 
-from lidarspectra.radiance.engine import find_engine
+from lidarspectra.radiance.engine.engine import find_engine
 
 pytestmark = pytest.mark.slow  # a child process loads its libraries anew, which takes seconds
 

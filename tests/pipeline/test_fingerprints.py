@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from lidarspectra.cli import app
+from lidarspectra.cli.app import app
 from lidarspectra.errors import EngineError, SensorError
 from lidarspectra.mapping.localization import traced_fingerprints
 from lidarspectra.mapping.localization.fingerprint_table import load_fingerprints
-from lidarspectra.radiance.obstacle_effect import ObstacleEffect, trace_effects
+from lidarspectra.radiance.obstacles.obstacle_effect import ObstacleEffect, trace_effects
 
 OPTIONS = "--error 3 --effect-error 2 --workers 2"  # [%] quick
 SENSORS = "x,y,z,nx,ny,nz\n0.6,0.5,2.4,0,0,-1\n1.8,1.5,2.4,0,0,-1\n0.05,1.0,1.2,1,0,0\n"

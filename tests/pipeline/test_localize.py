@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from lidarspectra.cli import app
+from lidarspectra.cli.app import app
 from lidarspectra.errors import MapError
 
 PLACES = {f"p{number}": (1.0 + 1.5 * (number % 3), 1.0 + 1.5 * (number // 3)) for number in range(6)}  # [m]

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from lidarspectra import verify as verify_module
-from lidarspectra.cli import app
+from lidarspectra.cli.app import app
 from lidarspectra.errors import WorkspaceError
-from lidarspectra.pipeline import run
-from lidarspectra.verify import verify_run
-from lidarspectra.workspace import MARKER_FILE, RECORD_FILE, hash_files, read_request
+from lidarspectra.workflow import verify as verify_module
+from lidarspectra.workflow.pipeline import run
+from lidarspectra.workflow.verify import verify_run
+from lidarspectra.workflow.workspace import MARKER_FILE, RECORD_FILE, hash_files, read_request
 
 RoomWriter = Callable[..., Path]
 DETERMINISTIC = ("1-scan", "2-views", "3-materials", "4-scene", "5-trace/model")

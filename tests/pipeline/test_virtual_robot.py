@@ -8,18 +8,18 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from lidarspectra.cli import app as whole_app
-from lidarspectra.databases import lamp_spectrum
+from lidarspectra.cli.app import app as whole_app
+from lidarspectra.cli.sensor import app
 from lidarspectra.hardware.robot.poses import read_poses
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.sensor.photocell import CellCircuit
 from lidarspectra.hardware.virtual.robot import CLOCK_OFFSET_S, drive_past, rehearse, virtual_responsivity
 from lidarspectra.hardware.virtual.solar_cell import draw_cell
-from lidarspectra.mapping.metrics import compare_maps
-from lidarspectra.mapping.spectral_map import read_map_table
-from lidarspectra.sensor_cli import app
-from lidarspectra.spectra import Spectrum, sensor_bands
+from lidarspectra.mapping.maps.metrics import compare_maps
+from lidarspectra.mapping.maps.spectral_map import read_map_table
+from lidarspectra.spectra.databases import lamp_spectrum
+from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 
 LABELS = CHANNEL_LABELS[:14]
 ENERGY = [f"E_{label}" for label in LABELS]

@@ -39,7 +39,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory, project: Path) -> Path:
 @pytest.mark.slow
 def test_an_installed_wheel_finds_its_databases_and_scenes(installed: Path, tmp_path: Path) -> None:
     code = (
-        "import lidarspectra; from lidarspectra.databases import data_folder, scenes_folder, load_reflectances;"
+        "import lidarspectra; from lidarspectra.spectra.databases import data_folder, scenes_folder, load_reflectances;"
         "print(lidarspectra.__file__, data_folder(), scenes_folder() / 'office' / 'scan.glb', sep='\\n');"
         "print((scenes_folder() / 'office' / 'scan.glb').is_file(), len(load_reflectances()) > 100)"
     )
@@ -51,6 +51,6 @@ def test_an_installed_wheel_finds_its_databases_and_scenes(installed: Path, tmp_
 
 @pytest.mark.slow
 def test_an_installed_wheel_runs(installed: Path, tmp_path: Path) -> None:
-    run = "from lidarspectra.cli import main; main()"
+    run = "from lidarspectra.cli.app import main; main()"
     assert "LED-B3" in output_of(str(installed), "-c", run, "databases", "show", "LED-B3", folder=tmp_path)
     assert "24 a pass" in output_of(str(installed), "-c", run, "doctor", folder=tmp_path)

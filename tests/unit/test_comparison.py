@@ -7,8 +7,6 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from lidarspectra import comparison
-from lidarspectra.comparison import evaluate_run, save_evaluation
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import (
     GAUSSIAN_WIDTH_NM,
@@ -16,7 +14,9 @@ from lidarspectra.hardware.sensor.as7265x import (
     UW_CM2_TO_W_M2,
     nominal_responsivity,
 )
-from lidarspectra.measured_readings import fitted_factors
+from lidarspectra.hardware.sensor.measured_readings import fitted_factors
+from lidarspectra.workflow import evaluation as comparison
+from lidarspectra.workflow.evaluation import evaluate_run, save_evaluation
 
 LABELS = ("410", "435", "460")
 LEVELS = np.array([1.0, 2.0, 3.0])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lidarspectra import doctor
+from lidarspectra.workflow import doctor
 
 REQUIREMENTS = ["numpy>=2.0", "eulumdat-py>=1.0", "onnx>=1.16; extra == 'train'", 'torch>=2.4; extra == "train"']
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from lidarspectra.files import hash_file, write_whole
+from lidarspectra.io.files import hash_file, write_whole
 
 
 @pytest.mark.parametrize("content", ["a line\r\nµ\n", b"\x00\xff", memoryview(b"view")])

@@ -1,4 +1,4 @@
-"""The building has one way through: hardware, material, radiance, mapping."""
+"""The building has one way through, read from its tree: no folder imports one that stands above it."""
 
 import ast
 import subprocess
@@ -6,12 +6,23 @@ import sys
 from graphlib import TopologicalSorter
 from pathlib import Path
 
-ROOMS = ("hardware", "material", "radiance", "mapping")
-SHARED = (
-    "arrays", "colorimetry", "config", "database_files", "database_import", "databases", "errors", "file_lock", "files",
-    "hdf5_heaps", "netcdf_files", "onnx_errors", "peak_memory", "progress", "reflectance_library", "sensor_files",
-    "spectra", "spectrum_files", "toml_text", "workspace",
-)  # fmt: skip  # root modules that the rooms use; all others at the root use the rooms
+import pytest
+
+FLOORS = (
+    ("io",),
+    ("spectra",),
+    ("geometry",),
+    ("room", "lamps"),
+    ("hardware",),
+    ("material",),
+    ("radiance",),
+    ("mapping",),
+    ("workflow",),
+    ("cli",),
+)
+"""Folders from the ground up; each imports from floors below its own and from the root's ground modules alone."""
+GROUND = {"arrays", "config", "errors", "progress"}  # root modules below all folders
+MAX_ROOT_MODULES = 10
 
 
 def imported(path: Path) -> set[str]:
@@ -23,54 +34,85 @@ def imported(path: Path) -> set[str]:
             names.update(f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
-    return {name for name in names if name.startswith("lidarspectra.")}
+    return {name for name in names if name.split(".")[0] in ("lidarspectra", "research")}
 
 
-def test_a_room_imports_only_rooms_before_it_and_the_shared_modules(project: Path) -> None:
-    package = project / "lidarspectra"
-    for room in ROOMS:
-        allowed = {*SHARED, *ROOMS[: ROOMS.index(room) + 1]}
-        for path in sorted((package / room).rglob("*.py")):
-            for name in imported(path):
-                assert name.split(".")[1] in allowed, f"{room}/{path.name} imports {name}"
-
-
-def test_shared_modules_import_no_room(project: Path) -> None:
-    for stem in SHARED:
-        for name in imported(project / "lidarspectra" / f"{stem}.py"):
-            assert name.split(".")[1] in SHARED, f"{stem}.py imports {name}"
-
-
-def test_no_modules_import_one_another_in_a_circle(project: Path) -> None:
+@pytest.fixture(scope="module")
+def modules(project: Path) -> dict[str, set[str]]:
+    """What each module of the package imports of the package, by dotted names."""
     paths = {
         ".".join(path.relative_to(project).with_suffix("").parts).removesuffix(".__init__"): path
         for path in (project / "lidarspectra").rglob("*.py")
     }
-    order = TopologicalSorter({name: (imported(path) & paths.keys()) - {name} for name, path in paths.items()})
-    assert set(order.static_order()) == paths.keys()  # raises CycleError with the circle
+    return {name: (imported(path) & paths.keys()) - {name} for name, path in paths.items()}
 
 
-def test_nothing_rests_on_the_second_opinion(project: Path) -> None:
+def test_every_folder_has_its_floor(project: Path) -> None:
+    folders = {path.parent.name for path in (project / "lidarspectra").glob("*/__init__.py")}
+    assert folders == {name for floor in FLOORS for name in floor}
+
+
+def test_the_root_is_small(project: Path) -> None:
+    assert len(list((project / "lidarspectra").glob("*.py"))) <= MAX_ROOT_MODULES
+
+
+def test_a_folder_imports_only_from_floors_below(modules: dict[str, set[str]]) -> None:
+    level = {name: number for number, floor in enumerate(FLOORS) for name in floor}
+    for module, names in modules.items():
+        parts = module.split(".")
+        if len(parts) < 2 or parts[1] not in level:
+            continue
+        below = {name for name, number in level.items() if number < level[parts[1]]} | {parts[1]} | GROUND
+        for name in names - {"lidarspectra"}:
+            assert name.split(".")[1] in below, f"{module} imports {name}"
+
+
+def test_ground_modules_import_no_folder(modules: dict[str, set[str]]) -> None:
+    for stem in GROUND:
+        for name in modules[f"lidarspectra.{stem}"]:
+            assert name.split(".")[1] in GROUND, f"{stem} imports {name}"
+
+
+def test_no_modules_import_one_another_in_a_circle(modules: dict[str, set[str]]) -> None:
+    assert set(TopologicalSorter(modules).static_order()) == modules.keys()  # raises CycleError with the circle
+
+
+def test_no_two_folders_import_one_another(modules: dict[str, set[str]], project: Path) -> None:
+    folders: dict[str, set[str]] = {}
+    packages = {name for name in modules if (project / name.replace(".", "/")).is_dir()}
+
+    def folder(module: str) -> str:
+        return module if module in packages else module.rpartition(".")[0]
+
+    for module, names in modules.items():
+        mine = folder(module)
+        others = {folder(name) for name in names if name not in packages}
+        # A folder may build on its own sub-folders; what counts is two that stand side by side, or one in another.
+        folders.setdefault(mine, set()).update(others - {mine, "lidarspectra"})
+    folders.pop("lidarspectra")  # its __init__ names what users need, from all over the house
+    assert set(TopologicalSorter(folders).static_order()) >= folders.keys()
+
+
+def test_the_package_rests_on_no_research(modules: dict[str, set[str]], project: Path) -> None:
     for path in sorted((project / "lidarspectra").rglob("*.py")):
-        if path.parent.name != "second_opinion":
-            borrowed = {name for name in imported(path) if name.startswith("lidarspectra.second_opinion")}
-            assert not borrowed, f"{path} imports {borrowed}"
+        borrowed = {name for name in imported(path) if name.startswith("research")}
+        assert not borrowed, f"{path} imports {borrowed}"
 
 
 def test_only_the_engine_starts_programs(project: Path) -> None:
     for path in sorted((project / "lidarspectra").rglob("*.py")):
-        if path.name == "engine.py" and path.parent.name == "radiance":
+        if path.name == "engine.py" and path.parent.name == "engine":
             continue
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        modules = {
+        names = {
             alias.name.split(".")[0] for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names
         } | {(node.module or "").split(".")[0] for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-        assert "subprocess" not in modules, f"{path} imports subprocess"
+        assert "subprocess" not in names, f"{path} imports subprocess"
 
 
 def test_importing_the_package_loads_no_heavy_library() -> None:
     code = (
-        "import sys, lidarspectra, lidarspectra.cli;"
+        "import sys, lidarspectra, lidarspectra.cli.app;"
         "heavy = {'trimesh', 'pymeshlab', 'cv2', 'matplotlib', 'colour', 'xarray', 'pandas', 'onnxruntime', 'scipy'};"
         "print(sorted(heavy & set(sys.modules)))"
     )

@@ -2,8 +2,8 @@
 
 import pytest
 
-from benchmarks.scale import told_ratios
 from lidarspectra.progress import part_of, remaining_s, remaining_words, shares
+from research.benchmarks.scale import told_ratios
 
 
 def test_the_remaining_time_goes_on_as_before() -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import DatabaseError
-from lidarspectra.sensor_files import find_bands
-from lidarspectra.spectra import Spectrum
+from lidarspectra.spectra.sensor_files import find_bands
+from lidarspectra.spectra.spectrum import Spectrum
 
 
 def written(folder: Path, text: str) -> str:

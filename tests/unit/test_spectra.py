@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ArrayError
-from lidarspectra.spectra import (
+from lidarspectra.spectra.spectrum import (
     AS7265X_CENTERS_NM,
     FWHM_PER_SIGMA,
     BandSet,

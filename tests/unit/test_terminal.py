@@ -3,8 +3,8 @@
 import pandas as pd
 import pytest
 
-from lidarspectra.mapping.tables import Table
-from lidarspectra.terminal import say, shown
+from lidarspectra.cli.terminal import say, shown
+from lidarspectra.mapping.figures.tables import Table
 
 
 def test_a_long_path_is_printed_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:

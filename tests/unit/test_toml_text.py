@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lidarspectra.errors import RunFileError
-from lidarspectra.toml_text import toml_value
+from lidarspectra.io.toml_text import toml_value
 
 
 @settings(deadline=None)  # a busy machine is no fault

@@ -11,7 +11,7 @@ import pytest
 
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.progress import Progress, silent
-from lidarspectra.workspace import LOCK_FILE, Notes, Stage, StageResult, Workspace, read_record, require_stage
+from lidarspectra.workflow.workspace import LOCK_FILE, Notes, Stage, StageResult, Workspace, read_record, require_stage
 
 
 class Maker:

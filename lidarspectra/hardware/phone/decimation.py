@@ -15,18 +15,18 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
-from lidarspectra.colorimetry import encode_srgb
 from lidarspectra.errors import ScanError
-from lidarspectra.hardware.phone.scan import Appearance, Scan
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Appearance, Scan
+from lidarspectra.geometry.triangles import triangle_crosses
 from lidarspectra.hardware.phone.texture_atlas import PADDING_PX, Atlas, unwrap
-from lidarspectra.hardware.phone.triangles import triangle_crosses
-from lidarspectra.hardware.room.rays import RayCaster
 from lidarspectra.progress import Progress, shares, silent
+from lidarspectra.spectra.colorimetry import encode_srgb
 
 SMALLEST_ATLAS_PX, LARGEST_ATLAS_PX = 512, 4096  # [px] edge of the new texture
 REACH_M = 0.1  # [m] how far decimation may move a surface and still find its colour straight below or above
 ROWS_AT_ONCE = 256  # texture rows drawn at once, a million points
-COLLAPSING_S_A_FACE, CARRYING_S_A_PIXEL = 1.6e-5, 7e-7  # [s] of one core, in the hall of benchmarks/scale.py
+COLLAPSING_S_A_FACE, CARRYING_S_A_PIXEL = 1.6e-5, 7e-7  # [s] of one core, in the hall of research/benchmarks/scale.py
 _CORNER_INSET = 0.02  # [1] colours at corners are read so far inside the face, away from its neighbours
 
 

@@ -9,8 +9,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
 
 VOTES_PER_PIECE = 200  # faces that speak for a connected piece
 FAR_M = 2.0  # [m] free distance that counts in full

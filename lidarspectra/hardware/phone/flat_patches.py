@@ -13,9 +13,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.free_space import sphere_directions
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.progress import Progress, shares, silent
+from lidarspectra.room.free_space import sphere_directions
 
 LEAST_PATCH_M2 = 0.08  # [m²] a seat; smaller patches say little of their direction
 LEAST_WIDTH_M = 0.08  # [m] a board's narrow side, rounded by the scanner, has no direction of its own
@@ -32,7 +32,9 @@ DIRECTION_REACH = 0.16  # [1] chord of 9 degrees, over which a direction's area 
 OFFSET_BIN_M = 0.01  # [m]
 FITS = 4  # [1] of a plane to what lies on it; it has settled by then
 DROPPED_SHARE = 0.2  # [1] of the faces looked at, from which those that are taken are looked at no more
-USUAL_PATCH_M2 = 0.5  # [m²] of those that follow on walls and floor: 0.2 in the demo room, 0.7 in benchmarks/scale.py
+USUAL_PATCH_M2 = (
+    0.5  # [m²] of those that follow on walls and floor: 0.2 in the demo room, 0.7 in research/benchmarks/scale.py
+)
 COSTS = (0.4, 0.55, 0.05)  # [1] of the time, in both: normals and neighbours; planes; bumps and rims
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.flat_patches import FlatPatches, find_flat_patches
-from lidarspectra.hardware.phone.scan import Scan
 from lidarspectra.progress import Progress, shares, silent
 
 EDGE_REACH_M = 0.03  # [m] that a phone's voxels cut off an edge, about
@@ -25,7 +25,10 @@ UNMOVING_ROUNDS = 4  # [1] of taking back what turned a triangle over
 TURNED_COSINE = 0.0  # [1] of the turn of a face's normal
 LEAST_FACE_AREA_M2 = 1e-9  # [m²] a face that an edge swallowed
 LEAST_MOVE_M = 1e-6  # [m] that counts as one
-COSTS = (0.7, 0.3)  # [1] of the time, in a small room and a large hall (benchmarks/scale.py): finding planes, drawing
+COSTS = (
+    0.7,
+    0.3,
+)  # [1] of the time, in a small room and a large hall (research/benchmarks/scale.py): finding planes, drawing
 
 
 def flatten_scan(scan: Scan, *, progress: Progress = silent) -> Scan:

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
-from lidarspectra.colorimetry import encode_srgb
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry.textures import check_texture_total, decode_image, tint_image
 from lidarspectra.hardware.phone.gltf_document import (
     FAN,
     GLB_MAGIC,
@@ -34,7 +34,7 @@ from lidarspectra.hardware.phone.gltf_document import (
     split_glb,
 )
 from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh
-from lidarspectra.hardware.phone.textures import check_texture_total, decode_image, tint_image
+from lidarspectra.spectra.colorimetry import encode_srgb
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # 3.6.2.2
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # 3.6.2.2

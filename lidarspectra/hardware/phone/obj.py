@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lidarspectra.arrays import ByteArray, FloatArray
-from lidarspectra.colorimetry import encode_srgb
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry.textures import check_texture_total
 from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh
-from lidarspectra.hardware.phone.textures import check_texture_total
+from lidarspectra.spectra.colorimetry import encode_srgb
 
 _MOST_NUMBERS = 2**40  # [1] no file is so long
 _NO_INDEX = -1

@@ -12,8 +12,8 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry.triangles import triangle_crosses
 from lidarspectra.hardware.phone.raw_mesh import Axis, Unit
-from lidarspectra.hardware.phone.triangles import triangle_crosses
 
 METRES_PER_UNIT: dict[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 UNITS: tuple[Unit, ...] = get_args(Unit)

@@ -11,8 +11,8 @@ import numpy as np
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
-from lidarspectra.hardware.phone.scan import Appearance
-from lidarspectra.hardware.phone.textures import check_texture_total, decode_image
+from lidarspectra.geometry.scan import Appearance
+from lidarspectra.geometry.textures import check_texture_total, decode_image
 
 Unit = Literal["m", "cm", "mm", "in", "ft"]
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]

@@ -14,6 +14,8 @@ from trimesh.visual.texture import TextureVisuals
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry.scan import Scan, ScanRecord
+from lidarspectra.geometry.triangles import triangle_areas
 from lidarspectra.hardware.phone.gltf import read_gltf
 from lidarspectra.hardware.phone.obj import read_obj
 from lidarspectra.hardware.phone.orientation import Orientation, find_orientation
@@ -27,8 +29,6 @@ from lidarspectra.hardware.phone.raw_mesh import (
     malformed,
     read_bytes,
 )
-from lidarspectra.hardware.phone.scan import Scan, ScanRecord
-from lidarspectra.hardware.phone.triangles import triangle_areas
 from lidarspectra.progress import Progress, silent
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl", ".usdz", ".usda", ".usd")

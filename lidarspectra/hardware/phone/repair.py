@@ -13,8 +13,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.colorimetry import encode_srgb
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry.scan import Appearance, Scan
+from lidarspectra.geometry.triangles import triangle_areas
 from lidarspectra.hardware.phone.decimation import decimate, decimation_costs
 from lidarspectra.hardware.phone.facing import connected_pieces, faces_to_turn
 from lidarspectra.hardware.phone.flattening import flatten_scan
@@ -26,14 +27,13 @@ from lidarspectra.hardware.phone.holes import (
     longest_extent,
     triangulate_loop,
 )
-from lidarspectra.hardware.phone.scan import Appearance, Scan
 from lidarspectra.hardware.phone.scan_times import coloring_s
-from lidarspectra.hardware.phone.triangles import triangle_areas
 from lidarspectra.progress import Progress, shares, silent
+from lidarspectra.spectra.colorimetry import encode_srgb
 
 MERGE_DISTANCE_M = 1e-5  # [m] a hundredth of the scanner's noise; above the rounding of 32-bit files
 LEAST_FACE_AREA_M2 = 1e-10  # [m²] 0.01 mm x 0.01 mm; Radiance has no use for less
-# Of one core, in the demo room and a hall of a million faces (benchmarks/scale.py).
+# Of one core, in the demo room and a hall of a million faces (research/benchmarks/scale.py).
 MERGING_S_A_FACE, DROPPING_S_A_FACE, TURNING_S_A_FACE = 0.7e-6, 0.7e-6, 2.5e-6  # [s]
 CLOSING_S_A_FACE, FLATTENING_S_A_FACE = 0.6e-6, 9e-6  # [s] looking for holes; finding planes and drawing onto them
 

@@ -1,11 +1,11 @@
 """What reading, colouring and keeping a scan usually take: processor time of one core, for the shares of a progress.
 
-Measured in the demo room (55 thousand faces, 4 million pixels) and the hall of benchmarks/scale.py (a million faces,
+Measured in the demo room (55 thousand faces, 4 million pixels) and the hall of the benchmark `scale` (a million faces,
 268 million pixels of texture).
 """
 
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.decimation import carried_pixels
-from lidarspectra.hardware.phone.scan import Scan
 
 SAVING_S_A_PIXEL, SAVING_S_A_FACE = 4.5e-8, 1.5e-6  # [s]
 LOADING_S_A_PIXEL, LOADING_S_A_FACE = 3.6e-8, 0.8e-6  # [s]

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
-from lidarspectra.hardware.phone.triangles import triangle_crosses
+from lidarspectra.geometry.triangles import triangle_crosses
 
 SMOOTHING_ROUNDS = 3  # [1] single triangles on a noisy edge join what surrounds them
 SMALLEST_CHART_FACES = 8  # [1] fewer make more padding than texture

@@ -19,8 +19,8 @@ import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
-from lidarspectra.colorimetry import encode_srgb
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry.textures import check_texture_total, decode_image, tint_image
 from lidarspectra.hardware.phone.raw_mesh import (
     MAX_FILE_BYTES,
     PARSER_FAULTS,
@@ -32,7 +32,7 @@ from lidarspectra.hardware.phone.raw_mesh import (
     malformed,
     read_bytes,
 )
-from lidarspectra.hardware.phone.textures import check_texture_total, decode_image, tint_image
+from lidarspectra.spectra.colorimetry import encode_srgb
 
 METRES_OF_UNIT: tuple[tuple[float, Unit], ...] = (
     (1.0, "m"), (0.01, "cm"), (0.001, "mm"), (0.0254, "in"), (0.3048, "ft"),

@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import ReadingError
-from lidarspectra.files import write_whole
 from lidarspectra.hardware.robot.alignment import Alignment
 from lidarspectra.hardware.robot.poses import Trajectory
 from lidarspectra.hardware.robot.time_offset import ExpectedLight, TimeOffset, estimate_time_offset, given_offset
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.readings import POSITION
+from lidarspectra.io.files import write_whole
 
 LONGEST_GAP_S = 2.0  # [s] between poses over which a place is interpolated; odometry comes 20 to 30 times a second
 DEFAULT_RADIUS_M = 0.25  # [m] so near a reading counts for a place, unless the places lie closer

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import ByteArray, FloatArray
 from lidarspectra.errors import ReadingError
-from lidarspectra.spectra import AS7265X_CENTERS_NM, AS7265X_FWHM_NM
+from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM
 
 Die = Literal["AS72651", "AS72652", "AS72653"]
 

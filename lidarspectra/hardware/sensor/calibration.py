@@ -17,7 +17,7 @@ from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT, CHANNEL_LABELS, DIE_INDEX, DIES, nominal_responsivity
 from lidarspectra.hardware.sensor.readings import Signal, best_signal, signal
-from lidarspectra.spectra import Spectrum, sensor_bands
+from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 
 Kind = Literal["lamp", "field"]
 

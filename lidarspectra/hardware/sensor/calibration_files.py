@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from lidarspectra.database_files import user_folder
 from lidarspectra.errors import ArrayError, ReadingError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, DIES
 from lidarspectra.hardware.sensor.calibration import Calibration
+from lidarspectra.spectra.database_files import user_folder
 
 FORMAT = "lidarspectra sensor calibration 1"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")

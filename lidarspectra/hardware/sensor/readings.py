@@ -26,7 +26,6 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ReadingError
-from lidarspectra.files import write_whole
 from lidarspectra.hardware.sensor.as7265x import (
     ASCENDING_LETTERS,
     CHANNEL_COUNT,
@@ -39,7 +38,8 @@ from lidarspectra.hardware.sensor.as7265x import (
     basic_counts,
     count_uncertainty,
 )
-from lidarspectra.spectra import AS7265X_CENTERS_NM, AS7265X_FWHM_NM
+from lidarspectra.io.files import write_whole
+from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM
 
 Signal = Literal["basic counts", "basic module values", "module values"]
 """What of a reading is proportional to light."""

@@ -11,7 +11,7 @@ from lidarspectra.hardware.robot.robot import read_locations
 from lidarspectra.hardware.robot.time_offset import ExpectedLight
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.calibration import reference_bands
-from lidarspectra.spectrum_files import read_spectrum_file
+from lidarspectra.spectra.spectrum_files import read_spectrum_file
 
 UNIT_SCALES = {
     "W/m2/nm": 1.0,

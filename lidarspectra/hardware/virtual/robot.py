@@ -15,7 +15,6 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ReadingError
-from lidarspectra.files import write_whole
 from lidarspectra.hardware.robot.poses import Trajectory
 from lidarspectra.hardware.robot.robot import median_spacing
 from lidarspectra.hardware.robot.time_offset import ExpectedLight
@@ -28,8 +27,9 @@ from lidarspectra.hardware.virtual.emulator import Light, SketchBoard
 from lidarspectra.hardware.virtual.faults import START_UNIX_S, FaultPlan, FaultyWire, VirtualClock, VirtualPort
 from lidarspectra.hardware.virtual.solar_cell import VirtualCell, cell_counts, cell_current_in
 from lidarspectra.hardware.virtual.spectral_sensor import VirtualSensor, draw_sensor
+from lidarspectra.io.files import write_whole
 from lidarspectra.progress import Progress, silent
-from lidarspectra.spectra import AS7265X_CENTERS_NM, Spectrum
+from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, Spectrum
 
 SPEED_M_S = 0.15  # a TurtleBot3 Waffle Pi goes 0.26 m/s at most (its manual); slow is sharp
 POSES_HZ = 10.0  # [Hz] of the robot's log

@@ -30,7 +30,7 @@ from lidarspectra.hardware.sensor.as7265x import (
     SensorSettings,
     nominal_responsivity,
 )
-from lidarspectra.spectra import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, BandSet, gaussian_bands
+from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, BandSet, gaussian_bands
 
 DIE_FACTORS = (3.5, 1.0, 0.8)  # [1] how the dies of real sensors stand to the data sheet
 DIE_SPREAD = 0.1  # [1] standard deviation of the logarithm of a die's factor from one sensor to the next

@@ -36,7 +36,7 @@ from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import DIE_INDEX, SensorSettings, count_uncertainty
 from lidarspectra.mapping.localization.features import FeatureSpace, reference_counts, reference_of
 from lidarspectra.mapping.localization.fingerprint_table import quantity_of
-from lidarspectra.spectra import AS7265X_CENTERS_NM
+from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM
 
 BAND_TOLERANCE_NM = 1.0  # [nm] by which a channel of the AS7265x is known again
 

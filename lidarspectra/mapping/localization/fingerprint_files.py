@@ -23,7 +23,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT, CHANNEL_LABELS, mask_counts
 from lidarspectra.mapping.localization.fingerprint_table import load_fingerprints, make_fingerprints
-from lidarspectra.spectra import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, gaussian_bands
+from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, gaussian_bands
 
 LABEL_COLUMNS = ("label", "loc", "location", "position")
 TIME_COLUMN = "time_s"

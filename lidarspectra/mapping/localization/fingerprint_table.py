@@ -29,8 +29,8 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from lidarspectra.errors import MapError
-from lidarspectra.netcdf_files import read_netcdf, write_netcdf
-from lidarspectra.spectra import BandSet
+from lidarspectra.io.netcdf import read_netcdf, write_netcdf
+from lidarspectra.spectra.spectrum import BandSet
 
 SCHEMA = "lidarspectra fingerprints 1"
 FINGERPRINTS_FILE = "fingerprints.nc"

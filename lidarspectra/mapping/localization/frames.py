@@ -32,7 +32,7 @@ from lidarspectra.mapping.localization.fingerprint_files import (
     table_of_counts,
 )
 from lidarspectra.mapping.localization.fingerprint_table import quantity_of
-from lidarspectra.spectra import AS7265X_CENTERS_NM
+from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM
 
 LONGEST_LINE_BYTES = 65536  # 1,000 sensors' channels or so
 HEADER_WITHIN_S = 30.0  # [s] a hub prints its header when it starts, and may print it again

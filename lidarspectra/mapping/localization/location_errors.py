@@ -14,8 +14,8 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import MapError
+from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.localization.places import Located
-from lidarspectra.mapping.tables import Table
 
 PERCENTILES = (50, 75, 90, 95)
 TOP = (1, 3, 5)

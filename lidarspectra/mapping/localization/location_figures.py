@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.figure_style import (
+from lidarspectra.mapping.figures.figure_style import (
     DASHES,
     ERROR_MAP,
     INK,
@@ -24,9 +24,9 @@ from lidarspectra.mapping.figure_style import (
     plain,
     styled,
 )
-from lidarspectra.mapping.floor_plan import FloorPlan, plan_extent, single_plan
+from lidarspectra.mapping.figures.floor_plan import FloorPlan, plan_extent, single_plan
+from lidarspectra.mapping.figures.plan_drawing import draw_frame
 from lidarspectra.mapping.localization.location_errors import LocationErrors
-from lidarspectra.mapping.plan_drawing import draw_frame
 
 MOST_CURVES = 8  # [1] that one figure can tell apart
 SHOWN_PERCENT = 99.0  # [1] the axis ends there, so that a few lost readings do not press the curves together

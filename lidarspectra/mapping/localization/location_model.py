@@ -19,6 +19,7 @@ import xarray as xr
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError, WorkspaceError
 from lidarspectra.hardware.sensor.as7265x import SensorSettings
+from lidarspectra.io.netcdf import read_netcdf, write_netcdf
 from lidarspectra.mapping.localization.augmentation import Augmentation, augmented_counts
 from lidarspectra.mapping.localization.discriminant import DiscriminantPlaces, fit_discriminant, sensor_blur
 from lidarspectra.mapping.localization.features import (
@@ -46,7 +47,6 @@ from lidarspectra.mapping.localization.locators import (
 from lidarspectra.mapping.localization.network_graph import discriminant_graph, network_graph
 from lidarspectra.mapping.localization.places import Located, Places, places_of_table
 from lidarspectra.mapping.localization.running_reference import running_references
-from lidarspectra.netcdf_files import read_netcdf, write_netcdf
 from lidarspectra.progress import Progress, silent
 
 MODEL_FILE, NETWORK_FILE, DISCRIMINANT_FILE = "model.nc", "network.onnx", "discriminant.onnx"

@@ -16,7 +16,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import MapError
-from lidarspectra.onnx_errors import onnx_errors
+from lidarspectra.io.onnx_errors import onnx_errors
 
 Method = Literal["network", "discriminant", "neighbours", "ridge"]
 METHODS: tuple[Method, ...] = ("network", "discriminant", "neighbours", "ridge")

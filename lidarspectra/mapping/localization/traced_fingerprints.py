@@ -21,25 +21,25 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ArrayError, SensorError
-from lidarspectra.files import hash_file
-from lidarspectra.hardware.room.body import PARTS
-from lidarspectra.hardware.room.person import PERSON_COLUMNS, Person
+from lidarspectra.io.files import hash_file
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.localization.body import PARTS
 from lidarspectra.mapping.localization.fingerprint_table import make_fingerprints
+from lidarspectra.mapping.localization.person import PERSON_COLUMNS, Person
 from lidarspectra.material.material_map import Material
 from lidarspectra.progress import Progress, part_of, silent
-from lidarspectra.radiance.cluster import SCENE_SUFFIXES
-from lidarspectra.radiance.engine import Engine, find_engine
-from lidarspectra.radiance.estimator import BATCHES
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.radiance.obstacle_effect import EffectRequest, trace_effects
-from lidarspectra.radiance.obstacles import Obstacle
-from lidarspectra.radiance.options import BOUNCES, Accuracy
-from lidarspectra.radiance.receptors import FIBONACCI, Receptor, cosine_receptor
-from lidarspectra.radiance.scene import RadianceScene
-from lidarspectra.radiance.sensors import SensorPoints
-from lidarspectra.radiance.trace import available_cores, trace_irradiance
-from lidarspectra.radiance.uncertainty import standard_error
-from lidarspectra.reflectance_library import ReflectanceLibrary
+from lidarspectra.radiance.engine.cluster import SCENE_SUFFIXES
+from lidarspectra.radiance.engine.engine import Engine, find_engine
+from lidarspectra.radiance.engine.options import BOUNCES, Accuracy
+from lidarspectra.radiance.obstacles.obstacle_effect import EffectRequest, trace_effects
+from lidarspectra.radiance.obstacles.obstacles import Obstacle
+from lidarspectra.radiance.sampling.estimator import BATCHES
+from lidarspectra.radiance.sampling.receptors import FIBONACCI, Receptor, cosine_receptor
+from lidarspectra.radiance.sampling.trace import available_cores, trace_irradiance
+from lidarspectra.radiance.sampling.uncertainty import standard_error
+from lidarspectra.radiance.scene.scene import RadianceScene
+from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
 
 TARGET = 0.003  # [1] standard error wanted of a reading, a tenth of what somebody near the sensor changes
 FINEST_EFFECT = 0.0005  # [1] of the difference: in a large room most sensors see somebody by 0.1 % and less

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.databases import color_matching_functions
 from lidarspectra.progress import Progress, silent
+from lidarspectra.spectra.databases import color_matching_functions
 
 COLOR_STEP_NM = 5.0  # [nm] CIE 13.3 and CIE 224 compute at 5 nm
 COLOR_GRID_NM = np.arange(380.0, 780.1, COLOR_STEP_NM)

@@ -7,10 +7,9 @@ import xarray as xr
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from lidarspectra.mapping.figure_style import ERROR_MAP, LIGHT_MAP, PAGE_WIDTH_IN, new_figure, place, styled
-from lidarspectra.mapping.floor_plan import FloorPlan, PanelLayout
-from lidarspectra.mapping.interpolation import plan_places, point_planes
-from lidarspectra.mapping.plan_drawing import (
+from lidarspectra.mapping.figures.figure_style import ERROR_MAP, LIGHT_MAP, PAGE_WIDTH_IN, new_figure, place, styled
+from lidarspectra.mapping.figures.floor_plan import FloorPlan, PanelLayout
+from lidarspectra.mapping.figures.plan_drawing import (
     draw_colorbar,
     draw_field,
     draw_frame,
@@ -20,6 +19,7 @@ from lidarspectra.mapping.plan_drawing import (
     has_unknown,
     legend_handles,
 )
+from lidarspectra.mapping.maps.interpolation import plan_places, point_planes
 
 SHOWN = {
     "illuminance_lx": "illuminance [lx]",

@@ -8,9 +8,9 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
+from lidarspectra.lamps.lamp_spectra import photopic_efficiency
 from lidarspectra.mapping.photometry.point_light import light_of_lamps, light_of_map
-from lidarspectra.radiance.lamp_spectra import photopic_efficiency
-from lidarspectra.spectra import LUMINOUS_EFFICACY_LM_W, Spectrum
+from lidarspectra.spectra.spectrum import LUMINOUS_EFFICACY_LM_W, Spectrum
 
 LEAST_COVER = 0.99  # [1] share of ∫V(λ)dλ that the bands must span, so that what they miss stays below 1 %
 WIDEST_GAP_NM = 40.0  # [nm] between centres; V(λ) is 100 nm wide, so wider steps no longer follow it

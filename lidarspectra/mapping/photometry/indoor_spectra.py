@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.databases import list_lamps, load_reflectances
-from lidarspectra.reflectance_library import ReflectanceLibrary
-from lidarspectra.spectra import BandSet, Spectrum
+from lidarspectra.spectra.databases import list_lamps, load_reflectances
+from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
+from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
 GRID_NM = np.arange(350.0, 1000.1, 1.0)  # [nm] the channels from 410 to 940 nm with their tails
 SURFACES = 12  # [1] taken evenly from the library, ordered by their mean reflectance

@@ -5,16 +5,16 @@ import pandas as pd
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.mapping.figures.tables import Table
+from lidarspectra.mapping.maps.point_values import places_of
+from lidarspectra.mapping.maps.spectral_map import kept_points
 from lidarspectra.mapping.photometry.channel_estimate import Method, channel_estimate
 from lidarspectra.mapping.photometry.color_quality import COLOR_GRID_NM, color_quality
 from lidarspectra.mapping.photometry.indoor_spectra import IndoorSpectra, indoor_spectra
 from lidarspectra.mapping.photometry.point_light import PointLight
 from lidarspectra.mapping.photometry.quantities import light_quantities
-from lidarspectra.mapping.point_values import places_of
-from lidarspectra.mapping.spectral_map import kept_points
-from lidarspectra.mapping.tables import Table
 from lidarspectra.progress import Progress, silent
-from lidarspectra.spectra import BandSet
+from lidarspectra.spectra.spectrum import BandSet
 
 MOST_RENDERED = 500  # [1] points whose colour rendering is computed, at some 50 ms each; more are taken evenly
 METHOD_WORDS = {

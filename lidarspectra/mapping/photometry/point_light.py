@@ -15,9 +15,9 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.spectral_map import check_map
-from lidarspectra.radiance.transport import standard_error_of_sum
-from lidarspectra.spectra import Spectrum
+from lidarspectra.mapping.maps.spectral_map import check_map
+from lidarspectra.radiance.sampling.transport import standard_error_of_sum
+from lidarspectra.spectra.spectrum import Spectrum
 
 Route = Literal["lamps", "bands"]
 

@@ -12,9 +12,9 @@ from functools import cache
 import numpy as np
 from scipy import constants
 
-from lidarspectra.database_files import data_folder, table
 from lidarspectra.mapping.photometry.illuminance import luminosity
-from lidarspectra.spectra import Spectrum
+from lidarspectra.spectra.database_files import data_folder, table
+from lidarspectra.spectra.spectrum import Spectrum
 
 UMOL_PER_J_NM = float(1e6 * 1e-9 / (constants.N_A * constants.h * constants.c))
 """Photons of a joule, by wavelength: 0.00836 µmol/(J nm). [µmol/(J nm)]"""

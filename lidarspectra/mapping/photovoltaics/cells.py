@@ -14,12 +14,12 @@ from typing import Literal
 import numpy as np
 from scipy import constants
 
-from lidarspectra.database_files import list_databases, table
-from lidarspectra.databases import FILE_SUFFIXES
 from lidarspectra.errors import DatabaseError
 from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
-from lidarspectra.spectra import Spectrum
-from lidarspectra.spectrum_files import TableRow, finite_number, read_spectrum_file, read_text
+from lidarspectra.spectra.database_files import list_databases, table
+from lidarspectra.spectra.databases import FILE_SUFFIXES
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.spectra.spectrum_files import TableRow, finite_number, read_spectrum_file, read_text
 
 Quantity = Literal["efficiency", "relative"]
 

@@ -8,14 +8,14 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
+from lidarspectra.mapping.figures.tables import Table
+from lidarspectra.mapping.maps.point_values import places_of
+from lidarspectra.mapping.maps.spectral_map import kept_points
 from lidarspectra.mapping.photometry.point_light import light_of_lamps
 from lidarspectra.mapping.photovoltaics.cells import Cell
 from lidarspectra.mapping.photovoltaics.currents import cell_current_density, cut_lamps, maximum_power, power_held
 from lidarspectra.mapping.photovoltaics.schedule import Shift, day_parts, gathered
-from lidarspectra.mapping.point_values import places_of
-from lidarspectra.mapping.spectral_map import kept_points
-from lidarspectra.mapping.tables import Table
-from lidarspectra.spectra import Spectrum
+from lidarspectra.spectra.spectrum import Spectrum
 
 COULOMB_PER_MAH = 3.6  # [C/mAh]
 JOULE_PER_MWH = 3.6  # [J/mWh]

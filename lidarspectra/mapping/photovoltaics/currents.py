@@ -10,7 +10,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.photometry.point_light import PointLight, share_within
 from lidarspectra.mapping.photovoltaics.cells import AMPERE_PER_WATT_NM, Cell, Circuit
-from lidarspectra.spectra import Spectrum
+from lidarspectra.spectra.spectrum import Spectrum
 
 CELL_KELVIN = 298.15  # [K] of a cell in a room: 25 °C, where circuits are stated
 VOLT_PER_KELVIN = float(constants.k / constants.e)  # [V/K]

@@ -7,7 +7,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.mapping.figure_style import (
+from lidarspectra.mapping.figures.figure_style import (
     DASHES,
     INK,
     MARKERS,
@@ -19,7 +19,7 @@ from lidarspectra.mapping.figure_style import (
     prefix_of,
     styled,
 )
-from lidarspectra.mapping.floor_plan import FloorPlan
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.photometry.figures import point_maps
 from lidarspectra.mapping.photovoltaics.cells import Cell
 

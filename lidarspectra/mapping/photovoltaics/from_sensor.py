@@ -6,7 +6,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.mapping.photometry.channel_estimate import channel_estimate
 from lidarspectra.mapping.photometry.indoor_spectra import IndoorSpectra
 from lidarspectra.mapping.photovoltaics.cells import Cell
-from lidarspectra.spectra import BandSet
+from lidarspectra.spectra.spectrum import BandSet
 
 
 def current_from_channels(

@@ -12,16 +12,16 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.config import TraceSection
 from lidarspectra.errors import MapError
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.free_space import FreeSpace
-from lidarspectra.hardware.room.room import Room
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.photometry.point_light import band_weights, light_of_lamps
 from lidarspectra.mapping.photovoltaics.cells import Cell
 from lidarspectra.progress import Progress, part_of, silent
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.radiance.scene import RadianceScene
-from lidarspectra.radiance.sensors import SensorPoints, place_points
-from lidarspectra.radiance.trace import trace, trace_irradiance
+from lidarspectra.radiance.sampling.trace import trace, trace_irradiance
+from lidarspectra.radiance.scene.scene import RadianceScene
+from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.room import Room
+from lidarspectra.room.sensor_points import SensorPoints, place_points
 
 ROUGH_SE = 0.03  # [1] of the mean: the first look only sorts
 SAMPLES_ALONG = 3  # [1] points along each side of a cell

@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import ReadingError
-from lidarspectra.mapping.metrics import mape
+from lidarspectra.mapping.maps.metrics import mape
 
 PULLS = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)  # [count²] tried; towards the known curve
 BLOCKS = 4  # [1] of consecutive readings, each left out once to choose the pull

@@ -11,7 +11,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
-from lidarspectra.spectrum_files import read_text
+from lidarspectra.spectra.spectrum_files import read_text
 
 DAY_H = 24.0  # [h]
 SECONDS_PER_HOUR = 3600.0  # [s]

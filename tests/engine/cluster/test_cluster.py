@@ -9,9 +9,9 @@ import psutil
 import pytest
 
 from lidarspectra.errors import EngineError
-from lidarspectra.radiance.cluster import ClusterEngine, cluster_engine
-from lidarspectra.radiance.engine import EngineJob, find_engine, float_rows
-from lidarspectra.radiance.octree import compile_octree
+from lidarspectra.radiance.engine.cluster import ClusterEngine, cluster_engine
+from lidarspectra.radiance.engine.engine import EngineJob, find_engine, float_rows
+from lidarspectra.radiance.engine.octree import compile_octree
 
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 pytestmark = [
@@ -98,6 +98,6 @@ def test_a_fault_on_a_worker_is_our_error(cluster: "distributed.LocalCluster", s
 
 
 def test_no_scheduler_is_one_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lidarspectra.radiance.cluster.CONNECT_TIMEOUT", "1s")
+    monkeypatch.setattr("lidarspectra.radiance.engine.cluster.CONNECT_TIMEOUT", "1s")
     with pytest.raises(EngineError, match="dask scheduler"), cluster_engine("tcp://127.0.0.1:9"):
         pass

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.hardware.phone.scan import bare_scan
+from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
-from lidarspectra.radiance.cluster import cluster_engine
-from lidarspectra.radiance.engine import Engine, find_engine
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.radiance.obstacle_effect import EffectRequest, trace_effects
-from lidarspectra.radiance.obstacles import Obstacle
-from lidarspectra.radiance.receptors import cosine_receptor
-from lidarspectra.radiance.scene import write_scene
-from lidarspectra.radiance.sensors import SensorPoints
-from lidarspectra.spectra import Spectrum, uniform_bands
+from lidarspectra.radiance.engine.cluster import cluster_engine
+from lidarspectra.radiance.engine.engine import Engine, find_engine
+from lidarspectra.radiance.obstacles.obstacle_effect import EffectRequest, trace_effects
+from lidarspectra.radiance.obstacles.obstacles import Obstacle
+from lidarspectra.radiance.sampling.receptors import cosine_receptor
+from lidarspectra.radiance.scene.scene import write_scene
+from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
 
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 pytestmark = [

@@ -8,15 +8,15 @@ import pytest
 import trimesh
 
 from lidarspectra.errors import LampError
-from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
+from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
+from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
-from lidarspectra.radiance.bands import WRITTEN_PER_WATT
-from lidarspectra.radiance.daylight import Window, daylight_lamps
-from lidarspectra.radiance.engine import Engine, find_engine, float_rows
-from lidarspectra.radiance.lamp_spectra import luminous_flux_lm
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.radiance.scene import RadianceScene, load_scene, write_scene
-from lidarspectra.radiance.sky import (
+from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
+from lidarspectra.radiance.engine.engine import Engine, find_engine, float_rows
+from lidarspectra.radiance.scene.daylight import Window, daylight_lamps
+from lidarspectra.radiance.scene.scene import RadianceScene, load_scene, write_scene
+from lidarspectra.radiance.scene.sky import (
     ALTITUDES_DEG,
     AZIMUTHS_DEG,
     SKY_WAVELENGTHS_NM,
@@ -27,7 +27,7 @@ from lidarspectra.radiance.sky import (
     sky_spectrum,
     sun_altitude_deg,
 )
-from lidarspectra.spectra import Spectrum, sensor_bands
+from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 
 GENSKY_EFFICACY = 179.0  # [lm/W] Radiance's convention for white
 CET = timezone(timedelta(hours=1))

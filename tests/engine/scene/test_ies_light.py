@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
+from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
+from lidarspectra.lamps.ies import read_ies
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
-from lidarspectra.radiance.bands import WRITTEN_PER_WATT
-from lidarspectra.radiance.engine import Engine, find_engine, float_rows
-from lidarspectra.radiance.ies import read_ies
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.radiance.scene import write_scene
-from lidarspectra.spectra import Spectrum, uniform_bands
+from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
+from lidarspectra.radiance.engine.engine import Engine, find_engine, float_rows
+from lidarspectra.radiance.scene.scene import write_scene
+from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
 
 IES2RAD_EFFICACY = 179.0  # [lm/W] Radiance's convention for white
 FAR_M = 20.0

@@ -7,13 +7,13 @@ import pytest
 import trimesh
 
 from lidarspectra.errors import SceneError
-from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
+from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
+from lidarspectra.lamps.lamps import Lamp, LampShape
 from lidarspectra.material.material_map import Material, MaterialMap
-from lidarspectra.radiance.bands import WRITTEN_PER_WATT
-from lidarspectra.radiance.engine import Engine, find_engine, float_rows
-from lidarspectra.radiance.lamps import Lamp, LampShape
-from lidarspectra.radiance.scene import RadianceScene, load_scene, write_scene
-from lidarspectra.spectra import Spectrum, sensor_bands, uniform_bands
+from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
+from lidarspectra.radiance.engine.engine import Engine, find_engine, float_rows
+from lidarspectra.radiance.scene.scene import RadianceScene, load_scene, write_scene
+from lidarspectra.spectra.spectrum import Spectrum, sensor_bands, uniform_bands
 
 SIDE_M = 2.0
 WHITE = Spectrum(wavelengths_nm=[300.0, 1000.0], values=[1.0, 1.0])

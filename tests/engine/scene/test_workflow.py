@@ -11,15 +11,15 @@ import trimesh
 
 from lidarspectra.config import TraceSection
 from lidarspectra.errors import SceneError
-from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
+from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
-from lidarspectra.radiance.engine import Engine, find_engine
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.radiance.scene import RadianceScene, write_scene
-from lidarspectra.radiance.sensors import SensorPoints
-from lidarspectra.radiance.trace import trace
-from lidarspectra.radiance.workflow import write_workflow
-from lidarspectra.spectra import Spectrum, sensor_bands
+from lidarspectra.radiance.engine.engine import Engine, find_engine
+from lidarspectra.radiance.sampling.trace import trace
+from lidarspectra.radiance.scene.exported_model import write_workflow
+from lidarspectra.radiance.scene.scene import RadianceScene, write_scene
+from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 
 SECTION = TraceSection(accuracy="medium", noise="standard")
 

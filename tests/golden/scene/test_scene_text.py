@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
+from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.radiance.scene import RadianceScene, write_scene
-from lidarspectra.spectra import Spectrum, uniform_bands
+from lidarspectra.radiance.scene.scene import RadianceScene, write_scene
+from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
 
 FLAT = Spectrum(wavelengths_nm=[300.0, 1000.0], values=[1.0, 1.0])
 BLUE = Spectrum(wavelengths_nm=[300.0, 475.0, 480.0], values=[2.0, 2.0, 0.0])

@@ -10,12 +10,12 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from lidarspectra.config import TraceSection
-from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
+from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.radiance.scene import RadianceScene, write_scene
-from lidarspectra.radiance.sensors import SensorPoints
-from lidarspectra.spectra import BandSet, Spectrum, uniform_bands
+from lidarspectra.radiance.scene.scene import RadianceScene, write_scene
+from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.spectra.spectrum import BandSet, Spectrum, uniform_bands
 
 BANDS = uniform_bands(400.0, 700.0, 3)
 RANGE_NM = np.array([380.0, 780.0])

@@ -10,9 +10,9 @@ import pytest
 import trimesh
 
 from lidarspectra.errors import ArrayError
-from lidarspectra.radiance.options import BOUNCES
-from lidarspectra.radiance.trace import trace
-from lidarspectra.spectra import Spectrum, uniform_bands
+from lidarspectra.radiance.engine.options import BOUNCES
+from lidarspectra.radiance.sampling.trace import trace
+from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
 
 BULB_M = 0.004  # [m] diameter; its surface takes 5e-5 / 6 of the light that crosses a unit cube
 SPHERE = 5e-3  # [1] a sphere of 5120 triangles has 0.2 % less area, and light meets facets up to 3 degrees off

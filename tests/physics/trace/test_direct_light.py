@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.radiance.trace import trace
+from lidarspectra.radiance.sampling.trace import trace
 
 UP = (0.0, 0.0, 1.0)
 SPHERE = 3e-3  # [1] Radiance's points on a sphere stand for its disc as seen from afar: 0.1 % at 16 radii

@@ -9,19 +9,19 @@ import trimesh
 import xarray as xr
 
 from lidarspectra.errors import EngineError
-from lidarspectra.radiance import rounds
-from lidarspectra.radiance import trace as trace_module
-from lidarspectra.radiance.arrivals import load_surfaces
-from lidarspectra.radiance.engine import find_engine, float_rows
-from lidarspectra.radiance.estimator import BATCHES
-from lidarspectra.radiance.options import RELATIVE_STANDARD_ERROR
-from lidarspectra.radiance.receptors import cone_receptor, cosine_receptor
-from lidarspectra.radiance.scene import RadianceScene
-from lidarspectra.radiance.sensor_rays import Sensors
-from lidarspectra.radiance.sensors import SensorPoints
-from lidarspectra.radiance.trace import trace, trace_irradiance
-from lidarspectra.radiance.transport import load_transport, save_transport, standard_error_of_sum
-from lidarspectra.spectra import Spectrum
+from lidarspectra.radiance.engine.engine import find_engine, float_rows
+from lidarspectra.radiance.engine.options import RELATIVE_STANDARD_ERROR
+from lidarspectra.radiance.sampling import rounds
+from lidarspectra.radiance.sampling import trace as trace_module
+from lidarspectra.radiance.sampling.arrivals import load_surfaces
+from lidarspectra.radiance.sampling.estimator import BATCHES
+from lidarspectra.radiance.sampling.receptors import cone_receptor, cosine_receptor
+from lidarspectra.radiance.sampling.sensor_rays import Sensors
+from lidarspectra.radiance.sampling.trace import trace, trace_irradiance
+from lidarspectra.radiance.sampling.transport import load_transport, save_transport, standard_error_of_sum
+from lidarspectra.radiance.scene.scene import RadianceScene
+from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.spectra.spectrum import Spectrum
 
 UP = np.array([0.0, 0.0, 1.0])
 WHITE = Spectrum(wavelengths_nm=np.array([380.0, 780.0]), values=np.array([1.0, 1.0]))

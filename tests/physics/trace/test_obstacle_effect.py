@@ -9,18 +9,18 @@ import pytest
 import trimesh
 
 from lidarspectra.errors import SensorError
-from lidarspectra.hardware.phone.scan import bare_scan
+from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
-from lidarspectra.radiance.engine import find_engine
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.radiance.obstacle_effect import EffectRequest, ObstacleEffect, trace_effects
-from lidarspectra.radiance.obstacles import Obstacle
-from lidarspectra.radiance.options import BOUNCES
-from lidarspectra.radiance.receptors import cone_receptor, cosine_receptor
-from lidarspectra.radiance.scene import RadianceScene, write_scene
-from lidarspectra.radiance.sensors import SensorPoints
-from lidarspectra.radiance.trace import trace_irradiance
-from lidarspectra.spectra import Spectrum
+from lidarspectra.radiance.engine.engine import find_engine
+from lidarspectra.radiance.engine.options import BOUNCES
+from lidarspectra.radiance.obstacles.obstacle_effect import EffectRequest, ObstacleEffect, trace_effects
+from lidarspectra.radiance.obstacles.obstacles import Obstacle
+from lidarspectra.radiance.sampling.receptors import cone_receptor, cosine_receptor
+from lidarspectra.radiance.sampling.trace import trace_irradiance
+from lidarspectra.radiance.scene.scene import RadianceScene, write_scene
+from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.spectra.spectrum import Spectrum
 
 RAMP = Spectrum(wavelengths_nm=np.array([380.0, 480.0, 620.0, 780.0]), values=np.array([0.2, 0.2, 0.75, 0.75]))
 

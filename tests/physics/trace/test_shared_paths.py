@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.radiance import rounds
-from lidarspectra.radiance.arrivals import load_surfaces
-from lidarspectra.radiance.engine import EngineJob, find_engine, float_rows
-from lidarspectra.radiance.estimator import BATCHES
-from lidarspectra.radiance.options import PassOptions
-from lidarspectra.radiance.receptors import cosine_receptor
-from lidarspectra.radiance.sensor_rays import Sensors
+from lidarspectra.radiance.engine.engine import EngineJob, find_engine, float_rows
+from lidarspectra.radiance.engine.options import PassOptions
+from lidarspectra.radiance.sampling import rounds
+from lidarspectra.radiance.sampling.arrivals import load_surfaces
+from lidarspectra.radiance.sampling.estimator import BATCHES
+from lidarspectra.radiance.sampling.receptors import cosine_receptor
+from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
 BOUNCES = 8
 PATHS = 233

@@ -7,8 +7,11 @@ import sys
 import numpy as np
 import pytest
 
-from lidarspectra.database_files import table
-from lidarspectra.databases import (
+from lidarspectra.errors import DatabaseError
+from lidarspectra.io.files import hash_file
+from lidarspectra.material.material_map import MAX_REFLECTANCE
+from lidarspectra.spectra.database_files import table
+from lidarspectra.spectra.databases import (
     data_folder,
     lamp_spectrum,
     list_databases,
@@ -17,11 +20,8 @@ from lidarspectra.databases import (
     scenes_folder,
     show_spectrum,
 )
-from lidarspectra.errors import DatabaseError
-from lidarspectra.files import hash_file
-from lidarspectra.material.material_map import MAX_REFLECTANCE
-from lidarspectra.spectra import AS7265X_CENTERS_NM
-from lidarspectra.spectrum_files import read_table
+from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM
+from lidarspectra.spectra.spectrum_files import read_table
 
 
 @pytest.fixture(autouse=True)
@@ -160,6 +160,7 @@ def test_folders_are_those_of_the_checkout(project):
 
 def test_reading_databases_does_not_load_heavy_libraries():
     heavy = "colour", "sklearn", "pandas", "matplotlib", "trimesh", "cv2"
-    code = "import sys, lidarspectra.databases as d; d.load_reflectances().lab; d.list_lamps(); print(*sys.modules)"
+    code = "import sys, lidarspectra.spectra.databases as d; d.load_reflectances().lab; d.list_lamps(); "
+    code += "print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert not set(heavy) & set(loaded)

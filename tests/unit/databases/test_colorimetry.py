@@ -5,7 +5,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lidarspectra.colorimetry import (
+from lidarspectra.spectra.colorimetry import (
     decode_srgb,
     encode_srgb,
     hex_color,
@@ -15,7 +15,7 @@ from lidarspectra.colorimetry import (
     xyz_to_lab,
     xyz_to_linear_srgb,
 )
-from lidarspectra.databases import load_reflectances
+from lidarspectra.spectra.databases import load_reflectances
 
 channel = st.floats(min_value=0.0, max_value=1.0)
 color = st.tuples(channel, channel, channel)

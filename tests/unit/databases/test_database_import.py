@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lidarspectra.databases import (
+from lidarspectra.errors import DatabaseError
+from lidarspectra.spectra.databases import (
     import_lspdd,
     import_spectraldb,
     lamp_spectrum,
@@ -15,7 +16,6 @@ from lidarspectra.databases import (
     show_spectrum,
     user_folder,
 )
-from lidarspectra.errors import DatabaseError
 
 HEADER = "ID,Name,ObjectType,RadianceType,Specularity,Roughness,SCIMeasures,SCEMeasures\n"
 

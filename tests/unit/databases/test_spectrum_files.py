@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lidarspectra.errors import DatabaseError
-from lidarspectra.spectra import Spectrum
-from lidarspectra.spectrum_files import TableRow, read_spectrum_file, read_table, write_table
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.spectra.spectrum_files import TableRow, read_spectrum_file, read_table, write_table
 
 
 def written(folder: Path, text: str | bytes, name: str = "lamp.csv") -> Path:

@@ -11,7 +11,7 @@ from lidarspectra.mapping.localization.augmentation import Augmentation
 from lidarspectra.mapping.localization.fingerprint_table import make_fingerprints
 from lidarspectra.mapping.localization.location_model import LocationModel, TrainingSettings, train_locator
 from lidarspectra.mapping.localization.locators import NetworkSettings
-from lidarspectra.spectra import gaussian_bands
+from lidarspectra.spectra.spectrum import gaussian_bands
 
 SENSORS = np.array([(x, y) for x in (1.0, 3.0, 5.0) for y in (1.0, 3.0)])  # [m]
 PLACES = np.array([(x, y) for x in (0.5, 2.0, 3.5, 5.0) for y in (0.7, 2.0, 3.3)])  # [m]

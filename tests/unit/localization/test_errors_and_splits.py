@@ -7,8 +7,8 @@ import pytest
 from matplotlib.colors import to_hex
 
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.figure_style import save_figure
-from lidarspectra.mapping.floor_plan import FloorPlan
+from lidarspectra.mapping.figures.figure_style import save_figure
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.localization.location_errors import LocationErrors, error_table, place_table
 from lidarspectra.mapping.localization.location_figures import (
     error_curves_figure,

@@ -14,7 +14,7 @@ from lidarspectra.mapping.localization.fingerprint_table import (
     quantity_of,
     save_fingerprints,
 )
-from lidarspectra.spectra import gaussian_bands
+from lidarspectra.spectra.spectrum import gaussian_bands
 
 BANDS = gaussian_bands("two", [500.0, 600.0], 20.0)
 SHAPE = (3, 4, 2)  # fingerprints, sensors, bands

@@ -15,7 +15,7 @@ from lidarspectra.mapping.localization.running_reference import (
     running_references,
 )
 from lidarspectra.mapping.localization.scoring import errors_of
-from lidarspectra.mapping.localization.virtual_readings import Visits, watch_by_sensors
+from research.experiments.virtual_readings import Visits, watch_by_sensors
 
 Maker = Callable[..., xr.Dataset]
 

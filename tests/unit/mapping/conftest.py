@@ -7,14 +7,14 @@ import pytest
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.hardware.phone.scan import ScanRecord
-from lidarspectra.mapping.floor_plan import FloorPlan
-from lidarspectra.mapping.report import ReportInput, ReportView, StageRow
-from lidarspectra.mapping.room_view import RoomSurfaces
-from lidarspectra.mapping.spectral_map import spectral_map
+from lidarspectra.geometry.scan import ScanRecord
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.mapping.maps.spectral_map import spectral_map
+from lidarspectra.mapping.report.report import ReportInput, ReportView, StageRow
+from lidarspectra.mapping.report.room_view import RoomSurfaces
 from lidarspectra.material.material_map import Material
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.spectra import BandSet, Spectrum, sensor_bands
+from lidarspectra.spectra.spectrum import BandSet, Spectrum, sensor_bands
 
 ROOM_M = 3.0
 LAMP_CENTERS_M = ((0.9, 1.5, 2.66), (2.1, 1.5, 2.66))

@@ -9,26 +9,26 @@ import pytest
 from PIL import Image
 
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.figure_style import inline_svg, plain, prefix_of, save_figure
-from lidarspectra.mapping.figures import (
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.figures.channel_figures import (
     ReportView,
     choose_points,
     contact_sheet,
     reflectances_figure,
     spectra_figure,
 )
-from lidarspectra.mapping.floor_plan import FloorPlan
-from lidarspectra.mapping.map_figures import (
+from lidarspectra.mapping.figures.figure_style import inline_svg, plain, prefix_of, save_figure
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.mapping.figures.map_figures import (
     error_figure,
     illuminance_figure,
     maps_figure,
     plan_figure,
     relative_error,
 )
-from lidarspectra.mapping.spectral_map import spectral_map
+from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.material.material_map import Material
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.spectra import Spectrum
+from lidarspectra.spectra.spectrum import Spectrum
 
 SQUARE = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]])
 TABLE = np.array([[0.2, 0.2], [1.4, 0.2], [1.4, 1.0], [0.2, 1.0]])

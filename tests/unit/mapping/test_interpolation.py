@@ -5,8 +5,8 @@ import pytest
 from scipy.interpolate import LinearNDInterpolator
 
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.interpolation import grid_map, grid_values, interpolant, leave_one_out, map_planes
-from lidarspectra.mapping.spectral_map import spectral_map
+from lidarspectra.mapping.maps.interpolation import grid_map, grid_values, interpolant, leave_one_out, map_planes
+from lidarspectra.mapping.maps.spectral_map import spectral_map
 
 METHODS = ("linear", "cubic", "rbf")
 SQUARE = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]])

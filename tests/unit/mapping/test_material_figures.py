@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.figures import ReportView
-from lidarspectra.mapping.material_figures import (
+from lidarspectra.mapping.figures.channel_figures import ReportView
+from lidarspectra.mapping.figures.material_figures import (
     CODE_COLORS,
     NOTHING_COLOR,
     OTHER_COLOR,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.metrics import (
+from lidarspectra.mapping.maps.metrics import (
     absolute_percentage_error,
     compare_maps,
     mape,

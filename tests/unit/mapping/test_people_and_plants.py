@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from lidarspectra.databases import lamp_spectrum
-from lidarspectra.mapping.floor_plan import FloorPlan
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.mapping.maps.point_values import points_frame
+from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.photometry.channel_estimate import Method, channel_estimate
 from lidarspectra.mapping.photometry.color_quality import COLOR_GRID_NM, color_quality, color_temperature
 from lidarspectra.mapping.photometry.figures import quantities_figure
@@ -19,9 +20,8 @@ from lidarspectra.mapping.photometry.quantities import (
     light_quantities,
     light_quantity,
 )
-from lidarspectra.mapping.point_values import points_frame
-from lidarspectra.mapping.spectral_map import spectral_map
-from lidarspectra.spectra import Spectrum, sensor_bands, uniform_bands
+from lidarspectra.spectra.databases import lamp_spectrum
+from lidarspectra.spectra.spectrum import Spectrum, sensor_bands, uniform_bands
 
 EDIS = [quantity for quantity in light_quantities() if quantity.name.endswith("_edi_lx")]
 

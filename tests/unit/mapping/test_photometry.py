@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import MapError
+from lidarspectra.lamps.lamp_spectra import photopic_efficiency
+from lidarspectra.mapping.maps.spectral_map import LampChange, relight, spectral_map
 from lidarspectra.mapping.photometry import covers_vision, illuminance, illuminance_from_map
-from lidarspectra.mapping.spectral_map import LampChange, relight, spectral_map
-from lidarspectra.radiance.lamp_spectra import photopic_efficiency
-from lidarspectra.spectra import AS7265X_CENTERS_NM, LUMINOUS_EFFICACY_LM_W, Spectrum, uniform_bands
+from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, LUMINOUS_EFFICACY_LM_W, Spectrum, uniform_bands
 
 
 def _equal_energy() -> Spectrum:

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lidarspectra.databases import lamp_spectrum
 from lidarspectra.errors import DatabaseError, LidarSpectraError, MapError, ReadingError
-from lidarspectra.mapping.floor_plan import FloorPlan
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.mapping.maps.point_values import points_frame
 from lidarspectra.mapping.photometry.indoor_spectra import indoor_spectra
 from lidarspectra.mapping.photometry.point_light import PointLight
 from lidarspectra.mapping.photovoltaics.cells import AMPERE_PER_WATT_NM, Cell, Circuit, find_cell, list_cells
@@ -28,8 +28,8 @@ from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
 from lidarspectra.mapping.photovoltaics.placement import face_points, joined, tilted_mounts
 from lidarspectra.mapping.photovoltaics.response_fit import tell_ahead
 from lidarspectra.mapping.photovoltaics.schedule import Shift, day_parts, gathered, parse_hours, read_schedule
-from lidarspectra.mapping.point_values import points_frame
-from lidarspectra.spectra import AS7265X_CENTERS_NM, Spectrum, sensor_bands
+from lidarspectra.spectra.databases import lamp_spectrum
+from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, Spectrum, sensor_bands
 
 GRID = np.arange(400.0, 701.0)
 WAVELENGTHS = np.array(AS7265X_CENTERS_NM)
@@ -278,7 +278,7 @@ def test_a_fitted_curve_tells_later_counts_of_a_cell():
 
 
 def test_the_robot_s_cells_are_told_better_by_fitted_curves_than_by_digitised_ones(shared: Path):
-    from lidarspectra.cells_of_run import ahead_in_log
+    from lidarspectra.workflow.cells_of_run import ahead_in_log
 
     log = shared / "sensor-logs" / "office-robot" / "solar-2023-04-20.csv"
     for column, name in ((1, "organic-green"), (2, "organic-blue")):

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ArrayError, MapError
-from lidarspectra.mapping.report import ReportInput, ReportView, StageRow, write_report
-from lidarspectra.mapping.spectral_map import spectral_map
+from lidarspectra.mapping.maps.spectral_map import spectral_map
+from lidarspectra.mapping.report.report import ReportInput, ReportView, StageRow, write_report
 
 OWN_SCRIPTS = ("three.js", "room-picture.js", "room-view.js", "script.js")
 VOID = {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"}
@@ -64,7 +64,7 @@ def whole(make_transport, make_report, tmp_path_factory):
 @pytest.fixture(autouse=True)
 def _no_figure_files(monkeypatch):
     """The page alone is looked at; `whole` was written before this, with its files."""
-    monkeypatch.setattr("lidarspectra.mapping.report_writer.save_figure", lambda figure, folder, name: ())
+    monkeypatch.setattr("lidarspectra.mapping.report.report_writer.save_figure", lambda figure, folder, name: ())
 
 
 def _read(path) -> tuple[str, _Page]:

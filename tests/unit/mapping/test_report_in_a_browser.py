@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lidarspectra.mapping.report import write_report
-from lidarspectra.mapping.report_page import Section, room_view
-from lidarspectra.mapping.report_page import page as page_text
-from lidarspectra.mapping.room_view import room_view_data
+from lidarspectra.mapping.report.report import write_report
+from lidarspectra.mapping.report.report_page import Section, room_view
+from lidarspectra.mapping.report.report_page import page as page_text
+from lidarspectra.mapping.report.room_view import room_view_data
 
 playwright = pytest.importorskip("playwright.sync_api")
 
@@ -47,7 +47,7 @@ def report(make_transport, make_report):
 def page_file(report, tmp_path_factory):
     """The whole report, without the figures' own files beside it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lidarspectra.mapping.report_writer.save_figure", lambda figure, folder, name: ())
+        patch.setattr("lidarspectra.mapping.report.report_writer.save_figure", lambda figure, folder, name: ())
         return write_report(tmp_path_factory.mktemp("report"), report)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ArrayError
-from lidarspectra.mapping.room_view import FINEST_CELL_M, MOST_POINTS, coarser, point_triangles, room_view_data
-from lidarspectra.mapping.spectral_map import spectral_map
+from lidarspectra.mapping.maps.spectral_map import spectral_map
+from lidarspectra.mapping.report.room_view import FINEST_CELL_M, MOST_POINTS, coarser, point_triangles, room_view_data
 
 HOSTILE = "</script><script>alert(1)</script><!-- \x00 \u2028 ' \" {}"
 KINDS = {"u1": "u1", "u2": "<u2", "u4": "<u4", "f4": "<f4"}

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from lidarspectra.errors import MapError, WorkspaceError
-from lidarspectra.mapping.spectral_map import (
+from lidarspectra.mapping.maps.spectral_map import (
     LampChange,
     check_map,
     load_map,
@@ -19,7 +19,7 @@ from lidarspectra.mapping.spectral_map import (
     save_map_table,
     spectral_map,
 )
-from lidarspectra.spectra import Spectrum, gaussian_bands
+from lidarspectra.spectra.spectrum import Spectrum, gaussian_bands
 
 
 def test_map_is_the_sum_over_lamps_of_coefficient_times_flux(make_transport):

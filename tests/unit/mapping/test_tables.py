@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.tables import Table, save_table, table_csv, table_html, table_markdown
+from lidarspectra.mapping.figures.tables import Table, save_table, table_csv, table_html, table_markdown
 
 HOSTILE = "<script>alert(\"1\")</script> & 'a' | b\n# c `d` [e](f) =1+1"
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lidarspectra.colorimetry import encode_srgb
-from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
+from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
+from lidarspectra.spectra.colorimetry import encode_srgb
 
 SIZE_M = np.array([4.0, 3.0, 2.5])
 COLORS = {

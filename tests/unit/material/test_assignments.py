@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from lidarspectra.config import MaterialsSection
-from lidarspectra.databases import load_reflectances
 from lidarspectra.errors import MaterialError
 from lidarspectra.material.assignments import assign, read_assignments, spectrum_files
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.material_map import MaterialMap, save_materials
 from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.spectra.databases import load_reflectances
 
 from .conftest import box_scan
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from lidarspectra.colorimetry import encode_srgb, lab_to_linear_srgb, linear_srgb_to_lab
-from lidarspectra.hardware.phone.scan import Appearance, Scan
+from lidarspectra.geometry.scan import Appearance, Scan
 from lidarspectra.material.colors import (
     color_difference,
     color_words,
@@ -15,6 +14,7 @@ from lidarspectra.material.colors import (
     surface_colors,
     weighted_median,
 )
+from lidarspectra.spectra.colorimetry import encode_srgb, lab_to_linear_srgb, linear_srgb_to_lab
 
 from .conftest import box_scan
 

@@ -5,7 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lidarspectra.delighting import (
+from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, MOST_STEPS, fit_light
+from lidarspectra.material.sharpened_cones import cones_of_srgb
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.workflow.delighting import (
     STRAY_LIGHT,
     _beyond_white,
     _near_lamps,
@@ -15,11 +20,6 @@ from lidarspectra.delighting import (
     _whites,
     delighting_costs,
 )
-from lidarspectra.hardware.phone.scan import bare_scan
-from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, MOST_STEPS, fit_light
-from lidarspectra.material.sharpened_cones import cones_of_srgb
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.spectra import Spectrum
 
 from .lit_walls import evidence
 

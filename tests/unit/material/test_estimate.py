@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lidarspectra.colorimetry import linear_srgb_to_lab, xyz_to_lab
 from lidarspectra.config import MaterialsSection
-from lidarspectra.databases import load_reflectances
 from lidarspectra.errors import DatabaseError, MaterialError
 from lidarspectra.hardware.phone.readers import read_scan
-from lidarspectra.hardware.room.room import find_room
 from lidarspectra.material.colors import color_difference
 from lidarspectra.material.estimate import default_material, estimate_materials
 from lidarspectra.material.material_map import MAX_REFLECTANCE, load_materials, save_materials
 from lidarspectra.material.viewpoints import ViewSettings, render_views
-from lidarspectra.reflectance_library import COLOR_GRID_NM
+from lidarspectra.room.room import find_room
+from lidarspectra.spectra.colorimetry import linear_srgb_to_lab, xyz_to_lab
+from lidarspectra.spectra.databases import load_reflectances
+from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 
 from .conftest import COLORS, box_scan
 

@@ -5,11 +5,11 @@ import pytest
 
 from lidarspectra.config import MaterialsSection
 from lidarspectra.errors import MaterialError
-from lidarspectra.hardware.room.room import find_room
 from lidarspectra.material.estimate import UNKNOWN, estimate_materials
 from lidarspectra.material.material_map import load_materials, save_materials
 from lidarspectra.material.segmentation import Classifier
 from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.room.room import find_room
 
 from .conftest import box_scan
 from .tiny_models import write_model

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from lidarspectra.colorimetry import linear_srgb_to_lab
 from lidarspectra.errors import MaterialError
-from lidarspectra.hardware.room.room import find_room
 from lidarspectra.material.face_groups import agreement, face_adjacency
 from lidarspectra.material.fusion import FaceClasses, fuse, split_by_class, view_votes
 from lidarspectra.material.place_priors import KINDS, PRIORS, class_prior, find_places
 from lidarspectra.material.segmentation import Classifier
 from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.room.room import find_room
+from lidarspectra.spectra.colorimetry import linear_srgb_to_lab
 
 from .conftest import COLORS, box_scan
 from .tiny_models import write_model

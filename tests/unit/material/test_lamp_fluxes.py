@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from lidarspectra.config import read_run_file
-from lidarspectra.delighting import take_light_out
 from lidarspectra.errors import MaterialError
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
-from lidarspectra.hardware.room.room import find_room
+from lidarspectra.lamps.lamps import Lamp, resolve_lamps
 from lidarspectra.material.lamp_fluxes import (
     FLUXES_FILE,
     LampFlux,
@@ -20,7 +19,8 @@ from lidarspectra.material.lamp_fluxes import (
     load_lamp_fluxes,
     save_lamp_fluxes,
 )
-from lidarspectra.radiance.lamps import Lamp, resolve_lamps
+from lidarspectra.room.room import find_room
+from lidarspectra.workflow.delighting import take_light_out
 
 FLUXES = (
     LampFlux(lamp="lit 1", factor=2.0, log_deviation=0.05, told=True),

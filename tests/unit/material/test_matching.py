@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lidarspectra.colorimetry import linear_srgb_to_xyz
-from lidarspectra.databases import import_spectraldb, load_reflectances
 from lidarspectra.errors import MaterialError
 from lidarspectra.material.colors import color_difference
 from lidarspectra.material.matching import FAR_COLOR, LOGIT_RANGE, _brought_to_luminance, match_color
-from lidarspectra.reflectance_library import COLOR_GRID_NM, MAX_REFLECTANCE, ReflectanceLibrary
-from lidarspectra.spectra import Spectrum
+from lidarspectra.spectra.colorimetry import linear_srgb_to_xyz
+from lidarspectra.spectra.databases import import_spectraldb, load_reflectances
+from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, MAX_REFLECTANCE, ReflectanceLibrary
+from lidarspectra.spectra.spectrum import Spectrum
 
 channel = st.floats(min_value=0.0, max_value=1.0)
 
@@ -162,7 +162,7 @@ def test_the_estimate_beats_the_papers_matching_on_its_own_database(shared, tmp_
     assert len(library) == 885
     rows = np.arange(0, 885, 7)
     ours = errors(library, rows, "wiener").mean()
-    # all rows give 3.95 % (benchmarks/reflectance.py); every seventh may differ by two standard errors of 0.4 %
+    # all rows give 3.95 % (the benchmark); every seventh may differ by two standard errors of 0.4 %
     assert ours < 4.8
     category, grid = np.array(library.categories), (COLOR_GRID_NM >= 400) & (COLOR_GRID_NM <= 740)
     paper = []

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.colorimetry import encode_srgb
 from lidarspectra.errors import MaterialError
-from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
+from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.material.material_mesh import daylight_colors, save_material_mesh
-from lidarspectra.spectra import Spectrum
+from lidarspectra.spectra.colorimetry import encode_srgb
+from lidarspectra.spectra.spectrum import Spectrum
 
 GREY, RED = 0.5, (0.05, 0.6)
 GRID_NM = np.array([360.0, 580.0, 600.0, 800.0])

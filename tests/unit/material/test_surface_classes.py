@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from lidarspectra.databases import load_reflectances
 from lidarspectra.material.matching import match_color
 from lidarspectra.material.surface_classes import favored_surfaces, of_class, surface_class
-from lidarspectra.reflectance_library import COLOR_GRID_NM, Reflectance
-from lidarspectra.spectra import Spectrum
+from lidarspectra.spectra.databases import load_reflectances
+from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, Reflectance
+from lidarspectra.spectra.spectrum import Spectrum
 
 
 def surface(name: str, category: str = "unknown") -> Reflectance:

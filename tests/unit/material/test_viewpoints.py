@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from lidarspectra.colorimetry import decode_srgb
 from lidarspectra.errors import MaterialError
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.readers import read_scan
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.rays import RayCaster
-from lidarspectra.hardware.room.room import find_room
 from lidarspectra.material.projection import camera_towards, pixel_grid, reverse_project
 from lidarspectra.material.surface_samples import surface_samples
 from lidarspectra.material.viewpoints import (
@@ -20,6 +18,8 @@ from lidarspectra.material.viewpoints import (
     visible,
 )
 from lidarspectra.material.views import capture_image, load_views, save_views
+from lidarspectra.room.room import find_room
+from lidarspectra.spectra.colorimetry import decode_srgb
 
 from .conftest import COLORS, SIZE_M, box_scan
 

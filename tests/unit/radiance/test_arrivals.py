@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import SceneError
-from lidarspectra.hardware.phone.scan import bare_scan
-from lidarspectra.hardware.room.rays import RayCaster
-from lidarspectra.radiance import arrivals, primitives
-from lidarspectra.radiance.arrivals import read_scattering
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.radiance.sampling import arrivals
+from lidarspectra.radiance.sampling.arrivals import read_scattering
+from lidarspectra.radiance.scene import primitives
 
 MATERIALS = """# as edited by hand
 void spectrum a_slots

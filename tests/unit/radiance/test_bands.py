@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import SceneError
-from lidarspectra.radiance.bands import (
+from lidarspectra.radiance.engine.bands import (
     LAMP_FLOOR,
     SAME_SHAPE,
     BandGroup,
@@ -13,8 +13,8 @@ from lidarspectra.radiance.bands import (
     spectral_groups,
     with_floor,
 )
-from lidarspectra.radiance.engine import MAX_SPECTRAL_SLOTS
-from lidarspectra.spectra import Spectrum, sensor_bands, uniform_bands
+from lidarspectra.radiance.engine.engine import MAX_SPECTRAL_SLOTS
+from lidarspectra.spectra.spectrum import Spectrum, sensor_bands, uniform_bands
 
 BANDS = sensor_bands("as7265x-14")
 

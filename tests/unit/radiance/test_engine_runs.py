@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import EngineError
-from lidarspectra.radiance.engine import PROGRAMS, Engine, EngineJob, EngineRun, float_rows
+from lidarspectra.radiance.engine.engine import PROGRAMS, Engine, EngineJob, EngineRun, float_rows
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the stand-ins are scripts with a #! line")
 

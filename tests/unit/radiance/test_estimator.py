@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lidarspectra.radiance.bands import band_groups
-from lidarspectra.radiance.engine import EngineRun
-from lidarspectra.radiance.estimator import (
+from lidarspectra.radiance.engine.bands import band_groups
+from lidarspectra.radiance.engine.engine import EngineRun
+from lidarspectra.radiance.engine.options import PassOptions
+from lidarspectra.radiance.sampling.estimator import (
     BATCHES,
     Component,
     Task,
@@ -18,10 +19,9 @@ from lidarspectra.radiance.estimator import (
     task_job,
     wanted_samples,
 )
-from lidarspectra.radiance.options import PassOptions
-from lidarspectra.radiance.receptors import FIBONACCI, cosine_receptor
-from lidarspectra.radiance.rounds import share_done
-from lidarspectra.radiance.sensor_rays import Sensors
+from lidarspectra.radiance.sampling.receptors import FIBONACCI, cosine_receptor
+from lidarspectra.radiance.sampling.rounds import share_done
+from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
 GROUP = band_groups(3, "native")[0]
 

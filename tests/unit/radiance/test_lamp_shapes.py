@@ -5,7 +5,8 @@ import pytest
 from scipy.integrate import quad
 
 from lidarspectra.errors import LampError
-from lidarspectra.radiance.lamp_shapes import (
+from lidarspectra.lamps.lamps import Lamp, LampShape
+from lidarspectra.radiance.scene.lamp_shapes import (
     beam_exponent,
     distance_to_lamp,
     emitting_area_m2,
@@ -14,8 +15,7 @@ from lidarspectra.radiance.lamp_shapes import (
     lamp_geometry_text,
     radiance_per_flux,
 )
-from lidarspectra.radiance.lamps import Lamp, LampShape
-from lidarspectra.spectra import Spectrum
+from lidarspectra.spectra.spectrum import Spectrum
 
 FLAT = Spectrum(wavelengths_nm=[400, 700], values=[1.0, 1.0])
 

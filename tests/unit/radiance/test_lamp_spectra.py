@@ -4,8 +4,8 @@ import colour
 import numpy as np
 import pytest
 
-from lidarspectra.radiance.lamp_spectra import cct_spectrum, luminous_flux_lm, photopic_efficiency
-from lidarspectra.spectra import Spectrum
+from lidarspectra.lamps.lamp_spectra import cct_spectrum, luminous_flux_lm, photopic_efficiency
+from lidarspectra.spectra.spectrum import Spectrum
 
 
 def line(wavelength_nm: float) -> Spectrum:

@@ -7,8 +7,8 @@ import pytest
 
 from lidarspectra.config import LampSection, LampsFromScanSection
 from lidarspectra.errors import DatabaseError, LampError
-from lidarspectra.radiance.lamp_spectra import luminous_flux_lm
-from lidarspectra.radiance.lamps import Lamp, lamps_from_lit, resolve_lamps
+from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
+from lidarspectra.lamps.lamps import Lamp, lamps_from_lit, resolve_lamps
 
 HERE = Path()
 

@@ -8,10 +8,10 @@ from pyldt import Ldt, LdtHeader, LdtWriter
 
 from lidarspectra.config import LampSection
 from lidarspectra.errors import LampError
-from lidarspectra.radiance.ies import read_ies
-from lidarspectra.radiance.lamp_spectra import luminous_flux_lm
-from lidarspectra.radiance.lamps import resolve_lamps
-from lidarspectra.radiance.ldt import ies_text_of_ldt
+from lidarspectra.lamps.ies import read_ies
+from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
+from lidarspectra.lamps.lamps import resolve_lamps
+from lidarspectra.lamps.ldt import ies_text_of_ldt
 
 PLANES = np.arange(0.0, 360.0, 15.0)
 ANGLES = np.arange(0.0, 91.0, 5.0)

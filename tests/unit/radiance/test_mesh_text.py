@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 from lidarspectra.errors import SceneError
-from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
-from lidarspectra.radiance.mesh_text import corner_normals, mesh_text, read_mesh_text
+from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
+from lidarspectra.radiance.scene.mesh_text import corner_normals, mesh_text, read_mesh_text
 
 
 def scan_of(vertices: np.ndarray, faces: np.ndarray) -> Scan:

@@ -7,11 +7,11 @@ import pytest
 import trimesh
 
 from lidarspectra.errors import ArrayError, SceneError
-from lidarspectra.hardware.phone.scan import bare_scan
-from lidarspectra.hardware.room.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.material.material_map import Material
-from lidarspectra.radiance.obstacles import Obstacle
-from lidarspectra.spectra import Spectrum
+from lidarspectra.radiance.obstacles.obstacles import Obstacle
+from lidarspectra.spectra.spectrum import Spectrum
 
 CLOTH = Material(
     name="cloth",

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
-from lidarspectra.radiance.lamps import Lamp
-from lidarspectra.radiance.placement import placement_notes
-from lidarspectra.spectra import Spectrum
+from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.radiance.scene.placement import placement_notes
+from lidarspectra.spectra.spectrum import Spectrum
 
 
 @pytest.fixture(scope="module")

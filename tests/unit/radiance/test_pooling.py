@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from lidarspectra.radiance.arrivals import Scattering, Surfaces
-from lidarspectra.radiance.pooling import PooledPaths, draw_pooled_paths, sort_into_cells
-from lidarspectra.radiance.receptors import cosine_receptor
-from lidarspectra.radiance.sensor_rays import Sensors
+from lidarspectra.radiance.sampling.arrivals import Scattering, Surfaces
+from lidarspectra.radiance.sampling.pooling import PooledPaths, draw_pooled_paths, sort_into_cells
+from lidarspectra.radiance.sampling.receptors import cosine_receptor
+from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
 BATCHES = 3
 REFLECTANCES = (0.8, 0.1)  # of the box's walls in turn

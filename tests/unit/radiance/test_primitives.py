@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ArrayError, SceneError
-from lidarspectra.radiance import primitives
-from lidarspectra.radiance.bands import band_groups
-from lidarspectra.radiance.primitives import Color
+from lidarspectra.radiance.engine.bands import band_groups
+from lidarspectra.radiance.scene import primitives
+from lidarspectra.radiance.scene.primitives import Color
 
 NATIVE = band_groups(3, "native")[0]
 RGB = band_groups(3, "rgb")[0]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import EngineError
-from lidarspectra.radiance.engine import EngineRun
-from lidarspectra.radiance.ray_trees import covered_by_ancestor, read_ray_trees
+from lidarspectra.radiance.engine.engine import EngineRun
+from lidarspectra.radiance.engine.ray_trees import covered_by_ancestor, read_ray_trees
 
 SLOTS = 3
 Ray = tuple[int, float, float, np.ndarray, np.ndarray]  # ancestors, weight, length, coefficient, contribution

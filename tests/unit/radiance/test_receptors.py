@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import SensorError
-from lidarspectra.radiance.receptors import (
+from lidarspectra.radiance.sampling.receptors import (
     FIBONACCI,
     Receptor,
     cone_receptor,

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from lidarspectra.errors import EngineError
-from lidarspectra.radiance.engine import Engine, EngineRun, find_engine
-from lidarspectra.radiance.sky import TABLES_FOLDER, Daylight, compute_sky
+from lidarspectra.radiance.engine.engine import Engine, EngineRun, find_engine
+from lidarspectra.radiance.scene.sky import TABLES_FOLDER, Daylight, compute_sky
 
 NOON = Daylight(latitude_deg=48.0, longitude_deg=11.0, time=datetime(2024, 6, 21, 11, tzinfo=UTC))
 

@@ -5,10 +5,10 @@ import pytest
 
 from lidarspectra.errors import MaterialError
 from lidarspectra.material.material_map import Material
-from lidarspectra.radiance.bands import band_groups
-from lidarspectra.radiance.primitives import Color
-from lidarspectra.radiance.surfaces import LEAST_ROUGHNESS, surface_slots, surface_text, transmissivity
-from lidarspectra.spectra import Spectrum, uniform_bands
+from lidarspectra.radiance.engine.bands import band_groups
+from lidarspectra.radiance.scene.primitives import Color
+from lidarspectra.radiance.scene.surfaces import LEAST_ROUGHNESS, surface_slots, surface_text, transmissivity
+from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
 
 GROUP = band_groups(3, "rgb")[0]
 RHO = np.array([0.2, 0.5, 0.7])

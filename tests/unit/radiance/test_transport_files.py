@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from lidarspectra.errors import WorkspaceError
-from lidarspectra.radiance.transport import SCHEMA, load_transport, save_transport
+from lidarspectra.radiance.sampling.transport import SCHEMA, load_transport, save_transport
 
 
 def test_a_missing_file_is_said(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import polygamma
 
-from lidarspectra.radiance.uncertainty import (
+from lidarspectra.radiance.sampling.uncertainty import (
     _inverse_trigamma,
     independent_points,
     pool_variances,

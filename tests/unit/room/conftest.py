@@ -10,7 +10,7 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
-from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
+from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 
 Floats = NDArray[np.float64]
 WHITE = (150, 150, 148)

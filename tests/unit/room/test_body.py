@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from lidarspectra.errors import ArrayError
-from lidarspectra.hardware.room.body import FACES, PARTS, POSTURES, BodyMesh, body_mesh
+from lidarspectra.mapping.localization.body import FACES, PARTS, POSTURES, BodyMesh, body_mesh
 
 AVERAGE_INDEX = 23.0  # [kg/m²] body mass index of build 1
 DENSITY = 1010.0  # [kg/m³] of a body

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from trimesh.triangles import closest_point
 
-from lidarspectra.hardware.room.free_space import FreeSpace, sample_faces, sphere_directions
-from lidarspectra.hardware.room.room import find_room
+from lidarspectra.room.free_space import FreeSpace, sample_faces, sphere_directions
+from lidarspectra.room.room import find_room
 
 
 def furnished(builder, noise_m: float = 0.008):

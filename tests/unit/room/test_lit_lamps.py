@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ArrayError
-from lidarspectra.hardware.room.free_space import FreeSpace
-from lidarspectra.hardware.room.room import find_room
 from lidarspectra.material.lit_lamps import LitLamp, find_lit_lamps, search_lit_lamps
 from lidarspectra.material.outline_fit import fit_outline
 from lidarspectra.material.plane_picture import PlaneFrame
+from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.room import find_room
 
 NOISE_M = 0.005  # [m] of the mesh
 PLACE_M = 0.01  # [m] two pixels of the painted texture
@@ -218,9 +218,9 @@ def test_an_outline_is_fitted_to_a_ragged_patch(shape, size, turn) -> None:
 
 
 def test_axes_of_a_plane_are_those_of_a_lamp_rotation() -> None:
-    from lidarspectra.radiance.lamp_shapes import lamp_axes
-    from lidarspectra.radiance.lamps import Lamp
-    from lidarspectra.spectra import Spectrum
+    from lidarspectra.lamps.lamps import Lamp
+    from lidarspectra.radiance.scene.lamp_shapes import lamp_axes
+    from lidarspectra.spectra.spectrum import Spectrum
 
     flux = Spectrum(wavelengths_nm=np.array([400.0, 700.0]), values=np.ones(2))
     for normal in ([0, 0, -1.0], [0, -1.0, 0], [1.0, 0, 0], [-1.0, 0, 0], [0.6, 0.8, 0]):

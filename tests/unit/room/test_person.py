@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.databases import load_reflectances
 from lidarspectra.errors import SensorError
-from lidarspectra.hardware.phone.scan import Scan, bare_scan
-from lidarspectra.hardware.room.body import PARTS
-from lidarspectra.hardware.room.free_space import FreeSpace
-from lidarspectra.hardware.room.person import (
+from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.mapping.localization.body import PARTS
+from lidarspectra.mapping.localization.person import (
     HAIRS,
     LOWERS,
     SHOES,
@@ -24,7 +22,9 @@ from lidarspectra.hardware.room.person import (
     read_positions,
     standing_faults,
 )
-from lidarspectra.hardware.room.room import Room
+from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.room import Room
+from lidarspectra.spectra.databases import load_reflectances
 
 
 def drawn(count: int, **more: object) -> list[Person]:

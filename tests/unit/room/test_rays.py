@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ArrayError
-from lidarspectra.hardware.room.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster
 
 
 def test_a_ray_meets_the_nearest_face_at_the_point_that_its_weights_name(builder) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ArrayError, ScanError
-from lidarspectra.hardware.room.room import Room, find_room, load_room, save_room
+from lidarspectra.room.room import Room, find_room, load_room, save_room
 
 NOISE_M = 0.008  # [m] of a phone's mesh
 PLAN_TOLERANCE_M2 = 0.05  # [1] of the area: outlines keep corners to 5 cm, walls are noisy to 1 cm

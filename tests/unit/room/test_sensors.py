@@ -5,10 +5,10 @@ import pytest
 
 from lidarspectra.config import GridSection, SensorsSection
 from lidarspectra.errors import SensorError
-from lidarspectra.hardware.room.free_space import FreeSpace
-from lidarspectra.hardware.room.rays import RayCaster
-from lidarspectra.hardware.room.room import find_room
-from lidarspectra.radiance.sensors import grid_points, place_points, read_points, sensor_points
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.room import find_room
+from lidarspectra.room.sensor_points import grid_points, place_points, read_points, sensor_points
 
 CABINET = ([3.4, 0.8, 0.0], [4.0, 2.4, 1.1])
 

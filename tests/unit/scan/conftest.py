@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from lidarspectra.hardware.phone.scan import Appearance, Scan, ScanRecord
+from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 
 ROOM_SIZE_M = (4.0, 3.0, 2.6)
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone import flat_patches
 from lidarspectra.hardware.phone.flat_patches import find_flat_patches
 from lidarspectra.hardware.phone.flattening import flatten_scan
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.rays import RayCaster
-from lidarspectra.mapping.report_tables import scan_table
+from lidarspectra.mapping.report.report_tables import scan_table
 
 MakeScan = Callable[[np.ndarray, np.ndarray], Scan]
 SIZE_M = np.array([2.0, 1.6, 1.2])
@@ -203,9 +203,7 @@ def with_strays(room: Scan, plain_scan: MakeScan, triangles: list[list[list[floa
 
 
 @pytest.mark.parametrize("side_m", [0.05, 0.42, 0.8])  # below, at and above the least area of a patch
-def test_a_free_triangle_is_a_plane_or_none_and_never_an_error(
-    room: Scan, plain_scan: MakeScan, side_m: float
-) -> None:
+def test_a_free_triangle_is_a_plane_or_none_and_never_an_error(room: Scan, plain_scan: MakeScan, side_m: float) -> None:
     stray = [[0.0, 0.0, -0.2], [side_m, 0.0, -0.2], [0.0, side_m, -0.2]]
     flat = flatten_scan(with_strays(room, plain_scan, [stray]))
     assert flat.record.flat_planes == (7 if 0.5 * side_m**2 > flat_patches.LEAST_PATCH_M2 else 6)

@@ -10,8 +10,8 @@ import trimesh
 from PIL import Image
 
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.readers import read_scan
-from lidarspectra.hardware.phone.scan import Scan
 
 CASES = 50
 
@@ -121,7 +121,7 @@ def test_a_file_cut_off_anywhere_in_its_data_is_never_read_as_whole(
 
 
 def test_damaged_images_give_an_image_or_our_error() -> None:
-    from lidarspectra.hardware.phone.textures import decode_image
+    from lidarspectra.geometry.textures import decode_image
 
     image = Image.fromarray(np.random.default_rng(3).integers(0, 255, (24, 24, 3), dtype=np.uint8))
     rng = np.random.default_rng(2025)

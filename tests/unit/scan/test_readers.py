@@ -11,12 +11,12 @@ import pytest
 import trimesh
 from PIL import Image
 
-from lidarspectra.colorimetry import decode_srgb
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone import raw_mesh
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
-from lidarspectra.hardware.phone.scan import Scan
+from lidarspectra.spectra.colorimetry import decode_srgb
 
 SHARED = Path(os.environ.get("LIDARSPECTRA_SHARED", Path(__file__).parents[4] / "shared"))
 MEETING_ROOM = SHARED / "data" / "scans" / "meeting-room" / "poly.glb"

@@ -8,14 +8,14 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lidarspectra.colorimetry import encode_srgb
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.facing import connected_pieces
 from lidarspectra.hardware.phone.holes import MAX_LOOP, find_loops, longest_extent, triangulate_loop
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import merged_numbers, repair_scan
-from lidarspectra.hardware.phone.scan import Scan
-from lidarspectra.hardware.room.rays import RayCaster
+from lidarspectra.spectra.colorimetry import encode_srgb
 
 MakeScan = Callable[[np.ndarray, np.ndarray], Scan]
 EYE = np.array([0.9, 0.3, 1.5])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ArrayError, ScanError
+from lidarspectra.geometry.scan import MESH_FILE, RECORD_FILE, Scan, load_scan, save_scan
 from lidarspectra.hardware.phone.readers import read_scan
-from lidarspectra.hardware.phone.scan import MESH_FILE, RECORD_FILE, Scan, load_scan, save_scan
 
 
 @pytest.fixture

@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from lidarspectra.colorimetry import decode_srgb, encode_srgb
 from lidarspectra.errors import ScanError
-from lidarspectra.hardware.phone.textures import (
+from lidarspectra.geometry.textures import (
     MAX_IMAGE_PIXELS,
     decode_image,
     mean_texture_colors,
@@ -18,6 +17,7 @@ from lidarspectra.hardware.phone.textures import (
     subdivision_barycentrics,
     tint_image,
 )
+from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 
 
 def encoded(image: Image.Image, kind: str = "PNG") -> bytes:

@@ -36,7 +36,7 @@ from lidarspectra.hardware.sensor.readings import (
     write_readings,
 )
 from lidarspectra.hardware.sensor.reference_files import reference_from_file, unit_scale
-from lidarspectra.spectra import AS7265X_CENTERS_NM, Spectrum
+from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, Spectrum
 
 NOMINAL, _ = nominal_responsivity()
 DIES_OFF = np.array([4.0, 1.0, 0.7])[DIE_INDEX]  # as a real device's three dies disagree

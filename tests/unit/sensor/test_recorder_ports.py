@@ -80,7 +80,7 @@ def test_a_bad_cable_on_a_real_port_is_survived(tmp_path: Path) -> None:
 
 RECORDER = """
 import sys
-from lidarspectra.sensor_cli import app
+from lidarspectra.cli.sensor import app
 app(["record", sys.argv[1], "--out", sys.argv[2]])
 """
 

@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
+from lidarspectra.cli.sensor import app
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.hardware.virtual.emulator import AtModule, Device, SketchBoard
 from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
 from lidarspectra.hardware.virtual.faults import FaultyWire
-from lidarspectra.sensor_cli import app
 
 
 def call(*words: object) -> Result:

@@ -1,0 +1,325 @@
+"""The command line: one command a stage, and run, demo, init, relight, databases, doctor.
+
+Exit status: 0 done; 1 an error of ours, one paragraph; 2 a command that was not understood. Libraries that take
+long to load are imported inside the commands, so that `--help` answers at once.
+"""
+
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+from typer.core import TyperGroup
+
+from lidarspectra.cli import databases as databases_cli
+from lidarspectra.cli import fingerprints as fingerprints_cli
+from lidarspectra.cli import localize as localize_cli
+from lidarspectra.cli import photocurrent as photocurrent_cli
+from lidarspectra.cli import photometry as photometry_cli
+from lidarspectra.cli import relight as relight_cli
+from lidarspectra.cli import sensor as sensor_cli
+from lidarspectra.cli.options import ClusterOption, OutOption, RunFileArgument, WorkersOption
+from lidarspectra.cli.terminal import console, say, shown, tell
+from lidarspectra.errors import LidarSpectraError
+from lidarspectra.progress import remaining_words
+from lidarspectra.workflow.workspace import STAGES, StageName
+
+if TYPE_CHECKING:
+    from lidarspectra.progress import Progress as Report
+    from lidarspectra.workflow.pipeline import RunSummary
+    from lidarspectra.workflow.workspace import StageResult
+
+
+class _Commands(TyperGroup):
+    """The commands. Typer ends an interrupted one without a word; here it says what was kept."""
+
+    def invoke(self, ctx: Any) -> Any:  # the type of its context differs between versions of typer
+        """Run the command that was asked for."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as cause:
+            runs = ctx.invoked_subcommand in ("run", "demo", "fingerprints", *STAGES)
+            kept = "Finished stages are kept; the same command resumes after them." if runs else ""
+            messages.print(Text.assemble(("Interrupted. ", "bold red"), kept))
+            raise typer.Exit(1) from cause
+
+
+app = typer.Typer(
+    cls=_Commands,
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Maps of the light spectrum in a room, from a phone's LiDAR scan, by Radiance.",
+)
+app.add_typer(databases_cli.app, name="databases")
+app.add_typer(sensor_cli.app, name="sensor")
+app.command("relight", context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(relight_cli.relight)
+app.command("photometry")(photometry_cli.photometry)
+app.command("photocurrent")(photocurrent_cli.photocurrent)
+app.add_typer(photocurrent_cli.app, name="cells")
+app.command("fingerprints")(fingerprints_cli.fingerprints)
+app.add_typer(localize_cli.app, name="localize")
+messages = Console(stderr=True, highlight=False)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        console.print(f"lidarspectra {version('lidarspectra')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Take the options that belong to no command."""
+
+
+def main() -> None:
+    """Run the command line; the entry point of `lidarspectra`."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a Windows console may be in a code page without '²' or '∫'
+            stream.reconfigure(errors="replace")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a polite end by the system is an interruption too
+    try:
+        app()
+    except LidarSpectraError as error:
+        messages.print(Text.assemble(("Error: ", "bold red"), str(error)))
+        sys.exit(1)
+
+
+class _ConsoleListener:
+    """Draws a bar for the stage in work, and a line for each that is done."""
+
+    def __init__(self, bar: Progress) -> None:
+        self._bar = bar
+        self._task = bar.add_task("", total=1.0, words="")
+
+    def start(self, stage: StageName) -> "Report":
+        """Begin a bar."""
+        self._bar.reset(self._task, total=1.0, description=f"{STAGES.index(stage) + 1} {stage}", words="")
+
+        begun = time.monotonic()
+
+        def report(fraction: float, message: str) -> None:
+            left = remaining_words(time.monotonic() - begun, fraction)
+            self._bar.update(self._task, completed=fraction, words=f"{message}; {left}" if left else message)
+
+        return report
+
+    def finish(self, result: "StageResult[Any]") -> None:
+        """Write the stage's line and its warnings."""
+        record = result.record
+        number = STAGES.index(record.stage) + 1
+        took = "kept" if result.was_fresh else f"{record.seconds:.1f} s"
+        self._bar.console.print(Text(f"{number} {record.stage:<10} {took:>8}   {record.summary}"))
+        for warning in record.warnings:
+            self._bar.console.print(Text.assemble("    ", ("note: ", "yellow"), warning))
+
+
+def _run(
+    run_file: Path,
+    out: Path | None,
+    *,
+    first: StageName | None = None,
+    last: StageName = "report",
+    workers: int | None = None,
+    cluster: str | None = None,
+) -> "RunSummary":
+    from lidarspectra.config import read_run_file
+
+    read_run_file(run_file)  # a slip of the pen is told before the libraries load, which takes seconds
+    from lidarspectra.workflow.pipeline import run
+
+    columns = (
+        SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}"),
+        TimeElapsedColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        return run(
+            run_file,
+            out,
+            first=first,
+            last=last,
+            workers=workers,
+            cluster=cluster,
+            listener=_ConsoleListener(bar),
+        )
+
+
+def _stage_name(text: str) -> StageName:
+    for stage in STAGES:
+        if text == stage:
+            return stage
+    raise typer.BadParameter(f"'{text}' is no stage; the stages are {', '.join(STAGES)}")
+
+
+@app.command("run")
+def run_command(
+    run_file: RunFileArgument,
+    out: OutOption = None,
+    start: Annotated[
+        StageName | None, typer.Option("--from", metavar="STAGE", help="Make this stage and all after it again.")
+    ] = None,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say which stages would be made; make none.")] = False,
+) -> None:
+    """Make maps and a report from a run file: all stages that are not up to date."""
+    if dry_run:
+        _show_plan(run_file, out, start)
+        return
+    _show_summary(_run(run_file, out, first=start, workers=workers, cluster=cluster))
+
+
+def _show_plan(run_file: Path, out: Path | None, start: StageName | None) -> None:
+    from lidarspectra.workflow.pipeline import plan
+
+    for stage, state in plan(run_file, out, first=start).items():
+        console.print(Text(f"{STAGES.index(stage) + 1} {stage:<10} {state}"))
+
+
+def _show_summary(summary: "RunSummary") -> None:
+    table = Table(title="Stages", title_justify="left", box=None, pad_edge=False, header_style="bold")
+    table.add_column("stage")
+    table.add_column("time", justify="right")
+    table.add_column("memory", justify="right")
+    for record in summary.records:  # what each made was said when it was done
+        table.add_row(record.stage, f"{record.seconds:.1f} s", f"{record.peak_memory_mib:.0f} MiB")
+    seconds = sum(record.seconds for record in summary.records)
+    memory = max(record.peak_memory_mib for record in summary.records)
+    table.add_row("total", f"{seconds:.1f} s", f"{memory:.0f} MiB", style="bold")
+    console.print()
+    console.print(table)
+    if "map" in summary.results:
+        console.print()
+        from lidarspectra.mapping.report.report_tables import bands_table
+
+        console.print(shown(bands_table(summary.results["map"].value)))
+    if summary.report is not None:
+        console.print()
+        console.print(Text.assemble("Report: ", (str(summary.report), "bold")), soft_wrap=True)
+
+
+def _add_stage_command(stage: StageName, text: str) -> None:
+    def command(run_file: RunFileArgument, out: OutOption = None) -> None:
+        _run(run_file, out, last=stage)
+
+    command.__doc__ = text
+    app.command(stage, rich_help_panel="One stage (and those before it that are not up to date)")(command)
+
+
+for _stage, _text in (
+    ("scan", "1: read the scan, repair it, find floor, walls and ceiling."),
+    ("views", "2: look around in the scan until its surfaces are covered (Algorithm 1)."),
+    ("materials", "3: give every surface a reflectance spectrum."),
+    ("scene", "4: write the room as a Radiance model."),
+    ("trace", "5: trace each lamp's light to the sensor points."),
+    ("map", "6: make the spectral map."),
+    ("report", "7: make figures, tables and the report page."),
+):
+    _add_stage_command(_stage_name(_stage), _text)
+
+
+@app.command()
+def demo(
+    folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where the demo room and its run go.")] = Path(
+        "lidarspectra-demo"
+    ),
+) -> None:
+    """Run the whole chain on a room that comes with the package: 3 m x 3 m, two panels, 176 points."""
+    from lidarspectra.workflow.inputs import copy_scene
+
+    _show_summary(_run(copy_scene("office", folder), None))
+
+
+@app.command()
+def init(
+    scan: Annotated[Path, typer.Argument(metavar="SCAN", help="GLB, glTF, OBJ, PLY, STL or USDZ.", show_default=False)],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="ROOM.toml", help="The run file; SCAN's name with .toml by default.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a run file that is there.")] = False,
+) -> None:
+    """Write a run file for a scan: unit, axes, lamps and a sensor grid, for you to edit."""
+    from lidarspectra.workflow.init_file import write_init
+
+    summary = write_init(scan, out or scan.with_suffix(".toml"), force=force)
+    for line in summary.lines():
+        say(line)
+
+
+@app.command()
+def evaluate(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A finished run folder.", show_default=False)],
+    measured: Annotated[
+        Path, typer.Option("--measured", metavar="FILE.csv", help="x, y, z and E_410 ...: see 'sensor join'.")
+    ],
+    within: Annotated[
+        float, typer.Option("--within", metavar="M", min=0.0, help="Farthest reading from a point.")
+    ] = 0.15,
+    scale: Annotated[
+        Literal["none", "one", "die", "channel"], typer.Option("--scale", help="Fit factors on the readings first.")
+    ] = "none",
+    unit: Annotated[
+        Literal["W/m2/nm", "uW/cm2", "counts"], typer.Option("--unit", help="Of the readings.")
+    ] = "W/m2/nm",
+) -> None:
+    """Compare a run's map with measured readings: NRMSE and MAPE as in the paper, by map and by channel."""
+    from lidarspectra.workflow.evaluation import draw_evaluation, evaluate_run, save_evaluation
+
+    evaluation = evaluate_run(run, measured, within_m=within, scale=scale, unit=unit)
+    for note in evaluation.notes:
+        tell(note)
+    for table in (evaluation.table, evaluation.bands):
+        console.print(shown(table))
+        console.print()
+    folder = save_evaluation(evaluation, run / "evaluation")
+    draw_evaluation(evaluation, run, folder)
+    say(f"Tables and maps: {folder}")
+
+
+@app.command()
+def verify(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder; it may have moved.", show_default=False)],
+    inputs: Annotated[
+        Path | None, typer.Option("--inputs", metavar="DIR", help="Folder of the run file; found if beside the run.")
+    ] = None,
+) -> None:
+    """Compare inputs, databases, scene files and results with the hashes in a run's record; 1 if any differs."""
+    from lidarspectra.workflow.verify import verify_run
+
+    verification = verify_run(run, inputs=inputs)
+    for line in verification.lines():
+        say(line)
+    for finding in verification.differences:
+        console.print(Text.assemble(("differs: ", "bold red"), str(finding)), soft_wrap=True)
+    for note in verification.notes:
+        tell(note)
+    if verification.differences:
+        raise typer.Exit(1)
+
+
+@app.command()
+def doctor() -> None:
+    """Check the engine and the libraries, and say what to do where something is wrong."""
+    from lidarspectra.workflow.doctor import examine
+
+    findings = examine()
+    for finding in findings:
+        mark = Text("ok   ", "green") if finding.good else Text("wrong", "bold red")
+        console.print(Text.assemble(mark, f" {finding.subject:<22} {finding.value}"), soft_wrap=True)
+        if not finding.good:
+            say(f"      {finding.todo}")
+    if not all(finding.good for finding in findings):
+        raise typer.Exit(1)

@@ -1,0 +1,234 @@
+"""`lidarspectra localize train | test | score | live | place`."""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from lidarspectra.cli.interruption import until_interrupted
+from lidarspectra.cli.terminal import console, say, shown, tell
+
+if TYPE_CHECKING:
+    from lidarspectra.hardware.sensor.as7265x import SensorSettings
+    from lidarspectra.mapping.localization.location_model import TrainingSettings
+    from lidarspectra.progress import Progress as Report
+    from lidarspectra.workflow.localization_jobs import LocationReport
+
+app = typer.Typer(no_args_is_help=True, help="Where somebody stands, from what fixed spectral sensors read.")
+
+ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="What 'train' wrote.", show_default=False)]
+PositionsOption = Annotated[
+    Path | None,
+    typer.Option("--positions", metavar="FILE.csv", help="name,x,y and, if need be, z: where the places are (m)."),
+]
+MinCountOption = Annotated[
+    float, typer.Option("--min-count", min=0.0, help="Channels whose reference reads less are left out.")
+]
+MethodName = Literal["network", "discriminant", "neighbours", "ridge"]
+
+
+@app.command()
+def train(
+    fingerprints: Annotated[
+        list[Path],
+        typer.Argument(metavar="FINGERPRINTS...", help="Of 'fingerprints', or CSV of readings.", show_default=False),
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="MODEL_DIR", help="Where the model goes.", show_default=False)],
+    positions: PositionsOption = None,
+    min_count: MinCountOption = 10.0,
+    gain: Annotated[float | None, typer.Option("--gain", help="Of the sensors: 1, 3.7, 16 or 64.")] = None,
+    integration: Annotated[float | None, typer.Option("--integration", metavar="MS", help="2.8 to 714 ms.")] = None,
+    copies: Annotated[int, typer.Option("--copies", min=1, help="Readings drawn from each fingerprint.")] = 20,
+    drift: Annotated[
+        float,
+        typer.Option("--drift", metavar="PERCENT", min=0.0, help="Of a sensor's reading since its reference was read."),
+    ] = 0.3,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of what is drawn.")] = 0,
+) -> None:
+    """Learn where somebody stands from fingerprints, traced or measured."""
+    from lidarspectra.cli.sensor_options import settings_given
+    from lidarspectra.workflow.localization_jobs import train_from_files
+
+    device = settings_given(gain, integration)
+    settings = _training_settings(min_count, copies=copies, drift=drift / 100.0, seed=seed, device=device)
+    with _bar() as report:
+        model = train_from_files(fingerprints, out, positions=positions, settings=settings, seed=seed, progress=report)
+    usable = model.space.usable
+    console.print(
+        f"{len(model.places)} places, {len(model.space.sensors)} sensors, {model.space.count} of {usable.size} channels"
+        f" bright enough; kept in {out}",
+        soft_wrap=True,
+    )
+    if not model.places.has_positions:
+        from lidarspectra.workflow.localization_jobs import NO_METRES_NOTE
+
+        tell(NO_METRES_NOTE)
+
+
+@app.command("test")
+def try_model(
+    model: ModelArgument,
+    readings: Annotated[
+        list[Path], typer.Argument(metavar="READINGS...", help="Labelled readings.", show_default=False)
+    ],
+    positions: PositionsOption = None,
+    against: Annotated[
+        Literal["own", "running", "trained"],
+        typer.Option(
+            "--against",
+            help="Compare with the readings' own empty room or median, with the running median that 'live' takes, or"
+            " with the reference that was trained with.",
+        ),
+    ] = "own",
+    run: Annotated[Path | None, typer.Option("--run", metavar="RUN", help="A run, for walls and furniture.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: MODEL_DIR/test.")] = None,
+) -> None:
+    """Say how far off a model is on labelled readings: percentiles, curve, map of errors, top-k."""
+    from lidarspectra.workflow.localization_jobs import errors_from_files
+
+    _show(errors_from_files(model, readings, out or model / "test", positions=positions, against=against, run=run))
+
+
+@app.command()
+def score(
+    nights: Annotated[
+        list[Path], typer.Argument(metavar="NIGHT...", help="Labelled readings in order of time.", show_default=False)
+    ],
+    positions: PositionsOption = None,
+    min_count: MinCountOption = 10.0,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where tables go.")] = Path("localization-score"),
+) -> None:
+    """Learn and test within each measured night, split in time, and from every night to every other."""
+    from lidarspectra.workflow.localization_jobs import score_nights
+
+    with _bar() as report:
+        found = score_nights(nights, out, positions=positions, settings=_training_settings(min_count), progress=report)
+    _show(found)
+
+
+@app.command()
+def live(
+    model: ModelArgument,
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SOURCE",
+            help="PORT of a hub or FILE recorded of it; or SENSOR=PORT or SENSOR=LOG of each sensor.",
+            show_default=False,
+        ),
+    ],
+    empty: Annotated[
+        Path | None, typer.Option("--empty", metavar="FILE", help="Readings of the empty room, as a reference.")
+    ] = None,
+    method: Annotated[MethodName, typer.Option("--method", help="How to tell.")] = "network",
+    period: Annotated[float, typer.Option("--period", metavar="S", min=0.01, help="Between frames.")] = 1.0,
+    max_age: Annotated[float, typer.Option("--max-age", metavar="S", min=0.01, help="Older readings are missing.")] = 5,
+    window: Annotated[
+        int, typer.Option("--window", min=1, help="Frames of the running median, without --empty.")
+    ] = 600,
+    first: Annotated[
+        int | None,
+        typer.Option("--first", min=1, help="Frames until it is believed; 60, or the window where that is shorter."),
+    ] = None,
+    average: Annotated[int, typer.Option("--average", min=1, help="Latest frames to average.")] = 1,
+    frames: Annotated[int | None, typer.Option("--frames", min=1, help="Stop after so many.")] = None,
+    baud: Annotated[int | None, typer.Option("--baud", help="Default: 115200.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Write the track there.")] = None,
+) -> None:
+    """Say where somebody is as readings come in, from ports or recordings, until Ctrl-C or their end."""
+    from lidarspectra.io.files import write_whole
+    from lidarspectra.mapping.localization.live import LiveSettings
+    from lidarspectra.mapping.localization.running_reference import FIRST_FRAMES, MedianWindow
+    from lidarspectra.workflow.localization_jobs import TRACK_COLUMNS, follow, live_frames, track_row
+
+    median = MedianWindow(frames=window, first=min(FIRST_FRAMES, window) if first is None else first)
+    settings = LiveSettings(method=method, window=median, average=average)
+    rows = [",".join(TRACK_COLUMNS) + "\n"]
+    with until_interrupted() as stopped:
+        given = live_frames(sources, period_s=period, max_age_s=max_age, stop=stopped, baud=baud)
+        for number, fix in enumerate(follow(model, given, settings=settings, empty=empty)):
+            x, y = fix.position_m
+            where = f"  ({x:.2f}, {y:.2f}) ± {fix.spread_m:.2f} m" if math.isfinite(x) else ""
+            line = f"{fix.time_s:.1f} s  {fix.label}  {100 * fix.probability:.0f} %{where}"
+            say(line)
+            rows.append(track_row(fix))
+            if stopped() or number + 1 == frames:
+                break
+    if len(rows) == 1:
+        tell(f"no fix: the running median needs {first} frames (--first), or give --empty")
+    if out is not None:
+        write_whole(out, "".join(rows))
+        say(f"Track: {out}")
+
+
+@app.command()
+def place(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FINGERPRINTS|RUN", help="Choose to localize best, or to rebuild the map best.", show_default=False
+        ),
+    ],
+    count: Annotated[int, typer.Option("--count", min=1, help="Sensors to choose.")] = 8,
+    positions: PositionsOption = None,
+    lamp_spread: Annotated[float, typer.Option("--lamp-spread", min=0.0, help="RUN: how far a lamp may be off.")] = 0.1,
+    error: Annotated[float, typer.Option("--error", min=0.0, help="RUN: how far the map may be off.")] = 0.1,
+    length: Annotated[float, typer.Option("--length", metavar="M", min=0.01, help="RUN: how far that is alike.")] = 1.0,
+    noise: Annotated[float, typer.Option("--noise", min=1e-4, help="RUN: of a reading, relative.")] = 0.02,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where table and curve go.")] = Path(
+        "sensor-places"
+    ),
+) -> None:
+    """Choose places for sensors one after the other, each the one that gains most; the curve says how many suffice."""
+    from lidarspectra.workflow.localization_jobs import MapDoubts, place_to_locate, place_to_rebuild
+
+    if source.is_dir():
+        doubts = MapDoubts(lamp_spread=lamp_spread, error=error, length_m=length, noise=noise)
+        _show(place_to_rebuild(source, count, out, doubts))
+    else:
+        _show(place_to_locate(source, count, out, positions=positions))
+
+
+def _training_settings(
+    min_count: float,
+    *,
+    copies: int = 20,
+    drift: float = 0.003,
+    seed: int = 0,
+    device: "SensorSettings | None" = None,
+) -> "TrainingSettings":
+    from lidarspectra.mapping.localization.augmentation import Augmentation
+    from lidarspectra.mapping.localization.features import FeatureSettings
+    from lidarspectra.mapping.localization.location_model import TrainingSettings
+    from lidarspectra.mapping.localization.locators import NetworkSettings
+
+    return TrainingSettings(
+        features=FeatureSettings(min_count=min_count),
+        augmentation=Augmentation(copies=copies, drift=drift),
+        network=NetworkSettings(seed=seed),
+        device=device,
+    )
+
+
+def _show(report: "LocationReport") -> None:
+    console.print(shown(report.tables[0]))
+    for note in report.notes:
+        tell(note)
+    say(f"Tables and figures: {report.folder}")
+
+
+@contextmanager
+def _bar() -> "Iterator[Report]":
+    """A bar on the terminal; silent where there is none."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=1.0)
+
+        def report(fraction: float, message: str) -> None:
+            bar.update(task, completed=fraction, description=message)
+
+        yield report

@@ -1,0 +1,163 @@
+"""`lidarspectra photocurrent RUN --cell NAME`, and `lidarspectra cells list | place | predict | fit`."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from lidarspectra.cli.terminal import console, say, shown, tell
+
+app = typer.Typer(no_args_is_help=True, help="Solar cells: which there are, the best place, and what sensors tell.")
+
+RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="A finished run folder.", show_default=False)]
+CellOption = Annotated[
+    str, typer.Option("--cell", metavar="NAME|FILE", help="See 'cells list'; or a CSV of λ and EQE.")
+]
+AreaOption = Annotated[
+    float | None, typer.Option("--area", metavar="CM2", min=1e-6, help="Area of the cell (cm²).", show_default=False)
+]
+ScaleOption = Annotated[
+    float, typer.Option("--scale", metavar="FACTOR", min=0.0, help="On the cell's curve, from a calibration.")
+]
+LampKind = Literal["led", "fluorescent", "discharge", "incandescent", "daylight"]
+
+
+def photocurrent(
+    run: RunArgument,
+    cell: CellOption,
+    area: AreaOption = None,
+    scale: ScaleOption = 1.0,
+    hours: Annotated[
+        str | None, typer.Option("--hours", metavar="8:30-17", help="All lamps lit so, every day.")
+    ] = None,
+    schedule: Annotated[
+        Path | None, typer.Option("--schedule", metavar="FILE.csv", help="lamp,from,to[,dim]: a row a shift.")
+    ] = None,
+    volt: Annotated[
+        float | None, typer.Option("--volt", metavar="V", min=1e-6, help="The cell is held at this voltage [V].")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/photocurrent-CELL.")] = None,
+) -> None:
+    """Maps of a solar cell's current and, with --hours or --schedule, of its charge and energy a day."""
+    from lidarspectra.mapping.photovoltaics.current_map import currents_table
+    from lidarspectra.workflow.cells_of_run import CurrentOrder, current_of_run, save_currents
+
+    if hours is not None and schedule is not None:
+        raise typer.BadParameter("give --hours or --schedule, not both")
+    order = CurrentOrder(
+        cell=cell, area_cm2=area, scale=scale, hours=hours, schedule=schedule, volt=volt, base=Path.cwd()
+    )
+    currents, plan, found = current_of_run(run, order)
+    for words in str(currents.attrs["notes"]).splitlines():
+        tell(words)
+    folder = save_currents(currents, plan, out or run / f"photocurrent-{found.name}")
+    console.print(shown(currents_table(currents)))
+    say(f"Points, table and maps: {folder}")
+
+
+@app.command("list")
+def list_command() -> None:
+    """List the cells of the databases."""
+    import pandas as pd
+
+    from lidarspectra.mapping.figures.tables import Table
+    from lidarspectra.mapping.photovoltaics.cells import list_cells
+
+    rows = [
+        (
+            cell.name,
+            cell.words,
+            cell.provenance,
+            "{:g}-{:g} nm".format(*cell.efficiency.range_nm),
+            "relative" if cell.quantity == "relative" else f"{cell.efficiency.values.max():.2f}",
+            "yes" if cell.circuit else "no",
+        )
+        for cell in list_cells()
+    ]
+    names = ["cell", "what it is", "provenance", "range", "highest EQE", "power known"]
+    console.print(shown(Table(name="cells", caption="Solar cells", frame=pd.DataFrame(rows, columns=names))))
+
+
+@app.command("place")
+def place_command(
+    run: RunArgument,
+    cell: CellOption,
+    size: Annotated[
+        tuple[float, float], typer.Option("--size", metavar="CM CM", help="Width and height of the cell (cm).")
+    ] = (6.0, 6.0),
+    tilt: Annotated[
+        list[float] | None, typer.Option("--tilt", metavar="DEG", min=0, max=180, help="0 faces up, 90 is upright.")
+    ] = None,
+    azimuth: Annotated[
+        list[float] | None,
+        typer.Option("--azimuth", metavar="DEG", help="Faced in plan, from x towards y; all of eight by default."),
+    ] = None,
+    wall: Annotated[
+        list[float] | None, typer.Option("--wall", metavar="M", help="Try the walls too, at this height; may repeat.")
+    ] = None,
+    scale: ScaleOption = 1.0,
+    count: Annotated[int, typer.Option("--count", min=1, max=100, help="Places to tell.")] = 5,
+    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes side by side.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/cell-places.")] = None,
+) -> None:
+    """Find the best places for a cell of given size: the run's points in every tilt and azimuth, and the walls."""
+    from lidarspectra.workflow.cells_of_run import PlaceOrder, places_in_run, save_places
+
+    order = PlaceOrder(
+        cell=cell,
+        size_cm=size,
+        tilts_deg=tuple(tilt or (0.0, 45.0, 90.0)),
+        azimuths_deg=tuple(azimuth or range(0, 360, 45)),
+        wall_heights_m=tuple(wall or ()),
+        scale=scale,
+        count=count,
+        workers=workers,
+        base=Path.cwd(),
+    )
+    table, notes = places_in_run(run, order)
+    for note in notes:
+        tell(note)
+    console.print(shown(table))
+    say(f"Table: {save_places(table, out or run / 'cell-places')}")
+
+
+@app.command("predict")
+def predict_command(
+    measured: Annotated[
+        Path, typer.Argument(metavar="FILE.csv", help="x, y, z, E_410 ..., SE_410 ...: see 'sensor join'.")
+    ],
+    cell: CellOption,
+    device: Annotated[str, typer.Option("--device", help="The sensor's channels.")] = "as7265x-14",
+    lamps: Annotated[LampKind | None, typer.Option("--lamps", help="Kind of lamp, where it is known.")] = None,
+    area: AreaOption = None,
+    scale: ScaleOption = 1.0,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Default: beside the readings.")] = None,
+) -> None:
+    """Tell a cell's current, with its uncertainty, from what a spectral sensor read at the same place."""
+    from lidarspectra.workflow.cells_of_run import predict_from_table
+
+    path = out or measured.with_name(f"{measured.stem}-current.csv")
+    table, notes = predict_from_table(
+        measured, cell, device, lamp_kind=lamps, area_cm2=area, scale=scale, base=Path.cwd(), out=path
+    )
+    for note in notes:
+        tell(note)
+    console.print(shown(table))
+    say(f"Readings: {path}")
+
+
+@app.command("fit")
+def fit_command(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log with a sensor's channels and cells' counts.")],
+    column: Annotated[int, typer.Option("--column", min=1, help="Which of the log's cells: 1, 2, ...")],
+    cell: Annotated[
+        str | None, typer.Option("--cell", metavar="NAME|FILE", help="A known curve to stay near and to compare with.")
+    ] = None,
+    share: Annotated[float, typer.Option("--train", min=0.05, max=0.95, help="Earlier part that is fitted on.")] = 0.5,
+) -> None:
+    """Fit a cell's a(λ) on the earlier part of a log, and say how well it tells the later part."""
+    from lidarspectra.workflow.cells_of_run import fit_log
+
+    table, curve = fit_log(log, column, cell=cell, share=share, base=Path.cwd())
+    console.print(shown(table))
+    console.print(shown(curve))

@@ -1,0 +1,74 @@
+"""`lidarspectra photometry RUN`: the light for people and plants."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lidarspectra.cli.terminal import console, say, shown, tell
+
+
+def photometry(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A finished run folder.", show_default=False)],
+    measured: Annotated[
+        Path | None,
+        typer.Option("--measured", metavar="FILE.csv", help="Take measured points (x, y, z, E_410 ...) instead."),
+    ] = None,
+    dim: Annotated[
+        list[str] | None, typer.Option("--dim", metavar="LAMP=FACTOR", help="Dim a lamp; may stand again.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/people-and-plants.")] = None,
+) -> None:
+    """Light for people and plants: lx, CCT, CRI, TM-30, melanopic and other α-opic quantities, PPFD, YPFD.
+
+    Each number says how far the run's channels suffice for it. For colour rendering without the lamps' spectra, and for
+    the best of all others, run with device = "full-spectrum".
+    """
+    from lidarspectra.mapping.figures.figure_style import save_figure
+    from lidarspectra.mapping.figures.tables import save_table
+    from lidarspectra.mapping.maps.point_values import save_points
+    from lidarspectra.mapping.photometry.figures import quantities_figure
+    from lidarspectra.mapping.photometry.people_and_plants import light_at_points, summary_table
+    from lidarspectra.workflow.light_of_run import light_of_run, light_of_table
+    from lidarspectra.workflow.workspace import made_folder
+
+    if measured is not None and dim:
+        raise typer.BadParameter("a lamp cannot be dimmed in what was measured: give --measured or --dim, not both")
+    found = light_of_run(run, parse_factors(dim or []))
+    told = None if measured is None else light_of_table(measured, found.bands)
+    light, places = (found.light, found.places) if told is None else (told.light, told.places)
+    notes = () if told is None else told.notes
+    quantities = light_at_points(light, places, found.bands)
+    table = summary_table(quantities)
+    folder = made_folder(out or run / "people-and-plants")
+    save_points(quantities, folder)
+    save_table(table, folder)
+    save_figure(quantities_figure(quantities, found.plan), folder, "maps")
+    console.print(shown(table))
+    if not light.is_full_spectrum:
+        words = 'these channels alone cannot tell colour rendering; device = "full-spectrum" can, and lamps\' spectra'
+        notes = (*notes, words)
+    for note in notes:
+        tell(note)
+    say(f"Points, table and maps: {folder}")
+
+
+def parse_factors(words: list[str]) -> dict[str, float]:
+    """Read NAME=FACTOR.
+
+    Raises
+    ------
+    typer.BadParameter
+        If it is none, or the factor no number of 0 or more.
+    """
+    factors = {}
+    for word in words:
+        name, _, text = word.rpartition("=")
+        try:
+            factor = float(text)
+        except ValueError:
+            factor = -1.0
+        if not name or not 0.0 <= factor < float("inf"):
+            raise typer.BadParameter(f"'{word}' is not LAMP=FACTOR with a factor of 0 or more")
+        factors[name] = factor
+    return factors

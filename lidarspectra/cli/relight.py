@@ -1,0 +1,81 @@
+"""`lidarspectra relight RUN --lamp NAME [--spectrum S] [--dim D] [--lumens L] --lamp ...`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lidarspectra.cli.terminal import console, say
+
+if TYPE_CHECKING:
+    from lidarspectra.workflow.relighting import LampOrder
+
+FIELDS = {"--spectrum": "spectrum", "--lumens": "luminous_flux_lm", "--dim": "dim"}
+
+
+def relight(
+    context: typer.Context,
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A finished run folder.", show_default=False)],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/relit.")] = None,
+) -> None:
+    r"""New maps for other lamp spectra, lumens or dimming, without tracing again.
+
+    For each lamp to change:
+    --lamp NAME [--spectrum NAME|FILE] [--lumens LM] [--dim FACTOR].
+
+    A new spectrum keeps the lamp's lumens, unless --lumens says otherwise or its file is in W/nm. Lamps that are not
+    named stay as they are.
+    """
+    orders = parse_orders(context.args)
+    from lidarspectra.workflow.relighting import relight_run, save_relit
+
+    folder = out or run / "relit"
+    light = relight_run(run, orders, base=Path.cwd())
+    for path in save_relit(light, folder, run):
+        say(str(path))
+    mean = light["irradiance"].mean("point")
+    for band, value in zip(light["band"].to_numpy(), mean.to_numpy(), strict=True):
+        console.print(f"{band:5.0f} nm  {value:.4g} W/m²/nm")
+
+
+def parse_orders(words: Sequence[str]) -> "tuple[LampOrder, ...]":
+    """Read `--lamp NAME --dim 0.4 --lamp NAME --spectrum FL11`: options belong to the lamp before them.
+
+    Raises
+    ------
+    typer.BadParameter
+        If an option is unknown, lacks its value, or stands before any lamp.
+    """
+    from lidarspectra.workflow.relighting import LampOrder
+
+    groups: list[dict[str, object]] = []
+    rest = iter(words)
+    for word in rest:
+        option, equals, value = word.partition("=")
+        if option not in ("--lamp", *FIELDS):
+            raise typer.BadParameter(f"'{word}' is not one of --lamp, {', '.join(FIELDS)}")
+        value = value if equals else next(rest, "")
+        if not value:
+            raise typer.BadParameter(f"{option} needs a value")
+        if option == "--lamp":
+            groups.append({"lamp": value})
+        elif not groups:
+            raise typer.BadParameter(f"{option} must come after the --lamp that it is for")
+        elif FIELDS[option] in groups[-1]:
+            raise typer.BadParameter(f"{option} stands twice for lamp '{groups[-1]['lamp']}'")
+        else:
+            groups[-1][FIELDS[option]] = value if option == "--spectrum" else _number(option, value)
+    if not groups:
+        raise typer.BadParameter("name at least one lamp: --lamp NAME --dim 0.5")
+    return tuple(LampOrder(**group) for group in groups)  # type: ignore[arg-type]
+
+
+def _number(option: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value < float("inf"):
+        raise typer.BadParameter(f"{option} needs a number of 0 or more, not '{text}'")
+    return value

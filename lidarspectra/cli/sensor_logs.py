@@ -1,0 +1,244 @@
+"""`lidarspectra sensor show | convert | join | rehearse | cells`: what becomes of a log."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from lidarspectra.cli.sensor_options import (
+    CalibrationOption,
+    GainOption,
+    HeaderOption,
+    IntegrationOption,
+    LogArgument,
+    calibration_named,
+    settings_given,
+)
+from lidarspectra.cli.terminal import console, say
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from lidarspectra.hardware.sensor.photocell import CellCircuit
+
+app = typer.Typer()
+
+
+@app.command()
+def show(log: LogArgument, header: HeaderOption = None) -> None:
+    """Say what a log holds: layout, channel order, times, gaps, saturation."""
+    import numpy as np
+
+    from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, FLAG_SATURATED
+    from lidarspectra.hardware.sensor.identify import order_by_user
+    from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
+
+    held = read_sensor_log(log, order=order_by_user(header) if header is not None else None)
+    readings = held.readings
+    for key, value in readings.attrs.items():
+        say(f"{key}: {value}")
+    times = readings["unix_s"].to_numpy()
+    if np.isfinite(times).any():
+        first, last = float(np.nanmin(times)), float(np.nanmax(times))
+        stamp = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(first))
+        say(f"{readings.sizes['reading']} readings from {stamp} UTC over {(last - first) / 60:.1f} minutes")
+    else:
+        say(f"{readings.sizes['reading']} readings without times")
+    for name in ("gain", "integration_ms"):
+        values = readings[name].to_numpy()
+        known = np.unique(values[np.isfinite(values)])
+        say(f"{name}: {', '.join(f'{value:g}' for value in known) or 'not told'}")
+    saturated = (readings["flag"].to_numpy() & FLAG_SATURATED).astype(bool).sum(axis=0)
+    table = Table("nm", "count, median", "module value, median", "saturated", box=None, header_style="bold")
+    for c, label in enumerate(CHANNEL_LABELS):
+        medians = [_median(readings[name].to_numpy()[:, c]) for name in ("counts", "module_value")]
+        table.add_row(label, *medians, str(saturated[c] or ""))
+    console.print(table)
+    for reason, group in held.gaps.groupby("reason"):
+        lasted = (group["unix_s"] - group["since_unix_s"]).sum()
+        say(f"{len(group)} gaps, {lasted:.1f} s, {group['lost'].sum()} known to be lost: {reason}")
+
+
+def _median(values: "ArrayLike") -> str:
+    import numpy as np
+
+    array = np.asarray(values, dtype=np.float64)
+    known = array[np.isfinite(array)]
+    return f"{np.median(known):g}" if known.size else ""
+
+
+@app.command()
+def convert(
+    log: LogArgument,
+    out: Annotated[Path, typer.Option("--out", metavar="TABLE.csv", show_default=False)],
+    calibration: CalibrationOption = None,
+    header: HeaderOption = None,
+    gain: GainOption = None,
+    integration: IntegrationOption = None,
+) -> None:
+    """Turn any known log into one table: counts, settings, and spectral irradiance with its uncertainty."""
+    from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
+    from lidarspectra.hardware.sensor.identify import order_by_user
+    from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
+    from lidarspectra.hardware.sensor.readings import write_readings
+
+    order = order_by_user(header) if header is not None else None
+    readings = readings_from_csv(log, order=order, settings=settings_given(gain, integration))
+    light = spectral_irradiance(readings, calibration_named(calibration))
+    write_readings(readings, out, light=light)
+    say(f"{out}: {readings.sizes['reading']} readings, E in W/m²/nm by {light.attrs['calibration']}")
+
+
+@app.command()
+def join(
+    log: LogArgument,
+    poses: Annotated[
+        Path, typer.Option("--poses", help="CSV, 'ros2 topic echo' output, or a ROS 2 bag.", show_default=False)
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="PLACED.csv", show_default=False)],
+    topic: Annotated[str | None, typer.Option(help="Topic of the bag.")] = None,
+    align: Annotated[
+        Path | None, typer.Option("--align", help="CSV of points: name, robot_x, robot_y, scan_x, scan_y (m).")
+    ] = None,
+    offset: Annotated[
+        float | None, typer.Option(metavar="S", help="Added to the readings' times; else estimated.")
+    ] = None,
+    mount: Annotated[tuple[float, float, float], typer.Option(help="Sensor on the robot: forward, left, up (m).")] = (
+        0.0,
+        0.0,
+        0.0,
+    ),
+    simulated: Annotated[
+        Path | None, typer.Option("--map", help="Simulated map (CSV): decides between time offsets.")
+    ] = None,
+    locations: Annotated[
+        Path | None, typer.Option("--locations", help="CSV x, y, z (m): gather readings there.")
+    ] = None,
+    measured: Annotated[
+        Path | None, typer.Option("--measured", metavar="MEASURED.csv", help="The gathered map.")
+    ] = None,
+    radius: Annotated[float | None, typer.Option(metavar="M", help="How far from a location a reading counts.")] = None,
+    calibration: CalibrationOption = None,
+    gain: GainOption = None,
+    integration: IntegrationOption = None,
+) -> None:
+    """Give readings their places, in the scan's frame, and gather them at the locations of a map."""
+    from lidarspectra.hardware.robot.alignment import align as fit
+    from lidarspectra.hardware.robot.alignment import read_point_pairs
+    from lidarspectra.hardware.robot.poses import read_poses
+    from lidarspectra.hardware.robot.robot import grid_readings, place_readings, read_locations, write_measured
+    from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
+    from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
+    from lidarspectra.hardware.sensor.readings import write_readings
+    from lidarspectra.hardware.sensor.reference_files import map_light
+
+    readings = readings_from_csv(log, settings=settings_given(gain, integration))
+    light = spectral_irradiance(readings, calibration_named(calibration))
+    alignment = None
+    if align is not None:
+        names, robot, scan = read_point_pairs(align)
+        alignment = fit(robot, scan, names=names)
+    placement = place_readings(
+        readings,
+        read_poses(poses, topic=topic),
+        light=light["irradiance"].to_numpy(),
+        offset_s=offset,
+        mount=mount,
+        alignment=alignment,
+        expected=map_light(simulated) if simulated is not None else None,
+    )
+    for words in placement.words:
+        say(words)
+    placed = light.assign_coords({name: placement.readings[name] for name in ("x", "y", "z")})
+    write_readings(placement.readings, out, light=placed)
+    say(str(out))
+    if locations is None:
+        return
+    wanted = read_locations(locations)
+    target = measured if measured is not None else out.with_name(f"{out.stem}.measured.csv")
+    count = write_measured(grid_readings(placed, wanted, radius_m=radius), target)
+    say(f"{target}: {count} of {len(wanted)} locations, E in W/m²/nm by {light.attrs['calibration']}")
+
+
+@app.command()
+def rehearse(
+    simulated: Annotated[Path, typer.Argument(metavar="MAP.csv", help="Map of a run, as CSV.", show_default=False)],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the files go.", show_default=False)],
+    faults: Annotated[float, typer.Option(min=0.0, max=0.5, help="Part of the messages that meets a fault.")] = 0.05,
+    seed: int = 0,
+) -> None:
+    """Walk through a day of measuring without robot and sensor, in the light of a simulated map."""
+    from lidarspectra.hardware.virtual.robot import rehearse as walk
+
+    made = walk(simulated, folder, fault_rate=faults, seed=seed)
+    _say_next(made.log.parent, simulated)
+    say(f"{made.summary.readings} readings, {made.summary.gaps} gaps, {made.summary.lost} known to be lost")
+
+
+def _say_next(folder: Path, simulated: Path) -> None:
+    for words in (
+        f"lidarspectra sensor calibrate rehearsal --lamp {folder / 'lamp-log.csv'}={folder / 'lamp.csv'}"
+        f" --dark {folder / 'dark-log.csv'}",
+        f"lidarspectra sensor join {folder / 'log.csv'} --poses {folder / 'poses.csv'} --align {folder / 'points.csv'}"
+        f" --calibration rehearsal --map {simulated} --locations {simulated} --measured {folder / 'measured.csv'}"
+        f" --out {folder / 'placed.csv'}",
+        f"lidarspectra evaluate RUN --measured {folder / 'measured.csv'}",
+    ):
+        say(words)
+
+
+@app.command()
+def cells(
+    log: LogArgument,
+    reference: Annotated[float, typer.Option(help="Reference voltage of the converter [V].", show_default=False)],
+    shunt: Annotated[float, typer.Option(help="Resistor across the cell (ohm).", show_default=False)],
+    area: Annotated[float, typer.Option(help="Area of the cell (cm²).")] = 36.0,
+    bits: int = 10,
+    dark: Annotated[float, typer.Option(help="Count of the covered cell.")] = 0.0,
+    open_circuit: Annotated[float | None, typer.Option(help="Its open-circuit voltage [V], for a check.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="CURRENTS.csv")] = None,
+) -> None:
+    """Currents of solar cells from the counts of a converter."""
+    from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
+    from lidarspectra.hardware.sensor.photocell import CellCircuit
+
+    circuit = CellCircuit(
+        reference_volt=reference,
+        shunt_ohm=shunt,
+        area_cm2=area,
+        bits=bits,
+        dark_count=dark,
+        open_circuit_volt=open_circuit,
+    )
+    readings = readings_from_csv(log)
+    if "adc" not in readings:
+        from lidarspectra.errors import ReadingError
+
+        raise ReadingError(
+            expected="a log with cells", found="none in it", where=str(log), todo="Record the cells' board."
+        )
+    _show_currents(readings["adc"].to_numpy(), readings["unix_s"].to_numpy(), circuit, out)
+
+
+def _show_currents(adc: "ArrayLike", unix_s: "ArrayLike", circuit: "CellCircuit", out: Path | None) -> None:
+    import numpy as np
+    import pandas as pd
+
+    from lidarspectra.hardware.sensor.photocell import cell_current, cell_current_density, loading
+    from lidarspectra.io.files import write_whole
+
+    counts = np.asarray(adc, dtype=np.float64)
+    columns = {"unix_s": np.asarray(unix_s, dtype=np.float64)}
+    for cell in range(counts.shape[1]):
+        current, error = cell_current(counts[:, cell], circuit)
+        density, _ = cell_current_density(counts[:, cell], circuit)
+        columns |= {f"I_{cell + 1}_A": current, f"SE_{cell + 1}_A": error, f"J_{cell + 1}_A_m2": density}
+        typical = f"{1e6 * np.nanmedian(current):.3g} ± {1e6 * np.nanmedian(error):.2g} µA"
+        load = loading(counts[:, cell], circuit)
+        note = f", {100 * load:.0f} % of its open-circuit voltage at most" if load is not None else ""
+        say(f"cell {cell + 1}: median {typical}, {np.nanmedian(density):.3g} A/m²{note}")
+    if out is not None:
+        write_whole(out, pd.DataFrame(columns).to_csv(index=False, float_format="%.9g", lineterminator="\n"))
+        say(str(out))

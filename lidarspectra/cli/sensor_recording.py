@@ -1,0 +1,227 @@
+"""`lidarspectra sensor ports | check | record | emulate | firmware`."""
+
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from lidarspectra.cli.interruption import until_interrupted
+from lidarspectra.cli.sensor_options import (
+    BaudOption,
+    GainOption,
+    HeaderOption,
+    IntegrationOption,
+    PortArgument,
+    wishes_given,
+)
+from lidarspectra.cli.terminal import console, say
+
+if TYPE_CHECKING:
+    from lidarspectra.hardware.sensor.reading_log import Entry
+    from lidarspectra.hardware.virtual.emulator import Device
+
+app = typer.Typer()
+
+
+@app.command()
+def ports() -> None:
+    """List the serial ports of this computer."""
+    from serial.tools.list_ports import comports
+
+    found = sorted(comports())
+    for port in found:
+        say(f"{port.device:<20} {port.description}")
+    if not found:
+        say("No serial port. Plug the device in; on Linux, your user must be in the group 'dialout'.")
+
+
+@app.command()
+def check(
+    port: PortArgument,
+    baud: BaudOption = None,
+    header: HeaderOption = None,
+    gain: GainOption = None,
+    integration: IntegrationOption = None,
+) -> None:
+    """Find out what is at a port, and take three readings."""
+    import tempfile
+
+    from lidarspectra.hardware.sensor.reading_log import LogWriter
+    from lidarspectra.hardware.sensor.recorder import RecordOptions, record
+    from lidarspectra.hardware.sensor.sensor_records import CellReading, Note, Reading
+    from lidarspectra.hardware.sensor.serial_link import SerialPort
+
+    told: list[Entry] = []
+
+    def enough() -> bool:
+        seen = sum(isinstance(entry, Reading | CellReading) for entry in told)
+        return seen >= 3 or stopped()
+
+    options = RecordOptions(wishes=wishes_given(1.0, header, gain, integration), baud=baud, duration_s=40.0)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        until_interrupted() as stopped,
+        LogWriter(Path(folder) / "check.csv") as log,
+    ):
+        summary = record(SerialPort(port), log, options=options, stop=enough, tell=told.append)
+    say(f"{port}: {summary.protocol}")
+    for entry in told:
+        if isinstance(entry, Note):
+            say(f"  {entry.text}")
+    readings = [entry for entry in told if isinstance(entry, Reading)]
+    cells = [entry for entry in told if isinstance(entry, CellReading)]
+    if readings:
+        _show_reading(readings[-1])
+    if cells:
+        say("cells: " + ", ".join(f"{count:g}" for count in cells[-1].counts) + " counts")
+    for reason, count in summary.troubles.items():
+        say(f"note: {reason}, {count} times")
+    if not readings and not cells:
+        from lidarspectra.errors import DeviceError
+
+        raise DeviceError(
+            expected="readings within 40 s",
+            found="; ".join(f"{reason} {count} times" for reason, count in summary.troubles.items()) or "none",
+            where=port,
+            todo="The device is recognised but sends no whole reading: check cable and power.",
+        )
+
+
+def _show_reading(reading: "Entry") -> None:
+    from lidarspectra.hardware.sensor.as7265x import ASCENDING_LETTERS, CHANNEL_LABELS, FLAG_NAMES
+    from lidarspectra.hardware.sensor.sensor_records import Reading
+
+    assert isinstance(reading, Reading)  # the caller chose it
+    table = Table("channel", "nm", "count", "module value", "", box=None, header_style="bold")
+    for c, (letter, label) in enumerate(zip(ASCENDING_LETTERS, CHANNEL_LABELS, strict=True)):
+        flags = ", ".join(word for bit, word in FLAG_NAMES.items() if reading.flags[c] & bit)
+        values = (_number(reading.counts[c]), _number(reading.module_values[c]))
+        table.add_row(letter, label, *values, flags)
+    console.print(table)
+    known = [f"{degrees:g}" for degrees in reading.temperatures_c if math.isfinite(degrees)]
+    say(
+        f"gain {_number(reading.gain) or 'not told'}, integration {_number(reading.integration_ms) or 'not told'} ms,"
+        f" temperatures {', '.join(known) or 'not told'} °C"
+    )
+
+
+def _number(value: float) -> str:
+    return f"{value:g}" if math.isfinite(value) else ""
+
+
+@app.command()
+def record(
+    port: PortArgument,
+    out: Annotated[Path, typer.Option("--out", metavar="LOG.csv", help="The log.", show_default=False)],
+    rate: Annotated[float, typer.Option(min=1e-4, max=20.0, help="Readings a second.")] = 1.0,
+    gain: GainOption = None,
+    integration: IntegrationOption = None,
+    auto_gain: Annotated[bool, typer.Option("--auto-gain", help="Change gain and time with the light.")] = False,
+    duration: Annotated[float | None, typer.Option(metavar="S", help="Stop after so long.")] = None,
+    readings: Annotated[int | None, typer.Option(metavar="N", help="Stop after so many.")] = None,
+    give_up: Annotated[float, typer.Option(metavar="S", help="Stop when there was no reading for so long.")] = 600.0,
+    append: Annotated[bool, typer.Option("--append", help="Go on in a log that exists.")] = False,
+    baud: BaudOption = None,
+    header: HeaderOption = None,
+    poses: Annotated[
+        Path | None, typer.Option("--poses", help="Poses of the robot, joined when the recording ends; see 'join'.")
+    ] = None,
+) -> None:
+    """Record until Ctrl-C. The log is whole at every moment, and says what is missing and why."""
+    from lidarspectra.errors import DeviceError
+    from lidarspectra.hardware.sensor.reading_log import LogWriter
+    from lidarspectra.hardware.sensor.recorder import RecordOptions
+    from lidarspectra.hardware.sensor.recorder import record as run_recorder
+    from lidarspectra.hardware.sensor.serial_link import SerialPort
+
+    options = RecordOptions(
+        wishes=wishes_given(rate, header, gain, integration),
+        baud=baud,
+        duration_s=duration if duration is not None else math.inf,
+        readings=readings,
+        auto_gain=auto_gain,
+        give_up_s=give_up,
+    )
+    with until_interrupted() as stopped, LogWriter(out, append=append) as log:
+        summary = run_recorder(SerialPort(port), log, options=options, stop=stopped, tell=_tell_gap)
+    counted = f"{summary.readings} readings" + (f", {summary.cell_readings} of cells" if summary.cell_readings else "")
+    say(f"{out}: {counted}, {summary.gaps} gaps, {summary.lost} readings known to be lost ({summary.protocol})")
+    if summary.gave_up:
+        raise DeviceError(
+            expected=f"a reading within {give_up:g} s",
+            found="none",
+            where=port,
+            todo="What came before is in the log. Check the device, and go on with --append.",
+        )
+    if poses is not None:
+        from lidarspectra.cli.sensor_logs import join
+
+        join(out, poses, out.with_suffix(".placed.csv"))
+
+
+def _tell_gap(entry: "Entry") -> None:
+    from lidarspectra.hardware.sensor.gaps import Gap
+
+    if isinstance(entry, Gap) and not entry.is_open:
+        lasted = entry.until.unix_s - entry.since.unix_s
+        when = time.strftime("%H:%M:%S", time.localtime(entry.until.unix_s))
+        say(f"{when} gap of {lasted:.1f} s: {entry.detail}")
+
+
+@app.command()
+def emulate(
+    kind: Annotated[str, typer.Argument(help="module (AT firmware), sketch (ours), cells, or sparkfun.")] = "sketch",
+    terminal: Annotated[
+        str | None,
+        typer.Option(metavar="LINK", help="Make a pseudo-terminal and this link to it, instead of a socket."),
+    ] = None,
+    faults: Annotated[float, typer.Option(min=0.0, max=1.0, help="Part of the messages that meets a fault.")] = 0.0,
+    seed: int = 0,
+    duration: Annotated[float | None, typer.Option(metavar="S")] = None,
+) -> None:
+    """Be a sensor: to try the commands without one. Prints the port to use, and runs until Ctrl-C."""
+    from lidarspectra.hardware.virtual.emulator import AtModule, SketchBoard, SparkfunBoard
+    from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
+    from lidarspectra.hardware.virtual.faults import FaultPlan, FaultyWire
+
+    makers: dict[str, Callable[[], Device]] = {
+        "module": lambda: AtModule(seed=seed),
+        "sketch": lambda: SketchBoard(seed=seed),
+        "cells": lambda: SketchBoard(cells=lambda now_s: (110, 99, 8), spectrum=False),
+        "sparkfun": lambda: SparkfunBoard(seed=seed),
+    }
+    if kind not in makers:
+        raise typer.BadParameter(f"'{kind}' is none of {', '.join(makers)}")
+    wire = FaultyWire(makers[kind](), FaultPlan(rate=faults, seed=seed) if faults else None)
+    server = EmulatorServer(wire, terminal=terminal)
+    end = time.monotonic() + (duration if duration is not None else math.inf)
+    say(server.address)
+    with until_interrupted() as stopped:
+        server.serve(lambda: stopped() or time.monotonic() >= end)
+
+
+@app.command()
+def firmware(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to put the sketches.")]) -> None:
+    """Write the Arduino sketches to a folder, to be opened in the Arduino IDE."""
+    from importlib import resources
+
+    from lidarspectra.errors import DeviceError
+
+    source = resources.files("lidarspectra.hardware").joinpath("firmware")
+    try:
+        for part in source.iterdir():
+            files = [part] if part.is_file() else list(part.iterdir())
+            target = folder if part.is_file() else folder / part.name
+            target.mkdir(parents=True, exist_ok=True)
+            for file in files:
+                (target / file.name).write_bytes(file.read_bytes())
+    except OSError as cause:
+        raise DeviceError(
+            expected="a folder that can be written", found=str(cause), where=str(folder), todo="Choose another."
+        ) from cause
+    for sketch in sorted(folder.glob("*/*.ino")):
+        say(str(sketch))

@@ -1,0 +1,1 @@
+"""The mesh of a scan, and rays in it."""

@@ -1,0 +1,439 @@
+"""The scan: what the phone saw of the room, in metres, z up, with its colour."""
+
+import json
+import zipfile
+import zlib
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from lidarspectra.arrays import ByteArray, FloatArray, IntArray, float_array, int_array
+from lidarspectra.errors import ArrayError, LidarSpectraError, ScanError
+from lidarspectra.geometry.textures import decode_image, mean_texture_colors, sample_image
+from lidarspectra.geometry.triangles import triangle_areas, triangle_crosses
+from lidarspectra.spectra.colorimetry import decode_srgb
+
+MESH_FILE = "mesh.npz"
+RECORD_FILE = "scan.json"
+_FORMAT_VERSION = 1
+_DAMAGE = (
+    OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, LidarSpectraError,
+)  # fmt: skip  # what a damaged JSON, NPZ or PNG makes its reader raise
+_ARRAYS = ("vertices", "faces", "face_image", "corner_uv", "corner_color")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Appearance:
+    """The colour of every face: a texture image with coordinates, or colours at its corners.
+
+    Parameters
+    ----------
+    images : tuple of (height, width, 3) uint8
+        Texture images, sRGB encoded, first row at the top.
+    face_image : (face,) int
+        Which image a face takes its colour from; -1 where it has corner colours instead.
+    corner_uv : (face, 3, 2) float
+        Texture coordinates of each corner, v up (0, 0 is the lower left). [1]
+    corner_color : (face, 3, 3) float
+        sRGB-encoded colour of each corner, used where `face_image` is -1. [0-1]
+    known : bool
+        False where the file held no colour at all (an STL): the corner colours are then a neutral stand-in.
+    """
+
+    images: tuple[ByteArray, ...]
+    face_image: IntArray
+    corner_uv: FloatArray
+    corner_color: FloatArray
+    known: bool = True
+
+    def __post_init__(self) -> None:
+        face_image = int_array(self.face_image, name="Appearance.face_image", shape=(None,))
+        count = face_image.size
+        uv = float_array(self.corner_uv, name="Appearance.corner_uv", shape=(count, 3, 2))
+        color = float_array(self.corner_color, name="Appearance.corner_color", shape=(count, 3, 3))
+        if count and (face_image.min() < -1 or face_image.max() >= len(self.images)):
+            raise ArrayError(
+                expected=f"image numbers from -1 to {len(self.images) - 1}",
+                found=f"{face_image.min()} to {face_image.max()}",
+                where="Appearance.face_image",
+            )
+        for image in self.images:
+            if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+                raise ArrayError(
+                    expected="(height, width, 3) uint8 images",
+                    found=f"{image.shape} {image.dtype}",
+                    where="Appearance.images",
+                )
+        object.__setattr__(self, "images", tuple(_read_only(image) for image in self.images))
+        object.__setattr__(self, "face_image", face_image)
+        object.__setattr__(self, "corner_uv", uv)
+        object.__setattr__(self, "corner_color", color)
+
+    @property
+    def pixels(self) -> int:
+        """Of all images together."""
+        return sum(image.shape[0] * image.shape[1] for image in self.images)
+
+    def sample(self, faces: IntArray, barycentric: FloatArray) -> FloatArray:
+        """Colour at points on faces: bilinear in the texture, linear between corner colours, both in linear light.
+
+        Parameters
+        ----------
+        faces : (n,) int
+            On which face each point lies.
+        barycentric : (n, 3) float
+            Weights of the face's corners. [1]
+
+        Returns
+        -------
+        color : (n, 3) float
+            Linear sRGB. [0-1]
+        """
+        color = np.empty((faces.size, 3))
+        image_numbers = self.face_image[faces]
+        for number in np.unique(image_numbers):
+            chosen = np.flatnonzero(image_numbers == number)
+            corners = faces[chosen]
+            if number >= 0:
+                uv = np.einsum("nk,nkc->nc", barycentric[chosen], self.corner_uv[corners])
+                color[chosen] = sample_image(self.images[number], uv)
+            else:
+                linear = decode_srgb(self.corner_color[corners])
+                color[chosen] = np.einsum("nk,nkc->nc", barycentric[chosen], linear)
+        return color
+
+    def face_colors(self) -> FloatArray:
+        """(face, 3) mean linear sRGB [0-1] of each face: the texture averaged over the face's area."""
+        return self._face_colors
+
+    @cached_property
+    def _face_colors(self) -> FloatArray:
+        colors = np.empty((self.face_image.size, 3))
+        for number in np.unique(self.face_image):
+            chosen = np.flatnonzero(self.face_image == number)
+            if number >= 0:
+                colors[chosen] = mean_texture_colors(self.images[number], self.corner_uv[chosen])
+            else:
+                colors[chosen] = decode_srgb(self.corner_color[chosen]).mean(axis=1)
+        colors.flags.writeable = False
+        return colors
+
+    def select(self, faces: IntArray) -> "Appearance":
+        """The appearance of some faces, (n,) int, in that order; images are shared."""
+        return Appearance(
+            images=self.images,
+            face_image=self.face_image[faces],
+            corner_uv=self.corner_uv[faces],
+            corner_color=self.corner_color[faces],
+            known=self.known,
+        )
+
+
+def _read_only(image: ByteArray) -> ByteArray:
+    view = image.view()
+    view.flags.writeable = False
+    return view
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanRecord:
+    """What was found in the scan's file and what was done to it; every change is counted here.
+
+    Parameters
+    ----------
+    file : str
+        Name of the file (no folder).
+    unit : str
+        Unit of the file's coordinates ('m', 'cm', 'mm', 'in', 'ft').
+    unit_confidence, up_confidence : float
+        How sure the detection is; 1 where the user gave it. [0-1]
+    up_axis : str
+        The file's upward axis ('+x', '-x', ... '+z').
+    faces_read, faces_kept : int
+        Triangles in the file, and after repair.
+    duplicate_faces, degenerate_faces : int
+        Triangles removed for either reason.
+    holes_closed : int
+        Boundary loops that were closed.
+    hole_area_m2, area_m2 : float
+        Area added in closing them, and of the whole mesh after repair. [m²]
+    holes_open : int
+        Boundary loops that were left open: too large, or not to be closed.
+    longest_open_hole_m : float
+        Longest extent among those; 0 where there are none. [m]
+    merged_vertices : int
+        Vertices that coincided with another one.
+    flipped_faces : int
+        Triangles whose normal was turned towards the room.
+    decimated_from : int
+        Triangles before decimation; 0 where none was asked for.
+    flat_planes : int
+        Planes that were found and made flat.
+    flat_area_share : float
+        Share of the area that lies on them. [0-1]
+    moved_vertex_share : float
+        Share of the vertices that were moved for that. [0-1]
+    moved_rms_m : float
+        Root mean square of how far. [m]
+    notes : tuple of str
+        What a reader should know ("the file has no colour").
+    """
+
+    file: str
+    unit: str
+    unit_confidence: float
+    up_axis: str
+    up_confidence: float
+    faces_read: int
+    faces_kept: int
+    duplicate_faces: int = 0
+    degenerate_faces: int = 0
+    holes_closed: int = 0
+    hole_area_m2: float = 0.0
+    area_m2: float = 0.0
+    holes_open: int = 0
+    longest_open_hole_m: float = 0.0
+    merged_vertices: int = 0
+    flipped_faces: int = 0
+    decimated_from: int = 0
+    flat_planes: int = 0
+    flat_area_share: float = 0.0
+    moved_vertex_share: float = 0.0
+    moved_rms_m: float = 0.0
+    notes: tuple[str, ...] = ()
+
+    @property
+    def hole_share(self) -> float:
+        """Share of the mesh's area that was closed holes [0-1]."""
+        return self.hole_area_m2 / self.area_m2 if self.area_m2 > 0 else 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scan:
+    """A room as a coloured triangle mesh.
+
+    Parameters
+    ----------
+    vertices : (vertex, 3) float
+        Positions, z up. [m]
+    faces : (face, 3) int
+        Corners, counter-clockwise seen from inside the room.
+    appearance : Appearance
+        Colour of every face.
+    record : ScanRecord
+        Provenance and repairs.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    appearance: Appearance
+    record: ScanRecord
+
+    def __post_init__(self) -> None:
+        vertices = float_array(self.vertices, name="Scan.vertices", shape=(None, 3))
+        faces = int_array(self.faces, name="Scan.faces", shape=(None, 3))
+        if faces.shape[0] == 0:
+            raise ArrayError(expected="at least one triangle", found="none", where="Scan.faces")
+        if faces.min() < 0 or faces.max() >= vertices.shape[0]:
+            raise ArrayError(
+                expected=f"corner numbers from 0 to {vertices.shape[0] - 1}",
+                found=f"{faces.min()} to {faces.max()}",
+                where="Scan.faces",
+            )
+        if self.appearance.face_image.size != faces.shape[0]:
+            raise ArrayError(
+                expected=f"an appearance for {faces.shape[0]} faces",
+                found=f"one for {self.appearance.face_image.size}",
+                where="Scan.appearance",
+            )
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "faces", faces)
+
+    @property
+    def corners(self) -> FloatArray:
+        """(face, 3, 3) positions of each face's corners [m]."""
+        return np.asarray(self.vertices[self.faces], dtype=np.float64)
+
+    @property
+    def centers(self) -> FloatArray:
+        """(face, 3) centroids [m]."""
+        return np.asarray(self.corners.mean(axis=1), dtype=np.float64)
+
+    @property
+    def areas(self) -> FloatArray:
+        """(face,) areas [m²]."""
+        return triangle_areas(self.corners)
+
+    @property
+    def normals(self) -> FloatArray:
+        """(face, 3) unit normals [1]; zero for a face without area."""
+        crosses = triangle_crosses(self.corners)
+        lengths = np.linalg.norm(crosses, axis=1, keepdims=True)
+        return np.asarray(crosses / np.where(lengths > 0, lengths, 1.0), dtype=np.float64)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3) lowest and highest corner of the box around the mesh [m]."""
+        used = self.vertices[self.faces.ravel()]
+        return np.stack([used.min(axis=0), used.max(axis=0)])
+
+    def face_colors(self) -> FloatArray:
+        """(face, 3) mean linear sRGB [0-1] of each face; worked out once."""
+        return self.appearance.face_colors()
+
+
+def bare_scan(vertices: FloatArray, faces: IntArray, *, file: str = "") -> Scan:
+    """A scan without colour of a bare mesh, for ray casting and for scenes.
+
+    Parameters
+    ----------
+    vertices : (vertex, 3) float
+        [m]
+    faces : (face, 3) int
+        Corners, counter-clockwise seen from the air.
+    file : str
+        Where the mesh is from, if from a file.
+
+    Returns
+    -------
+    scan : Scan
+        Its appearance is marked as not known.
+
+    Raises
+    ------
+    ArrayError
+        If there is no triangle, or a corner that is no vertex.
+    """
+    count = len(faces)
+    return Scan(
+        vertices=vertices,
+        faces=faces,
+        appearance=Appearance(
+            images=(),
+            face_image=np.full(count, -1),
+            corner_uv=np.zeros((count, 3, 2)),
+            corner_color=np.full((count, 3, 3), 0.5),
+            known=False,
+        ),
+        record=ScanRecord(
+            file=file,
+            unit="m",
+            unit_confidence=1.0,
+            up_axis="+z",
+            up_confidence=1.0,
+            faces_read=count,
+            faces_kept=count,
+        ),
+    )
+
+
+def save_scan(scan: Scan, folder: Path) -> None:
+    """Write a scan to a folder: arrays as NPZ, textures as PNG, the record as JSON.
+
+    Parameters
+    ----------
+    scan : Scan
+        What to write.
+    folder : Path
+        Made where it is not there; files of an earlier scan in it are replaced.
+
+    Raises
+    ------
+    ScanError
+        If the folder cannot be written.
+    """
+    appearance = scan.appearance
+    about = {
+        "format": _FORMAT_VERSION,
+        "images": len(appearance.images),
+        "faces": int(scan.faces.shape[0]),
+        "color_known": appearance.known,
+        "record": asdict(scan.record),
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        np.savez(
+            folder / MESH_FILE,
+            allow_pickle=False,
+            vertices=scan.vertices,
+            faces=scan.faces,
+            face_image=appearance.face_image,
+            corner_uv=appearance.corner_uv,
+            corner_color=appearance.corner_color,
+        )
+        for number, image in enumerate(appearance.images):
+            # A low level: the fifth of the time for a tenth more bytes.
+            Image.fromarray(image).save(_texture_path(folder, number), compress_level=1)
+        (folder / RECORD_FILE).write_text(json.dumps(about, indent=2, ensure_ascii=False), encoding="utf-8")
+    except OSError as cause:
+        raise ScanError(
+            expected="a folder that can be written",
+            found=str(cause),
+            where=str(folder),
+            todo="Check its permissions and the free space.",
+        ) from cause
+
+
+def load_scan(folder: Path) -> Scan:
+    """Read a scan that `save_scan` wrote.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+
+    Returns
+    -------
+    scan : Scan
+
+    Raises
+    ------
+    ScanError
+        If a file is missing, damaged, or does not fit the others.
+    """
+    try:
+        about = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
+        if about["format"] != _FORMAT_VERSION:
+            raise ValueError(f"format {about['format']} in place of {_FORMAT_VERSION}")
+        known = {item.name for item in fields(ScanRecord)}
+        record = ScanRecord(**{name: value for name, value in about["record"].items() if name in known})
+        # Opened here: numpy leaves a file open that turns out to be no archive.
+        with (folder / MESH_FILE).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            vertices, faces, face_image, corner_uv, corner_color = (arrays[name] for name in _ARRAYS)
+        if faces.shape[0] != about["faces"]:
+            raise ValueError(f"{faces.shape[0]} faces in place of {about['faces']}")
+        images = tuple(
+            decode_image(path.read_bytes(), name=str(path))
+            for path in (_texture_path(folder, number) for number in range(about["images"]))
+        )
+        return Scan(
+            vertices=vertices,
+            faces=faces,
+            appearance=Appearance(
+                images=images,
+                face_image=face_image,
+                corner_uv=corner_uv,
+                corner_color=corner_color,
+                known=bool(about["color_known"]),
+            ),
+            record=_with_tuples(record),
+        )
+    except _DAMAGE as cause:
+        raise ScanError(
+            expected="a scan as it was saved",
+            found=f"one that cannot be read ({type(cause).__name__}: {cause})",
+            where=str(folder),
+            todo="Run the scan stage again.",
+        ) from cause
+
+
+def _texture_path(folder: Path, number: int) -> Path:
+    return folder / f"texture{number}.png"
+
+
+def _with_tuples(record: ScanRecord) -> ScanRecord:
+    """JSON knows lists only."""
+    return replace(record, notes=tuple(record.notes))

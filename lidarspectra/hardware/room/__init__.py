@@ -1,1 +1,0 @@
-"""The room that the scan shows: planes, outline, furniture, free space."""

@@ -1,0 +1,1 @@
+"""Whole files, locks, NetCDF and TOML."""

@@ -1,0 +1,104 @@
+"""NetCDF-4 files: read ones that may be anything, and written ones whole or not at all.
+
+Whatever the libraries trip over comes out as one kind of error. They write into memory, since HDF5 ends the process
+where a disk is full.
+"""
+
+import io
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import xarray as xr
+
+from lidarspectra.errors import WorkspaceError
+from lidarspectra.io.files import write_whole
+from lidarspectra.io.hdf5_heaps import check_heaps
+
+LARGEST_VALUE = 1e30  # [1] of any physical number here; beyond it squares overflow
+_FAULTS = (
+    OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, NotImplementedError,
+    OverflowError, MemoryError, AssertionError, xr.SerializationWarning,
+)  # fmt: skip  # what xarray, h5netcdf and h5py raise on damaged files
+
+
+def read_netcdf(path: Path) -> xr.Dataset:
+    """Read a NetCDF-4 file whole.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    dataset : xarray.Dataset
+        In memory; its text attributes are text, arrays of one element as attributes are numbers.
+
+    Raises
+    ------
+    ValueError
+        If it is missing, damaged or no NetCDF-4; the message says what was found.
+    """
+    try:
+        check_heaps(path)
+        with h5py.File(path, "r"):  # h5netcdf leaves half an object, and its complaint, where this fails
+            pass
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", xr.SerializationWarning)  # of attributes that contradict one another
+            with xr.open_dataset(path, engine="h5netcdf", phony_dims="sort", decode_times=False) as opened:
+                dataset = opened.load()
+    except _FAULTS as cause:
+        raise ValueError(" ".join(f"{type(cause).__name__}: {cause}".split())) from cause
+    for name, variable in dataset.variables.items():
+        if len(variable.dims) != len(variable.shape):  # a damaged rank; xarray trips over it later
+            raise ValueError(f"'{name}' with {len(variable.shape)} axes and {len(variable.dims)} dims")
+    return dataset
+
+
+def write_netcdf(dataset: xr.Dataset, path: Path, *, encoding: Mapping[Any, Any]) -> None:
+    """Write a NetCDF-4 file, whole or not at all.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+    path : Path
+    encoding : mapping
+        As for `xarray.Dataset.to_netcdf`.
+
+    Raises
+    ------
+    WorkspaceError
+        If the file cannot be written.
+    """
+    packed = io.BytesIO()
+    dataset.to_netcdf(packed, engine="h5netcdf", encoding=encoding)
+    try:
+        write_whole(path, packed.getbuffer())
+    except OSError as cause:
+        raise WorkspaceError(
+            expected="a file that can be written",
+            found=str(cause.strerror or cause),
+            where=str(path),
+            todo="Check its permissions and the free disk space.",
+        ) from cause
+
+
+def check_numbers(dataset: xr.Dataset, name: str, dims: tuple[str, ...]) -> None:
+    """Hold a variable to its dims, and its numbers to finite ones of a physical size.
+
+    Raises
+    ------
+    ValueError
+        If the variable is missing, of other dims, no numbers, or a number is NaN, infinite or above `LARGEST_VALUE`.
+    """
+    if name not in dataset.variables:
+        raise ValueError(f"no '{name}'")
+    variable = dataset[name]
+    if set(variable.dims) != set(dims) or variable.dtype.kind not in "fiu":
+        raise ValueError(f"'{name}' of {variable.dtype} with the dims ({', '.join(map(str, variable.dims))})")
+    values = variable.to_numpy()
+    if values.size and not (np.abs(values) <= LARGEST_VALUE).all():  # NaN compares false
+        raise ValueError(f"'{name}' with numbers that are not finite, or above {LARGEST_VALUE:g}")

@@ -1,0 +1,1 @@
+"""Lamps: shape, flux and distribution, without a word of Radiance."""

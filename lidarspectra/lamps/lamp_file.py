@@ -1,0 +1,96 @@
+"""Lamps on disk: what a scene was lit with, for the report and for relighting."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.errors import LampError
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.spectra.spectrum import Spectrum
+
+LAMPS_RECORD = "lamps.json"
+
+
+def save_lamps(lamps: Sequence[Lamp], folder: Path) -> Path:
+    """Write lamps, with their absolute spectra, as `lamps.json`.
+
+    Parameters
+    ----------
+    lamps : sequence of Lamp
+    folder : Path
+        The scene's.
+
+    Returns
+    -------
+    path : Path
+    """
+    rows = [
+        {
+            "name": lamp.name,
+            "shape": lamp.shape,
+            "center_m": lamp.center.tolist(),
+            "normal": lamp.normal.tolist(),
+            "size_m": list(lamp.size),
+            "rotation_deg": lamp.rotation_deg,
+            "beam_angle_deg": lamp.beam_angle_deg,
+            "candela_file": lamp.candela_file,
+            "spectrum_name": lamp.flux.name,
+            "wavelengths_nm": lamp.flux.wavelengths_nm.tolist(),
+            "flux_W_nm": lamp.flux.values.tolist(),
+        }
+        for lamp in lamps
+    ]
+    path = folder / LAMPS_RECORD
+    path.write_text(
+        json.dumps(rows, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8", newline="\n"
+    )
+    return path
+
+
+def load_lamps(folder: Path) -> tuple[Lamp, ...]:
+    """Read the lamps of a scene.
+
+    Parameters
+    ----------
+    folder : Path
+        Where `save_lamps` wrote them.
+
+    Returns
+    -------
+    lamps : tuple of Lamp
+        As saved: what light they give by how much. Through which directions and windows it comes is in the scene.
+
+    Raises
+    ------
+    LampError
+        If the file is missing or damaged.
+    """
+    path = folder / LAMPS_RECORD
+    try:
+        return tuple(
+            Lamp(
+                name=row["name"],
+                shape=row["shape"],
+                center=np.array(row["center_m"]),
+                normal=np.array(row["normal"]),
+                size=tuple(row["size_m"]),
+                rotation_deg=row["rotation_deg"],
+                beam_angle_deg=row["beam_angle_deg"],
+                candela_file=row["candela_file"],
+                flux=Spectrum(
+                    wavelengths_nm=np.array(row["wavelengths_nm"]),
+                    values=np.array(row["flux_W_nm"]),
+                    name=row["spectrum_name"],
+                ),
+            )
+            for row in json.loads(path.read_text(encoding="utf-8"))
+        )
+    except (OSError, ValueError, KeyError, TypeError) as cause:
+        raise LampError(
+            expected="the lamps of a scene, as this version writes them",
+            found=f"{type(cause).__name__}: {cause}",
+            where=str(path),
+            todo="Make the scene again: lidarspectra run ROOM.toml --from scene.",
+        ) from cause

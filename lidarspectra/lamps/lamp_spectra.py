@@ -1,0 +1,71 @@
+"""Lumens to watts, and spectra from a colour temperature."""
+
+from functools import cache
+
+import numpy as np
+
+from lidarspectra.spectra.database_files import data_folder, table
+from lidarspectra.spectra.spectrum import LUMINOUS_EFFICACY_LM_W, Spectrum
+
+DAYLIGHT_FROM_K = 5000.0  # [K] above it a lamp named by its colour temperature is taken for daylight (CIE 15:2018)
+BLACKBODY_RANGE_NM = (300.0, 1100.0, 5.0)  # [nm] first, last, step
+SECOND_RADIATION_CONSTANT_NM_K = 1.438776877e7  # [nm K] c2 = hc/k (CODATA 2018)
+HIGHEST_CCT_K = 25000.0  # [K] the daylight formulas end there
+CCT_CORRECTION = 1.4388 / 1.4380  # [1] of a nominal daylight temperature, c2 then and now (CIE 15:2018, D illuminants)
+
+
+@cache
+def photopic_efficiency() -> Spectrum:
+    """CIE 1924 luminous efficiency V(λ), which is the y-bar of the CIE 1931 observer, as the databases have it [1]."""
+    rows = table(data_folder() / "observers" / "cie-1931-2-degree.csv")
+    return next(row.spectrum for row in rows if row.id == "y")
+
+
+def luminous_flux_lm(flux: Spectrum) -> float:
+    """Luminous flux 683 lm/W ∫Φ(λ) V(λ) dλ (docs/concepts.md, Eq. 5).
+
+    Parameters
+    ----------
+    flux : Spectrum
+        [W/nm]
+
+    Returns
+    -------
+    luminous_flux : float
+        Integrated over the union of both grids, on which both are linear. [lm]
+    """
+    efficiency = photopic_efficiency()
+    grid = np.union1d(flux.wavelengths_nm, efficiency.wavelengths_nm)
+    product = flux.at(grid, outside="zero") * efficiency.at(grid, outside="zero")
+    return float(LUMINOUS_EFFICACY_LM_W * np.trapezoid(product, grid))
+
+
+def cct_spectrum(cct_k: float) -> Spectrum:
+    """Relative spectrum of a correlated colour temperature: a black body below 5000 K, CIE daylight from there up.
+
+    Planck's law is S(λ) ∝ λ⁻⁵ / (exp(c2/λT) - 1); daylight is CIE 15:2018's, as colour-science has it.
+    That is how a lamp is named, not what it sends: an LED of that temperature has other peaks. Daylight is tabulated
+    to 830 nm, so channels beyond it stay dark.
+
+    Parameters
+    ----------
+    cct_k : float
+        1000 to 25000. [K]
+
+    Returns
+    -------
+    spectrum : Spectrum
+        Relative to its peak. [1]
+    """
+    if cct_k < DAYLIGHT_FROM_K:
+        wavelengths = np.arange(BLACKBODY_RANGE_NM[0], BLACKBODY_RANGE_NM[1] + 1.0, BLACKBODY_RANGE_NM[2])
+        values = wavelengths**-5 / np.expm1(SECOND_RADIATION_CONSTANT_NM_K / (wavelengths * cct_k))
+        name = f"black body {cct_k:g} K"
+    else:
+        import colour  # here, since it takes over a second and few lamps need it
+
+        nominal = min(cct_k * CCT_CORRECTION, HIGHEST_CCT_K)
+        curve = colour.sd_CIE_illuminant_D_series(colour.temperature.CCT_to_xy_CIE_D(nominal))
+        wavelengths, values = (np.asarray(part, dtype=np.float64) for part in (curve.wavelengths, curve.values))
+        name = f"CIE daylight {cct_k:g} K"
+    return Spectrum(wavelengths_nm=wavelengths, values=values / values.max(), name=name)

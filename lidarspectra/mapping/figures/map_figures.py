@@ -1,0 +1,244 @@
+"""Figures over the floor plan: the maps of every band, their standard error, illuminance, lamps and sensors."""
+
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patches import Polygon as PolygonPatch
+
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.figures.figure_style import (
+    BLUE,
+    ERROR_MAP,
+    INK,
+    LIGHT_MAP,
+    MUTED,
+    PAGE_WIDTH_IN,
+    VERMILION,
+    irradiance_unit,
+    new_figure,
+    place,
+    prefix_of,
+    styled,
+)
+from lidarspectra.mapping.figures.floor_plan import FloorPlan, PanelLayout, plan_extent, single_plan
+from lidarspectra.mapping.figures.plan_drawing import (
+    FURNITURE_COLOR,
+    LAMP_COLOR,
+    MOST_DOTS,
+    MOST_VECTOR_POINTS,
+    color_norm,
+    draw_colorbar,
+    draw_field,
+    draw_frame,
+    draw_isolines,
+    draw_lamp,
+    draw_lamp_key,
+    draw_panel_legend,
+    draw_points,
+    field_grid,
+    has_unknown,
+    legend_handles,
+)
+from lidarspectra.mapping.maps.interpolation import Method, map_planes, plan_places
+from lidarspectra.mapping.maps.spectral_map import check_map, kept_points
+
+ColorScale = Literal["panel", "shared"]
+
+MOST_PANELS = 24  # [1] more bands than this are thinned out evenly; smaller panels tell nothing
+PANEL_CELLS = 120  # [1] across a panel of a few centimetres
+SINGLE_CELLS = 200  # [1] across a map of half a page
+
+
+@styled
+def maps_figure(
+    dataset: xr.Dataset,
+    plan: FloorPlan,
+    *,
+    points: IntArray | None = None,
+    scale: ColorScale = "panel",
+    method: Method = "linear",
+) -> Figure:
+    """One interpolated map a band (paper, Figure 1), with the points, the outline and the furniture.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A spectral map.
+    plan : FloorPlan
+        The room.
+    points : (n,) int, optional
+        Points on one plane; the largest of `map_planes` if left out. Too few for a map are drawn as points alone.
+    scale : 'panel' or 'shared'
+        A colour scale for each band, which shows where its light is, or one for all, which shows how much.
+    method : str
+        See `grid_map`.
+
+    Returns
+    -------
+    figure : Figure
+    """
+    checked = check_map(dataset, where="map to draw")
+    chosen = _chosen(checked, points)
+    shown = _shown_bands(checked.sizes["band"])
+    values = checked["irradiance"].to_numpy()[:, shown]
+    prefix = prefix_of(values[chosen])
+    grid = field_grid(plan_places(checked)[chosen], values[chosen], plan, cells_across=PANEL_CELLS, method=method)
+    labels = checked["band_label"].to_numpy()[shown]
+    layout = PanelLayout.of(plan, len(shown), colorbars=scale == "panel")
+    figure = new_figure(PAGE_WIDTH_IN, layout.height_in)
+    shared = Normalize(0.0, float(values[chosen].max()) * prefix.factor)
+    for number in range(len(shown)):
+        axes = place(figure, *layout.box(number))
+        field = values[:, number] * prefix.factor
+        norm = shared if scale == "shared" else color_norm(field[chosen])
+        draw_field(axes, plan, grid, number, norm, LIGHT_MAP, factor=prefix.factor)
+        draw_points(axes, checked, chosen, field if grid is None else None, norm, LIGHT_MAP)
+        draw_frame(axes, plan, left=number % layout.columns == 0, bottom=number + layout.columns >= len(shown))
+        axes.set_title(f"{labels[number]} nm", pad=3.0)
+        if scale == "panel":
+            draw_colorbar(figure, layout.colorbar_box(number), norm, LIGHT_MAP)
+    words = f"spectral irradiance\n[{irradiance_unit(prefix)}]"
+    if len(shown) < checked.sizes["band"]:
+        words += f"\n{len(shown)} of {checked.sizes['band']} bands"
+    if scale == "shared":
+        draw_colorbar(figure, layout.shared_box(), shared, LIGHT_MAP, label=words.replace("\n", " "))
+        words = ""
+    draw_panel_legend(figure, layout, legend_handles(checked, plan, unknown=has_unknown(grid, plan)), words)
+    return figure
+
+
+@styled
+def error_figure(
+    dataset: xr.Dataset, plan: FloorPlan, *, points: IntArray | None = None, target: float | None = None
+) -> Figure:
+    """Where and how large the standard error is: a map of its mean over bands, and how often which size occurs.
+
+    Parameters
+    ----------
+    dataset, plan, points
+        As in `maps_figure`.
+    target : float, optional
+        Relative standard error that was asked for, relative to the mean irradiance of the band. [1]
+    """
+    checked = check_map(dataset, where="map to draw")
+    chosen = _chosen(checked, points)
+    relative = 100.0 * relative_error(checked)
+    per_point = relative.mean(axis=1)
+    low, high = plan_extent(plan)
+    width, height = (float(size) * min(3.9 / (high - low)[0], 3.3 / (high - low)[1]) for size in high - low)
+    figure = new_figure(PAGE_WIDTH_IN, 4.2)
+    axes = place(figure, 0.6, 0.6, width, height)
+    norm = Normalize(0.0, float(per_point[chosen].max()) or 1.0)
+    grid = field_grid(plan_places(checked)[chosen], per_point[chosen, None], plan, cells_across=SINGLE_CELLS)
+    draw_field(axes, plan, grid, 0, norm, ERROR_MAP)
+    draw_points(axes, checked, chosen, per_point if grid is None else None, norm, ERROR_MAP)
+    draw_frame(axes, plan, left=True, bottom=True)
+    axes.set_title("mean over bands", pad=4.0)
+    label = "standard error [% of the band's mean]"
+    draw_colorbar(figure, (0.7 + width, 0.6 + 0.05 * height, 0.12, 0.9 * height), norm, ERROR_MAP, label=label)
+    _draw_histogram(place(figure, 2.5 + width, 0.6, 7.3 - width, 3.0), relative[chosen].ravel(), target)
+    return figure
+
+
+@styled
+def illuminance_figure(
+    dataset: xr.Dataset, plan: FloorPlan, illuminance_lx: FloatArray, *, points: IntArray | None = None
+) -> Figure:
+    """Map of illuminance with isolux lines.
+
+    Parameters
+    ----------
+    dataset, plan, points
+        As in `maps_figure`.
+    illuminance_lx : (point,) float
+        [lx]
+    """
+    checked = check_map(dataset, where="map to draw")
+    chosen = _chosen(checked, points)
+    figure, box, bar = single_plan(plan)
+    axes = place(figure, *box)
+    norm = Normalize(0.0, float(illuminance_lx[chosen].max()) or 1.0)
+    grid = field_grid(plan_places(checked)[chosen], illuminance_lx[chosen, None], plan, cells_across=SINGLE_CELLS)
+    draw_field(axes, plan, grid, 0, norm, LIGHT_MAP)
+    draw_isolines(axes, grid)
+    draw_points(axes, checked, chosen, illuminance_lx if grid is None else None, norm, LIGHT_MAP)
+    draw_frame(axes, plan, left=True, bottom=True)
+    draw_colorbar(figure, bar, norm, LIGHT_MAP, label="illuminance [lx]")
+    return figure
+
+
+@styled
+def plan_figure(dataset: xr.Dataset, plan: FloorPlan, lamps: tuple[Lamp, ...]) -> Figure:
+    """The room from above with its furniture, sensor points and lamps in their true size."""
+    checked = check_map(dataset, where="map to draw")
+    figure, box, _ = single_plan(plan, legend_in=2.4)
+    axes = place(figure, *box)
+    for shape in plan.furniture:
+        axes.add_patch(PolygonPatch(shape, facecolor=FURNITURE_COLOR, alpha=0.25, edgecolor="none"))
+        axes.add_patch(PolygonPatch(shape, fill=False, edgecolor=MUTED, linewidth=0.8))
+    x, y = checked["x"].to_numpy(), checked["y"].to_numpy()
+    buried = checked["buried"].to_numpy()
+    free = np.flatnonzero(~buried)
+    step = max(1, -(-free.size // MOST_DOTS))  # lamps and furniture would be covered by all of them
+    dots = free[::step]
+    many = dots.size > MOST_VECTOR_POINTS
+    axes.plot(x[dots], y[dots], ".", color=BLUE, markersize=2.0 if many else 3.5, rasterized=many)
+    axes.plot(x[buried], y[buried], "x", color=VERMILION, markersize=5.0)
+    for number, lamp in enumerate(lamps, start=1):
+        draw_lamp(axes, lamp, number)
+    draw_frame(axes, plan, left=True, bottom=True)
+    told = f"{free.size} sensor points" + (f",\none in {step} drawn" if step > 1 else "")
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], marker=".", color=BLUE, linestyle="none", label=told),
+        Patch(facecolor=LAMP_COLOR, edgecolor=INK, linewidth=0.8, label=f"{len(lamps)} lamps"),
+        Line2D([], [], color=INK, linewidth=1.4, label="walls"),
+    ]
+    if buried.any():
+        words = f"{int(buried.sum())} buried points"
+        handles.insert(1, Line2D([], [], marker="x", color=VERMILION, linestyle="none", label=words))
+    if plan.furniture:
+        handles.append(Patch(facecolor=FURNITURE_COLOR, alpha=0.4, label="furniture"))
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0))
+    draw_lamp_key(axes, lamps, below_in=0.2 * (len(handles) + told.count("\n")) + 0.25)
+    return figure
+
+
+def relative_error(dataset: xr.Dataset) -> FloatArray:
+    """(point, band) standard error over the mean irradiance of the band, buried points left out of the mean [1]."""
+    irradiance = dataset["irradiance"].to_numpy()
+    mean = irradiance[kept_points(dataset)].mean(axis=0)
+    return np.asarray(dataset["irradiance_se"].to_numpy() / np.where(mean > 0, mean, 1.0), dtype=np.float64)
+
+
+def _draw_histogram(axes: Axes, relative_percent: FloatArray, target: float | None) -> None:
+    axes.hist(relative_percent, bins=40, color=BLUE, edgecolor="none", alpha=0.85)
+    median = float(np.median(relative_percent))
+    axes.axvline(median, color=INK, linewidth=1.2, label=f"median {median:.2g} %")
+    if target is not None:
+        axes.axvline(100.0 * target, color=VERMILION, linewidth=1.4, linestyle="--", label=f"target {100 * target:g} %")
+    axes.set_xlabel("standard error [% of the band's mean irradiance]")
+    axes.set_ylabel("number of point-bands [1]")
+    axes.set_title("all points and bands", pad=22.0)
+    axes.set_xlim(left=0.0)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 0.99), ncols=2, borderaxespad=0.2)
+
+
+def _chosen(dataset: xr.Dataset, points: IntArray | None) -> IntArray:
+    if points is not None:
+        return points
+    groups = map_planes(dataset)
+    # Where every point is buried there still is a picture: of what was asked for, with its crosses.
+    return groups[0] if groups else np.arange(dataset.sizes["point"])
+
+
+def _shown_bands(count: int) -> IntArray:
+    if count <= MOST_PANELS:
+        return np.arange(count)
+    return np.linspace(0, count - 1, MOST_PANELS).round().astype(np.int64)

@@ -1,0 +1,239 @@
+"""What figures over the floor plan are put together from: fields, points, walls, lamps, colour bars and legends."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Polygon as PolygonPatch
+from matplotlib.patheffects import AbstractPathEffect, Normal, Stroke
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.errors import MapError
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.figures.figure_style import INK, MUTED, PAGE_WIDTH_IN, place, plain
+from lidarspectra.mapping.figures.floor_plan import FloorPlan, PanelLayout, plan_extent
+from lidarspectra.mapping.maps.interpolation import Grid, Method, grid_values, inside_polygon
+from lidarspectra.radiance.scene.lamp_shapes import lamp_corners
+
+MOST_VECTOR_POINTS = 400  # [1] more dots than this are drawn as pixels in vector files, to keep them small
+MOST_DOTS = 2500  # [1] more would cover the map below them
+LAMP_COLOR = "#e6a400"
+FURNITURE_COLOR = "#8a8f96"
+UNKNOWN: dict[str, Any] = {"facecolor": "#c3c7cb", "edgecolor": "#8a8f96", "hatch": "////", "linewidth": 0.0}
+HALO: list[AbstractPathEffect] = [Stroke(linewidth=2.4, foreground="white", alpha=0.85), Normal()]  # dark on any ground
+_RECTANGLES = ("panel", "strip", "window")
+
+
+def color_norm(values: FloatArray) -> Normalize:
+    """A scale from zero, unless the values differ too little to be seen on it."""
+    low, high = float(values.min()), float(values.max())
+    if high <= 0:
+        return Normalize(0.0, 1.0)
+    return Normalize(0.0 if low < 0.5 * high else low - 0.05 * (high - low), high)
+
+
+def field_grid(
+    places: FloatArray, values: FloatArray, plan: FloorPlan, *, cells_across: int, method: Method = "linear"
+) -> Grid | None:
+    """What `draw_field` draws: values over the box around the room, or None where the points make no map.
+
+    Too few points, or points on a line, make none; they alone are drawn then: that is all there is to see.
+
+    Parameters
+    ----------
+    places : (n, 2) float
+        Positions from above. [m]
+    values : (n, value) float
+        In any unit.
+    plan : FloorPlan
+        Its outline itself cuts the picture, not whole cells along a slanted wall.
+    cells_across, method
+        See `grid_values`.
+    """
+    (x0, y0), (x1, y1) = plan.outline.min(axis=0), plan.outline.max(axis=0)
+    box = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    try:
+        return grid_values(places, values, box, method=method, cells_across=cells_across)
+    except MapError:
+        return None
+
+
+def draw_field(
+    axes: Axes, plan: FloorPlan, grid: Grid | None, layer: int, norm: Normalize, colors: str, *, factor: float = 1.0
+) -> None:
+    """The interpolated map on a hatched ground, which shows where nothing is known."""
+    if grid is None:
+        return
+    axes.add_patch(PolygonPatch(plan.outline, zorder=-1, **UNKNOWN))
+    half = 0.5 * (float(grid.x[1] - grid.x[0]) if grid.x.size > 1 else 1.0)
+    extent = (grid.x[0] - half, grid.x[-1] + half, grid.y[0] - half, grid.y[-1] + half)
+    cells = np.ma.masked_invalid(grid.cells[layer] * factor)
+    image = axes.imshow(cells, origin="lower", extent=extent, norm=norm, cmap=colors, interpolation="nearest")
+    image.set_clip_path(PolygonPatch(plan.outline, transform=axes.transData))
+
+
+def has_unknown(grid: Grid | None, plan: FloorPlan) -> bool:
+    """Whether some of the room has no value on the map."""
+    if grid is None:
+        return False
+    centers = np.stack(np.meshgrid(grid.x, grid.y), axis=-1).reshape(-1, 2)
+    return bool(np.isnan(grid.cells[0]).ravel()[inside_polygon(plan.outline, centers)].any())
+
+
+def draw_isolines(axes: Axes, grid: Grid | None) -> None:
+    """Lines of equal illuminance with their numbers, dark on a light rim so that they show on any ground."""
+    if grid is None or not np.nanmax(grid.cells[0]) > np.nanmin(grid.cells[0]):
+        return
+    low, high = float(np.nanmin(grid.cells[0])), float(np.nanmax(grid.cells[0]))
+    levels = MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(low, high)
+    cells = np.ma.masked_invalid(grid.cells[0])
+    lines = axes.contour(grid.x, grid.y, cells, levels=levels, colors="#202020", linewidths=0.9)
+    lines.set_path_effects(HALO)
+    for text in axes.clabel(lines, fmt=FuncFormatter(lambda value, _: f"{value:g} lx"), fontsize=7.5):
+        text.set_path_effects(HALO)
+
+
+def draw_points(
+    axes: Axes, dataset: xr.Dataset, chosen: IntArray, values: FloatArray | None, norm: Normalize, colors: str
+) -> None:
+    """Small dots where a map lies below them; without a map (`values` given) dots in the colours of the scale.
+
+    On a map of more than `MOST_DOTS` points there are only the crosses of buried ones.
+    """
+    x, y = dataset["x"].to_numpy(), dataset["y"].to_numpy()
+    if values is None and chosen.size > MOST_DOTS:
+        chosen = chosen[:0]
+    many = chosen.size > MOST_VECTOR_POINTS
+    shown: dict[str, Any] = {"c": "white"} if values is None else {"c": values[chosen], "norm": norm, "cmap": colors}
+    size = 1.0 if many else 4.0 if values is None else 40.0
+    axes.scatter(
+        x[chosen],
+        y[chosen],
+        s=size,
+        linewidths=0.0 if many else 0.5,
+        edgecolors="#202020",
+        rasterized=many,
+        zorder=3,
+        **shown,
+    )
+    buried = np.flatnonzero(dataset["buried"].to_numpy())
+    axes.plot(
+        x[buried], y[buried], "x", color="black", markersize=4.0, markeredgewidth=1.0, path_effects=HALO, zorder=4
+    )
+
+
+def draw_frame(axes: Axes, plan: FloorPlan, *, left: bool, bottom: bool) -> None:
+    """Walls and furniture in one scale for both axes, with labels on the left and at the bottom where asked for."""
+    for shape in plan.furniture:
+        axes.add_patch(PolygonPatch(shape, fill=False, edgecolor="white", linewidth=1.3, alpha=0.65, zorder=2.4))
+        axes.add_patch(
+            PolygonPatch(shape, fill=False, edgecolor=FURNITURE_COLOR, linewidth=0.9, linestyle="--", zorder=2.5)
+        )
+    axes.add_patch(PolygonPatch(plan.outline, fill=False, edgecolor=INK, linewidth=1.4, zorder=5, joinstyle="miter"))
+    for walls in plan.other_outlines:
+        axes.add_patch(PolygonPatch(walls, fill=False, edgecolor=MUTED, linewidth=1.0, zorder=2.3))
+    low, high = plan_extent(plan)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_aspect("equal")
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+    axes.tick_params(length=2.5, labelleft=left, labelbottom=bottom, left=left, bottom=bottom)
+    axes.set_xlabel("x [m]" if bottom else "", labelpad=1.5)
+    axes.set_ylabel("y [m]" if left else "", labelpad=1.5)
+
+
+def draw_colorbar(
+    figure: Figure, box: tuple[float, float, float, float], norm: Normalize, colors: str, label: str = ""
+) -> None:
+    """A colour bar at a place in inches; without a label it is the small one of a panel."""
+    axes = place(figure, *box)
+    bar = figure.colorbar(ScalarMappable(norm=norm, cmap=colors), cax=axes)
+    bar.outline.set_visible(False)
+    bar.locator = MaxNLocator(nbins=4 if not label else 6, steps=[1, 2, 2.5, 5, 10])
+    bar.formatter = FuncFormatter(lambda value, _: f"{value:.3g}")
+    bar.update_ticks()
+    axes.tick_params(length=2.0, pad=1.5, labelsize=7.0 if not label else 8.0)
+    if label:
+        bar.set_label(label)
+
+
+def legend_handles(dataset: xr.Dataset, plan: FloorPlan, *, unknown: bool) -> list[Line2D | Patch]:
+    """What a map's legend explains: only what can be seen on it."""
+    handles: list[Line2D | Patch] = [Line2D([], [], color=INK, linewidth=1.4, label="walls")]
+    if dataset.sizes["point"] <= MOST_DOTS:
+        dot: dict[str, Any] = {"color": "white", "markeredgecolor": "#202020", "markersize": 3, "linestyle": ""}
+        handles.insert(0, Line2D([], [], marker="o", label="sensor", **dot))
+    if dataset["buried"].to_numpy().any():
+        handles.append(
+            Line2D([], [], marker="x", color="black", markersize=4, linestyle="", path_effects=HALO, label="buried")
+        )
+    if plan.furniture:
+        handles.append(Line2D([], [], color=FURNITURE_COLOR, linewidth=0.9, linestyle="--", label="furniture"))
+    if unknown:
+        handles.append(Patch(label="no point near", **UNKNOWN))
+    return handles
+
+
+def draw_panel_legend(figure: Figure, layout: "PanelLayout", handles: list[Line2D | Patch], words: str) -> None:
+    """Unit and legend, in the empty place after the last panel where there is one, else below the panels."""
+    if layout.has_empty_place:
+        left, bottom, _, height = layout.box(layout.panels)
+        corner = (left / PAGE_WIDTH_IN, (bottom + height) / layout.height_in)
+        figure.legend(
+            handles=handles,
+            title=words,
+            loc="upper left",
+            bbox_to_anchor=corner,
+            borderaxespad=0.0,
+            handlelength=1.6,
+            alignment="left",
+        )
+        return
+    figure.legend(handles=handles, loc="lower right", ncols=len(handles), borderaxespad=0.3, handlelength=1.6)
+    figure.text(layout.LEFT / PAGE_WIDTH_IN, 0.1 / layout.height_in, words.replace("\n", " "), va="bottom")
+
+
+def draw_lamp(axes: Axes, lamp: Lamp, number: int) -> None:
+    """A lamp in its true size from above, with its number; one with a candela file has no size and is a star."""
+    look: dict[str, Any] = {"facecolor": LAMP_COLOR, "edgecolor": INK, "linewidth": 0.8, "alpha": 0.75, "zorder": 1.5}
+    center = lamp.center[:2]
+    if lamp.shape in _RECTANGLES:
+        axes.add_patch(PolygonPatch(lamp_corners(lamp)[:, :2], **look))
+    elif lamp.shape == "ies":
+        axes.plot(*center, "*", color=LAMP_COLOR, markeredgecolor=INK, markersize=9, zorder=1.5)
+    else:
+        least = 0.03  # [m] a smaller bulb would not be seen
+        axes.add_patch(Circle((float(center[0]), float(center[1])), max(lamp.size[0] / 2, least), **look))
+    axes.annotate(
+        f"L{number}",
+        (float(center[0]), float(center[1])),
+        ha="center",
+        va="center",
+        fontsize=7.5,
+        fontweight="bold",
+        color="black",
+        path_effects=HALO,
+        zorder=6,
+    )
+
+
+def draw_lamp_key(axes: Axes, lamps: tuple[Lamp, ...], *, below_in: float) -> None:
+    """The lamps' names beside the plan, under the legend."""
+    figure_height = float(axes.get_figure(root=True).get_size_inches()[1])  # type: ignore[union-attr]
+    height = figure_height * axes.get_position(original=True).height
+    most = max(1, int((height - below_in) / 0.19))  # [1] lines that fit
+    lines = [f"L{number}  {plain(lamp.name, longest=26)}" for number, lamp in enumerate(lamps[:most], start=1)]
+    if len(lamps) > most:
+        lines[-1] = f"and {len(lamps) - most + 1} more"
+    place_up = 1.0 - below_in / height
+    axes.text(1.04, place_up, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=8.0, linespacing=1.5)

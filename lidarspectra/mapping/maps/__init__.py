@@ -1,0 +1,1 @@
+"""Spectral maps and what is computed from them."""

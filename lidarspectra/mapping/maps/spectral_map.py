@@ -1,0 +1,419 @@
+"""The spectral map: how much light of each band arrives at each point, E_b = Σ_lamp coefficient x flux.
+
+A map is an xarray Dataset with the dims (point, band):
+
+    irradiance, irradiance_se   (point, band)  [W m-2 nm-1]  band value, and its standard error
+    x, y, z                     (point,)       [m]
+    nx, ny, nz                  (point,)       [1]           direction that the sensor looks in
+    buried                      (point,)                     inside furniture or outside the room: do not trust
+    band, band_width, band_label (band,)       [nm]          centre, full width at half maximum, short name
+
+`check_map` holds that schema; it stands at every way in.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from lidarspectra.arrays import FloatArray, IntArray, float_array
+from lidarspectra.errors import ArrayError, LidarSpectraError, MapError
+from lidarspectra.io.netcdf import LARGEST_VALUE, read_netcdf, write_netcdf
+from lidarspectra.radiance.sampling.transport import standard_error_of_sum
+from lidarspectra.spectra.spectrum import BandSet, Spectrum
+
+IRRADIANCE_UNIT = "W m-2 nm-1"
+SCHEMA = "lidarspectra spectral map 1"
+MAP_FILE, MAP_TABLE_FILE = "map.nc", "map.csv"  # in the folder of a run's map stage, and of a relighting
+POSITION = ("x", "y", "z")
+DIRECTION = ("nx", "ny", "nz")
+UNIT_LENGTH_TOLERANCE = 1e-6  # [1] directions survive a text file of nine digits
+CENTER_TOLERANCE_NM = 1e-6  # [nm] two band sets are the same within float noise
+LARGEST_COORDINATE_M = 1e9  # [m] as of a scan's
+NOISE_BELOW_ZERO = 6.0  # [1] a difference of two estimates may fall so many standard errors below a true zero
+
+_COORDINATES: dict[str, tuple[str, str | None, str]] = {  # name: (dim, unit, long name)
+    "x": ("point", "m", "x coordinate"),
+    "y": ("point", "m", "y coordinate"),
+    "z": ("point", "m", "height"),
+    "nx": ("point", "1", "x component of the sensor's direction"),
+    "ny": ("point", "1", "y component of the sensor's direction"),
+    "nz": ("point", "1", "z component of the sensor's direction"),
+    "buried": ("point", None, "point lies inside furniture or outside the room"),
+    "band": ("band", "nm", "centre wavelength"),
+    "band_width": ("band", "nm", "full width at half maximum"),
+    "band_label": ("band", None, "short name of the channel"),
+}
+_VARIABLES = {
+    "irradiance": "spectral irradiance, mean over the channel's response",
+    "irradiance_se": "standard error of the spectral irradiance",
+}
+
+
+_TRANSPORT = {
+    "coefficient": ("lamp", "point", "band"),
+    "coefficient_se": ("lamp", "point", "band"),
+    "flux": ("lamp", "band"),
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LampChange:
+    """What becomes of one lamp in relighting.
+
+    Parameters
+    ----------
+    flux : Spectrum or (band,) float or None
+        Its new spectral radiant flux, or that flux in every band; None keeps what was traced. [W/nm]
+    dim : float
+        Factor on that flux, >= 0; 0 switches the lamp off. [1]
+    """
+
+    flux: Spectrum | FloatArray | None = None
+    dim: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.dim) and self.dim >= 0):
+            raise MapError(
+                expected="a dim factor of 0 or more", found=f"{self.dim}", where="lamp change", todo="1 is as traced."
+            )
+
+
+def spectral_map(transport: xr.Dataset, flux: ArrayLike | None = None) -> xr.Dataset:
+    """Spectral irradiance at every point, E_b = Σ_lamp coefficient[lamp, b] x flux[lamp, b] (docs/concepts.md, Eq. 3).
+
+    Parameters
+    ----------
+    transport : xarray.Dataset
+        Traced coefficients [m-2] with the dims (lamp, point, band), and the flux they were traced for.
+    flux : (lamp, band) float, optional
+        Band values of every lamp's spectral flux; the traced ones if left out. [W/nm]
+
+    Returns
+    -------
+    map : xarray.Dataset
+        See the module's text; the transport's attributes (accuracy, noise, ...) come along.
+
+    Raises
+    ------
+    MapError
+        If the transport lacks something, or the flux has another shape or is negative.
+    """
+    _require(transport, _TRANSPORT, where="transport")
+    traced = transport["flux"].transpose("lamp", "band").to_numpy().astype(np.float64)
+    used = traced if flux is None else _checked_flux(flux, traced.shape)
+    coefficient = transport["coefficient"].transpose("lamp", "point", "band").to_numpy()
+    values = {
+        "irradiance": np.einsum("lpb,lb->pb", coefficient, used),
+        "irradiance_se": standard_error_of_sum(transport, used),
+    }
+    return check_map(_dataset(values, transport), where="spectral map")
+
+
+def relight(transport: xr.Dataset, changes: Mapping[str, LampChange], *, bands: BandSet | None = None) -> xr.Dataset:
+    """A new map for new lamp spectra or dimming, without tracing again.
+
+    Superposition makes dimming exact. A new spectrum is exact but for what the reflectance slots assumed of the
+    old one inside each channel: they are weighted by the lamp that was traced, so surfaces whose reflectance
+    changes steeply within 20 nm shift a little (see docs/fidelity.md).
+
+    Parameters
+    ----------
+    transport : xarray.Dataset
+        Traced coefficients.
+    changes : mapping of str to LampChange
+        By lamp name; lamps that are not named stay as traced.
+    bands : BandSet, optional
+        The transport's channels, needed where a change holds a Spectrum.
+
+    Returns
+    -------
+    map : xarray.Dataset
+
+    Raises
+    ------
+    MapError
+        If a lamp is unknown, or the bands are missing or are not the transport's.
+    """
+    _require(transport, {"flux": ("lamp", "band")}, where="transport")
+    names = [str(name) for name in transport["lamp"].to_numpy()]
+    flux = transport["flux"].transpose("lamp", "band").to_numpy().astype(np.float64).copy()
+    for name, change in changes.items():
+        if name not in names:
+            raise MapError(
+                expected=f"one of the traced lamps ({_listed(names)})",
+                found=f"'{name}'",
+                where="relighting",
+                todo="A lamp that was not traced needs a new run.",
+            )
+        row = names.index(name)
+        if change.flux is not None:
+            flux[row] = _band_flux(change.flux, transport, bands)
+        flux[row] *= change.dim
+    return spectral_map(transport, flux)
+
+
+def check_map(dataset: xr.Dataset, *, where: str) -> xr.Dataset:
+    """Hold a Dataset to the schema of a spectral map.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        What should be a map.
+    where : str
+        File or step, for the error.
+
+    Returns
+    -------
+    map : xarray.Dataset
+        The same, its variables in (point, band) order.
+
+    Raises
+    ------
+    MapError
+        If a variable, dim, unit or label is missing or differs, a number is NaN, infinite or clearly negative, bands
+        do not ascend, or a direction is no unit vector.
+    """
+    wanted = {name: (dim,) for name, (dim, _, _) in _COORDINATES.items()}
+    _require(dataset, wanted | dict.fromkeys(_VARIABLES, ("point", "band")), where=where)
+    units = {name: unit for name, (_, unit, _) in _COORDINATES.items()} | dict.fromkeys(_VARIABLES, IRRADIANCE_UNIT)
+    for name, unit in units.items():
+        found = dataset[name].attrs.get("units")
+        if unit is not None and str(found) != unit:
+            raise MapError(expected=f"'{name}' in {unit}", found=f"unit {found!r}", where=where)
+    ordered = dataset.transpose("point", "band", missing_dims="ignore")
+    try:
+        _check_numbers(ordered)
+    except ArrayError as cause:
+        raise MapError(
+            expected=cause.expected, found=cause.found, where=f"{where}, {cause.where}", todo=cause.todo
+        ) from cause
+    return ordered
+
+
+def kept_points(dataset: xr.Dataset) -> IntArray:
+    """Indices of the points that are not buried, for statistics; of all where every point is buried."""
+    kept = ~dataset["buried"].to_numpy()
+    return np.flatnonzero(kept if kept.any() else np.ones(kept.size, dtype=np.bool_))
+
+
+def save_map(dataset: xr.Dataset, path: Path) -> Path:
+    """Write a spectral map as NetCDF-4, whole or not at all.
+
+    Raises
+    ------
+    MapError
+        If the Dataset is no spectral map.
+    WorkspaceError
+        If the file cannot be written.
+    """
+    checked = check_map(dataset, where="map to save")
+    encoding = {name: {"zlib": True, "complevel": 4} for name in _VARIABLES}
+    write_netcdf(checked, path, encoding=encoding)
+    return path
+
+
+def load_map(path: Path) -> xr.Dataset:
+    """Read a spectral map that a run wrote (`6-map/map.nc`), or `save_map`.
+
+    Parameters
+    ----------
+    path : Path
+        NetCDF-4.
+
+    Returns
+    -------
+    map : xarray.Dataset
+        (point, band) irradiance and irradiance_se [W m-2 nm-1] with their coordinates: see the module's text.
+
+    Raises
+    ------
+    MapError
+        If the file is missing, no NetCDF-4, or no spectral map.
+    """
+    with _reported(path, expected="a spectral map in NetCDF-4", todo="Run the map stage again."):
+        dataset = read_netcdf(path)
+    return check_map(dataset, where=str(path))
+
+
+def map_table(dataset: xr.Dataset) -> pd.DataFrame:
+    """A spectral map as a wide table, one row a point.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+        x, y, z [m], nx, ny, nz [1], buried (0 or 1), E_410 ... and their standard errors SE_410 ... [W/m²/nm].
+    """
+    checked = check_map(dataset, where="map to tabulate")
+    columns: dict[str, ArrayLike] = {name: checked[name].to_numpy() for name in (*POSITION, *DIRECTION)}
+    columns["buried"] = checked["buried"].to_numpy().astype(np.int64)
+    for prefix, name in (("E", "irradiance"), ("SE", "irradiance_se")):
+        values = checked[name].to_numpy()
+        columns |= {f"{prefix}_{label}": values[:, b] for b, label in enumerate(checked["band_label"].to_numpy())}
+    return pd.DataFrame(columns)
+
+
+def save_map_table(dataset: xr.Dataset, path: Path) -> Path:
+    """Write `map_table` as CSV with nine significant digits.
+
+    Raises
+    ------
+    MapError
+        If the Dataset is no spectral map, or the file cannot be written.
+    """
+    table = map_table(dataset)
+    with _reported(path, expected="a file that can be written", todo="Choose a folder that you may write to."):
+        table.to_csv(path, index=False, float_format="%.9g", encoding="utf-8", lineterminator="\n")
+    return path
+
+
+def read_map_table(path: Path, *, bands: BandSet) -> xr.Dataset:
+    """Read a map from the CSV of `save_map_table`; channels are known by their column names, never by position.
+
+    Parameters
+    ----------
+    path : Path
+        The CSV.
+    bands : BandSet
+        Its channels; each needs its columns E_<label> and SE_<label>.
+
+    Raises
+    ------
+    MapError
+        If the file cannot be read, a column is missing or is not numeric.
+    """
+    with _reported(path, expected="a map table (CSV)", todo="Export the map again."):
+        table = pd.read_csv(path, encoding="utf-8")
+    columns = [*POSITION, *DIRECTION, "buried", *(f"{kind}_{label}" for kind in ("E", "SE") for label in bands.labels)]
+    missing = [name for name in columns if name not in table.columns]
+    if missing:
+        raise MapError(expected=f"a column '{missing[0]}'", found=f"columns {_listed(table.columns)}", where=str(path))
+    for name in columns:
+        if not pd.api.types.is_numeric_dtype(table[name]):
+            raise MapError(expected="numbers only", found="other text", where=f"{path}, column '{name}'")
+    values = {
+        name: table[[f"{kind}_{label}" for label in bands.labels]].to_numpy(np.float64)
+        for kind, name in (("E", "irradiance"), ("SE", "irradiance_se"))
+    }
+    source = xr.Dataset(
+        coords={name: ("point", table[name].to_numpy(np.float64)) for name in (*POSITION, *DIRECTION)}
+        | {
+            "buried": ("point", table["buried"].to_numpy() != 0),
+            "band": ("band", bands.centers_nm),
+            "band_width": ("band", bands.widths_nm),
+            "band_label": ("band", list(bands.labels)),
+        }
+    )
+    return check_map(_dataset(values, source), where=str(path))
+
+
+def _dataset(values: Mapping[str, FloatArray], source: xr.Dataset) -> xr.Dataset:
+    """Give values the coordinates and attributes of a transport or table, in the schema's units and words."""
+    _require(source, {name: (dim,) for name, (dim, _, _) in _COORDINATES.items()}, where="transport")
+    coords: dict[str, tuple[str, np.ndarray[Any, Any], dict[str, str]]] = {}
+    for name, (dim, unit, long_name) in _COORDINATES.items():
+        attrs = {"long_name": long_name} | ({"units": unit} if unit is not None else {})
+        if name == "band":
+            attrs["standard_name"] = "radiation_wavelength"
+        coords[name] = (dim, source[name].to_numpy(), attrs)
+    variables = {
+        name: (("point", "band"), values[name], {"units": IRRADIANCE_UNIT, "long_name": long_name})
+        for name, long_name in _VARIABLES.items()
+    }
+    carried = {key: value for key, value in source.attrs.items() if isinstance(value, str | int | float | np.generic)}
+    return xr.Dataset(variables, coords, {**carried, "Conventions": "CF-1.11", "schema": SCHEMA})
+
+
+def _checked_flux(flux: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    try:
+        array = float_array(flux, name="flux", shape=shape)
+    except ArrayError as cause:
+        raise MapError(expected=cause.expected, found=cause.found, where="flux of the lamps") from cause
+    if np.any(array < 0):
+        raise MapError(expected="a flux of 0 or more", found=f"{array.min():g} W/nm", where="flux of the lamps")
+    return array
+
+
+def _band_flux(flux: Spectrum | FloatArray, transport: xr.Dataset, bands: BandSet | None) -> FloatArray:
+    centers = transport["band"].to_numpy()
+    if not isinstance(flux, Spectrum):
+        return _checked_flux(flux, centers.shape)
+    same = bands is not None and bands.centers_nm.shape == centers.shape
+    if bands is None or not same or np.abs(bands.centers_nm - centers).max() > CENTER_TOLERANCE_NM:
+        raise MapError(
+            expected=f"the band set that was traced ({centers.size} channels)",
+            found="none" if bands is None else f"'{bands.name}' with {len(bands)} channels",
+            where="relighting with a spectrum",
+        )
+    return _checked_flux(bands.band_values(flux, outside="zero"), centers.shape)
+
+
+def _check_numbers(dataset: xr.Dataset) -> None:
+    points, channels = dataset.sizes["point"], dataset.sizes["band"]
+    if not points or not channels:
+        raise ArrayError(expected="at least one point and one band", found=f"{points} and {channels}", where="dims")
+    for name in (*POSITION, *DIRECTION):
+        numbers = float_array(dataset[name].to_numpy(), name=name, shape=(points,))
+        if np.abs(numbers).max() > LARGEST_COORDINATE_M:
+            found = f"{np.abs(numbers).max():g}"
+            raise ArrayError(expected=f"coordinates up to {LARGEST_COORDINATE_M:g} m", found=found, where=name)
+    for name in ("band", "band_width"):
+        numbers = float_array(dataset[name].to_numpy(), name=name, shape=(channels,))
+        if numbers.min() <= 0 or (name == "band" and np.any(np.diff(numbers) <= 0)):
+            raise ArrayError(expected="positive wavelengths, centres ascending", found=f"{numbers}", where=name)
+    labels = [str(label) for label in dataset["band_label"].to_numpy()]
+    if len(set(labels)) != channels:
+        raise ArrayError(expected="a label of its own for each band", found=_listed(labels), where="band_label")
+    lengths = np.linalg.norm([dataset[name].to_numpy() for name in DIRECTION], axis=0)
+    if np.abs(lengths - 1.0).max() > UNIT_LENGTH_TOLERANCE:
+        raise ArrayError(
+            expected="directions of length 1", found=f"lengths {lengths.min()} to {lengths.max()}", where="nx, ny, nz"
+        )
+    if dataset["buried"].dtype != np.bool_:
+        raise ArrayError(expected="true or false", found=f"{dataset['buried'].dtype}", where="buried")
+    for name in _VARIABLES:
+        largest = float(np.abs(dataset[name]).max()) if dataset[name].dtype.kind in "fiu" else np.inf
+        if largest > LARGEST_VALUE:
+            raise ArrayError(expected=f"numbers up to {LARGEST_VALUE:g}", found=f"{largest:g}", where=name)
+    irradiance = float_array(dataset["irradiance"].to_numpy(), name="irradiance", shape=(points, channels))
+    errors = float_array(dataset["irradiance_se"].to_numpy(), name="irradiance_se", shape=(points, channels))
+    if errors.min() < 0 or np.any(irradiance < -NOISE_BELOW_ZERO * errors):
+        raise ArrayError(
+            expected="irradiances that are not negative beyond their noise",
+            found=f"a least irradiance of {irradiance.min():g} and a least standard error of {errors.min():g}",
+            where="irradiance",
+        )
+
+
+def _require(dataset: xr.Dataset, wanted: Mapping[str, tuple[str, ...]], *, where: str) -> None:
+    for name, dims in wanted.items():
+        if name not in dataset.variables:
+            raise MapError(expected=f"a variable '{name}'", found=_listed(map(str, dataset.variables)), where=where)
+        if set(dataset[name].dims) != set(dims):
+            raise MapError(
+                expected=f"'{name}' with the dims ({', '.join(dims)})", found=f"{dataset[name].dims}", where=where
+            )
+
+
+def _listed(names: Iterable[object]) -> str:
+    words = [str(name) for name in names]
+    return ", ".join(words[:20]) + (f" and {len(words) - 20} more" if len(words) > 20 else "")
+
+
+@contextmanager
+def _reported(path: Path, *, expected: str, todo: str) -> Iterator[None]:
+    """Turn what file libraries raise into one error of ours."""
+    try:
+        yield
+    except LidarSpectraError:
+        raise
+    except (OSError, ValueError, KeyError, RuntimeError, TypeError) as cause:
+        raise MapError(
+            expected=expected, found=str(cause) or type(cause).__name__, where=str(path), todo=todo
+        ) from cause

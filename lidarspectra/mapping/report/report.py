@@ -1,0 +1,100 @@
+"""The report: maps, spectra, materials, accuracy and provenance of a run on one page, with its figures and tables."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from lidarspectra.mapping.figures.channel_figures import ReportView
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.mapping.report import report_page as html
+from lidarspectra.mapping.report import report_sections as parts
+from lidarspectra.mapping.report.report_input import ReportInput
+from lidarspectra.mapping.report.report_tables import StageRow
+from lidarspectra.mapping.report.report_writer import ReportWriter, unwritable
+from lidarspectra.mapping.report.room_view import room_view_data
+from lidarspectra.progress import Progress, shares, silent
+
+PAGE = "index.html"
+POINT_S, FACE_S = 2e-5, 2e-6  # [s] of one core, of a hall with many: its table of all points, the page's 3D view
+
+__all__ = ["PAGE", "FloorPlan", "ReportInput", "ReportView", "StageRow", "write_report"]
+
+
+def write_report(folder: Path, report: ReportInput, *, progress: Progress = silent) -> Path:
+    """Write the report: `index.html`, and its figures (PNG, PDF) and tables (CSV, Markdown, HTML) in folders beside it.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if absent.
+    report : ReportInput
+        What to tell.
+    progress : callable
+        See `lidarspectra.progress`.
+
+    Returns
+    -------
+    page : Path
+        The page; it shows everything without any other file.
+
+    Raises
+    ------
+    MapError
+        If the folder cannot be written.
+    """
+    writer = ReportWriter(folder)
+    light = parts.light_of_report(report)
+    points = report.spectral_map.sizes["point"]
+    faces = 0 if report.surfaces is None else len(report.surfaces.faces)
+    makers: tuple[tuple[str, float, Callable[[], str]], ...] = (  # title, usual processor time [s], content
+        ("Summary", 0.1, lambda: parts.summary_section(report, light, writer)),
+        ("Room in 3D", 0.0, lambda: parts.room_section(report)),
+        ("Spectral maps", 3.4, lambda: parts.maps_section(report, writer)),
+        ("Spectra", 0.5, lambda: parts.spectra_section(report, writer)),
+        ("Illuminance", 0.5, lambda: parts.illuminance_section(report, light, writer)),
+        ("Accuracy", 0.7, lambda: parts.accuracy_section(report, writer)),
+        ("Lamps and sensors", 0.2, lambda: parts.lamps_section(report, writer)),
+        *((each.title, 0.5, partial(parts.application_section, each, writer)) for each in report.applications),
+        ("Materials", 2.6, lambda: parts.materials_section(report, writer)),
+        ("Views", 2.0, lambda: parts.views_section(report, writer)),
+        ("Scan", 0.0, lambda: parts.scan_section(report, writer)),
+        ("All points", 0.1 + POINT_S * points, lambda: parts.points_section(report, writer)),
+        ("Provenance", 0.1, lambda: parts.provenance_section(report, writer)),
+    )
+    sections = []
+    *told, joining = shares(progress, [*(cost for _, cost, _ in makers), FACE_S * faces])
+    for (title, _, make), tell in zip(makers, told, strict=True):
+        tell(0.0, title.lower())
+        content = make()
+        if content:
+            sections.append(html.Section(anchor=title.lower().replace(" ", "-"), title=title, content=content))
+    joining(0.0, "room in 3d")
+    data = room_view_data(
+        report.spectral_map,
+        report.surfaces,
+        report.materials,
+        report.material_areas_m2,
+        report.lamps,
+        illuminance_lx=light.illuminance_lx,
+    )
+    page = html.page(title=report.title, lead=_lead(report), sections=sections, footer=_footer(report), room_data=data)
+    path = folder / PAGE
+    try:
+        path.write_text(page, encoding="utf-8", newline="\n")
+    except OSError as cause:
+        raise unwritable(folder, cause) from cause
+    progress(1.0, "report written")
+    return path
+
+
+def _lead(report: ReportInput) -> str:
+    dataset = report.spectral_map
+    centers = dataset["band"].to_numpy()
+    return (
+        f"Spectral irradiance at {dataset.sizes['point']} points in {dataset.sizes['band']} bands from "
+        f"{centers[0]:g} to {centers[-1]:g} nm, computed from the scan {report.scan.file}."
+    )
+
+
+def _footer(report: ReportInput) -> str:
+    return f"Made by LiDARSpectra {report.provenance.get('lidarspectra', '')}".rstrip() + ". Irradiance in W m⁻² nm⁻¹."

@@ -1,0 +1,90 @@
+"""All that a report tells of, in one record."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import xarray as xr
+
+from lidarspectra.arrays import FloatArray, float_array
+from lidarspectra.geometry.scan import ScanRecord
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.figures.channel_figures import ReportView
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.mapping.figures.material_figures import MaterialPictures
+from lidarspectra.mapping.maps.spectral_map import check_map
+from lidarspectra.mapping.report.applications import Application
+from lidarspectra.mapping.report.report_tables import StageRow
+from lidarspectra.mapping.report.room_view import RoomSurfaces
+from lidarspectra.material.material_map import Material
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReportInput:
+    """All that the report tells of.
+
+    Parameters
+    ----------
+    title : str
+        Name of the room or run file.
+    spectral_map : xarray.Dataset
+        See `spectral_map`.
+    transport : xarray.Dataset
+        The traced coefficients; its attributes tell accuracy and noise.
+    plan : FloorPlan
+        Outline of the room and silhouettes of its furniture.
+    scan : ScanRecord
+        What was read and repaired.
+    materials : tuple of Material
+        See `MaterialMap`.
+    material_areas_m2 : (material,) float
+        [m²]
+    lamps : tuple of Lamp
+        In the order of the transport's lamps, or of the run file.
+    surfaces : RoomSurfaces, optional
+        The room's mesh, for the 3D view.
+    views : tuple of ReportView
+        Pictures of the room, the six of the first viewpoint first.
+    view_notes : str
+        One sentence on coverage.
+    material_pictures : MaterialPictures, optional
+        How the materials were found.
+    floor_z_m : float
+        Height of the floor in the scan's coordinates. [m]
+    room_notes : str
+        One sentence on the room that was found.
+    stages : tuple of StageRow
+        Time and memory.
+    warnings : tuple of str
+        What a reader should know first.
+    provenance : mapping of str to str
+        Versions, database hashes, seeds.
+    run_file : str
+        Text of the run file.
+    applications : tuple of Application
+        What the light is good for: people, plants, cells.
+    """
+
+    title: str
+    spectral_map: xr.Dataset
+    transport: xr.Dataset
+    plan: FloorPlan
+    scan: ScanRecord
+    materials: tuple[Material, ...]
+    material_areas_m2: FloatArray
+    lamps: tuple[Lamp, ...]
+    surfaces: RoomSurfaces | None = None
+    views: tuple[ReportView, ...] = ()
+    view_notes: str = ""
+    material_pictures: MaterialPictures | None = None
+    floor_z_m: float = 0.0
+    room_notes: str = ""
+    stages: tuple[StageRow, ...] = ()
+    warnings: tuple[str, ...] = ()
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    run_file: str = ""
+    applications: tuple[Application, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_map(self.spectral_map, where="map of the report")
+        areas = float_array(self.material_areas_m2, name="ReportInput.material_areas_m2", shape=(len(self.materials),))
+        object.__setattr__(self, "material_areas_m2", areas)

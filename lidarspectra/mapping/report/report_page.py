@@ -1,0 +1,173 @@
+"""The report's HTML: one page that needs nothing but itself, and believes nothing that stands in a user's file.
+
+Every word goes through `words`; scripts other than our own are refused by the page's content security policy.
+"""
+
+import base64
+import hashlib
+import html
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+
+from PIL import Image
+
+from lidarspectra.arrays import ByteArray
+from lidarspectra.mapping.figures.figure_style import data_uri, printable
+
+VIEW_WIDTH_PX = 640  # [px] pictures in the page; the full ones lie in the run's folder
+ROOM_SCRIPTS = ("three.js", "room-picture.js", "room-view.js")
+JPEG_QUALITY = 85  # [1] Pillow's scale; no visible loss at this size
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """A part of the page.
+
+    Parameters
+    ----------
+    anchor : str
+        Its id, ours to choose.
+    title : str
+        Heading, also in the table of contents.
+    content : str
+        HTML.
+    """
+
+    anchor: str
+    title: str
+    content: str
+
+
+def words(text: object) -> str:
+    """Any text as HTML shows it, with nothing in it that HTML would read."""
+    return html.escape(printable(str(text)), quote=True)
+
+
+def paragraph(text: str, *, css_class: str = "") -> str:
+    """A paragraph of plain text."""
+    kind = f' class="{words(css_class)}"' if css_class else ""
+    return f"<p{kind}>{words(text)}</p>"
+
+
+def cards(entries: Sequence[tuple[str, str, str]]) -> str:
+    """Key figures: (what, value, remark) each."""
+    inner = "".join(
+        f"<div><dt>{words(what)}</dt><dd>{words(value)}{f'<small>{words(remark)}</small>' if remark else ''}</dd></div>"
+        for what, value, remark in entries
+    )
+    return f'<dl class="cards">{inner}</dl>'
+
+
+def figure(svg: str, *, number: int, caption: str, name: str) -> str:
+    """A figure that `inline_svg` made, with its caption and the files it also lies in."""
+    told = f"<b>Figure {number}.</b> {words(caption)} {files(f'figures/{name}', ('png', 'pdf'))}"
+    plate = f'<div class="plate">{svg}</div>'
+    return f'<figure id="figure-{words(name)}">{plate}<figcaption>{told}</figcaption></figure>'
+
+
+def pictures(views: Sequence[tuple[str, ByteArray]]) -> str:
+    """Pictures side by side, each under its name."""
+    inner = "".join(
+        f'<figure><img src="{_jpeg(image)}" alt="View: {words(name)}"><figcaption>{words(name)}</figcaption></figure>'
+        for name, image in views
+    )
+    return f'<div class="views">{inner}</div>'
+
+
+def files(stem: str, kinds: Sequence[str]) -> str:
+    """Links to files beside the page; `stem` is ours to choose."""
+    links = ", ".join(f'<a href="{words(stem)}.{kind}">{kind.upper()}</a>' for kind in kinds)
+    return f'<span class="files">[{links}]</span>'
+
+
+def warning_box(warnings: Sequence[str]) -> str:
+    """What the reader should know before trusting the numbers."""
+    if not warnings:
+        return ""
+    inner = "".join(f"<li>{words(warning)}</li>" for warning in warnings)
+    return f'<aside class="warnings" aria-label="Warnings"><p>Please note</p><ul>{inner}</ul></aside>'
+
+
+def details(summary: str, content: str) -> str:
+    """Content that opens when asked for."""
+    return f"<details><summary>{words(summary)}</summary>{content}</details>"
+
+
+def code(text: str) -> str:
+    """Text as it stands in a file."""
+    return f"<pre><code>{words(text)}</code></pre>"
+
+
+def pairs(entries: Mapping[str, str]) -> str:
+    """A table of two columns, name and value."""
+    rows = "".join(
+        f'<tr><th scope="row">{words(name)}</th><td>{words(value)}</td></tr>' for name, value in entries.items()
+    )
+    return f'<div class="scroll" tabindex="0"><table><tbody>{rows}</tbody></table></div>'
+
+
+def room_view() -> str:
+    """The 3D view's controls and its empty picture, which the page's scripts fill."""
+    return _resource("room-view.html")
+
+
+def page(*, title: str, lead: str, sections: Sequence[Section], footer: str, room_data: str = "") -> str:
+    """The whole page.
+
+    Parameters
+    ----------
+    title, lead, footer : str
+        Plain text.
+    sections : sequence of Section
+        In order.
+    room_data : str
+        JSON of `room_view_data`, for a page that has a `room_view`.
+
+    Returns
+    -------
+    page : str
+        HTML 5 without any address to load from.
+    """
+    style = _resource("style.css")
+    scripts = [_resource(name) for name in (*(ROOM_SCRIPTS if room_data else ()), "script.js")]
+    allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
+    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}"
+    data = f'<script type="application/json" id="room-data">{room_data}</script>\n' if room_data else ""
+    running = "\n".join(f"<script>{script}</script>" for script in scripts)
+    contents = "".join(f'<li><a href="#{words(part.anchor)}">{words(part.title)}</a></li>' for part in sections)
+    body = "".join(
+        f'<section id="{words(part.anchor)}" aria-labelledby="{words(part.anchor)}-title">'
+        f'<h2 id="{words(part.anchor)}-title">{words(part.title)}</h2>{part.content}</section>\n'
+        for part in sections
+    )
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{words(policy)}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{words(title)} – LiDARSpectra</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
+        '<a class="skip" href="#content">Skip to the content</a>\n<div class="layout">\n'
+        f'<nav aria-label="Contents"><p>LiDARSpectra</p><ol>{contents}</ol></nav>\n'
+        f'<main id="content"><header><h1>{words(title)}</h1>{paragraph(lead)}</header>\n{body}'
+        f"<footer>{paragraph(footer)}</footer></main>\n</div>\n{data}{running}\n</body>\n</html>\n"
+    )
+
+
+def _digest(script: str) -> str:
+    """What a content security policy knows a script by."""
+    return base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")
+
+
+@cache
+def _resource(name: str) -> str:
+    return (resources.files("lidarspectra.mapping") / "page" / name).read_text(encoding="utf-8").replace("\r\n", "\n")
+
+
+def _jpeg(image: ByteArray) -> str:
+    picture = Image.fromarray(image)
+    picture.thumbnail((VIEW_WIDTH_PX, VIEW_WIDTH_PX))
+    stream = io.BytesIO()
+    picture.save(stream, format="JPEG", quality=JPEG_QUALITY)
+    return data_uri(stream.getvalue(), "image/jpeg")

@@ -1,0 +1,1 @@
+"""Radiance's programs, their options, and what they answer."""

@@ -1,0 +1,1 @@
+"""What a body in the room does to the light."""

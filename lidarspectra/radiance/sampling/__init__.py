@@ -1,0 +1,1 @@
+"""Light at sensor points, with its standard error."""

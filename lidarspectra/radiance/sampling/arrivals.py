@@ -1,0 +1,219 @@
+"""Where sensors' rays arrive: on which surface of the room, and what is known of how it reflects."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.errors import SceneError
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.radiance.sampling.receptors import tangents
+from lidarspectra.radiance.scene.mesh_text import read_mesh_text
+from lidarspectra.radiance.scene.primitives import Primitive, read_primitives
+from lidarspectra.radiance.scene.scene import RadianceScene
+from lidarspectra.radiance.scene.scene_record import LAMPS_FILE
+
+CELL_SHARE = 1.0 / 8.0  # [1] of the room's diagonal: longest side of a cell, 0.6 m in a room of 3 m x 3 m
+MOST_POOLED_GLOSS = 0.1  # [1] specularity above which what leaves a surface depends on who looks
+MARGIN_M = 1e-3  # [m] lamps are taken for so much larger: a path that may end on one is left to the engine
+_SIDES = 6  # [1] a face's side is told by the axis that its normal is nearest to
+_SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+_CUBE = np.concatenate(
+    [
+        np.insert(_SQUARE, axis, side, axis=1)[[[0, 1, 2], [0, 2, 3]]]  # two triangles a face
+        for axis in range(3)
+        for side in (-1.0, 1.0)
+    ]
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scattering:
+    """How the materials of a pass reflect; the last one stands for lamps.
+
+    Parameters
+    ----------
+    is_matt : (material,) bool
+        Whether it sends what it reflects in all directions alike, or nearly.
+    is_diffuse : (material,) bool
+        Whether exactly, and opaque: then its reflectance says all.
+    reflectance : (material, slot) float
+        In the engine's order; 0 for those that are not diffuse. [0-1]
+    """
+
+    is_matt: BoolArray
+    is_diffuse: BoolArray
+    reflectance: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Arrivals:
+    """Where rays arrive.
+
+    Parameters
+    ----------
+    places : (ray, 3) float
+        [m]
+    normals : (ray, 3) float
+        Of the faces, towards where the rays came from.
+    material : (ray,) int
+        -1 where a ray met nothing.
+    kind : (ray,) int
+        Arrivals of different kinds never share a cell.
+    """
+
+    places: FloatArray
+    normals: FloatArray
+    material: IntArray
+    kind: IntArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Surfaces:
+    """The surfaces of a pass, to look where rays arrive.
+
+    Parameters
+    ----------
+    caster : RayCaster
+    face_material : (face,) int
+    scattering : Scattering
+    cell_m : float
+        Longest side of a cell. [m]
+    """
+
+    caster: RayCaster
+    face_material: IntArray
+    scattering: Scattering
+    cell_m: float
+
+    def arrivals(self, rays: FloatArray, sensor: IntArray) -> Arrivals:
+        """Where rays (ray, 6) of sensors (ray,) arrive."""
+        origins, directions = rays[:, :3], rays[:, 3:]
+        hits = self.caster.nearest(origins, directions)
+        places = origins + np.where(hits.met, hits.distance, 0.0)[:, None] * directions
+        normals = self.caster.normals[hits.face]
+        away = np.einsum("ij,ij->i", normals, directions) > 0
+        normals = np.where(away[:, None], -normals, normals)  # towards the ray: the two sides of a face differ
+        axis = np.abs(normals).argmax(axis=1)
+        side = 2 * axis + (normals[np.arange(len(axis)), axis] > 0)
+        material = self.face_material[hits.face]
+        is_matt = self.scattering.is_matt
+        kind = np.where(hits.met, 1 + _SIDES * material + side, 0)
+        alone = hits.met & ~is_matt[material]
+        kinds = 1 + _SIDES * is_matt.size
+        return Arrivals(
+            places=places,
+            normals=normals,
+            material=np.where(hits.met, material, -1),
+            kind=np.where(alone, kinds * (1 + sensor) + kind, kind),
+        )
+
+
+def load_surfaces(scene: RadianceScene) -> dict[str, Surfaces]:
+    """The surfaces of every pass, by its name.
+
+    Parameters
+    ----------
+    scene : RadianceScene
+
+    Returns
+    -------
+    surfaces : dict of str to Surfaces
+        Passes of the same mesh, materials and lamps' shapes share theirs.
+
+    Raises
+    ------
+    SceneError
+        If a file of the scene cannot be read.
+    """
+    known: dict[tuple[str, str, bytes], Surfaces] = {}
+    passes: dict[str, Surfaces] = {}
+    for scene_pass in scene.passes:
+        shapes = [scene.folder / name for name in (LAMPS_FILE, scene_pass.scene_file)]
+        lamps = np.concatenate([_triangles(primitive) for path in shapes for primitive in read_primitives(path)])
+        key = (scene_pass.mesh, scene_pass.materials_file, lamps.tobytes())
+        if key not in known:
+            known[key] = _surfaces(scene.folder / scene_pass.mesh, scene.folder / scene_pass.materials_file, lamps)
+        passes[scene_pass.name] = known[key]
+    return passes
+
+
+def _surfaces(mesh: Path, materials: Path, lamps: FloatArray) -> Surfaces:
+    """Of a mesh, and of (triangle, 3, 3) lamps, which stand for one material more, of which nothing is known."""
+    scan, face_material, names = read_mesh_text(mesh)
+    corners = np.arange(3 * len(lamps)).reshape(-1, 3)
+    whole = bare_scan(
+        np.concatenate([scan.vertices, lamps.reshape(-1, 3)]),
+        np.concatenate([scan.faces, len(scan.vertices) + corners]),
+    )
+    return Surfaces(
+        caster=RayCaster(whole),
+        face_material=np.concatenate([face_material, np.full(len(lamps), len(names))]),
+        scattering=read_scattering(names, materials),
+        cell_m=CELL_SHARE * float(np.linalg.norm(np.ptp(scan.bounds, axis=0))),
+    )
+
+
+def _triangles(primitive: Primitive) -> FloatArray:
+    """(triangle, 3, 3) corners [m] of what covers a polygon, ring or sphere, a little larger; none of anything else."""
+    numbers = np.array(primitive.numbers)
+    if primitive.kind == "polygon":
+        corners = numbers.reshape(-1, 3)
+    elif primitive.kind == "ring":
+        corners = numbers[:3] + numbers[7] * (_SQUARE @ tangents(numbers[3:6] / np.linalg.norm(numbers[3:6])))
+    elif primitive.kind == "sphere":
+        return np.asarray(numbers[:3] + (numbers[3] + MARGIN_M) * _CUBE, dtype=np.float64)
+    else:
+        return np.empty((0, 3, 3))
+    out = corners - corners.mean(axis=0)
+    corners = corners + MARGIN_M * out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), MARGIN_M)
+    return np.stack([corners[[0, second, second + 1]] for second in range(1, len(corners) - 1)])
+
+
+def read_scattering(names: Sequence[str], path: Path) -> Scattering:
+    """How the named materials of a scene file reflect.
+
+    Parameters
+    ----------
+    names : sequence of str
+    path : Path
+        As `surfaces.surface_text` writes it.
+
+    Returns
+    -------
+    scattering : Scattering
+        One row more than names, for lamps.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read or a material is not in it.
+    """
+    patterns, plastics, others = {"void": np.ones(1)}, {}, set()
+    for each in read_primitives(path):
+        if each.kind == "spectrum":  # its ends, then its samples from the short end; the engine answers from the long
+            patterns[each.name] = np.array(each.numbers[:1:-1])
+        elif each.kind == "plastic" and each.modifier in patterns:
+            color = np.array(each.numbers[:3] if each.modifier == "void" else each.numbers[:1])
+            plastics[each.name] = (patterns[each.modifier] * color, each.numbers[3])
+        else:
+            others.add(each.name)
+    missing = [name for name in names if name not in plastics and name not in others]
+    if missing:
+        raise SceneError(
+            expected="all materials of the mesh",
+            found=f"no {missing[0]}",
+            where=str(path),
+            todo="Make the scene again.",
+        )
+    gloss = np.array([plastics[name][1] if name in plastics else np.inf for name in names] + [np.inf])
+    slots = max((color.size for color, _ in plastics.values()), default=1)
+    reflectance = np.zeros((len(names) + 1, slots))
+    for row in np.flatnonzero(gloss == 0.0):
+        reflectance[row] = plastics[names[int(row)]][0]
+    is_matt = gloss <= MOST_POOLED_GLOSS
+    is_matt[-1] = True  # no path goes on from a lamp, whoever looks at it
+    return Scattering(is_matt=is_matt, is_diffuse=gloss == 0.0, reflectance=reflectance)

@@ -1,0 +1,132 @@
+"""Direct light: what comes to surface points straight from the lamps, lamp by lamp.
+
+A black room sends nothing back, so its light is the direct one; the lamps' shapes and the room's obstacles are those of
+any scene. How a lamp's light spreads is the same at all wavelengths, so that one grey pass serves every spectrum.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.material.material_map import Material, MaterialMap
+from lidarspectra.progress import Progress, part_of, silent
+from lidarspectra.radiance.engine.engine import Engine, EngineJob, find_engine, float_rows
+from lidarspectra.radiance.engine.options import SHARED_OPTIONS
+from lidarspectra.radiance.sampling.trace import available_cores
+from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass, write_scene
+from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
+
+GREY_NM = (400.0, 700.0)  # [nm] any range does
+GREY_BANDS = 3  # [1] fewest that a pass carries
+LAMP_PART = 0.2  # [1] -ds: a 0.6 m panel at 2.3 m is cut into 4 parts
+REPEATS = 6  # [1] jittered looks at each lamp part: the shade of a lamp's edge comes out within 10 %
+POINTS_A_JOB = 2_000  # [1]
+# After SHARED_OPTIONS, in place of -u+: the same numbers in every run, so that materials come out alike to the bit.
+# They are stratified, too, and no path is followed whose corners would err alike.
+REPEATABLE = ("-u-",)
+
+
+def direct_coefficients(
+    scan: Scan,
+    lamps: Sequence[Lamp],
+    positions: FloatArray,
+    normals: FloatArray,
+    folder: Path,
+    *,
+    engine: Engine | None = None,
+    workers: int | None = None,
+    progress: Progress = silent,
+) -> FloatArray:
+    """Direct irradiance of every lamp at surface points, per unit of its flux.
+
+    Parameters
+    ----------
+    scan : Scan
+        What stands in the light's way.
+    lamps : sequence of Lamp
+    positions : (point, 3) float
+        Just off the surfaces. [m]
+    normals : (point, 3) float
+        Unit vectors.
+    folder : Path
+        For the scene's files.
+    engine : Engine, optional
+        Default: the one that pyradiance brings.
+    workers : int, optional
+        Processes; one a core if left out.
+    progress : Progress, optional
+
+    Returns
+    -------
+    coefficients : (lamp, point) float
+        [m⁻²]
+
+    Raises
+    ------
+    SceneError, EngineError
+        As `write_scene` and the tracing do.
+    """
+    engine = find_engine() if engine is None else engine
+    grey = Spectrum(wavelengths_nm=np.array(GREY_NM), values=np.ones(2))
+    scene = write_scene(
+        scan,
+        _black(len(scan.faces)),
+        [replace(lamp, flux=grey) for lamp in lamps],
+        uniform_bands(*GREY_NM, GREY_BANDS),
+        folder,
+        engine=engine,
+        progress=part_of(progress, 0.0, 0.4),
+    )
+    rays = np.hstack([positions, normals]).astype(np.float64)
+    parts = [slice(first, first + POINTS_A_JOB) for first in range(0, len(rays), POINTS_A_JOB)]
+    tasks = [(scene_pass, part) for scene_pass in scene.passes for part in parts]
+
+    def jobs() -> Iterator[EngineJob]:
+        for scene_pass, part in tasks:
+            sent = np.repeat(rays[part], REPEATS, axis=0)
+            arguments = _arguments(scene, scene_pass)
+            yield EngineJob(program="rcontrib", arguments=arguments, folder=folder, stdin=sent.tobytes())
+
+    coefficients = np.zeros((len(lamps), len(rays)))
+    runs = engine.run_jobs(jobs(), workers=workers or available_cores())
+    for number, ((scene_pass, part), run) in enumerate(zip(tasks, runs, strict=True), start=1):
+        count, lit, slots = len(rays[part]), list(scene_pass.lamps), scene_pass.slot_count
+        values = float_rows(run, rows=count, columns=len(lit) * slots).reshape(count, len(lit), slots)
+        written = scene.written_flux[np.ix_(lit, scene_pass.bands)]
+        coefficients[lit, part] += (scene_pass.group.from_engine(values) / written).mean(axis=2).T
+        progress(0.4 + 0.6 * number / len(tasks), "light straight from the lamps")
+    return coefficients
+
+
+def _arguments(scene: RadianceScene, scene_pass: ScenePass) -> tuple[str, ...]:
+    return (
+        *("-h-", "-fdf", "-V+", "-c", str(REPEATS), *SHARED_OPTIONS, *REPEATABLE),
+        *("-I+", "-ab", "0", "-dj", "1", "-ds", f"{LAMP_PART:g}", "-dv+", *scene_pass.group.options),
+        *(word for lamp in scene_pass.lamps for word in ("-m", scene.lamp_modifiers[lamp])),
+        scene_pass.octree,
+    )
+
+
+def _black(face_count: int) -> MaterialMap:
+    nothing = Spectrum(wavelengths_nm=np.array(GREY_NM), values=np.zeros(2))
+    material = Material(
+        name="black",
+        category="unknown",
+        reflectance=nothing,
+        source="default",
+        provenance="modelled",
+        confidence=1.0,
+        measured_range_nm=GREY_NM,
+        color=(0.0, 0.0, 0.0),
+    )
+    return MaterialMap(
+        materials=(material,),
+        face_material=np.zeros(face_count, dtype=np.int64),
+        face_color=np.zeros((face_count, 3)),
+        face_seen=np.ones(face_count),
+    )

@@ -1,0 +1,301 @@
+"""One block of sensor points under estimation: what has been sampled, how much is still missing, and the jobs for it.
+
+Every pass of the scene gives three components: light straight from the lamps, reflected once, and reflected more often
+(see `options`). Each keeps `BATCHES` independent running means a point; adding up the components batch by batch gives
+that many independent estimates of the irradiance, whose spread is its error. Work goes where it buys most: with
+variance v/n and price c of a sample, n proportional to sqrt(v/c) reaches a given total variance at the least price
+(Neyman 1934).
+"""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.radiance.engine.engine import EngineJob, EngineRun, float_rows
+from lidarspectra.radiance.engine.options import PassOptions
+from lidarspectra.radiance.sampling.arrivals import Surfaces
+from lidarspectra.radiance.sampling.pooling import Leg, PooledPaths, draw_pooled_paths
+from lidarspectra.radiance.sampling.receptors import FIBONACCI
+from lidarspectra.radiance.sampling.sensor_rays import Sensors
+
+BATCHES = 8  # [1] enough to tell a spread by, few enough for large sets of directions
+NEIGHBOURS = 9  # [1] points whose variances are averaged to share out work
+_REPEATS = tuple(4**power for power in range(7))  # [1] shadow-ray repeats a batch; each number is a job of its own
+_DIRECTIONS = FIBONACCI[::2]  # [1] of 'once' and 'view' a batch; the same
+_FEW_DIRECTIONS = (1, 2, *_DIRECTIONS)  # [1] where at least so many passes share a band's light as make up the fewest
+_MOST_BURN_RECORDS = 8  # [1] results thrown away at the start of a job, so that jobs use the engine's numbers shifted
+_MOST_BURN_RAYS = 64  # [1] the same for the paths that sensors share
+
+Kind = Literal["direct", "once", "often", "view"]
+
+
+@dataclass(kw_only=True)
+class Component:
+    """One part of the light of one pass at the points of a block.
+
+    Parameters
+    ----------
+    kind : str
+        'direct', reflected 'once' and 'often' are the parts of a cosine receptor; 'view' is all light in another one.
+    options : PassOptions
+    lamps, bands : tuple of int
+        Which of the scene's they are.
+    mean : (batch, lamp, point, band) float
+        Running means of the batches, in single precision: they are what fills the memory. [W/m²/nm]
+    samples : (point,) or (1,) int
+        Samples a batch so far; one number for the paths of 'often', which all points share.
+    sharers : int
+        Components of its kind whose light adds up in its bands, itself counted: the more, the less each need be known.
+    surfaces : Surfaces or None
+        For 'often'.
+    seconds, sampled : float, int
+        Engine time so far, and samples over all points and batches: their ratio is the price.
+    """
+
+    kind: Kind
+    options: PassOptions
+    lamps: tuple[int, ...]
+    bands: tuple[int, ...]
+    mean: NDArray[np.float32]
+    samples: IntArray
+    sharers: int = 1
+    surfaces: Surfaces | None = None
+    seconds: float = 0.0
+    sampled: int = 0
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Numbers of samples that one set may have."""
+        directions = _FEW_DIRECTIONS if self.sharers >= FIBONACCI[0] else _DIRECTIONS
+        return {"direct": _REPEATS, "often": FIBONACCI}.get(self.kind, directions)
+
+    @property
+    def bounces(self) -> int:
+        """Most reflections of its light, after the sensor."""
+        return 1 if self.kind == "once" else self.options.bounces
+
+    @property
+    def price(self) -> float:
+        """Engine time of a sample [s]."""
+        return max(self.seconds, 1e-9) / max(self.sampled, 1)
+
+    def add(self, points: IntArray, size: int, estimates: FloatArray) -> None:
+        """Take (batch, lamp, point, band) estimates of `size` samples each into the running means."""
+        units = np.zeros(1, dtype=np.int64) if self.kind == "often" else points
+        share = size / (self.samples[units] + size)
+        self.mean[:, :, points] += (estimates - self.mean[:, :, points]) * share[:, None]
+        self.samples[units] += size
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """Samples to be taken for some points of a component, by one child process.
+
+    Of 'often', a part of one leg of the drawn paths.
+    """
+
+    component: Component
+    points: IntArray
+    size: int
+    burn: int = 0
+    pooled: PooledPaths | None = None
+    leg: Leg | None = None
+    part: slice = field(default_factory=lambda: slice(None))
+
+    @property
+    def rays(self) -> int:
+        """That the engine is given."""
+        if self.leg is not None:
+            return len(self.leg.rays[self.part])
+        return BATCHES * self.size * self.points.size
+
+
+def make_tasks(
+    component: Component, wanted: IntArray, sensors: Sensors, *, rays_a_job: int, generator: np.random.Generator
+) -> Iterator[Task]:
+    """Cut the samples that points want into jobs of about equal work.
+
+    Parameters
+    ----------
+    component : Component
+    wanted : (point,) or (1,) int
+        Further samples a batch, each 0 or one of the component's sizes.
+    sensors : Sensors
+    rays_a_job : int
+        Rays that a child process is given, at most, but for a single point's.
+    generator : numpy.random.Generator
+    """
+    if component.surfaces is not None:
+        if wanted[0] > 0:
+            yield from _pooled_tasks(component, component.surfaces, int(wanted[0]), sensors, rays_a_job, generator)
+        return
+    for size in sorted(set(wanted[wanted > 0].tolist())):
+        points = np.flatnonzero(wanted == size)
+        chunk = max(1, rays_a_job // (BATCHES * size))
+        for part in np.array_split(points, -(-points.size // chunk)):
+            # The engine's numbers are ever the same within a second, and jobs on the same ones would err alike.
+            burn = int(generator.integers(1, _MOST_BURN_RECORDS + 1))
+            if component.kind == "direct":
+                part = generator.permutation(part)
+            yield Task(component=component, points=part.astype(np.int64), size=size, burn=burn)
+
+
+def _pooled_tasks(
+    component: Component,
+    surfaces: Surfaces,
+    paths: int,
+    sensors: Sensors,
+    rays_a_job: int,
+    generator: np.random.Generator,
+) -> Iterator[Task]:
+    start = time.process_time()
+    values = len(component.lamps) * component.options.group.slot_count
+    pooled = draw_pooled_paths(
+        surfaces, sensors, paths, batches=BATCHES, values=values, sharers=component.sharers, generator=generator
+    )
+    component.seconds += time.process_time() - start
+    points = np.arange(len(sensors.positions))
+    for leg in pooled.legs:
+        for first in range(0, len(leg.rays), rays_a_job):
+            part = slice(first, first + rays_a_job)
+            burn = int(generator.integers(1, _MOST_BURN_RAYS + 1))  # or parts of one second err alike, and hide it
+            yield Task(component=component, points=points, size=paths, burn=burn, pooled=pooled, leg=leg, part=part)
+
+
+def task_job(task: Task, sensors: Sensors, folder: Path, *, generator: np.random.Generator) -> EngineJob:
+    """The engine job of a task, with its rays drawn."""
+    component, size = task.component, task.size
+    options = component.options
+    if component.kind == "direct":
+        rays = np.concatenate([sensors.positions[task.points], sensors.normals[task.points]], axis=1)
+        rays = np.repeat(rays, BATCHES * size, axis=0)
+        rays = np.concatenate([np.repeat(rays[:1], task.burn * size, axis=0), rays])
+        arguments = options.direct_arguments(size)
+    elif task.leg is not None:
+        rays = task.leg.rays[task.part]
+        rays = np.concatenate([np.repeat(rays[:1], task.burn, axis=0), rays])
+        arguments = task.leg.arguments(options, component.bounces)
+    else:
+        rays = sensors.draw_rays(task.points, sets=BATCHES, count=size, generator=generator).reshape(-1, 6)
+        rays = np.concatenate([np.repeat(rays[:1], task.burn * size, axis=0), rays])
+        arguments = options.gather_arguments(size, bounces=component.bounces, lamps_visible=component.kind == "view")
+    return EngineJob(program="rcontrib", arguments=arguments, folder=folder, stdin=rays.tobytes())
+
+
+def take_answer(task: Task, run: EngineRun, sensors: Sensors) -> None:
+    """Check what a task's program answered and take it into the component.
+
+    Raises
+    ------
+    EngineError
+        If a result is missing or not finite.
+    """
+    component, group = task.component, task.component.options.group
+    component.seconds += run.seconds
+    count, lamps, slots = task.points.size, len(component.lamps), group.slot_count
+    if task.pooled is not None and task.leg is not None:
+        values = float_rows(run, rows=task.burn + task.rays, columns=lamps * slots)[task.burn :]
+        task.pooled.take(task.leg, task.part, values)
+        if task.pooled.missing:
+            return
+        values = task.pooled.estimates().reshape(BATCHES, count, lamps, slots).transpose(0, 2, 1, 3)
+    else:
+        values = float_rows(run, rows=task.burn + count * BATCHES, columns=lamps * slots)[task.burn :]
+        values = values.reshape(count, BATCHES, lamps, slots).transpose(1, 2, 0, 3)
+    scale = 1.0 if component.kind == "direct" else sensors.receptor.measure_sr
+    component.add(task.points, task.size, scale * group.from_engine(values))
+    component.sampled += BATCHES * task.size * (1 if task.pooled is not None else count)
+
+
+def band_variance(component: Component, flux_ratio: FloatArray) -> FloatArray:
+    """Variance of the mean over batches of a component's light by all its lamps.
+
+    Parameters
+    ----------
+    component : Component
+    flux_ratio : (lamp, band) float
+        True over written flux of the component's lamps and bands. [1]
+
+    Returns
+    -------
+    variance : (point, band) float
+        [(W/m²/nm)²]
+    """
+    totals = np.einsum("klpb,lb->kpb", component.mean, flux_ratio)
+    return np.asarray(totals.var(axis=0, ddof=1) / BATCHES, dtype=np.float64)
+
+
+def smooth_over_neighbours(values: FloatArray, sensors: Sensors) -> FloatArray:
+    """Average each point's value with those of its nearest neighbours.
+
+    A point's own spread is correlated with its own value; were it to steer the point's own samples, high values would
+    draw more of them than low ones and bias the mean.
+
+    Parameters
+    ----------
+    values : (point,) float
+
+    Returns
+    -------
+    smoothed : (point,) float
+    """
+    count = min(NEIGHBOURS, values.size)
+    place = np.concatenate([sensors.positions, sensors.normals], axis=1)
+    _, nearest = cKDTree(place).query(place, k=count)
+    return np.asarray(values[np.reshape(nearest, (values.size, count))].mean(axis=1), dtype=np.float64)
+
+
+def wanted_samples(
+    components: Sequence[Component], variances: Sequence[FloatArray], *, points: int, target: float
+) -> list[IntArray]:
+    """Share out samples so that the mean of the points' variances comes down to a target at the least price.
+
+    Parameters
+    ----------
+    components : sequence of Component
+        Whose variances add up.
+    variances : sequence of (point,) or (1,) float
+        Present variance of each component at each point, or its sum over points where they share samples; zero where
+        nothing more is wanted. [any unit squared]
+    points : int
+    target : float
+        What the sum over components, averaged over points, shall come down to. [same]
+
+    Returns
+    -------
+    wanted : list of (point,) or (1,) int
+        Further samples a batch for each component, 0 or one of its sizes.
+    """
+    present = np.concatenate([component.samples for component in components]).astype(np.float64)
+    single = np.concatenate(list(variances)) * present
+    price = np.concatenate([np.full(component.samples.size, component.price) for component in components])
+    budget = target * points
+    total = present.copy()
+    free = single > 0
+    for _ in range(len(present)):  # points that have more than their share already keep it and leave the sharing
+        left = budget - float((single[~free] / present[~free]).sum())
+        if not free.any() or left <= 0:
+            break
+        share = np.sqrt(single / price) * (np.sqrt(single * price)[free].sum() / left)
+        settled = free & (share <= present)
+        if not settled.any():
+            total[free] = share[free]
+            break
+        free &= ~settled
+    more = np.split(total - present, np.cumsum([component.samples.size for component in components])[:-1])
+    return [_to_sizes(extra, component.sizes) for extra, component in zip(more, components, strict=True)]
+
+
+def _to_sizes(extra: FloatArray, sizes: Sequence[int]) -> IntArray:
+    """Each number's nearest size, by ratio; 0 below half of the smallest."""
+    table = np.asarray(sizes, dtype=np.float64)
+    edges = np.sqrt(table[1:] * table[:-1])
+    index = np.searchsorted(edges, extra)
+    return np.where(extra < 0.5 * table[0], 0, np.asarray(sizes, dtype=np.int64)[index]).astype(np.int64)

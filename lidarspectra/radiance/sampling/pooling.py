@@ -1,0 +1,288 @@
+"""Light reflected more than once, pooled: what one sensor's paths find on a patch of wall serves all that look at it.
+
+Such light has lost its shadows: on a patch of half a metre it hardly changes, yet a single path knows it no better
+than to a factor of two. So every sensor sends many rays that only look where they arrive (cheap), the arrivals of all
+sensors are sorted into small cells of one material and one side of the room, and few paths a cell, drawn by lot from
+its arrivals, measure the light for all of them:
+
+    M(x) = ∫R dω / n Σ_rays m(cell of the ray),   m(cell) = mean of m(y) over its drawn arrivals y
+
+What leaves a matt surface of reflectance ρ is known from the light that comes to it, so that the path goes on from y
+along a ray drawn in proportion to the cosine there; these rays of a cell, and of the whole room, lie evenly (on the
+sequence of Roberts). A surface with some gloss is left to the engine, along the sensor's own ray:
+
+    m(y) = ρ(y) L(y, ω), L being the light reflected once or more;   or   whole path - first reflection
+
+A cell's drawn arrivals are a fair sample of all. So the sum over all sensors is unbiased whatever the cells are,
+and one sensor alone is sampled exactly as by independent paths. Light is only moved between sensors that look at the
+same cell, by its change across the cell; and cells shrink as more rays are asked for. Bright cells get more of the
+paths than dark ones. Measured in docs/performance.md.
+
+References
+----------
+Roberts M (2018), The unreasonable effectiveness of quasirandom sequences, extremelearning.com.au (the R2 sequence).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.radiance.engine.options import PassOptions
+from lidarspectra.radiance.sampling.arrivals import Arrivals, Scattering, Surfaces
+from lidarspectra.radiance.sampling.receptors import FIBONACCI, cosine_directions
+from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
+
+PATHS_A_CELL = 16  # [1] few, and a ray's own noise remains; many, and cells are coarse
+LEAST_LOOKS = 8  # [1] rays a sensor sends in a batch, at least, in all passes of a band together
+PATHS_A_LOOK = 24  # [1] drawn paths for each ray of a sensor: more rays are dear, fewer are noisy
+REST_WEIGHT = 0.2  # [1] as `PATH_WEIGHT`, of paths that go on: their first reflection, by a half or so, is behind them
+_LOOKS = (1, 2, 3, *FIBONACCI)  # [1] rays of a sensor; less than five are no lattice, and do where many passes add up
+_CURVE_BITS = 6  # [1] steps along each side of a box, as a power of two: 1 cm
+_R2 = np.array([0.7548776662466927, 0.5698402909980532])  # [1] 1/g and 1/g², g³ = g + 1 (Roberts 2018)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Leg:
+    """Rays that the engine follows for some of the drawn paths.
+
+    Parameters
+    ----------
+    reach : str
+        'rest' of paths that go on from a diffuse surface; 'whole' paths from the sensor, or their 'first' reflection.
+    rays : (ray, 6) float
+    path : (ray,) int
+        Each once.
+    weight : (ray, slot) or (ray, 1) float
+        What an answer counts. [1]
+    """
+
+    reach: Literal["rest", "whole", "first"]
+    rays: FloatArray
+    path: IntArray
+    weight: FloatArray
+
+    def arguments(self, options: PassOptions, bounces: int) -> tuple[str, ...]:
+        """Of the engine, where light at the sensor has been reflected so often at most."""
+        if self.reach == "rest":
+            return options.gather_arguments(1, bounces=bounces - 1, lamps_visible=False, path_weight=REST_WEIGHT)
+        return options.gather_arguments(1, bounces=bounces if self.reach == "whole" else 1, lamps_visible=False)
+
+
+@dataclass(kw_only=True, eq=False)
+class PooledPaths:
+    """The paths drawn for one round, and whom they count for.
+
+    Parameters
+    ----------
+    legs : tuple of Leg
+        What the engine is asked.
+    cell : (path,) int
+        Cell of each path, numbered through all batches.
+    shares : tuple of sparse (sensor, cell)
+        Per batch, the share of a sensor's rays that arrive in each cell.
+    found : (path, value) float
+        What each path brings, as answers come in.
+    missing : int
+        Rays still to be answered.
+    """
+
+    legs: tuple[Leg, ...]
+    cell: IntArray
+    shares: tuple[csr_array, ...]
+    found: FloatArray = field(repr=False)
+    missing: int
+
+    def take(self, leg: Leg, part: slice, values: FloatArray) -> None:
+        """Take in the (ray, lamp x slot) answers for some rays of a leg."""
+        weight = leg.weight[part]
+        counted = values.reshape(len(values), -1, weight.shape[1]) * weight[:, None]
+        self.found[leg.path[part]] += counted.reshape(values.shape)
+        self.missing -= len(values)
+
+    def estimates(self) -> FloatArray:
+        """(batch, sensor, value) mean over each sensor's rays of what was found in their cells."""
+        order = np.argsort(self.cell, kind="stable")
+        count = np.bincount(self.cell)
+        firsts = np.cumsum(count) - count
+        means = np.add.reduceat(self.found[order], firsts, axis=0) / count[:, None]
+        return np.stack([share @ means for share in self.shares])
+
+
+def draw_pooled_paths(
+    surfaces: Surfaces,
+    sensors: Sensors,
+    paths: int,
+    *,
+    batches: int,
+    values: int,
+    generator: np.random.Generator,
+    sharers: int = 1,
+) -> PooledPaths:
+    """Look where sensors' rays arrive, and draw the paths to be followed.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+    sensors : Sensors
+    paths : int
+        About so many are drawn in each batch, for all sensors together.
+    batches : int
+        Independent sets.
+    values : int
+        Numbers that the engine answers a ray with.
+    generator : numpy.random.Generator
+    sharers : int
+        Passes whose light adds up, each with looks of its own.
+
+    Returns
+    -------
+    pooled : PooledPaths
+    """
+    count = len(sensors.positions)
+    looks = _looks(paths, count, sharers)
+    sensor = np.repeat(np.arange(count), looks)
+    legs: list[list[Leg]] = []
+    cells: list[IntArray] = []
+    arrived: list[IntArray] = []
+    total = drawn = 0
+    for _ in range(batches):  # one after the other: a million rays are 100 MB
+        rays = sensors.draw_rays(np.arange(count), sets=1, count=looks, generator=generator).reshape(-1, 6)
+        arrivals = surfaces.arrivals(rays, sensor)
+        most = max(1, PATHS_A_CELL * len(rays) // paths)
+        cell = sort_into_cells(arrivals.places, arrivals.kind, most=most, longest_m=surfaces.cell_m)
+        chosen = _draw(cell, _worth(surfaces.scattering, arrivals.material), min(paths, len(rays)), generator)
+        legs.append(_legs(surfaces.scattering, arrivals, rays, chosen, first_path=drawn, generator=generator))
+        cells.append(cell[chosen] + total)
+        arrived.append(cell + total)
+        total += int(cell.max()) + 1
+        drawn += len(chosen)
+    joined = _joined(legs)
+    return PooledPaths(
+        legs=joined,
+        cell=np.concatenate(cells),
+        shares=tuple(
+            csr_array((np.full(cell.size, 1.0 / looks), (sensor, cell)), shape=(count, total)) for cell in arrived
+        ),
+        found=np.zeros((drawn, values)),
+        missing=sum(len(leg.rays) for leg in joined),
+    )
+
+
+def _looks(paths: int, sensors: int, sharers: int) -> int:
+    """Rays a sensor sends in a batch: enough that their own noise is no more than the drawn paths'."""
+    wanted = max(LEAST_LOOKS / sharers, paths / PATHS_A_LOOK, paths / sensors)
+    return next((count for count in _LOOKS if count >= wanted), _LOOKS[-1])
+
+
+def _worth(scattering: Scattering, material: IntArray) -> FloatArray:
+    """(ray,) how much a path from an arrival is worth [1].
+
+    As the root of the surface's mean reflectance, where it is known: its light is in proportion to it, but what is
+    dark in the mean may be bright in one band.
+    """
+    worth = np.sqrt(np.where(scattering.is_diffuse, scattering.reflectance.mean(axis=1), 1.0))
+    return np.where(material >= 0, worth[material], 1.0)
+
+
+def _legs(
+    scattering: Scattering,
+    arrivals: Arrivals,
+    rays: FloatArray,
+    chosen: IntArray,
+    *,
+    first_path: int,
+    generator: np.random.Generator,
+) -> list[Leg]:
+    """What to ask the engine for chosen rays, which stand in the order of their cells."""
+    path = first_path + np.arange(len(chosen))
+    material = arrivals.material[chosen]
+    goes_on = (material >= 0) & scattering.is_diffuse[material]
+    there, watched = chosen[goes_on], chosen[~goes_on]
+    normals = arrivals.normals[there]
+    numbers = (generator.random(2) + np.arange(len(there))[:, None] * _R2) % 1.0
+    starts = arrivals.places[there] + SENSOR_OFFSET_M * normals
+    onward = np.concatenate([starts, cosine_directions(normals, numbers)], axis=1)
+    one = np.ones((len(watched), 1))
+    return [
+        Leg(reach="rest", rays=onward, path=path[goes_on], weight=scattering.reflectance[material[goes_on]]),
+        Leg(reach="whole", rays=rays[watched], path=path[~goes_on], weight=one),
+        Leg(reach="first", rays=rays[watched], path=path[~goes_on], weight=-one),
+    ]
+
+
+def _joined(legs: Sequence[Sequence[Leg]]) -> tuple[Leg, ...]:
+    """The legs of all batches, those of one reach together; none that has no rays."""
+    joined = [
+        Leg(
+            reach=alike[0].reach,
+            rays=np.concatenate([leg.rays for leg in alike]),
+            path=np.concatenate([leg.path for leg in alike]),
+            weight=np.concatenate([leg.weight for leg in alike]),
+        )
+        for alike in zip(*legs, strict=True)
+    ]
+    return tuple(leg for leg in joined if len(leg.rays))
+
+
+def sort_into_cells(places: FloatArray, kind: IntArray, *, most: int, longest_m: float) -> IntArray:
+    """Sort points into cells of neighbours of one kind: boxes of a grid, cut along the Z-order curve where too full.
+
+    Parameters
+    ----------
+    places : (point, 3) float
+        [m]
+    kind : (point,) int
+        Points of different kinds never share a cell.
+    most : int
+        Points in a cell.
+    longest_m : float
+        Side of the boxes. [m]
+
+    Returns
+    -------
+    cell : (point,) int
+        From 0, each used.
+
+    References
+    ----------
+    Morton G M (1966), A computer oriented geodetic data base and a new technique in file sequencing, IBM.
+    """
+    boxes = (places - places.min(axis=0)) / longest_m
+    corner = np.floor(boxes).astype(np.int64)
+    steps = ((boxes - corner) * (1 << _CURVE_BITS)).astype(np.int64)
+    across, up = corner.max(axis=0)[1:] + 1
+    box = (corner[:, 0] * across + corner[:, 1]) * up + corner[:, 2]
+    _, label = np.unique(kind * (box.max() + 1) + box, return_inverse=True)
+    label = label.ravel()
+    order = np.argsort((label << (3 * _CURVE_BITS)) | _along_curve(steps))
+    sizes = np.bincount(label)
+    cells = -(-sizes // most)
+    rank = np.arange(order.size) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    label = label[order]
+    cell = np.empty(order.size, dtype=np.int64)
+    cell[order] = (np.cumsum(cells) - cells)[label] + rank * cells[label] // sizes[label]
+    return cell
+
+
+def _along_curve(steps: IntArray) -> IntArray:
+    """(point,) place along the Z-order curve of (point, 3) steps along the axes: their bits in turn."""
+    place = np.zeros(len(steps), dtype=np.int64)
+    for bit in range(_CURVE_BITS):
+        for axis in range(3):
+            place |= ((steps[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return place
+
+
+def _draw(cell: IntArray, worth: FloatArray, paths: int, generator: np.random.Generator) -> IntArray:
+    """Numbers of points drawn by lot, in the order of their cells: at least one of each cell, more of worthy ones."""
+    sizes = np.bincount(cell)
+    worths = np.bincount(cell, weights=worth)
+    wanted = np.rint(worths * (paths / max(worths.sum(), 1e-9)))
+    wanted = np.clip(wanted, 1, sizes).astype(np.int64)
+    order = np.argsort(cell + generator.random(cell.size))
+    rank = np.arange(cell.size) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    return np.asarray(order[rank < wanted[cell[order]]], dtype=np.int64)

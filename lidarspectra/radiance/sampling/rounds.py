@@ -1,0 +1,353 @@
+"""Rounds of sampling: one block of points, sampled until its error is down to the target or the budget is spent."""
+
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.progress import Progress, part_of, silent
+from lidarspectra.radiance.engine.engine import Engine, EngineJob
+from lidarspectra.radiance.engine.options import PassOptions
+from lidarspectra.radiance.sampling.arrivals import Surfaces
+from lidarspectra.radiance.sampling.estimator import (
+    BATCHES,
+    Component,
+    Kind,
+    Task,
+    band_variance,
+    make_tasks,
+    smooth_over_neighbours,
+    take_answer,
+    task_job,
+    wanted_samples,
+)
+from lidarspectra.radiance.sampling.receptors import Receptor
+from lidarspectra.radiance.sampling.sensor_rays import Sensors
+from lidarspectra.radiance.sampling.uncertainty import standard_error
+from lidarspectra.radiance.scene.scene import RadianceScene
+
+FIRST_PATHS = ((0.05, 5), (0.02, 13), (0.0, 34))  # (target at least, rays a point and batch) of the first round
+FIRST_POOLED = ((0.05, 34), (0.02, 89), (0.0, 233))  # (target at least, paths a batch that all points share)
+MOST_ROUNDS = 8  # [1] two or three do
+MOST_PATHS_A_POINT = 2**18  # [1] on average over a block, each pass; a quarter of a minute of one core
+RAYS_A_JOB = (2**15, 2**17)  # [1] fewest and most rays given to a child process: 6 MB, a few seconds
+CLOCK_LAG_S = 0.05  # [s] the engine asks a clock that is moved on by ticks, of 16 ms at the longest, behind our own
+AIM = 0.85  # [1] of the target variance that a round aims at: its prediction is uncertain
+FIRST_ROUND = 0.2  # [1] of the first block's progress: only what it finds tells how much the next one has to do
+SECOND_ROUND = 0.95  # [1] of it when that one is done; mostly it was the last
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """What is wanted of all blocks.
+
+    Parameters
+    ----------
+    bounces : int
+        Most diffuse reflections.
+    target : float
+        Standard error to come down to, of the mean irradiance. [1]
+    workers : int
+        Processes.
+    receptor : Receptor
+    engine : Engine
+    surfaces : dict of str to Surfaces
+        Of each pass, by its name; none are needed for other than the cosine receptor.
+    """
+
+    bounces: int
+    target: float
+    workers: int
+    receptor: Receptor
+    engine: Engine
+    surfaces: Mapping[str, Surfaces] = field(default_factory=dict)
+
+
+@dataclass(kw_only=True)
+class Log:
+    """What was run, over all blocks.
+
+    Parameters
+    ----------
+    commands : set of str
+        Every different command line.
+    rays : int
+        Sensors and directions that the engine was given.
+    direct_second : int
+        Second of the clock by which the last shadow rays were drawn.
+    """
+
+    commands: set[str] = field(default_factory=set)
+    rays: int = 0
+    direct_second: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockResult:
+    """What was found for a block.
+
+    Parameters
+    ----------
+    batches : (batch, lamp, point, band) float
+        Independent estimates of the coefficient. [m⁻²]
+    irradiance_se : (point, band) float
+        Standard error of the sum over lamps. [W/m²/nm]
+    first_round : float
+        Share of the engine's time that the first round took. [0-1]
+    """
+
+    batches: NDArray[np.float32]
+    irradiance_se: FloatArray
+    first_round: float
+
+
+def estimate_block(
+    scene: RadianceScene,
+    sensors: Sensors,
+    counted: BoolArray,
+    scale: FloatArray | None,
+    request: Request,
+    *,
+    generator: np.random.Generator,
+    log: Log,
+    progress: Progress,
+    first_round: float = FIRST_ROUND,
+) -> BlockResult:
+    """Sample a block of points until its error is down to the target or the budget is spent.
+
+    Parameters
+    ----------
+    scene : RadianceScene
+    sensors : Sensors
+    counted : (point,) bool
+        Points whose error counts.
+    scale : (band,) float or None
+        Mean irradiance that errors are relative to; the block's own if None. [W/m²/nm]
+    request : Request
+    generator : numpy.random.Generator
+        For directions.
+    log : Log
+        Added to.
+    progress : Progress
+    first_round : float
+        Share of the block's time that its first round is expected to take. [0-1]
+
+    Returns
+    -------
+    result : BlockResult
+
+    Raises
+    ------
+    EngineError
+        If a program fails or answers with something that is no answer.
+    """
+    components = _components(scene, request, counted.size)
+    wanted = _first(components, request)
+    start, stop, first_s = 0.0, min(first_round, SECOND_ROUND), 0.0
+    for _ in range(MOST_ROUNDS):
+        share = part_of(progress, start, stop)
+        _sample(components, wanted, sensors, scene, request, generator=generator, log=log, progress=share)
+        first_s = first_s or _spent_s(components)
+        totals = _totals(scene, components)
+        error = standard_error(totals)
+        means = totals[:, counted].mean(axis=(0, 1)) if scale is None else scale
+        if not counted.any() or relative_rms(error[counted], means) <= request.target:
+            break
+        if max(component.samples.mean() for component in components) * BATCHES > MOST_PATHS_A_POINT:
+            break
+        wanted = _missing(scene, components, sensors, counted, means, request.target)
+        if not any(more.any() for more in wanted):
+            break
+        start = max(stop, SECOND_ROUND * share_done(components, wanted))
+        stop = max(start, SECOND_ROUND)
+    progress(1.0, "traced")
+    return BlockResult(
+        batches=_coefficients(scene, components),
+        irradiance_se=error,
+        first_round=first_s / max(_spent_s(components), 1e-9),
+    )
+
+
+def _spent_s(components: Sequence[Component]) -> float:
+    """Time that the engine took so far [s]."""
+    return sum(component.seconds for component in components)
+
+
+def share_done(components: Sequence[Component], wanted: Sequence[IntArray]) -> float:
+    """Share of the engine's time that is spent when these samples are still wanted, at the price of those taken [1]."""
+    spent_s = _spent_s(components)
+    missing_s = sum(
+        BATCHES * float(more.sum()) * component.price for component, more in zip(components, wanted, strict=True)
+    )
+    return spent_s / max(spent_s + missing_s, 1e-9)
+
+
+def first_mean(
+    scene: RadianceScene, sensors: Sensors, request: Request, *, generator: np.random.Generator, log: Log
+) -> FloatArray:
+    """(band,) mean irradiance over sensors [W/m²/nm], from the samples of a first round."""
+    components = _components(scene, request, len(sensors.positions))
+    wanted = _first(components, request)
+    _sample(components, wanted, sensors, scene, request, generator=generator, log=log, progress=silent)
+    return np.asarray(_totals(scene, components).mean(axis=(0, 1)), dtype=np.float64)
+
+
+def _components(scene: RadianceScene, request: Request, count: int) -> list[Component]:
+    kinds: tuple[Kind, ...] = ("direct", "once", "often") if request.receptor.is_cosine else ("view",)
+    return [
+        Component(
+            kind=kind,
+            options=PassOptions(
+                group=scene_pass.group,
+                lamp_modifiers=tuple(scene.lamp_modifiers[lamp] for lamp in scene_pass.lamps),
+                octree=scene_pass.octree,
+                bounces=request.bounces,
+                lamp_count=len(scene.lamp_names),
+            ),
+            lamps=scene_pass.lamps,
+            bands=scene_pass.bands,
+            mean=np.zeros((BATCHES, len(scene_pass.lamps), count, len(scene_pass.bands)), dtype=np.float32),
+            sharers=sum(other.bands == scene_pass.bands for other in scene.passes),
+            samples=np.zeros(1 if kind == "often" else count, dtype=np.int64),
+            surfaces=request.surfaces[scene_pass.name] if kind == "often" else None,
+        )
+        for scene_pass in scene.passes
+        for kind in kinds
+    ]
+
+
+def _first(components: Sequence[Component], request: Request) -> list[IntArray]:
+    """Samples of the first round: one jittered look at the lamps a batch, and a small set of directions.
+
+    The set is the smaller, the more passes add up to the light of the same bands.
+    """
+    paths, pooled = (
+        next(count for least, count in table if request.target >= least) for table in (FIRST_PATHS, FIRST_POOLED)
+    )
+    wanted = []
+    for component in components:
+        most = (pooled if component.kind == "often" else paths) / component.sharers
+        fewest = component.sizes[0]
+        size = (
+            1 if component.kind == "direct" else max(count for count in component.sizes if count <= max(most, fewest))
+        )
+        wanted.append(np.full(component.samples.size, size, dtype=np.int64))
+    return wanted
+
+
+def _sample(
+    components: Sequence[Component],
+    wanted: Sequence[IntArray],
+    sensors: Sensors,
+    scene: RadianceScene,
+    request: Request,
+    *,
+    generator: np.random.Generator,
+    log: Log,
+    progress: Progress,
+) -> None:
+    """Take the samples that each point of each component wants."""
+    rays = BATCHES * sum(int(more.sum()) for more in wanted)  # about: of shared paths, cells take what they need
+    fewest, most = RAYS_A_JOB
+    chunk = min(max(rays // (2 * request.workers), fewest), most)
+    waiting: deque[Task] = deque()
+    if any(more.any() for component, more in zip(components, wanted, strict=True) if component.kind == "direct"):
+        _await_second_after(log.direct_second)
+
+    def jobs() -> Iterator[EngineJob]:
+        for component, more in zip(components, wanted, strict=True):
+            for task in make_tasks(component, more, sensors, rays_a_job=chunk, generator=generator):
+                waiting.append(task)
+                yield task_job(task, sensors, scene.folder, generator=generator)
+
+    done = 0
+    for run in request.engine.run_jobs(jobs(), workers=request.workers):
+        task = waiting.popleft()
+        take_answer(task, run, sensors)
+        log.commands.add(run.command)
+        done += task.rays
+        log.rays += task.rays
+        progress(min(done / rays, 1.0), f"{rays:,} rays")
+    log.direct_second = int(time.time())
+
+
+def _await_second_after(second: int) -> None:
+    """Wait, at most a second, until every clock shows a later one: the engine takes its seed from it.
+
+    A clock that was set back shows a second of its own, and is not waited for.
+    """
+    while second - 1 <= int(time.time() - CLOCK_LAG_S) <= second:
+        time.sleep(min(max(0.0, second + 1 + CLOCK_LAG_S - time.time()), 1.0))
+
+
+def _totals(scene: RadianceScene, components: Sequence[Component]) -> FloatArray:
+    """(batch, point, band) irradiance by all lamps with their true flux [W/m²/nm]."""
+    shape = (BATCHES, components[0].samples.size, len(scene.bands))
+    totals = np.zeros(shape)
+    for component in components:
+        totals[..., component.bands] += np.einsum("klpb,lb->kpb", component.mean, _flux_ratio(scene, component))
+    return totals
+
+
+def _flux_ratio(scene: RadianceScene, component: Component) -> FloatArray:
+    """(lamp, band) true over written flux of a component."""
+    where = np.ix_(component.lamps, component.bands)
+    return np.asarray(scene.flux[where] / scene.written_flux[where], dtype=np.float64)
+
+
+def _coefficients(scene: RadianceScene, components: Sequence[Component]) -> NDArray[np.float32]:
+    """(batch, lamp, point, band) [m⁻²]."""
+    shape = (BATCHES, len(scene.lamp_names), components[0].samples.size, len(scene.bands))
+    values = np.zeros(shape, dtype=np.float32)
+    for component in components:
+        written = scene.written_flux[np.ix_(component.lamps, component.bands)]
+        for row, lamp in enumerate(component.lamps):
+            values[:, lamp][..., component.bands] += component.mean[:, row] / written[row]
+    return values
+
+
+def _missing(
+    scene: RadianceScene,
+    components: Sequence[Component],
+    sensors: Sensors,
+    counted: BoolArray,
+    means: FloatArray,
+    target: float,
+) -> list[IntArray]:
+    """Samples that each component's points still want, passes of the same bands sharing one budget."""
+    wanted = [np.zeros(component.samples.size, dtype=np.int64) for component in components]
+    for bands in sorted({component.bands for component in components}):
+        members = [index for index, component in enumerate(components) if component.bands == bands]
+        lit = means[list(bands)] > 0
+        variances = []
+        for index in members:
+            relative = band_variance(components[index], _flux_ratio(scene, components[index]))[:, lit]
+            relative = (relative / means[list(bands)][lit] ** 2).max(axis=1, initial=0.0)
+            relative = np.where(counted, relative, 0.0)
+            if components[index].kind == "often":
+                variances.append(relative.sum(keepdims=True))
+            else:
+                variances.append(smooth_over_neighbours(relative, sensors) * counted)
+        if sum(float(variance.sum()) for variance in variances) <= 0:
+            continue
+        aim = AIM * target**2 * counted.sum() / counted.size
+        for _ in range(MOST_ROUNDS):  # the step to the next size of a set may be longer than what is missing
+            sharers = [components[index] for index in members]
+            shares = wanted_samples(sharers, variances, points=counted.size, target=aim)
+            if any(share.any() for share in shares):
+                break
+            aim *= AIM
+        for index, share in zip(members, shares, strict=True):
+            wanted[index] = share
+    return wanted
+
+
+def relative_rms(error: NDArray[np.floating], means: FloatArray) -> float:
+    """Root mean square over points of the error, over the mean irradiance, in the worst band that has light."""
+    lit = means > 0
+    rms = np.sqrt(np.mean(np.square(error, dtype=np.float64), axis=0))
+    return float((rms[lit] / means[lit]).max(initial=0.0))

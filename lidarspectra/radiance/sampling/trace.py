@@ -1,0 +1,248 @@
+"""Trace: every lamp's light at every sensor point in every band, with its standard error.
+
+Points go in blocks, blocks in rounds. The first round samples every point a little; from its spread the next ones
+take what is still missing where it is cheapest (`rounds`, `estimator`), until the error that the run estimates for
+itself is down to what `noise` names: the root mean square over the points of the standard error, in the worst band, as
+a fraction of the band's mean irradiance. What a bounded budget could not reach is said in the attributes.
+
+The engine seeds its own numbers by the clock's second, so that two runs differ within their error; the directions are
+drawn here, from `seed`. Rounds of shadow rays, which take all their numbers from the engine, start in different
+seconds, so that no round repeats another.
+"""
+
+import os
+import time
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from lidarspectra.arrays import BoolArray, FloatArray
+from lidarspectra.config import TraceSection
+from lidarspectra.progress import Progress, part_of, silent
+from lidarspectra.radiance.engine.engine import Engine, find_engine
+from lidarspectra.radiance.engine.options import BOUNCES, RELATIVE_STANDARD_ERROR, Accuracy
+from lidarspectra.radiance.sampling.arrivals import load_surfaces
+from lidarspectra.radiance.sampling.estimator import BATCHES
+from lidarspectra.radiance.sampling.receptors import Receptor, cosine_receptor
+from lidarspectra.radiance.sampling.rounds import FIRST_ROUND, Log, Request, estimate_block, first_mean, relative_rms
+from lidarspectra.radiance.sampling.sensor_rays import Sensors
+from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, make_transport
+from lidarspectra.radiance.sampling.uncertainty import standard_error
+from lidarspectra.radiance.scene.scene import RadianceScene
+from lidarspectra.room.sensor_points import SensorPoints
+
+BLOCK_BYTES = 3 * 2**29  # [byte] of what is kept of a block: with many lamps small ones are mostly starts of the engine
+BYTES_A_VALUE = 16  # [byte] of a batch, lamp, point and band: three components and their sum, in single precision
+MOST_BLOCK_POINTS = 20_000  # [1]
+SCALE_POINTS = 256  # [1] points that tell the mean irradiance, where there is more than one block
+
+
+def trace(
+    scene: RadianceScene,
+    points: SensorPoints,
+    section: TraceSection,
+    *,
+    seed: int,
+    receptor: Receptor | None = None,
+    engine: Engine | None = None,
+    progress: Progress = silent,
+) -> xr.Dataset:
+    """Trace all lamps' light to sensor points.
+
+    For light on many surface points with little care for noise, see `trace_irradiance`.
+
+    Parameters
+    ----------
+    scene : RadianceScene
+    points : SensorPoints
+        Buried ones are traced too, but the noise target leaves them out.
+    section : TraceSection
+        Accuracy (most reflections), noise (target of the standard error), workers (processes).
+    seed : int
+        Of the directions.
+    receptor : Receptor, optional
+        How the sensor weighs directions; the cosine receptor, which reads irradiance, if left out. With another one
+        'irradiance' is ∫ L R dω.
+    engine : Engine, optional
+        Default: the one that pyradiance brings.
+    progress : Progress, optional
+
+    Returns
+    -------
+    transport : xarray.Dataset
+        See `transport`. Attributes say what was asked for and reached: target_relative_se, achieved_relative_se,
+        target_met (0 or 1), accuracy, bounces, noise, seconds, rays, engine commands.
+
+    Raises
+    ------
+    EngineError
+        If a program is missing, fails, or answers with something that is no answer.
+    """
+    request = Request(
+        bounces=BOUNCES[section.accuracy],
+        target=RELATIVE_STANDARD_ERROR[section.noise],
+        workers=section.workers or available_cores(),
+        receptor=cosine_receptor() if receptor is None else receptor,
+        engine=find_engine() if engine is None else engine,
+    )
+    transport = _trace(scene, points, request, seed=seed, progress=progress)
+    transport.attrs.update(accuracy=section.accuracy, noise=section.noise)
+    return transport
+
+
+def trace_irradiance(
+    scene: RadianceScene,
+    positions: ArrayLike,
+    normals: ArrayLike,
+    *,
+    relative_se: float = 0.05,
+    accuracy: Accuracy = "high",
+    seed: int = 0,
+    receptor: Receptor | None = None,
+    workers: int | None = None,
+    engine: Engine | None = None,
+    progress: Progress = silent,
+) -> tuple[FloatArray, FloatArray]:
+    """Irradiance on surface points with the lamps as they are, quickly: to bake light into textures, or take it out.
+
+    Parameters
+    ----------
+    scene : RadianceScene
+    positions : (point, 3) float
+        On the surfaces, or a little off them. [m]
+    normals : (point, 3) float
+        Towards the room.
+    relative_se : float
+        Standard error aimed at, of the mean irradiance; 0.05 takes about a millisecond of one core a point. [1]
+    accuracy : str
+        Most reflections, as in the run file.
+    seed, receptor, workers, engine, progress
+        As in `trace`.
+
+    Returns
+    -------
+    irradiance, standard_error : (point, band) float
+        [W/m²/nm]
+
+    Raises
+    ------
+    SensorError, EngineError
+        If a normal is zero; as `trace`.
+    """
+    positions = np.asarray(positions, dtype=np.float64)
+    points = SensorPoints(positions=positions, normals=np.asarray(normals), buried=np.zeros(len(positions), np.bool_))
+    request = Request(
+        bounces=BOUNCES[accuracy],
+        target=relative_se,
+        workers=workers or available_cores(),
+        receptor=cosine_receptor() if receptor is None else receptor,
+        engine=find_engine() if engine is None else engine,
+    )
+    transport = _trace(scene, points, request, seed=seed, progress=progress)
+    coefficient = transport["coefficient"].to_numpy().astype(np.float64)
+    irradiance = np.einsum("lpb,lb->pb", coefficient, scene.flux)
+    return irradiance, transport["irradiance_se"].to_numpy().astype(np.float64)
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _trace(
+    scene: RadianceScene, points: SensorPoints, request: Request, *, seed: int, progress: Progress
+) -> xr.Dataset:
+    start = time.perf_counter()
+    generator, log = np.random.default_rng(seed), Log()
+    if request.receptor.is_cosine:
+        request = replace(request, surfaces=load_surfaces(scene))
+    lamps, count, bands = len(scene.lamp_names), len(points), len(scene.bands)
+    counted = ~points.buried if not points.buried.all() else np.ones(count, dtype=np.bool_)
+    blocks = _blocks(scene, count)
+    scale = None
+    if len(blocks) > 1:
+        scale = _scale(scene, points, counted, request, generator=generator, log=log)
+    coefficient = np.empty((lamps, count, bands), dtype=np.float32)
+    coefficient_se = np.empty_like(coefficient)
+    irradiance_se = np.empty((count, bands), dtype=np.float32)
+    batches = None
+    if BATCHES * coefficient.size <= KEPT_BATCH_VALUES:
+        batches = np.empty((BATCHES, *coefficient.shape), dtype=np.float32)
+    first_round = FIRST_ROUND
+    for number, block in enumerate(blocks):
+        share = part_of(progress, number / len(blocks), (number + 1) / len(blocks))
+        sensors = Sensors(positions=points.positions[block], normals=points.normals[block], receptor=request.receptor)
+        result = estimate_block(
+            scene,
+            sensors,
+            counted[block],
+            scale,
+            request,
+            generator=generator,
+            log=log,
+            progress=share,
+            first_round=first_round,
+        )
+        first_round = result.first_round  # the next one's will be about that
+        coefficient[:, block] = result.batches.mean(axis=0, dtype=np.float64)
+        for lamp in range(lamps):
+            coefficient_se[lamp, block] = standard_error(result.batches[:, lamp].astype(np.float64))
+        irradiance_se[block] = result.irradiance_se
+        if batches is not None:
+            batches[:, :, block] = result.batches
+    achieved = _achieved(scene, coefficient, irradiance_se, counted)
+    return make_transport(
+        scene,
+        points,
+        coefficient=coefficient,
+        coefficient_se=coefficient_se,
+        irradiance_se=irradiance_se,
+        batches=batches,
+        attributes={
+            "bounces": request.bounces,
+            "mode": scene.mode,
+            "target_relative_se": request.target,
+            "achieved_relative_se": achieved,
+            "target_met": int(achieved <= request.target),
+            "seconds": time.perf_counter() - start,
+            "rays": log.rays,
+            "seed": seed,
+            "commands": "\n".join(sorted(log.commands)),
+        },
+    )
+
+
+def _blocks(scene: RadianceScene, count: int) -> list[slice]:
+    """Blocks of about as many points each."""
+    bytes_a_point = BYTES_A_VALUE * BATCHES * len(scene.lamp_names) * len(scene.bands)
+    most = max(1, min(MOST_BLOCK_POINTS, BLOCK_BYTES // bytes_a_point))
+    edges = np.linspace(0, count, -(-count // most) + 1).round().astype(np.int64).tolist()
+    return [slice(first, last) for first, last in pairwise(edges)]
+
+
+def _scale(
+    scene: RadianceScene,
+    points: SensorPoints,
+    counted: BoolArray,
+    request: Request,
+    *,
+    generator: np.random.Generator,
+    log: Log,
+) -> FloatArray:
+    """(band,) mean irradiance [W/m²/nm], from points spread evenly over the list."""
+    among = np.flatnonzero(counted)
+    some = among[np.unique(np.linspace(0, among.size - 1, SCALE_POINTS).astype(np.int64))]
+    sensors = Sensors(positions=points.positions[some], normals=points.normals[some], receptor=request.receptor)
+    return first_mean(scene, sensors, request, generator=generator, log=log)
+
+
+def _achieved(
+    scene: RadianceScene, coefficient: NDArray[np.float32], error: NDArray[np.float32], counted: BoolArray
+) -> float:
+    mean = coefficient[:, counted].mean(axis=1, dtype=np.float64)
+    return relative_rms(error[counted], np.asarray((mean * scene.flux).sum(axis=0), dtype=np.float64))

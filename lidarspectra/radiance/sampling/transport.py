@@ -1,0 +1,173 @@
+"""The transport: what every lamp sends to every sensor point in every band, for any flux the lamp may have.
+
+A transport is an xarray Dataset with the dims (lamp, point, band):
+
+    coefficient          (lamp, point, band)         [m-2]      irradiance per flux, E = Σ_lamp coefficient x flux
+    coefficient_se       (lamp, point, band)         [m-2]      its standard error
+    coefficient_batches  (batch, lamp, point, band)  [m-2]      independent estimates whose mean is `coefficient`
+    flux                 (lamp, band)                [W nm-1]   what the lamps were traced with
+    irradiance_se        (point, band)               [W m-2 nm-1]  standard error of the sum over lamps with that flux
+    x y z nx ny nz buried (point,), lamp (lamp,), band band_width band_label (band,)
+
+Lamps of one pass share their paths, so their errors are correlated and those of a sum do not follow from theirs;
+`standard_error_of_sum` takes it from the batches. Large jobs leave the batches out (`KEPT_BATCH_VALUES`).
+"""
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import EngineError, WorkspaceError
+from lidarspectra.io.netcdf import check_numbers, read_netcdf, write_netcdf
+from lidarspectra.radiance.sampling.uncertainty import standard_error
+from lidarspectra.radiance.scene.scene import RadianceScene
+from lidarspectra.room.sensor_points import SensorPoints
+
+SCHEMA = "lidarspectra transport 1"
+TRANSPORT_FILE = "transport.nc"  # in the folder of a run's trace stage
+KEPT_BATCH_VALUES = 8_000_000  # [1] batches of more values (32 MB) than this are not kept
+_VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {  # name: (dims, unit, long name)
+    "coefficient": (("lamp", "point", "band"), "m-2", "spectral irradiance per spectral flux of the lamp"),
+    "coefficient_se": (("lamp", "point", "band"), "m-2", "standard error of the coefficient"),
+    "flux": (("lamp", "band"), "W nm-1", "spectral radiant flux of the lamp, mean over the channel's response"),
+    "irradiance_se": (("point", "band"), "W m-2 nm-1", "standard error of the irradiance by all lamps' flux"),
+}
+_BATCHES = ("batch", "lamp", "point", "band")
+
+
+def make_transport(
+    scene: RadianceScene,
+    points: SensorPoints,
+    *,
+    coefficient: NDArray[np.floating],
+    coefficient_se: NDArray[np.floating],
+    irradiance_se: NDArray[np.floating],
+    batches: NDArray[np.floating] | None,
+    attributes: dict[str, str | int | float],
+) -> xr.Dataset:
+    """Put traced numbers into a Dataset with units and coordinates (see the module's text).
+
+    Parameters
+    ----------
+    scene : RadianceScene
+        Lamps, bands and flux.
+    points : SensorPoints
+    coefficient, coefficient_se : (lamp, point, band) float
+        [m⁻²]
+    irradiance_se : (point, band) float
+        [W/m²/nm]
+    batches : (batch, lamp, point, band) float or None
+        [m⁻²]
+    attributes : dict
+        How it was traced.
+
+    Returns
+    -------
+    transport : xarray.Dataset
+
+    Raises
+    ------
+    EngineError
+        If a number is not finite.
+    """
+    values = {
+        "coefficient": coefficient,
+        "coefficient_se": coefficient_se,
+        "flux": scene.flux,
+        "irradiance_se": irradiance_se,
+    }
+    for name, array in values.items():
+        if not np.isfinite(array).all():
+            raise EngineError(expected="finite numbers", found=f"NaN or infinity in {name}", where=str(scene.folder))
+    variables = {
+        name: (dims, values[name], {"units": unit, "long_name": text})
+        for name, (dims, unit, text) in _VARIABLES.items()
+    }
+    if batches is not None:
+        text = "independent estimates of the coefficient"
+        variables["coefficient_batches"] = (_BATCHES, batches, {"units": "m-2", "long_name": text})
+    return xr.Dataset(
+        variables, _coordinates(scene, points), {**attributes, "Conventions": "CF-1.11", "schema": SCHEMA}
+    )
+
+
+def standard_error_of_sum(transport: xr.Dataset, flux: ArrayLike | None = None) -> FloatArray:
+    """Standard error of the irradiance Σ_lamp coefficient x flux.
+
+    Parameters
+    ----------
+    transport : xarray.Dataset
+    flux : (lamp, band) float, optional
+        The traced one if left out. [W/nm]
+
+    Returns
+    -------
+    error : (point, band) float
+        From the batches where they were kept; else, for the traced flux, as the trace found it; else the sum of the
+        lamps' errors, the largest that any correlation between them allows. [W/m²/nm]
+    """
+    traced = transport["flux"].transpose("lamp", "band").to_numpy().astype(np.float64)
+    used = traced if flux is None else np.asarray(flux, dtype=np.float64)
+    if "coefficient_batches" in transport:
+        batches = transport["coefficient_batches"].transpose(*_BATCHES).to_numpy()
+        return standard_error(np.einsum("klpb,lb->kpb", batches, used, dtype=np.float64))
+    if "irradiance_se" in transport and np.array_equal(used, traced):
+        return np.asarray(transport["irradiance_se"].transpose("point", "band").to_numpy(), dtype=np.float64)
+    errors = transport["coefficient_se"].transpose("lamp", "point", "band").to_numpy()
+    return np.asarray(np.einsum("lpb,lb->pb", errors, used, dtype=np.float64))
+
+
+def save_transport(transport: xr.Dataset, path: Path) -> Path:
+    """Write a transport as NetCDF-4, whole or not at all.
+
+    Raises
+    ------
+    WorkspaceError
+        If the file cannot be written.
+    """
+    encoding = {name: {"zlib": True, "complevel": 1} for name in transport.data_vars}
+    write_netcdf(transport, path, encoding=encoding)
+    return path
+
+
+def load_transport(path: Path) -> xr.Dataset:
+    """Read a transport that `save_transport` wrote.
+
+    Raises
+    ------
+    WorkspaceError
+        If the file is missing, damaged, or no transport.
+    """
+    todo = "Run the trace stage again."
+    try:
+        transport = read_netcdf(path)
+        if str(transport.attrs.get("schema")) != SCHEMA:
+            raise ValueError(f"schema {transport.attrs.get('schema')!r}")
+        for name, (dims, _, _) in _VARIABLES.items():
+            check_numbers(transport, name, dims)
+        if "coefficient_batches" in transport:
+            check_numbers(transport, "coefficient_batches", _BATCHES)
+    except ValueError as cause:
+        raise WorkspaceError(
+            expected=f"a transport in NetCDF-4 of schema '{SCHEMA}'", found=str(cause), where=str(path), todo=todo
+        ) from cause
+    return transport
+
+
+def _coordinates(scene: RadianceScene, points: SensorPoints) -> dict[str, object]:
+    coordinates: dict[str, object] = {"lamp": ("lamp", list(scene.lamp_names), {"long_name": "lamp"})}
+    for axis, name in enumerate("xyz"):
+        coordinates[name] = ("point", points.positions[:, axis], {"units": "m", "long_name": f"{name} coordinate"})
+        text = f"{name} component of the sensor's direction"
+        coordinates[f"n{name}"] = ("point", points.normals[:, axis], {"units": "1", "long_name": text})
+    text = "point lies inside furniture or outside the room"
+    coordinates["buried"] = ("point", points.buried, {"long_name": text})
+    wavelength = {"units": "nm", "standard_name": "radiation_wavelength", "long_name": "centre wavelength"}
+    coordinates["band"] = ("band", scene.bands.centers_nm, wavelength)
+    width = {"units": "nm", "long_name": "full width at half maximum"}
+    coordinates["band_width"] = ("band", scene.bands.widths_nm, width)
+    coordinates["band_label"] = ("band", list(scene.bands.labels), {"long_name": "short name of the channel"})
+    return coordinates

@@ -1,0 +1,1 @@
+"""A room as Radiance reads it."""

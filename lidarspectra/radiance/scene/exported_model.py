@@ -1,0 +1,199 @@
+"""The Radiance model as a folder that needs nothing but Radiance: scene text, options, `.rif` and Makefile.
+
+`make` there compiles the meshes and octrees, traces every pass (side by side with `make -j`) and adds them up in
+`irradiance.txt`: one line a sensor, x y z nx ny nz and the irradiance of each band [W/m²/nm], shortest wavelength
+first. It is the run's answer within noise. Only oconv, obj2mesh, rtrace, rcalc, rlam and total are called, and those
+of Radiance's function files that they read lie beside the model, so that RAYPATH need not be set. No step needs quotes.
+Each program is a step of its own and not part of a pipe, whose status would be the last one's: a program that fails
+ends make with a status other than 0, and so does a table with fewer rows than there are sensors (`check`).
+"""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.config import TraceSection
+from lidarspectra.errors import SceneError
+from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
+from lidarspectra.radiance.engine.engine import Engine, find_engine
+from lidarspectra.radiance.engine.options import Noise, plain_arguments
+from lidarspectra.radiance.scene.lamp_shapes import candela_file
+from lidarspectra.radiance.scene.scene_record import LAMPS_FILE, RadianceScene, ScenePass
+from lidarspectra.room.sensor_points import SensorPoints
+
+MAKEFILE = "Makefile"
+POINTS_FILE = "points.txt"
+TRACE_OPTIONS_FILE = "trace.opt"
+REPEAT_FILE = "repeat.fmt"
+ANSWER_FILE = "irradiance.txt"
+FUNCTION_FILES = ("rayinit.cal", "source.cal")  # read by every program, and for the intensity tables of 'ies' lamps
+REPEATS: dict[Noise, int] = {"draft": 2, "standard": 8, "fine": 32}
+"""[1] Times that each sensor is traced with 256 rays; the mean's noise comes near the run's."""
+PICTURE_EYE_HEIGHT_M = 1.6  # [m] of the view that `rad` is given
+
+
+def write_workflow(
+    scene: RadianceScene, points: SensorPoints, section: TraceSection, folder: Path, *, engine: Engine | None = None
+) -> Path:
+    """Write the model into a folder of its own.
+
+    Parameters
+    ----------
+    scene : RadianceScene
+        Its text is copied; octrees and compiled meshes are left for `make`.
+    points : SensorPoints
+        Sensors with the cosine receptor.
+    section : TraceSection
+        Accuracy and noise.
+    folder : Path
+        Made if it is not there.
+    engine : Engine, optional
+        Whose function files are put beside the model. Default: the one that pyradiance brings.
+
+    Returns
+    -------
+    makefile : Path
+
+    Raises
+    ------
+    SceneError
+        If a file of the scene is not there, or the folder cannot be written.
+    """
+    library = (find_engine() if engine is None else engine).library
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in _scene_files(scene):
+            shutil.copyfile(scene.folder / name, folder / name)
+        for name in FUNCTION_FILES:
+            shutil.copyfile(library / name, folder / name)
+        for name, text in _texts(scene, points, section).items():
+            (folder / name).write_text(text, encoding="utf-8", newline="\n")
+    except OSError as cause:
+        raise SceneError(
+            expected="a scene that can be copied, and a folder that can be written",
+            found=str(cause),
+            where=str(folder),
+            todo="Make the scene stage again, or name another folder.",
+        ) from cause
+    return folder / MAKEFILE
+
+
+def _scene_files(scene: RadianceScene) -> list[str]:
+    files = [LAMPS_FILE, *sorted({scene_pass.mesh for scene_pass in scene.passes})]
+    for scene_pass in scene.passes:
+        files += [scene_pass.scene_file, scene_pass.materials_file, *scene_pass.data_files]
+    data = [candela_file(name) for name in scene.lamp_modifiers]
+    return files + [name for name in data if (scene.folder / name).is_file()]
+
+
+def _texts(scene: RadianceScene, points: SensorPoints, section: TraceSection) -> dict[str, str]:
+    lamp_count = max(len(scene_pass.lamps) for scene_pass in scene.passes)
+    options = plain_arguments(section.accuracy, "draft", lamp_count=lamp_count)
+    texts = {
+        POINTS_FILE: _points_text(points),
+        TRACE_OPTIONS_FILE: " ".join(options) + "\n",
+        REPEAT_FILE: "${$1} ${$2} ${$3} ${$4} ${$5} ${$6}\n" * REPEATS[section.noise],
+        "sum.cal": _sum_text(scene),
+        "bands.txt": _bands_text(scene),
+        MAKEFILE: _makefile_text(scene, len(points), REPEATS[section.noise]),
+    }
+    for scene_pass in scene.passes:
+        slots = [*scene_pass.group.options, "-co+"] if scene.mode == "native" else []
+        texts[f"{scene_pass.name}.opt"] = " ".join([*slots, ""]) + "\n"
+        texts[f"{scene_pass.name}.rif"] = _rif_text(scene_pass, points)
+    return texts
+
+
+def _points_text(points: SensorPoints) -> str:
+    rows = np.concatenate([points.positions, points.normals], axis=1).tolist()
+    return "".join(" ".join(f"{value:.9g}" for value in row) + "\n" for row in rows)
+
+
+def _bands_text(scene: RadianceScene) -> str:
+    columns = ["x_m", "y_m", "z_m", "nx", "ny", "nz", *(f"E_{label}" for label in scene.bands.labels)]
+    return "".join(f"{number} {name}\n" for number, name in enumerate(columns, start=1))
+
+
+def _sum_text(scene: RadianceScene) -> str:
+    """Column formulas for rcalc: 6 columns of the sensor, then the sum of the passes' slots for every band, in W/m²/nm.
+
+    rlam puts the passes' columns side by side, each pass from its last slot to its first.
+    """
+    terms: list[list[str]] = [[] for _ in range(len(scene.bands))]
+    column = 6
+    for scene_pass in scene.passes:
+        for slot, band in enumerate(scene_pass.bands):
+            terms[band].append(f"${column + scene_pass.slot_count - slot}")
+        column += scene_pass.slot_count
+    lines = [f"${number}=${number};" for number in range(1, 7)]
+    unit = f"{1.0 / WRITTEN_PER_WATT:g}"
+    lines += [f"${number}={unit}*({'+'.join(parts)});" for number, parts in enumerate(terms, start=7)]
+    return "\n".join(lines) + "\n"
+
+
+def _makefile_text(scene: RadianceScene, sensors: int, repeats: int) -> str:
+    data = " ".join(f"{scene_pass.name}.dat" for scene_pass in scene.passes)
+    head = (
+        f"# Irradiance at the sensors of {POINTS_FILE}, by Radiance 6 alone; make -j runs the passes side by side.\n"
+        f"# {ANSWER_FILE}: its columns are named in bands.txt; irradiance in W/m2/nm.\n"
+        "# Radiance's function files stand beside this one; a RAYPATH that is set is searched after this folder.\n"
+        "export RAYPATH := .:$(RAYPATH)\n"
+        "export LC_ALL := C\n"
+        f"SENSORS := {sensors}\n\n"
+        "# Refuses a table that has not a row for every sensor: Radiance may end well without an answer.\n"
+        "check = test $$(wc -l < $@) -eq $(1) || "
+        "{ echo $@ has not the $(1) rows that it should have, see the lines above >&2; exit 1; }\n\n"
+        f"all: {ANSWER_FILE}\n\n"
+        f"{ANSWER_FILE}: joined.tmp sum.cal\n"
+        "\trcalc -f ./sum.cal joined.tmp > $@\n"
+        "\t@$(call check,$(SENSORS))\n\n"
+        f"joined.tmp: {POINTS_FILE} {data}\n"
+        f"\trlam {POINTS_FILE} {data} > $@\n"
+        "\t@$(call check,$(SENSORS))\n\n"
+        f"rays.tmp: {REPEAT_FILE} {POINTS_FILE}\n"
+        f"\trcalc -o {REPEAT_FILE} {POINTS_FILE} > $@\n"
+        f"\t@$(call check,{sensors * repeats})\n"
+    )
+    rules = "".join(_pass_rules(scene_pass, sensors, repeats) for scene_pass in scene.passes)
+    octrees = [scene_pass.octree for scene_pass in scene.passes]
+    meshes = sorted({scene_pass.mesh_file for scene_pass in scene.passes})
+    traced = " ".join(f"{scene_pass.name}.tmp" for scene_pass in scene.passes)
+    made = " ".join([data, *octrees, *meshes, ANSWER_FILE, traced, "rays.tmp", "joined.tmp"])
+    return f"{head}{rules}\nclean:\n\trm -f {made}\n\n.PHONY: all clean\n.DELETE_ON_ERROR:\n"
+
+
+def _pass_rules(scene_pass: ScenePass, sensors: int, repeats: int) -> str:
+    """How make compiles and traces a pass; passes that share their surfaces leave the mesh to the first."""
+    name, mesh, materials = scene_pass.name, scene_pass.mesh, scene_pass.materials_file
+    read = " ".join([scene_pass.scene_file, LAMPS_FILE, scene_pass.mesh_file, *scene_pass.data_files])
+    compiled = f"\n{scene_pass.mesh_file}: {mesh} {materials}\n\tobj2mesh -a {materials} {mesh} > $@\n"
+    return (
+        (compiled if scene_pass.surfaces == name else "")
+        + f"\n{scene_pass.octree}: {read}\n\toconv {scene_pass.scene_file} {LAMPS_FILE} > $@\n"
+        + f"\n{name}.tmp: {scene_pass.octree} rays.tmp {TRACE_OPTIONS_FILE} {name}.opt\n"
+        + f"\trtrace -h @{TRACE_OPTIONS_FILE} @{name}.opt {scene_pass.octree} < rays.tmp > $@\n"
+        + f"\t@$(call check,{sensors * repeats})\n"
+        + f"\n{name}.dat: {name}.tmp\n\ttotal -m -{repeats} {name}.tmp > $@\n\t@$(call check,$(SENSORS))\n"
+    )
+
+
+def _rif_text(scene_pass: ScenePass, points: SensorPoints) -> str:
+    """Control file for `rad`: the pass as it is, with a view from the middle of the sensors."""
+    low, high = points.positions.min(axis=0), points.positions.max(axis=0)
+    margin = 1.0  # [m] the sensors' own box has no height
+    zone = " ".join(f"{a - margin:.3f} {b + margin:.3f}" for a, b in zip(low, high, strict=True))
+    eye = (*(0.5 * (low + high))[:2], low[2] + PICTURE_EYE_HEIGHT_M)
+    view = " ".join(f"{value:.3f}" for value in eye)
+    render = " ".join(scene_pass.group.options)
+    return (
+        f"# A picture by rad, after 'make {scene_pass.octree}'. Slots are opaque channels, so its colours are false.\n"
+        f"ZONE= I {zone}\n"
+        f"scene= {scene_pass.scene_file} {LAMPS_FILE}\n"
+        f"OCTREE= {scene_pass.octree}\n"
+        "oconv= -f\n"
+        "INDIRECT= 2\nQUALITY= M\nDETAIL= M\nVARIABILITY= M\nEXPOSURE= -24\nUP= Z\n"
+        + (f"render= {render}\n" if render else "")
+        + f"view= inside -vtv -vp {view} -vd 0 1 0 -vu 0 0 1 -vh 100 -vv 80\n"
+        f"PICTURE= {scene_pass.name}\n"
+    )

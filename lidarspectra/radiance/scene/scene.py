@@ -1,0 +1,301 @@
+"""Write the Radiance scene: one octree a pass.
+
+A pass lights a few lamps of one spectral group and carries the bands of one band group (see `bands`). Its octree holds
+the room's mesh with that pass's reflectances, those lamps as lights, and all other lamps as black shapes, so that every
+pass sees the same obstacles. Adding up the passes' lamps gives the room.
+
+    scene.json  bands.npz      the record (`scene_record`)
+    lamps.rad                  shapes of all lamps;  lampN_candela.dat  how a luminaire's light is spread
+    room.obj                   the mesh; passN_materials.rad  its materials;  passN_room.rtm  both, compiled
+    passN.rad                  what the lamps send, and the mesh; with daylight also windows, sun and their data files
+    passN.oct                  what rtrace and rcontrib read
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import SceneError
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.material.material_map import MaterialMap
+from lidarspectra.progress import Progress, shares, silent
+from lidarspectra.radiance.engine.bands import (
+    WRITTEN_PER_WATT,
+    BandGroup,
+    Mode,
+    SpectralGroup,
+    band_groups,
+    lamp_band_flux,
+    spectral_groups,
+    with_floor,
+)
+from lidarspectra.radiance.engine.engine import Engine, find_engine
+from lidarspectra.radiance.engine.octree import check_octree, compile_mesh, compile_octree
+from lidarspectra.radiance.scene import primitives
+from lidarspectra.radiance.scene.daylight import (
+    mask_text,
+    sky_data_texts,
+    sun_text,
+    window_shape_text,
+    window_text,
+)
+from lidarspectra.radiance.scene.lamp_shapes import (
+    candela_file,
+    lamp_data_text,
+    lamp_geometry_text,
+    lamp_material_text,
+)
+from lidarspectra.radiance.scene.mesh_text import CREASE_DEG, mesh_text
+from lidarspectra.radiance.scene.openings import open_windows
+from lidarspectra.radiance.scene.primitives import Color
+from lidarspectra.radiance.scene.scene_record import LAMPS_FILE, MESH_FILE, OPEN_MESH_FILE, save_scene
+from lidarspectra.radiance.scene.scene_record import RadianceScene as RadianceScene
+from lidarspectra.radiance.scene.scene_record import ScenePass as ScenePass
+from lidarspectra.radiance.scene.scene_record import load_scene as load_scene
+from lidarspectra.radiance.scene.surfaces import surface_slots, surface_text
+from lidarspectra.spectra.spectrum import BandSet
+
+WRITING_S_A_FACE, COMPILING_S_A_FACE = 1.25e-5, 7e-6  # [s] of one core, for a hall of a million faces (docs/scale.md)
+COMPILING_S, OCTREE_S = 0.3, 0.02  # [s] the same: the engine's programs start
+LAMPS_A_PASS = 4  # [1] a path asks every lamp of its pass for light: 64 lamps in one pass took 13 times 4 lamps' time
+
+
+def write_scene(
+    scan: Scan,
+    materials: MaterialMap,
+    lamps: Sequence[Lamp],
+    bands: BandSet,
+    folder: Path,
+    *,
+    mode: Mode = "native",
+    engine: Engine | None = None,
+    crease_deg: float = CREASE_DEG,
+    progress: Progress = silent,
+) -> RadianceScene:
+    """Write a room as a Radiance scene and compile it.
+
+    Parameters
+    ----------
+    scan : Scan
+        The room's mesh.
+    materials : MaterialMap
+        A material for each of its faces.
+    lamps : sequence of Lamp
+        One or more, of different names.
+    bands : BandSet
+        The sensor's channels.
+    folder : Path
+        Made if it is not there; files of earlier scenes in it are replaced.
+    mode : 'native' or 'rgb'
+        Passes of up to 24 bands, or of 3.
+    engine : Engine, optional
+        Default: the one that pyradiance brings.
+    crease_deg : float
+        Faces that meet at less than this are shaded as one smooth surface. [deg]
+    progress : Progress, optional
+        Told as passes are compiled.
+
+    Returns
+    -------
+    scene : RadianceScene
+        Also saved in the folder (`load_scene`).
+
+    Raises
+    ------
+    SceneError
+        If the parts do not fit together, or a program refuses the scene.
+    MaterialError, LampError
+        If a surface or lamp cannot be written.
+    """
+    _check_parts(scan, materials, lamps)
+    engine = find_engine() if engine is None else engine
+    folder.mkdir(parents=True, exist_ok=True)
+    modifiers = tuple(f"lamp{index}" for index in range(len(lamps)))
+    flux = lamp_band_flux([lamp.flux for lamp in lamps], bands)
+    room = _Room(folder, lamps, modifiers, bands, WRITTEN_PER_WATT * with_floor(flux), _bounds(scan, lamps))
+    names = tuple(f"m{index}" for index in range(len(materials.materials)))
+    plans = _plan_passes(lamps, bands, mode)
+    writing, *compiling = shares(progress, _costs(len(scan.faces), [planned for _, planned in plans]))
+    writing(0.0, "writing the mesh")
+    _write_shapes(room)
+    meshes = _write_meshes(scan, materials, lamps, folder, names=names, crease_deg=crease_deg)
+    passes = []
+    for index, (light, planned) in enumerate(plans):
+        compiling[index](0.0, f"compiling pass {index + 1} of {len(plans)}")
+        scene_pass = _write_pass(replace(planned, mesh=meshes[_has_sun(light, lamps)]), room)
+        if scene_pass.surfaces == scene_pass.name:
+            _write(
+                folder / scene_pass.materials_file, _materials_text(materials, light, bands, scene_pass.group, names)
+            )
+            compile_mesh(engine, folder, scene_pass.mesh, scene_pass.materials_file, scene_pass.mesh_file)
+        compile_octree(engine, folder, [scene_pass.scene_file, LAMPS_FILE], scene_pass.octree)
+        if scene_pass.surfaces == scene_pass.name:
+            check_octree(engine, folder, scene_pass.octree)
+        passes.append(scene_pass)
+    scene = RadianceScene(
+        folder=folder,
+        bands=bands,
+        mode=mode,
+        lamp_names=tuple(lamp.name for lamp in lamps),
+        lamp_modifiers=modifiers,
+        flux=flux,
+        written_flux=room.flux,
+        passes=tuple(passes),
+    )
+    save_scene(scene)
+    return scene
+
+
+def scene_s(faces: int, lamps: Sequence[Lamp], bands: BandSet, mode: Mode = "native") -> float:
+    """Time that `write_scene` usually takes of one core [s]."""
+    return sum(_costs(faces, [planned for _, planned in _plan_passes(lamps, bands, mode)]))
+
+
+def _costs(faces: int, passes: Sequence[ScenePass]) -> list[float]:
+    """What the text of the mesh and each pass usually take [s of one core]; a pass of shared surfaces has no mesh."""
+    mesh_s = COMPILING_S + COMPILING_S_A_FACE * faces
+    compiled = [mesh_s if each.surfaces == each.name else 0.0 for each in passes]
+    return [WRITING_S_A_FACE * faces, *(compiled_s + OCTREE_S for compiled_s in compiled)]
+
+
+def _check_parts(scan: Scan, materials: MaterialMap, lamps: Sequence[Lamp]) -> None:
+    if materials.face_material.size != len(scan.faces):
+        raise SceneError(
+            expected=f"a material for each of {len(scan.faces)} faces",
+            found=f"materials for {materials.face_material.size}",
+            where="material map",
+            todo="Make the materials stage again: it belongs to another scan.",
+        )
+    if not lamps:
+        raise SceneError(expected="one or more lamps", found="none", where="lamps", todo="A dark room has no map.")
+    if sum(lamp.shape == "sun" for lamp in lamps) > 1:
+        raise SceneError(expected="one sun at most", found="several", where="lamps")
+    names = [lamp.name for lamp in lamps]
+    if len(set(names)) != len(names):
+        raise SceneError(
+            expected="lamps of different names", found=f"{len(names) - len(set(names))} twice", where="lamps"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Room:
+    """What all passes share."""
+
+    folder: Path
+    lamps: Sequence[Lamp]
+    modifiers: tuple[str, ...]
+    bands: BandSet
+    flux: FloatArray  # (lamp, band) as written [µW/nm]
+    bounds: FloatArray  # (2, 3) of all that is in the room [m]
+
+
+def _bounds(scan: Scan, lamps: Sequence[Lamp]) -> FloatArray:
+    places = np.concatenate([scan.bounds, [lamp.center for lamp in lamps]])
+    return np.stack([places.min(axis=0), places.max(axis=0)])
+
+
+def _groups(lamps: Sequence[Lamp], bands: BandSet) -> list[SpectralGroup]:
+    """Spectral groups; the sun is always its own, since its pass has holes in the mesh."""
+    inside = [index for index, lamp in enumerate(lamps) if lamp.shape != "sun"]
+    outside = [index for index, lamp in enumerate(lamps) if lamp.shape == "sun"]
+    groups = spectral_groups([lamps[index].flux for index in inside], bands)
+    renamed = [
+        SpectralGroup(lamps=tuple(inside[index] for index in group.lamps), light=group.light) for group in groups
+    ]
+    return [*renamed, *(SpectralGroup(lamps=(index,), light=lamps[index].flux) for index in outside)]
+
+
+def _plan_passes(lamps: Sequence[Lamp], bands: BandSet, mode: Mode) -> list[tuple[SpectralGroup, ScenePass]]:
+    """Passes of every spectral group, band group, and handful of lamps; those of one group share their surfaces."""
+    plans: list[tuple[SpectralGroup, ScenePass]] = []
+    for light in _groups(lamps, bands):
+        for group in band_groups(len(bands), mode):
+            surfaces = f"pass{len(plans)}"
+            for start in range(0, len(light.lamps), LAMPS_A_PASS):
+                part = light.lamps[start : start + LAMPS_A_PASS]
+                plans.append((light, ScenePass(name=f"pass{len(plans)}", lamps=part, group=group, surfaces=surfaces)))
+    return plans
+
+
+def _has_sun(light: SpectralGroup, lamps: Sequence[Lamp]) -> bool:
+    return any(lamps[index].shape == "sun" for index in light.lamps)
+
+
+def _write_shapes(room: _Room) -> None:
+    """Shapes of all lamps but daylight's, which differ from pass to pass."""
+    shapes = []
+    for modifier, lamp in zip(room.modifiers, room.lamps, strict=True):
+        if lamp.incoming is None:
+            shapes.append(lamp_geometry_text(modifier, lamp))
+        if (data := lamp_data_text(lamp)) is not None:
+            _write(room.folder / candela_file(modifier), data)
+    _write(room.folder / LAMPS_FILE, "".join(shapes))
+
+
+def _write_meshes(
+    scan: Scan,
+    materials: MaterialMap,
+    lamps: Sequence[Lamp],
+    folder: Path,
+    *,
+    names: tuple[str, ...],
+    crease_deg: float,
+) -> dict[bool, str]:
+    """Write the mesh, and where the sun shines one with open windows; file names by whether it is the sun's."""
+    _write(folder / MESH_FILE, mesh_text(scan, materials.face_material, names=names, crease_deg=crease_deg))
+    for sun in (lamp for lamp in lamps if lamp.shape == "sun"):
+        opened, face_material = open_windows(scan, materials.face_material, sun)
+        _write(folder / OPEN_MESH_FILE, mesh_text(opened, face_material, names=names, crease_deg=crease_deg))
+    return {False: MESH_FILE, True: OPEN_MESH_FILE}
+
+
+def _materials_text(
+    materials: MaterialMap, light: SpectralGroup, bands: BandSet, group: BandGroup, names: tuple[str, ...]
+) -> str:
+    return "".join(
+        surface_text(name, material, surface_slots(material, light.light, bands, group))
+        for name, material in zip(names, materials.materials, strict=True)
+    )
+
+
+def _write_pass(scene_pass: ScenePass, room: _Room) -> ScenePass:
+    """Write the pass's scene and data files; the pass comes back with their names."""
+    sunlit = any(room.lamps[index].shape == "sun" for index in scene_pass.lamps)
+    texts: list[str] = []
+    data: dict[str, str] = {}
+    for index, (lamp, modifier) in enumerate(zip(room.lamps, room.modifiers, strict=True)):
+        if index in scene_pass.lamps:
+            text, files = _lit_text(index, scene_pass, room)
+            texts.append(text)
+            data |= files
+        elif lamp.incoming is None and lamp.shape != "sun":
+            texts.append(primitives.black(modifier))
+        elif lamp.incoming is not None and not sunlit:
+            texts += [primitives.black(modifier), window_shape_text(modifier, lamp)]
+    texts.append(primitives.mesh("void", "room", scene_pass.mesh_file))
+    for name, content in data.items():
+        _write(room.folder / name, content)
+    _write(room.folder / scene_pass.scene_file, "".join(texts))
+    return replace(scene_pass, data_files=tuple(data))
+
+
+def _lit_text(index: int, scene_pass: ScenePass, room: _Room) -> tuple[str, dict[str, str]]:
+    """What a lit lamp sends, and its data files by name."""
+    lamp, modifier, flux = room.lamps[index], room.modifiers[index], room.flux[index]
+    slots = Color(group=scene_pass.group, slots=scene_pass.group.to_slots(flux))
+    if lamp.shape == "sun":
+        file = f"{scene_pass.name}_{modifier}.cal"
+        return sun_text(modifier, lamp, slots, room.bounds, file), {file: mask_text(lamp)}
+    if lamp.incoming is not None:
+        data = sky_data_texts(lamp, room.bands, scene_pass.group)
+        files = {f"{scene_pass.name}_{modifier}_{part}.dat": text for part, text in enumerate(data)}
+        return window_text(modifier, lamp, slots, list(files)), files
+    return lamp_material_text(modifier, lamp, slots), {}
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="\n")

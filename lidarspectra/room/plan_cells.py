@@ -1,0 +1,206 @@
+"""The plan of a room: which cells of the floor lie between floor and ceiling, and the polygon around them."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, ByteArray, FloatArray
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.room.room_planes import Level, Wall
+
+CELL_M = 0.025  # [m] finer than the triangles of a phone scan (3 to 5 cm)
+MOST_CELLS = 1_000_000  # [1] a larger plan gets larger cells
+LEVEL_TOLERANCE_M = 0.1  # [m] how far a ceiling or floor may lie off its plane and still be that
+CEILING_REACH_M = 0.3  # [m] rays start so far below the ceiling, above most furniture
+FLOOR_REACH_M = 0.25  # [m] rays start so far above the floor, below most table tops
+LEAST_DEPTH_M = 0.6  # [m] of air below the ceiling: less is a cavity behind glass, or a cabinet as good as a wall
+PORE_M = 0.1  # [m] gaps narrower than this in the ceiling are holes of the mesh
+NARROW_M = 0.3  # [m] bulges and links narrower than this are cracks in the mesh, not room
+TALL_SHARE = 0.7  # [1] of the room's height, for an upright plane that is a wall and no furniture
+WALL_SLACK_M = 0.06  # [m] a scanned wall's unevenness
+BULGE_DEPTH_M = 0.5  # [m] patches no deeper than this behind a wall are bulges through glass, or window recesses
+LEAST_ROOM_M2 = 1.0  # [m²] smaller patches are no room
+LEAST_FLOOR_SHARE = 0.3  # [1] of a patch's area that must show floor, for it to be a room of its own, or a bulge of one
+SIMPLIFY_M = 0.05  # [m] the outline's corners are kept to within this
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanMask:
+    """Which cells of a plan belong to the room.
+
+    Parameters
+    ----------
+    inside : (row, column) bool
+        Row along y, column along x.
+    origin : (2,) float
+        x and y of the first cell's centre. [m]
+    cell_m : float
+        [m]
+    """
+
+    inside: BoolArray
+    origin: FloatArray
+    cell_m: float
+
+
+def plan_mask(
+    caster: RayCaster,
+    bounds: FloatArray,
+    *,
+    floor: Level,
+    ceilings: tuple[Level, ...],
+    top_z: float,
+    walls: tuple[Wall, ...] = (),
+) -> PlanMask:
+    """Find the cells of the plan that lie in the room, furniture included.
+
+    Where the scan has a ceiling, a cell belongs to the room if a ray upwards from just below the ceiling meets
+    it (furniture does not get in the way there) and a ray downwards falls to furniture or floor: what a scan
+    invents behind glass has no ceiling at that height, or none with a room under it. Without a ceiling, what shows
+    floor or furniture from above is the room.
+
+    Parameters
+    ----------
+    caster : RayCaster
+    bounds : (2, 3) float
+        Box around the scan. [m]
+    floor : Level
+    ceilings : tuple of Level
+        Main one first; empty where the scan has none.
+    top_z : float
+        Top of the room. [m]
+    walls : tuple of Wall
+        Shallow bulges behind a tall one are cut off: a scan bulges through glass.
+
+    Returns
+    -------
+    mask : PlanMask
+        Cleaned: no crack, no speck, no hole.
+    """
+    low, high = bounds[0, :2], bounds[1, :2]
+    cell = max(CELL_M, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
+    # Empty cells around it keep the clean-up from growing the plan along the rim of the picture.
+    rim = int(np.ceil(NARROW_M / cell)) + 2
+    columns, rows = (np.ceil((high - low) / cell).astype(int) + 1 + 2 * rim).tolist()
+    origin = low - rim * cell
+    x, y = np.meshgrid(origin[0] + cell * np.arange(columns), origin[1] + cell * np.arange(rows))
+    plan = np.stack([x.ravel(), y.ravel()], axis=1)
+    on_floor = _meets(caster, plan, start_z=floor.z + FLOOR_REACH_M, level_z=floor.z).reshape(rows, columns)
+    if ceilings:
+        inside = _meets(caster, plan, start_z=ceilings[0].z - CEILING_REACH_M, level_z=ceilings[0].z)
+        inside = (inside & _has_depth(caster, plan, ceiling_z=ceilings[0].z)).reshape(rows, columns)
+        for lowered in ceilings[1:]:
+            overhead = _meets(caster, plan, start_z=lowered.z - CEILING_REACH_M, level_z=lowered.z)
+            inside = inside | (overhead.reshape(rows, columns) & on_floor)
+    else:
+        inside = _open_from_above(caster, plan, floor_z=floor.z, top_z=top_z, bounds=bounds).reshape(rows, columns)
+    tall = [wall for wall in walls if wall.top_z - wall.bottom_z >= TALL_SHARE * (top_z - floor.z)]
+    for wall in tall:
+        inside = inside & ~_bulges(inside, on_floor, plan, wall)
+    return PlanMask(inside=_clean(inside, on_floor, cell), origin=origin, cell_m=cell)
+
+
+def _bulges(inside: BoolArray, on_floor: BoolArray, plan: FloatArray, wall: Wall) -> BoolArray:
+    """Cells of shallow patches of floor behind a wall; behind a cabinet's front there is no floor to be seen."""
+    behind = (wall.offset_m - plan @ wall.normal[:2]).reshape(inside.shape)
+    run = plan @ (wall.end - wall.start)
+    low, high = sorted((float(wall.start @ (wall.end - wall.start)), float(wall.end @ (wall.end - wall.start))))
+    beside = ((run >= low) & (run <= high)).reshape(inside.shape)
+    patches = (inside & beside & (behind > WALL_SLACK_M)).astype(np.uint8)
+    count, labels = cv2.connectedComponents(patches, connectivity=4)
+    deepest = np.zeros(count)
+    np.maximum.at(deepest, labels.ravel().astype(np.int64), behind.ravel())
+    floor_cells = np.bincount(labels[on_floor], minlength=count)
+    cells = np.bincount(labels.ravel(), minlength=count)
+    shallow = (deepest <= BULGE_DEPTH_M) & (floor_cells >= LEAST_FLOOR_SHARE * cells)
+    shallow[0] = False
+    return np.asarray(shallow[labels], dtype=np.bool_)
+
+
+def _meets(caster: RayCaster, plan: FloatArray, *, start_z: float, level_z: float) -> BoolArray:
+    """Whether a vertical ray from `start_z` meets something within the tolerance of `level_z`."""
+    starts = np.column_stack([plan, np.full(len(plan), start_z)])
+    reach = abs(level_z - start_z)
+    hits = caster.nearest(starts, [0.0, 0.0, np.sign(level_z - start_z)], max_distance=reach + LEVEL_TOLERANCE_M)
+    return hits.met & (hits.distance >= reach - LEVEL_TOLERANCE_M)
+
+
+def _has_depth(caster: RayCaster, plan: FloatArray, *, ceiling_z: float) -> BoolArray:
+    """Whether there is air under the ceiling, as in a room or over most furniture."""
+    starts = np.column_stack([plan, np.full(len(plan), ceiling_z - LEVEL_TOLERANCE_M)])
+    return ~caster.nearest(starts, [0.0, 0.0, -1.0], max_distance=LEAST_DEPTH_M - LEVEL_TOLERANCE_M).met
+
+
+def _open_from_above(
+    caster: RayCaster, plan: FloatArray, *, floor_z: float, top_z: float, bounds: FloatArray
+) -> BoolArray:
+    """Whether the highest surface is floor or furniture, well below the top of the walls."""
+    start = float(bounds[1, 2]) + 1.0
+    hits = caster.nearest(np.column_stack([plan, np.full(len(plan), start)]), [0.0, 0.0, -1.0])
+    highest = start - hits.distance
+    return hits.met & (highest > floor_z - LEVEL_TOLERANCE_M) & (highest < top_z - CEILING_REACH_M)
+
+
+def _clean(inside: BoolArray, on_floor: BoolArray, cell: float) -> BoolArray:
+    """Close pores, cut narrow links, keep patches that are rooms, and fill their holes."""
+    whole = cv2.morphologyEx(inside.astype(np.uint8), cv2.MORPH_CLOSE, _disc(PORE_M / cell))
+    image = cv2.morphologyEx(whole, cv2.MORPH_OPEN, _disc(NARROW_M / cell))
+    # Opening by a disc rounds corners; what it took near what is left comes back.
+    image = np.minimum(cv2.dilate(image, _disc(0.5 * NARROW_M / cell)), whole)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(image, connectivity=4)
+    kept = np.zeros_like(image)
+    largest = int(stats[1:, cv2.CC_STAT_AREA].max()) if count > 1 else 0
+    for label in range(1, count):
+        patch = np.equal(labels, label)
+        cells = int(stats[label, cv2.CC_STAT_AREA])
+        if cells * cell**2 < LEAST_ROOM_M2:
+            continue
+        if cells < largest and on_floor[patch].mean() < LEAST_FLOOR_SHARE:
+            continue
+        kept = np.maximum(kept, _filled(patch))
+    return kept.astype(bool)
+
+
+def _disc(diameter_cells: float) -> ByteArray:
+    size = max(3, round(diameter_cells) | 1)
+    disc: ByteArray = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)).astype(np.uint8)
+    return disc
+
+
+def _filled(patch: BoolArray) -> ByteArray:
+    image: ByteArray = patch.astype(np.uint8)
+    contours, _ = cv2.findContours(image, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(image, contours, -1, 1, thickness=cv2.FILLED)
+    return image
+
+
+def outlines(mask: PlanMask) -> tuple[FloatArray, ...]:
+    """Polygons around the rooms of a plan.
+
+    Parameters
+    ----------
+    mask : PlanMask
+
+    Returns
+    -------
+    polygons : tuple of (corner, 2) float
+        Counter-clockwise, largest first; the last corner is not the first again. [m]
+    """
+    # At four times the resolution the contour runs along the cells' edges instead of through their centres.
+    fine = 4
+    image = mask.inside.repeat(fine, axis=0).repeat(fine, axis=1).astype(np.uint8)
+    contours, _ = cv2.findContours(image, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    polygons = []
+    for contour in contours:
+        simple = cv2.approxPolyDP(contour, SIMPLIFY_M / mask.cell_m * fine, closed=True).reshape(-1, 2)
+        if len(simple) >= 3:
+            corners = mask.origin + (simple.astype(np.float64) - 0.5 * (fine - 1)) / fine * mask.cell_m
+            polygons.append(corners if signed_area(corners) > 0 else corners[::-1].copy())
+    return tuple(sorted(polygons, key=lambda polygon: -signed_area(polygon)))
+
+
+def signed_area(polygon: FloatArray) -> float:
+    """Area of a polygon (corner, 2) [m²]; negative where its corners run clockwise (shoelace formula)."""
+    x, y = polygon[:, 0], polygon[:, 1]
+    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))

@@ -1,0 +1,264 @@
+"""The room in a scan: floor, ceiling, walls and plan outline, each with how sure we are."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.path import Path as Polygon
+
+from lidarspectra.arrays import BoolArray, FloatArray, float_array
+from lidarspectra.errors import ArrayError, ScanError
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.room.plan_cells import outlines, plan_mask, signed_area
+from lidarspectra.room.room_planes import (
+    FaceGeometry,
+    Level,
+    Wall,
+    face_geometry,
+    find_ceilings,
+    find_floor,
+    find_walls,
+    main_direction,
+    weighted_median,
+)
+
+LEAST_HEIGHT_M = 1.0  # [m] something lower is furniture or a wrong unit, not a room
+WALL_HEIGHT_SHARE = 0.5  # [1] of the room's height: a lower upright plane is a cabinet's or a desk's front
+WALL_BEYOND_OUTLINE_M = 0.3  # [m] a wall plane farther outside the outline belongs to something else
+ROOM_FILE = "room.json"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Room:
+    """The room that a scan shows.
+
+    Parameters
+    ----------
+    floor_z, ceiling_z : float
+        Heights. Without a scanned ceiling, `ceiling_z` is the top of the walls. [m]
+    floor_area_m2, ceiling_area_m2 : float
+        Area of the faces that lie in either plane. [m²]
+    floor_confidence, ceiling_confidence : float
+        Share of the plan that those faces cover; 0 where nothing was found. [0-1]
+    wall_angle_deg : float
+        Turn of the walls' main directions from the x axis, -45 to 45. [deg]
+    wall_confidence : float
+        Share of upright area that follows the main directions; 0.22 by chance. [0-1]
+    walls : tuple of Wall
+        Largest first.
+    outline : (corner, 2) float
+        Plan of the largest room, counter-clockwise, furniture included. [m]
+    other_outlines : tuple of (corner, 2) float
+        Further rooms of the same scan, largest first. [m]
+    """
+
+    floor_z: float
+    ceiling_z: float
+    floor_area_m2: float
+    ceiling_area_m2: float
+    floor_confidence: float
+    ceiling_confidence: float
+    wall_angle_deg: float
+    wall_confidence: float
+    walls: tuple[Wall, ...]
+    outline: FloatArray
+    other_outlines: tuple[FloatArray, ...] = ()
+
+    def __post_init__(self) -> None:
+        polygons = (self.outline, *self.other_outlines)
+        checked = [float_array(polygon, name="Room.outline", shape=(None, 2)) for polygon in polygons]
+        if any(len(polygon) < 3 for polygon in checked):
+            raise ArrayError(expected="outlines of three or more corners", found="fewer", where="Room.outline")
+        if not self.ceiling_z > self.floor_z:
+            raise ArrayError(
+                expected="a ceiling above the floor",
+                found=f"ceiling at {self.ceiling_z:g} m, floor at {self.floor_z:g} m",
+                where="Room.ceiling_z",
+            )
+        object.__setattr__(self, "outline", checked[0])
+        object.__setattr__(self, "other_outlines", tuple(checked[1:]))
+
+    @property
+    def outlines(self) -> tuple[FloatArray, ...]:
+        """All rooms' outlines, largest first [m]."""
+        return (self.outline, *self.other_outlines)
+
+    @property
+    def height_m(self) -> float:
+        """Floor to ceiling [m]."""
+        return self.ceiling_z - self.floor_z
+
+    @property
+    def area_m2(self) -> float:
+        """Plan area of all rooms [m²]."""
+        return sum(abs(signed_area(polygon)) for polygon in self.outlines)
+
+    @property
+    def volume_m3(self) -> float:
+        """Plan area times height [m³]."""
+        return self.area_m2 * self.height_m
+
+    @property
+    def extent_m(self) -> tuple[float, float]:
+        """Length and width of the largest room along its walls, length first [m]."""
+        turned = self.outline @ _turn(self.wall_angle_deg)
+        sides = sorted((turned.max(axis=0) - turned.min(axis=0)).tolist(), reverse=True)
+        return sides[0], sides[1]
+
+    def in_plan(self, positions: FloatArray) -> BoolArray:
+        """Whether each of (point, 2 or 3) positions [m] lies within an outline, whatever its height."""
+        plan = np.asarray(positions, dtype=np.float64)[:, :2]
+        within = np.zeros(len(plan), dtype=np.bool_)
+        for polygon in self.outlines:
+            near = np.flatnonzero(np.all((plan >= polygon.min(axis=0)) & (plan <= polygon.max(axis=0)), axis=1))
+            within[near] |= Polygon(np.vstack([polygon, polygon[:1]]), closed=True).contains_points(plan[near])
+        return within
+
+
+def find_room(scan: Scan, *, caster: RayCaster | None = None) -> Room:
+    """Find floor, ceiling, walls and outline of the room in a scan.
+
+    Parameters
+    ----------
+    scan : Scan
+        z up, normals towards the room (see `hardware.phone.repair`).
+    caster : RayCaster or None
+        The scan's, where the caller has one already.
+
+    Returns
+    -------
+    room : Room
+
+    Raises
+    ------
+    ScanError
+        If nothing in the scan is level, too little lies over it, or no patch of the plan is a square metre.
+    """
+    faces = face_geometry(scan)
+    floor = find_floor(faces)
+    if floor is None:
+        raise _no_room(scan, "no level surface that faces up")
+    ceilings = find_ceilings(faces, floor)
+    top_z = ceilings[0].z if ceilings else _top_of_walls(faces, floor)
+    if top_z - floor.z < LEAST_HEIGHT_M:
+        raise _no_room(scan, f"{top_z - floor.z:.2f} m between its floor and its top")
+    caster = caster or RayCaster(scan)
+    planes = find_walls(faces, bottom_z=floor.z, top_z=top_z)
+    walls = tuple(plane for plane in planes if plane.top_z - plane.bottom_z >= WALL_HEIGHT_SHARE * (top_z - floor.z))
+    mask = plan_mask(caster, scan.bounds, floor=floor, ceilings=ceilings, top_z=top_z, walls=walls)
+    polygons = outlines(mask)
+    if not polygons:
+        raise _no_room(scan, "no connected square metre of plan under its ceiling")
+    area = sum(signed_area(polygon) for polygon in polygons)
+    angle, share = main_direction(faces)
+    return Room(
+        floor_z=floor.z,
+        ceiling_z=top_z,
+        floor_area_m2=floor.area_m2,
+        ceiling_area_m2=sum(level.area_m2 for level in ceilings),
+        floor_confidence=min(1.0, floor.area_m2 / area),
+        ceiling_confidence=min(1.0, sum(level.area_m2 for level in ceilings) / area),
+        wall_angle_deg=angle,
+        wall_confidence=share,
+        walls=_walls_around(walls, polygons),
+        outline=polygons[0],
+        other_outlines=polygons[1:],
+    )
+
+
+def save_room(room: Room, folder: Path) -> Path:
+    """Write a room as room.json into a folder (see `load_room`); returns the file."""
+    record = {
+        name: getattr(room, name)
+        for name in (
+            "floor_z",
+            "ceiling_z",
+            "floor_area_m2",
+            "ceiling_area_m2",
+            "floor_confidence",
+            "ceiling_confidence",
+            "wall_angle_deg",
+            "wall_confidence",
+        )
+    }
+    record["outlines"] = [polygon.tolist() for polygon in room.outlines]
+    record["walls"] = [
+        {
+            "normal": wall.normal.tolist(),
+            "offset_m": wall.offset_m,
+            "start": wall.start.tolist(),
+            "end": wall.end.tolist(),
+            "bottom_z": wall.bottom_z,
+            "top_z": wall.top_z,
+            "area_m2": wall.area_m2,
+        }
+        for wall in room.walls
+    ]
+    path = folder / ROOM_FILE
+    path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    return path
+
+
+def load_room(folder: Path) -> Room:
+    """Read the room that `save_room` wrote.
+
+    Raises
+    ------
+    ScanError
+        If the file is missing or is not such a record.
+    """
+    path = folder / ROOM_FILE
+    try:
+        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        polygons = [np.array(polygon, dtype=np.float64) for polygon in record.pop("outlines")]
+        walls = tuple(Wall(**wall) for wall in record.pop("walls"))
+        return Room(**record, walls=walls, outline=polygons[0], other_outlines=tuple(polygons[1:]))
+    except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, ArrayError) as cause:
+        raise ScanError(
+            expected="the record of a room",
+            found=str(cause),
+            where=str(path),
+            todo="Run the scan stage again.",
+        ) from cause
+
+
+def _turn(angle_deg: float) -> FloatArray:
+    """Matrix that takes (point, 2) row vectors into the frame turned by the angle."""
+    angle = np.radians(angle_deg)
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def _top_of_walls(faces: FaceGeometry, floor: Level) -> float:
+    """Height that most upright area stays below: without a ceiling, where the walls end."""
+    upright = np.abs(faces.normals[:, 2]) < 0.5
+    if not upright.any():
+        return floor.z
+    heights, areas = faces.centers[upright, 2], faces.areas[upright]
+    upper = heights > weighted_median(heights, areas)
+    return float(np.quantile(heights[upper], 0.98)) if upper.any() else float(heights.max())
+
+
+def _walls_around(walls: tuple[Wall, ...], polygons: tuple[FloatArray, ...]) -> tuple[Wall, ...]:
+    """Keep the planes that run along the outlines or through them: not what lies far behind glass."""
+    kept = []
+    for wall in walls:
+        corners = [polygon @ wall.normal[:2] for polygon in polygons]
+        low = min(float(along.min()) for along in corners) - WALL_BEYOND_OUTLINE_M
+        high = max(float(along.max()) for along in corners) + WALL_BEYOND_OUTLINE_M
+        if low <= wall.offset_m <= high:
+            kept.append(wall)
+    return tuple(kept)
+
+
+def _no_room(scan: Scan, found: str) -> ScanError:
+    low, high = scan.bounds
+    size = " x ".join(f"{side:.2f}" for side in high - low)
+    return ScanError(
+        expected="a room: a level floor, and at least 1 m of height over at least 1 m² of it",
+        found=f"{found} (the scan measures {size} m)",
+        where=scan.record.file,
+        todo="Check the unit and the upward axis: both can be given under [scan] in the run file.",
+    )

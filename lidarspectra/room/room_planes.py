@@ -1,0 +1,300 @@
+"""The planes that make a room: floor, ceilings and walls, found by area in a mesh that has furniture and noise."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, FloatArray, float_array
+from lidarspectra.geometry.scan import Scan
+
+LEVEL_COSINE = 0.9  # [1] |n_z| of a face that counts as level: 26 degrees leave room for scan noise
+UPRIGHT_COSINE = 0.25  # [1] |n_z| below which a face counts as upright (14.5 degrees)
+LEVEL_BIN_M = 0.01  # [m] resolution in height; a phone's floor is noisier than that
+LEVEL_HALF_WIDTH_M = 0.06  # [m] a scanned floor's unevenness, as seen in phone scans (2 to 5 cm)
+FLOOR_SHARE = 0.25  # [1] of the largest level surface's area: table tops may have more than the floor
+SECOND_CEILING_SHARE = 0.15  # [1] of the main ceiling's area, for a lowered part of it
+SECOND_CEILING_M2 = 2.0  # [m²] smaller level surfaces overhead are shelves and lamp housings
+LEAST_HEADROOM_M = 1.5  # [m] a level surface lower than this above the floor is furniture, not a ceiling
+WALL_ANGLE_BIN_DEG = 3.0  # [deg] resolution of wall directions
+WALL_OFFSET_BIN_M = 0.02  # [m] resolution of wall positions
+LEANING_COSINE = 0.5  # [1] |n_z| below which a face may belong to a wall: noise tilts small triangles far
+FACING_COSINE = 0.85  # [1] between a face's normal and the wall's, for a face of the wall
+WALL_HALF_WIDTH_M = 0.12  # [m] a scanned wall's unevenness, with what hangs flat on it
+WALL_GAP_M = 0.8  # [m] a wider gap, but for a door, ends a wall
+WALL_LEAST_M2 = 1.0  # [m²] smaller upright planes are furniture
+MANHATTAN_TOLERANCE_DEG = 10.0  # [deg] a wall within it follows the room's main directions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level:
+    """A level surface: floor or ceiling.
+
+    Parameters
+    ----------
+    z : float
+        Height. [m]
+    area_m2 : float
+        Of the faces that lie in it. [m²]
+    """
+
+    z: float
+    area_m2: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Wall:
+    """An upright plane of the room.
+
+    Parameters
+    ----------
+    normal : (3,) float
+        Unit normal into the room, without vertical part.
+    offset_m : float
+        The plane is normal . p = offset. [m]
+    start, end : (2,) float
+        Its ends in plan. [m]
+    bottom_z, top_z : float
+        Its vertical extent. [m]
+    area_m2 : float
+        Of the faces that lie in it. [m²]
+    """
+
+    normal: FloatArray
+    offset_m: float
+    start: FloatArray
+    end: FloatArray
+    bottom_z: float
+    top_z: float
+    area_m2: float
+
+    def __post_init__(self) -> None:
+        for name, size in (("normal", 3), ("start", 2), ("end", 2)):
+            object.__setattr__(self, name, float_array(getattr(self, name), name=f"Wall.{name}", shape=(size,)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FaceGeometry:
+    """What the plane finders need of every face, computed once.
+
+    Parameters
+    ----------
+    centers : (face, 3) float
+        [m]
+    normals : (face, 3) float
+    areas : (face,) float
+        [m²]
+    """
+
+    centers: FloatArray
+    normals: FloatArray
+    areas: FloatArray
+
+
+def face_geometry(scan: Scan) -> FaceGeometry:
+    """Centres, normals and areas of a scan's faces."""
+    return FaceGeometry(centers=scan.centers, normals=scan.normals, areas=scan.areas)
+
+
+def find_floor(faces: FaceGeometry) -> Level | None:
+    """Find the floor: the lowest large level surface that faces up.
+
+    Parameters
+    ----------
+    faces : FaceGeometry
+
+    Returns
+    -------
+    floor : Level or None
+        None where nothing is level.
+    """
+    levels = _levels(faces, faces.normals[:, 2] > LEVEL_COSINE, share=FLOOR_SHARE)
+    return levels[0] if levels else None
+
+
+def find_ceilings(faces: FaceGeometry, floor: Level) -> tuple[Level, ...]:
+    """Find the ceiling and its lowered parts: large level surfaces overhead that face down.
+
+    Parameters
+    ----------
+    faces : FaceGeometry
+    floor : Level
+
+    Returns
+    -------
+    ceilings : tuple of Level
+        Largest first; empty where the scan has none.
+    """
+    overhead = faces.centers[:, 2] > floor.z + LEAST_HEADROOM_M
+    levels = _levels(faces, (faces.normals[:, 2] < -LEVEL_COSINE) & overhead, share=SECOND_CEILING_SHARE)
+    ranked = sorted(levels, key=lambda level: -level.area_m2)
+    return tuple(level for i, level in enumerate(ranked) if i == 0 or level.area_m2 >= SECOND_CEILING_M2)
+
+
+def _levels(faces: FaceGeometry, chosen: BoolArray, *, share: float) -> list[Level]:
+    """Peaks of area over height, lowest first, each with at least `share` of the largest one's area."""
+    heights, areas = faces.centers[chosen, 2], faces.areas[chosen]
+    if areas.sum() <= 0:
+        return []
+    edges = np.arange(heights.min() - LEVEL_BIN_M, heights.max() + 2 * LEVEL_BIN_M, LEVEL_BIN_M)
+    histogram, _ = np.histogram(heights, bins=edges, weights=areas)
+    half = round(LEVEL_HALF_WIDTH_M / LEVEL_BIN_M)
+    smooth = np.convolve(histogram, np.ones(2 * half + 1), mode="same")
+    levels: list[Level] = []
+    remaining = smooth.copy()
+    while remaining.max() >= share * smooth.max() and remaining.max() > 0:
+        peak = int(remaining.argmax())
+        near = np.abs(heights - 0.5 * (edges[peak] + edges[peak + 1])) <= LEVEL_HALF_WIDTH_M
+        # The sums of neighbouring bins belong to the same surface: they must not become a second peak.
+        remaining[max(peak - 2 * half, 0) : peak + 2 * half + 1] = 0.0
+        if near.any():
+            z = weighted_median(heights[near], areas[near])
+            levels.append(Level(z=z, area_m2=float(areas[near].sum())))
+    return sorted(levels, key=lambda level: level.z)
+
+
+def weighted_median(values: FloatArray, weights: FloatArray) -> float:
+    """Value with half the weight on either side; robust against what lies on a floor or hangs from a ceiling.
+
+    Parameters
+    ----------
+    values, weights : (n,) float
+        n >= 1, weights not negative.
+    """
+    order = np.argsort(values, kind="stable")
+    below = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(below, 0.5 * below[-1])])
+
+
+def main_direction(faces: FaceGeometry) -> tuple[float, float]:
+    """Direction that the walls follow (Manhattan angle), from the normals of upright faces.
+
+    Parameters
+    ----------
+    faces : FaceGeometry
+
+    Returns
+    -------
+    angle_deg : float
+        Turn of one pair of walls' normals from the x axis, -45 to 45. [deg]
+    share : float
+        Share of upright area within 10 degrees of the two directions; 0.22 where directions are random. [0-1]
+    """
+    upright = np.abs(faces.normals[:, 2]) < UPRIGHT_COSINE
+    if not upright.any() or faces.areas[upright].sum() <= 0:
+        return 0.0, 0.0
+    normals, areas = faces.normals[upright], faces.areas[upright]
+    quarter_turn = 90.0
+    angles = np.degrees(np.arctan2(normals[:, 1], normals[:, 0])) % quarter_turn
+    histogram, edges = np.histogram(angles, bins=90, range=(0.0, quarter_turn), weights=areas)
+    wrapped = np.concatenate([histogram[-2:], histogram, histogram[:2]])
+    start = float(edges[int(np.convolve(wrapped, np.ones(5), mode="valid").argmax())]) + 0.5
+    turn = (angles - start + quarter_turn / 2) % quarter_turn - quarter_turn / 2
+    near = np.abs(turn) <= MANHATTAN_TOLERANCE_DEG
+    angle = start + float(np.average(turn[near], weights=areas[near]))
+    angle = (angle + quarter_turn / 2) % quarter_turn - quarter_turn / 2
+    return angle, float(areas[near].sum() / areas.sum())
+
+
+def find_walls(faces: FaceGeometry, *, bottom_z: float, top_z: float) -> tuple[Wall, ...]:
+    """Find wall planes as peaks of upright area over direction and then offset, largest first.
+
+    Each round takes the direction that most upright area faces and the offset where most of that lies, fits the plane
+    to the centres of the faces near it (their normals are far noisier), and takes those faces out.
+
+    Parameters
+    ----------
+    faces : FaceGeometry
+    bottom_z, top_z : float
+        Floor and ceiling; faces beyond them are left out. [m]
+
+    Returns
+    -------
+    walls : tuple of Wall
+        Those of at least 1 m².
+    """
+    keep = np.abs(faces.normals[:, 2]) < LEANING_COSINE
+    keep &= (faces.centers[:, 2] > bottom_z) & (faces.centers[:, 2] < top_z)
+    centers, normals, areas = faces.centers[keep], faces.normals[keep], faces.areas[keep]
+    walls: list[Wall] = []
+    while areas.sum() >= WALL_LEAST_M2:
+        unit = _fullest_direction(normals, areas)
+        facing = normals @ unit > FACING_COSINE
+        along = centers @ unit
+        members = facing & (np.abs(along - _fullest_offset(along[facing], areas[facing])) <= WALL_HALF_WIDTH_M)
+        if areas[members].sum() < WALL_LEAST_M2:
+            break
+        unit = _fitted_normal(centers[members], areas[members], unit)
+        along = centers @ unit
+        near = np.abs(along - weighted_median(along[members], areas[members])) <= WALL_HALF_WIDTH_M
+        fitted = (normals @ unit > FACING_COSINE) & near
+        members = _longest_run(fitted if fitted.any() else members, centers, areas, unit)
+        if areas[members].sum() >= WALL_LEAST_M2:
+            walls.append(_wall(unit, centers[members], areas[members]))
+        centers, normals, areas = centers[~members], normals[~members], areas[~members]
+    return tuple(sorted(walls, key=lambda wall: -wall.area_m2))
+
+
+def _fullest_direction(normals: FloatArray, areas: FloatArray) -> FloatArray:
+    """(3,) level unit vector that most area faces."""
+    angles = np.degrees(np.arctan2(normals[:, 1], normals[:, 0]))
+    bins = round(360.0 / WALL_ANGLE_BIN_DEG)
+    histogram, edges = np.histogram(angles, bins=bins, range=(-180.0, 180.0), weights=areas)
+    smooth = sum(np.roll(histogram, shift) for shift in (-2, -1, 0, 1, 2))  # directions wrap at 180 degrees
+    middle = edges[int(np.argmax(smooth))] + 0.5 * WALL_ANGLE_BIN_DEG
+    turn = (angles - middle + 180.0) % 360.0 - 180.0
+    near = np.abs(turn) <= 3.0 * WALL_ANGLE_BIN_DEG
+    mean = np.radians(middle + np.average(turn[near], weights=areas[near]))
+    return np.array([np.cos(mean), np.sin(mean), 0.0])
+
+
+def _fullest_offset(along: FloatArray, areas: FloatArray) -> float:
+    """Offset [m] at which most area lies."""
+    edges = np.arange(along.min() - WALL_OFFSET_BIN_M, along.max() + 2 * WALL_OFFSET_BIN_M, WALL_OFFSET_BIN_M)
+    histogram, _ = np.histogram(along, bins=edges, weights=areas)
+    peak = int(np.convolve(histogram, np.ones(5), mode="same").argmax())
+    return float(0.5 * (edges[peak] + edges[peak + 1]))
+
+
+def _fitted_normal(centers: FloatArray, areas: FloatArray, unit: FloatArray) -> FloatArray:
+    """(3,) level normal of the line through the centres in plan, on the side of `unit`."""
+    plan = centers[:, :2] - np.average(centers[:, :2], axis=0, weights=areas)
+    spread, axes = np.linalg.eigh((plan * areas[:, None]).T @ plan)
+    normal = np.array([axes[0, 0], axes[1, 0], 0.0])
+    normal *= np.sign(normal @ unit) or 1.0
+    # A patch as narrow as it is uneven says nothing about its direction; its normals then do.
+    return normal if spread[0] < 0.05 * spread[1] and normal @ unit > FACING_COSINE else unit
+
+
+def _longest_run(members: BoolArray, centers: FloatArray, areas: FloatArray, unit: FloatArray) -> BoolArray:
+    """Those members that follow one another without a large gap, in the run that has most area.
+
+    What lies in a wall's plane elsewhere in the room, a table's side or another wall, is not part of it.
+    """
+    index = np.flatnonzero(members)
+    run = centers[index, :2] @ np.array([-unit[1], unit[0]])
+    order = np.argsort(run, kind="stable")
+    piece = np.zeros(index.size, dtype=np.int64)
+    piece[order[1:]] = np.cumsum(np.diff(run[order]) > WALL_GAP_M)
+    fullest = int(np.bincount(piece, weights=areas[index]).argmax())
+    kept = np.zeros_like(members)
+    kept[index[piece == fullest]] = True
+    return kept
+
+
+def _wall(unit: FloatArray, centers: FloatArray, areas: FloatArray) -> Wall:
+    offset = weighted_median(centers @ unit, areas)
+    tangent = np.array([-unit[1], unit[0]])
+    run = centers[:, :2] @ tangent
+    foot = offset * unit[:2]
+    # The outermost hundredths are stray faces of the same plane, far off.
+    low, high = np.quantile(run, [0.01, 0.99])
+    bottom, top = np.quantile(centers[:, 2], [0.01, 0.99])
+    return Wall(
+        normal=unit,
+        offset_m=offset,
+        start=foot + low * tangent,
+        end=foot + high * tangent,
+        bottom_z=float(bottom),
+        top_z=float(top),
+        area_m2=float(areas.sum()),
+    )

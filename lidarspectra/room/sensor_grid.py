@@ -1,0 +1,139 @@
+"""Square grids in the free space of a room: as many points as asked for, none in furniture or walls."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, FloatArray
+from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.room import Room
+
+LEAST_SPACING_M = 0.005  # [m] of a grid: sensors closer than this see the same light
+PICTURE_CELL_M = 0.025  # [m] of the picture of free space that a search for a count of points looks into
+PICTURE_CELLS = 16_000  # [1] a larger room gets larger cells
+FEW_POINTS_SEARCH = np.geomspace(1.3, 0.5, 160)  # [1] spacings tried, over the one that the free area suggests
+MANY_POINTS_SEARCH = np.concatenate([np.geomspace(1.01, 0.98, 16), np.geomspace(0.97, 0.5, 12)])  # [1] the same
+MANY_POINTS = 5_000  # [1] above it the count follows the free area closely
+EXACT_TRIALS = 12  # [1] lattices that are tested exactly in the hope of a smaller surplus
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridPlane:
+    """A horizontal plane in a room, on which square grids are laid along the walls.
+
+    Parameters
+    ----------
+    room : Room
+    z : float
+        Height at which free space is tested. [m]
+    margin_m : float
+        Least distance of a point from any surface but the floor. [m]
+    free : FreeSpace
+    """
+
+    room: Room
+    z: float
+    margin_m: float
+    free: FreeSpace
+
+    @property
+    def turn(self) -> FloatArray:
+        """(2, 2) matrix that takes plan positions, as rows, into the frame of the walls."""
+        angle = np.radians(self.room.wall_angle_deg)
+        return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+    @property
+    def reach(self) -> FloatArray:
+        """(2, 2) lowest and highest corner of all outlines, in the frame of the walls [m]."""
+        turned = np.vstack(self.room.outlines) @ self.turn
+        return np.stack([turned.min(axis=0), turned.max(axis=0)])
+
+    def lattice(self, spacing: float, phase: tuple[int, int]) -> FloatArray:
+        """(point, 2) lattice in the frame of the walls, centred on the largest room [m].
+
+        Phase 0 puts a line of points through the centre, phase 1 the centre between two lines.
+        """
+        largest = self.room.outline @ self.turn
+        start = 0.5 * (largest.min(axis=0) + largest.max(axis=0)) + 0.5 * spacing * np.asarray(phase)
+        first = np.ceil((self.reach[0] - start) / spacing)
+        last = np.floor((self.reach[1] - start) / spacing)
+        axes = [start[axis] + spacing * np.arange(first[axis], last[axis] + 1) for axis in range(2)]
+        along, across = np.meshgrid(axes[0], axes[1])
+        return np.column_stack([along.ravel(), across.ravel()])
+
+    def free_plan(self, lattice: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(point, 2) free positions of a lattice in plan [m], and their clearance (infinite above 2 margins) [m]."""
+        plan = lattice @ self.turn.T
+        kept = self._is_free(plan)
+        points = self._points(plan[kept])
+        return plan[kept], self.free.distance(points, limit_m=2 * self.margin_m, ignore_floor=True)
+
+    def picture(self) -> tuple[BoolArray, float]:
+        """(row, column) whether the centre of each cell is free, in the frame of the walls; and the cell's side [m]."""
+        sides = self.reach[1] - self.reach[0]
+        cell = max(PICTURE_CELL_M, float(np.sqrt(np.prod(sides) / PICTURE_CELLS)))
+        columns, rows = (np.floor(sides / cell).astype(int) + 1).tolist()
+        along, across = np.meshgrid(np.arange(columns), np.arange(rows))
+        cells = self.reach[0] + (np.column_stack([along.ravel(), across.ravel()]) + 0.5) * cell
+        return self._is_free(cells @ self.turn.T).reshape(rows, columns), cell
+
+    def _is_free(self, plan: FloatArray) -> BoolArray:
+        kept = self.room.in_plan(plan)
+        clearance = self.free.distance(self._points(plan[kept]), limit_m=self.margin_m, ignore_floor=True)
+        kept[kept] = np.isinf(clearance)
+        kept[kept] = self.free.inside(self._points(plan[kept]))
+        return kept
+
+    def _points(self, plan: FloatArray) -> FloatArray:
+        return np.column_stack([plan, np.full(len(plan), self.z)])
+
+
+def plan_of_count(plane: GridPlane, count: int) -> FloatArray:
+    """Positions of the lattice whose free positions exceed the count by least, less the surplus nearest to surfaces.
+
+    A picture of the free space tells about how many points each lattice has; the likeliest are then tested exactly.
+
+    Parameters
+    ----------
+    plane : GridPlane
+    count : int
+
+    Returns
+    -------
+    plan : (count, 2) float
+        Rows along the walls; (0, 2) where so many points do not fit. [m]
+    """
+    lattices = _likely_lattices(plane, count)
+    best: tuple[FloatArray, FloatArray] | None = None
+    for trial, (spacing, phase) in enumerate(lattices):
+        if best is not None and (trial >= EXACT_TRIALS or len(best[0]) == count):
+            break
+        plan, clearance = plane.free_plan(plane.lattice(spacing, phase))
+        if len(plan) >= count and (best is None or len(plan) < len(best[0])):
+            best = plan, clearance
+    if best is None:
+        return np.zeros((0, 2))
+    plan, clearance = best
+    # A stable sort keeps the choice the same on every machine where clearances tie.
+    kept = np.sort(np.argsort(-clearance, kind="stable")[:count])
+    return plan[kept]
+
+
+def _likely_lattices(plane: GridPlane, count: int) -> list[tuple[float, tuple[int, int]]]:
+    """Spacings [m] and phases whose free positions number `count` or more in the picture, the nearest first."""
+    picture, cell = plane.picture()
+    free_area = picture.sum() * cell**2
+    if free_area == 0:
+        return []
+    spacing_of_area = float(np.sqrt(free_area / count))
+    found = []
+    for spacing in (FEW_POINTS_SEARCH if count <= MANY_POINTS else MANY_POINTS_SEARCH) * spacing_of_area:
+        if spacing < LEAST_SPACING_M:
+            break
+        for phase in ((0, 0), (1, 1), (0, 1), (1, 0)):
+            column, row = ((plane.lattice(float(spacing), phase) - plane.reach[0]) / cell).astype(int).T
+            points = int(picture[np.minimum(row, picture.shape[0] - 1), np.minimum(column, picture.shape[1] - 1)].sum())
+            if points >= count:
+                found.append((points, float(spacing), phase))
+    # Of lattices with as many points the widest covers the room best.
+    return [(spacing, phase) for _, spacing, phase in sorted(found, key=lambda each: (each[0], -each[1], each[2]))]

@@ -1,0 +1,307 @@
+"""Where the light is asked for: sensor points, their directions, and whether they lie inside something."""
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lidarspectra.arrays import BoolArray, FloatArray, float_array
+from lidarspectra.config import GridSection, SensorsSection
+from lidarspectra.errors import SensorError
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.room.free_space import BURIED_SHARE, FreeSpace, sphere_directions
+from lidarspectra.room.room import Room
+from lidarspectra.room.sensor_grid import LEAST_SPACING_M, GridPlane, plan_of_count
+
+SHALLOW_M = 0.05  # [m] a sensor whose view ends so soon at the back of faces lies just under a noisy surface
+HEMISPHERE_DIRECTIONS = sphere_directions(64)  # [1] half of them look the sensor's way
+OUTSIDE_SHARE = 0.97  # [1] of a point's rays that meet nothing, above which it lies outside the scan
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SensorPoints:
+    """Sensor positions and the directions they look in.
+
+    Parameters
+    ----------
+    positions : (point, 3) float
+        [m]
+    normals : (point, 3) float
+        Made unit vectors.
+    buried : (point,) bool
+        True where the point lies inside furniture or outside the room: its value is not to be trusted.
+    """
+
+    positions: FloatArray
+    normals: FloatArray
+    buried: BoolArray
+
+    def __post_init__(self) -> None:
+        positions = float_array(self.positions, name="SensorPoints.positions", shape=(None, 3))
+        count = positions.shape[0]
+        normals = float_array(self.normals, name="SensorPoints.normals", shape=(count, 3))
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        if count == 0 or np.any(lengths == 0):
+            raise SensorError(
+                expected="one or more points, each with a direction",
+                found=f"{count} points, {int((lengths == 0).sum())} with a zero direction",
+                where="sensor points",
+                todo="Give a [sensors.grid], or a points file with columns x, y, z and optionally nx, ny, nz.",
+            )
+        object.__setattr__(self, "positions", positions)
+        object.__setattr__(self, "normals", float_array(normals / lengths, name="normals", shape=(count, 3)))
+        object.__setattr__(self, "buried", np.array(self.buried, dtype=np.bool_).reshape(count))
+
+    def __len__(self) -> int:
+        return int(self.positions.shape[0])
+
+
+def sensor_points(
+    scan: Scan, room: Room, section: SensorsSection, *, folder: Path, free: FreeSpace | None = None
+) -> SensorPoints:
+    """Sensor points as the run file asks for them: a grid in the air, or a file of points lifted off surfaces.
+
+    Parameters
+    ----------
+    scan : Scan
+    room : Room
+    section : SensorsSection
+    folder : Path
+        What the name of a points file is relative to.
+    free : FreeSpace or None
+        The scan's, where the caller has it already.
+
+    Returns
+    -------
+    points : SensorPoints
+
+    Raises
+    ------
+    SensorError
+        As `grid_points`, `read_points` and `place_points` do.
+    """
+    if section.points is not None:
+        positions, normals = read_points(folder / section.points)
+        return place_points(scan, positions, normals, section.lift, free=free)
+    assert section.grid is not None  # the section has either a grid or a file of points
+    points = grid_points(scan, room, section.grid, free=free)
+    if section.grid.height >= section.lift:
+        return points
+    # So low a grid lies in the floor's own noise; it needs the lift that points on surfaces get.
+    return place_points(scan, points.positions, points.normals, section.lift, free=free)
+
+
+def grid_points(scan: Scan, room: Room, section: GridSection, *, free: FreeSpace | None = None) -> SensorPoints:
+    """Square grid on a horizontal plane, along the room's walls, where there is air.
+
+    No point lies outside the walls, in furniture, or nearer than the margin to either. With `count`, the spacing is
+    the one whose free positions exceed the count by least, and the surplus nearest to surfaces is left out.
+
+    Parameters
+    ----------
+    scan : Scan
+    room : Room
+    section : GridSection
+    free : FreeSpace or None
+        The scan's, where the caller has it already.
+
+    Returns
+    -------
+    points : SensorPoints
+        In rows along the walls; exactly `count` where that was asked for.
+
+    Raises
+    ------
+    SensorError
+        If the plane is not between floor and ceiling, or has no room for (so many) points.
+    """
+    z = room.floor_z + section.height
+    if not room.floor_z <= z < room.ceiling_z:
+        raise SensorError(
+            expected=f"a grid between the floor and the ceiling, {room.height_m:.2f} m above it",
+            found=f"height = {section.height:g} m",
+            where="[sensors.grid]",
+            todo="Give a height above the floor, in metres.",
+        )
+    plane = GridPlane(
+        room=room,
+        # On the floor itself, the test for solid things starts just clear of the floor's unevenness.
+        z=max(z, room.floor_z + SHALLOW_M),
+        margin_m=section.margin,
+        free=free or FreeSpace(scan, room),
+    )
+    if section.spacing is not None:
+        plan, _ = plane.free_plan(plane.lattice(max(section.spacing, LEAST_SPACING_M), (0, 0)))
+    else:
+        assert section.count is not None  # the section has either a count or a spacing
+        plan = plan_of_count(plane, section.count)
+    if len(plan) == 0:
+        raise _no_place(section, room)
+    positions = np.column_stack([plan, np.full(len(plan), z)])
+    return SensorPoints(
+        positions=positions,
+        normals=np.tile(np.asarray(section.normal, dtype=np.float64), (len(plan), 1)),
+        buried=np.zeros(len(plan), dtype=np.bool_),
+    )
+
+
+def _no_place(section: GridSection, room: Room) -> SensorError:
+    wanted = "one or more" if section.count is None else str(section.count)
+    return SensorError(
+        expected=f"room for {wanted} sensor points {section.height:g} m above the floor",
+        found=f"too little free space in {room.area_m2:.1f} m² with a margin of {section.margin:g} m",
+        where="[sensors.grid]",
+        todo="Ask for fewer points, a smaller spacing or margin, or another height; or give a points file.",
+    )
+
+
+def read_points(path: Path) -> tuple[FloatArray, FloatArray]:
+    """Read sensor points from a CSV with a header.
+
+    Columns go by name, in any order: x, y, z [m], and optionally nx, ny, nz (straight up where absent). Further columns
+    are left alone. Comma, semicolon and tab separate.
+
+    Parameters
+    ----------
+    path : Path
+        UTF-8 text.
+
+    Returns
+    -------
+    positions : (point, 3) float
+        [m]
+    normals : (point, 3) float
+        As given, not of unit length.
+
+    Raises
+    ------
+    SensorError
+        If the file is missing, a column is, or a row has no finite number where one is wanted (the line is named).
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            rows = list(_numbered_rows(stream))
+    except (OSError, UnicodeDecodeError, csv.Error) as cause:
+        raise SensorError(
+            expected="a CSV of sensor points (UTF-8)",
+            found=str(cause),
+            where=str(path),
+            todo="Give the file's name relative to the run file.",
+        ) from cause
+    header = [name.strip().lower() for name in rows[0][1]] if rows else []
+    missing = [name for name in ("x", "y", "z") if name not in header]
+    some_normal = [name for name in ("nx", "ny", "nz") if name in header]
+    if missing or len(some_normal) in (1, 2) or len(set(header)) < len(header):
+        raise SensorError(
+            expected="a header line that names the columns x, y, z and, all or none, nx, ny, nz, each once",
+            found=f"the header {', '.join(header)!r}" if header else "an empty file",
+            where=str(path),
+            todo="Write the header as the first line: x,y,z",
+        )
+    wanted = ["x", "y", "z", *some_normal]
+    table = np.array([_numbers(row, line, header, wanted, path) for line, row in rows[1:]], dtype=np.float64)
+    if len(table) == 0:
+        raise SensorError(expected="one or more points", found="a header without rows", where=str(path))
+    normals = table[:, 3:] if some_normal else np.tile([0.0, 0.0, 1.0], (len(table), 1))
+    return table[:, :3], normals
+
+
+def _numbered_rows(stream: Iterator[str]) -> Iterator[tuple[int, list[str]]]:
+    """Lines that are not blank, with their number and their cells; the first line tells the separator."""
+    separator = ","
+    for line, text in enumerate(stream, start=1):
+        if line == 1:
+            separator = max(",;\t", key=text.count)
+        cells = next(csv.reader([text], delimiter=separator), [])
+        if any(cell.strip() for cell in cells):
+            yield line, cells
+
+
+def _numbers(row: list[str], line: int, header: list[str], wanted: list[str], path: Path) -> list[float]:
+    numbers = []
+    for name in wanted:
+        column = header.index(name)
+        text = row[column].strip() if column < len(row) else ""
+        try:
+            number = float(text)
+        except ValueError:
+            number = np.nan
+        if not np.isfinite(number):
+            raise SensorError(
+                expected=f"a finite number in column {name}",
+                found=repr(text) if text else "nothing",
+                where=f"{path}, line {line}",
+                todo="Write decimals with a point.",
+            )
+        numbers.append(number)
+    return numbers
+
+
+def place_points(
+    scan: Scan, positions: ArrayLike, normals: ArrayLike, lift_m: float, *, free: FreeSpace | None = None
+) -> SensorPoints:
+    """Lift sensor points off the surfaces they stand on, and flag those that lie in something.
+
+    A point is flagged as buried where most of its rays to all sides meet the back of a face first (it lies in a
+    cabinet, or outside the walls), where most of those that it looks along do so within 5 cm (it lies under a noisy
+    desk top), or where its rays meet nothing at all.
+
+    Parameters
+    ----------
+    scan : Scan
+        Normals towards the room.
+    positions : (point, 3) float
+        [m]
+    normals : (point, 3) float
+    lift_m : float
+        How far points are moved along their normal. [m]
+    free : FreeSpace or None
+        The scan's, where the caller has it already.
+
+    Returns
+    -------
+    points : SensorPoints
+        Lifted, with `buried` set.
+
+    Raises
+    ------
+    SensorError
+        If there is no point, a direction is zero, or every point is buried.
+    """
+    given = float_array(positions, name="sensor positions", shape=(None, 3))
+    unplaced = SensorPoints(
+        positions=given,
+        normals=float_array(normals, name="sensor normals", shape=(len(given), 3)),
+        buried=np.zeros(len(given), dtype=np.bool_),
+    )
+    lifted = given + lift_m * unplaced.normals
+    space = free or FreeSpace(scan)
+    back, lost = space.solid_share(lifted)
+    buried = (back > BURIED_SHARE) | (lost > OUTSIDE_SHARE) | _shallow(space, lifted, unplaced.normals)
+    if buried.all():
+        raise SensorError(
+            expected="sensor points in the air of the room",
+            found=f"all {len(given)} inside something or outside the scan",
+            where="sensor points",
+            todo="Check their unit [m] and origin against the scan (z up), or lift them more ([sensors] lift).",
+        )
+    return SensorPoints(positions=lifted, normals=unplaced.normals, buried=buried)
+
+
+def _shallow(space: FreeSpace, positions: FloatArray, normals: FloatArray) -> BoolArray:
+    """Whether most of what each point looks at is the back of faces within a few centimetres."""
+    turns = len(HEMISPHERE_DIRECTIONS)
+    back = np.zeros(len(positions), dtype=np.float64)
+    for first in range(0, len(positions), 10_000):
+        some = slice(first, first + 10_000)
+        # A direction that looks away is mirrored: the same lattice then fills every point's own hemisphere.
+        cosines = normals[some] @ HEMISPHERE_DIRECTIONS.T
+        directions = HEMISPHERE_DIRECTIONS[None] * np.where(cosines < 0, -1.0, 1.0)[..., None]
+        near_back = space.meets_back(
+            np.repeat(positions[some], turns, axis=0), directions.reshape(-1, 3), max_distance=SHALLOW_M
+        )
+        back[some] = near_back.reshape(-1, turns).mean(axis=1)
+    return back > BURIED_SHARE

@@ -1,0 +1,1 @@
+"""Spectra, channels, colours and the databases of them."""

@@ -1,0 +1,1 @@
+"""What a run file asks for, from scan to report: read `pipeline` first."""

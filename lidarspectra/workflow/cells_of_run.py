@@ -1,0 +1,336 @@
+"""Solar cells in a finished run, beside a measured map, and in a robot's log: what the commands do."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import LidarSpectraError, MapError, ReadingError
+from lidarspectra.geometry.scan import load_scan
+from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
+from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
+from lidarspectra.hardware.sensor.readings import best_signal, signal
+from lidarspectra.io.files import write_whole
+from lidarspectra.lamps.lamp_file import load_lamps
+from lidarspectra.mapping.figures.figure_style import save_figure
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.mapping.figures.tables import Table, save_table
+from lidarspectra.mapping.maps.point_values import save_points
+from lidarspectra.mapping.maps.spectral_map import kept_points
+from lidarspectra.mapping.photometry.indoor_spectra import indoor_spectra
+from lidarspectra.mapping.photovoltaics.cells import Cell, find_cell
+from lidarspectra.mapping.photovoltaics.current_map import area_of, current_map, currents_table
+from lidarspectra.mapping.photovoltaics.currents import unknown_share
+from lidarspectra.mapping.photovoltaics.figures import currents_figure
+from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
+from lidarspectra.mapping.photovoltaics.placement import best_mounts, joined, tilted_mounts, wall_mounts
+from lidarspectra.mapping.photovoltaics.response_fit import AheadOfTime, tell_ahead
+from lidarspectra.mapping.photovoltaics.schedule import parse_hours, read_schedule
+from lidarspectra.radiance.scene.scene import load_scene
+from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.room import load_room
+from lidarspectra.spectra.sensor_files import find_bands
+from lidarspectra.workflow.light_of_run import light_of_table, plan_of_run, transport_of_run
+from lidarspectra.workflow.workspace import made_folder, require_stage
+
+CM = 1e-2  # [m]
+MICRO = 1e6  # [1]
+UNKNOWN_SHARE = 0.05  # [1] of a cell's response that channels do not see, from which on it is said
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurrentOrder:
+    """What is wanted of a cell in a run.
+
+    Parameters
+    ----------
+    cell : str
+        Database name or file.
+    area_cm2 : float or None
+        The cell's own if None. [cm²]
+    scale : float
+        On its curve. [1]
+    hours : str or None
+        '8:30-17', all lamps.
+    schedule : Path or None
+        See `read_schedule`.
+    volt : float or None
+        See `current_map`. [V]
+    base : Path
+        Where relative file names start.
+    """
+
+    cell: str
+    area_cm2: float | None
+    scale: float
+    hours: str | None
+    schedule: Path | None
+    volt: float | None
+    base: Path
+
+    def __post_init__(self) -> None:
+        _require_positive("scale", self.scale)
+        _require_positive("volt", self.volt)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceOrder:
+    """A cell that wants a place.
+
+    Parameters
+    ----------
+    cell : str
+        Database name or file.
+    size_cm : (float, float)
+        Width and height. [cm]
+    tilts_deg, azimuths_deg : tuple of float
+        To try at the run's points. [deg]
+    wall_heights_m : tuple of float
+        Above the floor, to try on the walls; empty leaves the walls out. [m]
+    scale : float
+        On its curve. [1]
+    count : int
+        Places to tell.
+    workers : int or None
+        Processes; one a core if None.
+    base : Path
+        Where relative file names start.
+    """
+
+    cell: str
+    size_cm: tuple[float, float]
+    tilts_deg: tuple[float, ...]
+    azimuths_deg: tuple[float, ...]
+    wall_heights_m: tuple[float, ...]
+    scale: float
+    count: int
+    workers: int | None
+    base: Path
+
+    def __post_init__(self) -> None:
+        _require_positive("scale", self.scale)
+        for degrees in (*self.tilts_deg, *self.azimuths_deg):
+            if not np.isfinite(degrees):
+                raise MapError(expected="angles in degrees", found=f"{degrees}", where="places for a cell")
+
+
+def _require_positive(name: str, value: float | None) -> None:
+    if value is not None and not 0 < value < np.inf:
+        raise MapError(expected="a number above 0", found=f"{value:g}", where=f"{name} of a cell")
+
+
+def current_of_run(run: Path, order: CurrentOrder) -> tuple[xr.Dataset, FloorPlan, Cell]:
+    """Currents at the points of a finished run, its plan, and the cell.
+
+    Raises
+    ------
+    LidarSpectraError
+        If the run is not finished, or cell, area or schedule do not fit.
+    """
+    cell = find_cell(order.cell, order.base)
+    shifts = read_schedule(order.base / order.schedule) if order.schedule else ()
+    if order.hours:
+        shifts = (parse_hours(order.hours),)
+    transport = transport_of_run(run)
+    currents = current_map(
+        transport,
+        {lamp.name: lamp.flux for lamp in load_lamps(require_stage(run, "scene"))},
+        cell,
+        area_m2=None if order.area_cm2 is None else order.area_cm2 * M2_PER_CM2,
+        scale=order.scale,
+        shifts=shifts,
+        volt=order.volt,
+    )
+    return currents, plan_of_run(run), cell
+
+
+def save_currents(currents: xr.Dataset, plan: FloorPlan, folder: Path) -> Path:
+    """Write points.csv, the table and the maps (PNG, PDF); the folder is made if absent."""
+    save_points(currents, made_folder(folder))
+    save_table(currents_table(currents), folder)
+    save_figure(currents_figure(currents, plan), folder, "maps")
+    return folder
+
+
+def places_in_run(run: Path, order: PlaceOrder) -> tuple[Table, tuple[str, ...]]:
+    """Best places for a cell in the room of a finished run, best first, and what a user must know of them.
+
+    Raises
+    ------
+    LidarSpectraError
+        If the run is not finished, the cell is unknown, or nowhere is room for it.
+    """
+    cell = find_cell(order.cell, order.base)
+    transport = transport_of_run(run)
+    scene, folder = require_stage(run, "scene"), require_stage(run, "scan")
+    scan, room = load_scan(folder), load_room(folder)
+    points = np.stack([transport[name].to_numpy() for name in ("x", "y", "z")], axis=1)[kept_points(transport)]
+    mounts = tilted_mounts(points, order.tilts_deg, order.azimuths_deg)
+    if order.wall_heights_m:
+        mounts = joined(mounts, wall_mounts(room, order.wall_heights_m))
+    ranked = best_mounts(
+        load_scene(scene),
+        scan,
+        load_lamps(scene),
+        mounts,
+        cell,
+        (order.size_cm[0] * CM, order.size_cm[1] * CM),
+        count=order.count,
+        workers=order.workers,
+        free=FreeSpace(scan, room),
+    )
+    area = order.size_cm[0] * order.size_cm[1] * M2_PER_CM2
+    found = ranked.mounts
+    frame = pd.DataFrame(
+        {
+            "x [m]": found.positions[:, 0],
+            "y [m]": found.positions[:, 1],
+            "z [m]": found.positions[:, 2],
+            "tilt [deg]": found.tilt_deg,
+            "azimuth [deg]": found.azimuth_deg,
+            "current [µA]": MICRO * order.scale * area * ranked.density,
+            "standard error [µA]": MICRO * order.scale * area * ranked.standard_error,
+            "lowest/mean over the cell": ranked.evenness,
+        }
+    )
+    caption = (
+        f"Best places for '{cell.name}' of {order.size_cm[0]:g} cm x {order.size_cm[1]:g} cm, "
+        f"of {ranked.tried} places and directions."
+    )
+    formats = dict.fromkeys(("x [m]", "y [m]", "z [m]"), ".2f") | dict.fromkeys(frame.columns[3:5], ".0f")
+    return Table(name="cell-places", caption=caption, frame=frame, formats=formats), cell.notes(order.scale)
+
+
+def save_places(table: Table, folder: Path) -> Path:
+    """Write the table; the folder is made if absent."""
+    save_table(table, made_folder(folder))
+    return folder
+
+
+def predict_from_table(
+    measured: Path,
+    cell_name: str,
+    device: str,
+    *,
+    lamp_kind: str | None,
+    area_cm2: float | None,
+    scale: float,
+    base: Path,
+    out: Path,
+) -> tuple[Table, tuple[str, ...]]:
+    """Tell a cell's current from measured channels; write a row a reading, sum it up, and say what a user must know.
+
+    Raises
+    ------
+    LidarSpectraError
+        If cell, device or table do not fit, or the file cannot be written.
+    """
+    _require_positive("scale", scale)
+    cell = find_cell(cell_name, base)
+    bands = find_bands(device, base)
+    read = light_of_table(measured, bands)
+    light = read.light
+    density, uncertainty = current_from_channels(
+        light.irradiance, light.irradiance_se, bands, cell, indoor_spectra(), lamp_kind=lamp_kind
+    )
+    frame = pd.DataFrame({name: read.places[name].to_numpy() for name in ("x", "y", "z")})
+    frame["current_density_A_m2"], frame["SE_current_density_A_m2"] = scale * density, scale * uncertainty
+    if area_cm2 is not None or cell.area_m2 is not None:
+        area = area_of(cell, None if area_cm2 is None else area_cm2 * M2_PER_CM2)
+        frame["current_A"] = area * frame["current_density_A_m2"]
+        frame["SE_current_A"] = area * frame["SE_current_density_A_m2"]
+    try:
+        write_whole(out, frame.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+    except OSError as cause:
+        raise ReadingError(
+            expected="a file that can be written", found=str(cause.strerror or cause), where=str(out)
+        ) from cause
+    caption = f"Cell '{cell.name}' told by {len(bands)} channels at {len(frame)} places, with its standard uncertainty."
+    unseen = unknown_share(light, cell)
+    words = (
+        f"{100 * unseen:.0f} % of the response of '{cell.name}' lies where these channels see nothing: "
+        "it gives more in the sun and under lamps that glow"
+    )
+    notes = (*read.notes, *cell.notes(scale), *((words,) if unseen > UNKNOWN_SHARE else ()))
+    return _predicted_table(frame, caption), notes
+
+
+def _predicted_table(frame: pd.DataFrame, caption: str) -> Table:
+    """Mean, lowest and highest of what was told."""
+    rows = [
+        (
+            name,
+            frame[name].mean(),
+            frame[name].min(),
+            frame[name].max(),
+            100.0 * (frame["SE_" + name] / frame[name]).mean(),
+        )
+        for name in ("current_density_A_m2", "current_A")
+        if name in frame
+    ]
+    summary = pd.DataFrame(rows, columns=["quantity", "mean", "lowest", "highest", "uncertainty [%]"])
+    return Table(name="predicted-current", caption=caption, frame=summary, formats={"uncertainty [%]": ".1f"})
+
+
+def ahead_in_log(log: Path, column: int, *, cell: Cell | None, share: float) -> AheadOfTime:
+    """Fit a cell of a log on its earlier part (see `tell_ahead`).
+
+    Parameters
+    ----------
+    log : Path
+        Of any layout that `read_sensor_log` knows.
+    column : int
+        Which of the log's cells, from 1.
+    cell : Cell or None
+        Known curve; a flat one if None.
+    share : float
+        Of the readings that are the earlier part. [1]
+
+    Raises
+    ------
+    ReadingError
+        If the log has no such cell, or is too short.
+    """
+    readings = read_sensor_log(log).readings
+    counts = readings["adc"].to_numpy() if "adc" in readings else np.zeros((0, 0))
+    if counts.ndim != 2 or counts.shape[1] < column:
+        raise ReadingError(
+            expected=f"a log with {column} cells or more",
+            found=f"{counts.shape[-1]}",
+            where=str(log),
+            todo="Give --column.",
+        )
+    values, _ = signal(readings, best_signal(readings))
+    wavelengths = np.asarray(readings["wavelength_nm"].to_numpy(), dtype=np.float64)
+    known: FloatArray = np.ones(wavelengths.size) if cell is None else cell.efficiency.at(wavelengths, outside="zero")
+    try:
+        return tell_ahead(values, counts[:, column - 1], wavelengths, known, share=share)
+    except LidarSpectraError as error:
+        raise ReadingError(
+            expected=error.expected, found=error.found, where=f"{log}, {error.where}", todo=error.todo
+        ) from error
+
+
+def fit_log(log: Path, column: int, *, cell: str | None, share: float, base: Path) -> tuple[Table, Table]:
+    """Fit a cell of a log: a table of how well the later part is told, and the curve."""
+    known = None if cell is None else find_cell(cell, base)
+    result = ahead_in_log(log, column, cell=known, share=share)
+    rows = [
+        ("fitted on the earlier part", result.fitted_percent),
+        (f"'{known.name}', scaled on it" if known else "flat a(λ), scaled on it", result.known_percent),
+        ("its mean, whatever the light", result.constant_percent),
+    ]
+    caption = (
+        f"Cell {column}: fitted on {result.earlier} readings, told for the {result.later} after them. "
+        f"{result.fit.offset:.1f} counts do not follow the light."
+    )
+    score = Table(
+        name="cell-fit", caption=caption, frame=pd.DataFrame(rows, columns=["curve", "MAPE [%]"]),
+        formats={"MAPE [%]": ".2f"},
+    )  # fmt: skip
+    curve = pd.DataFrame({"wavelength [nm]": result.fit.wavelengths_nm, "a (relative)": result.fit.absorption})
+    words = "Fitted a(λ), the sensor's own responsivity in it; under one kind of lamp many curves fit alike."
+    return score, Table(name="cell-curve", caption=words, frame=curve, formats={"a (relative)": ".2f"})

@@ -1,0 +1,557 @@
+"""Take the light out of a scan's colours: joins the lamps' direct light (by Radiance) with the picture's own light.
+
+The method stands in `material.albedo`; here its evidence is gathered (samples of the surfaces, rays between them,
+light from the lamps), and its answer is spread from the samples to all faces.
+"""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.hardware.phone.scan_times import coloring_s
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.material.albedo import (
+    BRIGHTEST_REFLECTANCE,
+    CELL_M,
+    COMMON,
+    LOG_SCATTER,
+    MOST_STEPS,
+    STATED_FLUX_DEVIATION,
+    LightEvidence,
+    LightFit,
+    fit_light,
+)
+from lidarspectra.material.colored_light import BANDS, Exchange, apparent_ratio
+from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.lamp_fluxes import UNKNOWN_FLUX_DEVIATION, LampFlux, flux_notes, told_fluxes, told_lamps
+from lidarspectra.material.light_exchange import exchange_matrix
+from lidarspectra.material.material_map import MaterialMap
+from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
+from lidarspectra.material.surface_hues import surface_groups
+from lidarspectra.progress import Progress, shares, silent
+from lidarspectra.radiance.engine.engine import Engine
+from lidarspectra.radiance.sampling.direct_light import direct_coefficients
+from lidarspectra.radiance.scene.lamp_shapes import distance_to_lamp
+from lidarspectra.room.room import Room
+from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, tristimulus_table
+from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
+from lidarspectra.spectra.spectrum import Spectrum
+
+SAMPLES = 6_000  # [1] points at which light is asked for; 3,000 give reflectances that differ by 1 %
+RAYS = 128  # [1] directions of a sample in which other surfaces are looked at
+LIFT_M = 0.02  # [m] samples stand so far off the mesh, clear of its noise
+SMOOTH_FACES = 24  # [1] faces whose normals are averaged: a phone's small triangles are tilted by its noise
+SMOOTH_COSINE = 0.7  # [1] faces turned away more than this are another surface
+EDGE_NEIGHBORS = 7  # [1] samples, the nearest included, by which the edge of a shadow is known
+INDIRECT = 0.5  # [1] reflected light over the mean direct light, about
+MATT_SHAPES = ("panel", "strip", "disc")  # taken as matt for want of knowledge; the picture may know better
+ALMOST_ONE = 1.0 - 1e-9  # [1] tells a lamp that is seen from below from one whose beam is known
+LAMP_GLOW_M = 0.12  # [m] bright faces so near to a known lamp show it
+CLIPPED, DARK = 0.97, 0.012  # [1] brightest and darkest channels of a sample that can be trusted
+CEILING_DEPTH_M = 0.15  # [m] below the ceiling's plane, that still counts as ceiling
+CEILING_CONFIDENCE = 0.3  # [1] share of the plan with a ceiling from which there is one
+NEUTRAL = 0.12  # [1] largest spread of a white ceiling's reflectance over the three channels
+ROUNDS = 3  # [1] of grouping by hue and fitting: the first groups by hues that the light still tints
+NEIGHBORS = 8  # [1] samples whose light a face takes
+NORMAL_WEIGHT_M = 0.5  # [m] distance that a turn of one radian counts for
+SOFTEN_M = 0.05  # [m] softens the weight of the nearest sample
+REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
+LIGHT_REFLECTANCE = 0.65  # [1] from which surfaces in buildings are mostly whites (research/benchmarks/whites.py)
+LEAST_WHITE = 0.75  # [1] reflectance from which a surface is called white
+WHITE_SHARE = 0.05  # [1] of the scan's area beyond the bright end, from which a reader should know
+STRAY_LIGHT = 0.02  # [1] of white that a texture shows from beside: edges are rounded, frames blended, lenses glare
+FEWEST_WITNESSES = 16  # [1] independent places, over twice the unknowns; fewer tell nothing
+LEAST_EXPLAINED = 0.3  # [1] share of the scatter within surfaces that the lamps' light must explain
+LEAST_DIRECT = 0.15  # [1] of all light in a closed room of mean reflectance 0.85: white on all sides
+MOST_UNCERTAIN = 0.5  # [1] standard deviation of log k
+BEAM_EXPONENT = 0.3  # [1] over that of matt lamps, from which a reader should know
+FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp that is off by more, and surely so, is worth a warning
+OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area
+CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
+# Of one core, in the demo room and a hall of a million faces with 64 lamps (research/benchmarks/scale.py).
+SAMPLING_S_A_FACE = 2.7e-6  # [s] colours without lamps, and samples
+DIRECT_S_A_FACE, DIRECT_S_A_LAMP = 2e-5, 0.35  # [s] writing and compiling the mesh; its passes
+EXCHANGE_S, EXCHANGE_S_A_FACE = 0.5, 4.5e-6  # [s] rays; loading them, and what is near the lamps
+FIRST_FIT_S, FIRST_FIT_S_A_FACE, FIRST_FIT_S_A_PAIR = 0.3, 6e-6, 0.022  # [s] a pair of lamps: unknowns times sources
+NEXT_FIT_S, NEXT_FIT_S_A_FACE, NEXT_FIT_S_A_PAIR = 0.2, 2.5e-6, 0.009  # [s] and its grouping by hue
+ONCE_MORE = 0.5  # [1] that lamps of unknown fluxes are fitted once more
+SEED = 20240911  # of samples and rays; the same scan gives the same reflectances
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Delighting:
+    """Colours of a scan's faces without the light.
+
+    Parameters
+    ----------
+    face_color : (face, 3) float or None
+        Reflectance in linear sRGB; 1 for faces that show no surface. None where the light could not be taken out.
+    face_deviation : (face, 3) float or None
+        Standard deviation of its logarithm in sharpened cones, as far as it comes from camera and light. [1]
+    fit : LightFit or None
+        Camera and light, where they could be found.
+    words : str
+        What was done, in one line; empty where nothing was.
+    warnings : tuple of str
+        What a reader should know; why nothing was done.
+    lamp_fluxes : tuple of LampFlux
+        What the picture says of the lamps' relative fluxes, where they were not stated and the light could be taken
+        out.
+    """
+
+    face_color: FloatArray | None
+    face_deviation: FloatArray | None
+    fit: LightFit | None
+    words: str
+    warnings: tuple[str, ...] = ()
+    lamp_fluxes: tuple[LampFlux, ...] = ()
+
+
+def _left_in(reason: str, fit: LightFit | None = None) -> Delighting:
+    words = f"the room's light could not be taken out of the scan's colours: {reason}"
+    return Delighting(face_color=None, face_deviation=None, fit=fit, words="", warnings=(words,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Samples:
+    face: IntArray
+    positions: FloatArray
+    normals: FloatArray
+
+
+def take_light_out(
+    scan: Scan,
+    room: Room,
+    lamps: Sequence[Lamp],
+    *,
+    fluxes_stated: bool = True,
+    engine: Engine | None = None,
+    workers: int | None = None,
+    progress: Progress = silent,
+) -> Delighting:
+    """Estimate the reflectance of every face from what a lit scan shows and from its lamps.
+
+    Parameters
+    ----------
+    scan : Scan
+    room : Room
+        In it.
+    lamps : sequence of Lamp
+        That were lit when it was scanned. The scale of their fluxes does not matter.
+    fluxes_stated : bool
+        Whether the lamps' relative fluxes are known, or only a first guess: then the light pattern on the walls
+        decides.
+    engine : Engine, optional
+        Default: the one that pyradiance brings.
+    workers : int, optional
+        Processes; one a core if left out.
+    progress : Progress, optional
+
+    Returns
+    -------
+    delighting : Delighting
+
+    Raises
+    ------
+    SceneError, EngineError
+        As the tracing does.
+    """
+    if not scan.appearance.known:
+        return _left_in("the scan has no colours")
+    if not lamps:
+        return _left_in("no lamps are known")
+    costs = delighting_costs(scan, len(lamps), fluxes_stated=fluxes_stated)
+    coloring, lighting, exchanging, fitting, fitting_again = shares(progress, costs)
+    coloring(0.0, "reading colours")
+    shown, known = surface_colors(scan)
+    generator = np.random.default_rng(SEED)
+    samples = _samples(scan, generator)
+    with tempfile.TemporaryDirectory() as folder:
+        coefficients = direct_coefficients(
+            scan, lamps, samples.positions, samples.normals, Path(folder),
+            engine=engine, workers=workers, progress=lighting,
+        )  # fmt: skip
+    exchanging(0.0, "light from surface to surface")
+    unsure = _shadow_edges(samples, coefficients)
+    exchange = exchange_matrix(
+        RayCaster(scan), len(scan.faces), samples.positions, samples.normals, rays=RAYS, generator=generator
+    )
+    colors = shown[samples.face]
+    trusted = known[samples.face] & (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK)
+    evidence = LightEvidence(
+        shown=colors,
+        direct=coefficients[:, :, None] * _lamp_cones(lamps)[:, None, :],
+        emission=_emission(lamps, samples),
+        exchange=exchange,
+        face_shown=shown,
+        face_area=scan.areas,
+        face_lamp=~known & _near_lamps(scan.centers, lamps),
+        group=_groups(colors, samples, trusted, room),
+        cell=_cells(samples.positions),
+        ceiling=_ceiling(samples, trusted, room),
+        white=np.zeros(len(colors), dtype=np.bool_),
+        unsure=np.repeat(unsure[:, None], 3, axis=1),
+    )
+    witnesses = _witnesses(evidence)
+    if witnesses < FEWEST_WITNESSES or not evidence.direct.any():
+        return _left_in("too little of it shows surfaces that the lamps light")
+    unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
+    found = _fit(scan, room, lamps, samples, trusted, evidence, coefficients, unsure_of, fitting)
+    told = told_lamps(found[0])
+    if not fluxes_stated and not told.all():  # lamps that the picture cannot tell apart must not take what it cannot
+        unsure_of = np.where(told, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
+        found = _fit(scan, room, lamps, samples, trusted, evidence, coefficients, unsure_of, fitting_again)
+    fit, evidence, spread = found
+    if (doubt := _doubt(fit)) is not None:
+        return _left_in(doubt, fit)
+    face_color = _face_reflectance(evidence, fit, spread)
+    face_color[~known] = 1.0
+    progress(1.0, "light taken out")
+    fluxes = () if fluxes_stated else told_fluxes([lamp.name for lamp in lamps], fit, told)
+    return Delighting(
+        face_color=face_color,
+        face_deviation=np.asarray(spread @ fit.log_deviation, dtype=np.float64),
+        fit=fit,
+        words=_in_words(fit),
+        warnings=(
+            *(_flux_warnings(fit, lamps) if fluxes_stated else flux_notes(fluxes)),
+            *_beam_warning(fit),
+            *_unsettled(fit),
+            *_other_light(scan, known, evidence, spread @ fit.irradiance),
+            *_whiter_than_paint(srgb_of_cones(fit.reflectance[evidence.group >= 0]), float(scan.areas.sum())),
+        ),
+        lamp_fluxes=fluxes,
+    )
+
+
+def delighting_costs(scan: Scan, lamps: int, *, fluxes_stated: bool = True) -> tuple[float, float, float, float, float]:
+    """What colours, direct light, light exchange, the fits, and the fits once more usually take [s of one core].
+
+    Parameters
+    ----------
+    scan : Scan
+    lamps : int
+        Their number: each is an unknown of the fits, and a source that every one of their steps adds up.
+    fluxes_stated : bool
+        As for `take_light_out`.
+
+    Returns
+    -------
+    costs : tuple of float
+        0 where there are no colours or no lamps, since nothing is done then. [s]
+    """
+    if not (lamps and scan.appearance.known):
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    faces = len(scan.faces)
+    fits_s = sum(_fit_costs(faces, lamps))
+    return (
+        coloring_s(scan) + SAMPLING_S_A_FACE * faces,
+        DIRECT_S_A_FACE * faces + DIRECT_S_A_LAMP * lamps,
+        EXCHANGE_S + EXCHANGE_S_A_FACE * faces,
+        fits_s,
+        0.0 if fluxes_stated else ONCE_MORE * fits_s,
+    )
+
+
+def _fit_costs(faces: int, lamps: int) -> list[float]:
+    """What each round's fit usually takes [s of one core]."""
+    pairs = lamps**2
+    first_s = FIRST_FIT_S + FIRST_FIT_S_A_FACE * faces + FIRST_FIT_S_A_PAIR * pairs
+    return [first_s, *[NEXT_FIT_S + NEXT_FIT_S_A_FACE * faces + NEXT_FIT_S_A_PAIR * pairs] * (ROUNDS - 1)]
+
+
+def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_areas: FloatArray) -> MaterialMap:
+    """Materials whose uncertainty counts that of the light too: of each, its mean over the material's faces.
+
+    The light's errors are common to all of a material's faces and do not average out; those of single places do.
+
+    Parameters
+    ----------
+    materials : MaterialMap
+        Made from the colours of `delighting`.
+    delighting : Delighting
+        With colours.
+    face_areas : (face,) float
+        [m²]
+
+    Returns
+    -------
+    materials : MaterialMap
+    """
+    if delighting.face_deviation is None:
+        return materials
+    changed = []
+    for number, material in enumerate(materials.materials):
+        member = materials.face_material == number
+        area = float(face_areas[member].sum())
+        if material.provenance in ("default", "assigned") or area <= 0:
+            changed.append(material)
+            continue
+        common = np.average(delighting.face_deviation[member], weights=face_areas[member], axis=0)
+        places = max(1.0, area / CELL_M**2)
+        of_cones = np.hypot(common, LOG_SCATTER / np.sqrt(places))
+        wavelengths = material.reflectance.wavelengths_nm
+        relative = np.interp(wavelengths, CONE_PEAKS_NM[::-1], of_cones[::-1])
+        own = 0.0 if material.uncertainty is None else material.uncertainty.at(wavelengths, outside="nearest")
+        both = np.hypot(own, relative * material.reflectance.values)
+        changed.append(replace(material, uncertainty=Spectrum(wavelengths_nm=wavelengths, values=both)))
+    return replace(materials, materials=tuple(changed))
+
+
+def _fit(
+    scan: Scan,
+    room: Room,
+    lamps: Sequence[Lamp],
+    samples: _Samples,
+    trusted: BoolArray,
+    evidence: LightEvidence,
+    coefficients: FloatArray,
+    flux_deviation: FloatArray,
+    progress: Progress,
+) -> tuple[LightFit, LightEvidence, csr_array]:
+    """Fit camera and light, group surfaces by the hue that comes out, and fit again."""
+    library, daylight = load_reflectances(), lamp_spectrum("D65").spectrum
+    spread = _spread(scan, samples)
+    bands = np.stack([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps])
+    bands /= bands.sum(axis=0).mean()
+    first, *following = shares(progress, _fit_costs(len(scan.faces), len(lamps)))
+    fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
+    shadow_edges, ceiling = evidence.unsure, evidence.ceiling
+    for part in following:
+        part(0.0, "surfaces of one hue")
+        reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
+        evidence = replace(evidence, face_excess=_beyond_white(evidence.face_shown, spread @ fit.irradiance))
+        faces = _face_reflectance(evidence, fit, spread)
+        faces[evidence.face_lamp] = 0.0
+        direct = np.einsum("ls,lb->sb", coefficients * fit.flux_factors[:, None], bands)
+        evidence = replace(
+            evidence,
+            unsure=_unsure(shadow_edges, fit.irradiance),
+            group=_groups(reflectance, samples, trusted, room),
+            ceiling=_neutral(ceiling, reflectance),
+            white=_whites(reflectance, ceiling),
+            tint=apparent_ratio(
+                reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct), library, daylight
+            ),
+        )
+        fit = fit_light(evidence, flux_deviation=flux_deviation, start=fit.parameters, progress=part)
+    return fit, evidence, spread
+
+
+def _witnesses(evidence: LightEvidence) -> int:
+    used = evidence.group >= 0
+    return len(np.unique(np.stack([evidence.group[used], evidence.cell[used]], axis=1), axis=0))
+
+
+def _doubt(fit: LightFit) -> str | None:
+    """Why a fit is not to be believed, if so."""
+    if fit.explained < LEAST_EXPLAINED:
+        return (
+            "how bright its surfaces look does not follow the lamps' light "
+            f"(which explains {100 * max(fit.explained, 0.0):.0f} % of the differences within surfaces); "
+            "it may be unlit, or lit by other lamps or by daylight"
+        )
+    if fit.direct_share < LEAST_DIRECT:
+        return (
+            f"the lamps' own light would be {100 * fit.direct_share:.0f} % of all light in the room, which takes "
+            "surfaces brighter than white; the lamps may stand elsewhere, or others may be lit"
+        )
+    if fit.deviations[2:5].max() > MOST_UNCERTAIN:
+        return "the picture does not tell how strong the lamps' light is in it"
+    return None
+
+
+def _in_words(fit: LightFit) -> str:
+    uncertain = 100 * float(np.median(fit.log_deviation))
+    return (
+        f"the room's light taken out: tone curve of power {fit.tone.power:.2f} and shoulder {fit.tone.shoulder:.2f}, "
+        f"light explains {100 * fit.explained:.0f} % of the differences within surfaces, "
+        f"reflectances within {uncertain:.0f} % of themselves by it"
+    )
+
+
+def _flux_warnings(fit: LightFit, lamps: Sequence[Lamp]) -> tuple[str, ...]:
+    """Lamps that the picture shows much brighter or dimmer than was assumed."""
+    if not fit.flux_deviations.any():
+        return ()
+    sure = np.abs(np.log(fit.flux_factors)) > SURE_DEVIATIONS * fit.flux_deviations
+    far = np.abs(np.log(fit.flux_factors)) > np.log(FLUX_FACTOR)
+    return tuple(
+        f"lamp '{lamp.name}' looks {factor:.2f} times as strong as stated, compared with the other lamps"
+        for lamp, factor, told in zip(lamps, fit.flux_factors, sure & far, strict=True)
+        if told
+    )
+
+
+def _beam_warning(fit: LightFit) -> tuple[str, ...]:
+    """Lamps that the picture shows to shine otherwise than matt ones."""
+    if abs(fit.beam) < max(BEAM_EXPONENT, SURE_DEVIATIONS * fit.deviations[COMMON - 1]):
+        return ()
+    how = "more narrowly" if fit.beam > 0 else "more widely"
+    return (
+        f"panels, strips and discs seem to shine {how} than matt ones, as cos^{1 + fit.beam:.1f} of the angle; the "
+        "simulation takes them as matt, and an IES file would tell it better",
+    )
+
+
+def _unsettled(fit: LightFit) -> tuple[str, ...]:
+    if fit.steps < MOST_STEPS:
+        return ()
+    return (
+        f"camera and light had not settled after {MOST_STEPS} steps: the reflectances may be off by more than stated",
+    )
+
+
+def _other_light(scan: Scan, known: BoolArray, evidence: LightEvidence, light: FloatArray) -> tuple[str, ...]:
+    """Areas cut at white that no known lamp explains, (face, 3) light on a white surface being less than that."""
+    other = ~known & ~evidence.face_lamp & (light.max(axis=1) < 1.0)
+    area = float(scan.areas[other].sum())
+    if area < OTHER_LIGHT_SHARE * float(scan.areas.sum()):
+        return ()
+    return (
+        f"{area:.1f} m² of the scan are as bright as lamps and belong to none that is known (windows, screens, other "
+        "lamps): their light is counted as the picture shows it, cut at white, and surfaces near them may come out "
+        "too bright",
+    )
+
+
+def _whiter_than_paint(reflectance: FloatArray, area_m2: float) -> tuple[str, ...]:
+    """White surfaces of which most came out brighter than paint, and are held to it; noise alone does not do that.
+
+    The (sample, 3) reflectances stand evenly over the scan's area [m²].
+    """
+    bright = reflectance.max(axis=1)
+    share = float(np.mean(bright > BRIGHTEST_REFLECTANCE))
+    if share < WHITE_SHARE or np.median(bright[bright > LEAST_WHITE]) < BRIGHTEST_REFLECTANCE:
+        return ()
+    return (
+        f"{share * area_m2:.0f} m² came out brighter than fresh white paint and count as that (reflectance "
+        f"{BRIGHTEST_REFLECTANCE:.2f}): more light falls there than the lamps explain, or the picture is too bright",
+    )
+
+
+def _samples(scan: Scan, generator: np.random.Generator) -> _Samples:
+    """Points spread evenly by area, with normals averaged over their surroundings."""
+    share = np.cumsum(scan.areas) / scan.areas.sum()
+    count = min(SAMPLES, 4 * len(scan.faces))
+    face = np.searchsorted(share, (np.arange(count) + generator.random(count)) / count).clip(0, len(scan.faces) - 1)
+    root = np.sqrt(generator.random(count))
+    turn = generator.random(count)
+    weights = np.stack([1.0 - root, root * (1.0 - turn), root * turn], axis=1)
+    positions = np.einsum("nk,nkc->nc", weights, scan.corners[face])
+    normals = _smooth_normals(scan, face)
+    return _Samples(face=face, positions=positions + LIFT_M * normals, normals=normals)
+
+
+def _shadow_edges(samples: _Samples, coefficients: FloatArray) -> FloatArray:
+    """(sample,) how much direct light differs among the nearest samples that look the same way, over all light."""
+    total = coefficients.sum(axis=0)
+    total = total / max(float(total.mean()), 1e-30)
+    place = np.hstack([samples.positions, NORMAL_WEIGHT_M * samples.normals])
+    _, near = cKDTree(place).query(place, k=min(EDGE_NEIGHBORS, len(place)))
+    return np.asarray(total[near].std(axis=1) / (total + INDIRECT), dtype=np.float64)
+
+
+def _smooth_normals(scan: Scan, face: IntArray) -> FloatArray:
+    """Area-weighted normals of the faces around each of some faces that look much the same way."""
+    count = min(SMOOTH_FACES, len(scan.faces))
+    _, near = cKDTree(scan.centers).query(scan.centers[face], k=count)
+    near = np.reshape(near, (face.size, count))
+    alike = np.einsum("nkc,nc->nk", scan.normals[near], scan.normals[face]) > SMOOTH_COSINE
+    total = np.einsum("nk,nkc->nc", alike * scan.areas[near], scan.normals[near]) + 1e-12 * scan.normals[face]
+    return np.asarray(total / np.linalg.norm(total, axis=1, keepdims=True), dtype=np.float64)
+
+
+def _lamp_cones(lamps: Sequence[Lamp]) -> FloatArray:
+    """(lamp, 3) flux in cones."""
+    daylight, weights = lamp_spectrum("D65").spectrum, tristimulus_table()
+    return np.stack([cones_of_light(lamp.flux, daylight, COLOR_GRID_NM, weights) for lamp in lamps])
+
+
+def _emission(lamps: Sequence[Lamp], samples: _Samples) -> FloatArray:
+    """(lamp, sample) cosine at matt lamps between their axis and the way to the samples; 1 at others."""
+    cosine = np.ones((len(lamps), len(samples.face)))
+    for row, lamp in enumerate(lamps):
+        if lamp.shape in MATT_SHAPES:
+            away = samples.positions - lamp.center
+            cosine[row] = np.clip(away @ lamp.normal / np.linalg.norm(away, axis=1), 0.0, ALMOST_ONE)
+    return cosine
+
+
+def _near_lamps(centers: FloatArray, lamps: Sequence[Lamp]) -> BoolArray:
+    near = np.zeros(len(centers), dtype=np.bool_)
+    for lamp in lamps:
+        near |= distance_to_lamp(lamp, centers) < LAMP_GLOW_M
+    return near
+
+
+def _groups(colors: FloatArray, samples: _Samples, trusted: BoolArray, room: Room) -> IntArray:
+    return surface_groups(colors, samples.positions, samples.normals, trusted, turn_deg=room.wall_angle_deg)
+
+
+def _cells(positions: FloatArray) -> IntArray:
+    _, cell = np.unique(np.floor(positions / CELL_M), axis=0, return_inverse=True)
+    return np.asarray(cell.reshape(-1), dtype=np.int64)
+
+
+def _ceiling(samples: _Samples, trusted: BoolArray, room: Room) -> BoolArray:
+    if room.ceiling_confidence < CEILING_CONFIDENCE:
+        return np.zeros(len(trusted), dtype=np.bool_)
+    high = samples.positions[:, 2] > room.ceiling_z - CEILING_DEPTH_M
+    return np.asarray(trusted & high & (samples.normals[:, 2] < -SMOOTH_COSINE), dtype=np.bool_)
+
+
+def _neutral(ceiling: BoolArray, reflectance: FloatArray) -> BoolArray:
+    """The ceiling, where it came out near neutral: a coloured one is no anchor."""
+    if not ceiling.any():
+        return ceiling
+    color = np.median(reflectance[ceiling], axis=0)
+    return ceiling if np.ptp(color) <= NEUTRAL * color.max() else np.zeros_like(ceiling)
+
+
+def _whites(reflectance: FloatArray, ceiling: BoolArray) -> BoolArray:
+    """(sample,) which are light, but for the ceiling: what is known of that one is counted already."""
+    return np.asarray(~ceiling & (cones_of_srgb(reflectance)[:, 1] > LIGHT_REFLECTANCE), dtype=np.bool_)
+
+
+def _unsure(shadow_edges: FloatArray, irradiance: FloatArray) -> FloatArray:
+    """(sample, 3) how unsure the light is: that of shadows' edges, and what strays in over (sample, 3) light."""
+    return np.asarray(np.hypot(shadow_edges, STRAY_LIGHT / irradiance), dtype=np.float64)
+
+
+def _spread(scan: Scan, samples: _Samples) -> csr_array:
+    """(face, sample) weights by which faces take the light of the nearest samples that look the same way."""
+    place = np.hstack([samples.positions - LIFT_M * samples.normals, NORMAL_WEIGHT_M * samples.normals])
+    count = min(NEIGHBORS, len(place))
+    distance, near = cKDTree(place).query(np.hstack([scan.centers, NORMAL_WEIGHT_M * scan.normals]), k=count)
+    distance = np.reshape(distance, (-1, count))
+    weight = 1.0 / (distance**2 + SOFTEN_M**2)
+    weight /= weight.sum(axis=1, keepdims=True)
+    row = np.repeat(np.arange(len(distance)), count)
+    return csr_array((weight.ravel(), (row, np.ravel(near))), shape=(len(distance), len(place)))
+
+
+def _beyond_white(shown: FloatArray, irradiance: FloatArray) -> FloatArray:
+    """(face, 3) light that faces send over the (face, 3) that a picture shows, from (face, 3) light on them.
+
+    A face that is cut at white in all channels, and so of unknown colour, has at least the reflectance that just
+    reaches white, 1/E, and at most that of fresh paint, ρ. Any between is as likely, and sends (1 + ρE)/2 in the mean.
+    Where E is too little for white (a screen, a window), what is shown stays.
+    """
+    expected = 0.5 * (1.0 + BRIGHTEST_REFLECTANCE * srgb_of_cones(irradiance))
+    return np.where((shown >= CLIPPED).all(axis=1, keepdims=True), np.maximum(expected, 1.0), 1.0)
+
+
+def _face_reflectance(evidence: LightEvidence, fit: LightFit, spread: csr_array) -> FloatArray:
+    """(face, 3) reflectance in linear sRGB: what each face sends over the light of the samples near it."""
+    light = fit.irradiance if evidence.tint is None else fit.irradiance * evidence.tint
+    seen = cones_of_srgb(evidence.face_light(fit.tone))
+    return np.clip(srgb_of_cones(seen / np.exp(spread @ np.log(light))), *REFLECTANCE_RANGE)

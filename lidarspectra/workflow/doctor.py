@@ -1,0 +1,131 @@
+"""What `lidarspectra doctor` looks at: the engine, its spectral ability, the machine, the libraries."""
+
+import os
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, metadata, requires, version
+from pathlib import Path
+
+import psutil
+
+from lidarspectra.errors import EngineError
+from lidarspectra.radiance.engine.engine import INSTALL_ADVICE, MAX_SPECTRAL_SLOTS, engine_info, find_engine
+
+PACKAGE = "lidarspectra"
+DEVELOPER_EXTRAS = ("docs", "test")
+LEAST_MEMORY_GIB = 4.0  # [GiB] the demo and the meeting-room scan stay well below it
+LEAST_DISK_GIB = 1.0  # [GiB] a run folder of a large scan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One thing that was looked at.
+
+    Parameters
+    ----------
+    subject : str
+        What.
+    value : str
+        What was found.
+    good : bool
+        Whether it is as it should be.
+    todo : str
+        What to do where it is not.
+    """
+
+    subject: str
+    value: str
+    good: bool = True
+    todo: str = ""
+
+
+def examine() -> tuple[Finding, ...]:
+    """Look at everything that a run needs.
+
+    Returns
+    -------
+    findings : tuple of Finding
+        The faults among them have `good` false and say what to do.
+    """
+    return (*_engine(), *_machine(), *_libraries(), *_extras())
+
+
+def _engine() -> Iterator[Finding]:
+    try:
+        engine = find_engine()
+    except EngineError as error:
+        yield Finding(subject="engine", value=str(error), good=False, todo=INSTALL_ADVICE)
+        return
+    info = engine_info(engine)
+    yield Finding(subject="engine", value=info.version or "does not answer", good=bool(info.version), todo=info.fault)
+    yield Finding(subject="pyradiance", value=info.package_version or "not installed; programs from elsewhere")
+    yield Finding(subject="programs", value=str(info.programs))
+    yield Finding(subject="RAYPATH", value=f".{os.pathsep}{info.library}")
+    yield Finding(
+        subject="spectral slots",
+        value=f"{info.slots} a pass" if info.slots else info.fault,
+        good=info.slots == MAX_SPECTRAL_SLOTS,
+        todo='Set mode = "rgb" under [trace], which any Radiance runs, or install pyradiance 1.3.1 or later.',
+    )
+
+
+def _machine() -> Iterator[Finding]:
+    yield Finding(
+        subject="Python",
+        value=f"{sys.version.split()[0]} ({sys.executable})",
+        good=sys.version_info >= (3, 11),
+        todo="Python 3.11 or later is needed.",
+    )
+    memory = psutil.virtual_memory()
+    yield Finding(
+        subject="cores, memory",
+        value=f"{os.cpu_count()} cores, {memory.available / 2**30:.1f} of {memory.total / 2**30:.1f} GiB free",
+        good=memory.available / 2**30 >= LEAST_MEMORY_GIB,
+        todo=f"Large scans want {LEAST_MEMORY_GIB:.0f} GiB free; max_faces under [scan] makes a scan smaller.",
+    )
+    for subject, folder in (("disk, this folder", Path.cwd()), ("disk, temporary", Path(tempfile.gettempdir()))):
+        free = shutil.disk_usage(folder).free / 2**30
+        yield Finding(
+            subject=subject,
+            value=f"{free:.1f} GiB free, {'writable' if os.access(folder, os.W_OK) else 'not writable'} ({folder})",
+            good=free >= LEAST_DISK_GIB and os.access(folder, os.W_OK),
+            todo="Free some space, or work in another folder.",
+        )
+
+
+def _libraries() -> Iterator[Finding]:
+    for name in required_libraries():
+        if name == "pyradiance":  # said of the engine, whose programs may come from elsewhere
+            continue
+        found = _version(name)
+        yield Finding(subject=name, value=found or "missing", good=bool(found), todo=f"pip install {name}")
+
+
+def _extras() -> Iterator[Finding]:
+    for extra in metadata(PACKAGE).get_all("Provides-Extra") or ():
+        if extra in DEVELOPER_EXTRAS:
+            continue
+        there = all(map(_version, required_libraries(extra)))
+        value = "installed" if there else f"not installed (pip install '{PACKAGE}[{extra}]')"
+        yield Finding(subject=f"extra '{extra}'", value=value)
+
+
+def required_libraries(extra: str = "") -> tuple[str, ...]:
+    """Names of the libraries that the package needs, or that one of its extras adds."""
+    names = []
+    for requirement in requires(PACKAGE) or ():
+        name, _, condition = requirement.partition(";")
+        if condition.replace('"', "'").strip() == (f"extra == '{extra}'" if extra else ""):
+            names.append(re.split(r"[^\w.-]", name.strip())[0])
+    return tuple(names)
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return ""

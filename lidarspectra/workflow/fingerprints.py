@@ -1,0 +1,195 @@
+"""Fingerprints of a run: people by lot at the user's positions, and what the run's sensors read of them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from lidarspectra.errors import SensorError
+from lidarspectra.lamps.lamp_file import load_lamps
+from lidarspectra.mapping.localization.body import Posture
+from lidarspectra.mapping.localization.fingerprint_table import FINGERPRINTS_FILE, save_fingerprints
+from lidarspectra.mapping.localization.person import (
+    Positions,
+    draw_person,
+    grid_positions,
+    outside_room,
+    read_positions,
+    standing_faults,
+)
+from lidarspectra.mapping.localization.traced_fingerprints import (
+    TARGET,
+    FingerprintRequest,
+    PlacedPerson,
+    trace_fingerprints,
+)
+from lidarspectra.progress import Progress, silent
+from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.sensor_points import sensor_points
+from lidarspectra.spectra.databases import load_reflectances
+from lidarspectra.workflow.inputs import read_inputs
+from lidarspectra.workflow.pipeline import Listener, run
+from lidarspectra.workflow.sensing_of_run import receptor_of_run, trace_engine
+from lidarspectra.workflow.workspace import made_folder
+
+FOLDER = "fingerprints"
+PARTS_FOLDER = "parts"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FingerprintOrder:
+    """What fingerprints are asked for.
+
+    Parameters
+    ----------
+    positions : Path or None
+        CSV of names and places (`read_positions`); None takes a grid.
+    grid_m : float or None
+        Spacing of that grid. [m]
+    draws : int
+        People drawn for each position.
+    postures : tuple of str
+        To draw from.
+    target, effect_target : float
+        Standard errors wanted, of a reading and of the difference that a person makes to it; None fits the latter to
+        what people change. [1]
+    seed : int
+        Of the people and of the first directions.
+    """
+
+    positions: Path | None = None
+    grid_m: float | None = None
+    draws: int = 1
+    postures: tuple[Posture, ...] = ("standing",)
+    target: float = TARGET
+    effect_target: float | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fingerprints:
+    """What was made.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        See `mapping.localization.fingerprint_table`.
+    path : Path
+        The file that holds it.
+    notes : tuple of str
+        What is to be known of it.
+    """
+
+    table: xr.Dataset
+    path: Path
+    notes: tuple[str, ...]
+
+
+def fingerprint_room(
+    run_file: Path,
+    order: FingerprintOrder,
+    folder: Path | None = None,
+    *,
+    workers: int | None = None,
+    cluster: str | None = None,
+    listener: Listener | None = None,
+    progress: Progress = silent,
+) -> Fingerprints:
+    """Make what of the run is missing up to its scene, then trace fingerprints in it.
+
+    Parameters
+    ----------
+    run_file : Path
+        TOML; its `[sensors]` are the fixed sensors.
+    order : FingerprintOrder
+    folder : Path, optional
+        The run folder; NAME.run beside NAME.toml by default. The table goes to fingerprints/fingerprints.nc there.
+    workers, cluster, listener
+        As in `pipeline.run`.
+    progress : Progress, optional
+        Of the tracing.
+
+    Returns
+    -------
+    fingerprints : Fingerprints
+
+    Raises
+    ------
+    LidarSpectraError
+        If anything that the user gave does not fit; what was traced is kept, and the same call goes on after it.
+    """
+    summary = run(run_file, folder, last="scene", workers=workers, cluster=cluster, listener=listener)
+    inputs = read_inputs(run_file, workers=workers, cluster=cluster)
+    scan, scene = summary.results["scan"].value, summary.results["scene"]
+    free = FreeSpace(scan.scan, scan.room)
+    points = sensor_points(scan.scan, scan.room, inputs.room.sensors, folder=inputs.base, free=free)
+    positions, notes = _positions(order, free, scan.room.floor_z)
+    out = made_folder(summary.folder / FOLDER)
+    with trace_engine(cluster) as engine:
+        table = trace_fingerprints(
+            scene.value,
+            load_lamps(scene.folder),
+            points,
+            place_people(positions, order),
+            load_reflectances(),
+            out / PARTS_FOLDER,
+            FingerprintRequest(
+                accuracy=inputs.room.trace.accuracy,
+                target=order.target,
+                effect_target=order.effect_target,
+                seed=order.seed,
+                receptor=receptor_of_run(inputs),
+                engine=engine,
+                workers=workers or inputs.room.trace.workers,
+            ),
+            progress=progress,
+        )
+    if not table.attrs["target_met"]:
+        notes = (*notes, _missed("reading", "", table), _missed("person's effect", "effect_", table))
+    return Fingerprints(table=table, path=save_fingerprints(table, out / FINGERPRINTS_FILE), notes=notes)
+
+
+def _missed(of: str, name: str, table: xr.Dataset) -> str:
+    achieved, target = (100 * table.attrs[f"{kind}_relative_{name}se"] for kind in ("achieved", "target"))
+    return f"standard error of a {of}: {achieved:.3f} % of the reading; {target:.3f} % was asked"
+
+
+def place_people(positions: Positions, order: FingerprintOrder) -> tuple[PlacedPerson, ...]:
+    """Draw people for each position; who is drawn hangs on the seed and on the position's and draw's numbers alone."""
+    return tuple(
+        PlacedPerson(
+            label=name,
+            place_m=place,
+            person=draw_person(np.random.default_rng([order.seed, index, draw]), postures=order.postures),
+            draw=draw,
+        )
+        for index, (name, place) in enumerate(zip(positions.names, positions.places_m, strict=True))
+        for draw in range(order.draws)
+    )
+
+
+def _positions(order: FingerprintOrder, free: FreeSpace, floor_z: float) -> tuple[Positions, tuple[str, ...]]:
+    """The positions, and what stands in the way at some of them."""
+    if order.positions is None:
+        if order.grid_m is None:
+            raise SensorError(
+                expected="positions",
+                found="none",
+                where="fingerprints",
+                todo="Give a file of them, or a grid's spacing.",
+            )
+        return grid_positions(free, order.grid_m), ()
+    positions = read_positions(order.positions, floor_z=floor_z)
+    outside = np.flatnonzero(outside_room(free, positions.places_m))
+    if outside.size:
+        named = ", ".join(f"'{positions.names[index]}'" for index in outside[:5])
+        raise SensorError(
+            expected="positions in the room's air",
+            found=f"{outside.size} of {len(positions.names)} outside of it, or inside of a wall or pillar: {named}",
+            where=str(order.positions),
+            todo="Coordinates are those of the scan, in metres: see 'lidarspectra scan'.",
+        )
+    faults = standing_faults(free, positions.places_m)
+    notes = [f"position '{name}' {words}" for name, words in zip(positions.names, faults, strict=True) if words]
+    return positions, (*notes[:5], *([f"so do {len(notes) - 5} others"] if len(notes) > 5 else []))

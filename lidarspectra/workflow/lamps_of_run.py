@@ -1,0 +1,60 @@
+"""The lamps of a run: named in its run file or lit in the scan, with fluxes read off the walls, and windows by day."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from platformdirs import user_cache_path
+
+from lidarspectra.config import RunFile
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamps import Lamp, lamps_from_lit, resolve_lamps
+from lidarspectra.material.lamp_fluxes import flux_factors, load_lamp_fluxes
+from lidarspectra.material.lit_lamps import find_lit_lamps
+from lidarspectra.radiance.engine.engine import find_engine
+from lidarspectra.radiance.scene.daylight import Window, daylight_lamps
+from lidarspectra.radiance.scene.sky import Daylight, compute_sky
+from lidarspectra.room.room import Room
+from lidarspectra.workflow.inputs import Inputs
+
+SKY_FOLDER = "sky"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScannedRoom:
+    """What stage 1 gives: the repaired mesh, and the room that it shows."""
+
+    scan: Scan
+    room: Room
+
+
+def lamps_of_run(inputs: Inputs, scan: ScannedRoom) -> tuple[Lamp, ...]:
+    """The run file's lamps, or those that are lit in the scan."""
+    section = inputs.room.lamps_from_scan
+    if section is None:
+        return resolve_lamps(inputs.room.lamps, inputs.base)
+    return lamps_from_lit(find_lit_lamps(scan.scan, scan.room), section, inputs.base)
+
+
+def with_told_fluxes(lamps: tuple[Lamp, ...], materials_folder: Path) -> tuple[Lamp, ...]:
+    """Lamps with the relative fluxes that the materials stage read off the walls; as they are where it read none."""
+    fluxes = load_lamp_fluxes(materials_folder)
+    if not fluxes:
+        return lamps
+    factors = flux_factors([lamp.name for lamp in lamps], fluxes, np.array([lamp.flux.integral() for lamp in lamps]))
+    return tuple(
+        replace(lamp, flux=lamp.flux.scaled(float(factor))) for lamp, factor in zip(lamps, factors, strict=True)
+    )
+
+
+def daylight_of_run(room: RunFile, folder: Path) -> tuple[Lamp, ...]:
+    """What sky and sun make of the windows; nothing at night."""
+    section = room.daylight
+    if section is None:
+        return ()
+    day = Daylight(**section.model_dump(exclude={"windows"}))
+    windows = [Window(**window.model_dump()) for window in section.windows]
+    sky = compute_sky(
+        day, folder / SKY_FOLDER, find_engine(), atmosphere=user_cache_path("lidarspectra") / "atmosphere"
+    )
+    return daylight_lamps(sky, windows)

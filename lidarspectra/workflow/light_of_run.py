@@ -1,0 +1,157 @@
+"""The light of a finished run, and of measured points, as the applications take it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from lidarspectra.errors import MapError
+from lidarspectra.geometry.scan import load_scan
+from lidarspectra.hardware.sensor.measured_readings import read_readings
+from lidarspectra.lamps.lamp_file import load_lamps
+from lidarspectra.mapping.figures.floor_plan import FloorPlan, floor_plan
+from lidarspectra.mapping.maps.point_values import PLACE
+from lidarspectra.mapping.photometry.point_light import PointLight, light_of_lamps
+from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport
+from lidarspectra.radiance.scene.scene import load_scene
+from lidarspectra.room.room import load_room
+from lidarspectra.spectra.spectrum import BandSet
+from lidarspectra.workflow.workspace import require_stage
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunLight:
+    """Light at the points of a run.
+
+    Parameters
+    ----------
+    light : PointLight
+        With the lamps' spectra.
+    places : xarray.Dataset
+        The transport: its points and lamps.
+    bands : BandSet
+        Its channels.
+    plan : FloorPlan
+        The room from above.
+    """
+
+    light: PointLight
+    places: xr.Dataset
+    bands: BandSet
+    plan: FloorPlan
+
+    @property
+    def lamp_names(self) -> tuple[str, ...]:
+        """Every lamp that was traced."""
+        return tuple(map(str, self.places["lamp"].to_numpy()))
+
+
+def light_of_run(run: Path, dims: Mapping[str, float] | None = None) -> RunLight:
+    """Read a finished run.
+
+    Parameters
+    ----------
+    run : Path
+        Run folder with a finished trace.
+    dims : mapping of str to float, optional
+        Factor on a lamp's flux, by name. [1]
+
+    Raises
+    ------
+    WorkspaceError
+        If the run has no finished trace.
+    MapError
+        If a lamp to dim is unknown.
+    """
+    transport = transport_of_run(run)
+    scene = require_stage(run, "scene")
+    names = [str(name) for name in transport["lamp"].to_numpy()]
+    for name in dims or {}:
+        if name not in names:
+            raise MapError(expected=f"one of the run's lamps ({', '.join(names)})", found=f"'{name}'", where="dimming")
+    return RunLight(
+        light=light_of_lamps(transport, {lamp.name: lamp.flux for lamp in load_lamps(scene)}, dims),
+        places=transport,
+        bands=load_scene(scene).bands,
+        plan=plan_of_run(run),
+    )
+
+
+def transport_of_run(run: Path) -> xr.Dataset:
+    """What a finished run traced; raises WorkspaceError where its trace is not finished."""
+    return load_transport(require_stage(run, "trace") / TRANSPORT_FILE)
+
+
+def plan_of_run(run: Path) -> FloorPlan:
+    """The room of a run from above; raises WorkspaceError where its scan is not finished."""
+    folder = require_stage(run, "scan")
+    return floor_plan(load_scan(folder), load_room(folder))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredLight:
+    """Light at measured points.
+
+    Parameters
+    ----------
+    light : PointLight
+        From the channels alone.
+    places : xarray.Dataset
+        Its points.
+    notes : tuple of str
+        What was left out.
+    """
+
+    light: PointLight
+    places: xr.Dataset
+    notes: tuple[str, ...]
+
+
+def light_of_table(path: Path, bands: BandSet) -> MeasuredLight:
+    """Light that was measured: x, y, z [m], E_410 ... and, if there are, SE_410 ... [W/m²/nm].
+
+    Parameters
+    ----------
+    path : Path
+        CSV, as `sensor join` and the map stage write it. Without nx, ny, nz its points look up; without SE columns its
+        channels have no error. Readings with a gap in any of these are left out, and that is noted.
+    bands : BandSet
+        The channels to take from it.
+
+    Returns
+    -------
+    measured : MeasuredLight
+
+    Raises
+    ------
+    MapError
+        If a column is missing, holds words, or no reading is whole.
+    """
+    table = read_readings(path)
+    channels, errors = ([f"{kind}_{label}" for label in bands.labels] for kind in ("E", "SE"))
+    spread = [name for name in errors if name in table.columns]
+    for name in (*channels, *(errors if spread else ())):
+        if name not in table.columns:
+            raise MapError(
+                expected=f"a column '{name}'", found=", ".join(map(str, table.columns[:20])), where=str(path)
+            )
+    upward = {"nx": 0.0, "ny": 0.0, "nz": 1.0, "buried": 0.0}
+    table = table.assign(**{name: value for name, value in upward.items() if name not in table.columns})
+    values = table[[*PLACE, *channels, *spread]].to_numpy(dtype=np.float64)
+    whole = np.isfinite(values).all(axis=1)
+    if not whole.any():
+        raise MapError(expected="a reading with a place and a value in every channel", found="none", where=str(path))
+    left_out = f"{int((~whole).sum())} of {len(table)} readings lack a place, a channel or its error, and are left out"
+    place, irradiance, irradiance_se = np.split(values[whole], [len(PLACE), len(PLACE) + len(channels)], axis=1)
+    columns = {name: ("point", place[:, index]) for index, name in enumerate(PLACE)}
+    return MeasuredLight(
+        light=PointLight(
+            centers_nm=bands.centers_nm,
+            irradiance=irradiance,
+            irradiance_se=irradiance_se if spread else np.zeros_like(irradiance),
+        ),
+        places=xr.Dataset(coords=columns | {"buried": ("point", place[:, PLACE.index("buried")] != 0)}),
+        notes=() if whole.all() else (left_out,),
+    )

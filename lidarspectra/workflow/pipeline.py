@@ -1,0 +1,226 @@
+"""READ FIRST. The way through the building: a scan goes in, maps and a report come out (paper, Figure 2).
+
+    hardware      ->  material               ->  radiance         ->  mapping
+    1 scan            2 views  3 materials       4 scene  5 trace     6 map  7 report
+
+Each stage is made in its own folder of the run, and only where something that it depends on has changed
+(`lidarspectra.workflow.workspace`). What each stage does stands in `lidarspectra.workflow.stages`.
+"""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from lidarspectra.io.files import hash_file
+from lidarspectra.progress import Progress, silent
+from lidarspectra.workflow import stages
+from lidarspectra.workflow.inputs import Inputs, read_inputs
+from lidarspectra.workflow.workspace import (
+    STAGES,
+    RunRequest,
+    Stage,
+    StageName,
+    StageRecord,
+    StageResult,
+    Workspace,
+    read_record,
+)
+
+Result = TypeVar("Result")
+
+
+class Listener(Protocol):
+    """Whoever watches a run: the command line draws bars, a test collects names."""
+
+    def start(self, stage: StageName) -> Progress:
+        """Say that a stage is being made; the returned progress is told how far it is."""
+
+    def finish(self, result: StageResult[Any]) -> None:
+        """Say that a stage is done, or was fresh."""
+
+
+class SilentListener:
+    """Hears nothing; the default."""
+
+    def start(self, stage: StageName) -> Progress:
+        """Return a progress that nobody hears."""
+        return silent
+
+    def finish(self, result: StageResult[Any]) -> None:
+        """Ignore the result."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSummary:
+    """What a run left behind.
+
+    Parameters
+    ----------
+    folder : Path
+        The run folder.
+    results : mapping of str to StageResult
+        The stages that were asked for, in order.
+    """
+
+    folder: Path
+    results: Mapping[StageName, StageResult[Any]]
+
+    @property
+    def records(self) -> tuple[StageRecord, ...]:
+        """The record of each stage, with its time, memory and summary."""
+        return tuple(result.record for result in self.results.values())
+
+    @property
+    def report(self) -> Path | None:
+        """The report page, if the run went so far."""
+        result = self.results.get("report")
+        return None if result is None else result.folder / stages.REPORT_PAGE
+
+
+class _Stopped(Exception):  # noqa: N818 - no error: the run went as far as it was asked to
+    """Ends the chain after the last stage that was asked for."""
+
+
+class _Link(Protocol):
+    """What follows the stages in order: it makes them, or only looks."""
+
+    def __call__(self, stage: Stage[Result]) -> StageResult[Result]:
+        """Take one stage; raise `_Stopped` where the walk ends."""
+
+
+class _Plan:
+    """Looks which stages are fresh, as far as that can be known without making any."""
+
+    def __init__(self, folder: Path, first: StageName | None) -> None:
+        self._work = Workspace(folder)
+        self._first = first
+        self.fresh: list[StageName] = []
+
+    def __call__(self, stage: Stage[Result]) -> StageResult[Result]:
+        """Pass a fresh stage; stop at the first that is not."""
+        folder = self._work.stage_folder(stage.name)
+        record = read_record(folder)
+        if record is None or stage.name == self._first or not self._work.is_fresh(stage):
+            raise _Stopped
+        self.fresh.append(stage.name)
+        return StageResult(record, folder, stage.load, fresh=True)
+
+
+class _Chain:
+    """Runs stage after stage in a workspace, from where it is told to where it is told."""
+
+    def __init__(self, work: Workspace, first: StageName | None, last: StageName, listener: Listener) -> None:
+        self._work = work
+        self._forced = STAGES[STAGES.index(first) :] if first else ()
+        self._last = last
+        self._listener = listener
+        self.results: dict[StageName, StageResult[Any]] = {}
+
+    def __call__(self, stage: Stage[Result]) -> StageResult[Result]:
+        """Make one stage; raise `_Stopped` after the last."""
+        progress = self._listener.start(stage.name)
+        result = self._work.run_stage(stage, progress=progress, force=stage.name in self._forced)
+        self.results[stage.name] = result
+        self._listener.finish(result)
+        if stage.name == self._last:
+            raise _Stopped
+        return result
+
+
+def run(
+    run_file: Path,
+    folder: Path | None = None,
+    *,
+    first: StageName | None = None,
+    last: StageName = "report",
+    workers: int | None = None,
+    cluster: str | None = None,
+    listener: Listener | None = None,
+) -> RunSummary:
+    """Run a room file: all seven stages, or up to one of them.
+
+    Parameters
+    ----------
+    run_file : Path
+        TOML; see `lidarspectra.config`.
+    folder : Path, optional
+        The run folder; NAME.run beside NAME.toml by default.
+    first : str, optional
+        Make this stage and all after it even if they are fresh.
+    last : str
+        Stop after this stage.
+    workers : int, optional
+        Processes side by side; the run file's, or one a core, by default.
+    cluster : str, optional
+        Address of a Dask scheduler that traces in place of this machine.
+    listener : Listener, optional
+        Told when stages start and end.
+
+    Returns
+    -------
+    summary : RunSummary
+
+    Raises
+    ------
+    LidarSpectraError
+        If anything that the user gave does not fit; finished stages stay, and the next run resumes after them.
+    """
+    inputs = read_inputs(run_file, workers=workers, cluster=cluster)
+    with Workspace(folder or default_folder(run_file)) as work:
+        work.keep_request(_request(run_file, inputs, work.folder))
+        chain = _Chain(work, first, last, listener or SilentListener())
+        _walk(chain, inputs)
+        return RunSummary(folder=work.folder, results=chain.results)
+
+
+def _request(run_file: Path, inputs: Inputs, folder: Path) -> RunRequest:
+    """What is asked for, as the run folder keeps it."""
+    try:
+        base = Path(os.path.relpath(inputs.base, folder.resolve())).as_posix()
+    except ValueError:  # on another drive of Windows
+        base = inputs.base.as_posix()
+    return RunRequest(
+        name=run_file.name, folder=base, sha256=hash_file(run_file), text=inputs.text, seed=stages.TRACE_SEED
+    )
+
+
+def _walk(chain: _Link, inputs: Inputs) -> None:
+    """Follow Figure 2, until the chain says that it is far enough."""
+    try:
+        scan = chain(stages.scan_stage(inputs))
+        views = chain(stages.views_stage(inputs, scan))
+        materials = chain(stages.materials_stage(inputs, scan, views))
+        scene = chain(stages.scene_stage(inputs, scan, materials))
+        transport = chain(stages.trace_stage(inputs, scan, scene))
+        spectral_map = chain(stages.map_stage(transport))
+        chain(stages.report_stage(inputs, scan, views, materials, scene, transport, spectral_map))
+    except _Stopped:
+        return
+
+
+def default_folder(run_file: Path) -> Path:
+    """NAME.run beside NAME.toml."""
+    return run_file.with_suffix(".run")
+
+
+def plan(run_file: Path, folder: Path | None = None, *, first: StageName | None = None) -> dict[StageName, str]:
+    """Which stages a run would make, without making any.
+
+    A stage after one that would be made depends on what comes out there, so it counts as to be made.
+
+    Parameters
+    ----------
+    run_file, folder, first
+        As in `run`.
+
+    Returns
+    -------
+    states : dict of str to str
+        'up to date' or 'to be made', by stage.
+    """
+    inputs = read_inputs(run_file)
+    chain = _Plan(folder or default_folder(run_file), first)
+    _walk(chain, inputs)
+    return {stage: "up to date" if stage in chain.fresh else "to be made" for stage in STAGES}

@@ -1,0 +1,148 @@
+"""New light in a traced room: other spectra, other flux, dimming, in under a second (docs/concepts.md, Eq. 3)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import xarray as xr
+
+from lidarspectra.errors import LampError
+from lidarspectra.lamps.lamp_file import load_lamps
+from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.figures.figure_style import save_figure
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.mapping.figures.map_figures import maps_figure
+from lidarspectra.mapping.maps.spectral_map import (
+    MAP_FILE,
+    MAP_TABLE_FILE,
+    LampChange,
+    relight,
+    save_map,
+    save_map_table,
+)
+from lidarspectra.radiance.scene.scene import load_scene
+from lidarspectra.room.room import load_room
+from lidarspectra.spectra.databases import lamp_spectrum
+from lidarspectra.workflow.light_of_run import transport_of_run
+from lidarspectra.workflow.workspace import require_stage, unwritable
+
+
+@dataclass(frozen=True, kw_only=True)
+class LampOrder:
+    """What the user wants of one lamp.
+
+    Parameters
+    ----------
+    lamp : str
+        Its name in the run file.
+    spectrum : str or None
+        Database name or file; None keeps the spectrum.
+    luminous_flux_lm : float or None
+        New flux; None keeps the lumens, or takes those of a spectrum in W/nm. [lm]
+    dim : float
+        Factor on the flux, 0 or more. [1]
+    """
+
+    lamp: str
+    spectrum: str | None = None
+    luminous_flux_lm: float | None = None
+    dim: float = 1.0
+
+
+def relight_run(run: Path, orders: Sequence[LampOrder], *, base: Path) -> xr.Dataset:
+    """Spectral map of a finished run under other light, without tracing again.
+
+    Parameters
+    ----------
+    run : Path
+        Run folder with a finished trace.
+    orders : sequence of LampOrder
+        Lamps that are not named stay as they are.
+    base : Path
+        Where relative names of spectrum files start.
+
+    Returns
+    -------
+    map : xarray.Dataset
+        As `mapping.spectral_map.spectral_map` gives it.
+
+    Raises
+    ------
+    WorkspaceError
+        If the run has no finished trace.
+    LampError, DatabaseError, MapError
+        If a lamp or spectrum is unknown, or the flux cannot be met.
+    """
+    transport = transport_of_run(run)
+    scene = require_stage(run, "scene")
+    lamps = {lamp.name: lamp for lamp in load_lamps(scene)}
+    changes: dict[str, LampChange] = {}
+    for order in orders:
+        if order.lamp not in lamps:
+            raise LampError(
+                expected=f"one of the run's lamps ({', '.join(lamps)})",
+                found=f"'{order.lamp}'",
+                where="relighting",
+                todo="A lamp that was not traced needs a new run.",
+            )
+        if order.lamp in changes:
+            raise LampError(expected="each lamp once", found=f"'{order.lamp}' twice", where="relighting")
+        changes[order.lamp] = _change(lamps[order.lamp], order, base)
+    return relight(transport, changes, bands=load_scene(scene).bands)
+
+
+def _change(lamp: Lamp, order: LampOrder, base: Path) -> LampChange:
+    flux = lamp.flux
+    wanted_lm = order.luminous_flux_lm
+    if order.spectrum is not None:
+        found = lamp_spectrum(order.spectrum, base)
+        if wanted_lm is None and not found.absolute:
+            wanted_lm = luminous_flux_lm(flux)  # another tube of the same lumens
+        flux = found.spectrum
+    if wanted_lm is not None:
+        present_lm = luminous_flux_lm(flux)
+        if present_lm <= 0:
+            raise LampError(
+                expected=f"a spectrum that can be scaled to {wanted_lm:g} lm",
+                found="one that the eye does not see",
+                where=f"lamp '{order.lamp}'",
+                todo="Give a spectrum file in W/nm, which needs no lumens.",
+            )
+        flux = flux.scaled(wanted_lm / present_lm)
+    return LampChange(flux=flux, dim=order.dim)
+
+
+def save_relit(light: xr.Dataset, folder: Path, run: Path) -> tuple[Path, ...]:
+    """Write a relit map as NetCDF, CSV and a figure.
+
+    Parameters
+    ----------
+    light : xarray.Dataset
+        Of `relight_run`.
+    folder : Path
+        Made if absent; files of an earlier relighting there are replaced.
+    run : Path
+        The run, for the room's outline.
+
+    Returns
+    -------
+    paths : tuple of Path
+        The files written.
+
+    Raises
+    ------
+    WorkspaceError
+        If the folder cannot be written, or the run's scan stage is gone.
+    """
+    room_folder = require_stage(run, "scan")
+    plan = FloorPlan(outline=load_room(room_folder).outline)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return (
+            save_map(light, folder / MAP_FILE),
+            save_map_table(light, folder / MAP_TABLE_FILE),
+            *save_figure(maps_figure(light, plan), folder, "maps"),
+        )
+    except OSError as cause:
+        raise unwritable(folder, cause) from cause

@@ -1,0 +1,139 @@
+"""The applications that a run file asks its report for: solar cells, light for people and plants."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import xarray as xr
+
+from lidarspectra.config import CellSection, PeopleAndPlantsSection, RunFile
+from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.mapping.photometry.figures import quantities_figure
+from lidarspectra.mapping.photometry.people_and_plants import light_at_points, summary_table
+from lidarspectra.mapping.photometry.point_light import light_of_lamps
+from lidarspectra.mapping.photovoltaics.cells import find_cell
+from lidarspectra.mapping.photovoltaics.current_map import area_of, current_map, currents_table
+from lidarspectra.mapping.photovoltaics.figures import currents_figure
+from lidarspectra.mapping.photovoltaics.schedule import Shift, parse_hours
+from lidarspectra.mapping.report.applications import Application, ApplicationFigure
+from lidarspectra.progress import Progress, silent
+from lidarspectra.spectra.spectrum import BandSet, Spectrum
+
+
+def check_cells(sections: Sequence[CellSection], *, base: Path) -> None:
+    """Refuse cells that no report could tell of, before anything is traced.
+
+    Parameters
+    ----------
+    sections : sequence of CellSection
+        The run file's cells.
+    base : Path
+        Where relative file names start.
+
+    Raises
+    ------
+    LidarSpectraError
+        If a cell is unknown, has no area, or its hours are none.
+    """
+    for section in sections:
+        area_of(find_cell(section.cell, base), _area_m2(section))
+        _shifts(section)
+
+
+def report_applications(
+    room: RunFile,
+    transport: xr.Dataset,
+    fluxes: Mapping[str, Spectrum],
+    bands: BandSet,
+    plan: FloorPlan,
+    *,
+    base: Path,
+    progress: Progress = silent,
+) -> tuple[Application, ...]:
+    """Sections of a report, as the run file wants them.
+
+    Parameters
+    ----------
+    room : RunFile
+    transport : xarray.Dataset
+        Traced coefficients.
+    fluxes : mapping of str to Spectrum
+        Spectral flux of every lamp. [W/nm]
+    bands : BandSet
+        The run's channels.
+    plan : FloorPlan
+    base : Path
+        Where relative file names start.
+    progress : callable
+        See `lidarspectra.progress`.
+
+    Raises
+    ------
+    LidarSpectraError
+        If a cell is unknown or its hours are none.
+    """
+    sections = []
+    if room.people_and_plants is not None:
+        sections.append(_people_and_plants(room.people_and_plants, transport, fluxes, bands, plan, progress))
+    sections += [
+        _cell(number, section, transport, fluxes, plan, base) for number, section in enumerate(room.cells, start=1)
+    ]
+    return tuple(sections)
+
+
+def _people_and_plants(
+    section: PeopleAndPlantsSection,
+    transport: xr.Dataset,
+    fluxes: Mapping[str, Spectrum],
+    bands: BandSet,
+    plan: FloorPlan,
+    progress: Progress,
+) -> Application:
+    light = light_of_lamps(transport, fluxes)
+    quantities = light_at_points(light, transport, bands, rendering=section.rendering, progress=progress)
+    caption = "Illuminance, melanopic equivalent daylight illuminance, colour temperature and photons for plants."
+    return Application(
+        title="People and plants",
+        figures=(
+            ApplicationFigure(name="people-and-plants", figure=quantities_figure(quantities, plan), caption=caption),
+        ),
+        tables=(summary_table(quantities),),
+    )
+
+
+def _cell(
+    number: int,
+    section: CellSection,
+    transport: xr.Dataset,
+    fluxes: Mapping[str, Spectrum],
+    plan: FloorPlan,
+    base: Path,
+) -> Application:
+    cell = find_cell(section.cell, base)
+    currents = current_map(
+        transport,
+        fluxes,
+        cell,
+        area_m2=_area_m2(section),
+        scale=section.scale,
+        shifts=_shifts(section),
+        volt=section.volt,
+    )
+    name = f"cell-{number}-" + (re.sub(r"[^a-z0-9]+", "-", cell.name.lower()).strip("-") or "own")
+    caption = f"A solar cell, '{cell.name}', at every point, facing as the sensors do."
+    return Application(
+        title=f"Solar cell {number}: {cell.name}",
+        words=tuple(f"{words[0].upper()}{words[1:]}." for words in str(currents.attrs["notes"]).splitlines()),
+        figures=(ApplicationFigure(name=name, figure=currents_figure(currents, plan), caption=caption),),
+        tables=(replace(currents_table(currents), name=name),),
+    )
+
+
+def _area_m2(section: CellSection) -> float | None:
+    return None if section.area_cm2 is None else section.area_cm2 * M2_PER_CM2
+
+
+def _shifts(section: CellSection) -> tuple[Shift, ...]:
+    return () if section.hours is None else (parse_hours(section.hours),)

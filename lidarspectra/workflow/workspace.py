@@ -1,0 +1,437 @@
+"""The run folder: one sub-folder a stage, each whole or absent, each knowing what it was made from.
+
+A stage is made in a folder of its own beside the final one and renamed when it is whole, so that a run that was
+cut leaves nothing that a later run would trust. What a stage was made from is one hash: its settings, the files
+that it read, and the contents of the stages before it. A stage whose hash did not change is not made again; a
+file that the user edited inside a stage folder is kept, and changes the hash of the stages after it.
+"""
+
+import hashlib
+import json
+import platform
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Generic, Literal, Self, TypeVar, get_args
+
+from lidarspectra.errors import WorkspaceError
+from lidarspectra.io.file_lock import FileLock
+from lidarspectra.io.files import hash_file, write_whole
+from lidarspectra.progress import Progress
+from lidarspectra.workflow.peak_memory import peak_memory
+
+StageName = Literal["scan", "views", "materials", "scene", "trace", "map", "report"]
+STAGES: tuple[StageName, ...] = get_args(StageName)
+RECORD_FILE = "stage.json"
+LOCK_FILE = "run.lock"
+MARKER_FILE = "lidarspectra-run.json"
+FORMAT = 1  # of the run folder; a change of it makes every stage stale
+
+Result = TypeVar("Result")
+Settings = Mapping[str, Any]
+Maker = Callable[[Path, Progress], "Notes"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Notes:
+    """What a stage has to say when it is done.
+
+    Parameters
+    ----------
+    summary : str
+        One line for the summary table.
+    warnings : tuple of str
+        Where the answer is right but the reader should know something.
+    """
+
+    summary: str
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageRecord:
+    """How a stage was made; kept as `stage.json` in its folder.
+
+    Parameters
+    ----------
+    stage : str
+        Its name.
+    key : str
+        Hash of all that went in.
+    settings : dict
+        The part of the run file and the hashes that the key was made of.
+    finished : str
+        UTC time, ISO 8601.
+    seconds : float
+        Wall time. [s]
+    peak_memory_mib : float
+        Highest resident memory of this process and its children. [MiB]
+    summary, warnings
+        See `Notes`.
+    outputs : dict of str to str
+        SHA-256 of every file of the stage when it was made.
+    versions : dict of str to str
+        Of this package, Python, the system and the libraries that numbers depend on.
+    """
+
+    stage: str
+    key: str
+    settings: dict[str, Any]
+    finished: str
+    seconds: float
+    peak_memory_mib: float
+    summary: str
+    warnings: tuple[str, ...]
+    outputs: dict[str, str]
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRequest:
+    """What a run was asked for; kept in the run folder, so that it can be asked for again.
+
+    Parameters
+    ----------
+    name : str
+        File name of the run file.
+    folder : str
+        Its folder, from the run folder where that is possible: both may move together.
+    sha256 : str
+        Of the run file.
+    text : str
+        The run file.
+    seed : int
+        Of all that is drawn by lot.
+    """
+
+    name: str
+    folder: str
+    sha256: str
+    text: str
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage(Generic[Result]):
+    """A stage as the run folder needs to know it.
+
+    Parameters
+    ----------
+    name : str
+        One of `STAGES`.
+    settings : mapping
+        All that the stage depends on, as JSON values; see `hash_files` for files.
+    make : callable
+        Given an empty folder and a progress; writes the stage's files there and returns its notes.
+    load : callable
+        Given the finished folder; returns the result.
+    """
+
+    name: StageName
+    settings: Settings
+    make: Maker
+    load: Callable[[Path], Result]
+
+
+class StageResult(Generic[Result]):
+    """A finished stage: its record, its folder, and its result, loaded when first asked for."""
+
+    def __init__(self, record: StageRecord, folder: Path, load: Callable[[Path], Result], *, fresh: bool) -> None:
+        self.record = record
+        self.folder = folder
+        self.was_fresh = fresh
+        self._load = load
+        self._value: Result | None = None
+
+    @property
+    def value(self) -> Result:
+        """The stage's result, read from its folder."""
+        if self._value is None:
+            self._value = self._load(self.folder)
+        return self._value
+
+    def contents(self) -> dict[str, str]:
+        """SHA-256 of every file of the stage as it is now: what the next stages depend on."""
+        return hash_files(self.folder)
+
+
+class Workspace:
+    """An open run folder, held by one run at a time; use it in a `with` statement.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if absent. One that holds other things than a run is refused.
+
+    Raises
+    ------
+    WorkspaceError
+        If the folder cannot be written, is no run folder, or another run holds it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._lock = FileLock(folder / LOCK_FILE)
+
+    def __enter__(self) -> Self:
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._claim()
+            self._hold()
+        except OSError as cause:
+            raise unwritable(self.folder, cause) from cause
+        self._sweep()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._lock.release()
+
+    def keep_request(self, request: RunRequest) -> None:
+        """Write down what this run is asked for, in place of what the last was."""
+        try:
+            write_json(self.folder / MARKER_FILE, {**_marker(), "run_file": asdict(request)})
+        except OSError as cause:
+            raise unwritable(self.folder, cause) from cause
+
+    def stage_folder(self, stage: StageName) -> Path:
+        """The folder of a stage, `1-scan` to `7-report`."""
+        return stage_folder(self.folder, stage)
+
+    def is_fresh(self, stage: Stage[Result]) -> bool:
+        """Whether the folder holds the stage, made from all that it depends on as that is now."""
+        record = read_record(self.stage_folder(stage.name))
+        return record is not None and record.key == _key(stage)
+
+    def run_stage(self, stage: Stage[Result], *, progress: Progress, force: bool = False) -> StageResult[Result]:
+        """Make a stage, or take it from the folder where nothing that it depends on has changed.
+
+        Parameters
+        ----------
+        stage : Stage
+            What to make, how, and from what.
+        progress : callable
+            See `lidarspectra.progress`.
+        force : bool
+            Make it even if it is fresh.
+
+        Returns
+        -------
+        result : StageResult
+
+        Raises
+        ------
+        WorkspaceError
+            If the folder cannot be written.
+        """
+        folder = self.stage_folder(stage.name)
+        record = read_record(folder)
+        if record is not None and record.key == _key(stage) and not force:
+            return StageResult(record, folder, stage.load, fresh=True)
+        return StageResult(self._make(stage, folder, progress), folder, stage.load, fresh=False)
+
+    def _make(self, stage: Stage[Result], folder: Path, progress: Progress) -> StageRecord:
+        partial = folder.with_name(f"{folder.name}.partial")
+        try:
+            _remove(partial)
+            partial.mkdir()
+            start = time.monotonic()
+            with peak_memory() as peak:
+                notes = stage.make(partial, progress)
+            record = StageRecord(
+                stage=stage.name,
+                key=_key(stage),
+                settings=dict(stage.settings),
+                finished=datetime.now(UTC).isoformat(timespec="seconds"),
+                seconds=round(time.monotonic() - start, 3),
+                peak_memory_mib=round(peak.mib, 1),
+                summary=notes.summary,
+                warnings=notes.warnings,
+                outputs=hash_files(partial),
+                versions=versions(),
+            )
+            write_json(partial / RECORD_FILE, asdict(record))
+            _remove(folder)
+            partial.rename(folder)
+        except OSError as cause:
+            raise unwritable(partial, cause) from cause
+        except MemoryError as cause:
+            raise WorkspaceError(
+                expected=f"memory enough for the stage '{stage.name}'",
+                found=f"none left ({cause})" if str(cause) else "none left",
+                where=str(self.folder),
+                todo="End other programs, or make less: [scan] max_faces, a smaller texture, fewer points.",
+            ) from cause
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)  # of a stage that failed; what stays is swept by the next run
+        return record
+
+    def _claim(self) -> None:
+        """Refuse a folder that holds other people's files; mark an empty one as a run."""
+        marker = self.folder / MARKER_FILE
+        if marker.exists():
+            return
+        strangers = sorted(path.name for path in self.folder.iterdir() if path.name != LOCK_FILE)
+        if strangers:
+            raise WorkspaceError(
+                expected="an empty folder or an earlier run",
+                found=f"a folder with other things in it ({', '.join(strangers[:3])})",
+                where=str(self.folder),
+                todo="Name another folder with --out.",
+            )
+        write_json(marker, _marker())
+
+    def _hold(self) -> None:
+        """Refuse a folder that another run is writing; keep others out while this one lasts."""
+        if not self._lock.take():
+            raise WorkspaceError(
+                expected="a run folder that no other run is writing",
+                found=f"one held by {self._lock.holder()}",
+                where=str(self.folder),
+                todo="Wait for it to end, or name another folder with --out.",
+            )
+
+    def _sweep(self) -> None:
+        """Remove what a cut run left behind."""
+        for stage in STAGES:
+            folder = self.stage_folder(stage)
+            _remove(folder.with_name(f"{folder.name}.partial"))
+
+
+def stage_folder(run: Path, stage: StageName) -> Path:
+    """The folder of a stage in a run folder."""
+    return run / f"{STAGES.index(stage) + 1}-{stage}"
+
+
+def parse_record(folder: Path) -> StageRecord | None:
+    """The record of a stage whether or not its files are there, or None where it cannot be read."""
+    try:
+        fields = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
+        record = StageRecord(**{**fields, "warnings": tuple(fields["warnings"])})
+        hashes = (record.outputs, record.versions)
+        if any(not isinstance(word, str) for table in hashes for pair in table.items() for word in pair):
+            return None
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return None
+    return record
+
+
+def read_record(folder: Path) -> StageRecord | None:
+    """The record of a finished stage, or None where the folder holds none that can be read."""
+    record = parse_record(folder)
+    if record is None or not all((folder / name).is_file() for name in record.outputs):
+        return None
+    return record
+
+
+def read_request(run: Path) -> RunRequest | None:
+    """What a run was asked for; None where it does not say, as older ones do not.
+
+    Raises
+    ------
+    WorkspaceError
+        If the folder is no run.
+    """
+    marker = run / MARKER_FILE
+    try:
+        fields = json.loads(marker.read_text(encoding="utf-8"))
+        return RunRequest(**fields["run_file"]) if "run_file" in fields else None
+    except OSError as cause:
+        raise WorkspaceError(
+            expected="a run folder",
+            found=f"no {MARKER_FILE} that can be read",
+            where=str(run),
+            todo="Name the folder that 'lidarspectra run' made, NAME.run beside NAME.toml by default.",
+        ) from cause
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return None
+
+
+def require_stage(run: Path, stage: StageName) -> Path:
+    """The folder of a finished stage of an existing run.
+
+    Raises
+    ------
+    WorkspaceError
+        If the run has no such stage, or it was cut.
+    """
+    folder = stage_folder(run, stage)
+    if read_record(folder) is None:
+        raise WorkspaceError(
+            expected=f"a run with a finished stage '{stage}'",
+            found="none" if run.is_dir() else "no such folder",
+            where=str(run),
+            todo="Run 'lidarspectra run ROOM.toml' first.",
+        )
+    return folder
+
+
+def hash_files(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file under a folder but its stage record, by its path with forward slashes."""
+    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    return {name: hash_file(folder / name) for name in names if name != RECORD_FILE}
+
+
+def write_json(path: Path, value: object) -> None:
+    """Write a value as readable JSON text, strictly (no NaN), whole or not at all."""
+    write_whole(path, json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package, Python, the system, and the libraries that numbers depend on."""
+    libraries = ("pyradiance", "numpy", "scipy", "trimesh", "embreex", "pymeshlab", "colour-science", "scikit-learn")
+    return {
+        "lidarspectra": version("lidarspectra"),
+        "python": platform.python_version(),
+        "system": platform.platform(),
+        **{name: version(name) for name in libraries},
+    }
+
+
+def record_key(record: StageRecord) -> str:
+    """The key that a record's settings have; `record.key`, unless one of the two was changed."""
+    return _hash_of(record.stage, record.settings, record.versions.get("lidarspectra", ""))
+
+
+def _key(stage: Stage[Result]) -> str:
+    return _hash_of(stage.name, stage.settings, version("lidarspectra"))
+
+
+def _hash_of(stage: str, settings: Settings, package_version: str) -> str:
+    content = {"format": FORMAT, "version": package_version, "stage": stage, "settings": settings}
+    text = json.dumps(content, sort_keys=True, ensure_ascii=False, allow_nan=False)
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+
+
+def _marker() -> dict[str, Any]:
+    return {"format": FORMAT, "made_by": f"lidarspectra {version('lidarspectra')}"}
+
+
+def _remove(folder: Path) -> None:
+    if folder.exists():
+        shutil.rmtree(folder)
+
+
+def made_folder(folder: Path) -> Path:
+    """A folder for results, made if absent; raises WorkspaceError where it cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise unwritable(folder, cause) from cause
+    return folder
+
+
+def unwritable(folder: Path, cause: OSError) -> WorkspaceError:
+    """The error for a folder that cannot be written, from what the system said."""
+    return WorkspaceError(
+        expected="a run folder that can be written",
+        found=f"{cause.strerror or cause}",
+        where=str(cause.filename or folder),
+        todo="Check its permissions and the free disk space, or name another folder with --out.",
+    )

@@ -1,0 +1,1 @@
+"""Research: training, experiments, virtual rooms, a second opinion and benchmarks; not in the wheel."""

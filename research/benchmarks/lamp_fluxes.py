@@ -1,0 +1,73 @@
+"""How well the light on the walls tells the lamps' relative fluxes: scenes whose lamps are known.
+
+    python -m research.benchmarks.lamp_fluxes [office ... or folders made by research.scenes.build, or scans]
+
+A scene's lamps stand where they are, but all are taken for equally strong; what the picture makes of that is printed
+beside the truth. A scan has no truth: its lit lamps are looked for, and taken by area first.
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.config import LampsFromScanSection, read_run_file
+from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.lamps.lamps import Lamp, lamps_from_lit, resolve_lamps
+from lidarspectra.material.lamp_fluxes import LampFlux
+from lidarspectra.material.lit_lamps import find_lit_lamps
+from lidarspectra.room.room import find_room
+from lidarspectra.spectra.databases import scenes_folder
+from lidarspectra.workflow.delighting import take_light_out
+
+WHITE_K = 4000.0  # [K] of lamps that are found in a scan
+
+
+def told_by(path: Path, lamps: Sequence[Lamp] | None) -> tuple[LampFlux, ...]:
+    """What a scan tells of lamps, or of those that are lit in it."""
+    scan = repair_scan(read_scan(path), flatten=True)
+    room = find_room(scan)
+    if lamps is None:
+        lamps = lamps_from_lit(find_lit_lamps(scan, room), LampsFromScanSection(cct_k=WHITE_K), path.parent)
+    found = take_light_out(scan, room, lamps, fluxes_stated=False)
+    print(f"\n{path}: {len(lamps)} lamps\n  {found.words}", *found.warnings, sep="\n  ")
+    return found.lamp_fluxes
+
+
+def run_scene(folder: Path) -> None:
+    """Compare with a scene's truth."""
+    lamps = resolve_lamps(read_run_file(folder / "room.toml").lamps, folder)
+    powers = np.array([lamp.flux.integral() for lamp in lamps])
+    mean = float(np.exp(np.log(powers).mean()))
+    equal = [replace(lamp, flux=lamp.flux.scaled(mean / power)) for lamp, power in zip(lamps, powers, strict=True)]
+    fluxes = told_by(folder / "scan.glb", equal)
+    for flux, power in zip(fluxes, powers, strict=True):
+        print(f"  {flux.lamp:16s} true {power / mean:5.2f}  {_in_words(flux)}")
+    errors = np.array([np.log(flux.factor * mean / power) for flux, power in zip(fluxes, powers, strict=True)])
+    print(
+        f"  root mean square error {100 * np.sqrt((errors**2).mean()):.1f} %, largest {100 * abs(errors).max():.1f} %"
+    )
+
+
+def _in_words(flux: LampFlux) -> str:
+    return f"found {flux.factor:5.2f} ± {100 * flux.log_deviation:2.0f} %, {'told' if flux.told else 'not told'}"
+
+
+def main() -> None:
+    """Run it."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("places", nargs="*", default=["office", "apartment"])
+    for name in parser.parse_args().places:
+        path = scenes_folder() / name if (scenes_folder() / name).is_dir() else Path(name)
+        if path.is_dir():
+            run_scene(path)
+        else:
+            for flux in told_by(path, None):
+                print(f"  {flux.lamp:16s} {_in_words(flux)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,131 @@
+"""Write scenes/reflectances.csv: the true reflectances of our rooms' surfaces, from smooth models.
+
+    python -m research.scenes.reflectances
+
+Each spectrum is a base, plus steps (pigments and dyes that open up at some wavelength: sigmoids), plus bumps
+(Gaussians, negative ones are absorption bands). They are modelled, not measured: levels and edges follow what
+paints, laminates, textiles and metals do, but no spectrum is that of a real surface or of a built-in library, so
+that an estimate which names the right library entry is still not exact.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.spectra.spectrum_files import TableRow, write_table
+
+WAVELENGTHS_NM = np.arange(360.0, 965.0, 5.0)  # [nm] covers the AS7265x with its widths
+TABLE = Path(__file__).parents[2] / "scenes" / "reflectances.csv"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """A reflectance model.
+
+    Parameters
+    ----------
+    id, name, category : str
+        As in the table.
+    base : float
+        What is left of every wavelength. [1]
+    steps : tuple of (float, float, float)
+        (height [1], centre [nm], width [nm]) of sigmoids that rise with the wavelength; a negative height falls.
+    bumps : tuple of (float, float, float)
+        (height [1], centre [nm], standard deviation [nm]) of Gaussians.
+    """
+
+    id: str
+    name: str
+    category: str
+    base: float
+    steps: tuple[tuple[float, float, float], ...] = ()
+    bumps: tuple[tuple[float, float, float], ...] = ()
+
+    def reflectance(self) -> FloatArray:
+        """(wavelength,) reflectance on `WAVELENGTHS_NM` [1]."""
+        values = np.full(WAVELENGTHS_NM.size, self.base)
+        for height, center, width in self.steps:
+            values += height / (1.0 + np.exp(-(WAVELENGTHS_NM - center) / width))
+        for height, center, deviation in self.bumps:
+            values += height * np.exp(-0.5 * ((WAVELENGTHS_NM - center) / deviation) ** 2)
+        return values
+
+
+# Titanium white absorbs below 400 nm; organic dyes turn transparent in the near infrared, black ones from 700 nm.
+MODELS = (
+    Model(id="ceiling-white", name="matt white ceiling paint", category="painted", base=0.06,
+          steps=((0.73, 402.0, 8.0), (0.06, 500.0, 60.0))),
+    Model(id="wall-orange", name="orange wall paint", category="painted", base=0.075,
+          steps=((0.17, 522.0, 12.0), (0.43, 578.0, 13.0), (0.05, 660.0, 30.0)), bumps=((0.02, 425.0, 20.0),)),
+    Model(id="wall-cream", name="cream wall paint", category="painted", base=0.07,
+          steps=((0.53, 405.0, 9.0), (0.20, 490.0, 30.0))),
+    Model(id="wall-sage", name="sage green wall paint", category="painted", base=0.09,
+          steps=((0.22, 405.0, 10.0), (0.13, 720.0, 25.0)), bumps=((0.15, 545.0, 48.0),)),
+    Model(id="wall-grey", name="light grey wall paint", category="painted", base=0.08,
+          steps=((0.47, 404.0, 9.0), (-0.02, 640.0, 40.0))),
+    Model(id="floor-lino", name="grey-beige linoleum", category="stone", base=0.10,
+          steps=((0.10, 470.0, 45.0), (0.08, 590.0, 45.0), (0.09, 760.0, 40.0))),
+    Model(id="floor-oak", name="oiled oak boards", category="wood", base=0.06,
+          steps=((0.16, 500.0, 35.0), (0.20, 590.0, 40.0), (0.14, 690.0, 45.0))),
+    Model(id="floor-tile", name="pale stoneware tile", category="tile", base=0.17,
+          steps=((0.18, 420.0, 22.0), (0.09, 560.0, 50.0))),
+    Model(id="carpet-blue", name="blue carpet", category="carpet", base=0.045,
+          steps=((0.38, 728.0, 18.0),), bumps=((0.11, 455.0, 38.0),)),
+    Model(id="beech", name="beech veneer", category="wood", base=0.12,
+          steps=((0.20, 475.0, 32.0), (0.22, 575.0, 42.0), (0.12, 690.0, 40.0))),
+    Model(id="walnut", name="walnut veneer", category="wood", base=0.045,
+          steps=((0.05, 520.0, 45.0), (0.10, 630.0, 40.0), (0.22, 730.0, 40.0))),
+    Model(id="laminate-white", name="white laminate", category="plastic", base=0.08,
+          steps=((0.70, 412.0, 9.0), (0.04, 560.0, 50.0))),
+    Model(id="whiteboard", name="enamelled steel whiteboard", category="ceramic", base=0.10,
+          steps=((0.72, 398.0, 8.0), (-0.04, 640.0, 60.0))),
+    Model(id="fabric-blue", name="blue upholstery", category="fabric", base=0.04,
+          steps=((0.42, 716.0, 15.0),), bumps=((0.17, 450.0, 30.0), (0.04, 500.0, 30.0))),
+    Model(id="fabric-grey", name="grey upholstery", category="fabric", base=0.16,
+          steps=((0.05, 500.0, 60.0), (0.27, 735.0, 22.0))),
+    Model(id="fabric-red", name="red blanket", category="fabric", base=0.045,
+          steps=((0.40, 603.0, 11.0), (0.18, 700.0, 25.0)), bumps=((0.02, 430.0, 25.0),)),
+    Model(id="steel-grey", name="grey powder-coated steel", category="metal", base=0.12,
+          steps=((0.20, 402.0, 9.0), (-0.02, 580.0, 50.0))),
+    Model(id="steel-brushed", name="brushed stainless steel", category="metal", base=0.38,
+          steps=((0.17, 520.0, 110.0),)),
+    Model(id="cabinet-green", name="green lacquered steel", category="metal", base=0.06,
+          steps=((0.05, 405.0, 10.0), (0.16, 745.0, 22.0)), bumps=((0.22, 522.0, 34.0),)),
+    Model(id="door-white", name="white door enamel", category="painted", base=0.07,
+          steps=((0.62, 406.0, 8.0), (0.09, 520.0, 45.0))),
+    Model(id="plastic-black", name="black plastic", category="plastic", base=0.042,
+          steps=((0.01, 640.0, 80.0),)),
+    Model(id="paper-book", name="book covers, red-brown", category="paper", base=0.08,
+          steps=((0.25, 600.0, 16.0), (0.15, 690.0, 30.0))),
+    Model(id="poster-yellow", name="yellow poster", category="paper", base=0.07,
+          steps=((0.66, 505.0, 13.0), (0.06, 620.0, 40.0))),
+    Model(id="leaf", name="leaves of a house plant", category="foliage", base=0.045,
+          steps=((0.42, 712.0, 10.0),), bumps=((0.085, 552.0, 24.0), (0.01, 640.0, 20.0))),
+    Model(id="terracotta", name="terracotta pot", category="ceramic", base=0.09,
+          steps=((0.12, 555.0, 20.0), (0.20, 600.0, 28.0), (0.07, 720.0, 40.0))),
+    Model(id="diffuser", name="opal lamp diffuser", category="plastic", base=0.10,
+          steps=((0.70, 400.0, 10.0),)),
+    Model(id="grey-50", name="neutral grey of 50 %", category="painted", base=0.50),
+)  # fmt: skip
+
+
+def rows() -> tuple[TableRow, ...]:
+    """Return every model as a row of the table."""
+    return tuple(
+        TableRow(
+            id=model.id,
+            name=model.name,
+            category=model.category,
+            spectrum=Spectrum(wavelengths_nm=WAVELENGTHS_NM, values=model.reflectance(), name=model.name),
+            properties={"provenance": "modelled"},
+        )
+        for model in MODELS
+    )
+
+
+if __name__ == "__main__":
+    write_table(TABLE, rows())
+    print(f"{len(MODELS)} reflectances, {WAVELENGTHS_NM[0]:g} to {WAVELENGTHS_NM[-1]:g} nm: {TABLE}")

@@ -1,0 +1,72 @@
+"""Tables of the experiments hold what was compared, and say which goals are missed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lidarspectra.errors import MapError
+from research.experiments.accuracy import (
+    GOALS,
+    accuracy_table,
+    defaults_table,
+    goals_table,
+    map_deviation,
+    paper_table,
+)
+from research.experiments.results_page import write_results_page
+from research.experiments.sensitivity import Change, Influence, influence_table
+
+TRUTH = np.outer(np.linspace(1.0, 2.0, 9), [1.0, 2.0, 3.0])
+KEPT = np.arange(9) != 8
+
+
+def deviation(factor: float, materials: str = "estimated"):  # type: ignore[no-untyped-def]
+    return map_deviation(factor * TRUTH, TRUTH, KEPT, scene="office", materials=materials, accuracy="ultra")
+
+
+def test_a_wrong_level_shows_in_watts_and_hides_behind_the_normalisation() -> None:
+    error = deviation(1.3)
+    assert error.absolute.mape_mean == pytest.approx(30.0)
+    assert error.normalised.mape_mean == pytest.approx(0.0, abs=1e-9)  # rounding
+    assert error.absolute.points == 8  # the point that is left out is out
+
+
+def test_goals_are_met_by_the_truth_and_missed_by_a_third_too_much() -> None:
+    assert set(goals_table([deviation(1.0)]).frame["verdict"]) == {"met"}
+    missed = goals_table([deviation(1.3)]).frame
+    verdicts = dict(zip(missed["goal"], missed["verdict"], strict=True))
+    assert verdicts == {goal: "missed" if goal.startswith("absolute") else "met" for goal in GOALS}
+
+
+def test_every_table_has_mean_and_median_and_both_normalisations() -> None:
+    columns = list(accuracy_table([deviation(1.1)], name="t", caption="c").frame)
+    for kind in ("abs", "0-1"):
+        assert {f"{kind} NRMSE mean [1]", f"{kind} NRMSE median [1]", f"{kind} MAPE mean [%]"} <= set(columns)
+        assert f"{kind} median error [%]" in columns
+
+
+def test_default_materials_stand_beside_the_paper_s() -> None:
+    frame = defaults_table([deviation(1.5, "white-wall")], [deviation(1.0)], name="t", caption="c").frame
+    assert frame["paper MAPE w/o ME [%]"].tolist() == [62.3]
+    assert frame["abs MAPE w/o ME [%]"].tolist() == pytest.approx([50.0])
+    assert paper_table().frame["MAPE [%]"].tolist() == [18.6, 14.4, 12.64, 12.74]
+
+
+def test_influences_are_listed_with_the_worst_first() -> None:
+    small = Influence(words="small", changes=(Change(words="a", error=deviation(1.01)),))
+    large = Influence(words="large", changes=(Change(words="b", error=deviation(0.8)),))
+    assert influence_table(deviation(1.0), [small, large]).frame["input"].tolist() == ["nothing", "large", "small"]
+    with pytest.raises(MapError):
+        Influence(words="none", changes=())
+
+
+def test_the_page_holds_the_tables_that_are_there_and_no_others(tmp_path: Path) -> None:
+    folder = tmp_path / "results"
+    folder.mkdir()
+    (folder / "table-2.md").write_text("caption\n\n| a |\n| --: |\n| 1 |\n", encoding="utf-8")
+    (folder / "reading.md").write_text("What it says.\n", encoding="utf-8")
+    page = write_results_page(folder, tmp_path / "results.md").read_text(encoding="utf-8")
+    assert "| 1 |" in page
+    assert "What it says." in page
+    assert "Table 1: error" not in page

@@ -1,0 +1,146 @@
+"""The scenes that are shipped, as they lie in the repository."""
+
+import csv
+import gzip
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+import trimesh
+
+from lidarspectra.config import read_run_file
+from lidarspectra.spectra.spectrum_files import read_table
+from research.virtual_rooms.room_plan import read_plan
+from research.virtual_rooms.true_room import true_room
+
+SCENES = ("office", "apartment", "large-office", "box")
+MAX_GLB_BYTES = 2_000_000  # [B] small enough to live in the repository
+
+
+def load_script(path: Path) -> ModuleType:
+    specification = importlib.util.spec_from_file_location(f"scenes_{path.stem}", path)
+    assert specification is not None
+    assert specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+def scan_of(folder: Path) -> trimesh.Trimesh:
+    run_file = read_run_file(folder / "room.toml")
+    loaded = trimesh.load_scene(folder / run_file.scan.file, process=False)
+    (mesh,) = loaded.geometry.values()
+    return mesh
+
+
+def true_labels(folder: Path) -> list[dict[str, str]]:
+    with gzip.open(folder / "truth" / "faces.csv.gz", "rt", encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_plan_and_run_file_name_the_same_lamps_and_sensors(project: Path, scene: str) -> None:
+    plan = read_plan(project / "scenes" / scene / "plan.toml")
+    run_file = read_run_file(project / "scenes" / scene / "room.toml")
+    assert run_file.lamps == plan.file.lamps
+    assert run_file.sensors == plan.file.sensors
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_truth_has_a_material_for_every_triangle_of_the_scan(project: Path, scene: str) -> None:
+    folder = project / "scenes" / scene
+    labels = true_labels(folder)
+    assert len(labels) == len(scan_of(folder).faces)
+    known = {row.id for row in read_table(folder / "truth" / "materials.csv")}
+    assert {label["material"] for label in labels} <= known
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_true_materials_and_lamps_are_at_full_spectral_resolution(project: Path, scene: str) -> None:
+    folder = project / "scenes" / scene
+    for row in read_table(folder / "truth" / "materials.csv"):
+        assert np.diff(row.spectrum.wavelengths_nm).max() <= 5.0
+        assert row.spectrum.range_nm[0] <= 380.0
+        assert row.spectrum.range_nm[1] >= 780.0
+        assert row.spectrum.values.min() > 0.0
+        assert row.spectrum.values.max() < 0.95
+        assert row.properties["provenance"] == "modelled"
+    lamps = read_table(folder / "truth" / "lamps.csv")
+    assert [row.name for row in lamps] == [lamp.name for lamp in read_plan(folder / "plan.toml").file.lamps]
+
+
+@pytest.mark.parametrize("scene", ["office", "apartment", "large-office"])
+def test_the_scan_lies_on_the_true_room_and_is_small(project: Path, scene: str) -> None:
+    folder = project / "scenes" / scene
+    assert (folder / "scan.glb").stat().st_size <= MAX_GLB_BYTES
+    room = true_room(read_plan(folder / "plan.toml"))
+    scanned = np.asarray(scan_of(folder).vertices)
+    z_up = np.stack([scanned[:, 0], -scanned[:, 2], scanned[:, 1]], axis=1)
+    # Drift of 3 mm in each direction and noise of 1.5 mm: nothing is off by 2 cm; in the large office, twice that.
+    limit = 0.04 if scene == "large-office" else 0.02
+    assert z_up.min(axis=0) == pytest.approx(room.vertices.min(axis=0), abs=limit)
+    assert z_up.max(axis=0) == pytest.approx(room.vertices.max(axis=0), abs=limit)
+
+
+def test_lamps_show_white_in_the_texture_and_the_walls_do_not(project: Path) -> None:
+    folder = project / "scenes" / "office"
+    mesh = scan_of(folder)
+    image = np.asarray(mesh.visual.material.baseColorTexture.convert("RGB"))
+    uv = np.asarray(mesh.visual.uv)[np.asarray(mesh.faces)].mean(axis=1)
+    height, width = image.shape[:2]
+    shown = image[((1 - uv[:, 1]) * height).astype(int), (uv[:, 0] * width).astype(int)]
+    part = np.array([label["part"] for label in true_labels(folder)])
+    plates = np.char.startswith(part, "plate") & (np.asarray(mesh.face_normals)[:, 1] < -0.95)
+    walls = np.char.endswith(part, "wall")
+    assert (shown[plates].min(axis=1) >= 250).mean() > 0.9
+    red, green, blue = shown[walls].mean(axis=0)
+    assert red > 1.3 * green > 1.3 * 1.3 * blue
+
+
+def test_the_plan_of_the_office_is_the_paper_s_room(project: Path) -> None:
+    plan = read_plan(project / "scenes" / "office" / "plan.toml").file
+    (room,) = plan.rooms
+    assert np.subtract(room.high, room.low) == pytest.approx([3.0, 3.0, 2.7], abs=0.15)
+    assert [lamp.shape for lamp in plan.lamps] == ["panel", "panel"]
+    assert plan.sensors.grid is not None
+    assert (plan.sensors.grid.count, plan.sensors.grid.height) == (176, 0.3)
+
+
+def test_the_apartment_has_25_m2_11_downlights_and_17_sensors(project: Path) -> None:
+    folder = project / "scenes" / "apartment"
+    plan = read_plan(folder / "plan.toml").file
+    area = sum((room.high[0] - room.low[0]) * (room.high[1] - room.low[1]) for room in plan.rooms)
+    assert area == pytest.approx(25.0, abs=0.5)
+    assert len(plan.lamps) == 11
+    with (folder / "points.csv").open(encoding="utf-8") as stream:
+        assert len(list(csv.DictReader(stream))) == 17
+
+
+def test_the_large_office_has_108_m2_3_strips_and_27_sensors_in_the_air(project: Path) -> None:
+    folder = project / "scenes" / "large-office"
+    plan = read_plan(folder / "plan.toml")
+    (room,) = plan.file.rooms
+    assert np.prod(np.subtract(room.high, room.low)[:2]) == pytest.approx(108.0)
+    assert [lamp.shape for lamp in plan.file.lamps] == ["strip", "strip", "strip"]
+    places = np.loadtxt(folder / "points.csv", delimiter=",", skiprows=1)[:, :3]
+    assert len(places) == 27
+    assert true_room(plan).in_air(places).all()
+
+
+def test_the_table_of_reflectances_is_what_its_script_writes(project: Path, tmp_path: Path) -> None:
+    script = load_script(project / "scenes" / "reflectances.py")
+    script.write_table(tmp_path / "again.csv", script.rows())
+    assert (tmp_path / "again.csv").read_bytes() == (project / "scenes" / "reflectances.csv").read_bytes()
+
+
+def test_wall_points_of_the_box_stand_for_equal_shares_and_look_inwards(project: Path, tmp_path: Path) -> None:
+    script = load_script(project / "scenes" / "build.py")
+    (room,) = read_plan(project / "scenes" / "box" / "plan.toml").file.rooms
+    script.write_wall_points(tmp_path / "points.csv", room)
+    assert (tmp_path / "points.csv").read_bytes() == (project / "scenes" / "box" / "points.csv").read_bytes()
+    table = np.loadtxt(tmp_path / "points.csv", delimiter=",", skiprows=1)
+    assert table.shape == (600, 6)
+    towards = np.einsum("nc,nc->n", table[:, 3:], np.array([1.5, 1.5, 1.5]) - table[:, :3])
+    assert towards == pytest.approx(1.5)

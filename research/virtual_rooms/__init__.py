@@ -1,0 +1,1 @@
+"""Rooms made of plans, and a virtual phone that scans them."""
