@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 TOLD_FROM = 0.2  # [1] of a stage; before, a remaining time would be a guess
-LEAST_TOLD_S = 10.0  # [s]
+MIN_TOLD_S = 10.0  # [s]
 
 Progress = Callable[[float, str], None]
 """Called with the fraction done [0-1] and a few words on what is being done."""
@@ -64,7 +64,7 @@ def remaining_s(elapsed_s: float, fraction: float) -> float | None:
 def remaining_words(elapsed_s: float, fraction: float) -> str:
     """The remaining time in words; empty while too little is done, or too little left, to speak of it."""
     left_s = remaining_s(elapsed_s, fraction)
-    if left_s is None or fraction < TOLD_FROM or left_s < LEAST_TOLD_S:
+    if left_s is None or fraction < TOLD_FROM or left_s < MIN_TOLD_S:
         return ""
     if left_s < 90.0:
         return f"about {10 * round(left_s / 10):.0f} s left"

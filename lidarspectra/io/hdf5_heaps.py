@@ -17,7 +17,7 @@ VERSION = 1
 HEAD = struct.Struct("<4sB3xQ")  # signature, version, size of the heap with its head [byte]
 ITEM = struct.Struct("<HHIQ")  # number, references, nothing, size [byte]
 PADDED_TO = 8  # [byte]
-MOST_ITEMS = 1_000_000  # [1] in all heaps of a file; one of ours has some ten
+MAX_ITEMS = 1_000_000  # [1] in all heaps of a file; one of ours has some ten
 
 
 def check_heaps(path: Path) -> None:
@@ -31,7 +31,7 @@ def check_heaps(path: Path) -> None:
     Raises
     ------
     ValueError
-        If a heap has free space of no size, or the heaps hold more than `MOST_ITEMS` objects.
+        If a heap has free space of no size, or the heaps hold more than `MAX_ITEMS` objects.
     OSError
         If the file cannot be read.
     """
@@ -39,7 +39,7 @@ def check_heaps(path: Path) -> None:
         if not stream.seek(0, 2):
             return  # nothing can be mapped of an empty file
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            left, start = MOST_ITEMS, data.find(SIGNATURE)
+            left, start = MAX_ITEMS, data.find(SIGNATURE)
             while start >= 0:
                 left -= _items(data, start, left)
                 start = data.find(SIGNATURE, start + 1)
@@ -61,5 +61,5 @@ def _items(data: mmap.mmap, start: int, most: int) -> int:
         at += length if number == 0 else ITEM.size + -(-length // PADDED_TO) * PADDED_TO
         count += 1
         if count > most:
-            raise ValueError(f"more than {MOST_ITEMS:,} objects in its global heaps")
+            raise ValueError(f"more than {MAX_ITEMS:,} objects in its global heaps")
     return count

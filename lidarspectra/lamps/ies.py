@@ -20,9 +20,9 @@ from lidarspectra.errors import LampError
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,2})?")  # finite, and nothing that only Python reads
 LARGEST_NUMBER = 1e12  # [1] of a file: four are multiplied for a candela value
-METRES_A_FOOT = 0.3048  # [m/ft] international foot
-MOST_BYTES = 20_000_000  # [B] a table of 720 x 360 directions has 2 MB
-MOST_ANGLES = 1000  # [1] of either kind; goniometers step by half a degree at the finest
+METRES_PER_FOOT = 0.3048  # [m/ft] international foot
+MAX_BYTES = 20_000_000  # [B] a table of 720 x 360 directions has 2 MB
+MAX_ANGLES = 1000  # [1] of either kind; goniometers step by half a degree at the finest
 POINT_DIAMETER_M = 0.1  # [m] of a luminaire whose file gives no opening
 
 
@@ -112,7 +112,7 @@ def read_ies_text(path: Path) -> str:
         If it cannot be read, or is too big to be one.
     """
     try:
-        if path.stat().st_size > MOST_BYTES:
+        if path.stat().st_size > MAX_BYTES:
             raise _unreadable(str(path), f"a file of {path.stat().st_size // 1_000_000} MB")
         content = path.read_bytes()
     except OSError as cause:
@@ -159,7 +159,7 @@ def read_ies(text: str, *, where: str) -> CandelaTable:
     lamps, _, multiplier = numbers.take(3)
     verticals, horizontals = numbers.count("vertical angles"), numbers.count("horizontal angles")
     photometric_type, unit = numbers.take(2)
-    width, length, height = numbers.take(3) * (METRES_A_FOOT if unit == 1 else 1.0)
+    width, length, height = numbers.take(3) * (METRES_PER_FOOT if unit == 1 else 1.0)
     factors = numbers.take(3)[:2]
     vertical, horizontal = numbers.take(verticals), numbers.take(horizontals)
     candela = numbers.take(verticals * horizontals).reshape(horizontals, verticals)
@@ -204,7 +204,7 @@ class _Numbers:
 
     def count(self, of: str) -> int:
         value = float(self.take(1)[0])
-        if not (value == int(value) and 1 <= value <= MOST_ANGLES):
+        if not (value == int(value) and 1 <= value <= MAX_ANGLES):
             raise _unreadable(self._where, f"{value:g} {of}")
         return int(value)
 

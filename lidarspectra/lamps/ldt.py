@@ -18,13 +18,13 @@ from pyldt import Ldt, LdtReader
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LampError
 
-MOST_BYTES = 5_000_000  # [B] 721 planes of 361 angles have 2 MB
-MOST_PLANES, MOST_ANGLES = 721, 361  # [1] half a degree each way, the finest that the format foresees
-MOST_CANDELA = 1e12  # [cd] a lighthouse has 1e7
+MAX_BYTES = 5_000_000  # [B] 721 planes of 361 angles have 2 MB
+MAX_PLANES, MAX_ANGLES = 721, 361  # [1] half a degree each way, the finest that the format foresees
+MAX_CANDELA = 1e12  # [cd] a lighthouse has 1e7
 LINE_OF_PLANES, LINE_OF_ANGLES = 3, 5  # [1] counted from 0
 FIRST_SIZE, SIZES_BEFORE_SETS = 12, 13  # [1] line of the first size, counted from 0; sizes and factors up to the sets
 HEAD_LINES = 200  # [1] that are looked at
-MOST_SETS = 20  # [1] the format's own limit
+MAX_SETS = 20  # [1] the format's own limit
 LM_PER_KLM = 1000.0  # [1]
 MM_PER_M = 1000.0  # [1]
 AXIAL = 1  # symmetry indicator: the same in all planes
@@ -58,7 +58,7 @@ def ies_text_of_ldt(path: Path) -> str:
 def _check_size(path: Path) -> None:
     """Refuse what is too big to be a luminaire before a table of that size is made."""
     try:
-        if path.stat().st_size > MOST_BYTES:
+        if path.stat().st_size > MAX_BYTES:
             raise _unreadable(str(path), f"a file of {path.stat().st_size // 1_000_000} MB")
         with path.open(encoding="latin-1") as file:
             lines = list(islice(file, HEAD_LINES))
@@ -66,13 +66,13 @@ def _check_size(path: Path) -> None:
         raise _unreadable(str(path), str(cause.strerror or cause), todo="Mend 'file' of this lamp.") from cause
     if len(lines) <= LINE_OF_ANGLES:
         raise _unreadable(str(path), f"{len(lines)} lines")
-    for line, most, of in ((LINE_OF_PLANES, MOST_PLANES, "C-planes"), (LINE_OF_ANGLES, MOST_ANGLES, "angles a plane")):
+    for line, most, of in ((LINE_OF_PLANES, MAX_PLANES, "C-planes"), (LINE_OF_ANGLES, MAX_ANGLES, "angles a plane")):
         words = lines[line].strip()
         if not (words.isascii() and words.isdecimal() and 1 <= len(words) <= 4 and 1 <= int(words) <= most):
             raise _unreadable(str(path), f"'{words[:40]}' for the number of {of} in line {line + 1}")
     # The reader passes over empty lines from here on, and would take as many lamp sets as are said.
     sets = [line.strip() for line in lines[FIRST_SIZE:] if line.strip()][SIZES_BEFORE_SETS:][:1]
-    if sets and not (sets[0].isascii() and sets[0].isdecimal() and len(sets[0]) <= 4 and int(sets[0]) <= MOST_SETS):
+    if sets and not (sets[0].isascii() and sets[0].isdecimal() and len(sets[0]) <= 4 and int(sets[0]) <= MAX_SETS):
         raise _unreadable(str(path), f"'{sets[0][:40]}' for the number of lamp sets")
 
 
@@ -84,7 +84,7 @@ def _ies_text(luminaire: Ldt, where: str) -> str:
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused below
         candela = np.array(luminaire.intensities, dtype=np.float64) * lumens / LM_PER_KLM * header.conv_factor
     planes = np.array(header.c_angles, dtype=np.float64)
-    if candela.shape != (planes.size, len(header.g_angles)) or not np.all(np.abs(candela) <= MOST_CANDELA):
+    if candela.shape != (planes.size, len(header.g_angles)) or not np.all(np.abs(candela) <= MAX_CANDELA):
         raise _unreadable(where, f"{planes.size} planes and a table of {' x '.join(map(str, candela.shape))}")
     if not np.isfinite(planes).all():
         raise _unreadable(where, "a C-plane at no angle")

@@ -38,7 +38,7 @@ from lidarspectra.material.sharpened_cones import cones_of_srgb, srgb_of_cones
 from lidarspectra.material.tone_curve import ToneCurve
 from lidarspectra.progress import Progress, shares, silent
 
-LEAST_LIGHT = 1e-5  # [1] of white, floor of cone responses before their logarithm
+MIN_LIGHT = 1e-5  # [1] of white, floor of cone responses before their logarithm
 LOG_SCATTER = 0.07  # [1] usual deviation of log ρ within a surface: grain, uneven exposure, noise of the mesh
 PICTURE_NOISE = 0.006  # [1] of white, deviation of what a picture shows: 8 bits, and JPEG's coarse colour
 ROBUST_SCALE = 1.5  # [1] deviations from which a point counts less and less
@@ -50,7 +50,7 @@ POWER_DEVIATION = 0.15  # [1] of log g about g = 1
 SHOULDER_GUESS, SHOULDER_DEVIATION = 0.4, 0.5  # [1] of log(1 + s): phones lift shadows, most by less than 2.5
 BALANCE_DEVIATION = 0.2  # [1] of log k between cones, about white half-way between the lamps and all light in the room
 BEAM_DEVIATION = 0.4  # [1] of the beam exponent about that of matt lamps
-LEAST_EMISSION = 1e-3  # [1] cosine below which a lamp is seen from its edge
+MIN_EMISSION = 1e-3  # [1] cosine below which a lamp is seen from its edge
 STATED_FLUX_DEVIATION = 0.15  # [1] of the log of a lamp's flux over the others', where fluxes are stated
 BRIGHTEST_REFLECTANCE = 0.90  # [1] fresh white paint, top of EN 12464-1; what comes out brighter speaks for more light
 BRIGHTEST_DEVIATION = 0.03  # [1] of its logarithm
@@ -64,7 +64,7 @@ STARTS = ((0.0, 0.0), (0.8, 0.0), (0.4, 1.0), (0.4, -1.0))  # [1] log(1 + s), an
 FIT_COSTS = (*(1.0,) * len(STARTS), 1.5, 0.5)  # [1] of the time: each start, the fit itself, how sure it is
 BOUNDS_POWER, BOUND_SHOULDER, BOUND_EXPOSURE = 0.6, 2.3, 4.0  # [1] of |log g|, log(1 + s), |log k - rough value|
 COARSE = 4  # [1] every so-manieth point is enough to choose among starts
-MOST_STEPS = 60  # [1] of a fit; pictures that their lamps do not explain take any number
+MAX_STEPS = 60  # [1] of a fit; pictures that their lamps do not explain take any number
 STEP = 1e-3  # [1] of a parameter, for slopes by differences
 USUAL_STEPS = 8  # [1] of a fit
 BOUNDS_BEAM = (-0.5, 4.0)  # [1]
@@ -164,7 +164,7 @@ class LightFit:
     cost : float
         Least value of the objective, halved sum of squares.
     steps : int
-        That the fit took; at `MOST_STEPS` it was left as it stood.
+        That the fit took; at `MAX_STEPS` it was left as it stood.
     """
 
     tone: ToneCurve
@@ -214,14 +214,14 @@ class _LightAt:
             if self._nothing.any():
                 every = self._sent(tone, slice(None))
                 gathered += self._nothing * np.average(every, axis=0, weights=self._evidence.face_area)
-            seen = np.maximum(cones_of_srgb(tone.light(self._shown)), LEAST_LIGHT) / self._tint
+            seen = np.maximum(cones_of_srgb(tone.light(self._shown)), MIN_LIGHT) / self._tint
             self._picture = (tone, seen, np.asarray(gathered, dtype=np.float64))
         return self._picture[1], self._picture[2]
 
     def direct(self, beam: float, factors: FloatArray) -> FloatArray:
         """(n, 3) light straight from the lamps, their beams narrowed at equal flux."""
         if self._lamps is None or self._lamps[0] != beam:
-            cosine = np.maximum(self._emission, LEAST_EMISSION)
+            cosine = np.maximum(self._emission, MIN_EMISSION)
             shape = np.where(self._emission < 1.0, (1.0 + 0.5 * beam) * cosine**beam, 1.0)
             self._lamps = (beam, shape[:, :, None] * self._direct)
         return np.asarray(np.tensordot(factors, self._lamps[1], axes=1), dtype=np.float64)
@@ -261,11 +261,11 @@ class _Model:
         self.witnesses = int(self.cluster.max()) + 1
         # All points together weigh as much as there are independent places.
         self.weight = np.sqrt(self.witnesses / self.rows.size) / LOG_SCATTER
-        seen = np.maximum(cones_of_srgb(self.shown), LEAST_LIGHT)
+        seen = np.maximum(cones_of_srgb(self.shown), MIN_LIGHT)
         noise = np.hypot(PICTURE_NOISE / seen, evidence.unsure[self.rows])
         self.clarity = 1.0 / np.hypot(1.0, noise / LOG_SCATTER)
         self.ceiling = np.flatnonzero(evidence.ceiling[self.rows])
-        self.rough = np.log(np.maximum(cones_of_srgb(evidence.shown[evidence.group >= 0]).mean(axis=0), LEAST_LIGHT))
+        self.rough = np.log(np.maximum(cones_of_srgb(evidence.shown[evidence.group >= 0]).mean(axis=0), MIN_LIGHT))
 
     def parts(self, parameters: FloatArray) -> tuple[ToneCurve, FloatArray, float, FloatArray]:
         """Tone curve, exposure, beam exponent and flux factors of parameters."""
@@ -278,7 +278,7 @@ class _Model:
         """(row, 3) light that the picture shows, and irradiance times k, in cones."""
         tone, exposure, beam, factors = self.parts(parameters)
         seen, gathered = self.some_light.shown(tone)
-        return seen, np.maximum(exposure * self.some_light.direct(beam, factors) + gathered, LEAST_LIGHT)
+        return seen, np.maximum(exposure * self.some_light.direct(beam, factors) + gathered, MIN_LIGHT)
 
     @cached_property
     def whole_light(self) -> _LightAt:
@@ -290,7 +290,7 @@ class _Model:
         tone, exposure, beam, factors = self.parts(parameters)
         seen, gathered = self.whole_light.shown(tone)
         direct = exposure * self.whole_light.direct(beam, factors)
-        return seen, np.maximum(direct + gathered, LEAST_LIGHT), direct
+        return seen, np.maximum(direct + gathered, MIN_LIGHT), direct
 
     def log_reflectance(self, parameters: FloatArray) -> FloatArray:
         """(row, 3) log ρ of the points that count."""
@@ -349,7 +349,7 @@ class _Model:
             [parameters[5] / BEAM_DEVIATION],
             parameters[COMMON:] / self.flux_deviation if self.fit_fluxes else [],
         ]
-        bright = np.log(np.maximum(srgb_of_cones(np.exp(center)).max(axis=1), LEAST_LIGHT) / BRIGHTEST_REFLECTANCE)
+        bright = np.log(np.maximum(srgb_of_cones(np.exp(center)).max(axis=1), MIN_LIGHT) / BRIGHTEST_REFLECTANCE)
         share = np.sqrt(self.group_sizes / self.group_sizes.sum())
         parts.append(share * np.maximum(bright, 0.0) / BRIGHTEST_DEVIATION)
         parts.append(np.sqrt(self.white)[:, None] * _from_white(center))
@@ -414,7 +414,7 @@ def _least(model: _Model, start: FloatArray, progress: Progress) -> OptimizeResu
     high = np.concatenate([[BOUNDS_POWER, BOUND_SHOULDER], np.full(3, BOUND_EXPOSURE), [BOUNDS_BEAM[1]], lamps])
     return least_squares(
         model.residuals, start, jac=slopes, bounds=(low, high), x_scale=0.1, xtol=1e-4, ftol=1e-5,
-        tr_solver="lsmr", max_nfev=MOST_STEPS,
+        tr_solver="lsmr", max_nfev=MAX_STEPS,
     )  # fmt: skip
 
 
@@ -438,7 +438,7 @@ def _fit(model: _Model, result: OptimizeResult) -> LightFit:
     )
     tone, exposure, beam, factors = model.parts(best)
     values = model.log_reflectance(best)
-    shown = np.log(np.maximum(cones_of_srgb(model.shown), LEAST_LIGHT))
+    shown = np.log(np.maximum(cones_of_srgb(model.shown), MIN_LIGHT))
     return LightFit(
         tone=tone,
         exposure=exposure,

@@ -36,7 +36,7 @@ THINNED = slice(8, 69, 4)  # of `COLOR_GRID_NM`: 400 to 700 nm in steps of 20 nm
 BANDS = uniform_bands(390.0, 710.0, 16)  # [nm] about these wavelengths
 REFLECTIONS = 4  # [1] after which the light's colour has settled
 RATIO_RANGE = (0.5, 2.0)  # [1] of ρ'/ρ; beyond it the spectra are not to be trusted
-LEAST_LIGHT = 1e-9  # [1] of the mean direct light
+MIN_LIGHT = 1e-9  # [1] of the mean direct light
 SEED = 20240902  # of K-means
 
 
@@ -94,7 +94,7 @@ def apparent_ratio(
         light = exchange.direct + exchange.seen[:, :-1] @ sent
     sensitivity = (library.weights @ CONES_FROM_XYZ.T)[THINNED]
     relative = light / BANDS.band_values(daylight, outside="nearest")
-    apparent = ((sample_spectra * relative) @ sensitivity) / np.maximum(relative @ sensitivity, LEAST_LIGHT)
+    apparent = ((sample_spectra * relative) @ sensitivity) / np.maximum(relative @ sensitivity, MIN_LIGHT)
     plain = (sample_spectra @ sensitivity) / sensitivity.sum(axis=0)
     return np.asarray(np.clip(apparent / plain, *RATIO_RANGE), dtype=np.float64)
 

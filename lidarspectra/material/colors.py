@@ -16,10 +16,10 @@ from lidarspectra.material.surface_samples import surface_samples
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab
 
 SATURATED = 0.94  # [1] linear; all channels above it: a lamp, its mirror image, or a blown-out highlight (sRGB 248)
-MOST_SATURATED = 0.7  # [1] of a face; what is left of it is the lamp's glow
+MAX_SATURATED = 0.7  # [1] of a face; what is left of it is the lamp's glow
 COLOR_SPACING_M = 0.05  # [m] of the points by which saturated parts of a face are found
 OUTLIER_DEVIATIONS = 3.0  # [1] robust standard deviations from the segment's median, in L*, a* or b*
-LEAST_DEVIATION = 2.0  # [1] L*a*b* units, floor of the robust deviation: differences below it are not seen
+MIN_DEVIATION = 2.0  # [1] L*a*b* units, floor of the robust deviation: differences below it are not seen
 MAD_TO_SIGMA = 1.4826  # [1] standard deviation of a normal law over its median absolute deviation
 GOOD_RESIDUAL = 3.0  # [1] L*a*b* units, rms: enough primary colours (a difference that is just noticed side by side)
 CLUSTER_POINTS = 8_000  # [1] points that K-means is run on; more change its centres by less than that difference
@@ -72,7 +72,7 @@ def surface_colors(scan: Scan) -> tuple[FloatArray, BoolArray]:
     colors : (face, 3) float
         Linear sRGB. [0-1]
     known : (face,) bool
-        False where more than `MOST_SATURATED` of the face is, or the scan has no colour at all.
+        False where more than `MAX_SATURATED` of the face is, or the scan has no colour at all.
     """
     colors = np.clip(scan.face_colors(), 0.0, 1.0)
     if not scan.appearance.known:
@@ -88,7 +88,7 @@ def surface_colors(scan: Scan) -> tuple[FloatArray, BoolArray]:
     for channel in range(3):
         total = np.bincount(samples.face[~lamp], weights=light[~lamp, channel], minlength=len(colors))
         colors[partly, channel] = (total / rest)[partly]
-    return colors, (share <= MOST_SATURATED) & ~saturated(colors)
+    return colors, (share <= MAX_SATURATED) & ~saturated(colors)
 
 
 def inliers(lab: FloatArray, weights: FloatArray) -> BoolArray:
@@ -112,7 +112,7 @@ def inliers(lab: FloatArray, weights: FloatArray) -> BoolArray:
         return np.zeros(0, dtype=np.bool_)
     median = weighted_median(lab, weights)
     deviation = MAD_TO_SIGMA * weighted_median(np.abs(lab - median), weights)
-    far = np.abs(lab - median) / np.maximum(deviation, LEAST_DEVIATION)
+    far = np.abs(lab - median) / np.maximum(deviation, MIN_DEVIATION)
     return np.asarray(far.max(axis=1) <= max(OUTLIER_DEVIATIONS, float(far.max(axis=1).min())))
 
 

@@ -31,7 +31,7 @@ from scipy.special import softmax
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ArrayError
 
-LEAST_PROBABILITY = 1e-4  # [1] of a class; nothing is impossible to a network
+MIN_PROBABILITY = 1e-4  # [1] of a class; nothing is impossible to a network
 CELL_OVER_SIGMA = (1.0 / 2.0 + 1.0 / 6.0) ** -0.5  # [1] size of a lattice's cells over the kernel's sigma
 LATTICES = 4  # [1] shifted against one another
 
@@ -90,7 +90,7 @@ def refine(probabilities: FloatArray, image: ByteArray, settings: CrfSettings | 
             found=f"shapes {probabilities.shape} and {image.shape}",
             where="crf.refine",
         )
-    own = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
+    own = np.log(np.maximum(probabilities, MIN_PROBABILITY))
     belief = np.asarray(softmax(own, axis=-1), dtype=np.float64)
     lattices = _lattices(image, chosen)
     for _ in range(chosen.rounds):

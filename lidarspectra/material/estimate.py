@@ -37,12 +37,12 @@ from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
 
 SEED = 20241104  # of K-means; materials of one scan are the same on every run
 UNSEEN_EVIDENCE = 0.1  # [1] how much the colour of a face counts that no view saw, against one that is seen whole
-LEAST_SHARE = 2e-4  # [1] of the area; smaller groups of faces join the material nearest in colour
+MIN_SHARE = 2e-4  # [1] of the area; smaller groups of faces join the material nearest in colour
 CONFIDENT_DIFFERENCE = 10.0  # [1] CIEDE2000 to the nearest surface at which confidence has fallen to 1/e
 UNKNOWN = "unknown"  # class of a material where none was estimated
 # Of one core, in the demo room and a hall of a million faces (research/benchmarks/scale.py).
-GROUPING_S_A_FACE, FUSING_S_A_FACE, MATCHING_S_A_FACE = 8.3e-6, 8e-6, 4e-6  # [s]
-MODEL_S, CLASSES_S_A_VIEW = 1.5, 0.85  # [s] the network's start; a view's classes
+GROUPING_S_PER_FACE, FUSING_S_PER_FACE, MATCHING_S_PER_FACE = 8.3e-6, 8e-6, 4e-6  # [s]
+MODEL_S, CLASSES_S_PER_VIEW = 1.5, 0.85  # [s] the network's start; a view's classes
 VISIBLE_BANDS_NM = (400.0, 770.0)  # [nm] what the sensor's first 14 channels see
 
 
@@ -136,9 +136,9 @@ def estimate_costs(faces: int, views: int) -> tuple[float, float, float, float]:
 
     Without views to look at there are no classes.
     """
-    looking_s = MODEL_S + CLASSES_S_A_VIEW * views if views else 0.0
-    fusing_s = FUSING_S_A_FACE * faces if views else 0.0
-    return GROUPING_S_A_FACE * faces, looking_s, fusing_s, MATCHING_S_A_FACE * faces
+    looking_s = MODEL_S + CLASSES_S_PER_VIEW * views if views else 0.0
+    fusing_s = FUSING_S_PER_FACE * faces if views else 0.0
+    return GROUPING_S_PER_FACE * faces, looking_s, fusing_s, MATCHING_S_PER_FACE * faces
 
 
 def default_material(name: str, library: ReflectanceLibrary) -> Material:
@@ -244,7 +244,7 @@ def find_groups(
     centers = found.lab
     label = smooth_labels(lab, centers, evidence * usable, weights)
     share = np.bincount(label[usable], weights=areas[usable], minlength=len(centers)) / areas[usable].sum()
-    large = np.flatnonzero(share >= min(LEAST_SHARE, float(share.max())))
+    large = np.flatnonzero(share >= min(MIN_SHARE, float(share.max())))
     if large.size < len(centers):
         label = large[np.linalg.norm(centers[label][:, None] - centers[large][None], axis=2).argmin(axis=1)]
     label[~usable] = -1

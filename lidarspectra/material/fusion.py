@@ -15,14 +15,14 @@ from scipy.special import softmax
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.crf import LEAST_PROBABILITY
+from lidarspectra.material.crf import MIN_PROBABILITY
 from lidarspectra.material.face_groups import ROUNDS
 from lidarspectra.material.projection import pixel_grid, ray_directions
 from lidarspectra.material.segmentation import CELL_PX, Classifier, segment
 from lidarspectra.material.views import View, ViewSet
 from lidarspectra.progress import Progress, silent
 
-LEAST_CONFIDENCE = 0.05  # [1] weight of a pixel that knows nothing, against one that is sure
+MIN_CONFIDENCE = 0.05  # [1] weight of a pixel that knows nothing, against one that is sure
 NEIGHBOR_WEIGHT = 4.0  # [1] of all neighbours together in the mean field, as `crf`'s two kernels together
 ENOUGH_PIXELS = 30.0  # [1] sure, square pixels at which a face's own votes count as they are
 WRONG = 0.8  # [1] share of surfaces of which pictures say something that means nothing (docs/segmentation.md)
@@ -122,7 +122,7 @@ def fuse(
     told = (1.0 - wrong) * votes.belief + wrong / len(votes.classes)
     own = trust * np.log(told)
     if prior is not None:
-        own = own + np.log(np.maximum(prior, LEAST_PROBABILITY))
+        own = own + np.log(np.maximum(prior, MIN_PROBABILITY))
     belief = softmax(own, axis=1)
     for _ in range(ROUNDS):
         belief = softmax(own + NEIGHBOR_WEIGHT * (neighbors @ belief), axis=1)
@@ -183,7 +183,7 @@ def _votes(view: View, scan: Scan, probabilities: FloatArray) -> FloatArray:
     rows, columns, count = probabilities.shape
     flat = probabilities.reshape(-1, count)
     entropy = -(flat * np.log(np.maximum(flat, 1e-12))).sum(axis=1) / np.log(count)
-    sure = LEAST_CONFIDENCE + (1.0 - LEAST_CONFIDENCE) * np.clip(1.0 - entropy, 0.0, 1.0)
+    sure = MIN_CONFIDENCE + (1.0 - MIN_CONFIDENCE) * np.clip(1.0 - entropy, 0.0, 1.0)
     y, x = np.nonzero(view.face >= 0)
     face = view.face[y, x]
     cell = (y // CELL_PX) * columns + x // CELL_PX

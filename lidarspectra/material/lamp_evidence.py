@@ -40,7 +40,7 @@ class Demands:
         Of its surroundings that are clearly darker. [0-1]
     rim_m : float
         Widest rim in which it fades into its surroundings. [m]
-    least_side_m, most_area_m2 : float
+    min_side_m, most_area_m2 : float
         [m, m²]
     protrusion_m : float
         Out of its plane; negative allows for recessed lamps. [m]
@@ -53,7 +53,7 @@ class Demands:
     overlap: float
     bounded_share: float
     rim_m: float
-    least_side_m: float
+    min_side_m: float
     most_area_m2: float
     protrusion_m: float
     gray: float
@@ -65,7 +65,7 @@ ON_CEILING = Demands(
     overlap=0.68,
     bounded_share=0.9,
     rim_m=0.04,
-    least_side_m=0.03,
+    min_side_m=0.03,
     most_area_m2=3.0,
     protrusion_m=-RECESS_M,
     gray=0.15,
@@ -76,7 +76,7 @@ HANGING = Demands(
     overlap=0.8,
     bounded_share=0.95,
     rim_m=0.03,
-    least_side_m=0.04,
+    min_side_m=0.04,
     most_area_m2=2.0,
     protrusion_m=0.0,
     gray=0.3,
@@ -88,7 +88,7 @@ ON_WALL = Demands(
     overlap=0.8,
     bounded_share=0.98,
     rim_m=0.03,
-    least_side_m=0.04,
+    min_side_m=0.04,
     most_area_m2=0.25,
     protrusion_m=0.03,
     gray=0.5,
@@ -101,7 +101,7 @@ class Evidence:
 
     Parameters
     ----------
-    contrast, saturated_share, overlap, bounded_share, rim_m, least_side_m, protrusion_m, gray : float
+    contrast, saturated_share, overlap, bounded_share, rim_m, min_side_m, protrusion_m, gray : float
         As in `Demands`.
     area_m2 : float
         [m²]
@@ -120,7 +120,7 @@ class Evidence:
     overlap: float
     bounded_share: float
     rim_m: float
-    least_side_m: float
+    min_side_m: float
     area_m2: float
     protrusion_m: float
     unevenness_m: float
@@ -134,7 +134,7 @@ class Evidence:
         clipped = self.saturated_share >= demands.saturated_share
         level = self.facing >= LEVEL_COSINE and self.unevenness_m <= LEVEL_M
         tests = (
-            (self.least_side_m >= demands.least_side_m, "too small"),
+            (self.min_side_m >= demands.min_side_m, "too small"),
             (self.area_m2 <= demands.most_area_m2, "too large: a window or a lit surface"),
             (self.contrast >= demands.contrast, "hardly brighter than what surrounds it"),
             (clipped or self.contrast >= 2.0 * demands.contrast, "not bright enough to be lit"),
@@ -194,7 +194,7 @@ def gather_evidence(
         # What was not seen beside a patch is a hole, and bounds nothing.
         bounded_share=float((usable[ring] & (luminance[ring] <= RING_LEVEL * luminance[patch].mean())).mean()),
         rim_m=_rim_m(picture, luminance, patch, around, core),
-        least_side_m=picture.pixel_m * min(fit.size),
+        min_side_m=picture.pixel_m * min(fit.size),
         area_m2=float(patch.sum()) * picture.pixel_m**2,
         protrusion_m=height - float(np.median(behind)) if kind == "wall" and behind.size else height,
         unevenness_m=float(np.subtract(*np.quantile(heights, [0.9, 0.1]))) if heights.size else np.inf,

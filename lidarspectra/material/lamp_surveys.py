@@ -15,7 +15,7 @@ from lidarspectra.room.room import Room
 from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 
 PIXEL_M = 0.01  # [m] of the survey; a small downlight (6 cm) still has 28 pixels
-MOST_PIXELS = 4_000_000  # [1] a larger plane gets larger pixels
+MAX_PIXELS = 4_000_000  # [1] a larger plane gets larger pixels
 FINEST_PIXEL_M = 0.0025  # [m] of a patch's own picture, finer than a phone's texture
 FINE_PIXELS = 240  # [1] across a patch's own picture
 BEHIND_M = 2 * RECESS_M  # [m] behind its plane, to which a survey looks
@@ -115,7 +115,7 @@ def _survey(
     high: FloatArray,
     reach_m: float,
 ) -> Survey:
-    pixel = max(PIXEL_M, float(np.sqrt(np.prod(high - low) / MOST_PIXELS)))
+    pixel = max(PIXEL_M, float(np.sqrt(np.prod(high - low) / MAX_PIXELS)))
     picture = take_picture(scan, caster, frame, low=low, high=high, pixel_m=pixel, reach_m=reach_m, beyond_m=BEHIND_M)
     return Survey(scan=scan, room=room, caster=caster, frame=frame, kind=kind, picture=picture, reach_m=reach_m)
 
@@ -144,7 +144,7 @@ def seeds(survey: Survey) -> Iterator[tuple[FloatArray, FloatArray]]:
     saturated = bright & (picture.color.max(axis=2) >= SATURATED)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(bright.astype(np.uint8), connectivity=8)
     clipped = np.bincount(labels[saturated], minlength=count)
-    least = demands.least_side_m**2 / picture.pixel_m**2
+    least = demands.min_side_m**2 / picture.pixel_m**2
     for label, (left, top, width, height, area) in enumerate(stats[:count].tolist()):
         if label == 0 or area < least:
             continue

@@ -199,7 +199,7 @@ def _judged(survey: Survey, box: tuple[FloatArray, FloatArray]) -> Iterator[LitL
     around = float(np.median(luminance[surroundings]))
     bright = usable & (luminance >= around + CUT_LEVEL * (core - around))
     count, labels = cv2.connectedComponents(opened(bright), connectivity=4)
-    least = (0.7 * ON_CEILING.least_side_m / picture.pixel_m) ** 2
+    least = (0.7 * ON_CEILING.min_side_m / picture.pixel_m) ** 2
     pixels = np.bincount(labels.ravel(), minlength=count)
     in_box = np.bincount(labels[seeded], minlength=count)
     for label in range(1, count):

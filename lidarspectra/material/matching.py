@@ -45,7 +45,7 @@ SCALING = 8.0  # [1] CIEDE2000 that a neighbour e times too light or dark counts
 # built-in library on spectraldb's surfaces
 CLASS_WEIGHT = 2.0  # [1] of a neighbour of the segment's class: 4.2 to 4.0 % MAPE, and 4.2 where the class is wrong
 CLASS_BONUS = 1.0  # [1] CIEDE2000 that the nearest of the class may be farther: 5.7 to 5.4 % MAPE, 6.0 if it is wrong
-FEWEST_FOR_STATISTICS = 40  # [1] surfaces; a smaller library has no covariance to speak of
+MIN_FOR_STATISTICS = 40  # [1] surfaces; a smaller library has no covariance to speak of
 SMOOTH_VARIANCE = 0.1  # [1] in logit², of the smooth part that is added to the covariance, and of its level
 SMOOTH_LENGTH_NM = 60.0  # [nm] over which that part is alike
 LOGIT_RANGE = (0.002, 0.985)  # [1] reflectances are brought in here before their logit is taken
@@ -129,7 +129,7 @@ def match_color(
         )
     wanted = wanted if wanted[1] >= DARKEST_Y else np.maximum(wanted, DARKEST_Y * library.weights.sum(axis=0))
     differences = color_difference(xyz_to_lab(wanted), library.lab[allowed])
-    enough = allowed.size >= FEWEST_FOR_STATISTICS
+    enough = allowed.size >= MIN_FOR_STATISTICS
     likely = np.zeros(allowed.size, dtype=np.bool_) if favored is None else favored[allowed]
     if enough and (method == "wiener" or differences.min() > FAR_COLOR):
         return _wiener(wanted, library, allowed, differences, likely)

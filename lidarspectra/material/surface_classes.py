@@ -30,7 +30,7 @@ CLASS_WORDS: dict[str, tuple[str, ...]] = {
     "wood": ("wood", "wooden", "pine", "oak", "beech", "walnut", "bark", "parquet", "bamboo"),
 }  # words that name a material whatever the object; the first class of this order that has one is taken
 BEFORE = ("tile", "skin", "wallpaper", "painted", "leather", "fabric", "carpet")  # 'painted wood' is paint, and so on
-LEAST_KNOWN = 0.5  # [1] share of a library's surfaces whose class is known, from which classes are favoured
+MIN_KNOWN = 0.5  # [1] share of a library's surfaces whose class is known, from which classes are favoured
 OF_OBJECTS = {"wall": "painted", "ceiling": "painted", "plant": "foliage"}  # where no word names a material
 
 
@@ -51,7 +51,7 @@ def favored_surfaces(library: ReflectanceLibrary, name: str) -> BoolArray | None
     Where most surfaces have no known class, those that have one stand for their database rather than for the class.
     """
     known = np.array([surface_class(surface) is not None for surface in library.rows])
-    if known[library.matchable].mean() < LEAST_KNOWN:
+    if known[library.matchable].mean() < MIN_KNOWN:
         return None
     return of_class(library, name)
 

@@ -30,12 +30,12 @@ from lidarspectra.room.room import Room, find_room
 
 CANDIDATE_HEIGHTS = (0.15, 0.35, 0.6, 0.85)  # [1] of the room's height: below tables, above them, over all
 CLEARANCE_M = 0.15  # [m] a camera so close to a surface sees little else
-MOST_CANDIDATES = 240  # [1] bounds the time of the search
-MOST_OF_NEW = 0.8  # [1] of the new area that a viewpoint sees; directions beyond it are not worth their image
+MAX_CANDIDATES = 240  # [1] bounds the time of the search
+MAX_OF_NEW = 0.8  # [1] of the new area that a viewpoint sees; directions beyond it are not worth their image
 USUAL_LATER_VIEWS = 2.5  # [1] directions of a viewpoint after the first that show something new
 USUAL_VIEWPOINTS = 7  # [1]
-VIEW_S_A_RAY = 3.8e-7  # [s] of one core, in the demo room and a hall of a million faces (research/benchmarks/scale.py)
-SEARCH_S_A_FACE, SEARCH_S_A_M2, UPDATE_S_A_M2 = 4.5e-6, 0.018, 0.0018  # [s] the same; m² of the scan's area
+VIEW_S_PER_RAY = 3.8e-7  # [s] of one core, in the demo room and a hall of a million faces (benchmark scale)
+SEARCH_S_PER_FACE, SEARCH_S_PER_M2, UPDATE_S_PER_M2 = 4.5e-6, 0.018, 0.0018  # [s] the same; m² of the scan's area
 SURFACE_GAP = 1e-3  # [1] of a sight line, left out at the surface so that a sample does not hide itself
 
 
@@ -53,13 +53,13 @@ class ViewSettings:
         Rays a pixel along each side.
     sample_spacing_m : float
         Of the points on the surface by which coverage is counted. [m]
-    least_cosine : float
+    min_cosine : float
         A surface seen more aslant than this does not count as seen. [1]
     farthest_m : float
         Nor does one farther away: a pixel is then wider than some centimetres. [m]
-    most_viewpoints : int
+    max_viewpoints : int
         The loop ends there.
-    least_gain : float
+    min_gain : float
         It also ends where the best candidate would add less than this share of the area. [1]
     """
 
@@ -68,10 +68,10 @@ class ViewSettings:
     field_of_view_deg: float = 90.0
     samples: int = 2
     sample_spacing_m: float = 0.06
-    least_cosine: float = 0.17
+    min_cosine: float = 0.17
     farthest_m: float = 12.0
-    most_viewpoints: int = 12
-    least_gain: float = 0.002
+    max_viewpoints: int = 12
+    min_gain: float = 0.002
 
 
 def render_views(
@@ -131,13 +131,13 @@ def render_views(
         history.append(search.share(covered))
         if history[-1] >= coverage:
             stopped = f"{coverage:.0%} of the area is seen"
-        elif len(viewpoints) == chosen.most_viewpoints:
-            stopped = f"{chosen.most_viewpoints} viewpoints were taken"
+        elif len(viewpoints) == chosen.max_viewpoints:
+            stopped = f"{chosen.max_viewpoints} viewpoints were taken"
         else:
             viewpoint, gain = search.viewpoint_update(covered)
-            if gain < chosen.least_gain:
-                stopped = f"no other place sees {chosen.least_gain:.1%} more of the area"
-        missing = 0 if stopped else search.missing_viewpoints(covered, coverage, chosen.most_viewpoints - len(history))
+            if gain < chosen.min_gain:
+                stopped = f"no other place sees {chosen.min_gain:.1%} more of the area"
+        missing = 0 if stopped else search.missing_viewpoints(covered, coverage, chosen.max_viewpoints - len(history))
         progress(times.share_done(len(views), len(viewpoints), missing), f"{history[-1]:.1%} of the area seen")
     progress(1.0, "views rendered")
     return ViewSet(
@@ -186,9 +186,9 @@ def view_times(scan: Scan, settings: ViewSettings | None = None) -> ViewTimes:
     chosen = settings or ViewSettings()
     area_m2 = float(scan.areas.sum())
     return ViewTimes(
-        search_s=SEARCH_S_A_FACE * len(scan.faces) + SEARCH_S_A_M2 * area_m2,
-        view_s=VIEW_S_A_RAY * chosen.width * chosen.height * (chosen.samples**2 + 1),
-        update_s=UPDATE_S_A_M2 * area_m2,
+        search_s=SEARCH_S_PER_FACE * len(scan.faces) + SEARCH_S_PER_M2 * area_m2,
+        view_s=VIEW_S_PER_RAY * chosen.width * chosen.height * (chosen.samples**2 + 1),
+        update_s=UPDATE_S_PER_M2 * area_m2,
     )
 
 
@@ -234,7 +234,7 @@ class _Search:
             wanted -= float(gains[best])
             if wanted <= 0:
                 return count
-            if gains[best] < self._settings.least_gain * self._total:
+            if gains[best] < self._settings.min_gain * self._total:
                 return count - 1
             left &= ~self._sees[best]
         return most
@@ -263,7 +263,7 @@ def free_candidates(scan: Scan, room: Room, caster: RayCaster) -> FloatArray:
     plan = np.concatenate(room.outlines)
     low, high = plan.min(axis=0), plan.max(axis=0)
     heights = room.floor_z + np.array(CANDIDATE_HEIGHTS) * room.height_m
-    step = max(0.3, float(np.sqrt(np.prod(high - low) * len(heights) / MOST_CANDIDATES)))
+    step = max(0.3, float(np.sqrt(np.prod(high - low) * len(heights) / MAX_CANDIDATES)))
     x, y = (np.linspace(a, b, int(np.ceil((b - a) / step)) + 1) for a, b in zip(low, high, strict=True))
     points = np.stack(np.meshgrid(x, y, heights, indexing="ij"), axis=-1).reshape(-1, 3)
     center = np.append(_centroid(room.outline), room.floor_z + 0.5 * room.height_m)
@@ -301,7 +301,7 @@ def visible(samples: SurfaceSamples, places: FloatArray, caster: RayCaster, sett
         sight = place - samples.positions
         distance = np.linalg.norm(sight, axis=1)
         facing = np.einsum("ij,ij->i", sight, samples.normals)
-        maybe = np.flatnonzero((facing > settings.least_cosine * distance) & (distance < settings.farthest_m))
+        maybe = np.flatnonzero((facing > settings.min_cosine * distance) & (distance < settings.farthest_m))
         # From the place outwards, so that a sample's own face, met at the very end, does not hide it.
         hits = caster.nearest(
             np.broadcast_to(place, (maybe.size, 3)), -sight[maybe] * (1.0 - SURFACE_GAP), max_distance=1.0
@@ -325,7 +325,7 @@ def _directions(samples: SurfaceSamples, shows: dict[str, BoolArray], covered: B
     new = {name: float(samples.area[shown & ~covered].sum()) for name, shown in shows.items()}
     order = sorted(new, key=lambda name: -new[name])
     shown = np.cumsum([new[name] for name in order])
-    return order[: int((shown >= MOST_OF_NEW * shown[-1]).argmax()) + 1]
+    return order[: int((shown >= MAX_OF_NEW * shown[-1]).argmax()) + 1]
 
 
 def _cameras(viewpoint: FloatArray, settings: ViewSettings) -> dict[str, Camera]:

@@ -12,7 +12,7 @@ from lidarspectra.room.room import Room
 BURIED_SHARE = 0.5  # [1] of a point's rays that meet the back of a face first, above which it lies inside something
 LOST_SHARE = 0.7  # [1] of a point's rays that meet nothing, above which it lies outside the scan
 SAMPLE_SPACING_M = 0.03  # [m] of the points on surfaces that find the nearest faces
-MOST_SAMPLES = 1_000_000  # [1] spacing grows with the scan so that memory stays below about 200 MB
+MAX_SAMPLES = 1_000_000  # [1] spacing grows with the scan so that memory stays below about 200 MB
 NEIGHBOURS = 6  # [1] nearest samples whose faces are measured exactly
 FLOOR_THICKNESS_M = 0.08  # [m] faces that keep so close to the floor's height belong to the floor
 FLOOR_COSINE = 0.3  # [1] |n_z| above which they do: noise tilts small triangles far, skirting stands upright
@@ -180,7 +180,7 @@ class FreeSpace:
             heights = np.abs(self._corners[:, :, 2] - self.room.floor_z).max(axis=1)
             lying = np.abs(self.caster.normals[:, 2]) > FLOOR_COSINE
             chosen = chosen[~(lying & (heights < FLOOR_THICKNESS_M))]
-        points, owners = sample_faces(self._corners[chosen], spacing_m=SAMPLE_SPACING_M, most=MOST_SAMPLES)
+        points, owners = sample_faces(self._corners[chosen], spacing_m=SAMPLE_SPACING_M, most=MAX_SAMPLES)
         return cKDTree(points), chosen[owners]
 
 

@@ -10,8 +10,8 @@ from lidarspectra.room.room import Room
 PIXEL_M = 0.02  # [m] of the plan picture
 LOWEST_M = 0.15  # [m] above the floor: lower is carpet edge, cable or noise
 HIGHEST_M = 1.6  # [m] above the floor: higher tops do not show from the sensors' side
-LEAST_UP = 0.8  # [1] cosine of a surface that counts as a top
-LEAST_AREA_M2 = 0.03  # [m²] a stool is larger
+MIN_UP = 0.8  # [1] cosine of a surface that counts as a top
+MIN_AREA_M2 = 0.03  # [m²] a stool is larger
 CORNER_TOLERANCE_M = 0.04  # [m] outlines are simplified so far
 GAP_M = 0.06  # [m] gaps between tops of one piece that are closed
 
@@ -34,7 +34,7 @@ def furniture_outlines(scan: Scan, room: Room) -> tuple[FloatArray, ...]:
     """
     centers = scan.centers
     above_floor = centers[:, 2] - room.floor_z
-    top = (scan.normals[:, 2] > LEAST_UP) & (above_floor > LOWEST_M) & (above_floor < HIGHEST_M)
+    top = (scan.normals[:, 2] > MIN_UP) & (above_floor > LOWEST_M) & (above_floor < HIGHEST_M)
     top &= room.in_plan(centers)
     if not top.any():
         return ()
@@ -50,7 +50,7 @@ def furniture_outlines(scan: Scan, room: Room) -> tuple[FloatArray, ...]:
     picture = cv2.morphologyEx(picture, cv2.MORPH_CLOSE, kernel)
     picture = cv2.morphologyEx(picture, cv2.MORPH_OPEN, kernel)
     contours, _ = cv2.findContours(picture, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    large = [c for c in contours if cv2.contourArea(c) * PIXEL_M**2 >= LEAST_AREA_M2]
+    large = [c for c in contours if cv2.contourArea(c) * PIXEL_M**2 >= MIN_AREA_M2]
     large.sort(key=cv2.contourArea, reverse=True)
     simple = [cv2.approxPolyDP(contour, CORNER_TOLERANCE_M / PIXEL_M, True)[:, 0, :] for contour in large]
     return tuple(low + PIXEL_M * outline.astype(np.float64) for outline in simple if len(outline) >= 3)

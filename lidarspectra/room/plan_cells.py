@@ -10,18 +10,18 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.room.room_planes import Level, Wall
 
 CELL_M = 0.025  # [m] finer than the triangles of a phone scan (3 to 5 cm)
-MOST_CELLS = 1_000_000  # [1] a larger plan gets larger cells
+MAX_CELLS = 1_000_000  # [1] a larger plan gets larger cells
 LEVEL_TOLERANCE_M = 0.1  # [m] how far a ceiling or floor may lie off its plane and still be that
 CEILING_REACH_M = 0.3  # [m] rays start so far below the ceiling, above most furniture
 FLOOR_REACH_M = 0.25  # [m] rays start so far above the floor, below most table tops
-LEAST_DEPTH_M = 0.6  # [m] of air below the ceiling: less is a cavity behind glass, or a cabinet as good as a wall
+MIN_DEPTH_M = 0.6  # [m] of air below the ceiling: less is a cavity behind glass, or a cabinet as good as a wall
 PORE_M = 0.1  # [m] gaps narrower than this in the ceiling are holes of the mesh
 NARROW_M = 0.3  # [m] bulges and links narrower than this are cracks in the mesh, not room
 TALL_SHARE = 0.7  # [1] of the room's height, for an upright plane that is a wall and no furniture
 WALL_SLACK_M = 0.06  # [m] a scanned wall's unevenness
 BULGE_DEPTH_M = 0.5  # [m] patches no deeper than this behind a wall are bulges through glass, or window recesses
-LEAST_ROOM_M2 = 1.0  # [m²] smaller patches are no room
-LEAST_FLOOR_SHARE = 0.3  # [1] of a patch's area that must show floor, for it to be a room of its own, or a bulge of one
+MIN_ROOM_M2 = 1.0  # [m²] smaller patches are no room
+MIN_FLOOR_SHARE = 0.3  # [1] of a patch's area that must show floor, for it to be a room of its own, or a bulge of one
 SIMPLIFY_M = 0.05  # [m] the outline's corners are kept to within this
 
 
@@ -79,7 +79,7 @@ def plan_mask(
         Cleaned: no crack, no speck, no hole.
     """
     low, high = bounds[0, :2], bounds[1, :2]
-    cell = max(CELL_M, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
+    cell = max(CELL_M, float(np.sqrt(np.prod(high - low) / MAX_CELLS)))
     # Empty cells around it keep the clean-up from growing the plan along the rim of the picture.
     rim = int(np.ceil(NARROW_M / cell)) + 2
     columns, rows = (np.ceil((high - low) / cell).astype(int) + 1 + 2 * rim).tolist()
@@ -113,7 +113,7 @@ def _bulges(inside: BoolArray, on_floor: BoolArray, plan: FloatArray, wall: Wall
     np.maximum.at(deepest, labels.ravel().astype(np.int64), behind.ravel())
     floor_cells = np.bincount(labels[on_floor], minlength=count)
     cells = np.bincount(labels.ravel(), minlength=count)
-    shallow = (deepest <= BULGE_DEPTH_M) & (floor_cells >= LEAST_FLOOR_SHARE * cells)
+    shallow = (deepest <= BULGE_DEPTH_M) & (floor_cells >= MIN_FLOOR_SHARE * cells)
     shallow[0] = False
     return np.asarray(shallow[labels], dtype=np.bool_)
 
@@ -129,7 +129,7 @@ def _meets(caster: RayCaster, plan: FloatArray, *, start_z: float, level_z: floa
 def _has_depth(caster: RayCaster, plan: FloatArray, *, ceiling_z: float) -> BoolArray:
     """Whether there is air under the ceiling, as in a room or over most furniture."""
     starts = np.column_stack([plan, np.full(len(plan), ceiling_z - LEVEL_TOLERANCE_M)])
-    return ~caster.nearest(starts, [0.0, 0.0, -1.0], max_distance=LEAST_DEPTH_M - LEVEL_TOLERANCE_M).met
+    return ~caster.nearest(starts, [0.0, 0.0, -1.0], max_distance=MIN_DEPTH_M - LEVEL_TOLERANCE_M).met
 
 
 def _open_from_above(
@@ -154,9 +154,9 @@ def _clean(inside: BoolArray, on_floor: BoolArray, cell: float) -> BoolArray:
     for label in range(1, count):
         patch = np.equal(labels, label)
         cells = int(stats[label, cv2.CC_STAT_AREA])
-        if cells * cell**2 < LEAST_ROOM_M2:
+        if cells * cell**2 < MIN_ROOM_M2:
             continue
-        if cells < largest and on_floor[patch].mean() < LEAST_FLOOR_SHARE:
+        if cells < largest and on_floor[patch].mean() < MIN_FLOOR_SHARE:
             continue
         kept = np.maximum(kept, _filled(patch))
     return kept.astype(bool)

@@ -25,7 +25,7 @@ from lidarspectra.room.room_planes import (
     weighted_median,
 )
 
-LEAST_HEIGHT_M = 1.0  # [m] something lower is furniture or a wrong unit, not a room
+MIN_HEIGHT_M = 1.0  # [m] something lower is furniture or a wrong unit, not a room
 WALL_HEIGHT_SHARE = 0.5  # [1] of the room's height: a lower upright plane is a cabinet's or a desk's front
 WALL_BEYOND_OUTLINE_M = 0.3  # [m] a wall plane farther outside the outline belongs to something else
 ROOM_FILE = "room.json"
@@ -143,7 +143,7 @@ def find_room(scan: Scan, *, caster: RayCaster | None = None) -> Room:
         raise _no_room(scan, "no level surface that faces up")
     ceilings = find_ceilings(faces, floor)
     top_z = ceilings[0].z if ceilings else _top_of_walls(faces, floor)
-    if top_z - floor.z < LEAST_HEIGHT_M:
+    if top_z - floor.z < MIN_HEIGHT_M:
         raise _no_room(scan, f"{top_z - floor.z:.2f} m between its floor and its top")
     caster = caster or RayCaster(scan)
     planes = find_walls(faces, bottom_z=floor.z, top_z=top_z)

@@ -14,14 +14,14 @@ LEVEL_HALF_WIDTH_M = 0.06  # [m] a scanned floor's unevenness, as seen in phone 
 FLOOR_SHARE = 0.25  # [1] of the largest level surface's area: table tops may have more than the floor
 SECOND_CEILING_SHARE = 0.15  # [1] of the main ceiling's area, for a lowered part of it
 SECOND_CEILING_M2 = 2.0  # [m²] smaller level surfaces overhead are shelves and lamp housings
-LEAST_HEADROOM_M = 1.5  # [m] a level surface lower than this above the floor is furniture, not a ceiling
+MIN_HEADROOM_M = 1.5  # [m] a level surface lower than this above the floor is furniture, not a ceiling
 WALL_ANGLE_BIN_DEG = 3.0  # [deg] resolution of wall directions
 WALL_OFFSET_BIN_M = 0.02  # [m] resolution of wall positions
 LEANING_COSINE = 0.5  # [1] |n_z| below which a face may belong to a wall: noise tilts small triangles far
 FACING_COSINE = 0.85  # [1] between a face's normal and the wall's, for a face of the wall
 WALL_HALF_WIDTH_M = 0.12  # [m] a scanned wall's unevenness, with what hangs flat on it
 WALL_GAP_M = 0.8  # [m] a wider gap, but for a door, ends a wall
-WALL_LEAST_M2 = 1.0  # [m²] smaller upright planes are furniture
+WALL_MIN_M2 = 1.0  # [m²] smaller upright planes are furniture
 MANHATTAN_TOLERANCE_DEG = 10.0  # [deg] a wall within it follows the room's main directions
 
 
@@ -124,7 +124,7 @@ def find_ceilings(faces: FaceGeometry, floor: Level) -> tuple[Level, ...]:
     ceilings : tuple of Level
         Largest first; empty where the scan has none.
     """
-    overhead = faces.centers[:, 2] > floor.z + LEAST_HEADROOM_M
+    overhead = faces.centers[:, 2] > floor.z + MIN_HEADROOM_M
     levels = _levels(faces, (faces.normals[:, 2] < -LEVEL_COSINE) & overhead, share=SECOND_CEILING_SHARE)
     ranked = sorted(levels, key=lambda level: -level.area_m2)
     return tuple(level for i, level in enumerate(ranked) if i == 0 or level.area_m2 >= SECOND_CEILING_M2)
@@ -216,19 +216,19 @@ def find_walls(faces: FaceGeometry, *, bottom_z: float, top_z: float) -> tuple[W
     keep &= (faces.centers[:, 2] > bottom_z) & (faces.centers[:, 2] < top_z)
     centers, normals, areas = faces.centers[keep], faces.normals[keep], faces.areas[keep]
     walls: list[Wall] = []
-    while areas.sum() >= WALL_LEAST_M2:
+    while areas.sum() >= WALL_MIN_M2:
         unit = _fullest_direction(normals, areas)
         facing = normals @ unit > FACING_COSINE
         along = centers @ unit
         members = facing & (np.abs(along - _fullest_offset(along[facing], areas[facing])) <= WALL_HALF_WIDTH_M)
-        if areas[members].sum() < WALL_LEAST_M2:
+        if areas[members].sum() < WALL_MIN_M2:
             break
         unit = _fitted_normal(centers[members], areas[members], unit)
         along = centers @ unit
         near = np.abs(along - weighted_median(along[members], areas[members])) <= WALL_HALF_WIDTH_M
         fitted = (normals @ unit > FACING_COSINE) & near
         members = _longest_run(fitted if fitted.any() else members, centers, areas, unit)
-        if areas[members].sum() >= WALL_LEAST_M2:
+        if areas[members].sum() >= WALL_MIN_M2:
             walls.append(_wall(unit, centers[members], areas[members]))
         centers, normals, areas = centers[~members], normals[~members], areas[~members]
     return tuple(sorted(walls, key=lambda wall: -wall.area_m2))

@@ -8,7 +8,7 @@ from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room
 
-LEAST_SPACING_M = 0.005  # [m] of a grid: sensors closer than this see the same light
+MIN_SPACING_M = 0.005  # [m] of a grid: sensors closer than this see the same light
 PICTURE_CELL_M = 0.025  # [m] of the picture of free space that a search for a count of points looks into
 PICTURE_CELLS = 16_000  # [1] a larger room gets larger cells
 FEW_POINTS_SEARCH = np.geomspace(1.3, 0.5, 160)  # [1] spacings tried, over the one that the free area suggests
@@ -128,7 +128,7 @@ def _likely_lattices(plane: GridPlane, count: int) -> list[tuple[float, tuple[in
     spacing_of_area = float(np.sqrt(free_area / count))
     found = []
     for spacing in (FEW_POINTS_SEARCH if count <= MANY_POINTS else MANY_POINTS_SEARCH) * spacing_of_area:
-        if spacing < LEAST_SPACING_M:
+        if spacing < MIN_SPACING_M:
             break
         for phase in ((0, 0), (1, 1), (0, 1), (1, 0)):
             column, row = ((plane.lattice(float(spacing), phase) - plane.reach[0]) / cell).astype(int).T

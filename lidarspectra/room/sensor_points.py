@@ -14,7 +14,7 @@ from lidarspectra.errors import SensorError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.free_space import BURIED_SHARE, FreeSpace, sphere_directions
 from lidarspectra.room.room import Room
-from lidarspectra.room.sensor_grid import LEAST_SPACING_M, GridPlane, plan_of_count
+from lidarspectra.room.sensor_grid import MIN_SPACING_M, GridPlane, plan_of_count
 
 SHALLOW_M = 0.05  # [m] a sensor whose view ends so soon at the back of faces lies just under a noisy surface
 HEMISPHERE_DIRECTIONS = sphere_directions(64)  # [1] half of them look the sensor's way
@@ -134,7 +134,7 @@ def grid_points(scan: Scan, room: Room, section: GridSection, *, free: FreeSpace
         free=free or FreeSpace(scan, room),
     )
     if section.spacing is not None:
-        plan, _ = plane.free_plan(plane.lattice(max(section.spacing, LEAST_SPACING_M), (0, 0)))
+        plan, _ = plane.free_plan(plane.lattice(max(section.spacing, MIN_SPACING_M), (0, 0)))
     else:
         assert section.count is not None  # the section has either a count or a spacing
         plan = plan_of_count(plane, section.count)

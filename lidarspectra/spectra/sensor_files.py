@@ -20,8 +20,8 @@ PRESETS = ("as7265x-14", "as7265x-18", "full-spectrum")
 FULL_SPECTRUM_NM = (380.0, 780.0)  # [nm] the range in which lamps and surfaces are commonly measured
 FULL_SPECTRUM_STEP_NM = 5.0  # [nm] CIE 15:2018, 7.1.1: sufficient for colorimetry
 WAVELENGTH, CENTER, WIDTH = "wavelength_nm", "center_nm", "fwhm_nm"
-MOST_CHANNELS = 200  # [1] with the two limits below, responses fit into memory
-LEAST_WIDTH_NM = 0.5  # [nm]
+MAX_CHANNELS = 200  # [1] with the two limits below, responses fit into memory
+MIN_WIDTH_NM = 0.5  # [nm]
 GRID_STEP_NM = 1.0  # [nm] response curves are interpolated to it
 
 
@@ -70,7 +70,7 @@ def find_bands(device: str, base: Path) -> BandSet:
             return _measured_bands(path.stem, columns)
     except ArrayError as cause:
         raise DatabaseError(
-            expected=f"up to {MOST_CHANNELS} channels with ascending centres, positive widths and responses, within "
+            expected=f"up to {MAX_CHANNELS} channels with ascending centres, positive widths and responses, within "
             f"{SHORTEST_NM:g} to {LONGEST_NM:g} nm",
             found=cause.found,
             where=str(path),
@@ -86,7 +86,7 @@ def _measured_bands(name: str, columns: FloatArray) -> BandSet:
     wavelengths = columns[:, 0]
     if len(wavelengths) < 2 or np.any(np.diff(wavelengths) <= 0):
         raise ArrayError(expected="ascending wavelengths", found="wavelengths out of order", where=name)
-    if wavelengths[0] < SHORTEST_NM or wavelengths[-1] > LONGEST_NM or columns.shape[1] - 1 > MOST_CHANNELS:
+    if wavelengths[0] < SHORTEST_NM or wavelengths[-1] > LONGEST_NM or columns.shape[1] - 1 > MAX_CHANNELS:
         found = f"{columns.shape[1] - 1} from {wavelengths[0]:g} to {wavelengths[-1]:g} nm"
         raise ArrayError(expected="channels of light", found=found, where=name)
     grid = np.arange(wavelengths[0], wavelengths[-1] + GRID_STEP_NM / 2, GRID_STEP_NM)
@@ -107,9 +107,9 @@ def _measured_bands(name: str, columns: FloatArray) -> BandSet:
 
 def _check_channels(centers: FloatArray, widths: FloatArray, *, name: str) -> None:
     """Refuse channels whose responses would fill the memory."""
-    within = (centers >= SHORTEST_NM) & (centers <= LONGEST_NM) & (widths >= LEAST_WIDTH_NM) & (widths <= centers)
-    if not within.all() or centers.size > MOST_CHANNELS:
-        found = f"{centers.size}, {int((~within).sum())} of them beyond, or not {LEAST_WIDTH_NM:g} nm to a centre wide"
+    within = (centers >= SHORTEST_NM) & (centers <= LONGEST_NM) & (widths >= MIN_WIDTH_NM) & (widths <= centers)
+    if not within.all() or centers.size > MAX_CHANNELS:
+        found = f"{centers.size}, {int((~within).sum())} of them beyond, or not {MIN_WIDTH_NM:g} nm to a centre wide"
         raise ArrayError(expected="channels of light", found=found, where=name)
 
 

@@ -23,7 +23,7 @@ from lidarspectra.material.albedo import (
     CELL_M,
     COMMON,
     LOG_SCATTER,
-    MOST_STEPS,
+    MAX_STEPS,
     STATED_FLUX_DEVIATION,
     LightEvidence,
     LightFit,
@@ -65,23 +65,27 @@ NORMAL_WEIGHT_M = 0.5  # [m] distance that a turn of one radian counts for
 SOFTEN_M = 0.05  # [m] softens the weight of the nearest sample
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
 LIGHT_REFLECTANCE = 0.65  # [1] from which surfaces in buildings are mostly whites (research/benchmarks/whites.py)
-LEAST_WHITE = 0.75  # [1] reflectance from which a surface is called white
+MIN_WHITE = 0.75  # [1] reflectance from which a surface is called white
 WHITE_SHARE = 0.05  # [1] of the scan's area beyond the bright end, from which a reader should know
 STRAY_LIGHT = 0.02  # [1] of white that a texture shows from beside: edges are rounded, frames blended, lenses glare
-FEWEST_WITNESSES = 16  # [1] independent places, over twice the unknowns; fewer tell nothing
-LEAST_EXPLAINED = 0.3  # [1] share of the scatter within surfaces that the lamps' light must explain
-LEAST_DIRECT = 0.15  # [1] of all light in a closed room of mean reflectance 0.85: white on all sides
-MOST_UNCERTAIN = 0.5  # [1] standard deviation of log k
+MIN_WITNESSES = 16  # [1] independent places, over twice the unknowns; fewer tell nothing
+MIN_EXPLAINED = 0.3  # [1] share of the scatter within surfaces that the lamps' light must explain
+MIN_DIRECT = 0.15  # [1] of all light in a closed room of mean reflectance 0.85: white on all sides
+MAX_UNCERTAIN = 0.5  # [1] standard deviation of log k
 BEAM_EXPONENT = 0.3  # [1] over that of matt lamps, from which a reader should know
 FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp that is off by more, and surely so, is worth a warning
 OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area
 CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
 # Of one core, in the demo room and a hall of a million faces with 64 lamps (research/benchmarks/scale.py).
-SAMPLING_S_A_FACE = 2.7e-6  # [s] colours without lamps, and samples
-DIRECT_S_A_FACE, DIRECT_S_A_LAMP = 2e-5, 0.35  # [s] writing and compiling the mesh; its passes
-EXCHANGE_S, EXCHANGE_S_A_FACE = 0.5, 4.5e-6  # [s] rays; loading them, and what is near the lamps
-FIRST_FIT_S, FIRST_FIT_S_A_FACE, FIRST_FIT_S_A_PAIR = 0.3, 6e-6, 0.022  # [s] a pair of lamps: unknowns times sources
-NEXT_FIT_S, NEXT_FIT_S_A_FACE, NEXT_FIT_S_A_PAIR = 0.2, 2.5e-6, 0.009  # [s] and its grouping by hue
+SAMPLING_S_PER_FACE = 2.7e-6  # [s] colours without lamps, and samples
+DIRECT_S_PER_FACE, DIRECT_S_PER_LAMP = 2e-5, 0.35  # [s] writing and compiling the mesh; its passes
+EXCHANGE_S, EXCHANGE_S_PER_FACE = 0.5, 4.5e-6  # [s] rays; loading them, and what is near the lamps
+FIRST_FIT_S, FIRST_FIT_S_PER_FACE, FIRST_FIT_S_PER_PAIR = (
+    0.3,
+    6e-6,
+    0.022,
+)  # [s] a pair: unknowns times sources
+NEXT_FIT_S, NEXT_FIT_S_PER_FACE, NEXT_FIT_S_PER_PAIR = 0.2, 2.5e-6, 0.009  # [s] and its grouping by hue
 ONCE_MORE = 0.5  # [1] that lamps of unknown fluxes are fitted once more
 SEED = 20240911  # of samples and rays; the same scan gives the same reflectances
 
@@ -201,7 +205,7 @@ def take_light_out(
         unsure=np.repeat(unsure[:, None], 3, axis=1),
     )
     witnesses = _witnesses(evidence)
-    if witnesses < FEWEST_WITNESSES or not evidence.direct.any():
+    if witnesses < MIN_WITNESSES or not evidence.direct.any():
         return _left_in("too little of it shows surfaces that the lamps light")
     unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
     found = _fit(scan, room, lamps, samples, trusted, evidence, coefficients, unsure_of, fitting)
@@ -253,9 +257,9 @@ def delighting_costs(scan: Scan, lamps: int, *, fluxes_stated: bool = True) -> t
     faces = len(scan.faces)
     fits_s = sum(_fit_costs(faces, lamps))
     return (
-        coloring_s(scan) + SAMPLING_S_A_FACE * faces,
-        DIRECT_S_A_FACE * faces + DIRECT_S_A_LAMP * lamps,
-        EXCHANGE_S + EXCHANGE_S_A_FACE * faces,
+        coloring_s(scan) + SAMPLING_S_PER_FACE * faces,
+        DIRECT_S_PER_FACE * faces + DIRECT_S_PER_LAMP * lamps,
+        EXCHANGE_S + EXCHANGE_S_PER_FACE * faces,
         fits_s,
         0.0 if fluxes_stated else ONCE_MORE * fits_s,
     )
@@ -264,8 +268,8 @@ def delighting_costs(scan: Scan, lamps: int, *, fluxes_stated: bool = True) -> t
 def _fit_costs(faces: int, lamps: int) -> list[float]:
     """What each round's fit usually takes [s of one core]."""
     pairs = lamps**2
-    first_s = FIRST_FIT_S + FIRST_FIT_S_A_FACE * faces + FIRST_FIT_S_A_PAIR * pairs
-    return [first_s, *[NEXT_FIT_S + NEXT_FIT_S_A_FACE * faces + NEXT_FIT_S_A_PAIR * pairs] * (ROUNDS - 1)]
+    first_s = FIRST_FIT_S + FIRST_FIT_S_PER_FACE * faces + FIRST_FIT_S_PER_PAIR * pairs
+    return [first_s, *[NEXT_FIT_S + NEXT_FIT_S_PER_FACE * faces + NEXT_FIT_S_PER_PAIR * pairs] * (ROUNDS - 1)]
 
 
 def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_areas: FloatArray) -> MaterialMap:
@@ -353,18 +357,18 @@ def _witnesses(evidence: LightEvidence) -> int:
 
 def _doubt(fit: LightFit) -> str | None:
     """Why a fit is not to be believed, if so."""
-    if fit.explained < LEAST_EXPLAINED:
+    if fit.explained < MIN_EXPLAINED:
         return (
             "how bright its surfaces look does not follow the lamps' light "
             f"(which explains {100 * max(fit.explained, 0.0):.0f} % of the differences within surfaces); "
             "it may be unlit, or lit by other lamps or by daylight"
         )
-    if fit.direct_share < LEAST_DIRECT:
+    if fit.direct_share < MIN_DIRECT:
         return (
             f"the lamps' own light would be {100 * fit.direct_share:.0f} % of all light in the room, which takes "
             "surfaces brighter than white; the lamps may stand elsewhere, or others may be lit"
         )
-    if fit.deviations[2:5].max() > MOST_UNCERTAIN:
+    if fit.deviations[2:5].max() > MAX_UNCERTAIN:
         return "the picture does not tell how strong the lamps' light is in it"
     return None
 
@@ -403,10 +407,10 @@ def _beam_warning(fit: LightFit) -> tuple[str, ...]:
 
 
 def _unsettled(fit: LightFit) -> tuple[str, ...]:
-    if fit.steps < MOST_STEPS:
+    if fit.steps < MAX_STEPS:
         return ()
     return (
-        f"camera and light had not settled after {MOST_STEPS} steps: the reflectances may be off by more than stated",
+        f"camera and light had not settled after {MAX_STEPS} steps: the reflectances may be off by more than stated",
     )
 
 
@@ -430,7 +434,7 @@ def _whiter_than_paint(reflectance: FloatArray, area_m2: float) -> tuple[str, ..
     """
     bright = reflectance.max(axis=1)
     share = float(np.mean(bright > BRIGHTEST_REFLECTANCE))
-    if share < WHITE_SHARE or np.median(bright[bright > LEAST_WHITE]) < BRIGHTEST_REFLECTANCE:
+    if share < WHITE_SHARE or np.median(bright[bright > MIN_WHITE]) < BRIGHTEST_REFLECTANCE:
         return ()
     return (
         f"{share * area_m2:.0f} m² came out brighter than fresh white paint and count as that (reflectance "

@@ -17,8 +17,8 @@ from lidarspectra.radiance.engine.engine import INSTALL_ADVICE, MAX_SPECTRAL_SLO
 
 PACKAGE = "lidarspectra"
 DEVELOPER_EXTRAS = ("docs", "test")
-LEAST_MEMORY_GIB = 4.0  # [GiB] the demo and the meeting-room scan stay well below it
-LEAST_DISK_GIB = 1.0  # [GiB] a run folder of a large scan
+MIN_MEMORY_GIB = 4.0  # [GiB] the demo and the meeting-room scan stay well below it
+MIN_DISK_GIB = 1.0  # [GiB] a run folder of a large scan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,15 +84,15 @@ def _machine() -> Iterator[Finding]:
     yield Finding(
         subject="cores, memory",
         value=f"{os.cpu_count()} cores, {memory.available / 2**30:.1f} of {memory.total / 2**30:.1f} GiB free",
-        good=memory.available / 2**30 >= LEAST_MEMORY_GIB,
-        todo=f"Large scans want {LEAST_MEMORY_GIB:.0f} GiB free; max_faces under [scan] makes a scan smaller.",
+        good=memory.available / 2**30 >= MIN_MEMORY_GIB,
+        todo=f"Large scans want {MIN_MEMORY_GIB:.0f} GiB free; max_faces under [scan] makes a scan smaller.",
     )
     for subject, folder in (("disk, this folder", Path.cwd()), ("disk, temporary", Path(tempfile.gettempdir()))):
         free = shutil.disk_usage(folder).free / 2**30
         yield Finding(
             subject=subject,
             value=f"{free:.1f} GiB free, {'writable' if os.access(folder, os.W_OK) else 'not writable'} ({folder})",
-            good=free >= LEAST_DISK_GIB and os.access(folder, os.W_OK),
+            good=free >= MIN_DISK_GIB and os.access(folder, os.W_OK),
             todo="Free some space, or work in another folder.",
         )
 

@@ -28,7 +28,7 @@ from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.room import load_room
 from lidarspectra.workflow.workspace import made_folder, require_stage
 
-FEWEST_POINTS = 3  # [1] fewer say nothing of a map
+MIN_POINTS = 3  # [1] fewer say nothing of a map
 NOWHERE_M = 1e9  # [m] stands for a place that is not known: far from everything
 NORMALISATIONS: tuple[Normalisation, ...] = ("absolute", "band", "all")
 
@@ -117,9 +117,9 @@ def evaluate_run(
     complete = np.isfinite(real).all(axis=1)
     whole = complete & (np.nan_to_num(real) > 0).all(axis=1)  # Eq. 9 divides by what was read
     dark = int(complete.sum() - whole.sum())
-    if whole.sum() < FEWEST_POINTS:
+    if whole.sum() < MIN_POINTS:
         raise MapError(
-            expected=f"{FEWEST_POINTS} or more readings with light in all channels",
+            expected=f"{MIN_POINTS} or more readings with light in all channels",
             found=f"{int(whole.sum())}",
             where=str(measured),
             todo="Saturated or missing channels leave gaps, dark ones nothing to compare with; measure again with "
@@ -169,10 +169,10 @@ def _matched(light: xr.Dataset, table: pd.DataFrame, within_m: float, where: Pat
     placed = np.isfinite(readings).all(axis=1)
     distance, nearest = cKDTree(places).query(np.where(placed[:, None], readings, NOWHERE_M))
     rows = np.flatnonzero(placed & (distance <= within_m))
-    if rows.size < FEWEST_POINTS:
+    if rows.size < MIN_POINTS:
         closest = f"{float(distance[placed].min()):.2f} m" if placed.any() else "no reading has a place"
         raise MapError(
-            expected=f"{FEWEST_POINTS} or more readings within {within_m:g} m of the map's points",
+            expected=f"{MIN_POINTS} or more readings within {within_m:g} m of the map's points",
             found=f"{rows.size}; the nearest is at {closest}",
             where=str(where),
             todo="Are the readings in the scan's frame? 'lidarspectra sensor join --align' puts them there.",

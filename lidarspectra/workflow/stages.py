@@ -70,13 +70,13 @@ MODEL_FOLDER = "model"
 SEGMENTATION = "segmentation"
 READING_SHARE = 0.15  # [1] of the scan's time, before its size is known
 HOLES_LIKELY = 0.5  # [1] that there are some, to be closed in the colours of their rims
-SAVING_VIEWS_SHARE = 0.12  # [1] of the time that they took (research/benchmarks/scale.py)
-FINDING_S_A_FACE = 2.3e-6  # [s] of one core, floor, walls and ceiling of a million faces (research/benchmarks/scale.py)
-LAMPS_S, PLACING_S_A_FACE = 0.2, 2e-6  # [s] of one core, in that hall
+SAVING_VIEWS_SHARE = 0.12  # [1] of the time that they took (benchmark scale)
+FINDING_S_PER_FACE = 2.3e-6  # [s] of one core, floor, walls and ceiling of a million faces (benchmark scale)
+LAMPS_S, PLACING_S_PER_FACE = 0.2, 2e-6  # [s] of one core, in that hall
 TRACED_SHARE = 0.97  # [1] of the stage's time; the rest is to save 100,000 points under 64 lamps
-READING_S_A_FACE = 3.8e-5  # [s] of one core, for the report of a hall of a million faces whose run goes on
+READING_S_PER_FACE = 3.8e-5  # [s] of one core, for the report of a hall of a million faces whose run goes on
 APPLICATIONS_S = 10.0  # [s] of one core: people, plants and cells
-PAGE_S, PAGE_S_A_FACE = 9.0, 1.2e-5  # [s] of one core: the page itself, in the demo room and in that hall
+PAGE_S, PAGE_S_PER_FACE = 9.0, 1.2e-5  # [s] of one core: the page itself, in the demo room and in that hall
 SAVING_S = (1.1, 3e-6)  # [s] of the materials: their picture, and for each face
 TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays by the clock: runs agree within noise
 
@@ -91,7 +91,7 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
         raw = read_scan(file, unit=section.unit, up=section.up, progress=reading)
         repair_s = sum(repair_costs(raw, close_holes=False, flatten=section.flatten, max_faces=section.max_faces))
         holes_s = HOLES_LIKELY * coloring_s(raw) if section.close_holes else 0.0
-        finding_s = FINDING_S_A_FACE * min(len(raw.faces), section.max_faces or len(raw.faces))
+        finding_s = FINDING_S_PER_FACE * min(len(raw.faces), section.max_faces or len(raw.faces))
         costs = (repair_s + holes_s, finding_s, saving_s(raw, section.max_faces))
         repairing, finding, saving = shares(rest, costs)
         scan = repair_scan(
@@ -224,7 +224,7 @@ def scene_stage(
         costs = (
             LAMPS_S,
             scene_s(len(mesh.faces), lamps, bands, room.trace.mode),
-            PLACING_S_A_FACE * len(mesh.faces),
+            PLACING_S_PER_FACE * len(mesh.faces),
         )
         _, writing, placing = shares(progress, costs)
         scene = write_scene(
@@ -337,9 +337,9 @@ def report_stage(
         reading, applying, writing = shares(
             progress,
             (
-                READING_S_A_FACE * len(mesh.faces) if materials.was_fresh else 0.0,  # else the colours are at hand
+                READING_S_PER_FACE * len(mesh.faces) if materials.was_fresh else 0.0,  # else the colours are at hand
                 APPLICATIONS_S if inputs.room.people_and_plants or inputs.room.cells else 0.0,
-                PAGE_S + PAGE_S_A_FACE * len(mesh.faces),
+                PAGE_S + PAGE_S_PER_FACE * len(mesh.faces),
             ),
         )
         lamps = load_lamps(scene.folder)

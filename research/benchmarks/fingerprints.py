@@ -65,7 +65,7 @@ def report(table: xr.Dataset, parts: PartTimes, clock_s: float) -> str:
     people, sensors, bands = (table.sizes[name] for name in ("fingerprint", "sensor", "band"))
     lines = [
         f"{people} fingerprints x {sensors} sensors x {bands} channels, "
-        f"accuracy {table.attrs['accuracy']}, {table.attrs['walks_a_sensor']} walks a sensor",
+        f"accuracy {table.attrs['accuracy']}, {table.attrs['walks_per_sensor']} walks a sensor",
         "",
         "| | processor time |",
         "|---|---|",

@@ -1,6 +1,6 @@
 """A hall as large as a run may be: time and memory of every stage, and whether the remaining time was told right.
 
-    python -m research.benchmarks.scale hall FOLDER  a hall of 12 m x 9 m: 1,008,400 triangles, 4 textures of 8192 x 8192,
+    python -m research.benchmarks.scale hall FOLDER  a hall of 12 m x 9 m: 1,008,400 triangles, 4 textures of 8192²,
                                                64 panels, 100,000 points
     python -m research.benchmarks.scale demo FOLDER     the demo room, for its progress
 

@@ -151,14 +151,14 @@ def run(
     tiles: list[Picture],
     draws: int,
     *,
-    most_views: int | None,
+    max_views: int | None,
     wrong_shares: bool,
 ) -> None:
     """Print a room's shares."""
     scan = read_scan(folder / "scan.glb")
     room = find_room(scan)
     views = render_views(scan, room)
-    views = replace(views, views=views.views[:most_views])
+    views = replace(views, views=views.views[:max_views])
     material, truth = true_classes(folder, classifier.classes)
     colors, known = surface_colors(scan)
     lab = linear_srgb_to_lab(colors)
@@ -222,7 +222,7 @@ def main() -> None:
             classifier,
             tiles,
             arguments.draws,
-            most_views=arguments.views,
+            max_views=arguments.views,
             wrong_shares=arguments.wrong,
         )
     if arguments.spectraldb is not None:

@@ -29,7 +29,7 @@ from research.virtual_rooms.true_room import TrueRoom
 
 FIRST_NM, LAST_NM, STEP_NM = 380.0, 780.0, 5.0  # [nm] the range of the lamps' spectra, the step of all true spectra
 FLAT_DEG = 0.0  # [deg] a plan's faces are flat: nothing is smoothed over their edges
-MOST_REFLECTIONS: Accuracy = "ultra"  # 20: beyond it comes less than 0.1 % of the light of these rooms
+MAX_REFLECTIONS: Accuracy = "ultra"  # 20: beyond it comes less than 0.1 % of the light of these rooms
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -167,7 +167,7 @@ def true_light(
     scene = write_scene(
         room.scan, true_materials(room), lamps, single, folder, crease_deg=FLAT_DEG, progress=part_of(progress, 0, 0.1)
     )
-    section = TraceSection(accuracy=MOST_REFLECTIONS, noise=noise, workers=workers)
+    section = TraceSection(accuracy=MAX_REFLECTIONS, noise=noise, workers=workers)
     transport = trace(scene, points, section, seed=seed, progress=part_of(progress, 0.1, 1.0))
     coefficient = transport["coefficient"].transpose("lamp", "point", "band").to_numpy().astype(np.float64)
     error = transport["coefficient_se"].transpose("lamp", "point", "band").to_numpy().astype(np.float64)

@@ -14,7 +14,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.scene.lamp_shapes import beam_exponent, emitting_area_m2, lamp_axes, radiance_per_flux
 from lidarspectra.radiance.scene.mesh_text import CREASE_DEG, corner_normals
-from lidarspectra.radiance.scene.surfaces import LEAST_ROUGHNESS
+from lidarspectra.radiance.scene.surfaces import MIN_ROUGHNESS
 from research.second_opinion.plugins import Custom, make_surface, register_beam
 from research.second_opinion.variants import GET_LLVM, SLOTS, Mitsuba
 
@@ -107,7 +107,7 @@ def split_reflectance(material: Material, reflectance: FloatArray) -> tuple[Floa
     MaterialError
         If light passes through the material.
     """
-    roughness = max(material.roughness, LEAST_ROUGHNESS)
+    roughness = max(material.roughness, MIN_ROUGHNESS)
     match material.kind:
         case "plastic":
             glossy = np.full(reflectance.shape, min(material.specularity, float(reflectance.min())))

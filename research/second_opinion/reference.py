@@ -30,7 +30,7 @@ from research.second_opinion.plugins import Custom
 from research.second_opinion.variants import SLOTS, Mitsuba, find_mitsuba
 
 SENSOR_OFFSET_M = 1e-4  # [m] rays start so far along the sensor's normal, as Radiance's do
-MOST_RAYS = 2**20  # [1] at once: about 1 GB
+MAX_RAYS = 2**20  # [1] at once: about 1 GB
 ALL_REFLECTIONS = -1  # Mitsuba's word for paths of any length
 
 
@@ -173,7 +173,7 @@ def _estimate(
     """(point, 3) one independent estimate [W/m²/nm]."""
     if not mitsuba.is_fast:
         return _estimate_plain(mitsuba, scene, points, cells, seed=seed)
-    at_once = max(1, MOST_RAYS // cells**2)
+    at_once = max(1, MAX_RAYS // cells**2)
     parts = []
     for number, first in enumerate(range(0, len(points), at_once)):
         some = slice(first, first + at_once)

@@ -17,9 +17,9 @@ logger = logging.getLogger(__name__)
 
 FAST, PLAIN = "llvm_ad_rgb", "scalar_rgb"
 SLOTS = 3  # [1] that an rgb variant carries
-LEAST_LLVM = 17  # [1] 14 to 16 end the process on Mitsuba 3.9's kernels ("Cannot select: fmaximum"); 19 was tried
+MIN_LLVM = 17  # [1] 14 to 16 end the process on Mitsuba 3.9's kernels ("Cannot select: fmaximum"); 19 was tried
 GET_LLVM = (
-    f"Install LLVM's shared library, version {LEAST_LLVM} or later (Debian: apt-get install libllvm19; macOS: brew "
+    f"Install LLVM's shared library, version {MIN_LLVM} or later (Debian: apt-get install libllvm19; macOS: brew "
     "install llvm; Windows: the LLVM installer), or name it in the environment variable DRJIT_LIBLLVM_PATH."
 )
 
@@ -99,4 +99,4 @@ def _fault_of_llvm(dr: Any) -> str:
         named = os.environ.get("DRJIT_LIBLLVM_PATH")
         return f"LLVM's shared library is not {'at ' + named if named else 'there'}. {GET_LLVM}"
     major = int(dr.detail.llvm_version()[0])
-    return "" if major >= LEAST_LLVM else f"LLVM {major} is too old. {GET_LLVM}"
+    return "" if major >= MIN_LLVM else f"LLVM {major} is too old. {GET_LLVM}"

@@ -29,7 +29,7 @@ RATE, WEIGHT_DECAY = 2e-3, 1e-2  # [1] of AdamW under one cosine
 DROPOUT, HIDDEN_DROPOUT = 0.3, 0.5  # [1] of features and of hidden units, while training
 MIXING = 0.3  # [1] of the beta distribution by which two places are mixed (Zhang et al. 2018, mixup)
 LABEL_SMOOTHING = 0.05  # [1] keeps the head from being sure
-LEAST_DEVIATION = 1e-3  # [1] added to features' deviations
+MIN_DEVIATION = 1e-3  # [1] added to features' deviations
 ORIGIN_WEIGHT = {
     "tile": 1.0,
     "photo": 1.0,
@@ -91,7 +91,7 @@ def fit_heads(
     places, width = features.shape[1:]
     flat = features.reshape(-1, width)
     mean = flat.mean(axis=0, dtype=np.float64)
-    deviation = flat.std(axis=0, dtype=np.float64) + LEAST_DEVIATION
+    deviation = flat.std(axis=0, dtype=np.float64) + MIN_DEVIATION
     even = (flat - mean.astype(np.float32)) / deviation.astype(np.float32)
     label = np.repeat([pictures[n].label for n in shown], places)
     often = material_weights(pictures) / np.maximum(np.bincount(shown, minlength=len(pictures)), 1)

@@ -19,8 +19,8 @@ PATTERNS = 48  # [1] of each resolution
 SIZE_PX = 5  # [px]
 PATCHES = 10  # [1] of each picture
 ROUNDS = 15  # [1] of K-means; patterns change little after 10
-LEAST_CONTRAST = 0.05  # [1] added to a patch's deviation: what is flatter than that is noise
-LEAST_VARIANCE = 0.05  # [1] added to variances before whitening, against patterns of noise
+MIN_CONTRAST = 0.05  # [1] added to a patch's deviation: what is flatter than that is noise
+MIN_VARIANCE = 0.05  # [1] added to variances before whitening, against patterns of noise
 FEWEST = 4  # [1] patches of a pattern; others start anew
 
 
@@ -63,9 +63,9 @@ def _patches(level: FloatArray, generator: np.random.Generator) -> FloatArray:
 
 def _patterns(patches: FloatArray, generator: np.random.Generator) -> FloatArray:
     """(pattern, 3, size, size) filters of one resolution."""
-    even = patches / (patches.std(axis=1, keepdims=True) + LEAST_CONTRAST)
+    even = patches / (patches.std(axis=1, keepdims=True) + MIN_CONTRAST)
     variance, directions = np.linalg.eigh(np.cov(even.T))
-    whitening = directions / np.sqrt(np.maximum(variance, 0.0) + LEAST_VARIANCE) @ directions.T
+    whitening = directions / np.sqrt(np.maximum(variance, 0.0) + MIN_VARIANCE) @ directions.T
     units = _unit((even - even.mean(axis=0)) @ whitening)
     center = units[generator.choice(len(units), PATTERNS, replace=False)]
     for _ in range(ROUNDS):

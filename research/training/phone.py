@@ -6,7 +6,7 @@ import numpy as np
 from lidarspectra.arrays import ByteArray, FloatArray
 
 SCALE = (0.4, 2.0)  # [1] pixels of the picture to a pixel of the material
-LEAST_ASPECT = 0.5  # [1] foreshortening; a surface seen more aslant counts little anyway
+MIN_ASPECT = 0.5  # [1] foreshortening; a surface seen more aslant counts little anyway
 DYED = ("carpet", "fabric", "leather", "painted", "paper", "plastic", "wallpaper", "tile")  # come in any colour
 
 
@@ -53,7 +53,7 @@ def _seen_from_elsewhere(image: ByteArray, size_px: int, generator: np.random.Ge
     scale = float(np.exp(generator.uniform(*np.log(SCALE))))
     if scale < 1.0:
         image = np.asarray(cv2.GaussianBlur(image, (0, 0), 0.5 / scale))
-    turn, aspect = generator.uniform(0, 2 * np.pi), generator.uniform(LEAST_ASPECT, 1.0)
+    turn, aspect = generator.uniform(0, 2 * np.pi), generator.uniform(MIN_ASPECT, 1.0)
     lean = generator.uniform(0, 2 * np.pi)
     stretch = _turn(lean) @ np.diag([1.0, aspect]) @ _turn(-lean)
     matrix = scale * stretch @ _turn(turn)

@@ -32,10 +32,10 @@ SAME_STRUCTURE = 0.5  # [1] correlation of two tiles' brightness from which they
 STRUCTURE_PX = 32  # [px] at which it is taken
 PHOTOS_OF_ONE = 8  # [1] running numbers of photographs that count as one object
 WHITE_MARGIN = 250  # [1] of 255; some tiles do not fill their square
-LEAST_SURFACE = 0.85  # [1] of a photograph's crop that shows the object rather than the board it lies on
+MIN_SURFACE = 0.85  # [1] of a photograph's crop that shows the object rather than the board it lies on
 OFF_BOARD = 28.0  # [1] of 255, by which an object differs from that board
 CROP_PX = 160  # [px]
-LEAST_CONTRAST = 10.0  # [1] of 255, deviation of a crop's brightness; a flat one shows the board all the same
+MIN_CONTRAST = 10.0  # [1] of 255, deviation of a crop's brightness; a flat one shows the board all the same
 TRIM_PX = 3  # [px] cut from each side of a tile, whose edge may be mixed with white
 
 
@@ -170,7 +170,7 @@ def _surface_crops(image: ByteArray, most: int = 3) -> list[ByteArray]:
     edge = np.concatenate([image[:4].reshape(-1, 3), image[-4:].reshape(-1, 3), image[:, :4].reshape(-1, 3)])
     board = np.median(edge, axis=0)
     off = (np.abs(image.astype(np.float64) - board).max(axis=2) > OFF_BOARD).astype(np.float32)
-    if min(height, width) <= CROP_PX or off.mean() > LEAST_SURFACE:
+    if min(height, width) <= CROP_PX or off.mean() > MIN_SURFACE:
         return [image]
     closed = cv2.morphologyEx(off, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))
     size = CROP_PX // 2
@@ -178,10 +178,10 @@ def _surface_crops(image: ByteArray, most: int = 3) -> list[ByteArray]:
     crops = []
     for _ in range(most):
         row, column = np.unravel_index(int(share.argmax()), share.shape)
-        if share[row, column] < LEAST_SURFACE:
+        if share[row, column] < MIN_SURFACE:
             break
         crop = np.ascontiguousarray(image[row : row + size, column : column + size])
-        if crop.mean(axis=2).std() >= LEAST_CONTRAST:
+        if crop.mean(axis=2).std() >= MIN_CONTRAST:
             crops.append(crop)
         share[max(0, row - size) : row + size, max(0, column - size) : column + size] = 0.0
     return crops

@@ -43,7 +43,7 @@ LIFT_M = 1e-3  # [m] shadow and mirrored rays start just off the surface
 BRIGHT_SHARE, BRIGHT = 0.95, 0.8  # [1] quantile of a view's light, and what it becomes; `phone.developed` exposes anew
 CROPS = 20  # [1] of each view
 VIEWS = 2  # [1] of each room
-FEWEST_PX = 300  # [px] of a surface in a view, for a crop of it
+MIN_PX = 300  # [px] of a surface in a view, for a crop of it
 CROP_PX = 128  # [px]
 
 
@@ -185,7 +185,7 @@ def _crops(room: Room, generator: np.random.Generator) -> list[Picture]:
     image = np.asarray(np.rint(255.0 * encode_srgb(exposed)), dtype=np.uint8)
     half = CROP_PX // 2
     wide = np.pad(image, ((half, half), (half, half), (0, 0)), mode="reflect")
-    shown = [k for k in np.unique(surface[surface >= 0]) if np.count_nonzero(surface == k) >= FEWEST_PX]
+    shown = [k for k in np.unique(surface[surface >= 0]) if np.count_nonzero(surface == k) >= MIN_PX]
     crops = []
     for _ in range(CROPS if shown else 0):
         chosen = int(generator.choice(shown))

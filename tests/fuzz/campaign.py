@@ -37,7 +37,7 @@ CASE_S = 20.0  # [s] processor time of a case: the largest image that is allowed
 HANG_S = 300.0  # [s] of the clock, after which the process ends itself and says where it was
 MEMORY_BYTES = 6 * 2**30  # [byte] of addresses that the process may use; libraries alone take 2
 LONGEST_MESSAGE = 5_000  # [1] characters; one paragraph
-MOST_FAULTS = 20  # [1] of a reader that are told in full
+MAX_FAULTS = 20  # [1] of a reader that are told in full
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 FORBIDDEN_EVENTS = ("subprocess.Popen", "os.system", "os.posix_spawn", "os.exec", "os.fork", "socket.connect")
 CHANGING_EVENTS = ("os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.symlink", "os.link", "os.truncate", "os.chmod")
@@ -274,7 +274,7 @@ def main() -> int:
             print(json.dumps(outcome.__dict__), flush=True)
             continue
         print(outcome.row(), flush=True)
-        for fault in outcome.faults[:MOST_FAULTS]:
+        for fault in outcome.faults[:MAX_FAULTS]:
             print(f"\n{fault}", file=sys.stderr, flush=True)  # at once: the whole campaign takes long
     if arguments.json:
         return 0

@@ -26,7 +26,10 @@ from lidarspectra.spectra.colorimetry import encode_srgb
 SMALLEST_ATLAS_PX, LARGEST_ATLAS_PX = 512, 4096  # [px] edge of the new texture
 REACH_M = 0.1  # [m] how far decimation may move a surface and still find its colour straight below or above
 ROWS_AT_ONCE = 256  # texture rows drawn at once, a million points
-COLLAPSING_S_A_FACE, CARRYING_S_A_PIXEL = 1.6e-5, 7e-7  # [s] of one core, in the hall of research/benchmarks/scale.py
+COLLAPSING_S_PER_FACE, CARRYING_S_PER_PIXEL = (
+    1.6e-5,
+    7e-7,
+)  # [s] of one core, in the hall of benchmark scale
 _CORNER_INSET = 0.02  # [1] colours at corners are read so far inside the face, away from its neighbours
 
 
@@ -74,7 +77,7 @@ def decimation_costs(scan: Scan, max_faces: int | None) -> tuple[float, float]:
     """What collapsing edges and carrying the texture usually take; 0 where nothing is to be done [s of one core]."""
     if max_faces is None or max_faces >= len(scan.faces):
         return 0.0, 0.0
-    return COLLAPSING_S_A_FACE * len(scan.faces), CARRYING_S_A_PIXEL * carried_pixels(scan)
+    return COLLAPSING_S_PER_FACE * len(scan.faces), CARRYING_S_PER_PIXEL * carried_pixels(scan)
 
 
 def carried_pixels(scan: Scan) -> int:

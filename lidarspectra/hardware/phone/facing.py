@@ -15,7 +15,7 @@ from lidarspectra.geometry.scan import Scan
 VOTES_PER_PIECE = 200  # faces that speak for a connected piece
 FAR_M = 2.0  # [m] free distance that counts in full
 START_M = 1e-3  # [m] rays start so far off their face, clear of rounding
-LEAST_MAJORITY = 0.02  # [1] mean vote below which a piece stays as the file has it
+MIN_MAJORITY = 0.02  # [1] mean vote below which a piece stays as the file has it
 TILTS = ((0.0, 0.0), (0.7, 0.0), (0.7, 1.2566), (0.7, 2.5133), (0.7, 3.7699), (0.7, 5.0265))
 # [rad] polar angle from the normal and azimuth of the rays: one along it, five around at 40 degrees
 
@@ -86,7 +86,7 @@ def faces_to_turn(scan: Scan) -> BoolArray:
     """
     piece, turned = connected_pieces(scan.faces)
     votes = _votes(scan, piece, np.where(turned, -1.0, 1.0))
-    return np.asarray(turned ^ (votes < -LEAST_MAJORITY)[piece], dtype=np.bool_)
+    return np.asarray(turned ^ (votes < -MIN_MAJORITY)[piece], dtype=np.bool_)
 
 
 def _votes(scan: Scan, piece: IntArray, sign: FloatArray) -> FloatArray:

@@ -17,8 +17,8 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.room.free_space import sphere_directions
 
-LEAST_PATCH_M2 = 0.08  # [m²] a seat; smaller patches say little of their direction
-LEAST_WIDTH_M = 0.08  # [m] a board's narrow side, rounded by the scanner, has no direction of its own
+MIN_PATCH_M2 = 0.08  # [m²] a seat; smaller patches say little of their direction
+MIN_WIDTH_M = 0.08  # [m] a board's narrow side, rounded by the scanner, has no direction of its own
 WIDEST_M = 0.03  # [m] unevenness of a wall in a bad scan, to either side
 FINEST_M = 0.012  # [m] no flat thing is scanned better than that: drift bends it
 NOISE_REACH = 3.0  # [1] deviations of the scan's noise that belong to a plane
@@ -141,7 +141,7 @@ class _Search:
         area = np.bincount(self.face_direction[self.left], weights=self.areas[self.left], minlength=DIRECTIONS)
         summed = self.around @ area
         best = int(summed.argmax())
-        if summed[best] < LEAST_PATCH_M2:
+        if summed[best] < MIN_PATCH_M2:
             return None
         member = self.left & (np.linalg.norm(self.smooth - self.directions[best], axis=1) < DIRECTION_REACH)
         mean = (self.smooth[member] * self.areas[member, None]).sum(axis=0)
@@ -164,7 +164,7 @@ class _Search:
         member = self._largest_piece(near)
         normal = direction
         for _ in range(FITS):
-            if self.areas[member].sum() < LEAST_PATCH_M2:
+            if self.areas[member].sum() < MIN_PATCH_M2:
                 break
             normal, offset = _fitted(self.corners[member], self.areas[member], normal)
             if not self.offsets:
@@ -207,13 +207,13 @@ class _Search:
 
     def _is_patch(self, member: BoolArray, normal: FloatArray, offset: float) -> bool:
         area = float(self.areas[member].sum())
-        if area < LEAST_PATCH_M2:
+        if area < MIN_PATCH_M2:
             return False
         centers, areas = self.centers[member], self.areas[member]
         rough = float(np.sqrt(np.average((centers @ normal - offset) ** 2, weights=areas)))
         spread = np.linalg.eigvalsh(_second_moment(self.corners[member], areas))
         width = float(np.sqrt(12.0 * max(spread[1], 0.0)))  # of a rectangle of that variance
-        return width >= LEAST_WIDTH_M and rough <= ROUGHEST * self.reach_m
+        return width >= MIN_WIDTH_M and rough <= ROUGHEST * self.reach_m
 
     def _largest_piece(self, member: BoolArray) -> BoolArray:
         """Those members that hang together, in the piece of most area."""

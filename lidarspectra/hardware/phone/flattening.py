@@ -17,14 +17,14 @@ from lidarspectra.hardware.phone.flat_patches import FlatPatches, find_flat_patc
 from lidarspectra.progress import Progress, shares, silent
 
 EDGE_REACH_M = 0.03  # [m] that a phone's voxels cut off an edge, about
-MOST_MOVE_M = 0.045  # [m] into a corner of three such planes
+MAX_MOVE_M = 0.045  # [m] into a corner of three such planes
 TWO_PLANES_COSINE = 0.8  # [1] 37 degrees; flatter edges are bends
 THREE_PLANES_VOLUME = 0.3  # [1] of the normals' parallelepiped, below which there is no corner
 CHOICES = 6  # [1] planes about a vertex that are looked at
 UNMOVING_ROUNDS = 4  # [1] of taking back what turned a triangle over
 TURNED_COSINE = 0.0  # [1] of the turn of a face's normal
-LEAST_FACE_AREA_M2 = 1e-9  # [m²] a face that an edge swallowed
-LEAST_MOVE_M = 1e-6  # [m] that counts as one
+MIN_FACE_AREA_M2 = 1e-9  # [m²] a face that an edge swallowed
+MIN_MOVE_M = 1e-6  # [m] that counts as one
 COSTS = (
     0.7,
     0.3,
@@ -52,9 +52,9 @@ def flatten_scan(scan: Scan, *, progress: Progress = silent) -> Scan:
     moved = _drawn(scan, patches)
     used = np.unique(scan.faces)
     distance = np.linalg.norm(moved[used] - scan.vertices[used], axis=1)
-    changed = distance > LEAST_MOVE_M
+    changed = distance > MIN_MOVE_M
     flat = replace(scan, vertices=moved)
-    kept = np.flatnonzero(flat.areas > LEAST_FACE_AREA_M2)
+    kept = np.flatnonzero(flat.areas > MIN_FACE_AREA_M2)
     record = replace(
         scan.record,
         flat_planes=len(patches),
@@ -159,7 +159,7 @@ def _solved(vertices: FloatArray, planes: IntArray, patches: FlatPatches) -> Flo
         # The shortest way is a sum of the normals, N^T (N N^T)^-1 off.
         share = np.linalg.solve(normals @ normals.transpose(0, 2, 1), off[..., None])
         moved[rows] -= (normals.transpose(0, 2, 1) @ share)[..., 0]
-    far = np.linalg.norm(moved - vertices, axis=1) > MOST_MOVE_M
+    far = np.linalg.norm(moved - vertices, axis=1) > MAX_MOVE_M
     moved[far] = vertices[far]
     return moved
 
@@ -174,7 +174,7 @@ def _unturned(scan: Scan, patches: FlatPatches, stages: tuple[FloatArray, FloatA
     rows = np.arange(len(scan.vertices))
     for _ in range(UNMOVING_ROUNDS):
         flat = replace(scan, vertices=positions[stage, rows])
-        turned = (np.einsum("fc,fc->f", flat.normals, wanted) < TURNED_COSINE) & (flat.areas > LEAST_FACE_AREA_M2)
+        turned = (np.einsum("fc,fc->f", flat.normals, wanted) < TURNED_COSINE) & (flat.areas > MIN_FACE_AREA_M2)
         if not turned.any():
             break
         back = np.unique(scan.faces[turned])

@@ -15,7 +15,7 @@ from lidarspectra.geometry.textures import check_texture_total
 from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh
 from lidarspectra.spectra.colorimetry import encode_srgb
 
-_MOST_NUMBERS = 2**40  # [1] no file is so long
+_MAX_NUMBERS = 2**40  # [1] no file is so long
 _NO_INDEX = -1
 _IMAGE_OPTION_ARGUMENTS = {
     "-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-blendu": 1, "-blendv": 1, "-boost": 1, "-texres": 1, "-clamp": 1,
@@ -171,7 +171,7 @@ def _number(word: str, count: int) -> int:
     """
     value = int(word)
     index = value - 1 if value > 0 else count + value
-    if value == 0 or not 0 <= index < _MOST_NUMBERS:
+    if value == 0 or not 0 <= index < _MAX_NUMBERS:
         raise ValueError(f"number {value} names nothing")
     return index
 

@@ -34,7 +34,7 @@ LOW_WEIGHT = 12.0  # log odds per share of the height by which what stands betwe
 TABLE_WEIGHT = 3.0  # log odds where all level surfaces between floor and ceiling face up
 END_SHARE = 0.12  # [1] of the height: floor and ceiling with their unevenness
 EXTENT_QUANTILE = 0.005  # [1] of the area beyond the extent on either side: what was seen through a window
-LEAST_ROOM_M, LARGEST_ROOM_M = 0.3, 1000.0  # [m] longest side; neither a thing on a table nor a landscape
+MIN_ROOM_M, LARGEST_ROOM_M = 0.3, 1000.0  # [m] longest side; neither a thing on a table nor a landscape
 SURE = 0.8  # [1] a confidence below it is noted
 _MAX_FACES = 200_000  # more say nothing new
 
@@ -123,7 +123,7 @@ def find_orientation(
     Raises
     ------
     ScanError
-        If the room would be no larger than `LEAST_ROOM_M`, or larger than `LARGEST_ROOM_M`, in that unit.
+        If the room would be no larger than `MIN_ROOM_M`, or larger than `LARGEST_ROOM_M`, in that unit.
     """
     surface = _Surface.of(vertices, faces, where=where)
     log_odds = np.array([[_log_odds(surface, u, a, declared_unit, declared_up) for a in AXES] for u in UNITS])
@@ -258,9 +258,9 @@ def _notes(
 
 def _check_size(surface: _Surface, unit: Unit, *, where: str) -> None:
     longest = float(surface.extents.max()) * METRES_PER_UNIT[unit]
-    if not LEAST_ROOM_M <= longest <= LARGEST_ROOM_M:
+    if not MIN_ROOM_M <= longest <= LARGEST_ROOM_M:
         raise ScanError(
-            expected=f"a room between {LEAST_ROOM_M} and {LARGEST_ROOM_M:.0f} m long",
+            expected=f"a room between {MIN_ROOM_M} and {LARGEST_ROOM_M:.0f} m long",
             found=f"{longest:.3g} m (in {unit})",
             where=where,
             todo="Give the file's unit in [scan] (m, cm, mm, in or ft), or give a scan of a room.",

@@ -32,10 +32,10 @@ from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 MERGE_DISTANCE_M = 1e-5  # [m] a hundredth of the scanner's noise; above the rounding of 32-bit files
-LEAST_FACE_AREA_M2 = 1e-10  # [m²] 0.01 mm x 0.01 mm; Radiance has no use for less
+MIN_FACE_AREA_M2 = 1e-10  # [m²] 0.01 mm x 0.01 mm; Radiance has no use for less
 # Of one core, in the demo room and a hall of a million faces (research/benchmarks/scale.py).
-MERGING_S_A_FACE, DROPPING_S_A_FACE, TURNING_S_A_FACE = 0.7e-6, 0.7e-6, 2.5e-6  # [s]
-CLOSING_S_A_FACE, FLATTENING_S_A_FACE = 0.6e-6, 9e-6  # [s] looking for holes; finding planes and drawing onto them
+MERGING_S_PER_FACE, DROPPING_S_PER_FACE, TURNING_S_PER_FACE = 0.7e-6, 0.7e-6, 2.5e-6  # [s]
+CLOSING_S_PER_FACE, FLATTENING_S_PER_FACE = 0.6e-6, 9e-6  # [s] looking for holes; finding planes and drawing onto them
 
 
 def repair_scan(
@@ -116,11 +116,11 @@ def repair_costs(
     """
     faces = len(scan.faces)
     return (
-        MERGING_S_A_FACE * faces,
-        DROPPING_S_A_FACE * faces,
-        TURNING_S_A_FACE * faces,
-        CLOSING_S_A_FACE * faces + (coloring_s(scan) if close_holes else 0.0),
-        FLATTENING_S_A_FACE * faces if flatten else 0.0,
+        MERGING_S_PER_FACE * faces,
+        DROPPING_S_PER_FACE * faces,
+        TURNING_S_PER_FACE * faces,
+        CLOSING_S_PER_FACE * faces + (coloring_s(scan) if close_holes else 0.0),
+        FLATTENING_S_PER_FACE * faces if flatten else 0.0,
         sum(decimation_costs(scan, max_faces)),
     )
 
@@ -160,7 +160,7 @@ def _merged(scan: Scan) -> Scan:
 def _without_bad_faces(scan: Scan) -> Scan:
     corners = np.sort(scan.faces, axis=1)
     repeated = (corners[:, 0] == corners[:, 1]) | (corners[:, 1] == corners[:, 2])
-    degenerate = repeated | (scan.areas < LEAST_FACE_AREA_M2)
+    degenerate = repeated | (scan.areas < MIN_FACE_AREA_M2)
     _, first = np.unique(corners, axis=0, return_index=True)
     double = np.ones(corners.shape[0], dtype=np.bool_)
     double[first] = False

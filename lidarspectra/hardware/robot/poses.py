@@ -22,7 +22,7 @@ POSE_TYPES = {
     "geometry_msgs/msg/PoseStamped": ("pose",),
 }  # ROS message types that hold a pose, and the fields that lead to it
 PREFERRED_TOPICS = ("/amcl_pose", "/pose", "/odom")  # a position in the map before one that drifts
-LEAST_POSES = 2
+MIN_POSES = 2
 
 _TIME_COLUMNS = ("unix_s", "time_s", "stamp", "timestamp", "time", "t", "utc")
 _ECHO_PARTS = re.compile(r"^(?P<indent> *)(?P<key>\w+):(?: (?P<value>\S.*))?$")
@@ -51,7 +51,7 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         times = float_array(self.unix_s, name="Trajectory.unix_s", shape=(None,))
-        if times.size < LEAST_POSES or not np.all(np.diff(times) > 0):
+        if times.size < MIN_POSES or not np.all(np.diff(times) > 0):
             raise ReadingError(
                 expected="two poses or more, in order of time",
                 found=f"{times.size}",
@@ -148,7 +148,7 @@ def read_poses(path: Path, *, topic: str | None = None) -> Trajectory:
 def _trajectory(rows: list[tuple[float, float, float, float, float]], frame: str, where: str) -> Trajectory:
     """Poses (time, x, y, z, heading) in order of time; of several at one time the last counts."""
     table = np.array([row for row in rows if all(map(math.isfinite, row))], dtype=np.float64).reshape(-1, 5)
-    if table.shape[0] < LEAST_POSES:
+    if table.shape[0] < MIN_POSES:
         raise ReadingError(
             expected="two poses or more", found=f"{table.shape[0]}", where=where, todo="Check its columns and times."
         )

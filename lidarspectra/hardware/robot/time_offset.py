@@ -21,13 +21,13 @@ from lidarspectra.hardware.robot.poses import Trajectory
 RANGE_S = 30.0  # [s] offsets that are tried, both ways
 STEP_S = 0.5  # [s] between them
 APART_S = 8.0  # [s] readings nearer in time are alike in any case
-MOST_READINGS = 400  # [1] that are looked at; more do not sharpen it
+MAX_READINGS = 400  # [1] that are looked at; more do not sharpen it
 STRETCHES = 8  # [1] of the jackknife
-LEAST_PAIRS = 100  # [1] near in space and apart in time; a drive that crosses no place twice has too few
-LEAST_CONTRAST = 0.1  # [1] by which the best offset must beat the median one
+MIN_PAIRS = 100  # [1] near in space and apart in time; a drive that crosses no place twice has too few
+MIN_CONTRAST = 0.1  # [1] by which the best offset must beat the median one
 KERNEL_OVER_SPACING = 1.0  # [1] width of "near" over the distance between neighbouring rows
-LEAST_KERNEL_M = 0.1  # [m] however close the rows lie
-LEAST_LIGHT = 0.01  # [1] of a channel's median; what is less is noise, whose logarithm would outweigh the rest
+MIN_KERNEL_M = 0.1  # [m] however close the rows lie
+MIN_LIGHT = 0.01  # [1] of a channel's median; what is less is noise, whose logarithm would outweigh the rest
 ALIKE = 1.5  # [1] an offset whose misfit is so many times the least may be the right one too
 NEIGHBOURHOOD_S = 3.0  # [s] in which the jackknife looks for the same minimum again
 
@@ -104,7 +104,7 @@ def estimate_time_offset(
     else:
         parts = _neighbour_costs(times, values, trajectory, offsets, longest_gap_s, stretch)
     weights, costs = parts[..., 0], parts[..., 1]
-    if np.median(weights.sum(axis=1)) < LEAST_PAIRS and expected is None:
+    if np.median(weights.sum(axis=1)) < MIN_PAIRS and expected is None:
         return _unknown("the robot came past too few places twice")
     with np.errstate(divide="ignore", invalid="ignore"):
         curve = costs.sum(axis=1) / weights.sum(axis=1)
@@ -112,7 +112,7 @@ def estimate_time_offset(
             np.delete(costs, k, axis=1).sum(axis=1) / np.delete(weights, k, axis=1).sum(axis=1)
             for k in range(STRETCHES)
         ]
-    if not np.isfinite(curve).any() or np.nanmin(curve) > (1.0 - LEAST_CONTRAST) * np.nanmedian(curve):
+    if not np.isfinite(curve).any() or np.nanmin(curve) > (1.0 - MIN_CONTRAST) * np.nanmedian(curve):
         return _unknown("the light differs too little from place to place")
     minima = _minima(offsets, curve)
     if not minima:
@@ -136,15 +136,15 @@ def _unknown(why: str) -> TimeOffset:
 
 
 def _chosen(times: FloatArray, light: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Times and centred logarithms of the channels that are always there, of at most `MOST_READINGS` readings."""
+    """Times and centred logarithms of the channels that are always there, of at most `MAX_READINGS` readings."""
     lit = np.nanmedian(np.where(np.isfinite(light), light, 0.0), axis=0) > 0.0
     known = (np.isfinite(light).mean(axis=0) > 0.8) & lit
     usable = np.flatnonzero(np.isfinite(times) & np.isfinite(light[:, known]).any(axis=1))
     if usable.size == 0 or not known.any():
         return np.zeros(0), np.zeros((0, 1))
-    places = np.unique(np.linspace(0, usable.size - 1, min(MOST_READINGS, usable.size)).astype(int))
+    places = np.unique(np.linspace(0, usable.size - 1, min(MAX_READINGS, usable.size)).astype(int))
     chosen = usable[places]
-    floor = LEAST_LIGHT * np.nanmedian(light[:, known], axis=0)
+    floor = MIN_LIGHT * np.nanmedian(light[:, known], axis=0)
     values = np.full((chosen.size, light.shape[1]), np.nan)
     values[:, known] = np.log(np.maximum(light[np.ix_(chosen, known)], floor))
     return times[chosen], values
@@ -197,13 +197,13 @@ def _map_costs(
 
 def _kernel_width(trajectory: Trajectory) -> float:
     """Distance that counts as near: the distance between places of the drive that are apart in time."""
-    every = max(1, len(trajectory) // MOST_READINGS)
+    every = max(1, len(trajectory) // MAX_READINGS)
     places, times = trajectory.positions[::every, :2], trajectory.unix_s[::every]
     distance = np.linalg.norm(places[:, None] - places[None], axis=2)
     distance[np.abs(times[:, None] - times[None]) <= APART_S] = np.inf
     nearest = distance.min(axis=1)
     known = nearest[np.isfinite(nearest)]
-    return max(LEAST_KERNEL_M, KERNEL_OVER_SPACING * float(np.median(known))) if known.size else LEAST_KERNEL_M
+    return max(MIN_KERNEL_M, KERNEL_OVER_SPACING * float(np.median(known))) if known.size else MIN_KERNEL_M
 
 
 def _costs(

@@ -22,7 +22,7 @@ from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 Kind = Literal["lamp", "field"]
 
 LIT_FRACTION = 1e-3  # [1] of the brightest channel; a reference that sends less into a channel says nothing on it
-LEAST_SIGNIFICANCE = 5.0  # [1] a signal nearer to the dark than so many of its uncertainties says nothing either
+MIN_SIGNIFICANCE = 5.0  # [1] a signal nearer to the dark than so many of its uncertainties says nothing either
 FIELD_UNCERTAINTY = 0.15  # [1] of simulated light at a point: the paper's maps are 12 to 15 % off (its Table 3)
 MAXIMUM_SPREAD = 1.0  # [1] log-scatter taken for a die of which a single channel is known
 
@@ -281,7 +281,7 @@ def _fit_channel(observations: Sequence[Observation], c: int) -> tuple[float, fl
     off = np.array([o.reference_uncertainty for o in rows])
     lit = (light > LIT_FRACTION * brightest) & (light > 0)
     base = y[~lit].min() if np.any(~lit) else 0.0
-    if not np.any(lit & (y - base > LEAST_SIGNIFICANCE * noise)):
+    if not np.any(lit & (y - base > MIN_SIGNIFICANCE * noise)):
         return None
     levels = np.unique(np.round(light / light.max(), 6))
     fits_dark = levels.size >= 2

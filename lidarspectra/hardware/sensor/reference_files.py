@@ -22,7 +22,7 @@ UNIT_SCALES = {
     "uW/cm2/nm": 0.01,
 }
 """Units that are known, in W/m²/nm."""
-LEAST_DISTANCE_M = 0.02  # a place nearer to a point of the map has that point's light
+MIN_DISTANCE_M = 0.02  # a place nearer to a point of the map has that point's light
 
 _UNIT = re.compile(r"(?P<prefix>[mu]?)W[/. ]?(?P<area>c?m)(?:\^?-?2)[/. ]?nm(?:\^?-1)?")
 
@@ -150,7 +150,7 @@ def map_light(path: Path) -> ExpectedLight:
 
     def at(places: FloatArray) -> FloatArray:
         distance, index = tree.query(places[:, :2], k=np.arange(1, count + 1))
-        weight = 1.0 / np.maximum(distance, LEAST_DISTANCE_M) ** 2
+        weight = 1.0 / np.maximum(distance, MIN_DISTANCE_M) ** 2
         return np.asarray((values[index] * weight[..., None]).sum(axis=1) / weight.sum(axis=1)[:, None])
 
     return at

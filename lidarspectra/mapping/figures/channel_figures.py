@@ -29,7 +29,7 @@ from lidarspectra.material.material_map import Material
 from lidarspectra.spectra.colorimetry import hex_color
 
 BARS_SE = 2.0  # [1] half length of an error bar in standard errors: about 95 % of normal errors
-MOST_MATERIALS = 10  # [1] curves that one figure can tell apart
+MAX_MATERIALS = 10  # [1] curves that one figure can tell apart
 VISIBLE_NM = (380.0, 780.0)  # [nm] what a reflectance is drawn over where the bands do not go beyond
 
 
@@ -177,7 +177,7 @@ def reflectances_figure(
             found=f"{len(materials)} materials and {areas_m2.size} areas",
             where="figure of reflectances",
         )
-    order = np.argsort(-areas_m2, kind="stable")[:MOST_MATERIALS]
+    order = np.argsort(-areas_m2, kind="stable")[:MAX_MATERIALS]
     total = float(areas_m2.sum()) or 1.0
     figure = new_figure(PAGE_WIDTH_IN, 4.3)
     axes = place(figure, 0.75, 0.6, 5.7, 3.5)

@@ -31,8 +31,8 @@ from lidarspectra.mapping.figures.floor_plan import FloorPlan, PanelLayout, plan
 from lidarspectra.mapping.figures.plan_drawing import (
     FURNITURE_COLOR,
     LAMP_COLOR,
-    MOST_DOTS,
-    MOST_VECTOR_POINTS,
+    MAX_DOTS,
+    MAX_VECTOR_POINTS,
     color_norm,
     draw_colorbar,
     draw_field,
@@ -51,7 +51,7 @@ from lidarspectra.mapping.maps.spectral_map import check_map, kept_points
 
 ColorScale = Literal["panel", "shared"]
 
-MOST_PANELS = 24  # [1] more bands than this are thinned out evenly; smaller panels tell nothing
+MAX_PANELS = 24  # [1] more bands than this are thinned out evenly; smaller panels tell nothing
 PANEL_CELLS = 120  # [1] across a panel of a few centimetres
 SINGLE_CELLS = 200  # [1] across a map of half a page
 
@@ -186,9 +186,9 @@ def plan_figure(dataset: xr.Dataset, plan: FloorPlan, lamps: tuple[Lamp, ...]) -
     x, y = checked["x"].to_numpy(), checked["y"].to_numpy()
     buried = checked["buried"].to_numpy()
     free = np.flatnonzero(~buried)
-    step = max(1, -(-free.size // MOST_DOTS))  # lamps and furniture would be covered by all of them
+    step = max(1, -(-free.size // MAX_DOTS))  # lamps and furniture would be covered by all of them
     dots = free[::step]
-    many = dots.size > MOST_VECTOR_POINTS
+    many = dots.size > MAX_VECTOR_POINTS
     axes.plot(x[dots], y[dots], ".", color=BLUE, markersize=2.0 if many else 3.5, rasterized=many)
     axes.plot(x[buried], y[buried], "x", color=VERMILION, markersize=5.0)
     for number, lamp in enumerate(lamps, start=1):
@@ -239,6 +239,6 @@ def _chosen(dataset: xr.Dataset, points: IntArray | None) -> IntArray:
 
 
 def _shown_bands(count: int) -> IntArray:
-    if count <= MOST_PANELS:
+    if count <= MAX_PANELS:
         return np.arange(count)
-    return np.linspace(0, count - 1, MOST_PANELS).round().astype(np.int64)
+    return np.linspace(0, count - 1, MAX_PANELS).round().astype(np.int64)

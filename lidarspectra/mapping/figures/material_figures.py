@@ -21,7 +21,7 @@ NOTHING_COLOR = (0, 0, 0)  # [1] sRGB where a ray left the scan
 UNKNOWN_CLASSES = ("unknown", "")
 GAP_IN, ROW_TITLE_IN, LEGEND_LINE_IN = 0.08, 0.24, 0.2  # [in] of the figure of views
 LEGEND_COLUMNS = 5  # [1]
-MOST_COMPARED = 10  # [1] materials in the figure of light
+MAX_COMPARED = 10  # [1] materials in the figure of light
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -163,7 +163,7 @@ def light_figure(names: tuple[str, ...], areas_m2: FloatArray, shown: FloatArray
     shown, found : (material, 3) float
         Mean linear sRGB in the scan, and of the reflectance in daylight. [0-1]
     """
-    order = np.argsort(-areas_m2, kind="stable")[:MOST_COMPARED]
+    order = np.argsort(-areas_m2, kind="stable")[:MAX_COMPARED]
     order = order[areas_m2[order] > 0]
     row, top, left = 0.34, 0.4, 3.4
     figure = new_figure(PAGE_WIDTH_IN, top + row * len(order) + 0.1)

@@ -22,8 +22,8 @@ from lidarspectra.mapping.figures.floor_plan import FloorPlan, PanelLayout, plan
 from lidarspectra.mapping.maps.interpolation import Grid, Method, grid_values, inside_polygon
 from lidarspectra.radiance.scene.lamp_shapes import lamp_corners
 
-MOST_VECTOR_POINTS = 400  # [1] more dots than this are drawn as pixels in vector files, to keep them small
-MOST_DOTS = 2500  # [1] more would cover the map below them
+MAX_VECTOR_POINTS = 400  # [1] more dots than this are drawn as pixels in vector files, to keep them small
+MAX_DOTS = 2500  # [1] more would cover the map below them
 LAMP_COLOR = "#e6a400"
 FURNITURE_COLOR = "#8a8f96"
 UNKNOWN: dict[str, Any] = {"facecolor": "#c3c7cb", "edgecolor": "#8a8f96", "hatch": "////", "linewidth": 0.0}
@@ -105,12 +105,12 @@ def draw_points(
 ) -> None:
     """Small dots where a map lies below them; without a map (`values` given) dots in the colours of the scale.
 
-    On a map of more than `MOST_DOTS` points there are only the crosses of buried ones.
+    On a map of more than `MAX_DOTS` points there are only the crosses of buried ones.
     """
     x, y = dataset["x"].to_numpy(), dataset["y"].to_numpy()
-    if values is None and chosen.size > MOST_DOTS:
+    if values is None and chosen.size > MAX_DOTS:
         chosen = chosen[:0]
-    many = chosen.size > MOST_VECTOR_POINTS
+    many = chosen.size > MAX_VECTOR_POINTS
     shown: dict[str, Any] = {"c": "white"} if values is None else {"c": values[chosen], "norm": norm, "cmap": colors}
     size = 1.0 if many else 4.0 if values is None else 40.0
     axes.scatter(
@@ -170,7 +170,7 @@ def draw_colorbar(
 def legend_handles(dataset: xr.Dataset, plan: FloorPlan, *, unknown: bool) -> list[Line2D | Patch]:
     """What a map's legend explains: only what can be seen on it."""
     handles: list[Line2D | Patch] = [Line2D([], [], color=INK, linewidth=1.4, label="walls")]
-    if dataset.sizes["point"] <= MOST_DOTS:
+    if dataset.sizes["point"] <= MAX_DOTS:
         dot: dict[str, Any] = {"color": "white", "markeredgecolor": "#202020", "markersize": 3, "linestyle": ""}
         handles.insert(0, Line2D([], [], marker="o", label="sensor", **dot))
     if dataset["buried"].to_numpy().any():

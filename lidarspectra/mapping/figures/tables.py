@@ -14,7 +14,7 @@ from lidarspectra.mapping.figures.figure_style import printable
 
 FILE_NAME = re.compile(r"[a-z0-9][a-z0-9-]*")  # ours to choose; never a user's words
 SWATCH = re.compile(r"#[0-9a-f]{6}")
-MOST_READ_ROWS = 2000  # [1] that a person scrolls through; programs take the CSV
+MAX_READ_ROWS = 2000  # [1] that a person scrolls through; programs take the CSV
 SHORT_WORDS = 22  # [1] letters that stay on one line
 EMPTY = "–"  # what stands for a number that there is none of
 
@@ -61,7 +61,7 @@ def table_markdown(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
-def table_html(table: Table, *, sortable: bool = True, most_rows: int | None = None) -> str:
+def table_html(table: Table, *, sortable: bool = True, max_rows: int | None = None) -> str:
     """The table as an HTML element; every word in it is escaped.
 
     Parameters
@@ -70,7 +70,7 @@ def table_html(table: Table, *, sortable: bool = True, most_rows: int | None = N
         What to write.
     sortable : bool
         Put a button into every heading, for the page's script.
-    most_rows : int, optional
+    max_rows : int, optional
         Leave out what comes after so many rows.
 
     Returns
@@ -80,15 +80,15 @@ def table_html(table: Table, *, sortable: bool = True, most_rows: int | None = N
     """
     numeric = _numeric(table)
     heads = "".join(_head(str(name), is_number, sortable) for name, is_number in zip(table.frame, numeric, strict=True))
-    body = "".join(_row(cells, raw, numeric) for cells, raw in _html_rows(table, most_rows))
+    body = "".join(_row(cells, raw, numeric) for cells, raw in _html_rows(table, max_rows))
     caption = f"<caption>{html.escape(table.caption)}</caption>"
     parts = f"{caption}<thead><tr>{heads}</tr></thead><tbody>{body}</tbody>"
-    cut = f' data-rows="{len(table.frame)}"' if most_rows is not None and len(table.frame) > most_rows else ""
+    cut = f' data-rows="{len(table.frame)}"' if max_rows is not None and len(table.frame) > max_rows else ""
     return f'<div class="scroll" tabindex="0"><table data-name="{table.name}"{cut}>{parts}</table></div>'
 
 
 def save_table(table: Table, folder: Path) -> tuple[Path, ...]:
-    """Write NAME.csv, NAME.md and NAME.html; a table of more than `MOST_READ_ROWS` rows is whole in the CSV only.
+    """Write NAME.csv, NAME.md and NAME.html; a table of more than `MAX_READ_ROWS` rows is whole in the CSV only.
 
     Raises
     ------
@@ -96,9 +96,9 @@ def save_table(table: Table, folder: Path) -> tuple[Path, ...]:
         If a file cannot be written.
     """
     short = table
-    if len(table.frame) > MOST_READ_ROWS:
-        cut = f" The first {MOST_READ_ROWS} of {len(table.frame)} rows; {table.name}.csv has all."
-        short = replace(table, frame=table.frame.head(MOST_READ_ROWS), caption=table.caption + cut)
+    if len(table.frame) > MAX_READ_ROWS:
+        cut = f" The first {MAX_READ_ROWS} of {len(table.frame)} rows; {table.name}.csv has all."
+        short = replace(table, frame=table.frame.head(MAX_READ_ROWS), caption=table.caption + cut)
     texts = {"csv": table_csv(table), "md": table_markdown(short), "html": _document(short)}
     paths = tuple(folder / f"{table.name}.{kind}" for kind in texts)
     try:
@@ -123,8 +123,8 @@ def _numeric(table: Table) -> list[bool]:
     return [pd.api.types.is_numeric_dtype(table.frame[name]) for name in table.frame.columns]
 
 
-def _cells(table: Table, most_rows: int | None = None) -> list[list[str]]:
-    shown = table.frame.head(most_rows) if most_rows is not None else table.frame
+def _cells(table: Table, max_rows: int | None = None) -> list[list[str]]:
+    shown = table.frame.head(max_rows) if max_rows is not None else table.frame
     columns = [[_words(value, table.formats.get(str(name), ".4g")) for value in shown[name]] for name in shown.columns]
     return [list(row) for row in zip(*columns, strict=True)]
 
@@ -139,10 +139,10 @@ def _words(value: object, number_format: str) -> str:
     return EMPTY if value is None else printable(str(value))
 
 
-def _html_rows(table: Table, most_rows: int | None) -> list[tuple[list[str], list[object]]]:
-    shown = table.frame.head(most_rows) if most_rows is not None else table.frame
+def _html_rows(table: Table, max_rows: int | None) -> list[tuple[list[str], list[object]]]:
+    shown = table.frame.head(max_rows) if max_rows is not None else table.frame
     raw = [list(row) for row in shown.itertuples(index=False, name=None)]
-    return list(zip(_cells(table, most_rows), raw, strict=True))
+    return list(zip(_cells(table, max_rows), raw, strict=True))
 
 
 def _head(name: str, is_number: bool, sortable: bool) -> str:

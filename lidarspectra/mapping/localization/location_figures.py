@@ -28,7 +28,7 @@ from lidarspectra.mapping.figures.floor_plan import FloorPlan, plan_extent, sing
 from lidarspectra.mapping.figures.plan_drawing import draw_frame
 from lidarspectra.mapping.localization.location_errors import LocationErrors
 
-MOST_CURVES = 8  # [1] that one figure can tell apart
+MAX_CURVES = 8  # [1] that one figure can tell apart
 SHOWN_PERCENT = 99.0  # [1] the axis ends there, so that a few lost readings do not press the curves together
 MARGIN_M = 0.5  # [m] around the places where no floor plan is given
 
@@ -211,9 +211,9 @@ def _frame_around(points: FloatArray) -> FloatArray:
 
 
 def _require_curves(panels: Mapping[str, Mapping[str, LocationErrors]]) -> None:
-    if not panels or not all(panels.values()) or max(map(len, panels.values())) > MOST_CURVES:
+    if not panels or not all(panels.values()) or max(map(len, panels.values())) > MAX_CURVES:
         raise MapError(
-            expected=f"one to {MOST_CURVES} curves a panel",
+            expected=f"one to {MAX_CURVES} curves a panel",
             found=f"{[len(curves) for curves in panels.values()]}",
             where="figure of errors",
         )

@@ -51,8 +51,8 @@ from lidarspectra.progress import Progress, silent
 
 MODEL_FILE, NETWORK_FILE, DISCRIMINANT_FILE = "model.nc", "network.onnx", "discriminant.onnx"
 SCHEMA = "lidarspectra location model 2"
-MOST_NEIGHBOURS = 20_000  # [1] fingerprints that are kept to compare with; longer tables are thinned evenly
-MOST_TRAINED = 12_000  # [1] readings drawn for the network; beyond it only time grows
+MAX_NEIGHBOURS = 20_000  # [1] fingerprints that are kept to compare with; longer tables are thinned evenly
+MAX_TRAINED = 12_000  # [1] readings drawn for the network; beyond it only time grows
 
 Against = Literal["own", "running", "trained"]
 """What readings are compared with: their own reference, the running median up to each, or the trained one."""
@@ -384,9 +384,9 @@ def _draw(
     quantity = quantity_of(table)
     values = table[quantity].to_numpy()
     rows = np.arange(len(values))
-    if len(rows) * augmentation.copies > MOST_TRAINED:
-        augmentation = Augmentation(**{**asdict(augmentation), "copies": max(1, MOST_TRAINED // len(rows))})
-        rows = rows[:: -(-len(rows) // MOST_TRAINED)]
+    if len(rows) * augmentation.copies > MAX_TRAINED:
+        augmentation = Augmentation(**{**asdict(augmentation), "copies": max(1, MAX_TRAINED // len(rows))})
+        rows = rows[:: -(-len(rows) // MAX_TRAINED)]
     scale = 1.0 if quantity == "counts" or device is None else counts_per_irradiance(device)
     drawn = augmented_counts(
         values[rows] * scale,
@@ -399,7 +399,7 @@ def _draw(
 
 
 def _neighbours(features: FloatArray, place: IntArray, place_count: int) -> NearestFingerprints:
-    step = -(-len(features) // MOST_NEIGHBOURS)
+    step = -(-len(features) // MAX_NEIGHBOURS)
     return NearestFingerprints(features=features[::step], place=place[::step], place_count=place_count)
 
 

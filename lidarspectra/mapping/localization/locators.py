@@ -22,7 +22,7 @@ Method = Literal["network", "discriminant", "neighbours", "ridge"]
 METHODS: tuple[Method, ...] = ("network", "discriminant", "neighbours", "ridge")
 NEIGHBOURS = 5  # [1] nearest fingerprints that vote
 RIDGE_ALPHAS = np.logspace(-1, 6, 15)  # [1] tried by leave-one-out
-READINGS_A_STEP = 200  # [1] of the network's training
+READINGS_PER_STEP = 200  # [1] of the network's training
 TINY = 1e-12  # [1] squared distance, in units of noise
 READINGS_AT_ONCE = 256  # [1] bounds the memory of distances
 
@@ -191,11 +191,11 @@ def fit_network(features: FloatArray, place: IntArray, place_count: int, setting
     given = np.nan_to_num(features)
     mean = given.mean(axis=0)
     scale = 1.0 / max(float(given.std()), 1e-12)
-    batches = -(-len(given) // READINGS_A_STEP)
+    batches = -(-len(given) // READINGS_PER_STEP)
     network = MLPClassifier(
         (settings.hidden,),
         alpha=settings.penalty,
-        batch_size=min(READINGS_A_STEP, len(given)),
+        batch_size=min(READINGS_PER_STEP, len(given)),
         max_iter=-(-settings.updates // batches),
         n_iter_no_change=settings.updates,  # as many as are meant
         random_state=settings.seed,

@@ -236,7 +236,7 @@ def trace_fingerprints(
             "target_relative_effect_se": survey.target,
             "achieved_relative_effect_se": achieved_effect,
             "target_met": int(achieved <= request.target and achieved_effect <= survey.target),
-            "walks_a_sensor": survey.walks * BATCHES,
+            "walks_per_sensor": survey.walks * BATCHES,
             "seed": request.seed,
             "seconds": time.perf_counter() - start,
         },

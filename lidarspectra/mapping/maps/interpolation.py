@@ -28,11 +28,11 @@ SAME_PLACE_M = 1e-3  # [m] readings closer than this are averaged: one place can
 CELLS_ACROSS = 120  # [1] cells on the longer side of a map, finer than a printed panel can show
 REACH_SPACINGS = 2.0  # [1] how far from the nearest point a map is drawn, in typical point spacings
 NEIGHBOURS = 60  # [1] points that shape a value: thin-plate splines are local far below this, and cost its cube
-MOST_PAIRS = 100_000  # [1] targets x triangles; below, scipy's search costs more in its LAPACK than looking at all
+MAX_PAIRS = 100_000  # [1] targets x triangles; below, scipy's search costs more in its LAPACK than looking at all
 FLAT_AREA_M2 = 1e-14  # [m²] twice the area of a triangle that is a line, to rounding
-MOST_PLACES = 10_000  # [1] more than this are averaged in cells first: a map cannot show them one by one
+MAX_PLACES = 10_000  # [1] more than this are averaged in cells first: a map cannot show them one by one
 THINNED_ACROSS = 100  # [1] cells on the longer side when averaging
-LEAST_POINTS = 4  # [1] three span a plane, a fourth can differ from it
+MIN_POINTS = 4  # [1] three span a plane, a fourth can differ from it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -183,7 +183,7 @@ def grid_values(
     grid : Grid
     """
     distinct, readings = _merged(places, values)
-    if distinct.shape[0] > MOST_PLACES:
+    if distinct.shape[0] > MAX_PLACES:
         distinct, readings = _merged(
             distinct, readings, within_m=float(np.ptp(distinct, axis=0).max()) / THINNED_ACROSS
         )
@@ -310,9 +310,9 @@ def _merged(places: FloatArray, values: FloatArray, *, within_m: float = SAME_PL
         else table
         for table in (places, values)
     ]
-    if count.size < LEAST_POINTS:
+    if count.size < MIN_POINTS:
         raise MapError(
-            expected=f"at least {LEAST_POINTS} points on one level that look in one direction",
+            expected=f"at least {MIN_POINTS} points on one level that look in one direction",
             found=f"{count.size}",
             where="interpolated map",
             todo="Ask for a grid, or use the table of points.",
@@ -349,7 +349,7 @@ def _linear_interpolant(places: FloatArray, values: FloatArray) -> Interpolant:
     corners_of = np.asarray(triangles.simplices, dtype=np.int64)
 
     def evaluate(targets: FloatArray) -> FloatArray:
-        if targets.shape[0] * corners_of.shape[0] <= MOST_PAIRS:
+        if targets.shape[0] * corners_of.shape[0] <= MAX_PAIRS:
             weights = _barycentric(places[corners_of], targets[:, None])
             found = weights.min(axis=-1).argmax(axis=1)
         else:

@@ -12,9 +12,9 @@ from lidarspectra.lamps.lamp_spectra import photopic_efficiency
 from lidarspectra.mapping.photometry.point_light import light_of_lamps, light_of_map
 from lidarspectra.spectra.spectrum import LUMINOUS_EFFICACY_LM_W, Spectrum
 
-LEAST_COVER = 0.99  # [1] share of ∫V(λ)dλ that the bands must span, so that what they miss stays below 1 %
+MIN_COVER = 0.99  # [1] share of ∫V(λ)dλ that the bands must span, so that what they miss stays below 1 %
 WIDEST_GAP_NM = 40.0  # [nm] between centres; V(λ) is 100 nm wide, so wider steps no longer follow it
-LEAST_EFFICIENCY = 1e-3  # [1] a gap matters where the eye sees more than this share of its best
+MIN_EFFICIENCY = 1e-3  # [1] a gap matters where the eye sees more than this share of its best
 
 
 def illuminance_from_map(dataset: xr.Dataset) -> FloatArray:
@@ -87,9 +87,9 @@ def _uncovered(centers: FloatArray) -> str | None:
     efficiency = photopic_efficiency()
     within = (efficiency.wavelengths_nm >= centers[0]) & (efficiency.wavelengths_nm <= centers[-1])
     cover = float(efficiency.values[within].sum() / efficiency.values.sum())
-    if cover < LEAST_COVER:
+    if cover < MIN_COVER:
         return f"bands from {centers[0]:g} to {centers[-1]:g} nm, which span {cover:.0%} of V(λ)"
-    matters = efficiency.at(0.5 * (centers[1:] + centers[:-1]), outside="zero") > LEAST_EFFICIENCY
+    matters = efficiency.at(0.5 * (centers[1:] + centers[:-1]), outside="zero") > MIN_EFFICIENCY
     widest = float(np.where(matters, np.diff(centers), 0.0).max())
     return f"a gap of {widest:g} nm between bands" if widest > WIDEST_GAP_NM else None
 
@@ -98,7 +98,7 @@ def _refuse_uncovered(centers: FloatArray) -> None:
     fault = _uncovered(centers)
     if fault is not None:
         raise MapError(
-            expected=f"bands that span {LEAST_COVER:.0%} of V(λ) in steps of at most {WIDEST_GAP_NM:g} nm",
+            expected=f"bands that span {MIN_COVER:.0%} of V(λ) in steps of at most {WIDEST_GAP_NM:g} nm",
             found=fault,
             where="illuminance",
             todo="Ask for a device whose channels cover 430 to 680 nm.",

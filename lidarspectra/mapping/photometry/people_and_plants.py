@@ -16,7 +16,7 @@ from lidarspectra.mapping.photometry.quantities import light_quantities
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra.spectrum import BandSet
 
-MOST_RENDERED = 500  # [1] points whose colour rendering is computed, at some 50 ms each; more are taken evenly
+MAX_RENDERED = 500  # [1] points whose colour rendering is computed, at some 50 ms each; more are taken evenly
 METHOD_WORDS = {
     "lamps": "the lamps' whole spectra and the room's effect in bands",
     "lines": "the bands alone, straight lines between them",
@@ -97,7 +97,7 @@ def _colors(light: PointLight, kept: IntArray, rendering: bool, progress: Progre
     columns = {name: np.full(count, np.nan) for name in COLOR_COLUMNS}
     columns["cct_K"], columns["duv"] = every.cct_k, every.duv
     if rendering and light.is_full_spectrum:
-        chosen = kept[np.unique(np.linspace(0, kept.size - 1, MOST_RENDERED).astype(int))]
+        chosen = kept[np.unique(np.linspace(0, kept.size - 1, MAX_RENDERED).astype(int))]
         found = color_quality(spectra[chosen], progress=progress)
         for name, values in (("cri_Ra", found.cri_ra), ("tm30_Rf", found.tm30_rf), ("tm30_Rg", found.tm30_rg)):
             columns[name][chosen] = values

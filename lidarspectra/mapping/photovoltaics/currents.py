@@ -15,7 +15,7 @@ from lidarspectra.spectra.spectrum import Spectrum
 CELL_KELVIN = 298.15  # [K] of a cell in a room: 25 °C, where circuits are stated
 VOLT_PER_KELVIN = float(constants.k / constants.e)  # [V/K]
 STILL_BRIGHT = 0.05  # [1] of its peak: a spectrum that ends so high goes on beyond its end
-DARK_A_M2 = 1e-9  # [A/m²] below it a cell gives no power that could be told
+DARK_PER_M2 = 1e-9  # [A/m²] below it a cell gives no power that could be told
 
 
 def photocurrent_density(irradiance: ArrayLike, wavelengths_nm: ArrayLike, efficiency: ArrayLike) -> FloatArray:
@@ -160,10 +160,10 @@ def _diode(circuit: Circuit, density: FloatArray) -> tuple[float, float, FloatAr
 
 
 def _of_lit(density: ArrayLike, power: Callable[[FloatArray], ArrayLike]) -> FloatArray:
-    """Powers of the densities above `DARK_A_M2`, 0 for all others [W/m²]."""
+    """Powers of the densities above `DARK_PER_M2`, 0 for all others [W/m²]."""
     given = np.asarray(density, dtype=np.float64)
     found = np.zeros(given.shape)
-    lit = given > DARK_A_M2
+    lit = given > DARK_PER_M2
     if lit.any():
         found[lit] = np.asarray(power(given[lit]), dtype=np.float64)
     return found

@@ -18,7 +18,7 @@ from lidarspectra.mapping.maps.metrics import mape
 
 PULLS = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)  # [count²] tried; towards the known curve
 BLOCKS = 4  # [1] of consecutive readings, each left out once to choose the pull
-LEAST_READINGS = 40  # [1] fewer than two a channel tell nothing
+MIN_READINGS = 40  # [1] fewer than two a channel tell nothing
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,9 +108,9 @@ def tell_ahead(
     good = usable(readings, counts)
     light, cell = readings[good], counts[good]
     split = round(share * cell.size)
-    if min(split, cell.size - split) < LEAST_READINGS:
+    if min(split, cell.size - split) < MIN_READINGS:
         raise ReadingError(
-            expected=f"{LEAST_READINGS} readings with counts or more in both parts",
+            expected=f"{MIN_READINGS} readings with counts or more in both parts",
             found=f"{split} and {cell.size - split}",
             where="cell's log",
         )

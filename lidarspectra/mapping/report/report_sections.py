@@ -30,11 +30,11 @@ from lidarspectra.mapping.report import report_tables as tables
 from lidarspectra.mapping.report.applications import Application
 from lidarspectra.mapping.report.report_input import ReportInput
 from lidarspectra.mapping.report.report_writer import ReportWriter
-from lidarspectra.mapping.report.room_view import MOST_FACES, MOST_POINTS
+from lidarspectra.mapping.report.room_view import MAX_FACES, MAX_POINTS
 
-MOST_POINT_ROWS = 500  # [1] rows of the table of points in the page; the file has all
+MAX_POINT_ROWS = 500  # [1] rows of the table of points in the page; the file has all
 TESTED_POINTS = 64  # [1] left out in turn; their median is known within a tenth then
-MOST_VIEWS = 12  # [1] pictures in the page
+MAX_VIEWS = 12  # [1] pictures in the page
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,9 +85,9 @@ def room_section(report: ReportInput) -> str:
         "spectrum are two standard errors to either side, of a reflectance two standard deviations of its estimate."
     ]
     count = report.spectral_map.sizes["point"]
-    if count > MOST_POINTS:
-        said.append(f"Of {count} points {MOST_POINTS} are here, evenly chosen from their list.")
-    if report.surfaces is not None and report.surfaces.faces.shape[0] > MOST_FACES:
+    if count > MAX_POINTS:
+        said.append(f"Of {count} points {MAX_POINTS} are here, evenly chosen from their list.")
+    if report.surfaces is not None and report.surfaces.faces.shape[0] > MAX_FACES:
         said.append(
             f"The mesh of {report.surfaces.faces.shape[0]} triangles is made coarser here; nothing else uses that."
         )
@@ -214,7 +214,7 @@ def views_section(report: ReportInput, writer: ReportWriter) -> str:
     if not report.views:
         return ""
     writer.save("views", contact_sheet(report.views[:6]))
-    shown = report.views[:MOST_VIEWS]
+    shown = report.views[:MAX_VIEWS]
     more = len(report.views) - len(shown)
     told = report.view_notes + (f" {more} more views are in the run's folder." if more else "")
     links = f'<p class="files">{html.files("figures/views", ("png", "pdf"))}</p>'
@@ -230,9 +230,9 @@ def scan_section(report: ReportInput, writer: ReportWriter) -> str:
 def points_section(report: ReportInput, writer: ReportWriter) -> str:
     """Every point with its spectrum."""
     table = tables.points_table(report.spectral_map)
-    element = writer.table(table, most_rows=MOST_POINT_ROWS)
+    element = writer.table(table, max_rows=MAX_POINT_ROWS)
     count = len(table.frame)
-    cut = f", the first {MOST_POINT_ROWS} of them" if count > MOST_POINT_ROWS else ""
+    cut = f", the first {MAX_POINT_ROWS} of them" if count > MAX_POINT_ROWS else ""
     told = "Every point with its spectrum lies in tables/points.csv beside this page."
     return html.paragraph(told) + html.details(f"Table of {count} points{cut}", element)
 

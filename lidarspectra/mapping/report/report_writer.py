@@ -44,11 +44,11 @@ class ReportWriter:
         """Save a figure that the page shows in another form."""
         save_figure(figure, self._figures, name)
 
-    def table(self, table: Table, *, most_rows: int | None = None) -> str:
+    def table(self, table: Table, *, max_rows: int | None = None) -> str:
         """Save a table and give it as an element."""
         save_table(table, self._tables)
         links = html.files(f"tables/{table.name}", ("csv", "md", "html"))
-        return table_html(table, most_rows=most_rows) + f'<p class="files">{links}</p>'
+        return table_html(table, max_rows=max_rows) + f'<p class="files">{links}</p>'
 
 
 def unwritable(folder: Path, cause: OSError) -> MapError:

@@ -22,17 +22,17 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.figure_style import LIGHT_MAP, irradiance_unit, prefix_of, printable
 from lidarspectra.mapping.figures.material_figures import CODE_COLORS, OTHER_COLOR, MaterialCode, material_code
 from lidarspectra.mapping.figures.plan_drawing import color_norm
-from lidarspectra.mapping.maps.interpolation import LEAST_POINTS, map_planes, plan_places
+from lidarspectra.mapping.maps.interpolation import MIN_POINTS, map_planes, plan_places
 from lidarspectra.mapping.maps.spectral_map import POSITION, kept_points
 from lidarspectra.material.material_map import Material
 from lidarspectra.material.material_mesh import daylight_colors
 from lidarspectra.radiance.scene.lamp_shapes import lamp_axes
 from lidarspectra.spectra.colorimetry import encode_srgb
 
-MOST_FACES = 60_000  # [1] triangles in the page: 1.1 MB, and smooth to turn on a laptop without a graphics card
-MOST_POINTS = 4000  # [1] in the page: 0.6 MB with 14 bands; more cannot be told apart
+MAX_FACES = 60_000  # [1] triangles in the page: 1.1 MB, and smooth to turn on a laptop without a graphics card
+MAX_POINTS = 4000  # [1] in the page: 0.6 MB with 14 bands; more cannot be told apart
 FINEST_CELL_M = 1e-3  # [m] vertices closer than this are one: below what a phone's LiDAR tells apart
-MOST_CELLS = 2**16 - 1  # [1] along an axis: places are 16-bit numbers
+MAX_CELLS = 2**16 - 1  # [1] along an axis: places are 16-bit numbers
 CELL_GROWTH = 1.25  # [1] from one try to the next
 LONGEST_EDGE_SPACINGS = 3.0  # [1] a gap between points longer than so many typical spacings is not bridged
 COLOR_STEPS = 64  # [1] of the colour scale
@@ -97,9 +97,9 @@ def room_view_data(
     Parameters
     ----------
     spectral_map : xarray.Dataset
-        A checked spectral map with at least one point; of more than `MOST_POINTS` an even choice is taken.
+        A checked spectral map with at least one point; of more than `MAX_POINTS` an even choice is taken.
     surfaces : RoomSurfaces, optional
-        Left out: points and lamps stand alone. Surfaces of more than `MOST_FACES` triangles are made coarser.
+        Left out: points and lamps stand alone. Surfaces of more than `MAX_FACES` triangles are made coarser.
     materials : tuple of Material
         What `RoomSurfaces.face_material` counts.
     material_areas_m2 : (material,) float
@@ -135,7 +135,7 @@ def room_view_data(
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
-def coarser(surfaces: RoomSurfaces, most_faces: int) -> tuple[IntArray, IntArray, IntArray, float]:
+def coarser(surfaces: RoomSurfaces, max_faces: int) -> tuple[IntArray, IntArray, IntArray, float]:
     """Draw vertices together in cells, larger ones until few enough triangles are left (Rossignac and Borrel 1993).
 
     Every triangle that is left keeps its material and colour, which an edge collapse would have to guess.
@@ -143,13 +143,13 @@ def coarser(surfaces: RoomSurfaces, most_faces: int) -> tuple[IntArray, IntArray
     Parameters
     ----------
     surfaces : RoomSurfaces
-    most_faces : int
+    max_faces : int
         [1]
 
     Returns
     -------
     places : (vertex, 3) int
-        Distinct, in cells from the lowest corner of the mesh; none above `MOST_CELLS`.
+        Distinct, in cells from the lowest corner of the mesh; none above `MAX_CELLS`.
     corners : (kept, 3) int
         Triangles that still have three corners.
     kept : (kept,) int
@@ -158,7 +158,7 @@ def coarser(surfaces: RoomSurfaces, most_faces: int) -> tuple[IntArray, IntArray
         [m]
     """
     low = surfaces.vertices.min(axis=0)
-    cell_m = max(FINEST_CELL_M, float(np.ptp(surfaces.vertices, axis=0).max()) / MOST_CELLS)
+    cell_m = max(FINEST_CELL_M, float(np.ptp(surfaces.vertices, axis=0).max()) / MAX_CELLS)
     row = np.array([2**32, 2**16, 1])  # three 16-bit numbers as one, which sorts much faster
     while True:
         keys, vertex = np.unique(
@@ -166,7 +166,7 @@ def coarser(surfaces: RoomSurfaces, most_faces: int) -> tuple[IntArray, IntArray
         )
         corners = vertex[surfaces.faces]
         whole = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-        if whole.sum() <= most_faces:
+        if whole.sum() <= max_faces:
             return keys[:, None] // row % 2**16, corners[whole], np.flatnonzero(whole), cell_m
         cell_m *= CELL_GROWTH
 
@@ -180,7 +180,7 @@ def point_triangles(spectral_map: xr.Dataset) -> IntArray:
         A checked spectral map.
     """
     places = plan_places(spectral_map)
-    found = [_plane_triangles(places[plane], plane) for plane in map_planes(spectral_map) if plane.size >= LEAST_POINTS]
+    found = [_plane_triangles(places[plane], plane) for plane in map_planes(spectral_map) if plane.size >= MIN_POINTS]
     return np.concatenate([np.empty((0, 3), dtype=np.int64), *found])
 
 
@@ -197,7 +197,7 @@ def _plane_triangles(places: FloatArray, points: IntArray) -> IntArray:
 
 def _points(spectral_map: xr.Dataset, illuminance_lx: FloatArray | None) -> dict[str, Any]:
     count = spectral_map.sizes["point"]
-    shown = np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(np.int64))
+    shown = np.unique(np.linspace(0, count - 1, min(count, MAX_POINTS)).round().astype(np.int64))
     thinned = spectral_map.isel(point=shown)
     irradiance = thinned["irradiance"].to_numpy()
     kept = kept_points(thinned)
@@ -250,14 +250,14 @@ def _surfaces(surfaces: RoomSurfaces, material_count: int) -> dict[str, Any]:
             found=f"{surfaces.face_material.min()} to {surfaces.face_material.max()}",
             where="RoomSurfaces.face_material",
         )
-    places, corners, kept, cell_m = coarser(surfaces, MOST_FACES)
+    places, corners, kept, cell_m = coarser(surfaces, MAX_FACES)
     colors = np.rint(255.0 * encode_srgb(np.clip(surfaces.face_color[kept], 0.0, 1.0)))
     return {
         "count": surfaces.faces.shape[0],
         "lowest": surfaces.vertices.min(axis=0).tolist(),
         "cell": cell_m,
         "vertices": _packed(places, "<u2"),
-        "faces": _packed(corners, "<u2" if places.shape[0] <= MOST_CELLS else "<u4"),
+        "faces": _packed(corners, "<u2" if places.shape[0] <= MAX_CELLS else "<u4"),
         "materials": _packed(surfaces.face_material[kept], "<u2"),
         "scanned": _packed(colors, "u1"),
     }

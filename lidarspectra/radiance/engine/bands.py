@@ -27,7 +27,7 @@ Mode = Literal["native", "rgb"]
 MIN_SLOTS = 3  # [1] rtrace refuses fewer: "unsupported spectral sampling"
 RGB_SLOTS = 3  # [1] what Radiance carries without `-cs`
 FIRST_EDGE_NM = 380  # [nm] Radiance's own short end; its partition at 480 and 588 nm must lie inside
-LEAST_SPAN_NM = 400  # [nm] Radiance's own span, 380 to 780 nm; the slots' edges cover at least that
+MIN_SPAN_NM = 400  # [nm] Radiance's own span, 380 to 780 nm; the slots' edges cover at least that
 LAMP_FLOOR = 1e-6  # [1] of a lamp's peak in every slot: Radiance drops lamps that are dark in the three it ranks by
 WRITTEN_PER_WATT = 1e6  # [1] scenes are in uW: Radiance takes light below 1e-6 for none, and the 64 parts of a panel's
 # dim band, in W, are below it: a lamp of 1.5 mW/(m² sr nm) lost a quarter of its direct light
@@ -64,7 +64,7 @@ class BandGroup:
     @property
     def slot_width_nm(self) -> int:
         """Width of a slot in Radiance's eyes; even, so that edges and centres are whole numbers [nm]."""
-        return 2 * math.ceil(LEAST_SPAN_NM / (2 * self.slot_count))
+        return 2 * math.ceil(MIN_SPAN_NM / (2 * self.slot_count))
 
     @property
     def edges_nm(self) -> tuple[int, int]:

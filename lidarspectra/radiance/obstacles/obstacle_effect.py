@@ -43,11 +43,11 @@ from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass
 from lidarspectra.room.sensor_points import SensorPoints
 
-WALKS_A_JOB = 8192  # [1] their trees take some 30 MB
-RECORDS_A_JOB = 2**17  # [1] shadow rays of sensors, at the most parts that a lamp is cut into
-MOST_LAMP_PARTS = 64  # [1] MAXSPART of Radiance
-MOST_BURN = 64  # [1] rays thrown away at the start of a job: jobs of one second use the engine's numbers shifted
-RAYS_A_JOB = 2**15  # [1] radiances along rays
+WALKS_PER_JOB = 8192  # [1] their trees take some 30 MB
+RECORDS_PER_JOB = 2**17  # [1] shadow rays of sensors, at the most parts that a lamp is cut into
+MAX_LAMP_PARTS = 64  # [1] MAXSPART of Radiance
+MAX_BURN = 64  # [1] rays thrown away at the start of a job: jobs of one second use the engine's numbers shifted
+RAYS_PER_JOB = 2**15  # [1] radiances along rays
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -270,13 +270,13 @@ def _plan_walks(
 ) -> Iterator[_Walks]:
     """Jobs of about equal work: walks of some sensors, and their looks at the lamps."""
     for scene_pass in scene.passes:
-        kinds = [(False, request.walks, max(1, WALKS_A_JOB // (BATCHES * request.walks)))]
+        kinds = [(False, request.walks, max(1, WALKS_PER_JOB // (BATCHES * request.walks)))]
         if request.receptor.is_cosine:  # any other sees lamps on its walks
-            records = BATCHES * request.looks * MOST_LAMP_PARTS * len(scene_pass.lamps)
-            kinds.append((True, request.looks, max(1, RECORDS_A_JOB // records)))
+            records = BATCHES * request.looks * MAX_LAMP_PARTS * len(scene_pass.lamps)
+            kinds.append((True, request.looks, max(1, RECORDS_PER_JOB // records)))
         for direct, count, chunk in kinds:
             for part in np.array_split(np.arange(points), -(-points // chunk)):
-                burn = int(generator.integers(1, MOST_BURN + 1))
+                burn = int(generator.integers(1, MAX_BURN + 1))
                 yield _Walks(scene_pass=scene_pass, points=part, count=count, direct=direct, burn=burn)
 
 
@@ -366,14 +366,14 @@ def _tasks(
     left = np.maximum(request.bounces - np.concatenate(found.reflection), 1)
     for bounces in sorted(set(left.tolist()), reverse=True):
         members = np.flatnonzero(left == bounces)
-        for part in np.array_split(members, -(-members.size // RAYS_A_JOB)):
+        for part in np.array_split(members, -(-members.size // RAYS_PER_JOB)):
             yield _Radiances(
                 number=number,
                 index=index,
                 rays=np.concatenate([origin[part], direction[part]], axis=1).astype(np.float64),
                 coefficient=coefficient[part],
                 owner=owner[part],
-                burn=int(generator.integers(1, MOST_BURN + 1)),
+                burn=int(generator.integers(1, MAX_BURN + 1)),
                 arguments=options.radiance_arguments(octree, bounces=bounces),
             )
 

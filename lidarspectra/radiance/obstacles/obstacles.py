@@ -18,7 +18,9 @@ from lidarspectra.material.material_map import Material
 from lidarspectra.radiance.engine.cluster import SCENE_SUFFIXES
 from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.engine.octree import extend_octree
-from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass, primitives
+from lidarspectra.radiance.scene import primitives
+from lidarspectra.radiance.scene.scene import RadianceScene
+from lidarspectra.radiance.scene.scene_record import ScenePass
 from lidarspectra.radiance.scene.surfaces import surface_slots, surface_text
 from lidarspectra.spectra.spectrum import Spectrum
 

@@ -17,7 +17,7 @@ from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.radiance.scene.scene_record import LAMPS_FILE
 
 CELL_SHARE = 1.0 / 8.0  # [1] of the room's diagonal: longest side of a cell, 0.6 m in a room of 3 m x 3 m
-MOST_POOLED_GLOSS = 0.1  # [1] specularity above which what leaves a surface depends on who looks
+MAX_POOLED_GLOSS = 0.1  # [1] specularity above which what leaves a surface depends on who looks
 MARGIN_M = 1e-3  # [m] lamps are taken for so much larger: a path that may end on one is left to the engine
 _SIDES = 6  # [1] a face's side is told by the axis that its normal is nearest to
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -214,6 +214,6 @@ def read_scattering(names: Sequence[str], path: Path) -> Scattering:
     reflectance = np.zeros((len(names) + 1, slots))
     for row in np.flatnonzero(gloss == 0.0):
         reflectance[row] = plastics[names[int(row)]][0]
-    is_matt = gloss <= MOST_POOLED_GLOSS
+    is_matt = gloss <= MAX_POOLED_GLOSS
     is_matt[-1] = True  # no path goes on from a lamp, whoever looks at it
     return Scattering(is_matt=is_matt, is_diffuse=gloss == 0.0, reflectance=reflectance)

@@ -25,7 +25,7 @@ GREY_NM = (400.0, 700.0)  # [nm] any range does
 GREY_BANDS = 3  # [1] fewest that a pass carries
 LAMP_PART = 0.2  # [1] -ds: a 0.6 m panel at 2.3 m is cut into 4 parts
 REPEATS = 6  # [1] jittered looks at each lamp part: the shade of a lamp's edge comes out within 10 %
-POINTS_A_JOB = 2_000  # [1]
+POINTS_PER_JOB = 2_000  # [1]
 # After SHARED_OPTIONS, in place of -u+: the same numbers in every run, so that materials come out alike to the bit.
 # They are stratified, too, and no path is followed whose corners would err alike.
 REPEATABLE = ("-u-",)
@@ -83,7 +83,7 @@ def direct_coefficients(
         progress=part_of(progress, 0.0, 0.4),
     )
     rays = np.hstack([positions, normals]).astype(np.float64)
-    parts = [slice(first, first + POINTS_A_JOB) for first in range(0, len(rays), POINTS_A_JOB)]
+    parts = [slice(first, first + POINTS_PER_JOB) for first in range(0, len(rays), POINTS_PER_JOB)]
     tasks = [(scene_pass, part) for scene_pass in scene.passes for part in parts]
 
     def jobs() -> Iterator[EngineJob]:

@@ -30,8 +30,8 @@ NEIGHBOURS = 9  # [1] points whose variances are averaged to share out work
 _REPEATS = tuple(4**power for power in range(7))  # [1] shadow-ray repeats a batch; each number is a job of its own
 _DIRECTIONS = FIBONACCI[::2]  # [1] of 'once' and 'view' a batch; the same
 _FEW_DIRECTIONS = (1, 2, *_DIRECTIONS)  # [1] where at least so many passes share a band's light as make up the fewest
-_MOST_BURN_RECORDS = 8  # [1] results thrown away at the start of a job, so that jobs use the engine's numbers shifted
-_MOST_BURN_RAYS = 64  # [1] the same for the paths that sensors share
+_MAX_BURN_RECORDS = 8  # [1] results thrown away at the start of a job, so that jobs use the engine's numbers shifted
+_MAX_BURN_RAYS = 64  # [1] the same for the paths that sensors share
 
 Kind = Literal["direct", "once", "often", "view"]
 
@@ -118,7 +118,7 @@ class Task:
 
 
 def make_tasks(
-    component: Component, wanted: IntArray, sensors: Sensors, *, rays_a_job: int, generator: np.random.Generator
+    component: Component, wanted: IntArray, sensors: Sensors, *, rays_per_job: int, generator: np.random.Generator
 ) -> Iterator[Task]:
     """Cut the samples that points want into jobs of about equal work.
 
@@ -128,20 +128,20 @@ def make_tasks(
     wanted : (point,) or (1,) int
         Further samples a batch, each 0 or one of the component's sizes.
     sensors : Sensors
-    rays_a_job : int
+    rays_per_job : int
         Rays that a child process is given, at most, but for a single point's.
     generator : numpy.random.Generator
     """
     if component.surfaces is not None:
         if wanted[0] > 0:
-            yield from _pooled_tasks(component, component.surfaces, int(wanted[0]), sensors, rays_a_job, generator)
+            yield from _pooled_tasks(component, component.surfaces, int(wanted[0]), sensors, rays_per_job, generator)
         return
     for size in sorted(set(wanted[wanted > 0].tolist())):
         points = np.flatnonzero(wanted == size)
-        chunk = max(1, rays_a_job // (BATCHES * size))
+        chunk = max(1, rays_per_job // (BATCHES * size))
         for part in np.array_split(points, -(-points.size // chunk)):
             # The engine's numbers are ever the same within a second, and jobs on the same ones would err alike.
-            burn = int(generator.integers(1, _MOST_BURN_RECORDS + 1))
+            burn = int(generator.integers(1, _MAX_BURN_RECORDS + 1))
             if component.kind == "direct":
                 part = generator.permutation(part)
             yield Task(component=component, points=part.astype(np.int64), size=size, burn=burn)
@@ -152,7 +152,7 @@ def _pooled_tasks(
     surfaces: Surfaces,
     paths: int,
     sensors: Sensors,
-    rays_a_job: int,
+    rays_per_job: int,
     generator: np.random.Generator,
 ) -> Iterator[Task]:
     start = time.process_time()
@@ -163,9 +163,9 @@ def _pooled_tasks(
     component.seconds += time.process_time() - start
     points = np.arange(len(sensors.positions))
     for leg in pooled.legs:
-        for first in range(0, len(leg.rays), rays_a_job):
-            part = slice(first, first + rays_a_job)
-            burn = int(generator.integers(1, _MOST_BURN_RAYS + 1))  # or parts of one second err alike, and hide it
+        for first in range(0, len(leg.rays), rays_per_job):
+            part = slice(first, first + rays_per_job)
+            burn = int(generator.integers(1, _MAX_BURN_RAYS + 1))  # or parts of one second err alike, and hide it
             yield Task(component=component, points=points, size=paths, burn=burn, pooled=pooled, leg=leg, part=part)
 
 

@@ -36,9 +36,9 @@ from lidarspectra.radiance.sampling.arrivals import Arrivals, Scattering, Surfac
 from lidarspectra.radiance.sampling.receptors import FIBONACCI, cosine_directions
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 
-PATHS_A_CELL = 16  # [1] few, and a ray's own noise remains; many, and cells are coarse
-LEAST_LOOKS = 8  # [1] rays a sensor sends in a batch, at least, in all passes of a band together
-PATHS_A_LOOK = 24  # [1] drawn paths for each ray of a sensor: more rays are dear, fewer are noisy
+PATHS_PER_CELL = 16  # [1] few, and a ray's own noise remains; many, and cells are coarse
+MIN_LOOKS = 8  # [1] rays a sensor sends in a batch, at least, in all passes of a band together
+PATHS_PER_LOOK = 24  # [1] drawn paths for each ray of a sensor: more rays are dear, fewer are noisy
 REST_WEIGHT = 0.2  # [1] as `PATH_WEIGHT`, of paths that go on: their first reflection, by a half or so, is behind them
 _LOOKS = (1, 2, 3, *FIBONACCI)  # [1] rays of a sensor; less than five are no lattice, and do where many passes add up
 _CURVE_BITS = 6  # [1] steps along each side of a box, as a power of two: 1 cm
@@ -152,7 +152,7 @@ def draw_pooled_paths(
     for _ in range(batches):  # one after the other: a million rays are 100 MB
         rays = sensors.draw_rays(np.arange(count), sets=1, count=looks, generator=generator).reshape(-1, 6)
         arrivals = surfaces.arrivals(rays, sensor)
-        most = max(1, PATHS_A_CELL * len(rays) // paths)
+        most = max(1, PATHS_PER_CELL * len(rays) // paths)
         cell = sort_into_cells(arrivals.places, arrivals.kind, most=most, longest_m=surfaces.cell_m)
         chosen = _draw(cell, _worth(surfaces.scattering, arrivals.material), min(paths, len(rays)), generator)
         legs.append(_legs(surfaces.scattering, arrivals, rays, chosen, first_path=drawn, generator=generator))
@@ -174,7 +174,7 @@ def draw_pooled_paths(
 
 def _looks(paths: int, sensors: int, sharers: int) -> int:
     """Rays a sensor sends in a batch: enough that their own noise is no more than the drawn paths'."""
-    wanted = max(LEAST_LOOKS / sharers, paths / PATHS_A_LOOK, paths / sensors)
+    wanted = max(MIN_LOOKS / sharers, paths / PATHS_PER_LOOK, paths / sensors)
     return next((count for count in _LOOKS if count >= wanted), _LOOKS[-1])
 
 

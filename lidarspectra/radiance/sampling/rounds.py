@@ -32,9 +32,9 @@ from lidarspectra.radiance.scene.scene import RadianceScene
 
 FIRST_PATHS = ((0.05, 5), (0.02, 13), (0.0, 34))  # (target at least, rays a point and batch) of the first round
 FIRST_POOLED = ((0.05, 34), (0.02, 89), (0.0, 233))  # (target at least, paths a batch that all points share)
-MOST_ROUNDS = 8  # [1] two or three do
-MOST_PATHS_A_POINT = 2**18  # [1] on average over a block, each pass; a quarter of a minute of one core
-RAYS_A_JOB = (2**15, 2**17)  # [1] fewest and most rays given to a child process: 6 MB, a few seconds
+MAX_ROUNDS = 8  # [1] two or three do
+MAX_PATHS_PER_POINT = 2**18  # [1] on average over a block, each pass; a quarter of a minute of one core
+RAYS_PER_JOB = (2**15, 2**17)  # [1] fewest and most rays given to a child process: 6 MB, a few seconds
 CLOCK_LAG_S = 0.05  # [s] the engine asks a clock that is moved on by ticks, of 16 ms at the longest, behind our own
 AIM = 0.85  # [1] of the target variance that a round aims at: its prediction is uncertain
 FIRST_ROUND = 0.2  # [1] of the first block's progress: only what it finds tells how much the next one has to do
@@ -148,7 +148,7 @@ def estimate_block(
     components = _components(scene, request, counted.size)
     wanted = _first(components, request)
     start, stop, first_s = 0.0, min(first_round, SECOND_ROUND), 0.0
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         share = part_of(progress, start, stop)
         _sample(components, wanted, sensors, scene, request, generator=generator, log=log, progress=share)
         first_s = first_s or _spent_s(components)
@@ -157,7 +157,7 @@ def estimate_block(
         means = totals[:, counted].mean(axis=(0, 1)) if scale is None else scale
         if not counted.any() or relative_rms(error[counted], means) <= request.target:
             break
-        if max(component.samples.mean() for component in components) * BATCHES > MOST_PATHS_A_POINT:
+        if max(component.samples.mean() for component in components) * BATCHES > MAX_PATHS_PER_POINT:
             break
         wanted = _missing(scene, components, sensors, counted, means, request.target)
         if not any(more.any() for more in wanted):
@@ -252,7 +252,7 @@ def _sample(
 ) -> None:
     """Take the samples that each point of each component wants."""
     rays = BATCHES * sum(int(more.sum()) for more in wanted)  # about: of shared paths, cells take what they need
-    fewest, most = RAYS_A_JOB
+    fewest, most = RAYS_PER_JOB
     chunk = min(max(rays // (2 * request.workers), fewest), most)
     waiting: deque[Task] = deque()
     if any(more.any() for component, more in zip(components, wanted, strict=True) if component.kind == "direct"):
@@ -260,7 +260,7 @@ def _sample(
 
     def jobs() -> Iterator[EngineJob]:
         for component, more in zip(components, wanted, strict=True):
-            for task in make_tasks(component, more, sensors, rays_a_job=chunk, generator=generator):
+            for task in make_tasks(component, more, sensors, rays_per_job=chunk, generator=generator):
                 waiting.append(task)
                 yield task_job(task, sensors, scene.folder, generator=generator)
 
@@ -335,7 +335,7 @@ def _missing(
         if sum(float(variance.sum()) for variance in variances) <= 0:
             continue
         aim = AIM * target**2 * counted.sum() / counted.size
-        for _ in range(MOST_ROUNDS):  # the step to the next size of a set may be longer than what is missing
+        for _ in range(MAX_ROUNDS):  # the step to the next size of a set may be longer than what is missing
             sharers = [components[index] for index in members]
             shares = wanted_samples(sharers, variances, points=counted.size, target=aim)
             if any(share.any() for share in shares):

@@ -35,8 +35,8 @@ from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
 
 BLOCK_BYTES = 3 * 2**29  # [byte] of what is kept of a block: with many lamps small ones are mostly starts of the engine
-BYTES_A_VALUE = 16  # [byte] of a batch, lamp, point and band: three components and their sum, in single precision
-MOST_BLOCK_POINTS = 20_000  # [1]
+BYTES_PER_VALUE = 16  # [byte] of a batch, lamp, point and band: three components and their sum, in single precision
+MAX_BLOCK_POINTS = 20_000  # [1]
 SCALE_POINTS = 256  # [1] points that tell the mean irradiance, where there is more than one block
 
 
@@ -219,8 +219,8 @@ def _trace(
 
 def _blocks(scene: RadianceScene, count: int) -> list[slice]:
     """Blocks of about as many points each."""
-    bytes_a_point = BYTES_A_VALUE * BATCHES * len(scene.lamp_names) * len(scene.bands)
-    most = max(1, min(MOST_BLOCK_POINTS, BLOCK_BYTES // bytes_a_point))
+    bytes_per_point = BYTES_PER_VALUE * BATCHES * len(scene.lamp_names) * len(scene.bands)
+    most = max(1, min(MAX_BLOCK_POINTS, BLOCK_BYTES // bytes_per_point))
     edges = np.linspace(0, count, -(-count // most) + 1).round().astype(np.int64).tolist()
     return [slice(first, last) for first, last in pairwise(edges)]
 

@@ -16,7 +16,7 @@ from scipy.stats import norm, t
 from lidarspectra.arrays import FloatArray
 
 COVERAGE_FACTOR = 2.0  # [1] the reported error times this covers as a normal distribution does: 95.45 %
-LEAST_TO_POOL = 8  # [1] variances below which their scatter says too little to borrow
+MIN_TO_POOL = 8  # [1] variances below which their scatter says too little to borrow
 SINGLE_PRECISION = 1e-7  # [1] relative; the engine answers in it, and a spread below it is rounding, not noise
 _NEWTON_STEPS = 50  # [1] converges in under ten
 
@@ -112,7 +112,7 @@ def pool_variances(variances: FloatArray, levels: FloatArray, *, degrees: float)
         Zero variances stay zero: what never varied (a dark point) is no evidence about the rest.
     """
     used = (variances > (SINGLE_PRECISION * levels) ** 2) & (levels > 0)
-    if np.count_nonzero(used) < LEAST_TO_POOL:
+    if np.count_nonzero(used) < MIN_TO_POOL:
         return PooledVariance(variance=variances, degrees=degrees)
     log_variance = np.log(variances[used]) - digamma(degrees / 2) + np.log(degrees / 2)
     log_level = np.log(levels[used])

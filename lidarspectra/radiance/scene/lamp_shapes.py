@@ -23,7 +23,7 @@ from lidarspectra.radiance.scene import primitives
 from lidarspectra.radiance.scene.primitives import Color
 
 TWO_FACES_APART_M = 0.002  # [m] between the lower and upper face of a luminaire that shines both ways
-LEAST_SHARE = 1e-4  # [1] of the flux, below which one way is not worth a face
+MIN_SHARE = 1e-4  # [1] of the flux, below which one way is not worth a face
 WIDEST_BEAM_DEG = 120.0  # [deg] a Lambertian disc's own beam, n = 1; wider needs infinite radiance at the edge
 
 
@@ -235,7 +235,7 @@ def _opening_text(name: str, lamp: Lamp) -> str:
     sides = [
         sign
         for sign, upward in ((1.0, False), (-1.0, True))
-        if table.luminous_flux_lm(upward=upward) > LEAST_SHARE * table.luminous_flux_lm()
+        if table.luminous_flux_lm(upward=upward) > MIN_SHARE * table.luminous_flux_lm()
     ]
     texts = []
     for sign in sides:

@@ -22,7 +22,7 @@ from lidarspectra.geometry.scan import Scan, bare_scan
 CREASE_DEG = 40.0  # [deg] above it two neighbouring faces are two surfaces
 SMOOTHING_ROUNDS = 2  # [1] of face normals, before they are averaged; three do not help more
 SMOOTHING_REACH = 1.5  # [1] crease of the smoothing over that of the averaging
-MOST_CREASE_DEG = 85.0  # [deg] the smoothing must not go round a right angle
+MAX_CREASE_DEG = 85.0  # [deg] the smoothing must not go round a right angle
 SAME_VERTEX_M = 1e-5  # [m] texture seams double vertices; nearer than this they are one
 NORMAL_STEPS = 1000  # [1] normals are rounded to 1/1000, 0.06 degrees, so that equal ones are written once
 
@@ -49,7 +49,7 @@ def corner_normals(scan: Scan, *, crease_deg: float = CREASE_DEG) -> FloatArray:
     around = _Surroundings.of(scan)
     face_normals = scan.normals
     for _ in range(SMOOTHING_ROUNDS if crease_deg > 0 else 0):
-        sums = around.sum_normals(face_normals, min(crease_deg * SMOOTHING_REACH, MOST_CREASE_DEG))
+        sums = around.sum_normals(face_normals, min(crease_deg * SMOOTHING_REACH, MAX_CREASE_DEG))
         face_normals = _unit(sums.reshape(-1, 3, 3).sum(axis=1))
     return _unit(around.sum_normals(face_normals, crease_deg)).reshape(-1, 3, 3)
 

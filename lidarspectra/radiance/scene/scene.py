@@ -59,9 +59,12 @@ from lidarspectra.radiance.scene.scene_record import load_scene as load_scene
 from lidarspectra.radiance.scene.surfaces import surface_slots, surface_text
 from lidarspectra.spectra.spectrum import BandSet
 
-WRITING_S_A_FACE, COMPILING_S_A_FACE = 1.25e-5, 7e-6  # [s] of one core, for a hall of a million faces (docs/scale.md)
+WRITING_S_PER_FACE, COMPILING_S_PER_FACE = (
+    1.25e-5,
+    7e-6,
+)  # [s] of one core, in a hall of a million faces
 COMPILING_S, OCTREE_S = 0.3, 0.02  # [s] the same: the engine's programs start
-LAMPS_A_PASS = 4  # [1] a path asks every lamp of its pass for light: 64 lamps in one pass took 13 times 4 lamps' time
+LAMPS_PER_PASS = 4  # [1] a path asks every lamp of its pass for light: 64 lamps in one pass took 13 times 4 lamps' time
 
 
 def write_scene(
@@ -157,9 +160,9 @@ def scene_s(faces: int, lamps: Sequence[Lamp], bands: BandSet, mode: Mode = "nat
 
 def _costs(faces: int, passes: Sequence[ScenePass]) -> list[float]:
     """What the text of the mesh and each pass usually take [s of one core]; a pass of shared surfaces has no mesh."""
-    mesh_s = COMPILING_S + COMPILING_S_A_FACE * faces
+    mesh_s = COMPILING_S + COMPILING_S_PER_FACE * faces
     compiled = [mesh_s if each.surfaces == each.name else 0.0 for each in passes]
-    return [WRITING_S_A_FACE * faces, *(compiled_s + OCTREE_S for compiled_s in compiled)]
+    return [WRITING_S_PER_FACE * faces, *(compiled_s + OCTREE_S for compiled_s in compiled)]
 
 
 def _check_parts(scan: Scan, materials: MaterialMap, lamps: Sequence[Lamp]) -> None:
@@ -215,8 +218,8 @@ def _plan_passes(lamps: Sequence[Lamp], bands: BandSet, mode: Mode) -> list[tupl
     for light in _groups(lamps, bands):
         for group in band_groups(len(bands), mode):
             surfaces = f"pass{len(plans)}"
-            for start in range(0, len(light.lamps), LAMPS_A_PASS):
-                part = light.lamps[start : start + LAMPS_A_PASS]
+            for start in range(0, len(light.lamps), LAMPS_PER_PASS):
+                part = light.lamps[start : start + LAMPS_PER_PASS]
                 plans.append((light, ScenePass(name=f"pass{len(plans)}", lamps=part, group=group, surfaces=surfaces)))
     return plans
 

@@ -26,7 +26,7 @@ from lidarspectra.radiance.scene import primitives
 from lidarspectra.radiance.scene.primitives import Color
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
-LEAST_ROUGHNESS = 0.05  # [1] of specular surfaces: below it noise grows, at 0 lamps' light is lost (see above)
+MIN_ROUGHNESS = 0.05  # [1] of specular surfaces: below it noise grows, at 0 lamps' light is lost (see above)
 ROUNDING = 1e-9  # [1] of a weighted mean of reflectances that are all at the limit
 
 
@@ -58,7 +58,7 @@ def surface_text(name: str, material: Material, reflectance: Color) -> str:
     """
     rho = reflectance.slots
     _check_energy(material, rho)
-    specularity, roughness = material.specularity, max(material.roughness, LEAST_ROUGHNESS)
+    specularity, roughness = material.specularity, max(material.roughness, MIN_ROUGHNESS)
     match material.kind:
         case "plastic":
             specularity = min(specularity, float(rho.min()))  # the uncoloured part cannot exceed the whole
@@ -118,7 +118,7 @@ def _trans(name: str, material: Material, reflectance: Color) -> str:
         name,
         _like(reflectance, color),
         specularity=specularity,
-        roughness=max(material.roughness, LEAST_ROUGHNESS) if specularity > 0 else 0.0,
+        roughness=max(material.roughness, MIN_ROUGHNESS) if specularity > 0 else 0.0,
         transmitted=transmitted,
     )
 

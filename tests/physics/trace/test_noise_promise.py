@@ -200,7 +200,7 @@ def test_a_transport_survives_its_file(office, places, section, tmp_path) -> Non
 def test_blocks_of_points_give_what_one_block_gives(office, places, section, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = office()
     whole = trace(scene, places, section("low", "standard"), seed=1)
-    monkeypatch.setattr(trace_module, "MOST_BLOCK_POINTS", 10)
+    monkeypatch.setattr(trace_module, "MAX_BLOCK_POINTS", 10)
     parts = trace(scene, places, section("low", "standard"), seed=2)
     error = np.hypot(whole["irradiance_se"].to_numpy(), parts["irradiance_se"].to_numpy())
     assert np.all(np.abs(irradiance(whole) - irradiance(parts)) < 8.0 * error)
@@ -210,7 +210,7 @@ def test_blocks_of_points_give_what_one_block_gives(office, places, section, mon
 def test_a_block_of_one_round_fills_its_share_of_the_progress_once_one_was_seen(
     office, places, section, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(trace_module, "MOST_BLOCK_POINTS", 10)
+    monkeypatch.setattr(trace_module, "MAX_BLOCK_POINTS", 10)
     monkeypatch.setitem(RELATIVE_STANDARD_ERROR, "draft", 0.2)  # one round is surely enough
     told: list[tuple[float, str]] = []
     transport = trace(
@@ -254,7 +254,7 @@ def test_a_panel_cut_into_24_lamps_gives_the_light_of_the_whole(rooms, places, s
 
 
 def test_a_target_out_of_reach_is_said(office, places, section, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rounds, "MOST_ROUNDS", 1)
+    monkeypatch.setattr(rounds, "MAX_ROUNDS", 1)
     transport = trace(office(), places, section("low", "fine"), seed=1)
     assert transport.attrs["target_met"] == 0
     assert transport.attrs["achieved_relative_se"] > transport.attrs["target_relative_se"] == 0.005

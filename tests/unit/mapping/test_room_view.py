@@ -9,7 +9,7 @@ import pytest
 
 from lidarspectra.errors import ArrayError
 from lidarspectra.mapping.maps.spectral_map import spectral_map
-from lidarspectra.mapping.report.room_view import FINEST_CELL_M, MOST_POINTS, coarser, point_triangles, room_view_data
+from lidarspectra.mapping.report.room_view import FINEST_CELL_M, MAX_POINTS, coarser, point_triangles, room_view_data
 
 HOSTILE = "</script><script>alert(1)</script><!-- \x00 \u2028 ' \" {}"
 KINDS = {"u1": "u1", "u2": "<u2", "u4": "<u4", "f4": "<f4"}
@@ -74,8 +74,8 @@ def test_every_number_of_the_map_arrives_in_the_page(report):
 
 
 def test_illuminance_goes_with_its_points(make_transport, make_report):
-    report = make_report(make_transport(points=MOST_POINTS + 500).isel(band=[5]))
-    lux = np.linspace(100.0, 300.0, MOST_POINTS + 500)
+    report = make_report(make_transport(points=MAX_POINTS + 500).isel(band=[5]))
+    lux = np.linspace(100.0, 300.0, MAX_POINTS + 500)
     text = room_view_data(report.spectral_map, None, (), np.empty(0), (), illuminance_lx=lux)
     points = json.loads(text)["points"]
     assert _array(points["illuminance"]) == pytest.approx(lux[_array(points["numbers"]) - 1], rel=1e-6)
@@ -143,11 +143,11 @@ def test_points_on_one_line_and_points_of_several_levels_are_no_error(make_trans
 
 
 def test_of_a_large_map_an_even_choice_is_sent_and_keeps_its_numbers(make_transport, make_report):
-    report = make_report(make_transport(points=2 * MOST_POINTS).isel(band=[5]))
+    report = make_report(make_transport(points=2 * MAX_POINTS).isel(band=[5]))
     _, data = _data(report)
     numbers = _array(data["points"]["numbers"])
-    assert numbers.size == MOST_POINTS
-    assert (numbers[0], numbers[-1], data["points"]["count"]) == (1, 2 * MOST_POINTS, 2 * MOST_POINTS)
+    assert numbers.size == MAX_POINTS
+    assert (numbers[0], numbers[-1], data["points"]["count"]) == (1, 2 * MAX_POINTS, 2 * MAX_POINTS)
     chosen = report.spectral_map["irradiance"].to_numpy()[numbers - 1, 0]
     assert _array(data["points"]["irradiance"]) == pytest.approx(chosen, rel=1e-6)
 

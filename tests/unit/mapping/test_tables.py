@@ -84,7 +84,7 @@ def test_only_a_true_colour_becomes_a_style(table):
 
 
 def test_rows_beyond_the_limit_are_left_out_of_html_only(table):
-    assert table_html(table, most_rows=1).count("<tr>") == 2
+    assert table_html(table, max_rows=1).count("<tr>") == 2
     assert len(table_csv(table).splitlines()) > 2
 
 

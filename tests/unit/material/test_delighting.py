@@ -7,7 +7,7 @@ import pytest
 
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, MOST_STEPS, fit_light
+from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, MAX_STEPS, fit_light
 from lidarspectra.material.sharpened_cones import cones_of_srgb
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.delighting import (
@@ -85,7 +85,7 @@ def test_what_strays_in_counts_most_in_the_cone_of_least_light() -> None:
 
 def test_a_note_tells_of_a_fit_that_has_not_settled() -> None:
     fit = fit_light(evidence(1), flux_deviation=np.array([0.15]))
-    assert 0 < fit.steps < MOST_STEPS
+    assert 0 < fit.steps < MAX_STEPS
     assert _unsettled(fit) == ()
-    (note,) = _unsettled(replace(fit, steps=MOST_STEPS))
+    (note,) = _unsettled(replace(fit, steps=MAX_STEPS))
     assert "not settled" in note

@@ -111,7 +111,7 @@ def test_the_loop_goes_where_the_uncovered_area_is(box):
     # what v0 cannot see lies under the plate: one of the next viewpoints stands below it
     assert (found.viewpoints[1:, 2] < 0.8).any()
     assert np.all(np.diff(found.history) > 0)
-    first = render_views(scan, coverage=0.99, settings=ViewSettings(**{**vars(SMALL), "most_viewpoints": 1}))
+    first = render_views(scan, coverage=0.99, settings=ViewSettings(**{**vars(SMALL), "max_viewpoints": 1}))
     assert first.area_coverage < found.area_coverage
     assert first.stopped.startswith("1 viewpoints")
     assert len(first.views) == 6

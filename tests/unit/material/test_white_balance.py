@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 
 from lidarspectra.material.albedo import (
     FIT_COSTS,
-    LEAST_EMISSION,
+    MIN_EMISSION,
     WHITE_HUE,
     WHITE_HUE_DEVIATION,
     LightEvidence,
@@ -82,6 +82,6 @@ def test_light_at_some_points_is_that_of_the_equations_for_every_tone_and_beam()
         np.testing.assert_allclose(gathered, (shares @ np.vstack([sent, elsewhere]))[some], rtol=1e-12)
         np.testing.assert_allclose(seen, (cones_of_srgb(tone.light(data.shown)) / data.tint)[some], rtol=1e-12)
         cosine = data.emission[0, some, None]
-        narrowed = np.where(cosine < 1.0, (1.0 + 0.5 * beam) * np.maximum(cosine, LEAST_EMISSION) ** beam, 1.0)
+        narrowed = np.where(cosine < 1.0, (1.0 + 0.5 * beam) * np.maximum(cosine, MIN_EMISSION) ** beam, 1.0)
         expected = factors[0] * narrowed * data.direct[0, some] / mean_direct
         np.testing.assert_allclose(at.direct(beam, factors), expected, rtol=1e-12)

@@ -111,7 +111,7 @@ def test_tasks_cover_every_wanting_point_once() -> None:
     part = component(100)
     wanted = np.where(np.arange(100) % 3 == 0, 0, np.where(np.arange(100) % 3 == 1, 8, 34))
     tasks = list(
-        make_tasks(part, wanted, sensors(100), rays_a_job=34 * BATCHES * 5, generator=np.random.default_rng(1))
+        make_tasks(part, wanted, sensors(100), rays_per_job=34 * BATCHES * 5, generator=np.random.default_rng(1))
     )
     assert sorted(np.concatenate([task.points for task in tasks]).tolist()) == np.flatnonzero(wanted).tolist()
     assert all(np.all(wanted[task.points] == task.size) for task in tasks)
@@ -120,7 +120,9 @@ def test_tasks_cover_every_wanting_point_once() -> None:
 
 def test_a_point_that_wants_more_than_a_job_gets_a_job_of_its_own() -> None:
     part = component(2)
-    tasks = list(make_tasks(part, np.array([987, 987]), sensors(2), rays_a_job=10, generator=np.random.default_rng(1)))
+    tasks = list(
+        make_tasks(part, np.array([987, 987]), sensors(2), rays_per_job=10, generator=np.random.default_rng(1))
+    )
     assert [task.points.tolist() for task in tasks] == [[0], [1]]
 
 
@@ -153,7 +155,7 @@ def test_every_job_throws_results_away_so_that_none_uses_another_s_numbers_in_st
     # error bar came out a third too small.
     part, given = component(60, kind), sensors(60)
     generator = np.random.default_rng(1)
-    tasks = list(make_tasks(part, np.full(60, 8), given, rays_a_job=8 * BATCHES, generator=generator))
+    tasks = list(make_tasks(part, np.full(60, 8), given, rays_per_job=8 * BATCHES, generator=generator))
     assert len({task.burn for task in tasks}) > 4
     assert min(task.burn for task in tasks) > 0
     for task in tasks[:3]:

@@ -7,7 +7,7 @@ from lidarspectra.errors import MaterialError
 from lidarspectra.material.material_map import Material
 from lidarspectra.radiance.engine.bands import band_groups
 from lidarspectra.radiance.scene.primitives import Color
-from lidarspectra.radiance.scene.surfaces import LEAST_ROUGHNESS, surface_slots, surface_text, transmissivity
+from lidarspectra.radiance.scene.surfaces import MIN_ROUGHNESS, surface_slots, surface_text, transmissivity
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
 
 GROUP = band_groups(3, "rgb")[0]
@@ -80,7 +80,7 @@ def test_glass_passes_its_transmittance_at_normal_incidence(transmittance: float
 
 
 def test_smooth_gloss_is_written_a_little_rough() -> None:
-    assert arguments(material(specularity=0.1))[1] == [0.1, LEAST_ROUGHNESS]
+    assert arguments(material(specularity=0.1))[1] == [0.1, MIN_ROUGHNESS]
     assert arguments(material(specularity=0.1, roughness=0.3))[1] == [0.1, 0.3]
     assert arguments(material(roughness=0.3))[1] == [0.0, 0.0]
 

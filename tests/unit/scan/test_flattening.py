@@ -206,7 +206,7 @@ def with_strays(room: Scan, plain_scan: MakeScan, triangles: list[list[list[floa
 def test_a_free_triangle_is_a_plane_or_none_and_never_an_error(room: Scan, plain_scan: MakeScan, side_m: float) -> None:
     stray = [[0.0, 0.0, -0.2], [side_m, 0.0, -0.2], [0.0, side_m, -0.2]]
     flat = flatten_scan(with_strays(room, plain_scan, [stray]))
-    assert flat.record.flat_planes == (7 if 0.5 * side_m**2 > flat_patches.LEAST_PATCH_M2 else 6)
+    assert flat.record.flat_planes == (7 if 0.5 * side_m**2 > flat_patches.MIN_PATCH_M2 else 6)
     np.testing.assert_allclose(np.sort(flat.vertices[-3:], axis=0), np.sort(np.array(stray), axis=0), atol=1e-9)
 
 
