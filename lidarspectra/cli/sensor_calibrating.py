@@ -47,10 +47,10 @@ def calibrate(
     integration: IntegrationOption = None,
 ) -> None:
     """Calibrate against lamps of known spectrum, or at one point of a simulated map; saved by name and version."""
+    from lidarspectra.hardware.robot.reference_files import simulated_light_at
     from lidarspectra.hardware.sensor.calibration import field_calibration
     from lidarspectra.hardware.sensor.calibration_files import save_calibration
     from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
-    from lidarspectra.hardware.sensor.reference_files import simulated_light_at
 
     if (field is None) == (not lamp):
         raise typer.BadParameter("give --lamp LOG=SPECTRUM (once or more), or --field LOG with --map and --at")
@@ -79,11 +79,11 @@ def _lamp_calibration(
 ) -> "Calibration":
     import numpy as np
 
+    from lidarspectra.hardware.robot.reference_files import reference_from_file
     from lidarspectra.hardware.sensor.calibration import fit_calibration, observe, settings_of
     from lidarspectra.hardware.sensor.calibration_checks import leave_one_out
     from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
     from lidarspectra.hardware.sensor.readings import best_signal
-    from lidarspectra.hardware.sensor.reference_files import reference_from_file
 
     observations: list[Observation] = []
     kind: Signal | None = None

@@ -128,11 +128,11 @@ def join(
     from lidarspectra.hardware.robot.alignment import align as fit
     from lidarspectra.hardware.robot.alignment import read_point_pairs
     from lidarspectra.hardware.robot.poses import read_poses
+    from lidarspectra.hardware.robot.reference_files import map_light
     from lidarspectra.hardware.robot.robot import grid_readings, place_readings, read_locations, write_measured
     from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
     from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
     from lidarspectra.hardware.sensor.readings import write_readings
-    from lidarspectra.hardware.sensor.reference_files import map_light
 
     readings = readings_from_csv(log, settings=settings_given(gain, integration))
     light = spectral_irradiance(readings, calibration_named(calibration))

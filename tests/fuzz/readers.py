@@ -676,7 +676,7 @@ def map_table_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_a_map_table(path: Path) -> object:
-    from lidarspectra.hardware.sensor.reference_files import read_map
+    from lidarspectra.hardware.robot.reference_files import read_map
     from lidarspectra.mapping.maps.spectral_map import read_map_table
     from lidarspectra.spectra.spectrum import sensor_bands
 

@@ -22,10 +22,10 @@ from lidarspectra.errors import (
 from lidarspectra.hardware.phone.raw_mesh import FileFolder
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.robot.poses import read_poses
+from lidarspectra.hardware.robot.reference_files import read_map
 from lidarspectra.hardware.sensor.calibration_files import read_calibration
 from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.sensor.reading_log import FORMAT_LINE, LogWriter
-from lidarspectra.hardware.sensor.reference_files import read_map
 from lidarspectra.hardware.sensor.sensor_records import Moment, Reading
 from lidarspectra.io.hdf5_heaps import HEAD, ITEM, SIGNATURE, check_heaps
 from lidarspectra.io.netcdf import read_netcdf

@@ -1,4 +1,4 @@
-// Writes lidarspectra/mapping/page/three.js: one script that defines THREE, with its licence at the top.
+// Writes lidarspectra/mapping/report/page/three.js: one script that defines THREE, with its licence at the top.
 // npm ci && npm run build
 import { readFile } from "node:fs/promises";
 import { build } from "esbuild";
@@ -7,7 +7,7 @@ const version = JSON.parse(await readFile("node_modules/three/package.json", "ut
 const licence = (await readFile("node_modules/three/LICENSE", "utf8")).trim();
 await build({
   entryPoints: ["three.js"],
-  outfile: "../../lidarspectra/mapping/page/three.js",
+  outfile: "../../lidarspectra/mapping/report/page/three.js",
   bundle: true,
   minify: true,
   format: "iife",

@@ -1,4 +1,4 @@
-// What the report's 3D view (lidarspectra/mapping/page/room-picture.js) takes from three.js.
+// What the report's 3D view (lidarspectra/mapping/report/page/room-picture.js) takes from three.js.
 export {
   Box3,
   BufferAttribute,

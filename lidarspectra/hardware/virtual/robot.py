@@ -16,13 +16,13 @@ import numpy as np
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.robot.poses import Trajectory
+from lidarspectra.hardware.robot.reference_files import map_light, read_map
 from lidarspectra.hardware.robot.robot import median_spacing
 from lidarspectra.hardware.robot.time_offset import ExpectedLight
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT
 from lidarspectra.hardware.sensor.calibration import reference_bands
 from lidarspectra.hardware.sensor.reading_log import LogWriter
 from lidarspectra.hardware.sensor.recorder import RecordOptions, RecordSummary, record
-from lidarspectra.hardware.sensor.reference_files import map_light, read_map
 from lidarspectra.hardware.virtual.emulator import Light, SketchBoard
 from lidarspectra.hardware.virtual.faults import START_UNIX_S, FaultPlan, FaultyWire, VirtualClock, VirtualPort
 from lidarspectra.hardware.virtual.solar_cell import VirtualCell, cell_counts, cell_current_in

@@ -162,7 +162,11 @@ def _digest(script: str) -> str:
 
 @cache
 def _resource(name: str) -> str:
-    return (resources.files("lidarspectra.mapping") / "page" / name).read_text(encoding="utf-8").replace("\r\n", "\n")
+    return (
+        (resources.files("lidarspectra.mapping.report") / "page" / name)
+        .read_text(encoding="utf-8")
+        .replace("\r\n", "\n")
+    )
 
 
 def _jpeg(image: ByteArray) -> str:

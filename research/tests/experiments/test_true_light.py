@@ -65,7 +65,7 @@ def test_true_light_survives_its_file(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_says_how_to_make_it(tmp_path: Path) -> None:
-    with pytest.raises(MapError, match=r"scenes/true_light\.py"):
+    with pytest.raises(MapError, match=r"research\.scenes\.true_light"):
         load_true_light(tmp_path / "light.nc")
 
 

@@ -1,8 +1,6 @@
 """Building a scene: plan in; scan, run file and truth out."""
 
-import importlib.util
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ from lidarspectra.config import read_run_file
 from lidarspectra.errors import PlanError
 from lidarspectra.lamps.lamps import Lamp, resolve_lamps
 from lidarspectra.spectra.spectrum import uniform_bands
+from research.scenes import build
 from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import true_room
 
@@ -57,16 +56,6 @@ light_spacing_m = 0.15
 """
 
 
-@pytest.fixture(scope="module")
-def script(project: Path) -> ModuleType:
-    specification = importlib.util.spec_from_file_location("scenes_build", project / "scenes" / "build.py")
-    assert specification is not None
-    assert specification.loader is not None
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture
 def cabin(project: Path, tmp_path: Path) -> Path:
     table = (project / "scenes" / "reflectances.csv").read_bytes()
@@ -91,10 +80,8 @@ def colors_under(folder: Path, height: float) -> FloatArray:
 
 
 @pytest.mark.slow
-def test_a_build_writes_scan_run_file_and_truth_and_its_shape_follows_from_the_seed(
-    script: ModuleType, cabin: Path
-) -> None:
-    built = script.build(cabin, seed=3)
+def test_a_build_writes_scan_run_file_and_truth_and_its_shape_follows_from_the_seed(cabin: Path) -> None:
+    built = build.build(cabin, seed=3)
     first = trimesh.load_scene(built.file, process=False).to_geometry()
     run_file = read_run_file(cabin / "room.toml")
     assert run_file.lamps[0].name == "a 'quoted' \\ lamp"
@@ -107,36 +94,34 @@ def test_a_build_writes_scan_run_file_and_truth_and_its_shape_follows_from_the_s
     under, beside = colors_under(cabin, 0.0)
     # The shelf keeps the lamp from the floor under it: encoded values below four fifths, half in linear light.
     assert np.all(under < 0.8 * beside)
-    again = trimesh.load_scene(script.build(cabin, seed=3).file, process=False).to_geometry()
+    again = trimesh.load_scene(build.build(cabin, seed=3).file, process=False).to_geometry()
     assert np.array_equal(first.vertices, again.vertices)
     assert np.array_equal(first.faces, again.faces)
 
 
-def test_light_within_a_band_has_the_shape_of_the_lamps_that_send_it(script: ModuleType, cabin: Path) -> None:
+def test_light_within_a_band_has_the_shape_of_the_lamps_that_send_it(cabin: Path) -> None:
     lamps: tuple[Lamp, ...] = resolve_lamps(read_plan(cabin / "plan.toml").file.lamps, cabin)
     bands = uniform_bands(380.0, 780.0, 20)
-    flux = script.lamp_band_flux([lamp.flux for lamp in lamps], bands)
+    flux = build.lamp_band_flux([lamp.flux for lamp in lamps], bands)
     wavelengths = np.arange(400.0, 760.0, 5.0)
-    shone = script.spectral_irradiance(0.25 * flux, lamps, bands, wavelengths)
+    shone = build.spectral_irradiance(0.25 * flux, lamps, bands, wavelengths)
     np.testing.assert_allclose(shone[0], 0.25 * lamps[0].flux.at(wavelengths, outside="zero"), rtol=1e-9)
 
 
-def test_the_light_on_all_surfaces_is_what_the_lamps_send_and_none_is_counted_twice(
-    script: ModuleType, cabin: Path
-) -> None:
+def test_the_light_on_all_surfaces_is_what_the_lamps_send_and_none_is_counted_twice(cabin: Path) -> None:
     plan = read_plan(cabin / "plan.toml")
     room = true_room(plan)
-    light = script.surface_light(plan, room, cabin, np.random.default_rng(0))
+    light = build.surface_light(plan, room, cabin, np.random.default_rng(0))
     material = room.face_material[room.nearest_faces(light.positions, light.normals)]
     reflectance = np.stack([m.reflectance.at(light.wavelengths_nm, outside="nearest") for m in room.materials])
     absorbed = ((1.0 - reflectance[material]) * light.irradiance).mean(axis=0) * room.scan.areas.sum()
-    sent = script.spectral_flux(resolve_lamps(plan.file.lamps, cabin), light.wavelengths_nm).sum(axis=0)
+    sent = build.spectral_flux(resolve_lamps(plan.file.lamps, cabin), light.wavelengths_nm).sum(axis=0)
     # 3 % go back into the lamp, and the points are some hundred; a quarter of all light comes straight from it.
     assert absorbed.sum() / sent.sum() == pytest.approx(0.97, abs=0.03)
     assert light.direct.sum() / light.irradiance.sum() == pytest.approx(0.27, abs=0.03)
 
 
-def test_an_exact_scan_of_several_materials_is_refused(script: ModuleType, cabin: Path) -> None:
+def test_an_exact_scan_of_several_materials_is_refused(cabin: Path) -> None:
     plan = read_plan(cabin / "plan.toml")
     with pytest.raises(PlanError, match="one material"):
-        script.write_one_material(cabin, true_room(plan))
+        build.write_one_material(cabin, true_room(plan))

@@ -2,9 +2,7 @@
 
 import csv
 import gzip
-import importlib.util
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -12,20 +10,12 @@ import trimesh
 
 from lidarspectra.config import read_run_file
 from lidarspectra.spectra.spectrum_files import read_table
+from research.scenes import build, reflectances
 from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import true_room
 
 SCENES = ("office", "apartment", "large-office", "box")
 MAX_GLB_BYTES = 2_000_000  # [B] small enough to live in the repository
-
-
-def load_script(path: Path) -> ModuleType:
-    specification = importlib.util.spec_from_file_location(f"scenes_{path.stem}", path)
-    assert specification is not None
-    assert specification.loader is not None
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
 
 
 def scan_of(folder: Path) -> trimesh.Trimesh:
@@ -130,15 +120,13 @@ def test_the_large_office_has_108_m2_3_strips_and_27_sensors_in_the_air(project:
 
 
 def test_the_table_of_reflectances_is_what_its_script_writes(project: Path, tmp_path: Path) -> None:
-    script = load_script(project / "scenes" / "reflectances.py")
-    script.write_table(tmp_path / "again.csv", script.rows())
+    reflectances.write_table(tmp_path / "again.csv", reflectances.rows())
     assert (tmp_path / "again.csv").read_bytes() == (project / "scenes" / "reflectances.csv").read_bytes()
 
 
 def test_wall_points_of_the_box_stand_for_equal_shares_and_look_inwards(project: Path, tmp_path: Path) -> None:
-    script = load_script(project / "scenes" / "build.py")
     (room,) = read_plan(project / "scenes" / "box" / "plan.toml").file.rooms
-    script.write_wall_points(tmp_path / "points.csv", room)
+    build.write_wall_points(tmp_path / "points.csv", room)
     assert (tmp_path / "points.csv").read_bytes() == (project / "scenes" / "box" / "points.csv").read_bytes()
     table = np.loadtxt(tmp_path / "points.csv", delimiter=",", skiprows=1)
     assert table.shape == (600, 6)

@@ -10,6 +10,7 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ReadingError
+from lidarspectra.hardware.robot.reference_files import reference_from_file, unit_scale
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, DIE_INDEX, mask_counts, nominal_responsivity
 from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
 from lidarspectra.hardware.sensor.calibration import (
@@ -35,7 +36,6 @@ from lidarspectra.hardware.sensor.readings import (
     readings_table,
     write_readings,
 )
-from lidarspectra.hardware.sensor.reference_files import reference_from_file, unit_scale
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, Spectrum
 
 NOMINAL, _ = nominal_responsivity()
