@@ -1,7 +1,7 @@
-"""The command line: one command a stage, and run, demo, init, relight, databases, doctor.
+"""The command line: one command per stage, and run, demo, init, relight, databases, doctor.
 
-Exit status: 0 done; 1 an error of ours, one paragraph; 2 a command that was not understood. Libraries that take
-long to load are imported inside the commands, so that `--help` answers at once.
+Exit status: 0 done; 1 an error of this package, in one paragraph; 2 a command that was not understood. Libraries that
+take long to load are imported inside the commands, so that `--help` answers at once.
 """
 
 import signal
@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
@@ -25,7 +24,7 @@ from lidarspectra.cli import photometry as photometry_cli
 from lidarspectra.cli import relight as relight_cli
 from lidarspectra.cli import sensor as sensor_cli
 from lidarspectra.cli.options import ClusterOption, OutOption, RunFileArgument, WorkersOption
-from lidarspectra.cli.terminal import console, say, shown, tell
+from lidarspectra.cli.terminal import console, messages, print_note, say, shown
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.progress import remaining_words
 from lidarspectra.workflow.workspace import STAGES, StageName
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
 
 
 class _Commands(TyperGroup):
-    """The commands. Typer ends an interrupted one without a word; here it says what was kept."""
+    """The commands. Typer prints nothing when one is interrupted; this says what was kept."""
 
     def invoke(self, ctx: Any) -> Any:  # the type of its context differs between versions of typer
         """Run the command that was asked for."""
@@ -45,7 +44,7 @@ class _Commands(TyperGroup):
             return super().invoke(ctx)
         except KeyboardInterrupt as cause:
             runs = ctx.invoked_subcommand in ("run", "demo", "fingerprints", *STAGES)
-            kept = "Finished stages are kept; the same command resumes after them." if runs else ""
+            kept = "Finished stages are kept. Give the same command again to continue after them." if runs else ""
             messages.print(Text.assemble(("Interrupted. ", "bold red"), kept))
             raise typer.Exit(1) from cause
 
@@ -55,7 +54,7 @@ app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    help="Maps of the light spectrum in a room, from a phone's LiDAR scan, by Radiance.",
+    help="Map the light spectrum in a room from a phone's LiDAR scan, with Radiance.",
 )
 app.add_typer(databases_cli.app, name="databases")
 app.add_typer(sensor_cli.app, name="sensor")
@@ -65,7 +64,6 @@ app.command("photocurrent")(photocurrent_cli.photocurrent)
 app.add_typer(photocurrent_cli.app, name="cells")
 app.command("fingerprints")(fingerprints_cli.fingerprints)
 app.add_typer(localize_cli.app, name="localize")
-messages = Console(stderr=True, highlight=False)
 
 
 def _show_version(wanted: bool) -> None:
@@ -82,7 +80,7 @@ def options(
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Take the options that belong to no command."""
+    """Read the options that belong to no command."""
 
 
 def main() -> None:
@@ -90,7 +88,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a Windows console may be in a code page without '²' or '∫'
             stream.reconfigure(errors="replace")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a polite end by the system is an interruption too
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # SIGTERM ends a command as Ctrl-C does
     try:
         app()
     except LidarSpectraError as error:
@@ -99,7 +97,7 @@ def main() -> None:
 
 
 class _ConsoleListener:
-    """Draws a bar for the stage in work, and a line for each that is done."""
+    """Draws a bar for the current stage, and a line for each finished one."""
 
     def __init__(self, bar: Progress) -> None:
         self._bar = bar
@@ -138,7 +136,7 @@ def _run(
 ) -> "RunSummary":
     from lidarspectra.config import read_run_file
 
-    read_run_file(run_file)  # a slip of the pen is told before the libraries load, which takes seconds
+    read_run_file(run_file)  # report a mistake in it before the libraries load, which takes seconds
     from lidarspectra.workflow.pipeline import run
 
     columns = (
@@ -161,7 +159,7 @@ def _stage_name(text: str) -> StageName:
     for stage in STAGES:
         if text == stage:
             return stage
-    raise typer.BadParameter(f"'{text}' is no stage; the stages are {', '.join(STAGES)}")
+    raise typer.BadParameter(f"'{text}' is not a stage; the stages are {', '.join(STAGES)}")
 
 
 @app.command("run")
@@ -169,13 +167,13 @@ def run_command(
     run_file: RunFileArgument,
     out: OutOption = None,
     start: Annotated[
-        StageName | None, typer.Option("--from", metavar="STAGE", help="Make this stage and all after it again.")
+        StageName | None, typer.Option("--from", metavar="STAGE", help="Run this stage and all after it again.")
     ] = None,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say which stages would be made; make none.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print which stages would run, and run none.")] = False,
 ) -> None:
-    """Make maps and a report from a run file: all stages that are not up to date."""
+    """Make maps and a report from a run file, by all stages that are not up to date."""
     if dry_run:
         _show_plan(run_file, out, start)
         return
@@ -194,7 +192,7 @@ def _show_summary(summary: "RunSummary") -> None:
     table.add_column("stage")
     table.add_column("time", justify="right")
     table.add_column("memory", justify="right")
-    for record in summary.records:  # what each made was said when it was done
+    for record in summary.records:  # each stage's result was printed when it ended
         table.add_row(record.stage, f"{record.seconds:.1f} s", f"{record.peak_memory_mib:.0f} MiB")
     seconds = sum(record.seconds for record in summary.records)
     memory = max(record.peak_memory_mib for record in summary.records)
@@ -220,9 +218,9 @@ def _add_stage_command(stage: StageName, text: str) -> None:
 
 
 for _stage, _text in (
-    ("scan", "1: read the scan, repair it, find floor, walls and ceiling."),
-    ("views", "2: look around in the scan until its surfaces are covered (Algorithm 1)."),
-    ("materials", "3: give every surface a reflectance spectrum."),
+    ("scan", "1: read the scan, repair it, and find floor, walls and ceiling."),
+    ("views", "2: choose camera views until they cover the scan's surfaces (the paper's Algorithm 1)."),
+    ("materials", "3: estimate a reflectance spectrum for every surface."),
     ("scene", "4: write the room as a Radiance model."),
     ("trace", "5: trace each lamp's light to the sensor points."),
     ("map", "6: make the spectral map."),
@@ -233,7 +231,7 @@ for _stage, _text in (
 
 @app.command()
 def demo(
-    folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where the demo room and its run go.")] = Path(
+    folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Folder for the demo room and its run.")] = Path(
         "lidarspectra-demo"
     ),
 ) -> None:
@@ -247,11 +245,11 @@ def demo(
 def init(
     scan: Annotated[Path, typer.Argument(metavar="SCAN", help="GLB, glTF, OBJ, PLY, STL or USDZ.", show_default=False)],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="ROOM.toml", help="The run file; SCAN's name with .toml by default.")
+        Path | None, typer.Option("--out", metavar="ROOM.toml", help="The run file. Default: SCAN's name with .toml.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace a run file that is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing run file.")] = False,
 ) -> None:
-    """Write a run file for a scan: unit, axes, lamps and a sensor grid, for you to edit."""
+    """Write a run file for a scan, for you to check and edit: unit, axes, lamps and a sensor grid."""
     from lidarspectra.workflow.init_file import write_init
 
     summary = write_init(scan, out or scan.with_suffix(".toml"), force=force)
@@ -263,16 +261,17 @@ def init(
 def evaluate(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A finished run folder.", show_default=False)],
     measured: Annotated[
-        Path, typer.Option("--measured", metavar="FILE.csv", help="x, y, z and E_410 ...: see 'sensor join'.")
+        Path,
+        typer.Option("--measured", metavar="FILE.csv", help="Columns x, y, z, E_410 ..., as 'sensor join' writes."),
     ],
     within: Annotated[
-        float, typer.Option("--within", metavar="M", min=0.0, help="Farthest reading from a point.")
+        float, typer.Option("--within", metavar="M", min=0.0, help="Largest distance of a reading from its point.")
     ] = 0.15,
     scale: Annotated[
-        Literal["none", "one", "die", "channel"], typer.Option("--scale", help="Fit factors on the readings first.")
+        Literal["none", "one", "die", "channel"], typer.Option("--scale", help="Fit factors to the readings first.")
     ] = "none",
     unit: Annotated[
-        Literal["W/m2/nm", "uW/cm2", "counts"], typer.Option("--unit", help="Of the readings.")
+        Literal["W/m2/nm", "uW/cm2", "counts"], typer.Option("--unit", help="Unit of the readings.")
     ] = "W/m2/nm",
 ) -> None:
     """Compare a run's map with measured readings: NRMSE and MAPE as in the paper, by map and by channel."""
@@ -280,7 +279,7 @@ def evaluate(
 
     evaluation = evaluate_run(run, measured, within_m=within, scale=scale, unit=unit)
     for note in evaluation.notes:
-        tell(note)
+        print_note(note)
     for table in (evaluation.table, evaluation.bands):
         console.print(shown(table))
         console.print()
@@ -291,12 +290,12 @@ def evaluate(
 
 @app.command()
 def verify(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder; it may have moved.", show_default=False)],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, even if it was moved.", show_default=False)],
     inputs: Annotated[
-        Path | None, typer.Option("--inputs", metavar="DIR", help="Folder of the run file; found if beside the run.")
+        Path | None, typer.Option("--inputs", metavar="DIR", help="Folder of the run file. Default: beside the run.")
     ] = None,
 ) -> None:
-    """Compare inputs, databases, scene files and results with the hashes in a run's record; 1 if any differs."""
+    """Compare inputs, databases, scene files and results with the hashes in a run's record; status 1 if any differs."""
     from lidarspectra.workflow.verify import verify_run
 
     verification = verify_run(run, inputs=inputs)
@@ -305,14 +304,14 @@ def verify(
     for finding in verification.differences:
         console.print(Text.assemble(("differs: ", "bold red"), str(finding)), soft_wrap=True)
     for note in verification.notes:
-        tell(note)
+        print_note(note)
     if verification.differences:
         raise typer.Exit(1)
 
 
 @app.command()
 def doctor() -> None:
-    """Check the engine and the libraries, and say what to do where something is wrong."""
+    """Check the Radiance programs and the libraries, and say how to mend what is wrong."""
     from lidarspectra.workflow.doctor import examine
 
     findings = examine()

@@ -7,19 +7,21 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from lidarspectra.cli.terminal import console, say, tell
+from lidarspectra.cli.terminal import console, print_note, say
 
 if TYPE_CHECKING:
     from lidarspectra.spectra.databases import ImportSummary
 
-app = typer.Typer(no_args_is_help=True, help="Spectra of surfaces and lamps: what is there, and how to add more.")
+app = typer.Typer(no_args_is_help=True, help="Spectra of surfaces and lamps: list, show, and import more.")
 
 
 @app.command("list")
 def list_command(
-    words: Annotated[list[str] | None, typer.Argument(help="Show spectra whose name or category has these.")] = None,
+    words: Annotated[
+        list[str] | None, typer.Argument(help="Show the spectra whose name or category contains these words.")
+    ] = None,
 ) -> None:
-    """List the databases, and every spectrum whose name or category has the words given."""
+    """List the databases, and every spectrum whose name or category contains all words given."""
     from lidarspectra.spectra.databases import list_databases, list_lamps, load_reflectances
 
     databases = list_databases()
@@ -28,7 +30,7 @@ def list_command(
         table.add_row(*map(Text, (file.database, file.kind, str(file.count), file.title)))
     console.print(table)
     if not words:
-        console.print("\nName a word to see spectra: lidarspectra databases list LED")
+        console.print("\nGive a word to list spectra, for example: lidarspectra databases list LED")
         return
     names = tuple(dict.fromkeys(file.database for file in databases if file.kind == "reflectance"))
     spectra = [("lamp", lamp.name, lamp.category, lamp.spectrum.range_nm) for lamp in list_lamps()]
@@ -40,12 +42,12 @@ def list_command(
     for kind, name, what, (first, last) in found:
         table.add_row(*map(Text, (kind, name, what, f"{first:.0f}-{last:.0f} nm")))
     console.print()
-    console.print(table if found else Text(f"No spectrum has all of: {' '.join(words)}"))
+    console.print(table if found else Text(f"No spectrum's name or category contains all of: {' '.join(words)}"))
 
 
 @app.command()
-def show(name: Annotated[str, typer.Argument(help="As 'databases list' shows it.", show_default=False)]) -> None:
-    """Print one spectrum as two columns, with where it comes from."""
+def show(name: Annotated[str, typer.Argument(help="Name as 'databases list' shows it.", show_default=False)]) -> None:
+    """Print one spectrum as two columns, with its source."""
     from lidarspectra.spectra.databases import show_spectrum
 
     entry = show_spectrum(name)
@@ -55,31 +57,33 @@ def show(name: Annotated[str, typer.Argument(help="As 'databases list' shows it.
         console.print(f"{wavelength:g},{value:.6g}")
 
 
-import_app = typer.Typer(no_args_is_help=True, help="Read the databases that the paper used, from files that you have.")
+import_app = typer.Typer(
+    no_args_is_help=True, help="Import the databases that the paper used, from files that you downloaded."
+)
 app.add_typer(import_app, name="import")
 
 
 @import_app.command()
 def spectraldb(
-    file: Annotated[Path, typer.Argument(help="The table of spectraldb.com, as CSV.", show_default=False)],
+    file: Annotated[Path, typer.Argument(help="The table from spectraldb.com, as CSV.", show_default=False)],
 ) -> None:
-    """Import reflectances; then name them in a run file: databases = ["builtin", "spectraldb"]."""
+    """Import reflectances. To use them, write databases = ["builtin", "spectraldb"] in the run file."""
     from lidarspectra.spectra.databases import import_spectraldb
 
-    _tell(import_spectraldb(file))
+    _show_import(import_spectraldb(file))
 
 
 @import_app.command()
 def lspdd(
-    files: Annotated[list[Path], typer.Argument(help="Lamps of LSPDD, as JSON.", show_default=False)],
+    files: Annotated[list[Path], typer.Argument(help="Lamps from LSPDD, as JSON.", show_default=False)],
 ) -> None:
-    """Import lamp spectra; then name one in a run file: spectrum = "lspdd:2469"."""
+    """Import lamp spectra. To use one, write for example spectrum = "lspdd:2469" in the run file."""
     from lidarspectra.spectra.databases import import_lspdd
 
-    _tell(import_lspdd(files))
+    _show_import(import_lspdd(files))
 
 
-def _tell(summary: "ImportSummary") -> None:
+def _show_import(summary: "ImportSummary") -> None:
     say(f"{summary.count} spectra imported as '{summary.database}' ({summary.path})")
     for note in summary.notes:
-        tell(note)
+        print_note(note)

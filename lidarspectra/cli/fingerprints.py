@@ -1,4 +1,4 @@
-"""`lidarspectra fingerprints ROOM.toml`: what the room's sensors read with somebody at each of many places."""
+"""`lidarspectra fingerprints ROOM.toml`: simulated sensor readings with a person at each of many positions."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -8,11 +8,11 @@ import typer
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from lidarspectra.cli.options import ClusterOption, OutOption, RunFileArgument, WorkersOption
-from lidarspectra.cli.terminal import console, say, tell
+from lidarspectra.cli.terminal import console, print_note, say
 
 
 class PostureName(StrEnum):
-    """A word for `--posture`."""
+    """A value of `--posture`."""
 
     STANDING = "standing"
     WALKING = "walking"
@@ -24,15 +24,18 @@ def fingerprints(
     run_file: RunFileArgument,
     positions: Annotated[
         Path | None,
-        typer.Option("--positions", metavar="FILE.csv", help="name,x,y and, if need be, z of each position (m)."),
+        typer.Option("--positions", metavar="FILE.csv", help="Columns name, x, y and optionally z (m)."),
     ] = None,
     grid: Annotated[
         float | None,
-        typer.Option("--grid", metavar="M", min=0.1, help="Or: wherever there is room to stand on a grid so wide."),
+        typer.Option(
+            "--grid", metavar="M", min=0.1, help="Or: every free position of a square grid with this spacing."
+        ),
     ] = None,
-    draws: Annotated[int, typer.Option("--draws", min=1, max=1000, help="People drawn for each position.")] = 1,
+    draws: Annotated[int, typer.Option("--draws", min=1, max=1000, help="Random people per position.")] = 1,
     posture: Annotated[
-        list[PostureName] | None, typer.Option("--posture", help="To draw from; may stand again. Standing by default.")
+        list[PostureName] | None,
+        typer.Option("--posture", help="Postures to draw from; repeat for several. Default: standing."),
     ] = None,
     error: Annotated[
         float, typer.Option("--error", metavar="PERCENT", min=0.02, max=10.0, help="Standard error of a reading (%).")
@@ -44,20 +47,20 @@ def fingerprints(
             metavar="PERCENT",
             min=0.005,
             max=10.0,
-            help="That of what a person changes (% of the reading).",
+            help="Standard error of the change that a person causes (% of the reading).",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Another one draws other people.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random people.")] = 0,
     out: OutOption = None,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
 ) -> None:
-    """Trace what the room's sensors read with somebody at each of many places: the map that localization learns from.
+    """Simulate what the room's sensors read with a person at each of many positions: training data for localization.
 
-    The stages before are made where they are missing. An interrupted job goes on where it was.
+    Missing earlier stages are run first. Give the same command again to continue an interrupted job.
     """
     if (positions is None) == (grid is None):
-        raise typer.BadParameter("give either --positions or --grid")
+        raise typer.BadParameter("give --positions or --grid, one of the two")
     from lidarspectra.mapping.localization.body import POSTURES
     from lidarspectra.workflow.fingerprints import FingerprintOrder, fingerprint_room
 
@@ -85,14 +88,14 @@ def fingerprints(
             progress=lambda fraction, words: bar.update(task, completed=fraction, description=words),
         )
     for note in found.notes:
-        tell(note)
+        print_note(note)
     table = found.table
     changes = 100.0 * abs(table["irradiance"] / table["empty"] - 1.0).where(table["empty"] > 0)
     count, sensors, bands = (table.sizes[name] for name in ("fingerprint", "sensor", "band"))
     console.print(
         f"{count} fingerprints of {sensors} sensors x {bands} channels; a person changes a reading by "
-        f"{float(changes.median()):.1f} % (median), {float(changes.max()):.0f} % at most; "
-        f"standard error {100 * table.attrs['achieved_relative_se']:.2f} %, of the change "
-        f"{100 * table.attrs['achieved_relative_effect_se']:.3f} %"
+        f"{float(changes.median()):.1f} % (median), at most {float(changes.max()):.0f} %; "
+        f"standard error {100 * table.attrs['achieved_relative_se']:.2f} % of a reading, "
+        f"{100 * table.attrs['achieved_relative_effect_se']:.3f} % for the change"
     )
     say(f"Table: {found.path}")

@@ -1,4 +1,4 @@
-"""Ctrl-C as a question, for commands that go on until somebody ends them and must end in order."""
+"""Ctrl-C as a flag, for commands that run until the user ends them and must close their files first."""
 
 import signal
 from collections.abc import Callable, Iterator
@@ -7,12 +7,12 @@ from contextlib import contextmanager
 
 @contextmanager
 def until_interrupted() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C, and a polite end from the system, become a question that whoever reads a device asks.
+    """Turn Ctrl-C and SIGTERM into a flag that the reading loop polls.
 
     Yields
     ------
     stopped : callable
-        () -> bool, whether an end was asked for since the context began.
+        () -> bool, True once Ctrl-C or SIGTERM arrived within the context.
     """
     asked = {"stop": False}
 

@@ -10,7 +10,7 @@ import typer
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from lidarspectra.cli.interruption import until_interrupted
-from lidarspectra.cli.terminal import console, say, shown, tell
+from lidarspectra.cli.terminal import console, print_note, say, shown
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.as7265x import SensorSettings
@@ -18,38 +18,50 @@ if TYPE_CHECKING:
     from lidarspectra.progress import Progress as Report
     from lidarspectra.workflow.localization_jobs import LocationReport
 
-app = typer.Typer(no_args_is_help=True, help="Where somebody stands, from what fixed spectral sensors read.")
+app = typer.Typer(no_args_is_help=True, help="Find where a person stands from the readings of fixed spectral sensors.")
 
-ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL_DIR", help="What 'train' wrote.", show_default=False)]
+ModelArgument = Annotated[
+    Path, typer.Argument(metavar="MODEL_DIR", help="Folder that 'train' wrote.", show_default=False)
+]
 PositionsOption = Annotated[
     Path | None,
-    typer.Option("--positions", metavar="FILE.csv", help="name,x,y and, if need be, z: where the places are (m)."),
+    typer.Option("--positions", metavar="FILE.csv", help="Positions of the places: name, x, y and optionally z (m)."),
 ]
 MinCountOption = Annotated[
-    float, typer.Option("--min-count", min=0.0, help="Channels whose reference reads less are left out.")
+    float, typer.Option("--min-count", min=0.0, help="Leave out channels whose reference count is below this.")
 ]
 MethodName = Literal["network", "discriminant", "neighbours", "ridge"]
+NO_FIX_NOTE = (
+    "No position was found: the sources ended before the running median had its first {first} frames."
+    " Give more readings, a smaller --first, or readings of the empty room with --empty."
+)
 
 
 @app.command()
 def train(
     fingerprints: Annotated[
         list[Path],
-        typer.Argument(metavar="FINGERPRINTS...", help="Of 'fingerprints', or CSV of readings.", show_default=False),
+        typer.Argument(
+            metavar="FINGERPRINTS...", help="Output of 'fingerprints', or CSV of readings.", show_default=False
+        ),
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="MODEL_DIR", help="Where the model goes.", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", metavar="MODEL_DIR", help="Folder for the model.", show_default=False)],
     positions: PositionsOption = None,
     min_count: MinCountOption = 10.0,
-    gain: Annotated[float | None, typer.Option("--gain", help="Of the sensors: 1, 3.7, 16 or 64.")] = None,
-    integration: Annotated[float | None, typer.Option("--integration", metavar="MS", help="2.8 to 714 ms.")] = None,
-    copies: Annotated[int, typer.Option("--copies", min=1, help="Readings drawn from each fingerprint.")] = 20,
+    gain: Annotated[float | None, typer.Option("--gain", help="Gain of the sensors: 1, 3.7, 16 or 64.")] = None,
+    integration: Annotated[
+        float | None, typer.Option("--integration", metavar="MS", help="Their integration time, 2.8 to 714 ms.")
+    ] = None,
+    copies: Annotated[int, typer.Option("--copies", min=1, help="Random readings made from each fingerprint.")] = 20,
     drift: Annotated[
         float,
-        typer.Option("--drift", metavar="PERCENT", min=0.0, help="Of a sensor's reading since its reference was read."),
+        typer.Option(
+            "--drift", metavar="PERCENT", min=0.0, help="Drift of a sensor's reading since its reference was taken."
+        ),
     ] = 0.3,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of what is drawn.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Random seed.")] = 0,
 ) -> None:
-    """Learn where somebody stands from fingerprints, traced or measured."""
+    """Train a model on fingerprints, simulated or measured."""
     from lidarspectra.cli.sensor_options import settings_given
     from lidarspectra.workflow.localization_jobs import train_from_files
 
@@ -60,13 +72,13 @@ def train(
     usable = model.space.usable
     console.print(
         f"{len(model.places)} places, {len(model.space.sensors)} sensors, {model.space.count} of {usable.size} channels"
-        f" bright enough; kept in {out}",
+        f" bright enough; saved in {out}",
         soft_wrap=True,
     )
     if not model.places.has_positions:
         from lidarspectra.workflow.localization_jobs import NO_METRES_NOTE
 
-        tell(NO_METRES_NOTE)
+        print_note(NO_METRES_NOTE)
 
 
 @app.command("test")
@@ -80,14 +92,16 @@ def try_model(
         Literal["own", "running", "trained"],
         typer.Option(
             "--against",
-            help="Compare with the readings' own empty room or median, with the running median that 'live' takes, or"
-            " with the reference that was trained with.",
+            help="Reference: the readings' own empty room or median, the running median that 'live' uses, or"
+            " the one from training.",
         ),
     ] = "own",
-    run: Annotated[Path | None, typer.Option("--run", metavar="RUN", help="A run, for walls and furniture.")] = None,
+    run: Annotated[
+        Path | None, typer.Option("--run", metavar="RUN", help="A run whose walls and furniture are drawn.")
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: MODEL_DIR/test.")] = None,
 ) -> None:
-    """Say how far off a model is on labelled readings: percentiles, curve, map of errors, top-k."""
+    """Evaluate a model on labelled readings: percentiles, cumulative curve and map of errors, top-k."""
     from lidarspectra.workflow.localization_jobs import errors_from_files
 
     _show(errors_from_files(model, readings, out or model / "test", positions=positions, against=against, run=run))
@@ -100,9 +114,11 @@ def score(
     ],
     positions: PositionsOption = None,
     min_count: MinCountOption = 10.0,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where tables go.")] = Path("localization-score"),
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the tables.")] = Path(
+        "localization-score"
+    ),
 ) -> None:
-    """Learn and test within each measured night, split in time, and from every night to every other."""
+    """Train and test within each measured night, split in time, and from every night to every other."""
     from lidarspectra.workflow.localization_jobs import score_nights
 
     with _bar() as report:
@@ -117,29 +133,29 @@ def live(
         list[str],
         typer.Argument(
             metavar="SOURCE",
-            help="PORT of a hub or FILE recorded of it; or SENSOR=PORT or SENSOR=LOG of each sensor.",
+            help="PORT of a hub or its recorded FILE; or SENSOR=PORT or SENSOR=LOG for each sensor.",
             show_default=False,
         ),
     ],
     empty: Annotated[
-        Path | None, typer.Option("--empty", metavar="FILE", help="Readings of the empty room, as a reference.")
+        Path | None, typer.Option("--empty", metavar="FILE", help="Readings of the empty room, the reference.")
     ] = None,
-    method: Annotated[MethodName, typer.Option("--method", help="How to tell.")] = "network",
-    period: Annotated[float, typer.Option("--period", metavar="S", min=0.01, help="Between frames.")] = 1.0,
-    max_age: Annotated[float, typer.Option("--max-age", metavar="S", min=0.01, help="Older readings are missing.")] = 5,
+    method: Annotated[MethodName, typer.Option("--method", help="Estimator.")] = "network",
+    period: Annotated[float, typer.Option("--period", metavar="S", min=0.01, help="Time between frames.")] = 1.0,
+    max_age: Annotated[float, typer.Option("--max-age", metavar="S", min=0.01, help="Ignore older readings.")] = 5,
     window: Annotated[
-        int, typer.Option("--window", min=1, help="Frames of the running median, without --empty.")
+        int, typer.Option("--window", min=1, help="Frames in the running median; used without --empty.")
     ] = 600,
     first: Annotated[
         int | None,
-        typer.Option("--first", min=1, help="Frames until it is believed; 60, or the window where that is shorter."),
+        typer.Option("--first", min=1, help="Frames before the first result. Default: 60, or --window if smaller."),
     ] = None,
-    average: Annotated[int, typer.Option("--average", min=1, help="Latest frames to average.")] = 1,
-    frames: Annotated[int | None, typer.Option("--frames", min=1, help="Stop after so many.")] = None,
-    baud: Annotated[int | None, typer.Option("--baud", help="Default: 115200.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Write the track there.")] = None,
+    average: Annotated[int, typer.Option("--average", min=1, help="Average this many latest frames.")] = 1,
+    frames: Annotated[int | None, typer.Option("--frames", min=1, help="Stop after this many frames.")] = None,
+    baud: Annotated[int | None, typer.Option("--baud", help="Baud rate. Default: 115200.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Write the track to this file.")] = None,
 ) -> None:
-    """Say where somebody is as readings come in, from ports or recordings, until Ctrl-C or their end."""
+    """Print where a person stands, from live readings or recordings, until Ctrl-C or their end."""
     from lidarspectra.io.files import write_whole
     from lidarspectra.mapping.localization.live import LiveSettings
     from lidarspectra.mapping.localization.running_reference import FIRST_FRAMES, MedianWindow
@@ -159,7 +175,7 @@ def live(
             if stopped() or number + 1 == frames:
                 break
     if len(rows) == 1:
-        tell(f"no fix: the running median needs {first} frames (--first), or give --empty")
+        print_note(NO_FIX_NOTE.format(first=median.first))
     if out is not None:
         write_whole(out, "".join(rows))
         say(f"Track: {out}")
@@ -170,20 +186,26 @@ def place(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="FINGERPRINTS|RUN", help="Choose to localize best, or to rebuild the map best.", show_default=False
+            metavar="FINGERPRINTS|RUN",
+            help="FINGERPRINTS: places that localize best. RUN: places that rebuild the map best.",
+            show_default=False,
         ),
     ],
     count: Annotated[int, typer.Option("--count", min=1, help="Sensors to choose.")] = 8,
     positions: PositionsOption = None,
-    lamp_spread: Annotated[float, typer.Option("--lamp-spread", min=0.0, help="RUN: how far a lamp may be off.")] = 0.1,
-    error: Annotated[float, typer.Option("--error", min=0.0, help="RUN: how far the map may be off.")] = 0.1,
-    length: Annotated[float, typer.Option("--length", metavar="M", min=0.01, help="RUN: how far that is alike.")] = 1.0,
-    noise: Annotated[float, typer.Option("--noise", min=1e-4, help="RUN: of a reading, relative.")] = 0.02,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where table and curve go.")] = Path(
+    lamp_spread: Annotated[
+        float, typer.Option("--lamp-spread", min=0.0, help="RUN: relative uncertainty of a lamp's flux.")
+    ] = 0.1,
+    error: Annotated[float, typer.Option("--error", min=0.0, help="RUN: relative error of the map.")] = 0.1,
+    length: Annotated[
+        float, typer.Option("--length", metavar="M", min=0.01, help="RUN: correlation length of that error.")
+    ] = 1.0,
+    noise: Annotated[float, typer.Option("--noise", min=1e-4, help="RUN: relative noise of a reading.")] = 0.02,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the table and the curve.")] = Path(
         "sensor-places"
     ),
 ) -> None:
-    """Choose places for sensors one after the other, each the one that gains most; the curve says how many suffice."""
+    """Choose sensor places one after the other, each time the best one (greedy); the curve shows how many suffice."""
     from lidarspectra.workflow.localization_jobs import MapDoubts, place_to_locate, place_to_rebuild
 
     if source.is_dir():
@@ -217,13 +239,13 @@ def _training_settings(
 def _show(report: "LocationReport") -> None:
     console.print(shown(report.tables[0]))
     for note in report.notes:
-        tell(note)
+        print_note(note)
     say(f"Tables and figures: {report.folder}")
 
 
 @contextmanager
 def _bar() -> "Iterator[Report]":
-    """A bar on the terminal; silent where there is none."""
+    """A progress bar on a terminal; nothing in a pipe."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=1.0)

@@ -5,19 +5,21 @@ from typing import Annotated, Literal
 
 import typer
 
-from lidarspectra.cli.terminal import console, say, shown, tell
+from lidarspectra.cli.terminal import console, print_note, say, shown
 
-app = typer.Typer(no_args_is_help=True, help="Solar cells: which there are, the best place, and what sensors tell.")
+app = typer.Typer(
+    no_args_is_help=True, help="Solar cells: list them, find the best place, predict from sensor readings."
+)
 
 RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="A finished run folder.", show_default=False)]
 CellOption = Annotated[
-    str, typer.Option("--cell", metavar="NAME|FILE", help="See 'cells list'; or a CSV of λ and EQE.")
+    str, typer.Option("--cell", metavar="NAME|FILE", help="Name from 'cells list', or a CSV of λ and EQE.")
 ]
 AreaOption = Annotated[
     float | None, typer.Option("--area", metavar="CM2", min=1e-6, help="Area of the cell (cm²).", show_default=False)
 ]
 ScaleOption = Annotated[
-    float, typer.Option("--scale", metavar="FACTOR", min=0.0, help="On the cell's curve, from a calibration.")
+    float, typer.Option("--scale", metavar="FACTOR", min=0.0, help="Factor on the cell's response, from a calibration.")
 ]
 LampKind = Literal["led", "fluorescent", "discharge", "incandescent", "daylight"]
 
@@ -28,17 +30,17 @@ def photocurrent(
     area: AreaOption = None,
     scale: ScaleOption = 1.0,
     hours: Annotated[
-        str | None, typer.Option("--hours", metavar="8:30-17", help="All lamps lit so, every day.")
+        str | None, typer.Option("--hours", metavar="8:30-17", help="All lamps are on at these hours, every day.")
     ] = None,
     schedule: Annotated[
-        Path | None, typer.Option("--schedule", metavar="FILE.csv", help="lamp,from,to[,dim]: a row a shift.")
+        Path | None, typer.Option("--schedule", metavar="FILE.csv", help="lamp,from,to[,dim], one row per shift.")
     ] = None,
     volt: Annotated[
         float | None, typer.Option("--volt", metavar="V", min=1e-6, help="The cell is held at this voltage [V].")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/photocurrent-CELL.")] = None,
 ) -> None:
-    """Maps of a solar cell's current and, with --hours or --schedule, of its charge and energy a day."""
+    """Map a solar cell's current and, with --hours or --schedule, its charge and energy per day."""
     from lidarspectra.mapping.photovoltaics.current_map import currents_table
     from lidarspectra.workflow.cells_of_run import CurrentOrder, current_of_run, save_currents
 
@@ -49,7 +51,7 @@ def photocurrent(
     )
     currents, plan, found = current_of_run(run, order)
     for words in str(currents.attrs["notes"]).splitlines():
-        tell(words)
+        print_note(words)
     folder = save_currents(currents, plan, out or run / f"photocurrent-{found.name}")
     console.print(shown(currents_table(currents)))
     say(f"Points, table and maps: {folder}")
@@ -57,7 +59,7 @@ def photocurrent(
 
 @app.command("list")
 def list_command() -> None:
-    """List the cells of the databases."""
+    """List the solar cells in the databases."""
     import pandas as pd
 
     from lidarspectra.mapping.figures.tables import Table
@@ -90,14 +92,17 @@ def place_command(
     ] = None,
     azimuth: Annotated[
         list[float] | None,
-        typer.Option("--azimuth", metavar="DEG", help="Faced in plan, from x towards y; all of eight by default."),
+        typer.Option(
+            "--azimuth", metavar="DEG", help="Direction it faces in plan, from x towards y. Default: eight directions."
+        ),
     ] = None,
     wall: Annotated[
-        list[float] | None, typer.Option("--wall", metavar="M", help="Try the walls too, at this height; may repeat.")
+        list[float] | None,
+        typer.Option("--wall", metavar="M", help="Try the walls too, at this height; repeat for several."),
     ] = None,
     scale: ScaleOption = 1.0,
-    count: Annotated[int, typer.Option("--count", min=1, max=100, help="Places to tell.")] = 5,
-    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes side by side.")] = None,
+    count: Annotated[int, typer.Option("--count", min=1, max=100, help="Number of places to list.")] = 5,
+    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Number of processes.")] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/cell-places.")] = None,
 ) -> None:
     """Find the best places for a cell of given size: the run's points in every tilt and azimuth, and the walls."""
@@ -116,7 +121,7 @@ def place_command(
     )
     table, notes = places_in_run(run, order)
     for note in notes:
-        tell(note)
+        print_note(note)
     console.print(shown(table))
     say(f"Table: {save_places(table, out or run / 'cell-places')}")
 
@@ -124,16 +129,16 @@ def place_command(
 @app.command("predict")
 def predict_command(
     measured: Annotated[
-        Path, typer.Argument(metavar="FILE.csv", help="x, y, z, E_410 ..., SE_410 ...: see 'sensor join'.")
+        Path, typer.Argument(metavar="FILE.csv", help="x, y, z, E_410 ..., SE_410 ..., as 'sensor join' writes.")
     ],
     cell: CellOption,
-    device: Annotated[str, typer.Option("--device", help="The sensor's channels.")] = "as7265x-14",
-    lamps: Annotated[LampKind | None, typer.Option("--lamps", help="Kind of lamp, where it is known.")] = None,
+    device: Annotated[str, typer.Option("--device", help="Channel set of the sensor.")] = "as7265x-14",
+    lamps: Annotated[LampKind | None, typer.Option("--lamps", help="Kind of lamp, if known.")] = None,
     area: AreaOption = None,
     scale: ScaleOption = 1.0,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Default: beside the readings.")] = None,
 ) -> None:
-    """Tell a cell's current, with its uncertainty, from what a spectral sensor read at the same place."""
+    """Predict a cell's current, with its uncertainty, from a spectral sensor's readings at the same place."""
     from lidarspectra.workflow.cells_of_run import predict_from_table
 
     path = out or measured.with_name(f"{measured.stem}-current.csv")
@@ -141,21 +146,26 @@ def predict_command(
         measured, cell, device, lamp_kind=lamps, area_cm2=area, scale=scale, base=Path.cwd(), out=path
     )
     for note in notes:
-        tell(note)
+        print_note(note)
     console.print(shown(table))
     say(f"Readings: {path}")
 
 
 @app.command("fit")
 def fit_command(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log with a sensor's channels and cells' counts.")],
-    column: Annotated[int, typer.Option("--column", min=1, help="Which of the log's cells: 1, 2, ...")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log with sensor channels and cell counts.")],
+    column: Annotated[int, typer.Option("--column", min=1, help="Number of the cell in the log: 1, 2, ...")],
     cell: Annotated[
-        str | None, typer.Option("--cell", metavar="NAME|FILE", help="A known curve to stay near and to compare with.")
+        str | None,
+        typer.Option(
+            "--cell", metavar="NAME|FILE", help="A known response, as the prior of the fit and to compare with."
+        ),
     ] = None,
-    share: Annotated[float, typer.Option("--train", min=0.05, max=0.95, help="Earlier part that is fitted on.")] = 0.5,
+    share: Annotated[
+        float, typer.Option("--train", min=0.05, max=0.95, help="Share of the log, from its start, to fit on.")
+    ] = 0.5,
 ) -> None:
-    """Fit a cell's a(λ) on the earlier part of a log, and say how well it tells the later part."""
+    """Fit a cell's response a(λ) to the earlier part of a log, and test it on the later part."""
     from lidarspectra.workflow.cells_of_run import fit_log
 
     table, curve = fit_log(log, column, cell=cell, share=share, base=Path.cwd())

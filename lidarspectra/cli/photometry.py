@@ -5,24 +5,31 @@ from typing import Annotated
 
 import typer
 
-from lidarspectra.cli.terminal import console, say, shown, tell
+from lidarspectra.cli.terminal import console, print_note, say, shown
+
+NO_COLOR_RENDERING_NOTE = (
+    "Colour rendering is left out, because the readings of these channels alone do not determine it."
+    ' Run with device = "full-spectrum" in [sensors], or give each lamp\'s spectrum.'
+)
 
 
 def photometry(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A finished run folder.", show_default=False)],
     measured: Annotated[
         Path | None,
-        typer.Option("--measured", metavar="FILE.csv", help="Take measured points (x, y, z, E_410 ...) instead."),
+        typer.Option(
+            "--measured", metavar="FILE.csv", help="Use measured points (x, y, z, E_410 ...) instead of the map."
+        ),
     ] = None,
     dim: Annotated[
-        list[str] | None, typer.Option("--dim", metavar="LAMP=FACTOR", help="Dim a lamp; may stand again.")
+        list[str] | None, typer.Option("--dim", metavar="LAMP=FACTOR", help="Dim a lamp; repeat for several.")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/people-and-plants.")] = None,
 ) -> None:
-    """Light for people and plants: lx, CCT, CRI, TM-30, melanopic and other α-opic quantities, PPFD, YPFD.
+    """Map the light for people and plants: lx, CCT, CRI, TM-30, melanopic and other α-opic quantities, PPFD, YPFD.
 
-    Each number says how far the run's channels suffice for it. For colour rendering without the lamps' spectra, and for
-    the best of all others, run with device = "full-spectrum".
+    Each quantity states how well the run's channels determine it. For colour rendering without the lamps' spectra, and
+    for the best accuracy of all others, run with device = "full-spectrum".
     """
     from lidarspectra.mapping.figures.figure_style import save_figure
     from lidarspectra.mapping.figures.tables import save_table
@@ -35,9 +42,9 @@ def photometry(
     if measured is not None and dim:
         raise typer.BadParameter("a lamp cannot be dimmed in what was measured: give --measured or --dim, not both")
     found = light_of_run(run, parse_factors(dim or []))
-    told = None if measured is None else light_of_table(measured, found.bands)
-    light, places = (found.light, found.places) if told is None else (told.light, told.places)
-    notes = () if told is None else told.notes
+    readings = None if measured is None else light_of_table(measured, found.bands)
+    light, places = (found.light, found.places) if readings is None else (readings.light, readings.places)
+    notes = () if readings is None else readings.notes
     quantities = light_at_points(light, places, found.bands)
     table = summary_table(quantities)
     folder = made_folder(out or run / "people-and-plants")
@@ -46,20 +53,19 @@ def photometry(
     save_figure(quantities_figure(quantities, found.plan), folder, "maps")
     console.print(shown(table))
     if not light.is_full_spectrum:
-        words = 'these channels alone cannot tell colour rendering; device = "full-spectrum" can, and lamps\' spectra'
-        notes = (*notes, words)
+        notes = (*notes, NO_COLOR_RENDERING_NOTE)
     for note in notes:
-        tell(note)
+        print_note(note)
     say(f"Points, table and maps: {folder}")
 
 
 def parse_factors(words: list[str]) -> dict[str, float]:
-    """Read NAME=FACTOR.
+    """Read NAME=FACTOR words.
 
     Raises
     ------
     typer.BadParameter
-        If it is none, or the factor no number of 0 or more.
+        If a word is not of that form, or its factor is not a number of 0 or more.
     """
     factors = {}
     for word in words:

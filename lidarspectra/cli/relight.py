@@ -63,7 +63,7 @@ def parse_orders(words: Sequence[str]) -> "tuple[LampOrder, ...]":
         elif not groups:
             raise typer.BadParameter(f"{option} must come after the --lamp that it is for")
         elif FIELDS[option] in groups[-1]:
-            raise typer.BadParameter(f"{option} stands twice for lamp '{groups[-1]['lamp']}'")
+            raise typer.BadParameter(f"{option} is given twice for lamp '{groups[-1]['lamp']}'")
         else:
             groups[-1][FIELDS[option]] = value if option == "--spectrum" else _number(option, value)
     if not groups:

@@ -26,27 +26,31 @@ app = typer.Typer()
 @app.command()
 def calibrate(
     name: Annotated[str, typer.Argument(help="A name for the calibration.", show_default=False)],
-    device: Annotated[str, typer.Option(help="Which sensor it is, in your words.")] = "AS7265x",
+    device: Annotated[str, typer.Option(help="Your name for the sensor.")] = "AS7265x",
     lamp: Annotated[
         list[str] | None,
-        typer.Option("--lamp", metavar="LOG=SPECTRUM", help="A log, and the file of the light it saw."),
+        typer.Option(
+            "--lamp", metavar="LOG=SPECTRUM", help="A log, and the file of the lamp's spectrum at the sensor."
+        ),
     ] = None,
     dark: Annotated[
-        list[Path] | None, typer.Option("--dark", metavar="LOG", help="A log of the covered sensor.")
+        list[Path] | None, typer.Option("--dark", metavar="LOG", help="A log taken with the sensor covered.")
     ] = None,
     unit: Annotated[
-        str | None, typer.Option(help="Of the spectra, as uW/cm2/nm, if their heading does not tell.")
+        str | None, typer.Option(help="Unit of the spectra, such as uW/cm2/nm, if their heading does not name it.")
     ] = None,
     uncertainty: Annotated[float, typer.Option(help="Relative standard uncertainty of the reference.")] = 0.05,
     field: Annotated[
         Path | None, typer.Option("--field", metavar="LOG", help="A log taken at one point of a map.")
     ] = None,
     simulated: Annotated[Path | None, typer.Option("--map", help="The simulated map (CSV), for --field.")] = None,
-    at: Annotated[tuple[float, float, float] | None, typer.Option(help="Where: x y z (m), for --field.")] = None,
+    at: Annotated[
+        tuple[float, float, float] | None, typer.Option(help="The sensor's place x y z (m), for --field.")
+    ] = None,
     gain: GainOption = None,
     integration: IntegrationOption = None,
 ) -> None:
-    """Calibrate against lamps of known spectrum, or at one point of a simulated map; saved by name and version."""
+    """Calibrate against lamps of known spectrum, or at one point of a simulated map; save by name and version."""
     from lidarspectra.hardware.robot.reference_files import simulated_light_at
     from lidarspectra.hardware.sensor.calibration import field_calibration
     from lidarspectra.hardware.sensor.calibration_files import save_calibration
@@ -111,10 +115,10 @@ def _show(calibration: "Calibration") -> None:
 
     made_from = ", ".join(calibration.observations)
     say(f"{calibration.label}, {calibration.created}; for {calibration.signal}; from {made_from}")
-    table = Table("nm", "die", "signal per W/m²/nm", "±", "dark", "", box=None, header_style="bold")
+    table = Table("nm", "die", "signal per W/m²/nm", "±", "dark", "source", box=None, header_style="bold")
     for c, label in enumerate(CHANNEL_LABELS):
         share = calibration.responsivity_se[c] / calibration.responsivity[c]
-        source = "" if calibration.is_measured[c] else "by its die"
+        source = "measured" if calibration.is_measured[c] else "die's mean factor"
         values = (f"{calibration.responsivity[c]:.4g}", f"{100 * share:.1f} %", f"{calibration.dark[c]:.3g}", source)
         table.add_row(label, DIES[DIE_INDEX[c]], *values)
     console.print(table)
@@ -126,7 +130,7 @@ def _show(calibration: "Calibration") -> None:
 
 @app.command()
 def calibrations(
-    name: Annotated[str | None, typer.Argument(help="Show this one, NAME or NAME@VERSION.")] = None,
+    name: Annotated[str | None, typer.Argument(help="Show this calibration, NAME or NAME@VERSION.")] = None,
 ) -> None:
     """List the saved calibrations, or show one."""
     from lidarspectra.hardware.sensor.calibration_files import calibration_folder, list_calibrations
@@ -139,4 +143,4 @@ def calibrations(
     saved = list_calibrations()
     for calibration in saved:
         say(f"{calibration.label}, {calibration.created}")
-    say(f"{len(saved)} in {calibration_folder()}")
+    say(f"{len(saved)} calibrations in {calibration_folder()}")

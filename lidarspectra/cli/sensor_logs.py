@@ -1,4 +1,4 @@
-"""`lidarspectra sensor show | convert | join | rehearse | cells`: what becomes of a log."""
+"""`lidarspectra sensor show | convert | join | rehearse | cells`: commands on recorded logs."""
 
 import time
 from pathlib import Path
@@ -28,7 +28,7 @@ app = typer.Typer()
 
 @app.command()
 def show(log: LogArgument, header: HeaderOption = None) -> None:
-    """Say what a log holds: layout, channel order, times, gaps, saturation."""
+    """Print what a log holds: layout, channel order, times, gaps, saturation."""
     import numpy as np
 
     from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, FLAG_SATURATED
@@ -49,7 +49,7 @@ def show(log: LogArgument, header: HeaderOption = None) -> None:
     for name in ("gain", "integration_ms"):
         values = readings[name].to_numpy()
         known = np.unique(values[np.isfinite(values)])
-        say(f"{name}: {', '.join(f'{value:g}' for value in known) or 'not told'}")
+        say(f"{name}: {', '.join(f'{value:g}' for value in known) or 'unknown'}")
     saturated = (readings["flag"].to_numpy() & FLAG_SATURATED).astype(bool).sum(axis=0)
     table = Table("nm", "count, median", "module value, median", "saturated", box=None, header_style="bold")
     for c, label in enumerate(CHANNEL_LABELS):
@@ -58,7 +58,7 @@ def show(log: LogArgument, header: HeaderOption = None) -> None:
     console.print(table)
     for reason, group in held.gaps.groupby("reason"):
         lasted = (group["unix_s"] - group["since_unix_s"]).sum()
-        say(f"{len(group)} gaps, {lasted:.1f} s, {group['lost'].sum()} known to be lost: {reason}")
+        say(f"{len(group)} gaps, {lasted:.1f} s, {group['lost'].sum()} readings known to be lost: {reason}")
 
 
 def _median(values: "ArrayLike") -> str:
@@ -78,7 +78,7 @@ def convert(
     gain: GainOption = None,
     integration: IntegrationOption = None,
 ) -> None:
-    """Turn any known log into one table: counts, settings, and spectral irradiance with its uncertainty."""
+    """Convert a log of any known layout into one table: counts, settings, spectral irradiance and its uncertainty."""
     from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
     from lidarspectra.hardware.sensor.identify import order_by_user
     from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
@@ -103,7 +103,7 @@ def join(
         Path | None, typer.Option("--align", help="CSV of points: name, robot_x, robot_y, scan_x, scan_y (m).")
     ] = None,
     offset: Annotated[
-        float | None, typer.Option(metavar="S", help="Added to the readings' times; else estimated.")
+        float | None, typer.Option(metavar="S", help="Added to the readings' times. Default: estimated.")
     ] = None,
     mount: Annotated[tuple[float, float, float], typer.Option(help="Sensor on the robot: forward, left, up (m).")] = (
         0.0,
@@ -111,20 +111,22 @@ def join(
         0.0,
     ),
     simulated: Annotated[
-        Path | None, typer.Option("--map", help="Simulated map (CSV): decides between time offsets.")
+        Path | None, typer.Option("--map", help="Simulated map (CSV), to choose between possible time offsets.")
     ] = None,
     locations: Annotated[
-        Path | None, typer.Option("--locations", help="CSV x, y, z (m): gather readings there.")
+        Path | None, typer.Option("--locations", help="CSV x, y, z (m): average the readings near each.")
     ] = None,
     measured: Annotated[
-        Path | None, typer.Option("--measured", metavar="MEASURED.csv", help="The gathered map.")
+        Path | None, typer.Option("--measured", metavar="MEASURED.csv", help="File for those averages.")
     ] = None,
-    radius: Annotated[float | None, typer.Option(metavar="M", help="How far from a location a reading counts.")] = None,
+    radius: Annotated[
+        float | None, typer.Option(metavar="M", help="Largest distance of a reading from its location.")
+    ] = None,
     calibration: CalibrationOption = None,
     gain: GainOption = None,
     integration: IntegrationOption = None,
 ) -> None:
-    """Give readings their places, in the scan's frame, and gather them at the locations of a map."""
+    """Give readings their positions in the scan's frame, and average them at given locations."""
     from lidarspectra.hardware.robot.alignment import align as fit
     from lidarspectra.hardware.robot.alignment import read_point_pairs
     from lidarspectra.hardware.robot.poses import read_poses
@@ -165,16 +167,16 @@ def join(
 @app.command()
 def rehearse(
     simulated: Annotated[Path, typer.Argument(metavar="MAP.csv", help="Map of a run, as CSV.", show_default=False)],
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the files go.", show_default=False)],
-    faults: Annotated[float, typer.Option(min=0.0, max=0.5, help="Part of the messages that meets a fault.")] = 0.05,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the files.", show_default=False)],
+    faults: Annotated[float, typer.Option(min=0.0, max=0.5, help="Share of the messages that get a fault.")] = 0.05,
     seed: int = 0,
 ) -> None:
-    """Walk through a day of measuring without robot and sensor, in the light of a simulated map."""
+    """Rehearse a day of measuring with a virtual robot and sensor, in the light of a simulated map."""
     from lidarspectra.hardware.virtual.robot import rehearse as walk
 
     made = walk(simulated, folder, fault_rate=faults, seed=seed)
     _say_next(made.log.parent, simulated)
-    say(f"{made.summary.readings} readings, {made.summary.gaps} gaps, {made.summary.lost} known to be lost")
+    say(f"{made.summary.readings} readings, {made.summary.gaps} gaps, {made.summary.lost} readings known to be lost")
 
 
 def _say_next(folder: Path, simulated: Path) -> None:
@@ -192,15 +194,15 @@ def _say_next(folder: Path, simulated: Path) -> None:
 @app.command()
 def cells(
     log: LogArgument,
-    reference: Annotated[float, typer.Option(help="Reference voltage of the converter [V].", show_default=False)],
+    reference: Annotated[float, typer.Option(help="Reference voltage of the A/D converter (V).", show_default=False)],
     shunt: Annotated[float, typer.Option(help="Resistor across the cell (ohm).", show_default=False)],
     area: Annotated[float, typer.Option(help="Area of the cell (cm²).")] = 36.0,
     bits: int = 10,
-    dark: Annotated[float, typer.Option(help="Count of the covered cell.")] = 0.0,
-    open_circuit: Annotated[float | None, typer.Option(help="Its open-circuit voltage [V], for a check.")] = None,
+    dark: Annotated[float, typer.Option(help="Count with the cell covered.")] = 0.0,
+    open_circuit: Annotated[float | None, typer.Option(help="Its open-circuit voltage (V), for a check.")] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="CURRENTS.csv")] = None,
 ) -> None:
-    """Currents of solar cells from the counts of a converter."""
+    """Compute currents of solar cells from the counts of an A/D converter."""
     from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
     from lidarspectra.hardware.sensor.photocell import CellCircuit
 
@@ -217,7 +219,10 @@ def cells(
         from lidarspectra.errors import ReadingError
 
         raise ReadingError(
-            expected="a log with cells", found="none in it", where=str(log), todo="Record the cells' board."
+            expected="a log with counts of solar cells",
+            found="a log without",
+            where=str(log),
+            todo="Record the board that the cells are connected to.",
         )
     _show_currents(readings["adc"].to_numpy(), readings["unix_s"].to_numpy(), circuit, out)
 
@@ -237,7 +242,7 @@ def _show_currents(adc: "ArrayLike", unix_s: "ArrayLike", circuit: "CellCircuit"
         columns |= {f"I_{cell + 1}_A": current, f"SE_{cell + 1}_A": error, f"J_{cell + 1}_A_m2": density}
         typical = f"{1e6 * np.nanmedian(current):.3g} ± {1e6 * np.nanmedian(error):.2g} µA"
         load = loading(counts[:, cell], circuit)
-        note = f", {100 * load:.0f} % of its open-circuit voltage at most" if load is not None else ""
+        note = f", at most {100 * load:.0f} % of its open-circuit voltage" if load is not None else ""
         say(f"cell {cell + 1}: median {typical}, {np.nanmedian(density):.3g} A/m²{note}")
     if out is not None:
         write_whole(out, pd.DataFrame(columns).to_csv(index=False, float_format="%.9g", lineterminator="\n"))

@@ -1,4 +1,4 @@
-"""What the sensor commands share: their options."""
+"""Options that several sensor commands share."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,22 +14,24 @@ PortArgument = Annotated[
     str, typer.Argument(metavar="PORT", help="COM3, /dev/ttyUSB0, socket://host:port ...", show_default=False)
 ]
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help="A log of the sensor.", show_default=False)]
-BaudOption = Annotated[int | None, typer.Option("--baud", help="Default: 115200, then 9600.")]
+BaudOption = Annotated[int | None, typer.Option("--baud", help="Baud rate. Default: 115200, then 9600.")]
 HeaderOption = Annotated[
     str | None,
     typer.Option(
-        "--header", metavar="A,B,...", help="Channel letters in the order of the sketch's numbers, if it names none."
+        "--header", metavar="A,B,...", help="Channel letters in the order of the columns, if the log has no header."
     ),
 ]
-GainOption = Annotated[float | None, typer.Option("--gain", help="1, 3.7, 16 or 64.")]
-IntegrationOption = Annotated[float | None, typer.Option("--integration", metavar="MS", help="2.8 to 714 ms.")]
+GainOption = Annotated[float | None, typer.Option("--gain", help="Gain: 1, 3.7, 16 or 64.")]
+IntegrationOption = Annotated[
+    float | None, typer.Option("--integration", metavar="MS", help="Integration time, 2.8 to 714 ms.")
+]
 CalibrationOption = Annotated[
     str | None, typer.Option("--calibration", metavar="NAME[@VERSION]", help="A saved calibration of this device.")
 ]
 
 
 def settings_given(gain: float | None, integration: float | None) -> "SensorSettings | None":
-    """Settings that the user gave, or None; what is left out of a pair is the default."""
+    """Settings that the user gave, or None; if only one of the pair is given, the other is the default."""
     from lidarspectra.hardware.sensor.as7265x import DEFAULT_SETTINGS, settings_for
 
     if gain is None and integration is None:
@@ -41,7 +43,7 @@ def settings_given(gain: float | None, integration: float | None) -> "SensorSett
 
 
 def wishes_given(rate: float, header: str | None, gain: float | None, integration: float | None) -> "Wishes":
-    """What the user wants of the device."""
+    """What the user asks of the device."""
     from lidarspectra.hardware.sensor.identify import Wishes, order_by_user
 
     return Wishes(

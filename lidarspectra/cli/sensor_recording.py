@@ -18,7 +18,7 @@ from lidarspectra.cli.sensor_options import (
     PortArgument,
     wishes_given,
 )
-from lidarspectra.cli.terminal import console, say
+from lidarspectra.cli.terminal import console, print_note, say
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.reading_log import Entry
@@ -36,7 +36,7 @@ def ports() -> None:
     for port in found:
         say(f"{port.device:<20} {port.description}")
     if not found:
-        say("No serial port. Plug the device in; on Linux, your user must be in the group 'dialout'.")
+        say("No serial port was found. Plug the device in; on Linux, your user must be in the group 'dialout'.")
 
 
 @app.command()
@@ -47,7 +47,7 @@ def check(
     gain: GainOption = None,
     integration: IntegrationOption = None,
 ) -> None:
-    """Find out what is at a port, and take three readings."""
+    """Identify the device at a port, and take three readings."""
     import tempfile
 
     from lidarspectra.hardware.sensor.reading_log import LogWriter
@@ -55,10 +55,10 @@ def check(
     from lidarspectra.hardware.sensor.sensor_records import CellReading, Note, Reading
     from lidarspectra.hardware.sensor.serial_link import SerialPort
 
-    told: list[Entry] = []
+    heard: list[Entry] = []
 
     def enough() -> bool:
-        seen = sum(isinstance(entry, Reading | CellReading) for entry in told)
+        seen = sum(isinstance(entry, Reading | CellReading) for entry in heard)
         return seen >= 3 or stopped()
 
     options = RecordOptions(wishes=wishes_given(1.0, header, gain, integration), baud=baud, duration_s=40.0)
@@ -67,19 +67,19 @@ def check(
         until_interrupted() as stopped,
         LogWriter(Path(folder) / "check.csv") as log,
     ):
-        summary = record(SerialPort(port), log, options=options, stop=enough, tell=told.append)
+        summary = record(SerialPort(port), log, options=options, stop=enough, on_entry=heard.append)
     say(f"{port}: {summary.protocol}")
-    for entry in told:
+    for entry in heard:
         if isinstance(entry, Note):
             say(f"  {entry.text}")
-    readings = [entry for entry in told if isinstance(entry, Reading)]
-    cells = [entry for entry in told if isinstance(entry, CellReading)]
+    readings = [entry for entry in heard if isinstance(entry, Reading)]
+    cells = [entry for entry in heard if isinstance(entry, CellReading)]
     if readings:
         _show_reading(readings[-1])
     if cells:
         say("cells: " + ", ".join(f"{count:g}" for count in cells[-1].counts) + " counts")
     for reason, count in summary.troubles.items():
-        say(f"note: {reason}, {count} times")
+        print_note(f"{count} times while reading: {reason}.")
     if not readings and not cells:
         from lidarspectra.errors import DeviceError
 
@@ -95,7 +95,7 @@ def _show_reading(reading: "Entry") -> None:
     from lidarspectra.hardware.sensor.as7265x import ASCENDING_LETTERS, CHANNEL_LABELS, FLAG_NAMES
     from lidarspectra.hardware.sensor.sensor_records import Reading
 
-    assert isinstance(reading, Reading)  # the caller chose it
+    assert isinstance(reading, Reading)  # the caller passes readings only
     table = Table("channel", "nm", "count", "module value", "", box=None, header_style="bold")
     for c, (letter, label) in enumerate(zip(ASCENDING_LETTERS, CHANNEL_LABELS, strict=True)):
         flags = ", ".join(word for bit, word in FLAG_NAMES.items() if reading.flags[c] & bit)
@@ -103,10 +103,15 @@ def _show_reading(reading: "Entry") -> None:
         table.add_row(letter, label, *values, flags)
     console.print(table)
     known = [f"{degrees:g}" for degrees in reading.temperatures_c if math.isfinite(degrees)]
+    temperatures = f"{', '.join(known)} °C" if known else "unknown"
     say(
-        f"gain {_number(reading.gain) or 'not told'}, integration {_number(reading.integration_ms) or 'not told'} ms,"
-        f" temperatures {', '.join(known) or 'not told'} °C"
+        f"gain {_number(reading.gain) or 'unknown'}, integration time {_with_unit(reading.integration_ms)},"
+        f" temperatures {temperatures}"
     )
+
+
+def _with_unit(milliseconds: float) -> str:
+    return f"{milliseconds:g} ms" if math.isfinite(milliseconds) else "unknown"
 
 
 def _number(value: float) -> str:
@@ -117,21 +122,23 @@ def _number(value: float) -> str:
 def record(
     port: PortArgument,
     out: Annotated[Path, typer.Option("--out", metavar="LOG.csv", help="The log.", show_default=False)],
-    rate: Annotated[float, typer.Option(min=1e-4, max=20.0, help="Readings a second.")] = 1.0,
+    rate: Annotated[float, typer.Option(min=1e-4, max=20.0, help="Readings per second.")] = 1.0,
     gain: GainOption = None,
     integration: IntegrationOption = None,
-    auto_gain: Annotated[bool, typer.Option("--auto-gain", help="Change gain and time with the light.")] = False,
-    duration: Annotated[float | None, typer.Option(metavar="S", help="Stop after so long.")] = None,
-    readings: Annotated[int | None, typer.Option(metavar="N", help="Stop after so many.")] = None,
-    give_up: Annotated[float, typer.Option(metavar="S", help="Stop when there was no reading for so long.")] = 600.0,
-    append: Annotated[bool, typer.Option("--append", help="Go on in a log that exists.")] = False,
+    auto_gain: Annotated[
+        bool, typer.Option("--auto-gain", help="Adapt gain and integration time to the light.")
+    ] = False,
+    duration: Annotated[float | None, typer.Option(metavar="S", help="Stop after this time.")] = None,
+    readings: Annotated[int | None, typer.Option(metavar="N", help="Stop after this many readings.")] = None,
+    give_up: Annotated[float, typer.Option(metavar="S", help="Stop after this time without a reading.")] = 600.0,
+    append: Annotated[bool, typer.Option("--append", help="Continue an existing log.")] = False,
     baud: BaudOption = None,
     header: HeaderOption = None,
     poses: Annotated[
         Path | None, typer.Option("--poses", help="Poses of the robot, joined when the recording ends; see 'join'.")
     ] = None,
 ) -> None:
-    """Record until Ctrl-C. The log is whole at every moment, and says what is missing and why."""
+    """Record until Ctrl-C. The log on disk is always complete, and states what is missing and why."""
     from lidarspectra.errors import DeviceError
     from lidarspectra.hardware.sensor.reading_log import LogWriter
     from lidarspectra.hardware.sensor.recorder import RecordOptions
@@ -147,7 +154,7 @@ def record(
         give_up_s=give_up,
     )
     with until_interrupted() as stopped, LogWriter(out, append=append) as log:
-        summary = run_recorder(SerialPort(port), log, options=options, stop=stopped, tell=_tell_gap)
+        summary = run_recorder(SerialPort(port), log, options=options, stop=stopped, on_entry=_show_gap)
     counted = f"{summary.readings} readings" + (f", {summary.cell_readings} of cells" if summary.cell_readings else "")
     say(f"{out}: {counted}, {summary.gaps} gaps, {summary.lost} readings known to be lost ({summary.protocol})")
     if summary.gave_up:
@@ -155,7 +162,7 @@ def record(
             expected=f"a reading within {give_up:g} s",
             found="none",
             where=port,
-            todo="What came before is in the log. Check the device, and go on with --append.",
+            todo="Earlier readings are in the log. Check the device, and continue with --append.",
         )
     if poses is not None:
         from lidarspectra.cli.sensor_logs import join
@@ -163,7 +170,7 @@ def record(
         join(out, poses, out.with_suffix(".placed.csv"))
 
 
-def _tell_gap(entry: "Entry") -> None:
+def _show_gap(entry: "Entry") -> None:
     from lidarspectra.hardware.sensor.gaps import Gap
 
     if isinstance(entry, Gap) and not entry.is_open:
@@ -177,13 +184,13 @@ def emulate(
     kind: Annotated[str, typer.Argument(help="module (AT firmware), sketch (ours), cells, or sparkfun.")] = "sketch",
     terminal: Annotated[
         str | None,
-        typer.Option(metavar="LINK", help="Make a pseudo-terminal and this link to it, instead of a socket."),
+        typer.Option(metavar="LINK", help="Open a pseudo-terminal with this link to it, instead of a socket."),
     ] = None,
-    faults: Annotated[float, typer.Option(min=0.0, max=1.0, help="Part of the messages that meets a fault.")] = 0.0,
+    faults: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of the messages that get a fault.")] = 0.0,
     seed: int = 0,
     duration: Annotated[float | None, typer.Option(metavar="S")] = None,
 ) -> None:
-    """Be a sensor: to try the commands without one. Prints the port to use, and runs until Ctrl-C."""
+    """Emulate a sensor, to try the commands without one. Prints the port to use, and runs until Ctrl-C."""
     from lidarspectra.hardware.virtual.emulator import AtModule, SketchBoard, SparkfunBoard
     from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
     from lidarspectra.hardware.virtual.faults import FaultPlan, FaultyWire
@@ -195,7 +202,7 @@ def emulate(
         "sparkfun": lambda: SparkfunBoard(seed=seed),
     }
     if kind not in makers:
-        raise typer.BadParameter(f"'{kind}' is none of {', '.join(makers)}")
+        raise typer.BadParameter(f"'{kind}' is not one of {', '.join(makers)}")
     wire = FaultyWire(makers[kind](), FaultPlan(rate=faults, seed=seed) if faults else None)
     server = EmulatorServer(wire, terminal=terminal)
     end = time.monotonic() + (duration if duration is not None else math.inf)
@@ -205,7 +212,7 @@ def emulate(
 
 
 @app.command()
-def firmware(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to put the sketches.")]) -> None:
+def firmware(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the sketches.")]) -> None:
     """Write the Arduino sketches to a folder, to be opened in the Arduino IDE."""
     from importlib import resources
 

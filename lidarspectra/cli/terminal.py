@@ -2,14 +2,35 @@
 
 from typing import TYPE_CHECKING
 
-from rich.console import Console
+from rich.console import Console, ConsoleDimensions
 from rich.table import Table as ShownTable
 from rich.text import Text
 
 if TYPE_CHECKING:
     from lidarspectra.mapping.figures.tables import Table
 
-console = Console(highlight=False)
+PIPED_WIDTH = 100_000  # [character] longer than any line or row of a table that a command prints
+
+
+class PipeFriendlyConsole(Console):
+    """A console that breaks lines on a terminal only.
+
+    Rich takes a pipe or a file for a terminal of 80 columns, breaks sentences there and squeezes tables into them; then
+    `grep` and other programs cannot read them.
+    """
+
+    @property
+    def size(self) -> ConsoleDimensions:
+        """Columns and lines: those of the terminal, or as many columns as any line needs where there is none."""
+        return super().size if self.is_terminal else ConsoleDimensions(PIPED_WIDTH, super().size.height)
+
+    @size.setter
+    def size(self, new_size: tuple[int, int]) -> None:
+        self._width, self._height = new_size
+
+
+console = PipeFriendlyConsole(highlight=False)
+messages = PipeFriendlyConsole(stderr=True, highlight=False)
 
 
 def say(words: str) -> None:
@@ -17,8 +38,8 @@ def say(words: str) -> None:
     console.print(Text(words), soft_wrap=True)
 
 
-def tell(note: str) -> None:
-    """Print what a user must know of the numbers."""
+def print_note(note: str) -> None:
+    """Print a sentence that the user needs in order to judge the numbers."""
     console.print(Text.assemble(("note: ", "yellow"), note), soft_wrap=True)
 
 

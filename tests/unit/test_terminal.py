@@ -1,9 +1,11 @@
 """What every command prints: lines that can be copied, tables in their formats."""
 
+from io import StringIO
+
 import pandas as pd
 import pytest
 
-from lidarspectra.cli.terminal import say, shown
+from lidarspectra.cli.terminal import PipeFriendlyConsole, console, say, shown
 from lidarspectra.mapping.figures.tables import Table
 
 
@@ -11,6 +13,24 @@ def test_a_long_path_is_printed_in_one_line(capsys: pytest.CaptureFixture[str]) 
     words = "Report: /" + "folder/" * 40 + "[1]/index.html"
     say(words)
     assert capsys.readouterr().out == words + "\n"
+
+
+def test_a_piped_table_and_a_piped_sentence_keep_one_line_each_whatever_their_length(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    sentence = "A sentence of many words. " * 40
+    frame = pd.DataFrame({"name": ["floor"], "what it is": ["oak, oiled, " * 30], "mean [lx]": [214.0]})
+    console.print(sentence)
+    console.print(shown(Table(name="surfaces", caption="A caption of several words.", frame=frame)))
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0] == sentence
+    assert [line.split()[0] for line in printed[1:]] == ["A", "name", "floor"]
+    assert "oak, oiled, " * 30 in printed[3]
+
+
+def test_on_a_terminal_a_sentence_is_broken_at_its_width() -> None:
+    drawn = PipeFriendlyConsole(file=StringIO(), force_terminal=True, width=40, height=25)
+    assert drawn.width == 40
 
 
 def test_a_number_is_shown_in_its_column_s_format_and_a_missing_one_as_a_dash() -> None:

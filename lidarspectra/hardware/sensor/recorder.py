@@ -181,14 +181,20 @@ class _Session:
     """One recording."""
 
     def __init__(
-        self, port: Port, clock: Clock, log: LogWriter, options: RecordOptions, stop: Callable[[], bool], tell: Listener
+        self,
+        port: Port,
+        clock: Clock,
+        log: LogWriter,
+        options: RecordOptions,
+        stop: Callable[[], bool],
+        on_entry: Listener,
     ) -> None:
         self._port = port
         self._clock = clock
         self._log = log
         self._options = options
         self._stop = stop
-        self._tell = tell
+        self._on_entry = on_entry
         self._start = clock.now()
         self._quiet_since_s = self._good_s = self._start.monotonic_s
         self.summary = RecordSummary()
@@ -297,11 +303,11 @@ class _Session:
     def _put(self, entries: list[Entry], moment: Moment) -> None:
         self._log.write(entries, moment)
         for entry in entries:
-            self._tell(entry)
+            self._on_entry(entry)
 
 
 def _ignore(entry: Entry) -> None:
-    """Nobody listens."""
+    """Do nothing; the default listener."""
 
 
 def record(
@@ -311,7 +317,7 @@ def record(
     options: RecordOptions,
     clock: Clock | None = None,
     stop: Callable[[], bool] = lambda: False,
-    tell: Listener = _ignore,
+    on_entry: Listener = _ignore,
 ) -> RecordSummary:
     """Record a device until it is time to stop.
 
@@ -330,8 +336,8 @@ def record(
         The computer's by default.
     stop : callable
         Asked ten times a second; True ends the recording in good order.
-    tell : callable
-        Told each row that was written.
+    on_entry : callable
+        Called with each row that was written.
 
     Returns
     -------
@@ -342,4 +348,4 @@ def record(
     DeviceError
         If the device cannot be reached or recognised at the start, or the log cannot be written.
     """
-    return _Session(port, clock if clock is not None else SystemClock(), log, options, stop, tell).run()
+    return _Session(port, clock if clock is not None else SystemClock(), log, options, stop, on_entry).run()

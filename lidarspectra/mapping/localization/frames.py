@@ -299,7 +299,7 @@ def _keep_port(
 
     try:
         with LogWriter(log) as writer:
-            record(port, writer, options=options, stop=lambda: ended.is_set() or stop(), tell=tell)
+            record(port, writer, options=options, stop=lambda: ended.is_set() or stop(), on_entry=tell)
     except LidarSpectraError as error:
         heard.put((name, error))
 

@@ -91,7 +91,7 @@ def test_a_calibration_is_made_saved_and_used(tmp_path: Path, monkeypatch: pytes
     log.write_text("unix_s,gain,integration_ms," + ",".join(map(str, labels)) + "\n" + rows, encoding="utf-8")
     told = done("calibrate", "bench", "--lamp", f"{log}={spectrum}", "--device", "no. 7")
     assert "bench v1" in told
-    assert "1 in" in done("calibrations")
+    assert "1 calibrations in" in done("calibrations")
     done("convert", log, "--out", tmp_path / "table.csv", "--calibration", "bench@1")
     read = pd.read_csv(tmp_path / "table.csv")
     assert np.allclose(read[[f"E_{label}" for label in labels]], 0.002, rtol=1e-6)
