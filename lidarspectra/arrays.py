@@ -31,9 +31,13 @@ def float_array(values: ArrayLike, *, name: str, shape: tuple[int | None, ...]) 
     Raises
     ------
     ArrayError
-        If the shape differs or an element is NaN or infinite.
+        If it holds no numbers, the shape differs, or an element is NaN or infinite.
     """
-    array = np.array(values, dtype=np.float64)
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as cause:  # words, a dict, rows of different lengths
+        found = f"a {type(values).__name__} that numpy cannot read ({cause})"
+        raise ArrayError(expected="an array of numbers", found=found, where=name) from cause
     _check_shape(array, name=name, shape=shape)
     finite = np.isfinite(array)
     if not finite.all():

@@ -49,6 +49,10 @@ def _rebuild(kind: type[LidarSpectraError], expected: str, found: str, where: st
     return kind(expected=expected, found=found, where=where, todo=todo)
 
 
+class ArgumentError(LidarSpectraError, TypeError):
+    """A function was called with a value of another type than it takes, or with a word that is none of its choices."""
+
+
 class ArrayError(LidarSpectraError):
     """A record was given an array of the wrong shape, range or finiteness."""
 

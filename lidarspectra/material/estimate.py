@@ -11,14 +11,15 @@ from a (face, 3) array of linear colours, so that one from which the light was d
 
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
+from lidarspectra.arguments import instance_of, one_of
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
-from lidarspectra.config import MaterialsSection
 from lidarspectra.errors import DatabaseError, MaterialError
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.assignments import assign, database_material, read_assignments
+from lidarspectra.material.assignments import database_material
 from lidarspectra.material.color_priors import color_likelihood
 from lidarspectra.material.colors import color_words, mean_color, primary_colors, saturated, surface_colors
 from lidarspectra.material.face_groups import agreement, face_adjacency, smooth_labels
@@ -39,6 +40,7 @@ SEED = 20241104  # of K-means; materials of one scan are the same on every run
 UNSEEN_EVIDENCE = 0.1  # [1] how much the colour of a face counts that no view saw, against one that is seen whole
 MIN_SHARE = 2e-4  # [1] of the area; smaller groups of faces join the material nearest in colour
 CONFIDENT_DIFFERENCE = 10.0  # [1] CIEDE2000 to the nearest surface at which confidence has fallen to 1/e
+DEFAULT_MATERIAL = "white-plastic"  # ID of a built-in reflectance
 UNKNOWN = "unknown"  # class of a material where none was estimated
 # Of one core, in the demo room and a hall of a million faces (research/benchmarks/scale.py).
 GROUPING_S_PER_FACE, FUSING_S_PER_FACE, MATCHING_S_PER_FACE = 8.3e-6, 8e-6, 4e-6  # [s]
@@ -49,12 +51,14 @@ VISIBLE_BANDS_NM = (400.0, 770.0)  # [nm] what the sensor's first 14 channels se
 def estimate_materials(
     scan: Scan,
     views: ViewSet,
-    section: MaterialsSection | None = None,
     *,
-    library: ReflectanceLibrary | None = None,
     room: Room | None = None,
     face_color: FloatArray | None = None,
-    base_folder: Path | None = None,
+    library: ReflectanceLibrary | None = None,
+    default: str = DEFAULT_MATERIAL,
+    matching: MatchMethod = "wiener",
+    model: Path | None = SHIPPED_MODEL,
+    colors: int = 24,
     progress: Progress = silent,
 ) -> MaterialMap:
     """Give every face of a scan a reflectance spectrum.
@@ -63,40 +67,47 @@ def estimate_materials(
     ----------
     scan : Scan
     views : ViewSet
-        Of this scan; what they do not show is decided by what surrounds it.
-    section : MaterialsSection, optional
-        'estimate' finds the materials; 'default' gives all faces one; 'file' estimates them and then does what the
-        file says (see `assignments`).
-    library : ReflectanceLibrary, optional
-        Read from the section's databases where it is not given.
+        Of this scan; a face that no view saw takes the material of its neighbours.
     room : Room, optional
         In the scan; without it the classes come from the pictures alone.
     face_color : (face, 3) float, optional
         Linear sRGB to work from in place of the texture's, with the light taken out for instance. [0-1]
-    base_folder : Path, optional
-        Where relative file names of the section start; the run file's folder.
+    library : ReflectanceLibrary, optional
+        Reflectances that colours are matched to (`load_reflectances`); the built-in ones by default.
+    default : str
+        ID of the material of faces without colour, and of those that show a lamp.
+    matching : str
+        From a colour to a spectrum: 'wiener', estimated over the nearest colours, or 'nearest', as in the paper.
+    model : Path or None
+        Network that tells material classes, an ONNX file with its card beside it; None does without classes.
+    colors : int
+        Most primary colours that K-means may find, 1 to 200.
     progress : callable
         Told how far it is.
 
     Returns
     -------
     materials : MaterialMap
-        By descending area. Faces without colour, and those that show a lamp, have the default material.
+        By descending area. `assignments.assign` gives some of them other reflectances.
 
     Raises
     ------
+    ArgumentError
+        If scan or views are something else, or there is no such matching.
     MaterialError
-        If colours and views do not belong to the scan, or the file of assignments does not fit.
+        If colours and views do not belong to the scan, or the model cannot be read.
     DatabaseError
-        If a database or the default material is not there.
+        If the default material is not there.
     """
-    chosen = section or MaterialsSection()
-    known = load_reflectances(chosen.databases, base_folder) if library is None else library
-    default = default_material(chosen.default, known)
-    costs = estimate_costs(len(scan.faces), len(views.views) if chosen.model != "none" else 0)
+    instance_of(scan, Scan, name="scan", todo="read_scan and repair_scan make one.")
+    instance_of(views, ViewSet, name="views", todo="render_views makes them.")
+    one_of(matching, get_args(MatchMethod), name="matching")
+    known = load_reflectances() if library is None else library
+    fallback = default_material(default, known)
+    costs = estimate_costs(len(scan.faces), len(views.views) if model is not None else 0)
     grouping, looking, finding = shares(progress, (costs[0], costs[1] + costs[2], costs[3]))
     grouping(0.0, "reading colours")
-    colors, usable = surface_colors(scan) if face_color is None else _given_colors(scan, face_color)
+    shown, usable = surface_colors(scan) if face_color is None else _given_colors(scan, face_color)
     if views.face_seen.size != len(scan.faces):
         raise MaterialError(
             expected=f"views of this scan ({len(scan.faces)} faces)",
@@ -104,31 +115,62 @@ def estimate_materials(
             where="views",
             todo="Run the views stage again.",
         )
-    if chosen.method == "default":
-        label = np.zeros(len(scan.faces), dtype=np.int64)
-        return _material_map([default], label, colors, views)
-    label, count = find_groups(scan, colors, usable, views.face_seen, most=chosen.colors)
+    label, count = find_groups(scan, shown, usable, views.face_seen, most=colors)
     names = (UNKNOWN,) * count
-    if count and chosen.model != "none":
-        path = SHIPPED_MODEL if chosen.model == "builtin" else (base_folder or Path()) / chosen.model
-        classes = material_classes(scan, views, Classifier(path), room=room, colors=colors, progress=looking)
-        label, count, names = split_by_class(label, classes, scan.areas, most=chosen.colors)
+    if count and model is not None:
+        classes = material_classes(scan, views, Classifier(model), room=room, colors=shown, progress=looking)
+        label, count, names = split_by_class(label, classes, scan.areas, most=colors)
     finding(0.0, f"{count} segments")
     materials = [
-        _material(group, names[group], colors, label, scan.areas, views.face_seen, known, chosen.matching)
+        _material(group, names[group], shown, label, scan.areas, views.face_seen, known, matching)
         for group in range(count)
     ]
     if (label < 0).any():
         label = np.where(label < 0, count, label)
-        materials.append(default)
+        materials.append(fallback)
     materials = _distinct_names(materials)
-    estimated = _material_map(materials, label, colors, views)
-    finding(0.7, f"{len(estimated.materials)} materials")
-    if chosen.file is not None:
-        path = Path(chosen.file) if base_folder is None else base_folder / chosen.file
-        estimated = assign(estimated, read_assignments(path), known, where=path)
-    progress(1.0, "materials estimated")
-    return estimated
+    progress(1.0, f"{len(materials)} materials")
+    return MaterialMap(materials=tuple(materials), face_material=label, face_color=shown, face_seen=views.face_seen)
+
+
+def one_material(
+    scan: Scan,
+    material: str | Material = DEFAULT_MATERIAL,
+    *,
+    library: ReflectanceLibrary | None = None,
+    views: ViewSet | None = None,
+) -> MaterialMap:
+    """Give all faces of a scan one material: what is to be compared with an estimate.
+
+    Parameters
+    ----------
+    scan : Scan
+    material : str or Material
+        ID of a reflectance, or a material.
+    library : ReflectanceLibrary, optional
+        That has the ID; the built-in one by default.
+    views : ViewSet, optional
+        Of the scan, for what of it was seen.
+
+    Returns
+    -------
+    materials : MaterialMap
+
+    Raises
+    ------
+    DatabaseError
+        If there is no such reflectance.
+    """
+    if not isinstance(material, Material):
+        material = default_material(material, load_reflectances() if library is None else library)
+    colors, _ = surface_colors(scan)
+    count = len(scan.faces)
+    return MaterialMap(
+        materials=(material,),
+        face_material=np.zeros(count, dtype=np.int64),
+        face_color=colors,
+        face_seen=np.zeros(count) if views is None else views.face_seen,
+    )
 
 
 def estimate_costs(faces: int, views: int) -> tuple[float, float, float, float]:
@@ -312,7 +354,3 @@ def _distinct_names(materials: list[Material]) -> list[Material]:
         number = f" {count[material.name]}" if names.count(material.name) > 1 else ""
         named.append(replace(material, name=material.name + number))
     return named
-
-
-def _material_map(materials: list[Material], label: IntArray, colors: FloatArray, views: ViewSet) -> MaterialMap:
-    return MaterialMap(materials=tuple(materials), face_material=label, face_color=colors, face_seen=views.face_seen)

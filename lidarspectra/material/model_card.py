@@ -5,8 +5,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from lidarspectra.config import Section, parse_sections
 from lidarspectra.errors import MaterialError
+from lidarspectra.io.toml_sections import Section, parse_sections
 
 CARD_SUFFIX = ".toml"
 CARD_LIMIT_BYTES = 1_000_000  # [1] a longer card is none

@@ -2,15 +2,14 @@
 
 import csv
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
-from lidarspectra.config import GridSection, SensorsSection
-from lidarspectra.errors import SensorError
+from lidarspectra.errors import ArrayError, SensorError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.free_space import BURIED_SHARE, FreeSpace, sphere_directions
 from lidarspectra.room.room import Room
@@ -18,6 +17,7 @@ from lidarspectra.room.sensor_grid import MIN_SPACING_M, GridPlane, plan_of_coun
 
 SHALLOW_M = 0.05  # [m] a sensor whose view ends so soon at the back of faces lies just under a noisy surface
 HEMISPHERE_DIRECTIONS = sphere_directions(64)  # [1] half of them look the sensor's way
+UP = (0.0, 0.0, 1.0)
 OUTSIDE_SHARE = 0.97  # [1] of a point's rays that meet nothing, above which it lies outside the scan
 
 
@@ -29,20 +29,25 @@ class SensorPoints:
     ----------
     positions : (point, 3) float
         [m]
-    normals : (point, 3) float
-        Made unit vectors.
+    normals : (point, 3) or (3,) float
+        One for each point or one for all; up by default. Made unit vectors.
     buried : (point,) bool
-        True where the point lies inside furniture or outside the room: its value is not to be trusted.
+        True where the point lies inside furniture or outside the room: its value is not to be trusted. False by
+        default.
     """
 
     positions: FloatArray
-    normals: FloatArray
-    buried: BoolArray
+    normals: FloatArray = field(default_factory=lambda: np.array(UP))
+    buried: BoolArray = field(default_factory=lambda: np.zeros((), dtype=np.bool_))
 
     def __post_init__(self) -> None:
         positions = float_array(self.positions, name="SensorPoints.positions", shape=(None, 3))
         count = positions.shape[0]
-        normals = float_array(self.normals, name="SensorPoints.normals", shape=(count, 3))
+        normals = np.asarray(self.normals)
+        if normals.ndim == 1:
+            one = float_array(normals, name="SensorPoints.normals", shape=(3,))
+            normals = np.broadcast_to(one, (count, 3))
+        normals = float_array(normals, name="SensorPoints.normals", shape=(count, 3))
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
         if count == 0 or np.any(lengths == 0):
             raise SensorError(
@@ -53,48 +58,28 @@ class SensorPoints:
             )
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "normals", float_array(normals / lengths, name="normals", shape=(count, 3)))
-        object.__setattr__(self, "buried", np.array(self.buried, dtype=np.bool_).reshape(count))
+        buried = np.asarray(self.buried, dtype=np.bool_)
+        if buried.shape not in ((), (count,)):
+            raise ArrayError(
+                expected=f"an array of shape ({count})", found=f"shape {buried.shape}", where="SensorPoints.buried"
+            )
+        object.__setattr__(self, "buried", np.array(np.broadcast_to(buried, count)))
 
     def __len__(self) -> int:
         return int(self.positions.shape[0])
 
 
-def sensor_points(
-    scan: Scan, room: Room, section: SensorsSection, *, folder: Path, free: FreeSpace | None = None
+def grid_points(
+    scan: Scan,
+    room: Room,
+    *,
+    height: float = 0.3,
+    count: int | None = None,
+    spacing: float | None = None,
+    margin: float = 0.1,
+    normal: ArrayLike = UP,
+    free: FreeSpace | None = None,
 ) -> SensorPoints:
-    """Sensor points as the run file asks for them: a grid in the air, or a file of points lifted off surfaces.
-
-    Parameters
-    ----------
-    scan : Scan
-    room : Room
-    section : SensorsSection
-    folder : Path
-        What the name of a points file is relative to.
-    free : FreeSpace or None
-        The scan's, where the caller has it already.
-
-    Returns
-    -------
-    points : SensorPoints
-
-    Raises
-    ------
-    SensorError
-        As `grid_points`, `read_points` and `place_points` do.
-    """
-    if section.points is not None:
-        positions, normals = read_points(folder / section.points)
-        return place_points(scan, positions, normals, section.lift, free=free)
-    assert section.grid is not None  # the section has either a grid or a file of points
-    points = grid_points(scan, room, section.grid, free=free)
-    if section.grid.height >= section.lift:
-        return points
-    # So low a grid lies in the floor's own noise; it needs the lift that points on surfaces get.
-    return place_points(scan, points.positions, points.normals, section.lift, free=free)
-
-
-def grid_points(scan: Scan, room: Room, section: GridSection, *, free: FreeSpace | None = None) -> SensorPoints:
     """Square grid on a horizontal plane, along the room's walls, where there is air.
 
     No point lies outside the walls, in furniture, or nearer than the margin to either. With `count`, the spacing is
@@ -104,7 +89,16 @@ def grid_points(scan: Scan, room: Room, section: GridSection, *, free: FreeSpace
     ----------
     scan : Scan
     room : Room
-    section : GridSection
+    height : float
+        Above the floor. [m]
+    count : int, optional
+        Number of points; give it or `spacing`.
+    spacing : float, optional
+        From one point to the next. [m]
+    margin : float
+        Least distance from walls and furniture. [m]
+    normal : (3,) float
+        Direction that the sensors look in; up by default.
     free : FreeSpace or None
         The scan's, where the caller has it already.
 
@@ -116,13 +110,24 @@ def grid_points(scan: Scan, room: Room, section: GridSection, *, free: FreeSpace
     Raises
     ------
     SensorError
-        If the plane is not between floor and ceiling, or has no room for (so many) points.
+        If the plane is not between floor and ceiling, has no room for (so many) points, or both count and spacing are
+        given, or neither.
     """
-    z = room.floor_z + section.height
+    if (count is None) == (spacing is None):
+        raise SensorError(
+            expected="either count or spacing", found="neither" if count is None else "both", where="sensor grid"
+        )
+    if not ((count is None or count >= 1) and (spacing is None or spacing > 0) and margin >= 0):
+        raise SensorError(
+            expected="a count of 1 or more, or a spacing above 0, and a margin of 0 or more",
+            found=f"count = {count}, spacing = {spacing}, margin = {margin}",
+            where="sensor grid",
+        )
+    z = room.floor_z + height
     if not room.floor_z <= z < room.ceiling_z:
         raise SensorError(
             expected=f"a grid between the floor and the ceiling, {room.height_m:.2f} m above it",
-            found=f"height = {section.height:g} m",
+            found=f"height = {height:g} m",
             where="[sensors.grid]",
             todo="Give a height above the floor, in metres.",
         )
@@ -130,29 +135,28 @@ def grid_points(scan: Scan, room: Room, section: GridSection, *, free: FreeSpace
         room=room,
         # On the floor itself, the test for solid things starts just clear of the floor's unevenness.
         z=max(z, room.floor_z + SHALLOW_M),
-        margin_m=section.margin,
+        margin_m=margin,
         free=free or FreeSpace(scan, room),
     )
-    if section.spacing is not None:
-        plan, _ = plane.free_plan(plane.lattice(max(section.spacing, MIN_SPACING_M), (0, 0)))
+    if count is None:
+        plan, _ = plane.free_plan(plane.lattice(max(spacing or 0.0, MIN_SPACING_M), (0, 0)))
     else:
-        assert section.count is not None  # the section has either a count or a spacing
-        plan = plan_of_count(plane, section.count)
+        plan = plan_of_count(plane, count)
     if len(plan) == 0:
-        raise _no_place(section, room)
+        raise _no_place(room, height, count, margin)
     positions = np.column_stack([plan, np.full(len(plan), z)])
     return SensorPoints(
         positions=positions,
-        normals=np.tile(np.asarray(section.normal, dtype=np.float64), (len(plan), 1)),
+        normals=np.tile(float_array(normal, name="normal", shape=(3,)), (len(plan), 1)),
         buried=np.zeros(len(plan), dtype=np.bool_),
     )
 
 
-def _no_place(section: GridSection, room: Room) -> SensorError:
-    wanted = "one or more" if section.count is None else str(section.count)
+def _no_place(room: Room, height: float, count: int | None, margin: float) -> SensorError:
+    wanted = "one or more" if count is None else str(count)
     return SensorError(
-        expected=f"room for {wanted} sensor points {section.height:g} m above the floor",
-        found=f"too little free space in {room.area_m2:.1f} m² with a margin of {section.margin:g} m",
+        expected=f"room for {wanted} sensor points {height:g} m above the floor",
+        found=f"too little free space in {room.area_m2:.1f} m² with a margin of {margin:g} m",
         where="[sensors.grid]",
         todo="Ask for fewer points, a smaller spacing or margin, or another height; or give a points file.",
     )

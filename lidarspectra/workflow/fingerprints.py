@@ -26,11 +26,10 @@ from lidarspectra.mapping.localization.traced_fingerprints import (
 )
 from lidarspectra.progress import Progress, silent
 from lidarspectra.room.free_space import FreeSpace
-from lidarspectra.room.sensor_points import sensor_points
 from lidarspectra.spectra.databases import load_reflectances
 from lidarspectra.workflow.inputs import read_inputs
 from lidarspectra.workflow.pipeline import Listener, run
-from lidarspectra.workflow.sensing_of_run import receptor_of_run, trace_engine
+from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
 from lidarspectra.workflow.workspace import made_folder
 
 FOLDER = "fingerprints"

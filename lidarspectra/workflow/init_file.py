@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from lidarspectra.config import GridSection, LampsFromScanSection, ScanSection
+from lidarspectra.config import LampsFromScanSection, ScanSection
 from lidarspectra.errors import RunFileError, SensorError, WorkspaceError
 from lidarspectra.geometry.scan import Scan, ScanRecord
 from lidarspectra.hardware.phone.readers import read_scan
@@ -187,10 +187,10 @@ def _grid_count(scan: Scan, room: Room, free: FreeSpace) -> int:
     """The largest of the proposed counts that the room has place for."""
     for count in SENSOR_COUNTS[:-1]:
         try:
-            return len(grid_points(scan, room, GridSection(height=SENSOR_HEIGHT_M, count=count), free=free))
+            return len(grid_points(scan, room, height=SENSOR_HEIGHT_M, count=count, free=free))
         except SensorError:
             continue
-    return len(grid_points(scan, room, GridSection(height=SENSOR_HEIGHT_M, count=SENSOR_COUNTS[-1]), free=free))
+    return len(grid_points(scan, room, height=SENSOR_HEIGHT_M, count=SENSOR_COUNTS[-1], free=free))
 
 
 def _run_file_lines(summary: InitSummary, file: str) -> Iterator[str]:

@@ -1,20 +1,24 @@
 """The lamps of a run: named in its run file or lit in the scan, with fluxes read off the walls, and windows by day."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from platformdirs import user_cache_path
 
-from lidarspectra.config import RunFile
+from lidarspectra.config import LampSection, RunFile
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.lamps.lamps import Lamp, lamps_from_lit, resolve_lamps
+from lidarspectra.lamps.lamp_spectra import cct_spectrum
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.make_lamp import lamps_from_lit, make_lamp
 from lidarspectra.material.lamp_fluxes import flux_factors, load_lamp_fluxes
 from lidarspectra.material.lit_lamps import find_lit_lamps
 from lidarspectra.radiance.engine.engine import find_engine
 from lidarspectra.radiance.scene.daylight import Window, daylight_lamps
 from lidarspectra.radiance.scene.sky import Daylight, compute_sky
 from lidarspectra.room.room import Room
+from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.workflow.inputs import Inputs
 
 SKY_FOLDER = "sky"
@@ -33,7 +37,42 @@ def lamps_of_run(inputs: Inputs, scan: ScannedRoom) -> tuple[Lamp, ...]:
     section = inputs.room.lamps_from_scan
     if section is None:
         return resolve_lamps(inputs.room.lamps, inputs.base)
-    return lamps_from_lit(find_lit_lamps(scan.scan, scan.room), section, inputs.base)
+    spectrum = (
+        cct_spectrum(section.cct_k)
+        if section.cct_k is not None
+        else lamp_spectrum(section.spectrum or "", inputs.base).spectrum
+    )
+    found = find_lit_lamps(scan.scan, scan.room)
+    return lamps_from_lit(found, spectrum, luminous_exitance_lm_m2=section.luminous_exitance_lm_m2)
+
+
+def resolve_lamps(sections: Sequence[LampSection], folder: Path) -> tuple[Lamp, ...]:
+    """Turn `[[lamps]]` of a run file into lamps with absolute spectra (`make_lamp`), dimmed.
+
+    Parameters
+    ----------
+    sections : sequence of LampSection
+    folder : Path
+        Where relative file names start; the run file's folder.
+
+    Returns
+    -------
+    lamps : tuple of Lamp
+        In their order; lamps dimmed to 0 are left out.
+
+    Raises
+    ------
+    LampError
+        If a lamp lacks size or flux, or a candela file cannot be read.
+    DatabaseError
+        If there is no such spectrum.
+    """
+    lamps = []
+    for section in sections:
+        if section.dim > 0:
+            lamp = make_lamp(**section.model_dump(exclude={"dim"}), folder=folder)
+            lamps.append(replace(lamp, flux=lamp.flux.scaled(section.dim)))
+    return tuple(lamps)
 
 
 def with_told_fluxes(lamps: tuple[Lamp, ...], materials_folder: Path) -> tuple[Lamp, ...]:

@@ -33,7 +33,7 @@ from lidarspectra.mapping.maps.spectral_map import (
 )
 from lidarspectra.mapping.report.report import PAGE, ReportInput, ReportView, StageRow, write_report
 from lidarspectra.mapping.report.room_view import RoomSurfaces
-from lidarspectra.material.estimate import estimate_costs, estimate_materials
+from lidarspectra.material.estimate import estimate_costs
 from lidarspectra.material.lamp_fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
 from lidarspectra.material.material_mesh import daylight_colors, save_material_mesh
@@ -49,7 +49,7 @@ from lidarspectra.radiance.scene.exported_model import write_workflow
 from lidarspectra.radiance.scene.placement import placement_notes
 from lidarspectra.radiance.scene.scene import RadianceScene, load_scene, scene_s, write_scene
 from lidarspectra.room.room import find_room, load_room, save_room
-from lidarspectra.room.sensor_points import SensorPoints, sensor_points
+from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.workflow.delighting import delighting_costs, take_light_out, with_light_uncertainty
 from lidarspectra.workflow.inputs import (
@@ -61,8 +61,9 @@ from lidarspectra.workflow.inputs import (
     scan_files,
 )
 from lidarspectra.workflow.lamps_of_run import ScannedRoom, daylight_of_run, lamps_of_run, with_told_fluxes
+from lidarspectra.workflow.materials_of_run import materials_of_run
 from lidarspectra.workflow.report_applications import report_applications
-from lidarspectra.workflow.sensing_of_run import receptor_of_run, trace_engine
+from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
 from lidarspectra.workflow.workspace import Notes, Stage, StageResult, versions
 
 REPORT_PAGE = PAGE
@@ -167,13 +168,13 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         delighting, estimating, saving = shares(progress, costs)
         if delight:
             light = take_light_out(mesh, scan.value.room, lamps, fluxes_stated=stated, progress=delighting)
-        materials = estimate_materials(
+        materials = materials_of_run(
             mesh,
             views.value,
             section,
             room=scan.value.room,
             face_color=light.face_color if light else None,
-            base_folder=inputs.base,
+            folder=inputs.base,
             progress=estimating,
         )
         saving(0.0, "saving")
@@ -261,7 +262,7 @@ def scene_stage(
 def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResult[RadianceScene]) -> Stage[xr.Dataset]:
     """Stage 5: every lamp's light at every sensor point, with its standard error (paper, Sections 2.4.4 and 3.1)."""
     sensors = inputs.room.sensors
-    section = inputs.room.trace.model_copy(update={"workers": inputs.workers or inputs.room.trace.workers})
+    section = inputs.room.trace
 
     def make(folder: Path, progress: Progress) -> Notes:
         points = sensor_points(scan.value.scan, scan.value.room, sensors, folder=inputs.base)
@@ -270,15 +271,17 @@ def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResu
             transport = trace(
                 scene.value,
                 points,
-                section,
+                accuracy=section.accuracy,
+                noise=section.noise,
                 seed=TRACE_SEED,
+                workers=inputs.workers or section.workers,
                 receptor=receptor,
                 engine=engine,
                 progress=part_of(progress, 0.0, TRACED_SHARE),
             )
         progress(TRACED_SHARE, "saving")
         save_transport(transport, folder / TRANSPORT_FILE)
-        write_workflow(scene.value, points, section, folder / MODEL_FOLDER)
+        write_workflow(scene.value, points, folder / MODEL_FOLDER, accuracy=section.accuracy, noise=section.noise)
         return Notes(
             summary=f"{len(points)} points, at most {transport.attrs['bounces']} reflections; "
             f"standard error {100 * transport.attrs['achieved_relative_se']:.2f} % of the mean "

@@ -30,12 +30,12 @@ from typing import Literal
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray
-from lidarspectra.config import TraceSection, read_run_file
+from lidarspectra.config import read_run_file
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
-from lidarspectra.lamps.lamps import Lamp, resolve_lamps
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.scene.lamp_shapes import lamp_axes
@@ -43,6 +43,7 @@ from lidarspectra.radiance.scene.scene import write_scene
 from lidarspectra.room.sensor_points import SensorPoints, read_points
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.spectra.spectrum import BandSet, sensor_bands
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
 from research.benchmarks.true_faces import materials_on, nearest_faces, true_faces
 from research.experiments.true_light import true_materials
 from research.second_opinion import Reference, reference_irradiance
@@ -150,7 +151,7 @@ def our_trace(room: Room, noise: Literal["standard", "fine"], wanted: Sequence[i
     with tempfile.TemporaryDirectory() as folder:
         scene = write_scene(room.scan, room.materials, room.lamps, room.bands, Path(folder))
         start = time.perf_counter()
-        transport = trace(scene, room.points, TraceSection(accuracy="ultra", noise=noise), seed=SEED)
+        transport = trace(scene, room.points, accuracy="ultra", noise=noise, seed=SEED)
         seconds = time.perf_counter() - start
     flux = transport["flux"].to_numpy()
     coefficient = transport["coefficient"].to_numpy().astype(np.float64)

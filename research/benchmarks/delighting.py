@@ -25,11 +25,11 @@ from unittest.mock import patch
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.config import MaterialsSection, TraceSection, read_run_file
+from lidarspectra.config import read_run_file
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
-from lidarspectra.lamps.lamps import Lamp, resolve_lamps
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.maps.metrics import compare_maps
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.material.colors import surface_colors
@@ -41,12 +41,14 @@ from lidarspectra.radiance.scene.scene import write_scene
 from lidarspectra.room.room import find_room
 from lidarspectra.room.sensor_points import SensorPoints, read_points
 from lidarspectra.spectra.colorimetry import xyz_to_linear_srgb
-from lidarspectra.spectra.databases import scenes_folder, tristimulus_table
-from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
+from lidarspectra.spectra.database_files import BUILTIN
+from lidarspectra.spectra.databases import load_reflectances, scenes_folder, tristimulus_table
+from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, ReflectanceLibrary
 from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 from lidarspectra.spectra.spectrum_files import TableRow, read_table
 from lidarspectra.workflow import delighting
 from lidarspectra.workflow.delighting import take_light_out
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
 from research.benchmarks.spectraldb import imported
 from research.benchmarks.true_faces import materials_on, nearest_faces, true_faces
 from research.virtual_rooms.room_plan import read_plan
@@ -112,7 +114,7 @@ def light(scan: Scan, materials: MaterialMap, case: Case) -> Light:
     """Trace a scene's light at its sensor points."""
     with tempfile.TemporaryDirectory() as scratch:
         scene = write_scene(scan, materials, case.lamps, sensor_bands("as7265x-14"), Path(scratch))
-        transport = trace(scene, case.points, TraceSection(noise="standard"), seed=1)
+        transport = trace(scene, case.points, noise="standard", seed=1)
     found = spectral_map(transport)
     return Light(
         irradiance=found["irradiance"].to_numpy().astype(np.float64),
@@ -154,7 +156,7 @@ def reflectance_errors(found: MaterialMap, case: Case) -> tuple[float, float]:
     return float(np.average(apart, weights=areas)), float(np.average(spectral, weights=areas))
 
 
-def run(folder: Path, meshes: Sequence[Mesh], section: MaterialsSection) -> None:
+def run(folder: Path, meshes: Sequence[Mesh], library: ReflectanceLibrary) -> None:
     """Print a scene's table."""
     reference = true_light(read_case(folder))
     for mesh in meshes:
@@ -166,9 +168,9 @@ def run(folder: Path, meshes: Sequence[Mesh], section: MaterialsSection) -> None
         delit = take_light_out(case.scan, find_room(case.scan), case.lamps)
         took = f"{time.perf_counter() - start:.1f} s, {time.process_time() - cpu:.1f} s of them outside the engine"
         maps = {
-            "raw": estimate_materials(case.scan, views, section),
-            "delit": estimate_materials(case.scan, views, section, face_color=delit.face_color),
-            "color": estimate_materials(case.scan, views, section, face_color=true_colors(case)),
+            "raw": estimate_materials(case.scan, views, library=library),
+            "delit": estimate_materials(case.scan, views, library=library, face_color=delit.face_color),
+            "color": estimate_materials(case.scan, views, library=library, face_color=true_colors(case)),
             "true": materials_on(case.truth, case.face_truth),
         }
         steps = "" if delit.fit is None else f", {delit.fit.steps} steps of the last fit"
@@ -217,13 +219,13 @@ def main() -> None:
     meshes: tuple[Mesh, ...] = ("scanned", "flat") if given.mesh == "both" else (given.mesh,)
     with ExitStack() as stack:
         stack.enter_context(patch.object(delighting, "LIGHT_REFLECTANCE", given.white_from))
-        section = MaterialsSection()
+        library = load_reflectances()
         if given.spectraldb is not None:
             spectraldb = stack.enter_context(imported(given.spectraldb))
-            section = MaterialsSection(databases=(*section.databases, spectraldb))
+            library = load_reflectances((BUILTIN, spectraldb))
         for name in given.scenes:
             known = scenes_folder() / name
-            run(known if known.is_dir() else Path(name), meshes, section)
+            run(known if known.is_dir() else Path(name), meshes, library)
 
 
 if __name__ == "__main__":

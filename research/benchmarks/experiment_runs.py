@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray
-from lidarspectra.config import RunFile, TraceSection, read_run_file
+from lidarspectra.config import RunFile, read_run_file
 from lidarspectra.geometry.scan import Scan, load_scan
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.io.files import write_whole
-from lidarspectra.lamps.lamps import resolve_lamps
 from lidarspectra.mapping.maps.metrics import Comparison
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.radiance.sampling.trace import trace
@@ -22,6 +21,7 @@ from lidarspectra.radiance.scene.scene import write_scene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.spectra.sensor_files import find_bands
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
 from lidarspectra.workflow.pipeline import run
 from lidarspectra.workflow.workspace import require_stage
 from research.benchmarks.processor_time import processor_seconds
@@ -133,14 +133,15 @@ class SceneRuns:
             normals=self._light.normals[self._rows],
             buried=self._light.buried[self._rows],
         )
-        section = TraceSection(accuracy="ultra", noise=self.run_file.trace.noise)
         busy, clock = processor_seconds(), time.perf_counter()
         with tempfile.TemporaryDirectory() as scratch:
             lamps = resolve_lamps(self.run_file.lamps, self.folder)
             face_material = true_faces(self.folder).material[nearest_faces(scan, self._raw_scan)]
             materials = materials_on(true_materials(self._room).materials, face_material)
             scene = write_scene(scan, materials, lamps, bands, Path(scratch))
-            light = spectral_map(trace(scene, points, section, seed=TRACE_SEED))
+            light = spectral_map(
+                trace(scene, points, accuracy="ultra", noise=self.run_file.trace.noise, seed=TRACE_SEED)
+            )
         return Made(
             irradiance=light["irradiance"].to_numpy().astype(np.float64),
             buried=points.buried,

@@ -20,11 +20,11 @@ from lidarspectra.mapping.localization.person import Positions, grid_positions
 from lidarspectra.mapping.localization.traced_fingerprints import FingerprintRequest, trace_fingerprints
 from lidarspectra.radiance.sampling.trace import available_cores
 from lidarspectra.room.free_space import FreeSpace
-from lidarspectra.room.sensor_points import sensor_points
 from lidarspectra.spectra.databases import load_reflectances, scenes_folder
 from lidarspectra.workflow.fingerprints import FingerprintOrder, place_people
 from lidarspectra.workflow.inputs import read_inputs
 from lidarspectra.workflow.pipeline import run
+from lidarspectra.workflow.sensing_of_run import sensor_points
 from research.benchmarks.processor_time import processor_seconds
 
 SPACINGS_M = (1.2, 1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # [m] the widest grid with places enough is taken

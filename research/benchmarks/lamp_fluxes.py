@@ -13,15 +13,18 @@ from pathlib import Path
 
 import numpy as np
 
-from lidarspectra.config import LampsFromScanSection, read_run_file
+from lidarspectra.config import read_run_file
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
-from lidarspectra.lamps.lamps import Lamp, lamps_from_lit, resolve_lamps
+from lidarspectra.lamps.lamp_spectra import cct_spectrum
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.make_lamp import lamps_from_lit
 from lidarspectra.material.lamp_fluxes import LampFlux
 from lidarspectra.material.lit_lamps import find_lit_lamps
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.workflow.delighting import take_light_out
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
 
 WHITE_K = 4000.0  # [K] of lamps that are found in a scan
 
@@ -31,7 +34,7 @@ def told_by(path: Path, lamps: Sequence[Lamp] | None) -> tuple[LampFlux, ...]:
     scan = repair_scan(read_scan(path), flatten=True)
     room = find_room(scan)
     if lamps is None:
-        lamps = lamps_from_lit(find_lit_lamps(scan, room), LampsFromScanSection(cct_k=WHITE_K), path.parent)
+        lamps = lamps_from_lit(find_lit_lamps(scan, room), cct_spectrum(WHITE_K))
     found = take_light_out(scan, room, lamps, fluxes_stated=False)
     print(f"\n{path}: {len(lamps)} lamps\n  {found.words}", *found.warnings, sep="\n  ")
     return found.lamp_fluxes

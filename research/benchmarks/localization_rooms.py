@@ -11,7 +11,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.config import LampSection
 from lidarspectra.geometry.scan import Scan, load_scan
 from lidarspectra.lamps.lamp_file import load_lamps
-from lidarspectra.lamps.lamps import Lamp, resolve_lamps
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.floor_plan import FloorPlan, floor_plan
 from lidarspectra.mapping.localization.fingerprint_table import load_fingerprints, save_fingerprints
 from lidarspectra.mapping.localization.person import Positions, draw_person, grid_positions, standing_faults
@@ -27,6 +27,7 @@ from lidarspectra.room.room import Room, find_room, load_room
 from lidarspectra.room.sensor_points import SensorPoints, read_points
 from lidarspectra.spectra.databases import load_reflectances, scenes_folder
 from lidarspectra.spectra.sensor_files import find_bands
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
 from lidarspectra.workflow.workspace import require_stage
 from research.experiments.true_light import FLAT_DEG, true_materials
 from research.virtual_rooms.room_plan import BoxSection, CylinderSection, Part, RoomPlan

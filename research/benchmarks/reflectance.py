@@ -18,7 +18,6 @@ from unittest.mock import patch
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray
-from lidarspectra.config import MaterialsSection
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.material import matching
 from lidarspectra.material.colors import color_difference, surface_colors
@@ -173,7 +172,7 @@ def office() -> None:
     start = time.perf_counter()
     views = render_views(scan, settings=ViewSettings(width=256, height=256))
     looked = time.perf_counter()
-    found = estimate_materials(scan, views, MaterialsSection())
+    found = estimate_materials(scan, views)
     done = time.perf_counter()
     grid = COLOR_GRID_NM[COMPARED]
     true_values = np.stack([truth[name].at(grid, outside="nearest") for name in faces])

@@ -27,7 +27,6 @@ import xarray as xr
 from PIL import Image
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
-from lidarspectra.config import TraceSection
 from lidarspectra.progress import Progress, remaining_s
 from lidarspectra.radiance.engine.options import Noise
 from lidarspectra.radiance.sampling.transport import make_transport
@@ -337,7 +336,9 @@ def told_words(reports: list[Report], took_s: float) -> str:
     return f"{ratios.min():.2f} to {ratios.max():.2f} of the truth, {ratios.size} reports"
 
 
-def invented_light(scene: RadianceScene, points: SensorPoints, section: TraceSection, **unused: object) -> xr.Dataset:
+def invented_light(
+    scene: RadianceScene, points: SensorPoints, *, accuracy: str, noise: str, **unused: object
+) -> xr.Dataset:
     """A transport that nobody traced: every lamp as a small source with the cosine's pattern, and an even rest.
 
     It is as large as a traced one, so that time and memory of what follows can be told without the trace.
@@ -362,8 +363,8 @@ def invented_light(scene: RadianceScene, points: SensorPoints, section: TraceSec
             "bounces": 1,
             "target_relative_se": INVENTED_NOISE,
             "achieved_relative_se": INVENTED_NOISE / float(np.sqrt(shape[0])),
-            "accuracy": section.accuracy,
-            "noise": section.noise,
+            "accuracy": accuracy,
+            "noise": noise,
         },
     )
 

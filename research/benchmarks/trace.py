@@ -22,7 +22,6 @@ import numpy as np
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.config import TraceSection
 from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
 from lidarspectra.radiance.engine.engine import find_engine, float_rows
 from lidarspectra.radiance.engine.options import Noise
@@ -76,7 +75,7 @@ def irradiance(transport: xr.Dataset) -> FloatArray:
 
 def traced(scene: RadianceScene, points: SensorPoints, noise: Noise, *, seed: int) -> FloatArray:
     """Our map, with 20 reflections."""
-    return irradiance(trace(scene, points, TraceSection(accuracy="ultra", noise=noise), seed=seed))
+    return irradiance(trace(scene, points, accuracy="ultra", noise=noise, seed=seed))
 
 
 class Referee:
@@ -89,7 +88,7 @@ class Referee:
             self.light, self.variance = reference.irradiance, reference.standard_error**2
             return
         runs = [
-            trace(scene, room.points, TraceSection(accuracy="ultra", noise="fine"), seed=1000 + seed)
+            trace(scene, room.points, accuracy="ultra", noise="fine", seed=1000 + seed)
             for seed in range(2 if quick else 6)
         ]
         self.light = np.mean([irradiance(run) for run in runs], axis=0)

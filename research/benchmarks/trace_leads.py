@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.config import TraceSection
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.hardware.phone.decimation import decimate
 from lidarspectra.radiance.engine.engine import EngineJob, find_engine, float_rows
@@ -178,7 +177,7 @@ class Bench:
 
 def open_bench(room: Room, scene: RadianceScene) -> Bench:
     """With the mean irradiance that errors are relative to."""
-    whole = trace(scene, room.points, TraceSection(accuracy="ultra", noise="standard"), seed=4)
+    whole = trace(scene, room.points, accuracy="ultra", noise="standard", seed=4)
     light = np.einsum("lpb,lb->b", whole["coefficient"].to_numpy().astype(float), scene.written_flux)
     mean = scene.passes[0].group.to_slots(light / len(room.points))[::-1]  # in the engine's order
     return Bench(room, scene, mean)

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.config import LampSection, TraceSection
 from lidarspectra.geometry.scan import bare_scan
-from lidarspectra.lamps.lamps import Lamp, resolve_lamps
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.make_lamp import GivenShape, make_lamp
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.engine.options import Noise
@@ -215,7 +215,7 @@ def _once_reflected(lamp: Lamp, sensor: FloatArray, reflectance: Spectrum, bands
 
 def _lamp(
     name: str,
-    shape: str,
+    shape: GivenShape,
     center: tuple[float, float, float],
     size: float,
     spectrum: str,
@@ -223,19 +223,7 @@ def _lamp(
     *,
     normal: tuple[float, float, float] = (0.0, 0.0, -1.0),
 ) -> Lamp:
-    section = LampSection.model_validate(
-        {
-            "name": name,
-            "shape": shape,
-            "center": center,
-            "size": size,
-            "normal": normal,
-            "spectrum": spectrum,
-            "luminous_flux_lm": lumens,
-        }
-    )
-    (lamp,) = resolve_lamps((section,), Path())
-    return lamp
+    return make_lamp(shape, center, name=name, size=size, normal=normal, spectrum=spectrum, luminous_flux_lm=lumens)
 
 
 def _light(
@@ -272,7 +260,7 @@ def _light(
     )
     with tempfile.TemporaryDirectory() as folder:
         scene = write_scene(bare_scan(vertices, faces), materials, lamps, bands, Path(folder), crease_deg=0.0)
-        light = spectral_map(trace(scene, points, TraceSection(accuracy="high", noise=noise), seed=SEED))
+        light = spectral_map(trace(scene, points, accuracy="high", noise=noise, seed=SEED))
     return light["irradiance"].to_numpy(), light["irradiance_se"].to_numpy()
 
 

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, float_array
-from lidarspectra.config import TraceSection
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.progress import Progress, part_of, silent
@@ -167,8 +166,15 @@ def true_light(
     scene = write_scene(
         room.scan, true_materials(room), lamps, single, folder, crease_deg=FLAT_DEG, progress=part_of(progress, 0, 0.1)
     )
-    section = TraceSection(accuracy=MAX_REFLECTIONS, noise=noise, workers=workers)
-    transport = trace(scene, points, section, seed=seed, progress=part_of(progress, 0.1, 1.0))
+    transport = trace(
+        scene,
+        points,
+        accuracy=MAX_REFLECTIONS,
+        noise=noise,
+        workers=workers,
+        seed=seed,
+        progress=part_of(progress, 0.1, 1.0),
+    )
     coefficient = transport["coefficient"].transpose("lamp", "point", "band").to_numpy().astype(np.float64)
     error = transport["coefficient_se"].transpose("lamp", "point", "band").to_numpy().astype(np.float64)
     weights = channel_weights(single.centers_nm, lamps, channels)

@@ -34,19 +34,20 @@ from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.hardware.phone.texture_atlas import split_at_charts, unwrap
 from lidarspectra.io.files import write_whole
 from lidarspectra.io.toml_text import toml_value
-from lidarspectra.lamps.lamps import Lamp, resolve_lamps
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.engine.bands import lamp_band_flux
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients
 from lidarspectra.radiance.sampling.trace import trace_irradiance
 from lidarspectra.radiance.scene.scene import write_scene
 from lidarspectra.room.room import find_room
-from lidarspectra.room.sensor_points import sensor_points
 from lidarspectra.spectra.colorimetry import encode_srgb, xyz_to_linear_srgb
 from lidarspectra.spectra.databases import tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra.spectrum import BandSet, uniform_bands
 from lidarspectra.spectra.spectrum_files import TableRow, write_table
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.sensing_of_run import sensor_points
 from research.experiments.true_light import true_materials
 from research.virtual_rooms.camera import DirectLight, SurfaceLight, photograph
 from research.virtual_rooms.glb_file import write_glb

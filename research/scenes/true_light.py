@@ -18,10 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.lamps.lamps import Lamp, resolve_lamps
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.room.sensor_points import read_points
 from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.spectra.spectrum import BandSet
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
 from research.experiments.true_light import (
     FLAT_DEG,
     TrueLight,

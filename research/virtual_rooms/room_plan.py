@@ -15,12 +15,11 @@ from lidarspectra.config import (
     Fraction,
     LampSection,
     Positive,
-    Section,
     SensorsSection,
     Vector,
-    parse_sections,
 )
 from lidarspectra.errors import PlanError
+from lidarspectra.io.toml_sections import Section, parse_sections
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import read_table
 

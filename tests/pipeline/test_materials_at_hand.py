@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.lamps.lamps import resolve_lamps
 from lidarspectra.material.lamp_fluxes import LampFlux, save_lamp_fluxes
 from lidarspectra.workflow.inputs import read_inputs
-from lidarspectra.workflow.lamps_of_run import with_told_fluxes
+from lidarspectra.workflow.lamps_of_run import resolve_lamps, with_told_fluxes
 from lidarspectra.workflow.pipeline import run
 
 RoomWriter = Callable[..., Path]

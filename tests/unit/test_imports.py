@@ -21,7 +21,8 @@ FLOORS = (
     ("cli",),
 )
 """Folders from the ground up; each imports from floors below its own and from the root's ground modules alone."""
-GROUND = {"arrays", "config", "errors", "progress"}  # root modules below all folders
+GROUND = {"arguments", "arrays", "errors", "progress"}  # root modules below all folders
+READ_THE_RUN_FILE = {"workflow", "cli"}  # and nobody else: all others take plain values and records
 MAX_ROOT_MODULES = 10
 
 
@@ -63,8 +64,15 @@ def test_a_folder_imports_only_from_floors_below(modules: dict[str, set[str]]) -
         if len(parts) < 2 or parts[1] not in level:
             continue
         below = {name for name, number in level.items() if number < level[parts[1]]} | {parts[1]} | GROUND
+        if parts[1] in READ_THE_RUN_FILE:
+            below |= {"config"}
         for name in names - {"lidarspectra"}:
             assert name.split(".")[1] in below, f"{module} imports {name}"
+
+
+def test_the_run_file_rests_on_the_ground_and_on_the_reading_of_toml(modules: dict[str, set[str]]) -> None:
+    names = modules["lidarspectra.config"] - {"lidarspectra", "lidarspectra.io"}
+    assert names <= {f"lidarspectra.{stem}" for stem in GROUND} | {"lidarspectra.io.toml_sections"}
 
 
 def test_ground_modules_import_no_folder(modules: dict[str, set[str]]) -> None:

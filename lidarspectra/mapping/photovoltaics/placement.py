@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
-from lidarspectra.config import TraceSection
 from lidarspectra.errors import MapError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
@@ -257,8 +256,8 @@ def best_mounts(
     transport = trace(
         scene,
         SensorPoints(positions=positions, normals=normals, buried=np.zeros(len(positions), dtype=np.bool_)),
-        TraceSection(noise="standard", workers=workers),
         seed=seed + 1,
+        workers=workers,
         progress=part_of(progress, 0.5, 1.0),
     )
     light = light_of_lamps(transport, {lamp.name: lamp.flux for lamp in lamps})

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from lidarspectra.arguments import one_of
 from lidarspectra.radiance.engine.bands import BandGroup
 
 Accuracy = Literal["low", "medium", "high", "ultra"]
@@ -34,6 +35,16 @@ LAMP_PARTS = (
     (64, 0.2),
 )  # (lamps, -ds) up to so many lamps; many lamps smooth one another's noise
 COARSEST_LAMP_PART = 0.4  # [1] -ds beyond the last
+
+
+def bounces_of(accuracy: Accuracy) -> int:
+    """Most reflections of an accuracy [1]; raises ArgumentError where there is no such word."""
+    return BOUNCES[one_of(accuracy, tuple(BOUNCES), name="accuracy")]
+
+
+def noise_target(noise: Noise) -> float:
+    """Standard error that a noise setting aims at, of the mean irradiance [1]; raises ArgumentError as above."""
+    return RELATIVE_STANDARD_ERROR[one_of(noise, tuple(RELATIVE_STANDARD_ERROR), name="noise")]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,11 +19,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from lidarspectra.arguments import instance_of
 from lidarspectra.arrays import BoolArray, FloatArray
-from lidarspectra.config import TraceSection
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.engine.engine import Engine, find_engine
-from lidarspectra.radiance.engine.options import BOUNCES, RELATIVE_STANDARD_ERROR, Accuracy
+from lidarspectra.radiance.engine.options import Accuracy, Noise, bounces_of, noise_target
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
 from lidarspectra.radiance.sampling.estimator import BATCHES
 from lidarspectra.radiance.sampling.receptors import Receptor, cosine_receptor
@@ -43,9 +43,11 @@ SCALE_POINTS = 256  # [1] points that tell the mean irradiance, where there is m
 def trace(
     scene: RadianceScene,
     points: SensorPoints,
-    section: TraceSection,
     *,
-    seed: int,
+    accuracy: Accuracy = "high",
+    noise: Noise = "standard",
+    seed: int = 0,
+    workers: int | None = None,
     receptor: Receptor | None = None,
     engine: Engine | None = None,
     progress: Progress = silent,
@@ -59,10 +61,14 @@ def trace(
     scene : RadianceScene
     points : SensorPoints
         Buried ones are traced too, but the noise target leaves them out.
-    section : TraceSection
-        Accuracy (most reflections), noise (target of the standard error), workers (processes).
+    accuracy : str
+        Most reflections that light is followed for: 'low' 2, 'medium' 8, 'high' 14, 'ultra' 20.
+    noise : str
+        Target of the standard error, of the mean irradiance: 'draft' 3 %, 'standard' 1 %, 'fine' 0.5 %.
     seed : int
         Of the directions.
+    workers : int, optional
+        Processes side by side; one a core by default.
     receptor : Receptor, optional
         How the sensor weighs directions; the cosine receptor, which reads irradiance, if left out. With another one
         'irradiance' is ∫ L R dω.
@@ -78,18 +84,22 @@ def trace(
 
     Raises
     ------
+    ArgumentError
+        If accuracy or noise is none of these words, or scene or points are something else.
     EngineError
-        If a program is missing, fails, or answers with something that is no answer.
+        If a program is missing, fails, or answers with too few values or non-finite ones.
     """
+    instance_of(scene, RadianceScene, name="scene", todo="write_scene makes one.")
+    instance_of(points, SensorPoints, name="points", todo="Write SensorPoints(positions=...).")
     request = Request(
-        bounces=BOUNCES[section.accuracy],
-        target=RELATIVE_STANDARD_ERROR[section.noise],
-        workers=section.workers or available_cores(),
+        bounces=bounces_of(accuracy),
+        target=noise_target(noise),
+        workers=workers or available_cores(),
         receptor=cosine_receptor() if receptor is None else receptor,
         engine=find_engine() if engine is None else engine,
     )
     transport = _trace(scene, points, request, seed=seed, progress=progress)
-    transport.attrs.update(accuracy=section.accuracy, noise=section.noise)
+    transport.attrs.update(accuracy=accuracy, noise=noise)
     return transport
 
 
@@ -135,7 +145,7 @@ def trace_irradiance(
     positions = np.asarray(positions, dtype=np.float64)
     points = SensorPoints(positions=positions, normals=np.asarray(normals), buried=np.zeros(len(positions), np.bool_))
     request = Request(
-        bounces=BOUNCES[accuracy],
+        bounces=bounces_of(accuracy),
         target=relative_se,
         workers=workers or available_cores(),
         receptor=cosine_receptor() if receptor is None else receptor,

@@ -13,11 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lidarspectra.config import TraceSection
 from lidarspectra.errors import SceneError
 from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
 from lidarspectra.radiance.engine.engine import Engine, find_engine
-from lidarspectra.radiance.engine.options import Noise, plain_arguments
+from lidarspectra.radiance.engine.options import Accuracy, Noise, plain_arguments
 from lidarspectra.radiance.scene.lamp_shapes import candela_file
 from lidarspectra.radiance.scene.scene_record import LAMPS_FILE, RadianceScene, ScenePass
 from lidarspectra.room.sensor_points import SensorPoints
@@ -34,7 +33,13 @@ PICTURE_EYE_HEIGHT_M = 1.6  # [m] of the view that `rad` is given
 
 
 def write_workflow(
-    scene: RadianceScene, points: SensorPoints, section: TraceSection, folder: Path, *, engine: Engine | None = None
+    scene: RadianceScene,
+    points: SensorPoints,
+    folder: Path,
+    *,
+    accuracy: Accuracy = "high",
+    noise: Noise = "standard",
+    engine: Engine | None = None,
 ) -> Path:
     """Write the model into a folder of its own.
 
@@ -44,10 +49,10 @@ def write_workflow(
         Its text is copied; octrees and compiled meshes are left for `make`.
     points : SensorPoints
         Sensors with the cosine receptor.
-    section : TraceSection
-        Accuracy and noise.
     folder : Path
         Made if it is not there.
+    accuracy, noise : str
+        As in `trace`.
     engine : Engine, optional
         Whose function files are put beside the model. Default: the one that pyradiance brings.
 
@@ -67,7 +72,7 @@ def write_workflow(
             shutil.copyfile(scene.folder / name, folder / name)
         for name in FUNCTION_FILES:
             shutil.copyfile(library / name, folder / name)
-        for name, text in _texts(scene, points, section).items():
+        for name, text in _texts(scene, points, accuracy, noise).items():
             (folder / name).write_text(text, encoding="utf-8", newline="\n")
     except OSError as cause:
         raise SceneError(
@@ -87,16 +92,16 @@ def _scene_files(scene: RadianceScene) -> list[str]:
     return files + [name for name in data if (scene.folder / name).is_file()]
 
 
-def _texts(scene: RadianceScene, points: SensorPoints, section: TraceSection) -> dict[str, str]:
+def _texts(scene: RadianceScene, points: SensorPoints, accuracy: Accuracy, noise: Noise) -> dict[str, str]:
     lamp_count = max(len(scene_pass.lamps) for scene_pass in scene.passes)
-    options = plain_arguments(section.accuracy, "draft", lamp_count=lamp_count)
+    options = plain_arguments(accuracy, "draft", lamp_count=lamp_count)
     texts = {
         POINTS_FILE: _points_text(points),
         TRACE_OPTIONS_FILE: " ".join(options) + "\n",
-        REPEAT_FILE: "${$1} ${$2} ${$3} ${$4} ${$5} ${$6}\n" * REPEATS[section.noise],
+        REPEAT_FILE: "${$1} ${$2} ${$3} ${$4} ${$5} ${$6}\n" * REPEATS[noise],
         "sum.cal": _sum_text(scene),
         "bands.txt": _bands_text(scene),
-        MAKEFILE: _makefile_text(scene, len(points), REPEATS[section.noise]),
+        MAKEFILE: _makefile_text(scene, len(points), REPEATS[noise]),
     }
     for scene_pass in scene.passes:
         slots = [*scene_pass.group.options, "-co+"] if scene.mode == "native" else []

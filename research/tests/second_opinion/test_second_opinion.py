@@ -9,7 +9,6 @@ import trimesh
 
 pytest.importorskip("mitsuba", reason="the extra 'validate' is not installed")
 
-from lidarspectra.config import TraceSection
 from lidarspectra.errors import EngineError, LampError, MaterialError
 from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 from lidarspectra.lamps.lamps import Lamp
@@ -108,7 +107,7 @@ def room(*, jitter_m: float = 0.0) -> tuple[Scan, MaterialMap, list[Lamp], Senso
 def check_agreement(scan: Scan, surfaces: MaterialMap, lamps: list[Lamp], points: SensorPoints, folder: Path) -> None:
     """Hold both engines to their own standard errors."""
     scene = write_scene(scan, surfaces, lamps, BANDS, folder)
-    transport = trace(scene, points, TraceSection(accuracy="ultra", noise="standard", workers=2), seed=1)
+    transport = trace(scene, points, accuracy="ultra", noise="standard", workers=2, seed=1)
     found = np.einsum("lpb,lb->pb", transport["coefficient"].to_numpy().astype(float), transport["flux"].to_numpy())
     reference = reference_irradiance(scan, surfaces, lamps, BANDS, points, cells=32, seed=1)
     # Sensors share paths, so that the error of their mean is told by its batches; twelve of it, of so few, is what

@@ -5,13 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lidarspectra.config import TraceSection
-from lidarspectra.lamps.lamps import resolve_lamps
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.scene.scene import write_scene
 from lidarspectra.room.sensor_points import SensorPoints, read_points
 from lidarspectra.spectra.spectrum import sensor_bands
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
 from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import true_room
 
@@ -47,7 +46,7 @@ def test_the_mean_irradiance_on_the_walls_of_the_box_is_flux_over_area_over_one_
     points = SensorPoints(
         positions=positions + 1e-3 * normals, normals=normals, buried=np.zeros(len(positions), dtype=np.bool_)
     )
-    transport = trace(scene, points, TraceSection(accuracy="ultra", noise="fine"), seed=1)
+    transport = trace(scene, points, accuracy="ultra", noise="fine", seed=1)
     coefficient = transport["coefficient"].sum("lamp").mean("point").to_numpy()
     area = 6 * 3.0**2  # [m²]
     expected = 1 / (area * (1 - 0.5))

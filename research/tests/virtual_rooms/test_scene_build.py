@@ -9,8 +9,9 @@ import trimesh
 from lidarspectra.arrays import FloatArray
 from lidarspectra.config import read_run_file
 from lidarspectra.errors import PlanError
-from lidarspectra.lamps.lamps import Lamp, resolve_lamps
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.spectra.spectrum import uniform_bands
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
 from research.scenes import build
 from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import true_room

@@ -4,12 +4,12 @@ import os
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.config import TraceSection
 from lidarspectra.errors import SceneError
 from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 from lidarspectra.lamps.lamps import Lamp
@@ -21,7 +21,7 @@ from lidarspectra.radiance.scene.scene import RadianceScene, write_scene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 
-SECTION = TraceSection(accuracy="medium", noise="standard")
+ASKED: dict[str, Any] = {"accuracy": "medium", "noise": "standard"}
 
 
 @pytest.fixture(scope="module")
@@ -91,10 +91,10 @@ needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="make is no
 def test_make_gives_the_runs_irradiance(engine: Engine, points: SensorPoints, tmp_path: Path, mode: str) -> None:
     scene = two_lamp_scene(tmp_path / "scene", mode, engine)
     folder = tmp_path / "a model (é)"
-    write_workflow(scene, points, SECTION, folder)
+    write_workflow(scene, points, folder, **ASKED)
     rows = answer(folder, engine, "-j2")
     np.testing.assert_allclose(rows[:, :3], points.positions, rtol=1e-6)
-    transport = trace(scene, points, SECTION, seed=1, engine=engine)
+    transport = trace(scene, points, **ASKED, seed=1, engine=engine)
     irradiance = (transport["coefficient"] * transport["flux"]).sum("lamp").to_numpy()
     # Each side aims at 1 % standard error of the mean irradiance: four of their combined errors.
     difference = np.abs(rows[:, 6:] - irradiance) / irradiance.mean(axis=0)
@@ -105,7 +105,7 @@ def test_make_gives_the_runs_irradiance(engine: Engine, points: SensorPoints, tm
 @needs_make
 def test_make_does_nothing_twice_and_cleans_up(engine: Engine, points: SensorPoints, tmp_path: Path) -> None:
     scene = two_lamp_scene(tmp_path / "scene", "native", engine)
-    folder = write_workflow(scene, points, TraceSection(accuracy="low", noise="draft"), tmp_path / "model").parent
+    folder = write_workflow(scene, points, tmp_path / "model", accuracy="low", noise="draft").parent
     before = {path.name for path in folder.iterdir()}
     answer(folder, engine)
     again = subprocess.run(["make", "-q"], cwd=folder, env=stock(engine), capture_output=True, check=False)
@@ -143,7 +143,7 @@ def test_a_program_that_fails_or_answers_too_little_ends_make_with_a_status_and_
     engine: Engine, points: SensorPoints, tmp_path: Path, program: str, script: str
 ) -> None:
     scene = two_lamp_scene(tmp_path / "scene", "native", engine)
-    folder = write_workflow(scene, points, TraceSection(accuracy="low", noise="draft"), tmp_path / "model").parent
+    folder = write_workflow(scene, points, tmp_path / "model", accuracy="low", noise="draft").parent
     for _ in range(2):  # a second try must not take what the first left behind for an answer
         done = subprocess.run(
             ["make"],
@@ -163,7 +163,7 @@ def test_a_search_path_without_radiances_library_changes_nothing(
     engine: Engine, points: SensorPoints, tmp_path: Path
 ) -> None:
     scene = two_lamp_scene(tmp_path / "scene", "native", engine)
-    folder = write_workflow(scene, points, TraceSection(accuracy="low", noise="draft"), tmp_path / "model").parent
+    folder = write_workflow(scene, points, tmp_path / "model", accuracy="low", noise="draft").parent
     environment = stock(engine) | {"RAYPATH": str(tmp_path / "nowhere")}
     subprocess.run(["make"], cwd=folder, env=environment, capture_output=True, check=True)
     assert np.loadtxt(folder / "irradiance.txt", ndmin=2).shape == (4, 20)
@@ -174,7 +174,7 @@ def test_without_its_function_files_make_fails_and_leaves_no_answer(
     engine: Engine, points: SensorPoints, tmp_path: Path
 ) -> None:
     scene = two_lamp_scene(tmp_path / "scene", "native", engine)
-    folder = write_workflow(scene, points, TraceSection(accuracy="low", noise="draft"), tmp_path / "model").parent
+    folder = write_workflow(scene, points, tmp_path / "model", accuracy="low", noise="draft").parent
     (folder / "rayinit.cal").unlink()
     done = subprocess.run(["make"], cwd=folder, env=stock(engine), capture_output=True, text=True, check=False)
     assert done.returncode != 0
@@ -185,7 +185,7 @@ def test_without_its_function_files_make_fails_and_leaves_no_answer(
 @needs_make
 def test_rad_reads_the_control_files(engine: Engine, points: SensorPoints, tmp_path: Path) -> None:
     scene = two_lamp_scene(tmp_path / "scene", "native", engine)
-    folder = write_workflow(scene, points, SECTION, tmp_path / "model").parent
+    folder = write_workflow(scene, points, tmp_path / "model", **ASKED).parent
     octrees = [scene_pass.octree for scene_pass in scene.passes]
     subprocess.run(["make", *octrees], cwd=folder, env=stock(engine), capture_output=True, check=True)
     for scene_pass in scene.passes:
@@ -197,7 +197,7 @@ def test_rad_reads_the_control_files(engine: Engine, points: SensorPoints, tmp_p
 
 def test_columns_are_named_and_passes_add_up(engine: Engine, points: SensorPoints, tmp_path: Path) -> None:
     scene = two_lamp_scene(tmp_path / "scene", "native", engine)
-    folder = write_workflow(scene, points, SECTION, tmp_path / "model").parent
+    folder = write_workflow(scene, points, tmp_path / "model", **ASKED).parent
     names = (folder / "bands.txt").read_text(encoding="utf-8").splitlines()
     assert names[:7] == ["1 x_m", "2 y_m", "3 z_m", "4 nx", "5 ny", "6 nz", "7 E_410"]
     formulas = (folder / "sum.cal").read_text(encoding="utf-8").splitlines()
@@ -209,4 +209,4 @@ def test_a_scene_without_its_files_is_refused(engine: Engine, points: SensorPoin
     scene = two_lamp_scene(tmp_path / "scene", "native", engine)
     (tmp_path / "scene" / "room.obj").unlink()
     with pytest.raises(SceneError, match="scene stage"):
-        write_workflow(scene, points, SECTION, tmp_path / "model")
+        write_workflow(scene, points, tmp_path / "model", **ASKED)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,6 @@ import trimesh
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from lidarspectra.config import TraceSection
 from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
@@ -143,11 +143,11 @@ def sensors() -> Callable[..., SensorPoints]:
 
 
 @pytest.fixture(scope="session")
-def section() -> Callable[..., TraceSection]:
-    """Trace sections of two processes."""
+def section() -> Callable[..., dict[str, Any]]:
+    """Arguments of `trace` for two processes."""
 
-    def make(accuracy: str = "low", noise: str = "fine") -> TraceSection:
-        return TraceSection(accuracy=accuracy, noise=noise, workers=2)
+    def make(accuracy: str = "low", noise: str = "fine") -> dict[str, Any]:
+        return {"accuracy": accuracy, "noise": noise, "workers": 2}
 
     return make
 

@@ -47,7 +47,7 @@ def sphere_points(count: int) -> np.ndarray:
 def test_every_point_of_a_sphere_has_the_closed_form(rooms, sensors, section, check, reflectance: float) -> None:
     scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), reflectance)])
     places = sphere_points(12)
-    transport = trace(scene, sensors(places, -places), section("ultra", "standard"), seed=1)
+    transport = trace(scene, sensors(places, -places), **section("ultra", "standard"), seed=1)
     expected = in_sphere(reflectance, BOUNCES["ultra"])
     check(transport, expected, shape=SPHERE)
     mean = transport["coefficient"].to_numpy().mean()
@@ -67,7 +67,7 @@ def test_the_mean_over_a_cubes_walls_has_the_closed_form(rooms, sensors, section
         places.append(np.roll(flat, shift, axis=1) + np.asarray(centre) + 1e-4 * np.asarray(normal))
         normals.append(np.broadcast_to(normal, flat.shape))
     points = sensors(np.concatenate(places), np.concatenate(normals))
-    transport = trace(scene, points, section("ultra", "standard"), seed=1)
+    transport = trace(scene, points, **section("ultra", "standard"), seed=1)
     direct = 6 * np.mean(0.5 / (4 * np.pi * ((flat**2).sum(axis=1) + 0.25) ** 1.5))  # 1 but for the lattice's 0.25 %
     expected = (series(reflectance, BOUNCES["ultra"]) - 1.0 + direct) / 6.0
     # Sensors share paths, so that the mean's noise is 0.3 % rather than 1 % / sqrt(600): five of it, and 0.4 % for the
@@ -78,7 +78,7 @@ def test_the_mean_over_a_cubes_walls_has_the_closed_form(rooms, sensors, section
 def test_reflectance_of_099_converges_and_creates_no_light(rooms, sensors, section, check) -> None:
     scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), 0.99)])
     places = sphere_points(4)
-    transport = trace(scene, sensors(places, -places), section("ultra", "standard"), seed=1)
+    transport = trace(scene, sensors(places, -places), **section("ultra", "standard"), seed=1)
     check(transport, in_sphere(0.99, BOUNCES["ultra"]), shape=0.02)  # the area's 0.2 % counts at every reflection
     assert transport["coefficient"].to_numpy().max() * 4 * np.pi < 1.0 / (1.0 - 0.99)
 
@@ -92,7 +92,7 @@ def test_reflectance_of_one_is_refused(rooms) -> None:
 def test_accuracy_is_the_number_of_reflections(rooms, sensors, section, check, accuracy: str) -> None:
     scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), 0.8)])
     places = sphere_points(4)
-    transport = trace(scene, sensors(places, -places), section(accuracy, "standard"), seed=1)
+    transport = trace(scene, sensors(places, -places), **section(accuracy, "standard"), seed=1)
     check(transport, in_sphere(0.8, BOUNCES[accuracy]), shape=2 * SPHERE)
 
 
@@ -105,7 +105,7 @@ def test_bands_keep_their_order_and_do_not_mix(rooms, sensors, section, check, m
     wall = Spectrum(wavelengths_nm=steps, values=np.repeat(reflectances, 2))
     scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), wall)], bands=bands, mode=mode)
     places = sphere_points(3)
-    transport = trace(scene, sensors(places, -places), section("medium", "standard"), seed=1)
+    transport = trace(scene, sensors(places, -places), **section("medium", "standard"), seed=1)
     check(transport, in_sphere(reflectances, BOUNCES["medium"]), shape=2 * SPHERE)
 
 
@@ -113,7 +113,7 @@ def test_a_lamp_of_one_band_lights_no_other(rooms, sensors, section) -> None:
     bands = uniform_bands(400.0, 680.0, 14)
     lamp = Spectrum(wavelengths_nm=np.array([501.0, 502.0, 518.0, 519.0]), values=np.array([0.0, 1.0, 1.0, 0.0]))
     scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M, flux=lamp)], [(rooms.ball(1.0), 0.5)], bands=bands)
-    found = trace(scene, sensors((0, 0, -0.99), (0, 0, 1)), section("medium", "draft"), seed=1)
+    found = trace(scene, sensors((0, 0, -0.99), (0, 0, 1)), **section("medium", "draft"), seed=1)
     light = found["coefficient"].to_numpy()[0, 0] * scene.flux[0]
     assert np.argmax(light) == 5  # 500 to 520 nm
     assert np.all(np.delete(light, 5) == 0.0)
@@ -131,13 +131,13 @@ def test_inside_a_luminous_box_every_sensor_reads_its_walls(rooms, sensors, sect
     # Furnace: walls of uniform radiance L all around give E = πL = M wherever the sensor is and looks.
     generator = np.random.default_rng(5)
     places = sensors(0.1 + 0.8 * generator.random((10, 3)), generator.standard_normal((10, 3)))
-    check(trace(rooms.scene(luminous_walls(rooms)), places, section(), seed=1), 1.0)
+    check(trace(rooms.scene(luminous_walls(rooms)), places, **section(), seed=1), 1.0)
 
 
 def test_a_nearly_white_object_in_a_luminous_box_is_invisible(rooms, sensors, section, check) -> None:
     # The ball returns 0.99 of what it gets and a sensor 0.2 m away sees it in (0.2/0.4)² = 1/4 of its view: 0.9975.
     scene = rooms.scene(luminous_walls(rooms), [(rooms.ball(0.2, (0.5, 0.5, 0.5), inside=False), 0.99)])
-    transport = trace(scene, sensors((0.5, 0.5, 0.1), (0, 0, 1)), section("high"), seed=1)
+    transport = trace(scene, sensors((0.5, 0.5, 0.1), (0, 0, 1)), **section("high"), seed=1)
     check(transport, 0.9975)
 
 
@@ -151,7 +151,7 @@ def test_light_goes_the_same_both_ways(rooms, sensors, section) -> None:
     found, error = [], []
     for (lamp, axis), (place, normal) in ((first, second), (second, first)):
         scene = rooms.scene([rooms.lamp("panel", lamp, (0.01, 0.01), normal=axis)], surfaces)
-        transport = trace(scene, sensors(place, normal), section("high"), seed=1)
+        transport = trace(scene, sensors(place, normal), **section("high"), seed=1)
         found.append(transport["coefficient"].to_numpy()[0, 0, 0])
         error.append(transport["coefficient_se"].to_numpy()[0, 0, 0])
     assert abs(found[0] - found[1]) < 8.0 * np.hypot(*error)

@@ -15,7 +15,7 @@ def test_irradiance_falls_with_the_square_of_the_distance(rooms, sensors, sectio
     distances = np.array([0.5, 1.0, 2.0, 4.0])
     scene = rooms.scene([rooms.lamp("bulb", (0, 0, 5), 0.06)])
     places = np.stack([np.zeros(4), np.zeros(4), 5.0 - distances], axis=1)
-    transport = trace(scene, sensors(places, UP), section(), seed=1)
+    transport = trace(scene, sensors(places, UP), **section(), seed=1)
     check(transport, 1.0 / (4 * np.pi * distances[:, None] ** 2), shape=SPHERE)
 
 
@@ -23,13 +23,13 @@ def test_irradiance_falls_with_the_cosine_of_the_angle(rooms, sensors, section, 
     angles = np.radians([0.0, 30.0, 60.0, 85.0])
     normals = np.stack([np.sin(angles), np.zeros(4), np.cos(angles)], axis=1)
     scene = rooms.scene([rooms.lamp("point", (0, 0, 2), 0.002)])
-    transport = trace(scene, sensors(np.zeros((4, 3)), normals), section(), seed=1)
+    transport = trace(scene, sensors(np.zeros((4, 3)), normals), **section(), seed=1)
     check(transport, np.cos(angles)[:, None] / (4 * np.pi * 4.0), shape=SPHERE)
 
 
 def test_light_from_behind_does_not_count(rooms, sensors, section) -> None:
     scene = rooms.scene([rooms.lamp("point", (0, 0, 2), 0.002)])
-    transport = trace(scene, sensors((0, 0, 0), (0, 0, -1)), section(), seed=1)
+    transport = trace(scene, sensors((0, 0, 0), (0, 0, -1)), **section(), seed=1)
     assert np.all(transport["coefficient"].to_numpy() == 0.0)
     assert np.all(transport["irradiance_se"].to_numpy() == 0.0)
 
@@ -45,7 +45,7 @@ def corner_factor(a: float, b: float) -> float:
 def test_a_panel_gives_the_configuration_factor_of_a_rectangle(rooms, sensors, section, check, height: float) -> None:
     length, width = 1.2, 0.6
     scene = rooms.scene([rooms.lamp("panel", (0, 0, height), (length, width))])
-    transport = trace(scene, sensors([(0, 0, 0), (length / 2, width / 2, 0)], UP), section(), seed=1)
+    transport = trace(scene, sensors([(0, 0, 0), (length / 2, width / 2, 0)], UP), **section(), seed=1)
     centre = 4 * corner_factor(length / 2 / height, width / 2 / height)
     corner = corner_factor(length / height, width / height)
     check(transport, np.array([[centre], [corner]]) / (length * width))  # E = M F, M = Φ/A
@@ -60,22 +60,22 @@ def test_a_disc_gives_the_configuration_factor_of_a_disc(
     radius = 0.25
     scene = rooms.scene([rooms.lamp("disc", (0, 0, height), 2 * radius)])
     factor = radius**2 / (radius**2 + height**2)
-    check(trace(scene, sensors((0, 0, 0), UP), section(), seed=1), factor / (np.pi * radius**2), shape=shape)
+    check(trace(scene, sensors((0, 0, 0), UP), **section(), seed=1), factor / (np.pi * radius**2), shape=shape)
 
 
 def test_a_half_hidden_panel_gives_half(rooms, sensors, section, check) -> None:
     # A black screen hides one half of the panel from the sensor below its edge; by symmetry the other gives half.
     screen = trimesh.creation.box(bounds=[[-1.0, -1.0, 0.5], [0.0, 1.0, 0.5001]])
     scene = rooms.scene([rooms.lamp("panel", (0, 0, 1), (0.6, 0.6))], [(screen, 0.0)])
-    check(trace(scene, sensors((0, 0, 0), UP), section(), seed=1), 2 * corner_factor(0.3, 0.3) / 0.36)
+    check(trace(scene, sensors((0, 0, 0), UP), **section(), seed=1), 2 * corner_factor(0.3, 0.3) / 0.36)
 
 
 def test_lamps_add_up(rooms, sensors, section) -> None:
     lamps = [rooms.lamp("panel", (x, 0, 2), (0.3, 0.3), name=f"lamp {x}") for x in (-1.0, 1.0)]
     places = sensors([(0, 0, 0), (1, 0, 0), (2, 1, 0)], UP)
-    together = trace(rooms.scene(lamps), places, section(), seed=1)
+    together = trace(rooms.scene(lamps), places, **section(), seed=1)
     for index, lamp in enumerate(lamps):
-        alone = trace(rooms.scene([lamp]), places, section(), seed=2)
+        alone = trace(rooms.scene([lamp]), places, **section(), seed=2)
         light = alone["coefficient"].to_numpy()[0]
         error = np.hypot(together["coefficient_se"].to_numpy()[index], alone["coefficient_se"].to_numpy()[0])
         assert np.all(np.abs(together["coefficient"].to_numpy()[index] - light) < 8.0 * error)

@@ -62,10 +62,10 @@ def relative_rms(error: np.ndarray, light: np.ndarray) -> float:
 @pytest.mark.slow
 def test_two_standard_errors_cover_the_truth_for_95_percent_of_point_channels(office, places, section) -> None:
     scene = office()
-    truth = trace(scene, places, section("medium", "fine"), seed=1)
+    truth = trace(scene, places, **section("medium", "fine"), seed=1)
     inside = []
     for seed in range(2, 14):
-        drafted = trace(scene, places, section("medium", "draft"), seed=seed)
+        drafted = trace(scene, places, **section("medium", "draft"), seed=seed)
         error = np.hypot(drafted["irradiance_se"].to_numpy(), truth["irradiance_se"].to_numpy())
         inside.append(np.abs(irradiance(drafted) - irradiance(truth)) < 2.0 * error)
     # Points of a run share paths and err together: 12 runs of some five that do not know a share of 0.95 to within
@@ -77,7 +77,7 @@ def test_two_standard_errors_cover_the_truth_for_95_percent_of_point_channels(of
 @pytest.mark.parametrize("noise", ["draft", "standard"])
 def test_the_error_is_what_the_noise_setting_names(office, places, section, noise: str) -> None:
     scene = office()
-    transport = trace(scene, places, section("medium", noise), seed=1)
+    transport = trace(scene, places, **section("medium", noise), seed=1)
     target = RELATIVE_STANDARD_ERROR[noise]
     light, error = irradiance(transport), transport["irradiance_se"].to_numpy()
     assert transport.attrs["target_met"] == 1
@@ -85,7 +85,7 @@ def test_the_error_is_what_the_noise_setting_names(office, places, section, nois
     assert transport.attrs["achieved_relative_se"] == pytest.approx(relative_rms(error, light), rel=1e-3)
     # And against a second run: their difference has twice the variance, known from some five points that do not err
     # together: chi-square of 5 is 9 times its mean with a probability of 10^-8.
-    again = irradiance(trace(scene, places, section("medium", noise), seed=2))
+    again = irradiance(trace(scene, places, **section("medium", noise), seed=2))
     assert relative_rms(light - again, light) < np.sqrt(2.0) * target * 3.0
 
 
@@ -94,10 +94,10 @@ def test_batches_are_independent(office, places, section) -> None:
     # the truth, averaged over pairs and points, vanish. One point knows it to 0.2 by its 28 pairs; six runs of some
     # five points that do not err together, to 0.04; eight of that. If all batches were the same it would be 1.
     scene = office()
-    truth = irradiance(trace(scene, places, section("medium", "fine"), seed=1))
+    truth = irradiance(trace(scene, places, **section("medium", "fine"), seed=1))
     found = []
     for seed in range(2, 8):
-        transport = trace(scene, places, section("medium", "draft"), seed=seed)
+        transport = trace(scene, places, **section("medium", "draft"), seed=seed)
         flux = transport["flux"].to_numpy()
         batches = np.einsum("klpb,lb->kpb", transport["coefficient_batches"].to_numpy().astype(float), flux)
         deviation = (batches - truth)[..., 0]
@@ -146,7 +146,7 @@ def test_rounds_of_shadow_rays_never_repeat_one_another(rooms, places, monkeypat
 @pytest.mark.slow
 def test_both_modes_give_the_same_light(office, places, section) -> None:
     native, classic = (
-        trace(office(mode=mode), places, section("medium", "fine"), seed=1) for mode in ("native", "rgb")
+        trace(office(mode=mode), places, **section("medium", "fine"), seed=1) for mode in ("native", "rgb")
     )
     error = np.hypot(native["irradiance_se"].to_numpy(), classic["irradiance_se"].to_numpy())
     difference = irradiance(native) - irradiance(classic)
@@ -168,8 +168,8 @@ def test_relighting_equals_a_new_trace_within_its_error(rooms, sensors, section)
     x, y = np.meshgrid(ticks, ticks)
     points = sensors(np.stack([x.ravel(), y.ravel(), np.full(25, 0.1)], axis=1), UP)
     surfaces = [(rooms.room(), 0.6)]
-    traced = trace(rooms.scene(lamps, surfaces), points, section("medium", "standard"), seed=1)
-    renewed = trace(rooms.scene(dimmed, surfaces), points, section("medium", "standard"), seed=2)
+    traced = trace(rooms.scene(lamps, surfaces), points, **section("medium", "standard"), seed=1)
+    renewed = trace(rooms.scene(dimmed, surfaces), points, **section("medium", "standard"), seed=2)
     flux = renewed["flux"].to_numpy()
     relit = np.einsum("lpb,lb->pb", traced["coefficient"].to_numpy(), flux)
     error = np.hypot(standard_error_of_sum(traced, flux), renewed["irradiance_se"].to_numpy())
@@ -179,7 +179,7 @@ def test_relighting_equals_a_new_trace_within_its_error(rooms, sensors, section)
 
 
 def test_errors_of_lamps_that_share_paths_do_not_add_like_independent_ones(office, places, section) -> None:
-    transport = trace(office(), places, section("medium", "draft"), seed=1)
+    transport = trace(office(), places, **section("medium", "draft"), seed=1)
     together = standard_error_of_sum(transport)
     assert together == pytest.approx(transport["irradiance_se"].to_numpy(), rel=1e-4)  # batches in single precision
     flux = transport["flux"].to_numpy()
@@ -191,7 +191,7 @@ def test_errors_of_lamps_that_share_paths_do_not_add_like_independent_ones(offic
 
 
 def test_a_transport_survives_its_file(office, places, section, tmp_path) -> None:
-    transport = trace(office(), places, section("low", "draft"), seed=1)
+    transport = trace(office(), places, **section("low", "draft"), seed=1)
     path = save_transport(transport, tmp_path / "transport.nc")
     xr.testing.assert_identical(load_transport(path), transport)
     assert [entry.name for entry in tmp_path.glob("transport*")] == ["transport.nc"]
@@ -199,9 +199,9 @@ def test_a_transport_survives_its_file(office, places, section, tmp_path) -> Non
 
 def test_blocks_of_points_give_what_one_block_gives(office, places, section, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = office()
-    whole = trace(scene, places, section("low", "standard"), seed=1)
+    whole = trace(scene, places, **section("low", "standard"), seed=1)
     monkeypatch.setattr(trace_module, "MAX_BLOCK_POINTS", 10)
-    parts = trace(scene, places, section("low", "standard"), seed=2)
+    parts = trace(scene, places, **section("low", "standard"), seed=2)
     error = np.hypot(whole["irradiance_se"].to_numpy(), parts["irradiance_se"].to_numpy())
     assert np.all(np.abs(irradiance(whole) - irradiance(parts)) < 8.0 * error)
     assert parts.attrs["target_met"] == 1
@@ -214,7 +214,7 @@ def test_a_block_of_one_round_fills_its_share_of_the_progress_once_one_was_seen(
     monkeypatch.setitem(RELATIVE_STANDARD_ERROR, "draft", 0.2)  # one round is surely enough
     told: list[tuple[float, str]] = []
     transport = trace(
-        office(), places, section("low", "draft"), seed=1, progress=lambda share, words: told.append((share, words))
+        office(), places, **section("low", "draft"), seed=1, progress=lambda share, words: told.append((share, words))
     )
     assert transport.attrs["target_met"] == 1
     blocks = sum(words == "traced" for _, words in told)
@@ -242,8 +242,8 @@ def test_a_panel_cut_into_24_lamps_gives_the_light_of_the_whole(rooms, places, s
     ]  # fmt: skip
     table = trimesh.creation.box(bounds=[[0.3, 0.4, 0.7], [1.5, 1.1, 0.74]])
     surfaces = [(rooms.room(3.0), 0.6), (table, 0.5)]
-    reference = trace(rooms.scene([whole], surfaces), places, section("high", "fine"), seed=1)
-    transport = trace(rooms.scene(parts, surfaces), places, section("high", noise), seed=2)
+    reference = trace(rooms.scene([whole], surfaces), places, **section("high", "fine"), seed=1)
+    transport = trace(rooms.scene(parts, surfaces), places, **section("high", noise), seed=2)
     light, error = irradiance(transport), transport["irradiance_se"].to_numpy()
     difference = light - irradiance(reference)
     both = np.hypot(error, reference["irradiance_se"].to_numpy())
@@ -255,7 +255,7 @@ def test_a_panel_cut_into_24_lamps_gives_the_light_of_the_whole(rooms, places, s
 
 def test_a_target_out_of_reach_is_said(office, places, section, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rounds, "MAX_ROUNDS", 1)
-    transport = trace(office(), places, section("low", "fine"), seed=1)
+    transport = trace(office(), places, **section("low", "fine"), seed=1)
     assert transport.attrs["target_met"] == 0
     assert transport.attrs["achieved_relative_se"] > transport.attrs["target_relative_se"] == 0.005
 
@@ -264,14 +264,14 @@ def test_buried_points_do_not_count_for_the_target(office, places, section) -> N
     buried = np.zeros(36, dtype=bool)
     buried[:35] = True
     only = SensorPoints(positions=places.positions, normals=places.normals, buried=buried)
-    transport = trace(office(), only, section("low", "draft"), seed=1)
+    transport = trace(office(), only, **section("low", "draft"), seed=1)
     light, error = irradiance(transport)[35:], transport["irradiance_se"].to_numpy()[35:]
     assert transport.attrs["achieved_relative_se"] == pytest.approx(relative_rms(error, light), rel=1e-3)
 
 
 def test_a_room_where_no_light_arrives_is_dark_and_finite(rooms, sensors, section) -> None:
     scene = rooms.scene([rooms.lamp("panel", (0, 0, 5), (0.1, 0.1))], [(rooms.room(), 0.5)])
-    transport = trace(scene, sensors((0.5, 0.5, 0.1), UP), section("low", "draft"), seed=1)
+    transport = trace(scene, sensors((0.5, 0.5, 0.1), UP), **section("low", "draft"), seed=1)
     assert np.all(irradiance(transport) == 0.0)
     assert np.all(transport["irradiance_se"].to_numpy() == 0.0)
     assert transport.attrs["achieved_relative_se"] == 0.0
@@ -279,7 +279,7 @@ def test_a_room_where_no_light_arrives_is_dark_and_finite(rooms, sensors, sectio
 
 def test_quick_irradiance_agrees_with_a_trace(office, places, section) -> None:
     scene = office()
-    transport = trace(scene, places, section("high", "standard"), seed=1)
+    transport = trace(scene, places, **section("high", "standard"), seed=1)
     light, error = trace_irradiance(scene, places.positions, places.normals, seed=2, workers=2)
     both = np.hypot(error, transport["irradiance_se"].to_numpy())
     assert np.all(np.abs(light - irradiance(transport)) < 8.0 * both)
@@ -294,7 +294,7 @@ def test_a_restricted_view_of_a_luminous_plane_reads_its_part(rooms, sensors, se
     )
     places = sensors([(0, 0, 0), (0.5, 0, 0)], UP)
     receptor = cone_receptor(half_angle_deg)
-    transport = trace(scene, places, section("low", "fine"), seed=1, receptor=receptor)
+    transport = trace(scene, places, **section("low", "fine"), seed=1, receptor=receptor)
     expected = np.sin(np.radians(half_angle_deg)) ** 2 * np.array([[1.0], [0.5]])
     light, error = transport["coefficient"].to_numpy()[0], transport["irradiance_se"].to_numpy()
     assert np.all(np.abs(light - expected) < 8.0 * error + 1e-3 * expected)
@@ -305,4 +305,4 @@ def test_a_damaged_octree_is_an_error_of_ours(office, places, section) -> None:
     scene = office()
     (scene.folder / scene.passes[0].octree).write_bytes(b"#?RADIANCE\n\nnothing")
     with pytest.raises(EngineError, match="rcontrib"):
-        trace(scene, places, section("low", "draft"), seed=1, engine=find_engine())
+        trace(scene, places, **section("low", "draft"), seed=1, engine=find_engine())

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lidarspectra.config import MaterialsSection
-from lidarspectra.errors import DatabaseError, MaterialError
+from lidarspectra.errors import ArgumentError, DatabaseError, MaterialError
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.material.colors import color_difference
-from lidarspectra.material.estimate import default_material, estimate_materials
+from lidarspectra.material.estimate import default_material, estimate_materials, one_material
 from lidarspectra.material.material_map import MAX_REFLECTANCE, load_materials, save_materials
 from lidarspectra.material.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
@@ -19,7 +18,6 @@ from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 
 from .conftest import COLORS, box_scan
 
-COLORS_ONLY = MaterialsSection(model="none")
 SMALL = ViewSettings(width=16, height=16, samples=1, sample_spacing_m=0.3)
 
 
@@ -32,7 +30,7 @@ def room():
 @pytest.fixture(scope="module")
 def estimated(room):
     scan, _, views = room
-    return estimate_materials(scan, views, COLORS_ONLY)
+    return estimate_materials(scan, views, model=None)
 
 
 def test_three_colors_are_three_materials_and_every_face_has_its_own(room, estimated):
@@ -63,21 +61,21 @@ def test_materials_are_ordered_by_area(room, estimated):
 
 
 def test_the_same_scan_gives_the_same_materials(room, estimated):
-    again = estimate_materials(room[0], room[2], COLORS_ONLY)
+    again = estimate_materials(room[0], room[2], model=None)
     assert np.array_equal(again.face_material, estimated.face_material)
     for one, other in zip(again.materials, estimated.materials, strict=True):
         assert np.array_equal(one.reflectance.values, other.reflectance.values)
 
 
 def test_nearest_matching_names_the_surface(room):
-    found = estimate_materials(room[0], room[2], MaterialsSection(matching="nearest"))
+    found = estimate_materials(room[0], room[2], matching="nearest")
     measured = [material for material in found.materials if material.provenance == "measured"]
     assert measured
     assert all(material.source.startswith("builtin:") for material in measured)
 
 
 def test_default_gives_all_faces_one_material(room):
-    found = estimate_materials(room[0], room[2], MaterialsSection(method="default", default="white-wall"))
+    found = one_material(room[0], "white-wall")
     assert [material.source for material in found.materials] == ["builtin:white-wall"]
     assert found.materials[0].provenance == "default"
     assert (found.face_material == 0).all()
@@ -86,13 +84,13 @@ def test_default_gives_all_faces_one_material(room):
 
 @pytest.mark.parametrize("default", ["fully-reflective", "non-reflective"])
 def test_the_papers_extremes_are_materials(room, default):
-    found = estimate_materials(room[0], room[2], MaterialsSection(method="default", default=default))
+    found = one_material(room[0], default)
     assert found.materials[0].reflectance.values.max() in (0.0, MAX_REFLECTANCE)
 
 
 def test_an_unknown_default_is_our_error(room):
     with pytest.raises(DatabaseError, match="no-such"):
-        estimate_materials(room[0], room[2], MaterialsSection(default="no-such"))
+        estimate_materials(room[0], room[2], default="no-such")
 
 
 def test_a_scan_without_color_has_the_default_material_and_says_so():
@@ -114,7 +112,7 @@ def test_lamps_in_the_picture_have_the_default_material(room):
 
 def test_colors_with_the_light_taken_out_can_be_given(room):
     scan, part, views = room
-    found = estimate_materials(scan, views, section=COLORS_ONLY, face_color=np.full((len(part), 3), 0.4))
+    found = estimate_materials(scan, views, model=None, face_color=np.full((len(part), 3), 0.4))
     assert len(found.materials) == 1
     assert np.allclose(found.face_color, 0.4)
 
@@ -122,7 +120,7 @@ def test_colors_with_the_light_taken_out_can_be_given(room):
 def test_no_more_materials_than_the_user_allows(room):
     scan, part, views = room
     colors = np.random.default_rng(3).uniform(0, 0.9, (len(part), 3))
-    found = estimate_materials(scan, views, MaterialsSection(colors=7), face_color=colors)
+    found = estimate_materials(scan, views, colors=7, face_color=colors)
     assert 1 < len(found.materials) <= 7
 
 
@@ -130,6 +128,13 @@ def test_views_of_another_scan_are_refused(room):
     other, _ = box_scan(cells=3)
     with pytest.raises(MaterialError, match="views of this scan"):
         estimate_materials(other, room[2])
+
+
+def test_a_wrong_type_or_word_is_told_by_its_name(room):
+    with pytest.raises(ArgumentError, match=r"scan: expected a Scan, found a str, 'room\.glb'\. read_scan"):
+        estimate_materials("room.glb", room[2])
+    with pytest.raises(ArgumentError, match="matching: expected one of 'wiener', 'nearest', found a str, 'closest'"):
+        estimate_materials(room[0], room[2], matching="closest")
 
 
 def test_words_and_warnings_say_what_a_reader_must_know(room, estimated):
@@ -162,7 +167,7 @@ def test_materials_are_kept_and_read_back(room, estimated, tmp_path):
 
 
 def test_a_material_without_uncertainty_comes_back_without(room, tmp_path):
-    found = estimate_materials(room[0], room[2], MaterialsSection(method="default"))
+    found = one_material(room[0])
     save_materials(found, tmp_path)
     assert load_materials(tmp_path).materials[0].uncertainty is None
 

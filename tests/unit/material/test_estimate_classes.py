@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from lidarspectra.config import MaterialsSection
 from lidarspectra.errors import MaterialError
 from lidarspectra.material.estimate import UNKNOWN, estimate_materials
 from lidarspectra.material.material_map import load_materials, save_materials
@@ -32,7 +31,7 @@ def room():
 def test_segments_have_the_class_that_the_named_model_gives(room, tmp_path):
     scan, part, views = room
     write_model(tmp_path / "mine.onnx", size=16, stride=16, card=COLOR_CARD)
-    found = estimate_materials(scan, views, MaterialsSection(model="mine.onnx"), base_folder=tmp_path)
+    found = estimate_materials(scan, views, model=tmp_path / "mine.onnx")
     category = np.array([material.category for material in found.materials])[found.face_material]
     assert (category[part == 0] == "carpet").mean() > 0.9
     assert (category[part == 2] == "painted").mean() > 0.9
@@ -42,7 +41,7 @@ def test_segments_have_the_class_that_the_named_model_gives(room, tmp_path):
 
 def test_without_a_model_classes_stay_unknown_and_spectra_are_what_the_colors_say(room):
     scan, _, views = room
-    found = estimate_materials(scan, views, MaterialsSection(model="none"))
+    found = estimate_materials(scan, views, model=None)
     assert {material.category for material in found.materials} == {UNKNOWN}
     assert len(found.materials) == 3
 
@@ -60,11 +59,10 @@ def test_the_shipped_model_gives_its_own_classes_and_no_colour_is_lost(room):
 def test_a_ceiling_seen_as_nothing_in_particular_is_painted(room, tmp_path):
     scan, part, views = room
     write_model(tmp_path / "blind.onnx", size=16, stride=16, gain=0.0, card=COLOR_CARD)
-    section = MaterialsSection(model="blind.onnx")
-    found = estimate_materials(scan, views, section, room=find_room(scan), base_folder=tmp_path)
+    found = estimate_materials(scan, views, model=tmp_path / "blind.onnx", room=find_room(scan))
     assert {found.materials[n].category for n in found.face_material[part == 1]} == {"painted"}
 
 
 def test_a_model_that_is_missing_is_our_error(room, tmp_path):
     with pytest.raises(MaterialError, match=r"no\.toml"):
-        estimate_materials(room[0], room[2], MaterialsSection(model="no.onnx"), base_folder=tmp_path)
+        estimate_materials(room[0], room[2], model=tmp_path / "no.onnx")

@@ -10,7 +10,7 @@ from lidarspectra.config import read_run_file
 from lidarspectra.errors import MaterialError
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
-from lidarspectra.lamps.lamps import Lamp, resolve_lamps
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.lamp_fluxes import (
     FLUXES_FILE,
     LampFlux,
@@ -21,6 +21,7 @@ from lidarspectra.material.lamp_fluxes import (
 )
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.delighting import take_light_out
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
 
 FLUXES = (
     LampFlux(lamp="lit 1", factor=2.0, log_deviation=0.05, told=True),

@@ -1,14 +1,18 @@
 """The run file's lamps become lamps with absolute spectra."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from lidarspectra.config import LampSection, LampsFromScanSection
-from lidarspectra.errors import DatabaseError, LampError
-from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
-from lidarspectra.lamps.lamps import Lamp, lamps_from_lit, resolve_lamps
+from lidarspectra.config import LampSection
+from lidarspectra.errors import ArgumentError, ArrayError, DatabaseError, LampError
+from lidarspectra.lamps.lamp_spectra import cct_spectrum, luminous_flux_lm
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.make_lamp import lamps_from_lit, make_lamp
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
 
 HERE = Path()
 
@@ -81,11 +85,49 @@ def test_a_size_that_does_not_fit_the_shape_is_refused(shape: str, size: object)
 
 def test_lit_lamps_send_the_stated_exitance_times_their_area() -> None:
     flat = only(shape="disc", size=0.4, radiant_flux_W=1.0)  # any lamp has the outline that is asked for
-    (lamp,) = lamps_from_lit([flat], LampsFromScanSection(cct_k=4000, luminous_exitance_lm_m2=8000), HERE)
+    (lamp,) = lamps_from_lit([flat], cct_spectrum(4000), luminous_exitance_lm_m2=8000)
     assert luminous_flux_lm(lamp.flux) == pytest.approx(8000 * np.pi * 0.04)
     assert lamp.name == "lit 1"
 
 
 def test_no_lit_lamp_is_an_error_that_says_what_to_do() -> None:
     with pytest.raises(LampError, match=r"\[\[lamps\]\]"):
-        lamps_from_lit([], LampsFromScanSection(spectrum="LED-B3"), HERE)
+        lamps_from_lit([], cct_spectrum(4000))
+
+
+def test_a_lamp_of_plain_values_is_the_run_files() -> None:
+    plain = make_lamp("panel", (0, 0, 2.5), name="one", size=(0.6, 0.6), spectrum="LED-B3", luminous_flux_lm=3400.0)
+    written = only(luminous_flux_lm=3400.0)
+    np.testing.assert_array_equal(plain.flux.values, written.flux.values)
+    assert (plain.name, plain.shape, plain.size) == (written.name, written.shape, written.size)
+
+
+def test_a_spectrum_of_ones_own_is_in_watts_unless_a_flux_is_given() -> None:
+    own = Spectrum(wavelengths_nm=[400.0, 700.0], values=[0.01, 0.03])
+    assert make_lamp("point", (0, 0, 2), spectrum=own).flux.integral() == pytest.approx(6.0)
+    assert make_lamp("point", (0, 0, 2), spectrum=own, radiant_flux_W=1.0).flux.integral() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({}, "either spectrum or cct_k, found neither"),
+        ({"spectrum": "A", "cct_k": 3000.0}, "either spectrum or cct_k, found both"),
+        ({"spectrum": "A", "luminous_flux_lm": 1.0, "radiant_flux_W": 1.0}, "found both"),
+        ({"spectrum": "A", "luminous_flux_lm": -1.0}, "above 0"),
+        ({"spectrum": "A", "luminous_flux_lm": 1.0, "beam_angle_deg": 30.0}, "with shape 'spot'"),
+        ({"spectrum": "A", "luminous_flux_lm": 1.0, "file": "a.ies"}, "with shape 'ies'"),
+    ],
+)
+def test_a_lamp_that_contradicts_itself_is_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(LampError, match=words):
+        make_lamp("bulb", (0, 0, 2), **given)
+
+
+def test_a_wrong_shape_or_spectrum_is_told() -> None:
+    with pytest.raises(ArgumentError, match=r"shape of a lamp: expected one of 'panel', .*, found a str, 'pannel'"):
+        make_lamp("pannel", (0, 0, 2), spectrum="A", luminous_flux_lm=1.0)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="a Spectrum, a name of the databases, or a file"):
+        make_lamp("bulb", (0, 0, 2), spectrum=5)  # type: ignore[arg-type]
+    with pytest.raises(ArrayError, match=r"lamp 'lamp' center: expected an array of shape \(3\)"):
+        make_lamp("bulb", (0, 0), spectrum="A", luminous_flux_lm=1.0)

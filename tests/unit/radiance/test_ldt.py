@@ -10,8 +10,8 @@ from lidarspectra.config import LampSection
 from lidarspectra.errors import LampError
 from lidarspectra.lamps.ies import read_ies
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
-from lidarspectra.lamps.lamps import resolve_lamps
 from lidarspectra.lamps.ldt import ies_text_of_ldt
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
 
 PLANES = np.arange(0.0, 360.0, 15.0)
 ANGLES = np.arange(0.0, 91.0, 5.0)

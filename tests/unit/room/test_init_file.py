@@ -68,8 +68,8 @@ def test_the_assumptions_are_marked_in_the_file(lit_room, tmp_path) -> None:
 def test_the_lamps_of_the_run_file_hang_well(lit_room, tmp_path) -> None:
     from lidarspectra.hardware.phone.readers import read_scan
     from lidarspectra.hardware.phone.repair import repair_scan
-    from lidarspectra.lamps.lamps import resolve_lamps
     from lidarspectra.radiance.scene.placement import placement_notes
+    from lidarspectra.workflow.lamps_of_run import resolve_lamps
 
     write_init(lit_room, tmp_path / "room.toml")
     lamps = resolve_lamps(read_run_file(tmp_path / "room.toml").lamps, tmp_path)

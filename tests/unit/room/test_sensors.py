@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from lidarspectra.config import GridSection, SensorsSection
-from lidarspectra.errors import SensorError
+from lidarspectra.errors import ArrayError, SensorError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import find_room
-from lidarspectra.room.sensor_points import grid_points, place_points, read_points, sensor_points
+from lidarspectra.room.sensor_points import SensorPoints, grid_points, place_points, read_points
+from lidarspectra.workflow.sensing_of_run import sensor_points
 
 CABINET = ([3.4, 0.8, 0.0], [4.0, 2.4, 1.1])
 
@@ -30,7 +31,7 @@ def office(builder):
 @pytest.mark.parametrize("count", [1, 2, 7, 44, 176, 500])
 def test_a_grid_has_exactly_the_points_asked_for_all_in_free_space(office, count) -> None:
     scan, room = office
-    points = grid_points(scan, room, GridSection(count=count))
+    points = grid_points(scan, room, count=count)
     x, y, z = points.positions.T
     assert len(points) == count
     assert len({tuple(row) for row in points.positions.round(6).tolist()}) == count
@@ -47,7 +48,7 @@ def test_a_grid_has_exactly_the_points_asked_for_all_in_free_space(office, count
 
 def test_a_grid_reaches_under_the_table_and_covers_the_room(office) -> None:
     scan, room = office
-    points = grid_points(scan, room, GridSection(count=176)).positions
+    points = grid_points(scan, room, count=176).positions
     under = (points[:, 0] > 0.5) & (points[:, 0] < 2.1) & (points[:, 1] > 0.5) & (points[:, 1] < 1.3)
     free_area = 12.0 - 0.6 * 1.6
     assert under.sum() == pytest.approx(176 * 1.6 * 0.8 / free_area, rel=0.25)
@@ -60,7 +61,7 @@ def test_a_grid_reaches_under_the_table_and_covers_the_room(office) -> None:
 
 def test_a_grid_follows_the_walls_of_a_turned_room(builder) -> None:
     scan = furnished(builder, turn_deg=25.0)
-    points = grid_points(scan, find_room(scan), GridSection(spacing=0.4)).positions[:, :2]
+    points = grid_points(scan, find_room(scan), spacing=0.4).positions[:, :2]
     steps = points[1:] - points[:-1]
     near = steps[np.linalg.norm(steps, axis=1) < 0.41]
     angles = np.degrees(np.arctan2(near[:, 1], near[:, 0])) % 90
@@ -70,26 +71,47 @@ def test_a_grid_follows_the_walls_of_a_turned_room(builder) -> None:
 
 def test_the_same_room_gives_the_same_grid(office) -> None:
     scan, room = office
-    first, second = (grid_points(scan, room, GridSection(count=50)).positions for _ in range(2))
+    first, second = (grid_points(scan, room, count=50).positions for _ in range(2))
     np.testing.assert_array_equal(first, second)
 
 
 def test_a_grid_looks_where_it_is_told(office) -> None:
     scan, room = office
-    points = grid_points(scan, room, GridSection(count=9, normal=(0.0, 2.0, 0.0)))
+    points = grid_points(scan, room, count=9, normal=(0.0, 2.0, 0.0))
     np.testing.assert_allclose(points.normals, np.tile([0.0, 1.0, 0.0], (9, 1)))
 
 
 @pytest.mark.parametrize("height", [-0.1, 2.5, 40.0])
 def test_a_grid_outside_the_heights_of_the_room_is_refused(office, height) -> None:
     with pytest.raises(SensorError, match="between the floor and the ceiling"):
-        grid_points(*office, GridSection(count=9, height=height))
+        grid_points(*office, count=9, height=height)
 
 
 @pytest.mark.parametrize("section", [{"count": 40, "margin": 1.45}, {"spacing": 1.0, "margin": 2.0}])
 def test_a_grid_that_finds_no_place_is_refused(office, section) -> None:
     with pytest.raises(SensorError, match="fewer points"):
-        grid_points(*office, GridSection(**section))
+        grid_points(*office, **section)
+
+
+@pytest.mark.parametrize("asked", [{}, {"count": 3, "spacing": 0.5}, {"count": 0}, {"spacing": -1.0}])
+def test_a_grid_without_one_count_or_spacing_is_refused(office, asked) -> None:
+    with pytest.raises(SensorError, match="count"):
+        grid_points(*office, **asked)
+
+
+def test_sensors_look_up_unless_they_are_told_where_and_lie_in_the_air() -> None:
+    points = SensorPoints(positions=[[0, 0, 1], [1, 0, 1]])
+    np.testing.assert_array_equal(points.normals, [[0, 0, 1], [0, 0, 1]])
+    assert not points.buried.any()
+    down = SensorPoints(positions=[[0, 0, 1], [1, 0, 1]], normals=[0, 0, -2])
+    np.testing.assert_array_equal(down.normals, [[0, 0, -1], [0, 0, -1]])
+
+
+def test_positions_of_another_shape_are_refused_by_name() -> None:
+    with pytest.raises(ArrayError, match=r"SensorPoints\.positions: expected an array of shape \(any, 3\)"):
+        SensorPoints(positions=[0.0, 0.0, 1.0])
+    with pytest.raises(ArrayError, match=r"SensorPoints\.positions: expected an array of numbers"):
+        SensorPoints(positions="here")
 
 
 def test_a_grid_on_the_floor_is_lifted_clear_of_its_noise(office, tmp_path) -> None:
@@ -200,4 +222,4 @@ def test_a_direction_of_length_zero_is_refused(office) -> None:
 
 @pytest.mark.slow
 def test_a_large_grid_is_laid_in_bounded_steps(office) -> None:
-    assert len(grid_points(*office, GridSection(count=20_000))) == 20_000
+    assert len(grid_points(*office, count=20_000)) == 20_000

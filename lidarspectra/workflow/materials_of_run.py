@@ -1,0 +1,72 @@
+"""The materials that `[materials]` asks for."""
+
+from pathlib import Path
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.config import MaterialsSection
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.material.assignments import assign, read_assignments
+from lidarspectra.material.estimate import estimate_materials, one_material
+from lidarspectra.material.material_map import MaterialMap
+from lidarspectra.material.segmentation import SHIPPED_MODEL
+from lidarspectra.material.views import ViewSet
+from lidarspectra.progress import Progress, silent
+from lidarspectra.room.room import Room
+from lidarspectra.spectra.databases import load_reflectances
+
+
+def materials_of_run(
+    scan: Scan,
+    views: ViewSet,
+    section: MaterialsSection,
+    *,
+    folder: Path,
+    room: Room | None = None,
+    face_color: FloatArray | None = None,
+    progress: Progress = silent,
+) -> MaterialMap:
+    """Estimate the materials, give all faces one, or estimate them and then do what a file says.
+
+    Parameters
+    ----------
+    scan, views, room, face_color, progress
+        As in `estimate_materials`.
+    section : MaterialsSection
+        `[materials]` of the run file.
+    folder : Path
+        Where relative file names start; the run file's folder.
+
+    Returns
+    -------
+    materials : MaterialMap
+
+    Raises
+    ------
+    MaterialError, DatabaseError
+        As `estimate_materials`, and where the file of assignments does not fit or a database is not there.
+    """
+    library = load_reflectances(section.databases, folder)
+    if section.method == "default":
+        return one_material(scan, section.default, library=library, views=views)
+    estimated = estimate_materials(
+        scan,
+        views,
+        room=room,
+        face_color=face_color,
+        library=library,
+        default=section.default,
+        matching=section.matching,
+        model=_model(section.model, folder),
+        colors=section.colors,
+        progress=progress,
+    )
+    if section.file is None:
+        return estimated
+    path = folder / section.file
+    return assign(estimated, read_assignments(path), library, where=path)
+
+
+def _model(name: str, folder: Path) -> Path | None:
+    if name == "none":
+        return None
+    return SHIPPED_MODEL if name == "builtin" else folder / name
