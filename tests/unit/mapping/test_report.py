@@ -117,7 +117,7 @@ def test_the_page_loads_nothing_from_anywhere(whole):
 def test_only_our_own_script_may_run(whole):
     text, page = _read(whole / "index.html")
     scripts = re.findall(r"<script>(.*?)</script>", text, flags=re.DOTALL)
-    folder = resources.files("lidarspectra.mapping") / "page"
+    folder = resources.files("lidarspectra.mapping.report") / "page"
     assert scripts == [(folder / name).read_text(encoding="utf-8") for name in OWN_SCRIPTS]
     digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
     policy = next(attrs["content"] for tag, attrs in page.tags if "http-equiv" in attrs)
