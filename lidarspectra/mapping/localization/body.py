@@ -15,11 +15,10 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-import pymeshlab
 from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
-from lidarspectra.errors import ArrayError
+from lidarspectra.errors import ArrayError, MapError
 from lidarspectra.geometry.zero_surface import zero_surface
 
 Posture = Literal["standing", "walking", "reading", "sitting"]
@@ -108,6 +107,8 @@ def body_mesh(*, height_m: float, build: float = 1.0, posture: Posture = "standi
     ------
     ArrayError
         If height or build is no person's.
+    MapError
+        If pymeshlab does not load.
     """
     for name, value, (low, high) in (("height_m", height_m, HEIGHT_RANGE_M), ("build", build, BUILD_RANGE)):
         if not low <= value <= high:
@@ -146,6 +147,15 @@ def _parts(limbs: list[_Limb], centers: FloatArray) -> IntArray:
 
 
 def _thinned(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    try:
+        import pymeshlab  # here: it needs libGL, and only people in fingerprints need it
+    except ImportError as cause:
+        raise MapError(
+            expected="pymeshlab, which decimates the mesh of a body",
+            found=str(cause),
+            where="person",
+            todo="Install OpenGL's library (Debian: apt-get install libgl1 libopengl0).",
+        ) from cause
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=vertices, face_matrix=faces.astype(np.int32)))
     meshes.meshing_decimation_quadric_edge_collapse(targetfacenum=FACES, preservetopology=True, preservenormal=True)

@@ -1,10 +1,12 @@
 """Bodies: closed, of a person's size, surface and mass."""
 
+import sys
+
 import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.errors import ArrayError
+from lidarspectra.errors import ArrayError, MapError
 from lidarspectra.mapping.localization.body import FACES, PARTS, POSTURES, BodyMesh, body_mesh
 
 AVERAGE_INDEX = 23.0  # [kg/m²] body mass index of build 1
@@ -69,3 +71,9 @@ def test_it_is_as_wide_left_as_right_and_looks_ahead(standing: BodyMesh) -> None
 def test_what_is_no_person_is_refused(name: str, value: float) -> None:
     with pytest.raises(ArrayError, match=name):
         body_mesh(**{"height_m": 1.7, name: value})
+
+
+def test_without_pymeshlab_a_body_is_refused_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pymeshlab", None)  # as where it, or the libGL that it needs, is not installed
+    with pytest.raises(MapError, match=r"pymeshlab, which decimates .*libgl1"):
+        body_mesh(height_m=1.75)

@@ -1,3 +1,4 @@
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -290,3 +291,12 @@ def test_a_decimated_room_looks_the_same_from_inside(scan: Scan, textured: bool)
 
 def test_a_scan_that_is_small_enough_is_not_decimated(scan: Scan) -> None:
     assert repair_scan(scan, max_faces=100_000).record.decimated_from == 0
+
+
+def test_without_pymeshlab_a_scan_is_decimated_by_nobody_and_that_is_said(
+    scan: Scan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pymeshlab", None)  # as where it, or the libGL that it needs, is not installed
+    with pytest.raises(ScanError, match=r"pymeshlab, which decimates.*leave max_faces out"):
+        repair_scan(scan, max_faces=100)
+    assert repair_scan(scan).record.decimated_from == 0  # all else works without
