@@ -5,6 +5,7 @@ python tools/public_names.py > tests/golden/public-names.txt
 
 import inspect
 from collections.abc import Iterator
+from pathlib import Path
 
 import lidarspectra
 
@@ -40,16 +41,21 @@ def _arguments(item: object) -> str:
     bare = [each.replace(annotation=inspect.Parameter.empty) for each in signature.parameters.values()]
     given = [each for each in bare if each.name != "self"]
     defaults = [
-        each.replace(default=_Name(each.default)) if inspect.isfunction(each.default) else each for each in given
+        each.replace(default=_Name(each.default)) if _differs_by_place(each.default) else each for each in given
     ]
     return str(signature.replace(parameters=defaults, return_annotation=inspect.Signature.empty))
 
 
-class _Name:
-    """Shows a function as its name, without its address."""
+def _differs_by_place(default: object) -> bool:
+    """Whether a default's own text names an address in memory, or a folder of this machine."""
+    return inspect.isfunction(default) or isinstance(default, Path)
 
-    def __init__(self, function: object) -> None:
-        self._text = getattr(function, "__name__", "?")
+
+class _Name:
+    """Shows a function as its name, without its address, and a file without its folder."""
+
+    def __init__(self, default: object) -> None:
+        self._text = repr(default.name) if isinstance(default, Path) else getattr(default, "__name__", "?")
 
     def __repr__(self) -> str:
         return str(self._text)
