@@ -61,7 +61,7 @@ WHITE_DOUBT = 2.0  # [1] deviations from which a light surface counts for less: 
 COMMON = 6  # [1] parameters that do not belong to single lamps
 CELL_M = 1.0  # [m] within which errors of light and exposure are alike, as a phone's frame shows 1 to 2 m: one witness
 STARTS = ((0.0, 0.0), (0.8, 0.0), (0.4, 1.0), (0.4, -1.0))  # [1] log(1 + s), and log k over its rough value
-FIT_COSTS = (*(1.0,) * len(STARTS), 1.5, 0.5)  # [1] of the time: each start, the fit itself, how sure it is
+FIT_SHARES = (*(1.0,) * len(STARTS), 1.5, 0.5)  # of the time: each start, the fit itself, how sure it is
 BOUNDS_POWER, BOUND_SHOULDER, BOUND_EXPOSURE = 0.6, 2.3, 4.0  # [1] of |log g|, log(1 + s), |log k - rough value|
 COARSE = 4  # [1] every so-manieth point is enough to choose among starts
 MAX_STEPS = 60  # [1] of a fit; pictures that their lamps do not explain take any number
@@ -390,7 +390,7 @@ def fit_light(
     fit : LightFit
     """
     model = _Model(evidence, flux_deviation=flux_deviation)
-    *trying, fitting, ending = shares(progress, FIT_COSTS if start is None else FIT_COSTS[-2:])
+    *trying, fitting, ending = shares(progress, FIT_SHARES if start is None else FIT_SHARES[-2:])
     if start is None:
         coarse = _Model(evidence, flux_deviation=flux_deviation, every=COARSE, forgets=False)
         found = [_least(coarse, _start(coarse, *values), part) for values, part in zip(STARTS, trying, strict=True)]

@@ -42,9 +42,8 @@ MIN_SHARE = 2e-4  # [1] of the area; smaller groups of faces join the material n
 CONFIDENT_DIFFERENCE = 10.0  # [1] CIEDE2000 to the nearest surface at which confidence has fallen to 1/e
 DEFAULT_MATERIAL = "white-plastic"  # ID of a built-in reflectance
 UNKNOWN = "unknown"  # class of a material where none was estimated
-# Of one core, in the demo room and a hall of a million faces (research/benchmarks/scale.py).
-GROUPING_S_PER_FACE, FUSING_S_PER_FACE, MATCHING_S_PER_FACE = 8.3e-6, 8e-6, 4e-6  # [s]
-MODEL_S, CLASSES_S_PER_VIEW = 1.5, 0.85  # [s] the network's start; a view's classes
+SHARES = (0.08, 0.88, 0.04)  # of the time: grouping by colour, classes, matching
+CLASS_SHARES = (0.97, 0.03)  # of the time of the classes: the views', the faces'
 VISIBLE_BANDS_NM = (400.0, 770.0)  # [nm] what the sensor's first 14 channels see
 
 
@@ -104,8 +103,7 @@ def estimate_materials(
     one_of(matching, get_args(MatchMethod), name="matching")
     known = load_reflectances() if library is None else library
     fallback = default_material(default, known)
-    costs = estimate_costs(len(scan.faces), len(views.views) if model is not None else 0)
-    grouping, looking, finding = shares(progress, (costs[0], costs[1] + costs[2], costs[3]))
+    grouping, looking, finding = shares(progress, SHARES)
     grouping(0.0, "reading colours")
     shown, usable = surface_colors(scan) if face_color is None else _given_colors(scan, face_color)
     if views.face_seen.size != len(scan.faces):
@@ -173,16 +171,6 @@ def one_material(
     )
 
 
-def estimate_costs(faces: int, views: int) -> tuple[float, float, float, float]:
-    """What the parts of an estimate usually take [s of one core]: grouping, the views' classes, the faces', matching.
-
-    Without views to look at there are no classes.
-    """
-    looking_s = MODEL_S + CLASSES_S_PER_VIEW * views if views else 0.0
-    fusing_s = FUSING_S_PER_FACE * faces if views else 0.0
-    return GROUPING_S_PER_FACE * faces, looking_s, fusing_s, MATCHING_S_PER_FACE * faces
-
-
 def default_material(name: str, library: ReflectanceLibrary) -> Material:
     """Material of what no view shows: of the library or, where colours are matched elsewhere, a built-in one.
 
@@ -237,8 +225,7 @@ def material_classes(
     -------
     classes : FaceClasses
     """
-    _, *costs, _ = estimate_costs(len(scan.faces), max(1, len(views.views)))
-    looking, fusing = shares(progress, costs)
+    looking, fusing = shares(progress, CLASS_SHARES)
     votes = view_votes(classifier, scan, views, looking)
     fusing(0.0, "material classes of faces")
     adjacency = face_adjacency(scan)

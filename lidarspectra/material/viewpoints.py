@@ -32,10 +32,7 @@ CANDIDATE_HEIGHTS = (0.15, 0.35, 0.6, 0.85)  # [1] of the room's height: below t
 CLEARANCE_M = 0.15  # [m] a camera so close to a surface sees little else
 MAX_CANDIDATES = 240  # [1] bounds the time of the search
 MAX_OF_NEW = 0.8  # [1] of the new area that a viewpoint sees; directions beyond it are not worth their image
-USUAL_LATER_VIEWS = 2.5  # [1] directions of a viewpoint after the first that show something new
-USUAL_VIEWPOINTS = 7  # [1]
-VIEW_S_PER_RAY = 3.8e-7  # [s] of one core, in the demo room and a hall of a million faces (benchmark scale)
-SEARCH_S_PER_FACE, SEARCH_S_PER_M2, UPDATE_S_PER_M2 = 4.5e-6, 0.018, 0.0018  # [s] the same; m² of the scan's area
+FIRST_SHARE = 0.5  # of the time: the search made ready, and all six views of the first viewpoint
 SURFACE_GAP = 1e-3  # [1] of a sight line, left out at the surface so that a sample does not hide itself
 
 
@@ -107,7 +104,6 @@ def render_views(
         If there is no free space in the room to look from.
     """
     chosen = settings or ViewSettings()
-    times = view_times(scan, chosen)
     progress(0.0, "looking for viewpoints")
     caster = RayCaster(scan)
     samples = surface_samples(scan, spacing_m=chosen.sample_spacing_m)
@@ -138,7 +134,9 @@ def render_views(
             if gain < chosen.min_gain:
                 stopped = f"no other place sees {chosen.min_gain:.1%} more of the area"
         missing = 0 if stopped else search.missing_viewpoints(covered, coverage, chosen.max_viewpoints - len(history))
-        progress(times.share_done(len(views), len(viewpoints), missing), f"{history[-1]:.1%} of the area seen")
+        later = len(viewpoints) - 1
+        done = FIRST_SHARE + (1.0 - FIRST_SHARE) * later / max(later + missing, 1)
+        progress(done, f"{history[-1]:.1%} of the area seen")
     progress(1.0, "views rendered")
     return ViewSet(
         views=tuple(views),
@@ -149,46 +147,6 @@ def render_views(
         threshold=coverage,
         history=np.array(history),
         stopped=stopped,
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class ViewTimes:
-    """What the parts of `render_views` usually take, of one core.
-
-    Parameters
-    ----------
-    search_s : float
-        Making the search for viewpoints ready. [s]
-    view_s, update_s : float
-        A view; the choice of the next viewpoint. [s]
-    """
-
-    search_s: float
-    view_s: float
-    update_s: float
-
-    def share_done(self, views: int, viewpoints: int, missing: int) -> float:
-        """Share of the work done with so many views of so many viewpoints, and so many viewpoints missing [0-1]."""
-        later = (views - len(DIRECTIONS)) / (viewpoints - 1) if viewpoints > 1 else USUAL_LATER_VIEWS
-        done_s = self.search_s + views * self.view_s + viewpoints * self.update_s
-        return done_s / (done_s + missing * (later * self.view_s + self.update_s))
-
-    @property
-    def usual_s(self) -> float:
-        """All of it, in a room of the usual number of viewpoints [s]."""
-        views = len(DIRECTIONS) + USUAL_LATER_VIEWS * (USUAL_VIEWPOINTS - 1)
-        return self.search_s + views * self.view_s + USUAL_VIEWPOINTS * self.update_s
-
-
-def view_times(scan: Scan, settings: ViewSettings | None = None) -> ViewTimes:
-    """What the views of a scan usually take, by its triangles, its area and the size of the images."""
-    chosen = settings or ViewSettings()
-    area_m2 = float(scan.areas.sum())
-    return ViewTimes(
-        search_s=SEARCH_S_PER_FACE * len(scan.faces) + SEARCH_S_PER_M2 * area_m2,
-        view_s=VIEW_S_PER_RAY * chosen.width * chosen.height * (chosen.samples**2 + 1),
-        update_s=UPDATE_S_PER_M2 * area_m2,
     )
 
 

@@ -16,7 +16,6 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.hardware.phone.scan_times import coloring_s
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.albedo import (
     BRIGHTEST_REFLECTANCE,
@@ -76,17 +75,8 @@ BEAM_EXPONENT = 0.3  # [1] over that of matt lamps, from which a reader should k
 FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp that is off by more, and surely so, is worth a warning
 OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area
 CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
-# Of one core, in the demo room and a hall of a million faces with 64 lamps (research/benchmarks/scale.py).
-SAMPLING_S_PER_FACE = 2.7e-6  # [s] colours without lamps, and samples
-DIRECT_S_PER_FACE, DIRECT_S_PER_LAMP = 2e-5, 0.35  # [s] writing and compiling the mesh; its passes
-EXCHANGE_S, EXCHANGE_S_PER_FACE = 0.5, 4.5e-6  # [s] rays; loading them, and what is near the lamps
-FIRST_FIT_S, FIRST_FIT_S_PER_FACE, FIRST_FIT_S_PER_PAIR = (
-    0.3,
-    6e-6,
-    0.022,
-)  # [s] a pair: unknowns times sources
-NEXT_FIT_S, NEXT_FIT_S_PER_FACE, NEXT_FIT_S_PER_PAIR = 0.2, 2.5e-6, 0.009  # [s] and its grouping by hue
-ONCE_MORE = 0.5  # [1] that lamps of unknown fluxes are fitted once more
+SHARES = (0.1, 0.22, 0.13, 0.55, 0.3)  # of the time: colours, direct light, exchange, the fits, those fits once more
+ROUND_SHARES = (0.4, *(0.6 / (ROUNDS - 1),) * (ROUNDS - 1))  # of the fits' time: the first is from several starts
 SEED = 20240911  # of samples and rays; the same scan gives the same reflectances
 
 
@@ -172,8 +162,9 @@ def take_light_out(
         return _left_in("the scan has no colours")
     if not lamps:
         return _left_in("no lamps are known")
-    costs = delighting_costs(scan, len(lamps), fluxes_stated=fluxes_stated)
-    coloring, lighting, exchanging, fitting, fitting_again = shares(progress, costs)
+    coloring, lighting, exchanging, fitting, fitting_again = shares(
+        progress, (*SHARES[:-1], 0.0 if fluxes_stated else SHARES[-1])
+    )
     coloring(0.0, "reading colours")
     shown, known = surface_colors(scan)
     generator = np.random.default_rng(SEED)
@@ -236,42 +227,6 @@ def take_light_out(
     )
 
 
-def delighting_costs(scan: Scan, lamps: int, *, fluxes_stated: bool = True) -> tuple[float, float, float, float, float]:
-    """What colours, direct light, light exchange, the fits, and the fits once more usually take [s of one core].
-
-    Parameters
-    ----------
-    scan : Scan
-    lamps : int
-        Their number: each is an unknown of the fits, and a source that every one of their steps adds up.
-    fluxes_stated : bool
-        As for `take_light_out`.
-
-    Returns
-    -------
-    costs : tuple of float
-        0 where there are no colours or no lamps, since nothing is done then. [s]
-    """
-    if not (lamps and scan.appearance.known):
-        return 0.0, 0.0, 0.0, 0.0, 0.0
-    faces = len(scan.faces)
-    fits_s = sum(_fit_costs(faces, lamps))
-    return (
-        coloring_s(scan) + SAMPLING_S_PER_FACE * faces,
-        DIRECT_S_PER_FACE * faces + DIRECT_S_PER_LAMP * lamps,
-        EXCHANGE_S + EXCHANGE_S_PER_FACE * faces,
-        fits_s,
-        0.0 if fluxes_stated else ONCE_MORE * fits_s,
-    )
-
-
-def _fit_costs(faces: int, lamps: int) -> list[float]:
-    """What each round's fit usually takes [s of one core]."""
-    pairs = lamps**2
-    first_s = FIRST_FIT_S + FIRST_FIT_S_PER_FACE * faces + FIRST_FIT_S_PER_PAIR * pairs
-    return [first_s, *[NEXT_FIT_S + NEXT_FIT_S_PER_FACE * faces + NEXT_FIT_S_PER_PAIR * pairs] * (ROUNDS - 1)]
-
-
 def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_areas: FloatArray) -> MaterialMap:
     """Materials whose uncertainty counts that of the light too: of each, its mean over the material's faces.
 
@@ -326,7 +281,7 @@ def _fit(
     spread = _spread(scan, samples)
     bands = np.stack([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps])
     bands /= bands.sum(axis=0).mean()
-    first, *following = shares(progress, _fit_costs(len(scan.faces), len(lamps)))
+    first, *following = shares(progress, ROUND_SHARES)
     fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
     shadow_edges, ceiling = evidence.unsure, evidence.ceiling
     for part in following:

@@ -10,8 +10,7 @@ import xarray as xr
 
 from lidarspectra.geometry.scan import Scan, load_scan, save_scan
 from lidarspectra.hardware.phone.readers import read_scan
-from lidarspectra.hardware.phone.repair import repair_costs, repair_scan
-from lidarspectra.hardware.phone.scan_times import coloring_s, loading_s, saving_s
+from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.io.files import hash_file
 from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
 from lidarspectra.mapping.figures.figure_style import save_figure
@@ -33,25 +32,24 @@ from lidarspectra.mapping.maps.spectral_map import (
 )
 from lidarspectra.mapping.report.report import PAGE, ReportInput, ReportView, StageRow, write_report
 from lidarspectra.mapping.report.room_view import RoomSurfaces
-from lidarspectra.material.estimate import estimate_costs
 from lidarspectra.material.lamp_fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
 from lidarspectra.material.material_mesh import daylight_colors, save_material_mesh
 from lidarspectra.material.model_card import CARD_SUFFIX
 from lidarspectra.material.segmentation import SHIPPED_MODEL
-from lidarspectra.material.viewpoints import render_views, view_times
+from lidarspectra.material.viewpoints import render_views
 from lidarspectra.material.views import ViewSet, load_views, save_views
-from lidarspectra.progress import Progress, part_of, shares
+from lidarspectra.progress import Progress, shares
 from lidarspectra.radiance.engine.engine import find_engine
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport, save_transport
 from lidarspectra.radiance.scene.exported_model import write_workflow
 from lidarspectra.radiance.scene.placement import placement_notes
-from lidarspectra.radiance.scene.scene import RadianceScene, load_scene, scene_s, write_scene
+from lidarspectra.radiance.scene.scene import RadianceScene, load_scene, write_scene
 from lidarspectra.room.room import find_room, load_room, save_room
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.sensor_files import find_bands
-from lidarspectra.workflow.delighting import delighting_costs, take_light_out, with_light_uncertainty
+from lidarspectra.workflow.delighting import take_light_out, with_light_uncertainty
 from lidarspectra.workflow.inputs import (
     Inputs,
     assigned_spectra,
@@ -69,16 +67,13 @@ from lidarspectra.workflow.workspace import Notes, Stage, StageResult, versions
 REPORT_PAGE = PAGE
 MODEL_FOLDER = "model"
 SEGMENTATION = "segmentation"
-READING_SHARE = 0.15  # [1] of the scan's time, before its size is known
-HOLES_LIKELY = 0.5  # [1] that there are some, to be closed in the colours of their rims
-SAVING_VIEWS_SHARE = 0.12  # [1] of the time that they took (benchmark scale)
-FINDING_S_PER_FACE = 2.3e-6  # [s] of one core, floor, walls and ceiling of a million faces (benchmark scale)
-LAMPS_S, PLACING_S_PER_FACE = 0.2, 2e-6  # [s] of one core, in that hall
-TRACED_SHARE = 0.97  # [1] of the stage's time; the rest is to save 100,000 points under 64 lamps
-READING_S_PER_FACE = 3.8e-5  # [s] of one core, for the report of a hall of a million faces whose run goes on
-APPLICATIONS_S = 10.0  # [s] of one core: people, plants and cells
-PAGE_S, PAGE_S_PER_FACE = 9.0, 1.2e-5  # [s] of one core: the page itself, in the demo room and in that hall
-SAVING_S = (1.1, 3e-6)  # [s] of the materials: their picture, and for each face
+# Shares of a stage's time, on a first run; `workspace` corrects them by what the last run took.
+SCAN_SHARES = (0.1, 0.65, 0.1, 0.15)  # reading, repairing, finding the room, saving
+VIEWS_SHARES = (0.01, 0.83, 0.16)  # reading, looking around, saving
+DELIGHTING_SHARE, MATERIALS_SHARES = 0.3, (0.62, 0.08)  # de-lighting where it is asked for; estimating, saving
+SCENE_SHARES = (0.05, 0.85, 0.1)  # finding lamps, writing, looking for lamps in walls
+TRACE_SHARES = (0.18, 0.75, 0.07)  # placing the sensors, tracing, saving
+READING_SHARE, APPLYING_SHARE, PAGE_SHARE = 0.03, 0.5, 0.97  # of the report; applications where they are asked for
 TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays by the clock: runs agree within noise
 
 
@@ -88,13 +83,8 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
     file = inputs.path(section.file)
 
     def make(folder: Path, progress: Progress) -> Notes:
-        reading, rest = shares(progress, (READING_SHARE, 1.0 - READING_SHARE))
+        reading, repairing, finding, saving = shares(progress, SCAN_SHARES)
         raw = read_scan(file, unit=section.unit, up=section.up, progress=reading)
-        repair_s = sum(repair_costs(raw, close_holes=False, flatten=section.flatten, max_faces=section.max_faces))
-        holes_s = HOLES_LIKELY * coloring_s(raw) if section.close_holes else 0.0
-        finding_s = FINDING_S_PER_FACE * min(len(raw.faces), section.max_faces or len(raw.faces))
-        costs = (repair_s + holes_s, finding_s, saving_s(raw, section.max_faces))
-        repairing, finding, saving = shares(rest, costs)
         scan = repair_scan(
             raw,
             close_holes=section.close_holes,
@@ -130,10 +120,9 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
     coverage = inputs.room.materials.coverage
 
     def make(folder: Path, progress: Progress) -> Notes:
-        progress(0.0, "reading the scan")
+        loading, looking, saving = shares(progress, VIEWS_SHARES)
+        loading(0.0, "reading the scan")
         mesh = scan.value.scan
-        usual_s = view_times(mesh).usual_s
-        loading, looking, saving = shares(progress, (loading_s(mesh), usual_s, SAVING_VIEWS_SHARE * usual_s))
         loading(1.0, "scan read")
         views = render_views(mesh, scan.value.room, coverage=coverage, progress=looking)
         saving(0.0, "saving")
@@ -157,15 +146,12 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
     delight = section.delight and section.method != "default"  # that one does without the scan's colours
 
     def make(folder: Path, progress: Progress) -> Notes:
+        delighting, estimating, saving = shares(progress, (DELIGHTING_SHARE if delight else 0.0, *MATERIALS_SHARES))
+        delighting(0.0, "reading scan and views")
         mesh, light = scan.value.scan, None
-        faces = len(mesh.faces)
-        estimate_s = sum(estimate_costs(faces, len(views.value.views) if section.model != "none" else 0))
         lamps = lamps_of_run(inputs, scan.value) if delight else ()
         found = inputs.room.lamps_from_scan
         stated = found is None or found.fluxes == "area"
-        delighting_s = sum(delighting_costs(mesh, len(lamps), fluxes_stated=stated)) if delight else 0.0
-        costs = (delighting_s, estimate_s, SAVING_S[0] + SAVING_S[1] * faces)
-        delighting, estimating, saving = shares(progress, costs)
         if delight:
             light = take_light_out(mesh, scan.value.room, lamps, fluxes_stated=stated, progress=delighting)
         materials = materials_of_run(
@@ -218,16 +204,11 @@ def scene_stage(
     room = inputs.room
 
     def make(folder: Path, progress: Progress) -> Notes:
-        progress(0.0, "lamps")
+        finding, writing, placing = shares(progress, SCENE_SHARES)
+        finding(0.0, "lamps")
         lamps = (*with_told_fluxes(lamps_of_run(inputs, scan.value), materials.folder), *daylight_of_run(room, folder))
         save_lamps(lamps, folder)
         mesh, bands = scan.value.scan, find_bands(room.sensors.device, inputs.base)
-        costs = (
-            LAMPS_S,
-            scene_s(len(mesh.faces), lamps, bands, room.trace.mode),
-            PLACING_S_PER_FACE * len(mesh.faces),
-        )
-        _, writing, placing = shares(progress, costs)
         scene = write_scene(
             mesh,
             materials.value,
@@ -265,6 +246,8 @@ def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResu
     section = inputs.room.trace
 
     def make(folder: Path, progress: Progress) -> Notes:
+        placing, tracing, saving = shares(progress, TRACE_SHARES)
+        placing(0.0, "sensor points")
         points = sensor_points(scan.value.scan, scan.value.room, sensors, folder=inputs.base)
         receptor = receptor_of_run(inputs)
         with trace_engine(inputs.cluster) as engine:
@@ -277,9 +260,9 @@ def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResu
                 workers=inputs.workers or section.workers,
                 receptor=receptor,
                 engine=engine,
-                progress=part_of(progress, 0.0, TRACED_SHARE),
+                progress=tracing,
             )
-        progress(TRACED_SHARE, "saving")
+        saving(0.0, "saving")
         save_transport(transport, folder / TRANSPORT_FILE)
         write_workflow(scene.value, points, folder / MODEL_FOLDER, accuracy=section.accuracy, noise=section.noise)
         return Notes(
@@ -337,13 +320,9 @@ def report_stage(
 
     def make(folder: Path, progress: Progress) -> Notes:
         mesh, room = scan.value.scan, scan.value.room
+        applications = inputs.room.people_and_plants or inputs.room.cells
         reading, applying, writing = shares(
-            progress,
-            (
-                READING_S_PER_FACE * len(mesh.faces) if materials.was_fresh else 0.0,  # else the colours are at hand
-                APPLICATIONS_S if inputs.room.people_and_plants or inputs.room.cells else 0.0,
-                PAGE_S + PAGE_S_PER_FACE * len(mesh.faces),
-            ),
+            progress, (READING_SHARE, APPLYING_SHARE if applications else 0.0, PAGE_SHARE)
         )
         lamps = load_lamps(scene.folder)
         plan = floor_plan(mesh, room)

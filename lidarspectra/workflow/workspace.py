@@ -22,7 +22,7 @@ from typing import Any, Generic, Literal, Self, TypeVar, get_args
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.file_lock import FileLock
 from lidarspectra.io.files import hash_file, write_whole
-from lidarspectra.progress import Progress
+from lidarspectra.progress import Pace, Paced, Progress, is_pace
 from lidarspectra.workflow.peak_memory import peak_memory
 
 StageName = Literal["scan", "views", "materials", "scene", "trace", "map", "report"]
@@ -77,6 +77,9 @@ class StageRecord:
         SHA-256 of every file of the stage when it was made.
     versions : dict of str to str
         Of this package, Python, the system and the libraries that numbers depend on.
+    pace : tuple of (float, float)
+        When each part of it was done, by which the next run tells its remaining time; see `lidarspectra.progress`.
+        Older records have none. [0-1]
     """
 
     stage: str
@@ -89,6 +92,7 @@ class StageRecord:
     warnings: tuple[str, ...]
     outputs: dict[str, str]
     versions: dict[str, str]
+    pace: Pace = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,8 +246,10 @@ class Workspace:
             _remove(partial)
             partial.mkdir()
             start = time.monotonic()
+            last = parse_record(folder)
+            paced = Paced(progress, last.pace if last else ())
             with peak_memory() as peak:
-                notes = stage.make(partial, progress)
+                notes = stage.make(partial, paced)
             record = StageRecord(
                 stage=stage.name,
                 key=_key(stage),
@@ -255,6 +261,7 @@ class Workspace:
                 warnings=notes.warnings,
                 outputs=hash_files(partial),
                 versions=versions(),
+                pace=paced.pace(),
             )
             write_json(partial / RECORD_FILE, asdict(record))
             _remove(folder)
@@ -313,13 +320,19 @@ def parse_record(folder: Path) -> StageRecord | None:
     """The record of a stage whether or not its files are there, or None where it cannot be read."""
     try:
         fields = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
-        record = StageRecord(**{**fields, "warnings": tuple(fields["warnings"])})
+        record = StageRecord(**{**fields, "warnings": tuple(fields["warnings"]), "pace": _pace(fields)})
         hashes = (record.outputs, record.versions)
         if any(not isinstance(word, str) for table in hashes for pair in table.items() for word in pair):
             return None
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
     return record
+
+
+def _pace(fields: dict[str, Any]) -> Pace:
+    """The pace in a record; none where an older package wrote it or it cannot be read: only the bar would miss it."""
+    found = fields.get("pace", ())
+    return tuple((float(done), float(passed)) for done, passed in found) if is_pace(found) else ()
 
 
 def read_record(folder: Path) -> StageRecord | None:

@@ -2,7 +2,8 @@
 
     python -m research.benchmarks.scale hall FOLDER  a hall of 12 m x 9 m: 1,008,400 triangles, 4 textures of 8192²,
                                                64 panels, 100,000 points
-    python -m research.benchmarks.scale demo FOLDER     the demo room, for its progress
+    python -m research.benchmarks.scale demo FOLDER     the demo room, for its progress; with `--again` once more, now
+                                               by the record of the run before
 
 `--points 1000 --noise draft` makes the trace small; `--invented` leaves it out and goes on with light that nobody
 traced, for time and memory of the points, the transport's file, map and report. FOLDER is good for nothing else then.
@@ -10,14 +11,14 @@ traced, for time and memory of the points, the transport's file, map and report.
 Processor time is that of all processes, and says more than the clock's on a machine that others use too. Memory is that
 of the process and its children together, pages that they share counted for each. The remaining time is what
 `lidarspectra.progress.remaining_s` makes of each report; "told" is the range, over the reports after a fifth of the
-stage's time and before its last two seconds, of the ratio of what was told to what it then took. Both are taken of the
-processor time, which other programs do not stretch; where two cores work the clock's runs at half of it.
+stage's time and before its last two seconds, of the ratio of what was told to what it then took, both by the clock.
 """
 
 import argparse
 import io
 import json
 import struct
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
@@ -58,7 +59,7 @@ LAST_S = 2.0  # [s] before its end: a ratio of moments says nothing
 
 
 Report = tuple[float, float, str]
-"""Processor time of the stage so far [s], fraction that it says is done [1], and its words."""
+"""Time of the stage so far by the clock [s], fraction that it says is done [1], and its words."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -284,26 +285,27 @@ class Watch:
 
     folder: Path
     reports: dict[str, list[Report]] = field(default_factory=dict)
-    _start_processor: float = 0.0
+    _start_processor_s: float = 0.0
+    _start_s: float = 0.0
 
     def start(self, stage: StageName) -> Progress:
         """Begin a stage."""
-        self._start_processor = processor_seconds()
+        self._start_processor_s, self._start_s = processor_seconds(), time.monotonic()
         kept: list[Report] = []
         self.reports[stage] = kept
 
         def report(fraction: float, message: str) -> None:
-            kept.append((processor_seconds() - self._start_processor, fraction, message))
+            kept.append((time.monotonic() - self._start_s, fraction, message))
 
         return report
 
     def finish(self, result: StageResult[Any]) -> None:
         """Print its line."""
         record = result.record
-        computed_s = processor_seconds() - self._start_processor
-        self.reports[record.stage].append((computed_s, 1.0, "done"))
+        computed_s, took_s = processor_seconds() - self._start_processor_s, time.monotonic() - self._start_s
+        self.reports[record.stage].append((took_s, 1.0, "done"))
         (self.folder / "progress.json").write_text(json.dumps(self.reports), encoding="utf-8")
-        told = "kept" if result.was_fresh else told_words(self.reports[record.stage], computed_s)
+        told = "kept" if result.was_fresh else told_words(self.reports[record.stage], took_s)
         print(
             f"| {record.stage} | {computed_s:,.0f} s | {record.seconds:,.0f} s | "
             f"{record.peak_memory_mib / 1024:.2f} GB | {folder_bytes(result.folder) / 1e6:,.0f} MB | {told} | "
@@ -380,6 +382,7 @@ def main() -> None:
         "--invented", action="store_true", help="light is invented, not traced, for the cost of all but the tracing"
     )
     parser.add_argument("--last", choices=STAGES, default="report", help="stop after this stage")
+    parser.add_argument("--again", action="store_true", help="make every stage anew, the bar corrected by the last run")
     arguments = parser.parse_args()
     if arguments.invented:
         setattr(stages, "trace", invented_light)  # noqa: B010 - a function that the type checker holds for fixed
@@ -394,7 +397,8 @@ def main() -> None:
         "| stage | processor | clock | memory | disk | remaining time told | result |\n|---|---|---|---|---|---|---|",
         flush=True,
     )
-    run(run_file, last=arguments.last, listener=Watch(arguments.folder))
+    first: StageName | None = "scan" if arguments.again else None
+    run(run_file, first=first, last=arguments.last, listener=Watch(arguments.folder))
 
 
 if __name__ == "__main__":

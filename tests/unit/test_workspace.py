@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import psutil
@@ -129,3 +130,33 @@ def test_a_place_that_cannot_be_written_is_one_clear_error(tmp_path: Path) -> No
 def test_a_run_without_the_stage_says_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(WorkspaceError, match="lidarspectra run"):
         require_stage(tmp_path, "trace")
+
+
+def test_a_stage_keeps_its_pace_and_tells_by_it_the_next_time(tmp_path: Path) -> None:
+    told: list[float] = []
+
+    def slow_start(folder: Path, progress: Progress) -> Notes:
+        time.sleep(0.05)
+        progress(0.1, "a tenth, it says")
+        return Notes(summary="done")
+
+    stage = Stage(name="scan", settings={}, make=slow_start, load=lambda folder: folder)
+    with Workspace(tmp_path) as work:
+        first = work.run_stage(stage, progress=silent)
+        again = work.run_stage(stage, progress=lambda fraction, message: told.append(fraction), force=True)
+    ((done, passed),) = first.record.pace
+    assert done == 0.1
+    assert told == [pytest.approx(passed)]
+    assert read_record(again.folder) == again.record
+
+
+@pytest.mark.parametrize("pace", [None, "fast", [[2, 3]]])
+def test_a_record_of_an_older_package_or_with_another_pace_is_read_without_one(tmp_path: Path, pace: object) -> None:
+    result = run_scan(tmp_path, Maker())
+    path = result.folder / "stage.json"
+    fields = json.loads(path.read_text(encoding="utf-8"))
+    fields.pop("pace") if pace is None else fields.update(pace=pace)
+    path.write_text(json.dumps(fields), encoding="utf-8")
+    record = read_record(result.folder)
+    assert record is not None
+    assert record.pace == ()

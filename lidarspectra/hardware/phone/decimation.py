@@ -26,10 +26,7 @@ from lidarspectra.spectra.colorimetry import encode_srgb
 SMALLEST_ATLAS_PX, LARGEST_ATLAS_PX = 512, 4096  # [px] edge of the new texture
 REACH_M = 0.1  # [m] how far decimation may move a surface and still find its colour straight below or above
 ROWS_AT_ONCE = 256  # texture rows drawn at once, a million points
-COLLAPSING_S_PER_FACE, CARRYING_S_PER_PIXEL = (
-    1.6e-5,
-    7e-7,
-)  # [s] of one core, in the hall of benchmark scale
+SHARES = (0.6, 0.4)  # of the time: collapsing edges, carrying the texture over
 _CORNER_INSET = 0.02  # [1] colours at corners are read so far inside the face, away from its neighbours
 
 
@@ -59,7 +56,7 @@ def decimate(scan: Scan, max_faces: int, *, progress: Progress = silent) -> Scan
     count = scan.faces.shape[0]
     if count <= max_faces:
         return scan
-    collapsing, carrying = shares(progress, decimation_costs(scan, max_faces))
+    collapsing, carrying = shares(progress, SHARES)
     collapsing(0.0, f"decimating {count} triangles")
     vertices, faces = _collapsed(scan, max_faces)
     carrying(0.0, "carrying the texture over")
@@ -71,18 +68,6 @@ def decimate(scan: Scan, max_faces: int, *, progress: Progress = silent) -> Scan
     small = Scan(vertices=vertices, faces=faces, appearance=appearance, record=record)
     progress(1.0, f"{faces.shape[0]} triangles left")
     return replace(small, record=replace(record, area_m2=float(small.areas.sum())))
-
-
-def decimation_costs(scan: Scan, max_faces: int | None) -> tuple[float, float]:
-    """What collapsing edges and carrying the texture usually take; 0 where nothing is to be done [s of one core]."""
-    if max_faces is None or max_faces >= len(scan.faces):
-        return 0.0, 0.0
-    return COLLAPSING_S_PER_FACE * len(scan.faces), CARRYING_S_PER_PIXEL * carried_pixels(scan)
-
-
-def carried_pixels(scan: Scan) -> int:
-    """Pixels of the texture after decimation, about."""
-    return min(scan.appearance.pixels, LARGEST_ATLAS_PX**2)
 
 
 def _collapsed(scan: Scan, max_faces: int) -> tuple[FloatArray, IntArray]:

@@ -35,7 +35,7 @@ DROPPED_SHARE = 0.2  # [1] of the faces looked at, from which those that are tak
 USUAL_PATCH_M2 = (
     0.5  # [m²] of those that follow on walls and floor: 0.2 in the demo room, 0.7 in research/benchmarks/scale.py
 )
-COSTS = (0.4, 0.55, 0.05)  # [1] of the time, in both: normals and neighbours; planes; bumps and rims
+SHARES = (0.4, 0.55, 0.05)  # of the time: normals and neighbours; planes; bumps and rims
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,7 +78,7 @@ def find_flat_patches(scan: Scan, *, progress: Progress = silent) -> FlatPatches
     -------
     patches : FlatPatches
     """
-    preparing, searching, growing = shares(progress, COSTS)
+    preparing, searching, growing = shares(progress, SHARES)
     preparing(0.0, "finding planes")
     search = _Search(scan)
     while (direction := search.fullest_direction()) is not None:

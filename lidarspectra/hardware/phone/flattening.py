@@ -25,10 +25,7 @@ UNMOVING_ROUNDS = 4  # [1] of taking back what turned a triangle over
 TURNED_COSINE = 0.0  # [1] of the turn of a face's normal
 MIN_FACE_AREA_M2 = 1e-9  # [m²] a face that an edge swallowed
 MIN_MOVE_M = 1e-6  # [m] that counts as one
-COSTS = (
-    0.7,
-    0.3,
-)  # [1] of the time, in a small room and a large hall (research/benchmarks/scale.py): finding planes, drawing
+SHARES = (0.7, 0.3)  # of the time: finding planes, drawing onto them
 
 
 def flatten_scan(scan: Scan, *, progress: Progress = silent) -> Scan:
@@ -46,7 +43,7 @@ def flatten_scan(scan: Scan, *, progress: Progress = silent) -> Scan:
     scan : Scan
         With what was moved in its record. Faces that an edge swallowed are gone.
     """
-    finding, drawing = shares(progress, COSTS)
+    finding, drawing = shares(progress, SHARES)
     patches = find_flat_patches(scan, progress=finding)
     drawing(0.0, "drawing vertices onto planes")
     moved = _drawn(scan, patches)

@@ -16,7 +16,7 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.scan import Appearance, Scan
 from lidarspectra.geometry.triangles import triangle_areas
-from lidarspectra.hardware.phone.decimation import decimate, decimation_costs
+from lidarspectra.hardware.phone.decimation import decimate
 from lidarspectra.hardware.phone.facing import connected_pieces, faces_to_turn
 from lidarspectra.hardware.phone.flattening import flatten_scan
 from lidarspectra.hardware.phone.holes import (
@@ -27,15 +27,13 @@ from lidarspectra.hardware.phone.holes import (
     longest_extent,
     triangulate_loop,
 )
-from lidarspectra.hardware.phone.scan_times import coloring_s
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 MERGE_DISTANCE_M = 1e-5  # [m] a hundredth of the scanner's noise; above the rounding of 32-bit files
 MIN_FACE_AREA_M2 = 1e-10  # [m²] 0.01 mm x 0.01 mm; Radiance has no use for less
-# Of one core, in the demo room and a hall of a million faces (research/benchmarks/scale.py).
-MERGING_S_PER_FACE, DROPPING_S_PER_FACE, TURNING_S_PER_FACE = 0.7e-6, 0.7e-6, 2.5e-6  # [s]
-CLOSING_S_PER_FACE, FLATTENING_S_PER_FACE = 0.6e-6, 9e-6  # [s] looking for holes; finding planes and drawing onto them
+SHARES = (0.05, 0.05, 0.15, 0.3, 0.45)  # of the time: merging, dropping, turning, closing holes, flattening
+DECIMATING_SHARE = 1.0  # of the same; only where it is asked for
 
 
 def repair_scan(
@@ -74,18 +72,16 @@ def repair_scan(
     ScanError
         If no face is left.
     """
-    costs = repair_costs(scan, close_holes=close_holes, flatten=flatten, max_faces=max_faces)
-    merging, dropping, turning, rest = shares(progress, (*costs[:3], sum(costs[3:])))
+    decimating_share = 0.0 if max_faces is None else DECIMATING_SHARE
+    merging, dropping, turning, closing, flattening, decimating = shares(progress, (*SHARES, decimating_share))
     merging(0.0, "merging vertices")
     scan = _merged(scan)
     dropping(0.0, "dropping doubled and degenerate triangles")
     scan = _without_bad_faces(scan)
     turning(0.0, "turning normals towards the room")
     scan = _turned(scan)
-    rest(0.0, "closing holes")
+    closing(0.0, "closing holes")
     loops, loose_edges = find_loops(scan.faces)
-    costs = repair_costs(scan, close_holes=close_holes and bool(loops), flatten=flatten, max_faces=max_faces)
-    closing, flattening, decimating = shares(rest, costs[3:])
     scan = _closed(scan, loops, loose_edges, max_hole_m if close_holes else 0.0, closing)
     if flatten:
         scan = flatten_scan(scan, progress=flattening)
@@ -94,35 +90,6 @@ def repair_scan(
     record = replace(scan.record, faces_kept=scan.faces.shape[0], area_m2=float(scan.areas.sum()))
     progress(1.0, "scan repaired")
     return replace(scan, record=record)
-
-
-def repair_costs(
-    scan: Scan, *, close_holes: bool = True, flatten: bool = False, max_faces: int | None = None
-) -> tuple[float, ...]:
-    """What merging, dropping, turning, closing, flattening and decimating usually take [s of one core].
-
-    Parameters
-    ----------
-    scan : Scan
-    close_holes : bool
-        Whether they are to be closed and some are expected: the first one's rim asks for the colours of all faces.
-    flatten : bool
-    max_faces : int, optional
-
-    Returns
-    -------
-    costs : tuple of float
-        0 for what is not asked for. [s]
-    """
-    faces = len(scan.faces)
-    return (
-        MERGING_S_PER_FACE * faces,
-        DROPPING_S_PER_FACE * faces,
-        TURNING_S_PER_FACE * faces,
-        CLOSING_S_PER_FACE * faces + (coloring_s(scan) if close_holes else 0.0),
-        FLATTENING_S_PER_FACE * faces if flatten else 0.0,
-        sum(decimation_costs(scan, max_faces)),
-    )
 
 
 def merged_numbers(vertices: FloatArray, distance: float = MERGE_DISTANCE_M) -> IntArray:

@@ -59,11 +59,7 @@ from lidarspectra.radiance.scene.scene_record import load_scene as load_scene
 from lidarspectra.radiance.scene.surfaces import surface_slots, surface_text
 from lidarspectra.spectra.spectrum import BandSet
 
-WRITING_S_PER_FACE, COMPILING_S_PER_FACE = (
-    1.25e-5,
-    7e-6,
-)  # [s] of one core, in a hall of a million faces
-COMPILING_S, OCTREE_S = 0.3, 0.02  # [s] the same: the engine's programs start
+WRITING_SHARE, COMPILING_SHARE, OCTREE_SHARE = 1.0, 0.5, 0.05  # of the time: the mesh's text; a pass's mesh, octree
 LAMPS_PER_PASS = 4  # [1] a path asks every lamp of its pass for light: 64 lamps in one pass took 13 times 4 lamps' time
 
 
@@ -122,7 +118,7 @@ def write_scene(
     room = _Room(folder, lamps, modifiers, bands, WRITTEN_PER_WATT * with_floor(flux), _bounds(scan, lamps))
     names = tuple(f"m{index}" for index in range(len(materials.materials)))
     plans = _plan_passes(lamps, bands, mode)
-    writing, *compiling = shares(progress, _costs(len(scan.faces), [planned for _, planned in plans]))
+    writing, *compiling = shares(progress, _shares([planned for _, planned in plans]))
     writing(0.0, "writing the mesh")
     _write_shapes(room)
     meshes = _write_meshes(scan, materials, lamps, folder, names=names, crease_deg=crease_deg)
@@ -153,16 +149,10 @@ def write_scene(
     return scene
 
 
-def scene_s(faces: int, lamps: Sequence[Lamp], bands: BandSet, mode: Mode = "native") -> float:
-    """Time that `write_scene` usually takes of one core [s]."""
-    return sum(_costs(faces, [planned for _, planned in _plan_passes(lamps, bands, mode)]))
-
-
-def _costs(faces: int, passes: Sequence[ScenePass]) -> list[float]:
-    """What the text of the mesh and each pass usually take [s of one core]; a pass of shared surfaces has no mesh."""
-    mesh_s = COMPILING_S + COMPILING_S_PER_FACE * faces
-    compiled = [mesh_s if each.surfaces == each.name else 0.0 for each in passes]
-    return [WRITING_S_PER_FACE * faces, *(compiled_s + OCTREE_S for compiled_s in compiled)]
+def _shares(passes: Sequence[ScenePass]) -> list[float]:
+    """Shares of the time of the mesh's text and of each pass; one that shares the surfaces of another has no mesh."""
+    compiled = [COMPILING_SHARE if each.surfaces == each.name else 0.0 for each in passes]
+    return [WRITING_SHARE, *(share + OCTREE_SHARE for share in compiled)]
 
 
 def _check_parts(scan: Scan, materials: MaterialMap, lamps: Sequence[Lamp]) -> None:

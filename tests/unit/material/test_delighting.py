@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, MAX_STEPS, fit_light
 from lidarspectra.material.sharpened_cones import cones_of_srgb
@@ -18,7 +17,6 @@ from lidarspectra.workflow.delighting import (
     _unsure,
     _whiter_than_paint,
     _whites,
-    delighting_costs,
 )
 
 from .lit_walls import evidence
@@ -62,14 +60,6 @@ def test_a_note_tells_of_white_surfaces_that_came_out_brighter_than_paint_and_no
     noisy = np.vstack([floor, np.linspace(0.76, 0.94, 40)[:, None] * np.ones(3)])
     assert _whiter_than_paint(noisy, 200.0) == ()
     assert _whiter_than_paint(floor, 200.0) == ()
-
-
-def test_light_that_cannot_be_taken_out_has_no_share_of_the_time() -> None:
-    colorless = bare_scan(np.eye(3), np.array([[0, 1, 2]]))
-    colored = replace(colorless, appearance=replace(colorless.appearance, known=True))
-    assert sum(delighting_costs(colorless, 2)) == 0
-    assert sum(delighting_costs(colored, 0)) == 0
-    assert 0 < sum(delighting_costs(colored, 2)) < sum(delighting_costs(colored, 2, fluxes_stated=False))
 
 
 def test_whites_are_light_surfaces_other_than_the_ceiling() -> None:

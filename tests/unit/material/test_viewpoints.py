@@ -10,11 +10,10 @@ from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.material.projection import camera_towards, pixel_grid, reverse_project
 from lidarspectra.material.surface_samples import surface_samples
 from lidarspectra.material.viewpoints import (
-    USUAL_LATER_VIEWS,
+    FIRST_SHARE,
     ViewSettings,
     free_candidates,
     render_views,
-    view_times,
     visible,
 )
 from lidarspectra.material.views import capture_image, load_views, save_views
@@ -123,10 +122,8 @@ def test_the_viewpoints_to_come_are_counted_ahead(box):
     found = render_views(scan, coverage=0.99, settings=SMALL, progress=lambda fraction, words: told.append(fraction))
     later = len(found.viewpoints) - 1
     assert later > 0
-    times = view_times(scan, SMALL)
-    done_s = times.search_s + 6 * times.view_s + times.update_s  # after the first viewpoint
-    to_come_s = later * (USUAL_LATER_VIEWS * times.view_s + times.update_s)
-    assert told[1] == pytest.approx(done_s / (done_s + to_come_s))
+    assert told[1] == pytest.approx(FIRST_SHARE)
+    assert told[2] == pytest.approx(FIRST_SHARE + (1.0 - FIRST_SHARE) / later)
     assert told == sorted(told)
     assert told[-1] == 1.0
 
