@@ -194,7 +194,7 @@ def _walk(chain: _Link, inputs: Inputs) -> None:
         materials = chain(stages.materials_stage(inputs, scan, views))
         scene = chain(stages.scene_stage(inputs, scan, materials))
         transport = chain(stages.trace_stage(inputs, scan, scene))
-        spectral_map = chain(stages.map_stage(transport))
+        spectral_map = chain(stages.map_stage(scene, transport))
         chain(stages.report_stage(inputs, scan, views, materials, scene, transport, spectral_map))
     except _Stopped:
         return

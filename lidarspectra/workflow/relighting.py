@@ -89,7 +89,7 @@ def relight_run(run: Path, orders: Sequence[LampOrder], *, base: Path) -> xr.Dat
         if order.lamp in changes:
             raise LampError(expected="each lamp once", found=f"'{order.lamp}' twice", where="relighting")
         changes[order.lamp] = _change(lamps[order.lamp], order, base)
-    return relight(transport, changes, bands=load_scene(scene).bands)
+    return relight(transport, changes, bands=load_scene(scene).bands, lamps=tuple(lamps.values()))
 
 
 def _change(lamp: Lamp, order: LampOrder, base: Path) -> LampChange:

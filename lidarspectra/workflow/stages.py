@@ -285,17 +285,18 @@ def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResu
     )
 
 
-def map_stage(transport: StageResult[xr.Dataset]) -> Stage[xr.Dataset]:
+def map_stage(scene: StageResult[RadianceScene], transport: StageResult[xr.Dataset]) -> Stage[xr.Dataset]:
     """Stage 6: the spectral map, the sum over lamps (paper, Section 3.3)."""
 
     def make(folder: Path, progress: Progress) -> Notes:
-        light = spectral_map(transport.value)
+        light = spectral_map(transport.value, lamps=load_lamps(scene.folder))
         save_map(light, folder / MAP_FILE)
         save_map_table(light, folder / MAP_TABLE_FILE)
         mean = light["irradiance"].mean("point")
         return Notes(
             summary=f"{light.sizes['band']} channels x {light.sizes['point']} points; "
             f"mean {float(mean.min()):.3g} to {float(mean.max()):.3g} W/m²/nm"
+            + (f", {float(light['illuminance'].mean()):.0f} lx" if "illuminance" in light else "")
         )
 
     return Stage(

@@ -3,15 +3,18 @@
 A map is an xarray Dataset with the dims (point, band):
 
     irradiance, irradiance_se   (point, band)  [W m-2 nm-1]  band value, and its standard error
+    illuminance, illuminance_se (point,)       [lx]          where the bands span what the eye sees (`visible_bands`)
     x, y, z                     (point,)       [m]
     nx, ny, nz                  (point,)       [1]           direction that the sensor looks in
     buried                      (point,)                     inside furniture or outside the room: do not trust
     band, band_width, band_label (band,)       [nm]          centre, full width at half maximum, short name
 
-`check_map` holds that schema; it stands at every way in.
+`check_map` holds that schema; it stands at every way in. The attribute `illuminance_from` says whether the illuminance
+was weighed with the lamps' whole spectra ('lamps') or from the band values alone ('bands'). Maps that were written
+before it was part of them are read without it.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,9 +25,13 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from lidarspectra.arguments import all_of, instance_of
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import ArrayError, LidarSpectraError, MapError
 from lidarspectra.io.netcdf import LARGEST_VALUE, read_netcdf, write_netcdf
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.maps.response_weights import band_weights, lamp_weights
+from lidarspectra.mapping.maps.visible_bands import covers_vision, luminosity
 from lidarspectra.radiance.sampling.transport import standard_error_of_sum
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
@@ -56,6 +63,12 @@ _VARIABLES = {
 }
 
 
+_ILLUMINANCE = {
+    "illuminance": "illuminance",
+    "illuminance_se": "standard error of the illuminance, the largest that any correlation of the bands allows",
+}
+_LUX_COLUMNS = {"illuminance": "illuminance_lx", "illuminance_se": "SE_illuminance_lx"}  # of the table
+ILLUMINANCE_UNIT = "lx"
 _TRANSPORT = {
     "coefficient": ("lamp", "point", "band"),
     "coefficient_se": ("lamp", "point", "band"),
@@ -85,7 +98,9 @@ class LampChange:
             )
 
 
-def spectral_map(transport: xr.Dataset, flux: ArrayLike | None = None) -> xr.Dataset:
+def spectral_map(
+    transport: xr.Dataset, flux: ArrayLike | None = None, *, lamps: Sequence[Lamp] | None = None
+) -> xr.Dataset:
     """Spectral irradiance at every point, E_b = Σ_lamp coefficient[lamp, b] x flux[lamp, b] (docs/concepts.md, Eq. 3).
 
     Parameters
@@ -94,6 +109,10 @@ def spectral_map(transport: xr.Dataset, flux: ArrayLike | None = None) -> xr.Dat
         Traced coefficients [m-2] with the dims (lamp, point, band), and the flux they were traced for.
     flux : (lamp, band) float, optional
         Band values of every lamp's spectral flux; the traced ones if left out. [W/nm]
+    lamps : sequence of Lamp, optional
+        The traced ones. With them, and without `flux`, the illuminance is E_v = 683 lm/W Σ_lamp ∫ V c_lamp Φ_lamp dλ
+        over their whole spectra; without them it is taken from the band values, a few per cent off for lamps with
+        lines.
 
     Returns
     -------
@@ -102,10 +121,21 @@ def spectral_map(transport: xr.Dataset, flux: ArrayLike | None = None) -> xr.Dat
 
     Raises
     ------
+    ArgumentError
+        If the transport is no Dataset.
     MapError
-        If the transport lacks something, or the flux has another shape or is negative.
+        If the transport lacks something, the flux has another shape or is negative, or a lamp is missing.
     """
+    instance_of(transport, xr.Dataset, name="transport", todo="trace gives one.")
     _require(transport, _TRANSPORT, where="transport")
+    spectra = None
+    if lamps is not None and flux is None:
+        spectra = {lamp.name: lamp.flux for lamp in all_of(lamps, Lamp, name="lamps")}
+    return _light_map(transport, flux, spectra)
+
+
+def _light_map(transport: xr.Dataset, flux: ArrayLike | None, spectra: Mapping[str, Spectrum] | None) -> xr.Dataset:
+    """The map for a flux in every band and, for the illuminance, the spectra [W/nm] that it comes of."""
     traced = transport["flux"].transpose("lamp", "band").to_numpy().astype(np.float64)
     used = traced if flux is None else _checked_flux(flux, traced.shape)
     coefficient = transport["coefficient"].transpose("lamp", "point", "band").to_numpy()
@@ -113,10 +143,46 @@ def spectral_map(transport: xr.Dataset, flux: ArrayLike | None = None) -> xr.Dat
         "irradiance": np.einsum("lpb,lb->pb", coefficient, used),
         "irradiance_se": standard_error_of_sum(transport, used),
     }
-    return check_map(_dataset(values, transport), where="spectral map")
+    centers = transport["band"].to_numpy()
+    if not covers_vision(centers):
+        return check_map(_dataset(values, transport), where="spectral map")
+    values |= _illuminance(values, centers, coefficient, _visible_flux(transport, spectra))
+    light = _dataset(values, transport)
+    light.attrs["illuminance_from"] = "bands" if spectra is None else "lamps"
+    return check_map(light, where="spectral map")
 
 
-def relight(transport: xr.Dataset, changes: Mapping[str, LampChange], *, bands: BandSet | None = None) -> xr.Dataset:
+def _visible_flux(transport: xr.Dataset, spectra: Mapping[str, Spectrum] | None) -> FloatArray | None:
+    """(lamp, band) weights with E_v = Σ weight x coefficient [lm], or None where the spectra are not known."""
+    if spectra is None:
+        return None
+    centers, names = transport["band"].to_numpy(), [str(name) for name in transport["lamp"].to_numpy()]
+    for name in names:
+        if name not in spectra:
+            raise MapError(expected=f"the lamp '{name}', which was traced", found=_listed(spectra), where="lamps")
+    return np.stack([lamp_weights(centers, luminosity(), spectra[name]) for name in names])
+
+
+def _illuminance(
+    values: Mapping[str, FloatArray], centers: FloatArray, coefficient: FloatArray, weights: FloatArray | None
+) -> dict[str, FloatArray]:
+    """Illuminance and its standard error [lx]; the bands' errors add up, as if they all had the same sign."""
+    irradiance, error = values["irradiance"], values["irradiance_se"]
+    if weights is None:
+        by_band = irradiance * band_weights(centers, luminosity())
+    else:
+        by_band = np.einsum("lpb,lb->pb", coefficient.astype(np.float64), weights)
+    relative = error / np.where(irradiance > 0, irradiance, np.inf)
+    return {"illuminance": by_band.sum(axis=1), "illuminance_se": (np.abs(by_band) * relative).sum(axis=1)}
+
+
+def relight(
+    transport: xr.Dataset,
+    changes: Mapping[str, LampChange],
+    *,
+    bands: BandSet | None = None,
+    lamps: Sequence[Lamp] | None = None,
+) -> xr.Dataset:
     """A new map for new lamp spectra or dimming, without tracing again.
 
     Superposition makes dimming exact. A new spectrum is exact but for what the reflectance slots assumed of the
@@ -131,6 +197,9 @@ def relight(transport: xr.Dataset, changes: Mapping[str, LampChange], *, bands: 
         By lamp name; lamps that are not named stay as traced.
     bands : BandSet, optional
         The transport's channels, needed where a change holds a Spectrum.
+    lamps : sequence of Lamp, optional
+        The traced ones, for an illuminance over whole spectra as in `spectral_map`; not where a change holds band
+        values.
 
     Returns
     -------
@@ -144,7 +213,11 @@ def relight(transport: xr.Dataset, changes: Mapping[str, LampChange], *, bands: 
     _require(transport, {"flux": ("lamp", "band")}, where="transport")
     names = [str(name) for name in transport["lamp"].to_numpy()]
     flux = transport["flux"].transpose("lamp", "band").to_numpy().astype(np.float64).copy()
+    spectra: dict[str, Spectrum] | None = None if lamps is None else {lamp.name: lamp.flux for lamp in lamps}
     for name, change in changes.items():
+        instance_of(
+            change, LampChange, name=f"change of lamp '{name}'", todo="Write LampChange(dim=0.5), for instance."
+        )
         if name not in names:
             raise MapError(
                 expected=f"one of the traced lamps ({_listed(names)})",
@@ -156,7 +229,17 @@ def relight(transport: xr.Dataset, changes: Mapping[str, LampChange], *, bands: 
         if change.flux is not None:
             flux[row] = _band_flux(change.flux, transport, bands)
         flux[row] *= change.dim
-    return spectral_map(transport, flux)
+        spectra = _changed_spectra(spectra, name, change)
+    _require(transport, _TRANSPORT, where="transport")
+    return _light_map(transport, flux, spectra)
+
+
+def _changed_spectra(spectra: dict[str, Spectrum] | None, name: str, change: LampChange) -> dict[str, Spectrum] | None:
+    """The lamps' spectra after a change; None where it holds band values, which are no spectrum."""
+    if spectra is None or not (change.flux is None or isinstance(change.flux, Spectrum)):
+        return None
+    flux = spectra.get(name) if change.flux is None else change.flux
+    return spectra if flux is None else {**spectra, name: flux.scaled(change.dim)}
 
 
 def check_map(dataset: xr.Dataset, *, where: str) -> xr.Dataset:
@@ -183,6 +266,9 @@ def check_map(dataset: xr.Dataset, *, where: str) -> xr.Dataset:
     wanted = {name: (dim,) for name, (dim, _, _) in _COORDINATES.items()}
     _require(dataset, wanted | dict.fromkeys(_VARIABLES, ("point", "band")), where=where)
     units = {name: unit for name, (_, unit, _) in _COORDINATES.items()} | dict.fromkeys(_VARIABLES, IRRADIANCE_UNIT)
+    if _has_illuminance(dataset):
+        _require(dataset, dict.fromkeys(_ILLUMINANCE, ("point",)), where=where)
+        units |= dict.fromkeys(_ILLUMINANCE, ILLUMINANCE_UNIT)
     for name, unit in units.items():
         found = dataset[name].attrs.get("units")
         if unit is not None and str(found) != unit:
@@ -214,7 +300,7 @@ def save_map(dataset: xr.Dataset, path: Path) -> Path:
         If the file cannot be written.
     """
     checked = check_map(dataset, where="map to save")
-    encoding = {name: {"zlib": True, "complevel": 4} for name in _VARIABLES}
+    encoding = {name: {"zlib": True, "complevel": 4} for name in (*_VARIABLES, *_ILLUMINANCE) if name in checked}
     write_netcdf(checked, path, encoding=encoding)
     return path
 
@@ -248,7 +334,8 @@ def map_table(dataset: xr.Dataset) -> pd.DataFrame:
     Returns
     -------
     table : pandas.DataFrame
-        x, y, z [m], nx, ny, nz [1], buried (0 or 1), E_410 ... and their standard errors SE_410 ... [W/m²/nm].
+        x, y, z [m], nx, ny, nz [1], buried (0 or 1), E_410 ... and their standard errors SE_410 ... [W/m²/nm]; where
+        the bands tell it illuminance_lx and SE_illuminance_lx [lx].
     """
     checked = check_map(dataset, where="map to tabulate")
     columns: dict[str, ArrayLike] = {name: checked[name].to_numpy() for name in (*POSITION, *DIRECTION)}
@@ -256,6 +343,8 @@ def map_table(dataset: xr.Dataset) -> pd.DataFrame:
     for prefix, name in (("E", "irradiance"), ("SE", "irradiance_se")):
         values = checked[name].to_numpy()
         columns |= {f"{prefix}_{label}": values[:, b] for b, label in enumerate(checked["band_label"].to_numpy())}
+    if _has_illuminance(checked):
+        columns |= {column: checked[name].to_numpy() for name, column in _LUX_COLUMNS.items()}
     return pd.DataFrame(columns)
 
 
@@ -295,12 +384,13 @@ def read_map_table(path: Path, *, bands: BandSet) -> xr.Dataset:
     if missing:
         raise MapError(expected=f"a column '{missing[0]}'", found=f"columns {_listed(table.columns)}", where=str(path))
     for name in columns:
-        if not pd.api.types.is_numeric_dtype(table[name]):
-            raise MapError(expected="numbers only", found="other text", where=f"{path}, column '{name}'")
+        _numbers_of(table, name, path)
     values = {
         name: table[[f"{kind}_{label}" for label in bands.labels]].to_numpy(np.float64)
         for kind, name in (("E", "irradiance"), ("SE", "irradiance_se"))
     }
+    if set(_LUX_COLUMNS.values()) <= set(table.columns):
+        values |= {name: _numbers_of(table, column, path) for name, column in _LUX_COLUMNS.items()}
     source = xr.Dataset(
         coords={name: ("point", table[name].to_numpy(np.float64)) for name in (*POSITION, *DIRECTION)}
         | {
@@ -313,6 +403,16 @@ def read_map_table(path: Path, *, bands: BandSet) -> xr.Dataset:
     return check_map(_dataset(values, source), where=str(path))
 
 
+def _numbers_of(table: pd.DataFrame, column: str, path: Path) -> FloatArray:
+    if not pd.api.types.is_numeric_dtype(table[column]):
+        raise MapError(expected="numbers only", found="other text", where=f"{path}, column '{column}'")
+    return table[column].to_numpy(np.float64)
+
+
+def _has_illuminance(dataset: xr.Dataset) -> bool:
+    return any(name in dataset.variables for name in _ILLUMINANCE)
+
+
 def _dataset(values: Mapping[str, FloatArray], source: xr.Dataset) -> xr.Dataset:
     """Give values the coordinates and attributes of a transport or table, in the schema's units and words."""
     _require(source, {name: (dim,) for name, (dim, _, _) in _COORDINATES.items()}, where="transport")
@@ -322,9 +422,14 @@ def _dataset(values: Mapping[str, FloatArray], source: xr.Dataset) -> xr.Dataset
         if name == "band":
             attrs["standard_name"] = "radiation_wavelength"
         coords[name] = (dim, source[name].to_numpy(), attrs)
-    variables = {
+    variables: dict[str, tuple[tuple[str, ...], FloatArray, dict[str, str]]] = {
         name: (("point", "band"), values[name], {"units": IRRADIANCE_UNIT, "long_name": long_name})
         for name, long_name in _VARIABLES.items()
+    }
+    variables |= {
+        name: (("point",), values[name], {"units": ILLUMINANCE_UNIT, "long_name": long_name})
+        for name, long_name in _ILLUMINANCE.items()
+        if name in values
     }
     carried = {key: value for key, value in source.attrs.items() if isinstance(value, str | int | float | np.generic)}
     return xr.Dataset(variables, coords, {**carried, "Conventions": "CF-1.11", "schema": SCHEMA})
@@ -381,6 +486,9 @@ def _check_numbers(dataset: xr.Dataset) -> None:
         largest = float(np.abs(dataset[name]).max()) if dataset[name].dtype.kind in "fiu" else np.inf
         if largest > LARGEST_VALUE:
             raise ArrayError(expected=f"numbers up to {LARGEST_VALUE:g}", found=f"{largest:g}", where=name)
+    if _has_illuminance(dataset):
+        for name in _ILLUMINANCE:
+            float_array(dataset[name].to_numpy(), name=name, shape=(points,))
     irradiance = float_array(dataset["irradiance"].to_numpy(), name="irradiance", shape=(points, channels))
     errors = float_array(dataset["irradiance_se"].to_numpy(), name="irradiance_se", shape=(points, channels))
     if errors.min() < 0 or np.any(irradiance < -NOISE_BELOW_ZERO * errors):

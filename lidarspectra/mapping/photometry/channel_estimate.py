@@ -11,8 +11,8 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import MapError
+from lidarspectra.mapping.maps.response_weights import band_weights, lamp_weights
 from lidarspectra.mapping.photometry.indoor_spectra import GRID_NM, IndoorSpectra
-from lidarspectra.mapping.photometry.point_light import band_weights, lamp_weights
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
 Method = Literal["lamps", "lines", "learned"]

@@ -15,14 +15,13 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import MapError
+from lidarspectra.mapping.maps.response_weights import band_hats, band_weights, hats, lamp_weights
 from lidarspectra.mapping.maps.spectral_map import check_map
 from lidarspectra.radiance.sampling.transport import standard_error_of_sum
 from lidarspectra.spectra.spectrum import Spectrum
 
 Route = Literal["lamps", "bands"]
 
-REACH_NM = 30.0  # [nm] light is taken as constant so far past the outermost band, as none beyond: 380 nm for 410
-STEP_NM = 1.0  # [nm] products of two curves are integrated at least so finely
 FINE_BANDS_NM = 10.0  # [nm] between centres: bands so close are a full spectrum (CIE 13.3, CIE 224 ask for 5 nm)
 
 
@@ -107,11 +106,11 @@ class PointLight:
     def spectra(self, wavelengths_nm: FloatArray) -> FloatArray:
         """(point, wavelength) spectral irradiance on a grid [W/m²/nm]."""
         if not self.lamps:
-            return self.irradiance @ _band_hats(self.centers_nm, wavelengths_nm)
-        hats = _hats(self.centers_nm, wavelengths_nm)
+            return self.irradiance @ band_hats(self.centers_nm, wavelengths_nm)
+        shapes = hats(self.centers_nm, wavelengths_nm)
         total = np.zeros((self.irradiance.shape[0], wavelengths_nm.size))
         for lamp in self.lamps:
-            total += (lamp.coefficient @ hats) * lamp.flux.at(wavelengths_nm, outside="zero")
+            total += (lamp.coefficient @ shapes) * lamp.flux.at(wavelengths_nm, outside="zero")
         return total
 
     def at(self, points: FloatArray) -> "PointLight":
@@ -183,43 +182,3 @@ def light_of_lamps(
             for name, factor, share in zip(names, factors.tolist(), coefficient, strict=True)
         ),
     )
-
-
-def band_weights(centers_nm: FloatArray, response: Spectrum) -> FloatArray:
-    """(band,) weights with ∫ E s dλ = Σ weight x band value, E linear between centres, constant for 30 nm past them."""
-    grid = _grid(response, centers_nm)
-    hats = _band_hats(centers_nm, grid)
-    return np.asarray(np.trapezoid(hats * response.at(grid, outside="zero"), grid, axis=1), dtype=np.float64)
-
-
-def lamp_weights(centers_nm: FloatArray, response: Spectrum, flux: Spectrum) -> FloatArray:
-    """(band,) weights with ∫ c Φ s dλ = Σ weight x c, for a coefficient that is linear between centres."""
-    grid = _grid(response, centers_nm, flux.wavelengths_nm)
-    product = response.at(grid, outside="zero") * flux.at(grid, outside="zero")
-    return np.asarray(np.trapezoid(_hats(centers_nm, grid) * product, grid, axis=1), dtype=np.float64)
-
-
-def share_within(centers_nm: FloatArray, response: Spectrum) -> float:
-    """Part of a response's integral for which bands of these centres [nm] know the light [1]."""
-    grid = _grid(response, centers_nm)
-    values = response.at(grid, outside="zero")
-    known = (grid >= centers_nm[0] - REACH_NM) & (grid <= centers_nm[-1] + REACH_NM)
-    return float(np.trapezoid(np.where(known, values, 0.0), grid) / np.trapezoid(values, grid))
-
-
-def _grid(response: Spectrum, *others: FloatArray) -> FloatArray:
-    """Every corner of the curves within the response, and a wavelength a nanometre."""
-    first, last = response.range_nm
-    even = np.arange(np.ceil(first), np.floor(last) + STEP_NM / 2, STEP_NM)
-    joined = np.unique(np.concatenate([even, response.wavelengths_nm, *others]))
-    return np.asarray(joined[(joined >= first) & (joined <= last)], dtype=np.float64)
-
-
-def _hats(centers: FloatArray, grid: FloatArray) -> FloatArray:
-    """(band, wavelength) functions that are 1 at one centre, 0 at the others, linear between and constant beyond."""
-    return np.stack([np.interp(grid, centers, row) for row in np.eye(centers.size)])
-
-
-def _band_hats(centers: FloatArray, grid: FloatArray) -> FloatArray:
-    reached = (grid >= centers[0] - REACH_NM) & (grid <= centers[-1] + REACH_NM)
-    return np.asarray(_hats(centers, grid) * reached, dtype=np.float64)

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from scipy import constants
 
-from lidarspectra.mapping.photometry.illuminance import luminosity
+from lidarspectra.mapping.maps.visible_bands import luminosity
 from lidarspectra.spectra.database_files import data_folder, table
 from lidarspectra.spectra.spectrum import Spectrum
 

@@ -8,7 +8,8 @@ from scipy import constants
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.photometry.point_light import PointLight, share_within
+from lidarspectra.mapping.maps.response_weights import share_within
+from lidarspectra.mapping.photometry.point_light import PointLight
 from lidarspectra.mapping.photovoltaics.cells import AMPERE_PER_WATT_NM, Cell, Circuit
 from lidarspectra.spectra.spectrum import Spectrum
 

@@ -13,7 +13,8 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.mapping.photometry.point_light import band_weights, light_of_lamps
+from lidarspectra.mapping.maps.response_weights import band_weights
+from lidarspectra.mapping.photometry.point_light import light_of_lamps
 from lidarspectra.mapping.photovoltaics.cells import Cell
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.sampling.trace import trace, trace_irradiance

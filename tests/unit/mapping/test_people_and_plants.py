@@ -5,14 +5,15 @@ import pytest
 
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.maps.point_values import points_frame
+from lidarspectra.mapping.maps.response_weights import share_within
 from lidarspectra.mapping.maps.spectral_map import spectral_map
+from lidarspectra.mapping.maps.visible_bands import luminosity
 from lidarspectra.mapping.photometry.channel_estimate import Method, channel_estimate
 from lidarspectra.mapping.photometry.color_quality import COLOR_GRID_NM, color_quality, color_temperature
 from lidarspectra.mapping.photometry.figures import quantities_figure
-from lidarspectra.mapping.photometry.illuminance import luminosity
 from lidarspectra.mapping.photometry.indoor_spectra import IndoorSpectra, indoor_spectra
 from lidarspectra.mapping.photometry.people_and_plants import light_at_points, method_for, summary_table
-from lidarspectra.mapping.photometry.point_light import PointLight, light_of_lamps, light_of_map, share_within
+from lidarspectra.mapping.photometry.point_light import PointLight, light_of_lamps, light_of_map
 from lidarspectra.mapping.photometry.quantities import (
     D65_EFFICACY_W_LM,
     UMOL_PER_J_NM,

@@ -6,7 +6,8 @@ import pytest
 from lidarspectra.errors import MapError
 from lidarspectra.lamps.lamp_spectra import photopic_efficiency
 from lidarspectra.mapping.maps.spectral_map import LampChange, relight, spectral_map
-from lidarspectra.mapping.photometry import covers_vision, illuminance, illuminance_from_map
+from lidarspectra.mapping.maps.visible_bands import luminosity
+from lidarspectra.mapping.photometry import covers_vision, illuminance, illuminance_from_map, light_of_lamps
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, LUMINOUS_EFFICACY_LM_W, Spectrum, uniform_bands
 
 
@@ -33,6 +34,33 @@ def test_bands_alone_tell_the_illuminance_of_a_white_led_within_a_few_per_cent(m
     # 14 channels of 20 nm smear the blue peak of 21 nm; the phosphor is smooth. Stated in the docstring.
     np.testing.assert_allclose(by_bands, by_lamps, rtol=0.03)
     assert by_lamps.mean() > 100.0  # 33 W of white light on 9 m²
+
+
+def test_a_map_has_the_illuminance_of_the_lamps_where_they_are_known_and_of_the_bands_where_not(make_transport, lamps):
+    transport = make_transport()
+    known, blind = spectral_map(transport, lamps=lamps), spectral_map(transport)
+    fluxes = {lamp.name: lamp.flux for lamp in lamps}
+    np.testing.assert_allclose(known["illuminance"], illuminance(transport, fluxes), rtol=1e-12)  # the same sum
+    np.testing.assert_allclose(blind["illuminance"], illuminance_from_map(blind), rtol=1e-12)
+    assert (known.attrs["illuminance_from"], blind.attrs["illuminance_from"]) == ("lamps", "bands")
+    _, errors = light_of_lamps(transport, fluxes).weigh(luminosity())
+    np.testing.assert_allclose(known["illuminance_se"], errors, rtol=1e-12)
+
+
+def test_relit_illuminance_follows_dimming_and_new_spectra(make_transport, lamps, bands):
+    transport = make_transport()
+    full = spectral_map(transport, lamps=lamps)
+    dimmed = relight(transport, {lamp.name: LampChange(dim=0.25) for lamp in lamps}, lamps=lamps)
+    np.testing.assert_allclose(dimmed["illuminance"], 0.25 * full["illuminance"], rtol=1e-12)
+    other = {lamps[0].name: LampChange(flux=_equal_energy(), dim=0.5)}
+    changed = relight(transport, other, bands=bands, lamps=lamps)
+    fluxes = {lamps[0].name: _equal_energy().scaled(0.5), lamps[1].name: lamps[1].flux}
+    np.testing.assert_allclose(changed["illuminance"], illuminance(transport, fluxes), rtol=1e-12)
+
+
+def test_bands_that_miss_the_eye_s_range_give_a_map_without_illuminance(make_transport):
+    transport = make_transport().isel(band=[0, 1, 2])
+    assert "illuminance" not in spectral_map(transport)
 
 
 def test_the_light_of_lamps_adds_up(make_transport, lamps):

@@ -125,7 +125,7 @@ def test_map_survives_csv_within_nine_digits(make_transport, bands, tmp_path):
     one_map = spectral_map(make_transport(buried=(3, 9)))
     path = save_map_table(one_map, tmp_path / "map.csv")
     again = read_map_table(path, bands=bands)
-    for name in ("irradiance", "irradiance_se", "x", "band_width"):
+    for name in ("irradiance", "irradiance_se", "illuminance", "illuminance_se", "x", "band_width"):
         np.testing.assert_allclose(again[name], one_map[name], rtol=1e-8)  # nine significant digits are written
     np.testing.assert_array_equal(again["buried"], one_map["buried"])
 
@@ -134,7 +134,25 @@ def test_table_has_one_named_column_a_channel(make_transport):
     table = map_table(spectral_map(make_transport()))
     assert list(table.columns[:9]) == ["x", "y", "z", "nx", "ny", "nz", "buried", "E_410", "E_435"]
     assert "SE_760" in table.columns
-    assert table.shape == (176, 7 + 2 * 14)
+    assert list(table.columns[-2:]) == ["illuminance_lx", "SE_illuminance_lx"]
+    assert table.shape == (176, 7 + 2 * 14 + 2)
+
+
+def test_a_map_of_before_illuminance_was_part_of_it_is_read(make_transport, tmp_path):
+    old = spectral_map(make_transport()).drop_vars(["illuminance", "illuminance_se"])
+    again = load_map(save_map(old, tmp_path / "map.nc"))
+    assert "illuminance" not in again
+    assert "illuminance_lx" not in map_table(again).columns
+
+
+def test_illuminance_survives_its_file_and_is_held_to_its_unit(make_transport, tmp_path):
+    one_map = spectral_map(make_transport())
+    again = load_map(save_map(one_map, tmp_path / "map.nc"))
+    np.testing.assert_array_equal(again["illuminance"], one_map["illuminance"])
+    assert again["illuminance"].attrs["units"] == "lx"
+    again["illuminance"].attrs["units"] = "fc"
+    with pytest.raises(MapError, match="'illuminance' in lx"):
+        check_map(again, where="map")
 
 
 def test_channels_of_a_table_are_known_by_name_not_position(make_transport, bands, tmp_path):
