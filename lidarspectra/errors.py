@@ -2,7 +2,7 @@
 
 import re
 
-LONGEST_PART = 1_000  # [1] characters of a part of a message: a damaged file may hold a word of any length
+LONGEST_PART = 1_000  # characters of a part of a message: a damaged file may hold a word of any length
 _SYSTEM_NUMBER = re.compile(r"\[(?:Errno|WinError) -?\d+\] ")
 
 

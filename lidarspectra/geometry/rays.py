@@ -11,7 +11,7 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import ArrayError
 from lidarspectra.geometry.scan import Scan
 
-RAYS_AT_ONCE = 1_000_000  # [1] bounds the memory that one call takes to about 100 MB
+RAYS_AT_ONCE = 1_000_000  # bounds the memory that one call takes to about 100 MB
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

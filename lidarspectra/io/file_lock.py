@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
-LOCK_BYTE = 1 << 20  # [1] the byte of the lock file that is locked where a lock is of bytes
+LOCK_BYTE = 1 << 20  # the byte of the lock file that is locked where a lock is of bytes
 
 
 class FileLock:

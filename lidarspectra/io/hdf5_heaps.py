@@ -17,7 +17,7 @@ VERSION = 1
 HEAD = struct.Struct("<4sB3xQ")  # signature, version, size of the heap with its head [byte]
 ITEM = struct.Struct("<HHIQ")  # number, references, nothing, size [byte]
 PADDED_TO = 8  # [byte]
-MAX_ITEMS = 1_000_000  # [1] in all heaps of a file; one of ours has some ten
+MAX_ITEMS = 1_000_000  # in all heaps of a file; one of ours has some ten
 
 
 def check_heaps(path: Path) -> None:

@@ -18,7 +18,7 @@ from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.files import write_whole
 from lidarspectra.io.hdf5_heaps import check_heaps
 
-LARGEST_VALUE = 1e30  # [1] of any physical number here; beyond it squares overflow
+LARGEST_VALUE = 1e30  # of any physical number here; beyond it squares overflow
 _FAULTS = (
     OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, NotImplementedError,
     OverflowError, MemoryError, AssertionError, xr.SerializationWarning,

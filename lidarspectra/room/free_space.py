@@ -9,14 +9,14 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.room import Room
 
-BURIED_SHARE = 0.5  # [1] of a point's rays that meet the back of a face first, above which it lies inside something
-LOST_SHARE = 0.7  # [1] of a point's rays that meet nothing, above which it lies outside the scan
+BURIED_SHARE = 0.5  # of a point's rays that meet the back of a face first, above which it lies inside something
+LOST_SHARE = 0.7  # of a point's rays that meet nothing, above which it lies outside the scan
 SAMPLE_SPACING_M = 0.03  # [m] of the points on surfaces that find the nearest faces
-MAX_SAMPLES = 1_000_000  # [1] spacing grows with the scan so that memory stays below about 200 MB
-NEIGHBOURS = 6  # [1] nearest samples whose faces are measured exactly
+MAX_SAMPLES = 1_000_000  # spacing grows with the scan so that memory stays below about 200 MB
+NEIGHBOURS = 6  # nearest samples whose faces are measured exactly
 FLOOR_THICKNESS_M = 0.08  # [m] faces that keep so close to the floor's height belong to the floor
-FLOOR_COSINE = 0.3  # [1] |n_z| above which they do: noise tilts small triangles far, skirting stands upright
-POINTS_AT_ONCE = 50_000  # [1] bounds memory
+FLOOR_COSINE = 0.3  # |n_z| above which they do: noise tilts small triangles far, skirting stands upright
+POINTS_AT_ONCE = 50_000  # bounds memory
 
 
 def sphere_directions(count: int, *, turn_rad: float = 0.3) -> FloatArray:
@@ -39,7 +39,7 @@ def sphere_directions(count: int, *, turn_rad: float = 0.3) -> FloatArray:
     return np.stack([radius * np.cos(around), radius * np.sin(around), z], axis=1)
 
 
-VOTERS = sphere_directions(32)  # [1] odd corners, holes and noise spoil a few rays, not half of 32
+VOTERS = sphere_directions(32)  # odd corners, holes and noise spoil a few rays, not half of 32
 
 
 class FreeSpace:

@@ -10,7 +10,7 @@ from lidarspectra.room.room import Room
 PIXEL_M = 0.02  # [m] of the plan picture
 LOWEST_M = 0.15  # [m] above the floor: lower is carpet edge, cable or noise
 HIGHEST_M = 1.6  # [m] above the floor: higher tops do not show from the sensors' side
-MIN_UP = 0.8  # [1] cosine of a surface that counts as a top
+MIN_UP = 0.8  # cosine of a surface that counts as a top
 MIN_AREA_M2 = 0.03  # [m²] a stool is larger
 CORNER_TOLERANCE_M = 0.04  # [m] outlines are simplified so far
 GAP_M = 0.06  # [m] gaps between tops of one piece that are closed

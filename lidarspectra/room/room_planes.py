@@ -7,18 +7,18 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.geometry.scan import Scan
 
-LEVEL_COSINE = 0.9  # [1] |n_z| of a face that counts as level: 26 degrees leave room for scan noise
-UPRIGHT_COSINE = 0.25  # [1] |n_z| below which a face counts as upright (14.5 degrees)
+LEVEL_COSINE = 0.9  # |n_z| of a face that counts as level: 26 degrees leave room for scan noise
+UPRIGHT_COSINE = 0.25  # |n_z| below which a face counts as upright (14.5 degrees)
 LEVEL_BIN_M = 0.01  # [m] resolution in height; a phone's floor is noisier than that
 LEVEL_HALF_WIDTH_M = 0.06  # [m] a scanned floor's unevenness, as seen in phone scans (2 to 5 cm)
-FLOOR_SHARE = 0.25  # [1] of the largest level surface's area: table tops may have more than the floor
-SECOND_CEILING_SHARE = 0.15  # [1] of the main ceiling's area, for a lowered part of it
+FLOOR_SHARE = 0.25  # of the largest level surface's area: table tops may have more than the floor
+SECOND_CEILING_SHARE = 0.15  # of the main ceiling's area, for a lowered part of it
 SECOND_CEILING_M2 = 2.0  # [m²] smaller level surfaces overhead are shelves and lamp housings
 MIN_HEADROOM_M = 1.5  # [m] a level surface lower than this above the floor is furniture, not a ceiling
 WALL_ANGLE_BIN_DEG = 3.0  # [deg] resolution of wall directions
 WALL_OFFSET_BIN_M = 0.02  # [m] resolution of wall positions
-LEANING_COSINE = 0.5  # [1] |n_z| below which a face may belong to a wall: noise tilts small triangles far
-FACING_COSINE = 0.85  # [1] between a face's normal and the wall's, for a face of the wall
+LEANING_COSINE = 0.5  # |n_z| below which a face may belong to a wall: noise tilts small triangles far
+FACING_COSINE = 0.85  # between a face's normal and the wall's, for a face of the wall
 WALL_HALF_WIDTH_M = 0.12  # [m] a scanned wall's unevenness, with what hangs flat on it
 WALL_GAP_M = 0.8  # [m] a wider gap, but for a door, ends a wall
 WALL_MIN_M2 = 1.0  # [m²] smaller upright planes are furniture

@@ -10,11 +10,11 @@ from lidarspectra.room.room import Room
 
 MIN_SPACING_M = 0.005  # [m] of a grid: sensors closer than this see the same light
 PICTURE_CELL_M = 0.025  # [m] of the picture of free space that a search for a count of points looks into
-PICTURE_CELLS = 16_000  # [1] a larger room gets larger cells
-FEW_POINTS_SEARCH = np.geomspace(1.3, 0.5, 160)  # [1] spacings tried, over the one that the free area suggests
-MANY_POINTS_SEARCH = np.concatenate([np.geomspace(1.01, 0.98, 16), np.geomspace(0.97, 0.5, 12)])  # [1] the same
-MANY_POINTS = 5_000  # [1] above it the count follows the free area closely
-EXACT_TRIALS = 12  # [1] lattices that are tested exactly in the hope of a smaller surplus
+PICTURE_CELLS = 16_000  # a larger room gets larger cells
+FEW_POINTS_SEARCH = np.geomspace(1.3, 0.5, 160)  # spacings tried, over the one that the free area suggests
+MANY_POINTS_SEARCH = np.concatenate([np.geomspace(1.01, 0.98, 16), np.geomspace(0.97, 0.5, 12)])  # the same
+MANY_POINTS = 5_000  # above it the count follows the free area closely
+EXACT_TRIALS = 12  # lattices that are tested exactly in the hope of a smaller surplus
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,9 +16,9 @@ from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_grid import MIN_SPACING_M, GridPlane, plan_of_count
 
 SHALLOW_M = 0.05  # [m] a sensor whose view ends so soon at the back of faces lies just under a noisy surface
-HEMISPHERE_DIRECTIONS = sphere_directions(64)  # [1] half of them look the sensor's way
+HEMISPHERE_DIRECTIONS = sphere_directions(64)  # half of them lie in the sensor's hemisphere
 UP = (0.0, 0.0, 1.0)
-OUTSIDE_SHARE = 0.97  # [1] of a point's rays that meet nothing, above which it lies outside the scan
+OUTSIDE_SHARE = 0.97  # share of a point's rays that meet nothing, above which it lies outside the scan
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

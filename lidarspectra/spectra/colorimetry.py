@@ -15,19 +15,19 @@ from lidarspectra.arrays import FloatArray
 
 XYZ_FROM_SRGB = np.array(
     [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
-)  # [1] IEC 61966-2-1:1999, Eq. 10
-SRGB_FROM_XYZ = np.linalg.inv(XYZ_FROM_SRGB)  # [1] not the rounded Eq. 7: there and back is exact
-SRGB_WHITE_XYZ = XYZ_FROM_SRGB.sum(axis=1)  # [1] D65 as sRGB has it
-LUMINANCE_FROM_SRGB = XYZ_FROM_SRGB[1]  # [1] Y of linear sRGB
+)  # IEC 61966-2-1:1999, Eq. 10
+SRGB_FROM_XYZ = np.linalg.inv(XYZ_FROM_SRGB)  # not the rounded Eq. 7: there and back is exact
+SRGB_WHITE_XYZ = XYZ_FROM_SRGB.sum(axis=1)  # D65 as sRGB has it
+LUMINANCE_FROM_SRGB = XYZ_FROM_SRGB[1]  # Y of linear sRGB
 
 BRADFORD = np.array(
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
-)  # [1] CIE 159:2004, the sharpened cone responses of CIECAM97s: lights scale them nearly independently
+)  # CIE 159:2004, the sharpened cone responses of CIECAM97s: lights scale them nearly independently
 
-_LINEAR_TOE_ENCODED = 0.04045  # [1] IEC 61966-2-1:1999, 5.2
-_LINEAR_TOE = 0.0031308  # [1] IEC 61966-2-1:1999, 5.2
-_LAB_EPSILON = (6.0 / 29.0) ** 3  # [1] CIE 15:2018, 8.2.1.1
-_LAB_SLOPE = (29.0 / 6.0) ** 2 / 3.0  # [1] CIE 15:2018, 8.2.1.1
+_LINEAR_TOE_ENCODED = 0.04045  # IEC 61966-2-1:1999, 5.2
+_LINEAR_TOE = 0.0031308  # IEC 61966-2-1:1999, 5.2
+_LAB_EPSILON = (6.0 / 29.0) ** 3  # CIE 15:2018, 8.2.1.1
+_LAB_SLOPE = (29.0 / 6.0) ** 2 / 3.0  # CIE 15:2018, 8.2.1.1
 
 
 def decode_srgb(encoded: ArrayLike) -> FloatArray:

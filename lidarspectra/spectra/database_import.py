@@ -32,7 +32,7 @@ SPECTRALDB_COLUMNS = (
     "SCIMeasures",
     "SCEMeasures",
 )
-PERCENT = 100.0  # [1] spectraldb's values are in percent
+PERCENT = 100.0  # spectraldb's values are in percent
 _PAIRS = re.compile(r"\{\s*(.*?)\s*\}", re.DOTALL)
 
 

@@ -20,7 +20,7 @@ PRESETS = ("as7265x-14", "as7265x-18", "full-spectrum")
 FULL_SPECTRUM_NM = (380.0, 780.0)  # [nm] the range in which lamps and surfaces are commonly measured
 FULL_SPECTRUM_STEP_NM = 5.0  # [nm] CIE 15:2018, 7.1.1: sufficient for colorimetry
 WAVELENGTH, CENTER, WIDTH = "wavelength_nm", "center_nm", "fwhm_nm"
-MAX_CHANNELS = 200  # [1] with the two limits below, responses fit into memory
+MAX_CHANNELS = 200  # with the two limits below, responses fit into memory
 MIN_WIDTH_NM = 0.5  # [nm]
 GRID_STEP_NM = 1.0  # [nm] response curves are interpolated to it
 

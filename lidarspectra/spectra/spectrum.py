@@ -18,7 +18,7 @@ from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ArrayError
 
 LUMINOUS_EFFICACY_LM_W = 683.0  # [lm/W] K_cd, at 540 THz, by definition (SI Brochure, 9th ed., 2.3.1)
-FWHM_PER_SIGMA = 2.0 * np.sqrt(2.0 * np.log(2.0))  # [1] full width at half maximum of a Gaussian of sigma 1
+FWHM_PER_SIGMA = 2.0 * np.sqrt(2.0 * np.log(2.0))  # full width at half maximum of a Gaussian of sigma 1
 AS7265X_FWHM_NM = 20.0  # [nm] AS7265x datasheet, each channel
 AS7265X_CENTERS_NM = (
     410.0, 435.0, 460.0, 485.0, 510.0, 535.0, 560.0, 585.0, 610.0,

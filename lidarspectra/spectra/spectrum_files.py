@@ -24,8 +24,8 @@ from lidarspectra.spectra.spectrum import Spectrum
 ID_COLUMN = "id"
 WORD_COLUMNS = ("id", "name", "category")  # what every table starts with
 SHORTEST_NM, LONGEST_NM = 100.0, 20000.0  # [nm] a wavelength outside is another unit, or a slip
-NOISE_BELOW_ZERO = 0.01  # [1] of the peak: dark noise of a spectrometer; a deeper value is a fault
-LARGEST_NUMBER = 1e30  # [1] of a file, in any unit; beyond it sums and squares overflow
+NOISE_BELOW_ZERO = 0.01  # of the peak: dark noise of a spectrometer; a deeper value is a fault
+LARGEST_NUMBER = 1e30  # of a file, in any unit; beyond it sums and squares overflow
 MAX_FILE_BYTES = 50_000_000  # a spectrum or table larger than this is something else
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")

@@ -1,7 +1,7 @@
-"""Fewer triangles for the same room, with its texture carried over.
+"""Decimation: fewer triangles for the same room, with its texture transferred.
 
 Geometry is decimated by quadric edge collapse (pymeshlab) on merged vertices, so that texture seams neither bind nor
-tear it; the texture is then drawn anew for the triangles that are left, from the nearest point of the old surface.
+tear it. A new texture is then drawn for the remaining triangles, from the nearest point of the old surface.
 
 References
 ----------
@@ -24,34 +24,34 @@ from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 SMALLEST_ATLAS_PX, LARGEST_ATLAS_PX = 512, 4096  # [px] edge of the new texture
-REACH_M = 0.1  # [m] how far decimation may move a surface and still find its colour straight below or above
+REACH_M = 0.1  # [m] farthest that colour is looked for along the normal, on either side of the new surface
 ROWS_AT_ONCE = 256  # texture rows drawn at once, a million points
-SHARES = (0.6, 0.4)  # of the time: collapsing edges, carrying the texture over
-_CORNER_INSET = 0.02  # [1] colours at corners are read so far inside the face, away from its neighbours
+SHARES = (0.6, 0.4)  # of the time: collapsing edges, transferring the texture
+_CORNER_INSET = 0.02  # barycentric distance inside the face at which a corner's colour is read, away from neighbours
 
 
 def decimate(scan: Scan, max_faces: int, *, progress: Progress = silent) -> Scan:
-    """Reduce a scan to at most so many triangles.
+    """Reduce a scan to at most `max_faces` triangles.
 
     Parameters
     ----------
     scan : Scan
         Vertices merged by position.
     max_faces : int
-        Most triangles that are left.
+        Largest number of triangles kept.
     progress : callable
-        Told how far it is.
+        Called with the fraction done and what is being done.
 
     Returns
     -------
     scan : Scan
-        With one new texture in place of all (or corner colours, where there were no textures); its record's
+        With one new texture in place of all (or corner colours, if there were no textures); its record's
         `decimated_from` and `faces_kept` are set.
 
     Raises
     ------
     ScanError
-        If nothing is left.
+        If no triangle is left.
     """
     count = scan.faces.shape[0]
     if count <= max_faces:
@@ -59,11 +59,14 @@ def decimate(scan: Scan, max_faces: int, *, progress: Progress = silent) -> Scan
     collapsing, carrying = shares(progress, SHARES)
     collapsing(0.0, f"decimating {count} triangles")
     vertices, faces = _collapsed(scan, max_faces)
-    carrying(0.0, "carrying the texture over")
+    carrying(0.0, "transferring the texture")
     appearance, note = _carried(scan, vertices, faces, carrying)
     notes = scan.record.notes + (note,)
     if faces.shape[0] > max_faces:
-        notes += (f"decimation stopped at {faces.shape[0]} triangles, for fewer would change the room's form",)
+        notes += (
+            f"Decimation stopped at {faces.shape[0]} triangles, more than max_faces = {max_faces}, because removing"
+            " more would change the shape of the room. The results are valid; the later stages only take longer.",
+        )
     record = replace(scan.record, faces_kept=faces.shape[0], decimated_from=count, notes=notes)
     small = Scan(vertices=vertices, faces=faces, appearance=appearance, record=record)
     progress(1.0, f"{faces.shape[0]} triangles left")
@@ -75,7 +78,7 @@ def _collapsed(scan: Scan, max_faces: int) -> tuple[FloatArray, IntArray]:
         import pymeshlab  # here: it needs libGL, and only decimation needs it
     except ImportError as cause:
         raise ScanError(
-            expected="pymeshlab, which decimates",
+            expected="pymeshlab, which decimation needs",
             found=str(cause),
             where="[scan] max_faces",
             todo="Install OpenGL's library (Debian: apt-get install libgl1 libopengl0), or leave max_faces out.",
@@ -113,7 +116,7 @@ def _carried(scan: Scan, vertices: FloatArray, faces: IntArray, progress: Progre
             corner_color=color,
             known=old.known,
         )
-        return appearance, "colours were carried over to the decimated mesh, corner by corner"
+        return appearance, "The colours were transferred to the corners of the decimated mesh's triangles."
     size = int(np.clip(64 * np.ceil(np.sqrt(old.pixels) / 64), SMALLEST_ATLAS_PX, LARGEST_ATLAS_PX))
     atlas = unwrap(vertices, faces, normals, size)
     image = _drawn(finder, atlas, corners, normals, progress)
@@ -124,11 +127,11 @@ def _carried(scan: Scan, vertices: FloatArray, faces: IntArray, progress: Progre
         corner_color=np.zeros((faces.shape[0], 3, 3)),
         known=old.known,
     )
-    return appearance, f"the texture was drawn anew for the decimated mesh, {size} x {size} pixels"
+    return appearance, f"A new texture of {size} x {size} pixels was drawn for the decimated mesh."
 
 
 class _ColorFinder:
-    """The old surface, loaded for finding the colour nearest to a point."""
+    """The old surface, indexed to find the colour nearest to a point."""
 
     def __init__(self, scan: Scan) -> None:
         self._appearance = scan.appearance
@@ -160,7 +163,7 @@ def _drawn(
 ) -> ByteArray:
     image = np.zeros((atlas.size_px, atlas.size_px, 3), dtype=np.uint8)
     kernel = np.ones((2 * PADDING_PX + 1, 2 * PADDING_PX + 1), dtype=np.uint8)
-    wanted = cv2.dilate(atlas.covered.astype(np.uint8), kernel)  # nothing looks further beyond a chart
+    wanted = cv2.dilate(atlas.covered.astype(np.uint8), kernel)  # texture lookups reach no farther beyond a chart
     for start in range(0, atlas.size_px, ROWS_AT_ONCE):
         rows, columns = np.nonzero(wanted[start : start + ROWS_AT_ONCE])
         rows += start
@@ -168,5 +171,5 @@ def _drawn(
         points = np.einsum("nk,nkc->nc", atlas.barycentric(rows, columns), corners[face])
         colors = finder.find(points, normals[face])
         image[rows, columns] = np.rint(255.0 * encode_srgb(colors)).astype(np.uint8)
-        progress(min(1.0, (start + ROWS_AT_ONCE) / atlas.size_px), "carrying the texture over")
+        progress(min(1.0, (start + ROWS_AT_ONCE) / atlas.size_px), "transferring the texture")
     return image

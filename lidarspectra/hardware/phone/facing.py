@@ -1,7 +1,7 @@
 """Which side of a surface looks into the room.
 
-Neighbours are first wound alike, piece by piece; then rays from both sides of each piece vote: on the room's side they
-meet other surfaces some way off, on the back of a wall they meet nothing, inside furniture they meet something at once.
+Each connected piece is first wound consistently. Then rays from both of its sides vote: on the room's side they meet
+other surfaces at some distance, behind a wall they meet nothing, and inside furniture they meet a surface at once.
 """
 
 import numpy as np
@@ -12,16 +12,16 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 
-VOTES_PER_PIECE = 200  # faces that speak for a connected piece
-FAR_M = 2.0  # [m] free distance that counts in full
-START_M = 1e-3  # [m] rays start so far off their face, clear of rounding
-MIN_MAJORITY = 0.02  # [1] mean vote below which a piece stays as the file has it
+VOTES_PER_PIECE = 200  # largest number of faces that vote for a connected piece
+FAR_M = 2.0  # [m] free distance from which on a vote has its full weight
+START_M = 1e-3  # [m] distance of a ray's origin from its face, clear of rounding
+MIN_MAJORITY = 0.02  # mean vote below which a piece keeps the file's winding
 TILTS = ((0.0, 0.0), (0.7, 0.0), (0.7, 1.2566), (0.7, 2.5133), (0.7, 3.7699), (0.7, 5.0265))
 # [rad] polar angle from the normal and azimuth of the rays: one along it, five around at 40 degrees
 
 
 def connected_pieces(faces: IntArray) -> tuple[IntArray, BoolArray]:
-    """Connected pieces of a mesh, and which faces to turn so that neighbours in each are wound alike.
+    """Find the connected pieces of a mesh, and the faces to turn so that each piece is wound consistently.
 
     Pieces are joined over edges of exactly two faces. Where a piece is one-sided (a Möbius strip) none is turned.
 
@@ -40,7 +40,7 @@ def connected_pieces(faces: IntArray) -> tuple[IntArray, BoolArray]:
     count = faces.shape[0]
     first, second, alike = _neighbours(faces)
     # Each face appears twice, as it is (f) and turned (f + count). Neighbours wound alike join like with like, others
-    # like with turned; the connected parts of this double mesh are the consistent windings.
+    # like with turned. The connected parts of this double mesh are the consistent windings.
     partner = np.where(alike, second, second + count)
     mirrored = np.where(alike, second + count, second)
     rows = np.concatenate([first, first + count])
@@ -50,7 +50,7 @@ def connected_pieces(faces: IntArray) -> tuple[IntArray, BoolArray]:
     low = np.minimum(part[:count], part[count:])
     turned = part[:count] != low  # nowhere on a one-sided piece, whose two copies are one part
     _, piece = np.unique(low, return_inverse=True)
-    # The majority stays as it is.
+    # The winding of the majority is kept.
     share = np.bincount(piece, weights=turned) / np.bincount(piece)
     turned ^= (share > 0.5)[piece]
     return piece.astype(np.int64), turned
@@ -82,7 +82,7 @@ def faces_to_turn(scan: Scan) -> BoolArray:
     Returns
     -------
     turn : (face,) bool
-        Faces to wind the other way.
+        Faces whose winding must be reversed.
     """
     piece, turned = connected_pieces(scan.faces)
     votes = _votes(scan, piece, np.where(turned, -1.0, 1.0))

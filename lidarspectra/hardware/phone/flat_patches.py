@@ -1,8 +1,8 @@
-"""The flat patches of a scan's mesh: connected triangles that lie on one plane but for the scanner's noise.
+"""The flat patches of a scan's mesh: connected triangles that lie on one plane within the scanner's noise.
 
-Planes are taken largest first: the direction that most of the area left over faces, the offset at which most of that
-lies, and of what lies there the largest connected patch; its plane is fitted and the patch collected anew until it
-settles. Legs, cables and cushions are too small or too curved for it, and stay as they were scanned.
+Planes are taken largest first: the direction that most of the remaining area faces, the offset at which most of that
+area lies, and the largest connected patch there. Its plane is fitted and the patch collected again until both converge.
+Legs, cables and cushions are too small or too curved, and stay as they were scanned.
 """
 
 from dataclasses import dataclass
@@ -17,21 +17,21 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.room.free_space import sphere_directions
 
-MIN_PATCH_M2 = 0.08  # [m²] a seat; smaller patches say little of their direction
-MIN_WIDTH_M = 0.08  # [m] a board's narrow side, rounded by the scanner, has no direction of its own
-WIDEST_M = 0.03  # [m] unevenness of a wall in a bad scan, to either side
-FINEST_M = 0.012  # [m] no flat thing is scanned better than that: drift bends it
-NOISE_REACH = 3.0  # [1] deviations of the scan's noise that belong to a plane
-ROUGHEST = 0.5  # [1] of the reach, root mean square; a curved surface fills its reach evenly (0.58)
-NEAR_COSINE = 0.82  # [1] 35 degrees, of a single triangle's normal
-SMOOTH_COSINE = 0.91  # [1] 25 degrees, of the mean normal around it
-GROWN_COSINE = 0.3  # [1] of triangles between those of a patch: bumps, and the rounding of its edges
-GROWTH_ROUNDS = 3  # [1] rings of such triangles
-DIRECTIONS = 1_600  # [1] on the sphere, 5 degrees apart
-DIRECTION_REACH = 0.16  # [1] chord of 9 degrees, over which a direction's area is summed
+MIN_PATCH_M2 = 0.08  # [m²] the area of a seat; the normal of a smaller patch is uncertain
+MIN_WIDTH_M = 0.08  # [m] narrower patches, such as a board's edge, are rounded by the scanner and have no plane
+WIDEST_M = 0.03  # [m] largest noise to either side: unevenness of a wall in a bad scan
+FINEST_M = 0.012  # [m] smallest noise assumed: drift bends every flat surface by as much
+NOISE_REACH = 3.0  # standard deviations of the noise within which a face belongs to a plane
+ROUGHEST = 0.5  # largest rms distance over that reach; a curved surface fills its reach evenly (0.58)
+NEAR_COSINE = 0.82  # 35 degrees between a triangle's normal and the plane's
+SMOOTH_COSINE = 0.91  # 25 degrees between the mean normal around a triangle and the plane's
+GROWN_COSINE = 0.3  # the same for triangles that a grown patch adds: bumps, and rounded edges
+GROWTH_ROUNDS = 3  # rings of triangles that a patch grows by
+DIRECTIONS = 1_600  # candidate normals on the sphere, 5 degrees apart
+DIRECTION_REACH = 0.16  # chord of 9 degrees, over which a direction's area is summed
 OFFSET_BIN_M = 0.01  # [m]
-FITS = 4  # [1] of a plane to what lies on it; it has settled by then
-DROPPED_SHARE = 0.2  # [1] of the faces looked at, from which those that are taken are looked at no more
+FITS = 4  # alternating fits of plane and patch; they converge by then
+DROPPED_SHARE = 0.2  # share of assigned faces at which the search drops them from its arrays
 USUAL_PATCH_M2 = (
     0.5  # [m²] of those that follow on walls and floor: 0.2 in the demo room, 0.7 in research/benchmarks/scale.py
 )
@@ -72,7 +72,7 @@ def find_flat_patches(scan: Scan, *, progress: Progress = silent) -> FlatPatches
     scan : Scan
         Vertices merged by position.
     progress : callable
-        Told how far it is.
+        Called with the fraction done and what is being done.
 
     Returns
     -------
@@ -105,7 +105,7 @@ def face_neighbors(faces: IntArray) -> IntArray:
 
 
 class _Search:
-    """What is left of a scan while planes are taken out of it; faces that are taken are dropped now and then."""
+    """The faces not yet assigned to a plane; assigned ones are dropped from the arrays now and then."""
 
     def __init__(self, scan: Scan) -> None:
         self.corners, self.centers = scan.corners, scan.centers
@@ -118,14 +118,14 @@ class _Search:
         self.around: csr_array = csr_array(
             tree.sparse_distance_matrix(tree, DIRECTION_REACH, output_type="coo_matrix") != 0
         ) + csr_array(np.eye(DIRECTIONS))
-        # Where both sides of a sheet share vertices, the mean normal is none, and no plane can be told from it.
+        # Where both sides of a sheet share vertices, the mean normal vanishes and defines no plane.
         self.left = (self.areas > 0) & (np.linalg.norm(self.smooth, axis=1) > 0.5)
-        self.face = np.arange(len(self.areas))  # numbers in the scan of the faces that are still looked at
+        self.face = np.arange(len(self.areas))  # indices in the scan of the faces that are still searched
         self.face_plane = np.full(len(self.areas), -1, dtype=np.int64)
         self.normals: list[FloatArray] = []
         self.offsets: list[float] = []
         self.reach_m = WIDEST_M
-        self.looked_at = 0  # faces, summed over all that was taken
+        self.looked_at = 0  # faces searched so far, summed over all planes taken
 
     def _smoothed(self, scan: Scan) -> FloatArray:
         """(face, 3) unit normals, averaged over all faces that touch a face's vertices."""
@@ -137,7 +137,7 @@ class _Search:
         return np.asarray(summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-12), dtype=np.float64)
 
     def fullest_direction(self) -> FloatArray | None:
-        """(3,) unit vector that most area left over faces; None where that is too little for a patch."""
+        """(3,) unit vector that most of the remaining area faces; None if that is too little for a patch."""
         area = np.bincount(self.face_direction[self.left], weights=self.areas[self.left], minlength=DIRECTIONS)
         summed = self.around @ area
         best = int(summed.argmax())
@@ -149,12 +149,12 @@ class _Search:
         return np.asarray(mean / length if length > 0 else self.directions[best], dtype=np.float64)
 
     def share_done(self) -> float:
-        """Faces that were looked at, over those and the ones to come if what is left is patches of usual size [1]."""
+        """Share of the faces searched, if the remaining area consists of patches of usual size [0-1]."""
         to_come = float(self.areas[self.left].sum()) / USUAL_PATCH_M2 * 0.5 * int(self.left.sum())
         return self.looked_at / max(self.looked_at + to_come, 1.0)
 
     def take(self, direction: FloatArray) -> None:
-        """Take the fullest plane of a direction out of what is left: as a patch, or as too small for one."""
+        """Take the plane of most area in a direction out of the remaining faces: a patch, or too small for one."""
         self.looked_at += len(self.left)
         facing = self.left & (self.smooth @ direction > SMOOTH_COSINE)
         along = self.centers[facing] @ direction
@@ -181,7 +181,7 @@ class _Search:
             self._drop_taken()
 
     def _drop_taken(self) -> None:
-        """Look no more at faces that are taken; those that are left keep their order, and so the planes to the bit."""
+        """Drop assigned faces from the arrays; the others keep their order, so that results are the same to the bit."""
         kept = np.flatnonzero(self.left)
         number = np.cumsum(self.left) - 1
         self.pairs = number[self.pairs[self.left[self.pairs[:, 0]] & self.left[self.pairs[:, 1]]]]
@@ -191,9 +191,9 @@ class _Search:
         self.left = np.ones(kept.size, dtype=np.bool_)
 
     def _learn_noise(self, member: BoolArray, normal: FloatArray, offset: float) -> None:
-        """How far the largest plane's faces are off it tells how far noise reaches."""
+        """Estimate the scan's noise from the distances of the largest plane's faces."""
         off = np.abs(self.centers[member] @ normal - offset)
-        deviation = 1.4826 * float(np.median(off))  # a normal law's, from the median
+        deviation = 1.4826 * float(np.median(off))  # standard deviation of a normal law from its median distance
         self.reach_m = float(np.clip(NOISE_REACH * deviation, FINEST_M, WIDEST_M))
 
     def _on(self, normal: FloatArray, offset: float) -> BoolArray:
@@ -212,11 +212,11 @@ class _Search:
         centers, areas = self.centers[member], self.areas[member]
         rough = float(np.sqrt(np.average((centers @ normal - offset) ** 2, weights=areas)))
         spread = np.linalg.eigvalsh(_second_moment(self.corners[member], areas))
-        width = float(np.sqrt(12.0 * max(spread[1], 0.0)))  # of a rectangle of that variance
+        width = float(np.sqrt(12.0 * max(spread[1], 0.0)))  # width of a rectangle of that variance
         return width >= MIN_WIDTH_M and rough <= ROUGHEST * self.reach_m
 
     def _largest_piece(self, member: BoolArray) -> BoolArray:
-        """Those members that hang together, in the piece of most area."""
+        """The connected piece of most area among the members."""
         rows = np.flatnonzero(member)
         largest = np.zeros(len(member), dtype=np.bool_)
         if rows.size:
@@ -228,7 +228,7 @@ class _Search:
         return largest
 
     def grown(self, scan: Scan) -> IntArray:
-        """(face,) planes, with the bumps and rounded rims between and beside their faces."""
+        """(face,) planes, grown over the bumps and rounded rims between and beside their faces."""
         plane = self.face_plane.copy()
         if not self.offsets:
             return plane
@@ -270,10 +270,10 @@ def _second_moment(corners: FloatArray, areas: FloatArray) -> FloatArray:
 
 
 def _fitted(corners: FloatArray, areas: FloatArray, unit: FloatArray) -> tuple[FloatArray, float]:
-    """Plane through triangles in the least squares' sense, on the side of `unit`."""
+    """Least-squares plane through triangles, with its normal on the side of `unit`."""
     middle = np.average(corners.mean(axis=1), axis=0, weights=areas)
     _, axes = np.linalg.eigh(_second_moment(corners, areas))
     normal = axes[:, 0] * (np.sign(axes[:, 0] @ unit) or 1.0)
-    if normal @ unit < NEAR_COSINE:  # a strip says nothing about its turn; its faces' normals do
+    if normal @ unit < NEAR_COSINE:  # the rotation of a narrow strip is undetermined; use its faces' normals
         normal = unit
     return normal, float(middle @ normal)

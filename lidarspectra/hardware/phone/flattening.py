@@ -1,9 +1,9 @@
-"""Flat things made flat again: vertices are drawn onto the planes that a scan's faces lie on, edges and corners too.
+"""Flattening: vertices are moved onto the planes that a scan's faces lie on, and onto their edges and corners.
 
 A phone bends walls by drift, roughens them by noise and rounds their edges by its voxels. A vertex that touches one
-plane is moved onto it by the shortest way; one that lies near two onto the line in which they meet; near three into
-their corner. Nothing else is moved, so that legs and backs of chairs stay, and no triangle comes loose from another:
-a mesh that was tight stays tight. Texture coordinates stay with their corners.
+plane is moved onto it by the shortest way; one near two planes onto the line in which they meet; one near three into
+their corner. Nothing else is moved, so that legs and backs of chairs stay as they were scanned. The connectivity of the
+mesh does not change: a watertight mesh stays watertight. Texture coordinates stay with their corners.
 """
 
 from dataclasses import replace
@@ -16,36 +16,36 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.flat_patches import FlatPatches, find_flat_patches
 from lidarspectra.progress import Progress, shares, silent
 
-EDGE_REACH_M = 0.03  # [m] that a phone's voxels cut off an edge, about
-MAX_MOVE_M = 0.045  # [m] into a corner of three such planes
-TWO_PLANES_COSINE = 0.8  # [1] 37 degrees; flatter edges are bends
-THREE_PLANES_VOLUME = 0.3  # [1] of the normals' parallelepiped, below which there is no corner
-CHOICES = 6  # [1] planes about a vertex that are looked at
-UNMOVING_ROUNDS = 4  # [1] of taking back what turned a triangle over
-TURNED_COSINE = 0.0  # [1] of the turn of a face's normal
-MIN_FACE_AREA_M2 = 1e-9  # [m²] a face that an edge swallowed
-MIN_MOVE_M = 1e-6  # [m] that counts as one
-SHARES = (0.7, 0.3)  # of the time: finding planes, drawing onto them
+EDGE_REACH_M = 0.03  # [m] about as much as a phone's voxels cut off an edge
+MAX_MOVE_M = 0.045  # [m] the move into a corner of three planes that are cut off so
+TWO_PLANES_COSINE = 0.8  # 37 degrees between two planes; less is a bend of one surface
+THREE_PLANES_VOLUME = 0.3  # volume of the three normals' parallelepiped below which there is no corner
+CHOICES = 6  # planes considered for a vertex
+UNMOVING_ROUNDS = 4  # rounds in which moves that turn a triangle over are taken back
+TURNED_COSINE = 0.0  # cosine of the rotation of a face's normal below which the face counts as turned over
+MIN_FACE_AREA_M2 = 1e-9  # [m²] a smaller face collapsed onto an edge
+MIN_MOVE_M = 1e-6  # [m] a smaller shift of a vertex does not count as a move
+SHARES = (0.7, 0.3)  # of the time: finding planes, moving vertices onto them
 
 
 def flatten_scan(scan: Scan, *, progress: Progress = silent) -> Scan:
-    """Draw a scan's vertices onto its planes, edges and corners.
+    """Move a scan's vertices onto its planes, edges and corners.
 
     Parameters
     ----------
     scan : Scan
         Repaired.
     progress : callable
-        Told how far it is.
+        Called with the fraction done and what is being done.
 
     Returns
     -------
     scan : Scan
-        With what was moved in its record. Faces that an edge swallowed are gone.
+        With the share of moved vertices in its record. Faces that collapsed onto an edge are removed.
     """
     finding, drawing = shares(progress, SHARES)
     patches = find_flat_patches(scan, progress=finding)
-    drawing(0.0, "drawing vertices onto planes")
+    drawing(0.0, "moving vertices onto planes")
     moved = _drawn(scan, patches)
     used = np.unique(scan.faces)
     distance = np.linalg.norm(moved[used] - scan.vertices[used], axis=1)
@@ -61,7 +61,7 @@ def flatten_scan(scan: Scan, *, progress: Progress = silent) -> Scan:
         faces_kept=kept.size,
         area_m2=float(flat.areas[kept].sum()),
     )
-    progress(1.0, "planes are flat")
+    progress(1.0, "planes flattened")
     return replace(flat, faces=flat.faces[kept], appearance=flat.appearance.select(kept), record=record)
 
 
@@ -82,7 +82,7 @@ def _planes_of_vertices(scan: Scan, patches: FlatPatches) -> IntArray:
     touching = _touching(scan, patches)
     near = csr_array(_ring(scan) @ touching)
     near.sort_indices()
-    weight = near + 1e3 * touching  # what touches a vertex comes before what is near it
+    weight = near + 1e3 * touching  # planes that touch a vertex come before planes near it
     coo = coo_array(weight)
     vertex, plane, value = coo.row.astype(np.int64), coo.col.astype(np.int64), coo.data
     off = np.abs(np.einsum("nc,nc->n", scan.vertices[vertex], patches.normals[plane]) - patches.offsets[plane])
@@ -114,7 +114,7 @@ def _ring(scan: Scan) -> csr_array:
 
 
 def _choices(vertex: IntArray, plane: IntArray, value: FloatArray, count: int) -> IntArray:
-    """(vertex, choice) planes about each vertex, weightiest first, -1 where there are no more."""
+    """(vertex, choice) planes near each vertex, largest weight first, -1 where there are no more."""
     order = np.lexsort((-value, vertex))
     vertex, plane = vertex[order], plane[order]
     starts = np.searchsorted(vertex, np.arange(count))
@@ -140,20 +140,20 @@ def _independent(choices: IntArray, normals: FloatArray, touched: BoolArray) -> 
         edge = here & (found[:, 1] < 0) & crossing
         found[third, 2] = plane[third]
         found[edge, 1] = plane[edge]
-    # A vertex that only lies near one plane, and touches none of its faces, is another thing's.
+    # A vertex that lies near one plane but touches none of its faces belongs to another object.
     found[~touched & (found[:, 1] < 0)] = -1
     return found
 
 
 def _solved(vertices: FloatArray, planes: IntArray, patches: FlatPatches) -> FloatArray:
-    """(vertex, 3) nearest points that lie on all planes of each vertex; a vertex that had to go too far stays."""
+    """(vertex, 3) nearest points on all planes of each vertex; a vertex that would move too far stays."""
     moved = vertices.copy()
     counts = (planes >= 0).sum(axis=1)
     for count in (1, 2, 3):
         rows = np.flatnonzero(counts == count)
         normals = patches.normals[planes[rows, :count]]
         off = np.einsum("nkc,nc->nk", normals, vertices[rows]) - patches.offsets[planes[rows, :count]]
-        # The shortest way is a sum of the normals, N^T (N N^T)^-1 off.
+        # The shortest move is a sum of the normals, N^T (N N^T)^-1 times the distances.
         share = np.linalg.solve(normals @ normals.transpose(0, 2, 1), off[..., None])
         moved[rows] -= (normals.transpose(0, 2, 1) @ share)[..., 0]
     far = np.linalg.norm(moved - vertices, axis=1) > MAX_MOVE_M
@@ -162,7 +162,7 @@ def _solved(vertices: FloatArray, planes: IntArray, patches: FlatPatches) -> Flo
 
 
 def _unturned(scan: Scan, patches: FlatPatches, stages: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
-    """(vertex, 3) the first of several positions of each vertex that turns no triangle over."""
+    """(vertex, 3) for each vertex the first of several positions that turns no triangle over."""
     stage = np.zeros(len(scan.vertices), dtype=np.int64)
     positions = np.stack(stages)
     wanted = np.where(

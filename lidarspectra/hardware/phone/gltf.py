@@ -1,7 +1,7 @@
 """glTF 2.0 files, binary (GLB) and text: meshes, scene transforms, base colour.
 
-Read here and not by trimesh, whose reader passes over textures that it cannot decode, sparse data, texture transforms
-and further texture coordinates without a word. What is refused here is named.
+This module does not use trimesh's reader, because that one silently ignores textures that it cannot decode, sparse
+data, texture transforms and further sets of texture coordinates. Here each becomes an error or a note.
 
 References
 ----------
@@ -33,7 +33,7 @@ from lidarspectra.hardware.phone.gltf_document import (
     parse_document,
     split_glb,
 )
-from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh
+from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh, missing_file_notes
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # 3.6.2.2
@@ -44,7 +44,7 @@ Factor = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class _Surface:
-    """A material as we use it: linear colour factor, and the number of its texture image."""
+    """The part of a material used here: linear colour factor, and the index of its texture image."""
 
     factor: Factor | None
     image: int
@@ -69,7 +69,7 @@ def read_gltf(data: bytes, *, folder: FileFolder) -> RawMesh:
     Returns
     -------
     raw : RawMesh
-        In metres and y up, as the format is by definition.
+        In metres with y up, as the format defines.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def read_gltf(data: bytes, *, folder: FileFolder) -> RawMesh:
 
 @dataclass(kw_only=True)
 class _Reading:
-    """A document being read: what was decoded so far is kept, as parts share it."""
+    """A document being read, with the images and buffers decoded so far, which its parts share."""
 
     document: Document
     binary: bytes | None
@@ -106,13 +106,13 @@ def _read_document(reading: _Reading) -> RawMesh:
             primitives = item(reading.document.meshes, mesh, "mesh", reading.where).primitives
             cached[mesh] = [part for primitive in primitives for part in _primitive(reading, primitive)]
         parts.extend(_transformed(part, matrix) for part in cached[mesh])
-    missing = [f"the file '{name}' that the scan names is not there" for name in reading.folder.missing]
+    missing = missing_file_notes(reading.folder.missing)
     return RawMesh(
         parts=tuple(parts),
         images=tuple(reading.images),
         unit="m",
         up="+y",
-        notes=tuple(reading.notes) + tuple(dict.fromkeys(missing)),
+        notes=tuple(reading.notes) + missing,
     )
 
 
@@ -183,7 +183,7 @@ def _transformed(part: MeshPart, matrix: FloatArray) -> MeshPart:
 def _primitive(reading: _Reading, primitive: Primitive) -> list[MeshPart]:
     """The triangles of a primitive; none for points and lines."""
     if primitive.mode not in (TRIANGLES, STRIP, FAN):
-        reading.notes["points and lines in the file are left out"] = None
+        reading.notes["The points and lines in the file were ignored, because only triangles reflect light."] = None
         return []
     if "POSITION" not in primitive.attributes:
         raise damaged("a mesh with positions", "one without", reading.where)
@@ -200,7 +200,7 @@ def _primitive(reading: _Reading, primitive: Primitive) -> list[MeshPart]:
     corner_uv = _corner_uv(reading, primitive, surface.info, faces) if surface.image >= 0 else None
     if corner_uv is not None:
         if "COLOR_0" in primitive.attributes:
-            reading.notes["vertex colours are left out where there is a texture"] = None
+            reading.notes["Vertex colours were ignored where a surface also has a texture."] = None
         return [MeshPart(vertices=vertices, faces=faces, image=surface.image, corner_uv=corner_uv)]
     return [MeshPart(vertices=vertices, faces=faces, corner_color=_corner_color(reading, primitive, surface, faces))]
 
@@ -228,7 +228,10 @@ def _corner_uv(reading: _Reading, primitive: Primitive, info: TextureInfo | None
     channel = info.tex_coord if transform is None or transform.tex_coord is None else transform.tex_coord
     name = f"TEXCOORD_{channel}"
     if name not in primitive.attributes:
-        reading.notes["a textured mesh has no texture coordinates; its texture is left out"] = None
+        reading.notes[
+            "A textured mesh has no texture coordinates, so its texture was ignored and its colour is unknown."
+            " Export the scan again with texture coordinates (UV)."
+        ] = None
         return None
     uv = _accessor(reading, primitive.attributes[name], columns=(2,)).astype(np.float64)
     if transform is not None:
@@ -245,7 +248,7 @@ def _corner_color(reading: _Reading, primitive: Primitive, surface: _Surface, fa
     if "COLOR_0" in primitive.attributes:
         linear = _accessor(reading, primitive.attributes["COLOR_0"], columns=(3, 4), always_normalized=True)[:, :3]
         return _at_corners(encode_srgb(linear * factor), faces, reading.where)
-    # The factor of a material whose texture could not be had says nothing about the surface.
+    # The colour factor of a material whose texture is missing is not the surface's colour.
     if surface.factor is None or surface.info is not None:
         return None
     return np.broadcast_to(encode_srgb(factor), (faces.shape[0], 3, 3))
@@ -272,7 +275,7 @@ def _surface(reading: _Reading, index: int | None) -> _Surface:
     rgb = None if factor is None else factor[:3]
     if info is None and material.emissive_texture is not None:
         # Photogrammetry tools write their colour as emission to keep viewers from shading it.
-        reading.notes["the colour is taken from an emissive texture"] = None
+        reading.notes["The surface colour was taken from an emissive texture, because there is no base colour."] = None
         rgb, info = None, material.emissive_texture
     return _Surface(factor=rgb, image=-1 if info is None else _image_number(reading, info, rgb), info=info)
 
@@ -283,7 +286,10 @@ def _image_number(reading: _Reading, info: TextureInfo, factor: Factor | None) -
     texture = item(document.textures, info.index, "texture", where)
     source = texture.source if texture.extensions.webp is None else texture.extensions.webp.source
     if source is None:
-        reading.notes["a texture in a format that is not read here is left out"] = None
+        reading.notes[
+            "A texture is in an image format that cannot be read, so its surfaces have no colour."
+            " Export the scan with JPEG or PNG textures."
+        ] = None
         return -1
     tint = None if factor is None or all(value >= 1.0 for value in factor) else factor
     for key in ((source, None), (source, tint)):

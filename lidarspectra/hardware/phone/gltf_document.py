@@ -27,7 +27,7 @@ Size = Annotated[int, Field(ge=0, le=2**40, strict=True)]
 
 
 class Part(BaseModel):
-    """A part of a glTF file; what we do not need is ignored."""
+    """A part of a glTF file; properties that are not needed are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, alias_generator=to_camel, allow_inf_nan=False)
 

@@ -1,6 +1,6 @@
 """Holes of a mesh: the loops of edges that bound them, and triangles that close them.
 
-Expects vertices merged by position, so that texture seams are no edges of holes.
+The vertices must be merged by position; otherwise texture seams would count as edges of holes.
 
 References
 ----------
@@ -15,10 +15,10 @@ from scipy.spatial.distance import pdist
 
 from lidarspectra.arrays import FloatArray, IntArray
 
-MAX_LOOP = 250  # corners triangulated at once; work grows with the cube
-SHAPE_WEIGHT = 1e-3  # [1] of squared edge lengths beside area: among equal areas, the roundest triangles
+MAX_LOOP = 250  # corners triangulated at once; the cost grows with their cube
+SHAPE_WEIGHT = 1e-3  # weight of squared edge lengths against area: prefers round triangles among equal areas
 MAX_EXACT_EXTENT = 1500  # corners up to which the longest extent is exact
-SHEET_SHARE = 0.4  # [1] a rim that would be closed by so much of its piece's area is a sheet's outline, no hole
+SHEET_SHARE = 0.4  # if closing a rim takes this share of its piece's area, it is the outline of a sheet and no hole
 NO_AREA_M2 = 1e-9  # [m²] a slit left by triangles without area
 
 
@@ -49,9 +49,9 @@ def find_loops(faces: IntArray) -> tuple[list[Loop], int]:
     Returns
     -------
     loops : list of Loop
-        Where loops touch at a vertex, each comes by itself.
+        Loops that touch at a vertex are listed separately.
     loose_edges : int
-        Edges that belong to no closed loop, for faces meet there that are wound against each other.
+        Edges that belong to no closed loop, because faces with opposite winding meet there.
     """
     starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
@@ -75,7 +75,7 @@ def find_loops(faces: IntArray) -> tuple[list[Loop], int]:
 
 
 def _walk(first: int, leaving: dict[int, list[tuple[int, int]]]) -> tuple[list[Loop], int]:
-    """Follow edges from a vertex, taking out a loop whenever the path meets itself; and count those left over."""
+    """Follow edges from a vertex, split off a loop whenever the path meets itself, and count the edges left over."""
     path, beside = [first], list[int]()
     place = {first: 0}
     loops = []

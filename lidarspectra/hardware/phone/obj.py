@@ -1,7 +1,7 @@
 """OBJ files with their MTL materials and textures.
 
-Read here and not by trimesh, whose reader passes over a missing material, a missing texture and a damaged line without
-a word; here each is an error with its line, or a note.
+This module does not use trimesh's reader, because that one silently ignores a missing material, a missing texture and a
+damaged line. Here each is an error with its line, or a note.
 """
 
 from collections.abc import Iterable, Iterator
@@ -12,10 +12,10 @@ import numpy as np
 from lidarspectra.arrays import ByteArray, FloatArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.textures import check_texture_total
-from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh
+from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh, missing_file_notes
 from lidarspectra.spectra.colorimetry import encode_srgb
 
-_MAX_NUMBERS = 2**40  # [1] no file is so long
+_MAX_NUMBERS = 2**40  # larger indices than any file can hold
 _NO_INDEX = -1
 _IMAGE_OPTION_ARGUMENTS = {
     "-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-blendu": 1, "-blendv": 1, "-boost": 1, "-texres": 1, "-clamp": 1,
@@ -64,7 +64,7 @@ def read_obj(data: bytes, *, folder: FileFolder) -> RawMesh:
     Returns
     -------
     raw : RawMesh
-        One part a material.
+        One part per material.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def read_obj(data: bytes, *, folder: FileFolder) -> RawMesh:
         material = materials.get(name, _Material()) if name is not None else _Material()
         image = numbers.get(material.texture, -1) if material.texture is not None else -1
         parts.extend(_parts(faces, material, image, vertices, colors, uv))
-    notes = tuple(f"the file '{name}' that the scan names is not there" for name in folder.missing)
+    notes = missing_file_notes(folder.missing)
     return RawMesh(parts=tuple(parts), images=tuple(images), notes=notes)
 
 
@@ -103,7 +103,7 @@ def _read_images(materials: Iterable[_Material], folder: FileFolder) -> tuple[di
 
 
 def _lines(data: bytes) -> Iterator[tuple[int, str, str]]:
-    """Number, keyword and rest of every line that says something; a backslash joins a line with the next."""
+    """Number, keyword and rest of every non-empty line; a backslash joins a line with the next."""
     # Latin-1 decodes any byte, and the words that matter are ASCII; only names could suffer, so UTF-8 goes first.
     try:
         text = data.decode("utf-8-sig")
@@ -172,7 +172,7 @@ def _number(word: str, count: int) -> int:
     value = int(word)
     index = value - 1 if value > 0 else count + value
     if value == 0 or not 0 <= index < _MAX_NUMBERS:
-        raise ValueError(f"number {value} names nothing")
+        raise ValueError(f"index {value} is 0 or points before the first element")
     return index
 
 
@@ -221,7 +221,7 @@ def _parts(
         if colors is not None:
             color = colors[plain]
         elif material.color is not None and material.texture is None:
-            # Kd is linear light; the white that stands in it beside a lost texture is no colour.
+            # Kd is linear light; where the texture is missing, its white is not the surface's colour.
             color = np.broadcast_to(encode_srgb(np.array(material.color)), (plain.shape[0], 3, 3))
         yield MeshPart(vertices=vertices, faces=plain, corner_color=color)
 

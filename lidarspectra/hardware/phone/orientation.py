@@ -1,8 +1,8 @@
 """Which way is up in a scan's file, and in which unit it is.
 
-Both are weighed together: for every unit and axis, how plausible the room would be (2.6 m high, some metres wide, with
-large level surfaces and furniture near the floor), and what the format declares. Probabilities are heavy-tailed, so
-that an unusual room is doubted but not impossible.
+Both are found together as a posterior: for every unit and axis, how plausible the room would be (2.6 m high, some
+metres wide, with large level surfaces and furniture near the floor), times the prior that the format declares. The
+distributions are heavy-tailed, so that an unusual room is doubted but not excluded.
 """
 
 from dataclasses import dataclass
@@ -20,23 +20,23 @@ UNITS: tuple[Unit, ...] = get_args(Unit)
 AXES: tuple[Axis, ...] = get_args(Axis)
 
 ROOM_HEIGHT_M = 2.6  # [m] common ceiling height; the building codes of most countries ask for 2.3 to 2.5 m at least
-ROOM_HEIGHT_SPREAD = 0.22  # [1] of its logarithm: 1.8 m (a partial scan) to 4 m within two spreads
+ROOM_HEIGHT_SPREAD = 0.22  # spread of its logarithm: 1.8 m (a partial scan) to 4 m lie within two spreads
 ROOM_WIDTH_M = 4.5  # [m] common side of a room
-ROOM_WIDTH_SPREAD = 0.6  # [1] of its logarithm: 1.4 m to 15 m within two spreads
+ROOM_WIDTH_SPREAD = 0.6  # spread of its logarithm: 1.4 m to 15 m lie within two spreads
 TAIL_FREEDOM = 3.0  # degrees of freedom of Student's t, the heavy-tailed distribution used here
 UNIT_LOG_PRIOR: dict[Unit, float] = {"m": 0.0, "cm": -1.5, "mm": -1.5, "in": -4.0, "ft": -4.0}  # phones write metres
 AXIS_LOG_PRIOR: dict[Axis, float] = {"+y": 0.0, "+z": 0.0, "-y": -4.0, "-z": -4.0, "+x": -4.0, "-x": -6.0}
 DECLARED_LOG_ODDS = 10.0  # a format's own definition is wrong once in some 20,000 files
 USUAL_LOG_ODDS = 1.0  # a habit of programs: three files in four
-LEVEL_COSINE = 0.966  # [1] cos 15 degrees: steeper than any floor, finer than scan noise
+LEVEL_COSINE = 0.966  # cos 15 degrees: steeper than any floor, finer than scan noise
 LEVEL_WEIGHT = 8.0  # log odds per share of the area that is level
-LOW_WEIGHT = 12.0  # log odds per share of the height by which what stands between floor and ceiling stands low
+LOW_WEIGHT = 12.0  # log odds per share of the height by which furniture lies below the middle
 TABLE_WEIGHT = 3.0  # log odds where all level surfaces between floor and ceiling face up
-END_SHARE = 0.12  # [1] of the height: floor and ceiling with their unevenness
-EXTENT_QUANTILE = 0.005  # [1] of the area beyond the extent on either side: what was seen through a window
-MIN_ROOM_M, LARGEST_ROOM_M = 0.3, 1000.0  # [m] longest side; neither a thing on a table nor a landscape
-SURE = 0.8  # [1] a confidence below it is noted
-_MAX_FACES = 200_000  # more say nothing new
+END_SHARE = 0.12  # share of the height taken as floor, and as ceiling, with their unevenness
+EXTENT_QUANTILE = 0.005  # share of the area beyond the extent on either side, such as seen through a window
+MIN_ROOM_M, LARGEST_ROOM_M = 0.3, 1000.0  # [m] longest side; neither a table-top object nor a landscape
+SURE = 0.8  # a lower confidence gives a note
+_MAX_FACES = 200_000  # a larger sample gives the same result
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class Orientation:
     unit_confidence, up_confidence : float
         Their probabilities; 1 where the user gave them. [0-1]
     notes : tuple of str
-        Doubts, and where the geometry overrules the format.
+        What is uncertain, and where the geometry overruled the format.
     """
 
     unit: Unit
@@ -110,9 +110,9 @@ def find_orientation(
     declared_unit, declared_up : str, optional
         What the format says; overruled only by a room that is absurd otherwise.
     usual_up : str, optional
-        What most files of the format have; decides only where the geometry leaves doubt.
+        What most files of the format have; decides only where the geometry is ambiguous.
     unit, up : str, optional
-        What the user says; taken as they are, with confidence 1.
+        What the user states; used as given, with confidence 1.
     where : str
         Name of the file, for errors.
 
@@ -246,13 +246,25 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = []
     if said_unit is not None and said_unit != unit:
-        notes.append(f"the file says that its unit is {said_unit}, but such a room would be absurd; {unit} is taken")
+        notes.append(
+            f"The file declares {said_unit} as its unit, but the room would then have an impossible size, so {unit} was"
+            " assumed. Check the room's dimensions, and set unit in [scan] if they are wrong."
+        )
     if said_up is not None and said_up != up:
-        notes.append(f"the file says that {said_up} is up, but its surfaces say {up}, which is taken")
+        notes.append(
+            f"The file declares {said_up} as its upward axis, but its floor and furniture face {up}, so {up} was"
+            " assumed. Check the floor plan, and set up in [scan] if it is wrong."
+        )
     if unit_sure < SURE:
-        notes.append(f"the unit is uncertain: {unit} at {unit_sure:.0%}; give unit in [scan] if it is wrong")
+        notes.append(
+            f"The unit of the file is uncertain: {unit} was assumed, with a probability of {unit_sure:.0%}. All lengths"
+            " scale with it. Check the room's dimensions, and set unit in [scan] if they are wrong."
+        )
     if up_sure < SURE:
-        notes.append(f"the upward axis is uncertain: {up} at {up_sure:.0%}; give up in [scan] if it is wrong")
+        notes.append(
+            f"The upward axis is uncertain: {up} was assumed, with a probability of {up_sure:.0%}. Check the floor"
+            " plan, and set up in [scan] if it is wrong."
+        )
     return tuple(notes)
 
 

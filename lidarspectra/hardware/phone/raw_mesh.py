@@ -2,6 +2,7 @@
 
 import re
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Literal
@@ -17,18 +18,18 @@ from lidarspectra.geometry.textures import check_texture_total, decode_image
 Unit = Literal["m", "cm", "mm", "in", "ft"]
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 
-NEUTRAL_COLOR = 0.735  # [1] sRGB-encoded; linear 0.5, the stand-in where a file holds no colour
+NEUTRAL_COLOR = 0.735  # sRGB-encoded; linear 0.5, used where a file holds no colour
 MAX_FACES = 20_000_000  # about 6 GB as a Scan
 MAX_FILE_BYTES = 2 * 1024**3  # [byte] a room with an 8k texture is below 0.2 GB
-LONGEST_NAME = 255  # [byte] of a file or folder, on any common file system
-MAX_COORDINATE = 1e9  # [unit of the file] beyond it the rounding of 32-bit files is no geometry
+LONGEST_NAME = 255  # [byte] longest name of a file or folder on common file systems
+MAX_COORDINATE = 1e9  # [unit of the file] beyond it the rounding of 32-bit floats exceeds any geometry
 
 _DEVICE = re.compile(r"(?i)\s*(con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])\s*(\..*)?", re.DOTALL)
-"""What Windows takes for a device in any folder, whatever its ending."""
+"""Names that Windows reserves for devices in every folder, with any suffix."""
 PARSER_FAULTS = (
     ValueError, KeyError, IndexError, TypeError, AttributeError, AssertionError, OverflowError, EOFError, OSError,
     NotImplementedError, RecursionError, MemoryError, ZeroDivisionError, UnboundLocalError, struct.error,
-)  # fmt: skip  # what parsers of libraries raise on malformed files; none of them says what is wrong
+)  # fmt: skip  # what parsers of libraries raise on malformed files
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,7 +59,7 @@ class MeshPart:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawMesh:
-    """All that a reader found in a file.
+    """What a reader found in a file.
 
     Parameters
     ----------
@@ -67,13 +68,13 @@ class RawMesh:
     images : tuple of (height, width, 3) uint8
         sRGB-encoded textures that the parts' `image` counts.
     unit : str or None
-        What the format or the file says that its unit is; None where it says nothing.
+        Unit that the format or the file declares; None if it declares none.
     up : str or None
-        Likewise the upward axis.
+        The same for the upward axis.
     usual_up : str or None
-        Upward axis that most programs write in a format that says nothing of it.
+        Upward axis that most programs write in a format that does not define it.
     notes : tuple of str
-        What a reader of the record should know.
+        What the user should know about the file.
     """
 
     parts: tuple[MeshPart, ...]
@@ -86,7 +87,7 @@ class RawMesh:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JoinedMesh:
-    """A raw mesh as one: what `Scan` needs but for orientation and unit.
+    """A raw mesh joined into one: all that `Scan` needs except orientation and unit.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ class JoinedMesh:
     appearance : Appearance
         Colour of every face.
     notes : tuple of str
-        What was found on the way.
+        What the user should know about the mesh.
     """
 
     vertices: FloatArray
@@ -108,7 +109,7 @@ class JoinedMesh:
 
 @dataclass(kw_only=True)
 class FileFolder:
-    """The folder of a scan's file, from which its textures and buffers come, and from nowhere else.
+    """The folder of a scan's file; its textures and buffers are read from here and from nowhere else.
 
     Parameters
     ----------
@@ -117,7 +118,7 @@ class FileFolder:
     where : str
         Name of the scan's file, for errors.
     missing : list of str
-        Names that were asked for and are not there.
+        Names that the scan refers to and that do not exist.
     """
 
     root: Path
@@ -165,7 +166,7 @@ class FileFolder:
 
 
 def _is_file_name(name: str) -> bool:
-    """Whether every system can have a file of that name, and takes it for a file."""
+    """Whether the name is valid for a file on every operating system."""
     try:
         return len(name.encode()) <= LONGEST_NAME and not _DEVICE.fullmatch(name)
     except UnicodeEncodeError:  # half a character, as JSON may write it
@@ -193,12 +194,21 @@ def read_bytes(path: Path) -> bytes:
         ) from cause
 
 
+def missing_file_notes(names: Iterable[str]) -> tuple[str, ...]:
+    """One note for each file that a scan refers to and that does not exist."""
+    return tuple(
+        f"The scan refers to the file '{name}', which is missing, so the surfaces that need it have no colour from it."
+        " Put the file beside the scan and run again."
+        for name in dict.fromkeys(names)
+    )
+
+
 def malformed(cause: BaseException, *, kind: str, where: str) -> ScanError:
     """The error for a file that a parser failed on."""
     try:
         reason = " ".join(str(cause).split())
     except UnicodeDecodeError:  # a library of C++ quotes the damaged bytes
-        reason = "its message holds no text"
+        reason = "its message is not text"
     return ScanError(
         expected=f"a well-formed {kind} file",
         found=f"one that cannot be parsed ({type(cause).__name__}: {reason[:300]})",
@@ -304,11 +314,20 @@ def _join_appearance(parts: list[MeshPart], images: tuple[ByteArray, ...]) -> tu
     face_image[broken], corner_uv[broken], corner_color[broken] = -1, 0.0, NEUTRAL_COLOR
     notes = []
     if bad:
-        notes.append(f"{bad} triangles have texture coordinates or colours that are no numbers; they are taken as gray")
+        notes.append(
+            f"{bad} triangles have texture coordinates or colours that are not finite numbers, so a neutral gray was"
+            " used for them. Export the scan again if this is a large part of the room."
+        )
     if uncolored == total:
-        notes.append("the file has no colour: all surfaces are taken as a neutral gray")
+        notes.append(
+            "The file has no colour, so all surfaces were given a neutral gray and their materials cannot be estimated"
+            " from it. Export the scan with a texture or vertex colours, or assign materials in a file."
+        )
     elif uncolored:
-        notes.append(f"{uncolored} of {total} triangles have no colour and are taken as a neutral gray")
+        notes.append(
+            f"{uncolored} of {total} triangles have no colour, so a neutral gray was used for them; reflectances there"
+            " are guesses. Export the scan with a complete texture if this is a large part of the room."
+        )
     appearance = Appearance(
         images=images,
         face_image=face_image,

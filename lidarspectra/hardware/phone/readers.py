@@ -1,4 +1,4 @@
-"""Scan files into scans: finds the format, reads it, and brings it to metres with z up."""
+"""Read scan files: detect the format, read it, and convert it to metres with z up."""
 
 import io
 import logging
@@ -27,6 +27,7 @@ from lidarspectra.hardware.phone.raw_mesh import (
     RawMesh,
     join_parts,
     malformed,
+    missing_file_notes,
     read_bytes,
 )
 from lidarspectra.progress import Progress, silent
@@ -51,12 +52,12 @@ def read_scan(path: Path, *, unit: UnitChoice = "auto", up: UpChoice = "auto", p
     unit, up : str
         Unit and upward axis of the file's coordinates; 'auto' takes them from the format and the room's geometry.
     progress : callable
-        Told how far it is.
+        Called with the fraction done and what is being done.
 
     Returns
     -------
     scan : Scan
-        In metres, z up; turned about no axis but those that bring the file's upward axis to z. Nothing is repaired.
+        In metres, z up; rotated only as far as the file's upward axis requires. Nothing is repaired.
 
     Raises
     ------
@@ -162,7 +163,7 @@ def _oriented(mesh: JoinedMesh, orientation: Orientation, *, where: str) -> Scan
 
 
 class _NamesOnly(trimesh.resolvers.Resolver):
-    """Notes which files trimesh asks for and gives it none: we fetch them ourselves, from the scan's folder only."""
+    """Records which files trimesh asks for and returns none: they are read here, from the scan's folder only."""
 
     def __init__(self) -> None:
         self.names: list[str] = []
@@ -182,7 +183,7 @@ class _NamesOnly(trimesh.resolvers.Resolver):
 
 
 class _Kept(logging.Handler):
-    """Keeps what a library warns of, for the notes."""
+    """Collects the warnings of a library, for the notes."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
@@ -198,7 +199,7 @@ def _read_with_trimesh(data: bytes, kind: str, folder: FileFolder) -> RawMesh:
     trimesh_log.addHandler(kept)
     try:
         with warnings.catch_warnings():
-            # numpy stops at a damaged number with no more than a warning; other warnings concern nothing we use.
+            # numpy only warns when it stops at a damaged number; its other warnings do not matter here.
             warnings.simplefilter("ignore")
             warnings.filterwarnings("error", message=".*(could not be read to its end|invalid value).*")
             loaded = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=resolver, process=False)
@@ -211,10 +212,14 @@ def _read_with_trimesh(data: bytes, kind: str, folder: FileFolder) -> RawMesh:
     image = folder.read_image(resolver.names[0]) if resolver.names else None
     if image is None:
         parts = tuple(replace(part, image=-1, corner_uv=None) for part in parts)
-    # That it has no image is what we told it.
-    warned = [f"while reading: {text}" for text in kept.messages if text != "unable to load image!"]
-    notes = tuple(f"the file '{name}' that the scan names is not there" for name in folder.missing) + tuple(warned)
-    # Programs for printing and for point clouds, whose formats these are, work with z up.
+    # trimesh warns about images because the resolver above returns none.
+    warned = [
+        f"The reader of this format warned: '{text}'. Check that the scan is complete."
+        for text in kept.messages
+        if text != "unable to load image!"
+    ]
+    notes = missing_file_notes(folder.missing) + tuple(warned)
+    # These formats come from 3D printing and point clouds, where programs use z up.
     return RawMesh(parts=parts, images=() if image is None else (image,), usual_up="+z", notes=notes)
 
 

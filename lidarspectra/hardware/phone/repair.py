@@ -1,4 +1,4 @@
-"""Repair of a scan's mesh: doubles merged, normals turned towards the room, holes closed, flat things made flat.
+"""Repair of a scan's mesh: merge vertices, turn normals towards the room, close holes, flatten planes.
 
 Colour belongs to faces and their corners here, so that vertices can be merged and faces dropped without a texture's
 seams getting in the way. Everything done is counted in the scan's record.
@@ -31,7 +31,7 @@ from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 MERGE_DISTANCE_M = 1e-5  # [m] a hundredth of the scanner's noise; above the rounding of 32-bit files
-MIN_FACE_AREA_M2 = 1e-10  # [m²] 0.01 mm x 0.01 mm; Radiance has no use for less
+MIN_FACE_AREA_M2 = 1e-10  # [m²] 0.01 mm x 0.01 mm; Radiance drops smaller triangles
 SHARES = (0.05, 0.05, 0.15, 0.3, 0.45)  # of the time: merging, dropping, turning, closing holes, flattening
 DECIMATING_SHARE = 1.0  # of the same; only where it is asked for
 
@@ -52,15 +52,15 @@ def repair_scan(
     scan : Scan
         As read.
     close_holes : bool
-        Whether holes are closed, with the colours of their rims.
+        Whether holes are closed, coloured as their rims.
     max_hole_m : float
         Longest extent of a hole that is closed. [m]
     flatten : bool
-        Whether walls, table tops and other flat things are made flat, and their edges straight.
+        Whether walls, table tops and other flat surfaces are made plane, and their edges straight.
     max_faces : int, optional
-        Decimate to at most so many triangles.
+        Decimate to at most this many triangles.
     progress : callable
-        Told how far it is.
+        Called with the fraction done and what is being done.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def repair_scan(
     merging, dropping, turning, closing, flattening, decimating = shares(progress, (*SHARES, decimating_share))
     merging(0.0, "merging vertices")
     scan = _merged(scan)
-    dropping(0.0, "dropping doubled and degenerate triangles")
+    dropping(0.0, "removing duplicate and degenerate triangles")
     scan = _without_bad_faces(scan)
     turning(0.0, "turning normals towards the room")
     scan = _turned(scan)
@@ -168,7 +168,7 @@ def _reversed_where(turn: BoolArray, corners: FloatArray) -> FloatArray:
 
 
 def _closed(scan: Scan, loops: Sequence[Loop], loose_edges: int, max_hole_m: float, progress: Progress) -> Scan:
-    """Close the loops no longer than `max_hole_m`, and count the others."""
+    """Close the loops of at most `max_hole_m` extent, and count the others."""
     piece, _ = connected_pieces(scan.faces)
     piece_area = np.bincount(piece, weights=scan.areas)
     fills: list[IntArray] = []
@@ -194,9 +194,15 @@ def _closed(scan: Scan, loops: Sequence[Loop], loose_edges: int, max_hole_m: flo
         colors.append(_rim_colors(scan, loop)[triangles])
     notes = scan.record.notes
     if loose_edges:
-        notes += (f"{loose_edges} edges of the mesh belong to no closed rim and are left open",)
+        notes += (
+            f"{loose_edges} edges of the mesh belong to no closed rim and could not be closed. Light may leak there;"
+            " mend the mesh in a mesh editor if they lie in a wall.",
+        )
     if left_open:
-        notes += (f"{left_open} openings are left, the longest of {longest_open:.2f} m",)
+        notes += (
+            f"{left_open} openings of the mesh stay open, the longest {longest_open:.2f} m; light that reaches them is"
+            " lost. Scan the room again there, or raise max_hole_m in [scan] if they are holes in a surface.",
+        )
     record = replace(
         scan.record,
         holes_closed=scan.record.holes_closed + closed,

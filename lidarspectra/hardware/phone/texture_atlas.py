@@ -18,11 +18,11 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.triangles import triangle_crosses
 
-SMOOTHING_ROUNDS = 3  # [1] single triangles on a noisy edge join what surrounds them
-SMALLEST_CHART_FACES = 8  # [1] fewer make more padding than texture
+SMOOTHING_ROUNDS = 3  # rounds in which single triangles on a noisy edge join their neighbours' chart
+SMALLEST_CHART_FACES = 8  # a smaller chart has more padding than texture
 PADDING_PX = 4  # [px] on each side of a chart; half a JPEG block
-SUBPIXEL_BITS = 6  # [1] corners are drawn to 1/64 px
-SCALE_STEPS = 24  # [1] bisection of the scale, to a millionth
+SUBPIXEL_BITS = 6  # corners are drawn with a resolution of 1/64 px
+SCALE_STEPS = 24  # steps of bisection for the scale, exact to a millionth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,7 +83,7 @@ def unwrap(vertices: FloatArray, faces: IntArray, directions: FloatArray, size_p
         [m]
     faces : (face, 3) int
     directions : (face, 3) float
-        Direction that each triangle faces, less noisy than its own normal where it is known better.
+        Direction that each triangle faces; may be smoother than its own noisy normal.
     size_px : int
         Edge of the image. [px]
 
@@ -94,7 +94,7 @@ def unwrap(vertices: FloatArray, faces: IntArray, directions: FloatArray, size_p
     Raises
     ------
     ScanError
-        If the image is too small for so many charts.
+        If the image is too small for the charts.
     """
     adjacency = np.asarray(trimesh.Trimesh(vertices, faces, process=False).face_adjacency, dtype=np.int64)
     side = _smoothed(_sides(directions), adjacency)
@@ -118,7 +118,7 @@ def unwrap(vertices: FloatArray, faces: IntArray, directions: FloatArray, size_p
 
 
 def split_at_charts(faces: IntArray, atlas: Atlas) -> tuple[IntArray, IntArray, FloatArray]:
-    """Give every vertex one texture coordinate, by doubling it where charts meet.
+    """Give every vertex one texture coordinate, by duplicating it where charts meet.
 
     Parameters
     ----------

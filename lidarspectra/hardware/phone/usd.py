@@ -30,6 +30,7 @@ from lidarspectra.hardware.phone.raw_mesh import (
     RawMesh,
     Unit,
     malformed,
+    missing_file_notes,
     read_bytes,
 )
 from lidarspectra.spectra.colorimetry import encode_srgb
@@ -38,9 +39,9 @@ METRES_OF_UNIT: tuple[tuple[float, Unit], ...] = (
     (1.0, "m"), (0.01, "cm"), (0.001, "mm"), (0.0254, "in"), (0.3048, "ft"),
 )  # fmt: skip
 _UP: dict[str, Axis] = {"Y": "+y", "Z": "+z"}
-_UV_NAMES = ("st", "st0", "UVMap", "map1", "uv")  # primvars that exporters use where the material names none
+_UV_NAMES = ("st", "st0", "UVMap", "map1", "uv")  # primvars that exporters use if the material names none
 _BINARY_MAGIC = b"PXR-USDC"
-_MAX_LAYERS = 200  # files that one scene is composed of; a scan has one or two
+_MAX_LAYERS = 200  # files that one scene may be composed of; a scan has one or two
 _IN_PACKAGE = re.compile(r"^(?P<package>.*)\[(?P<name>[^\[\]]+)\]$", re.DOTALL)
 _FAULTS = (*PARSER_FAULTS, RuntimeError, Tf.ErrorException)
 
@@ -96,21 +97,21 @@ def read_usd(path: Path) -> RawMesh:
             raise ValueError("no USD layer")
         _check_layers(root, path)
         stage = Usd.Stage.Open(root)
-        # A scan is still; where positions are animated all the same, the first ones count.
+        # A scan is static; if positions are animated, the first ones are used.
         reading = _Reading(path=path, folder=folder, time=Usd.TimeCode.EarliestTime())
         parts = tuple(part for prim in _mesh_prims(stage) for part in _mesh_parts(reading, prim))
         declared_unit = _declared_unit(stage)
         up = _UP.get(str(UsdGeom.GetStageUpAxis(stage)))
     except _FAULTS as cause:
         raise malformed(cause, kind="USD", where=where) from cause
-    notes = tuple(f"the file '{name}' that the scan names is not there" for name in reading.missing)
+    notes = missing_file_notes(reading.missing)
     return RawMesh(parts=parts, images=tuple(reading.images), unit=declared_unit, up=up, notes=notes)
 
 
 def _check_package(path: Path) -> None:
-    """Refuse a USDZ that is no ZIP archive, is cut off, or would unpack to more than a file may have.
+    """Refuse a USDZ that is not a ZIP archive, is cut off, or would unpack to more than the largest file allowed.
 
-    The library hangs or crashes on damaged binary layers. In a package checksums show the damage; binary layers by
+    The library hangs or crashes on damaged binary layers. In a package, checksums reveal the damage; binary layers by
     themselves have none and are refused.
     """
     if path.suffix.lower() != ".usdz":
@@ -164,7 +165,7 @@ def _check_layers(root: Sdf.Layer, path: Path) -> None:
 
 
 def _declared_unit(stage: Usd.Stage) -> Unit | None:
-    """Unit of the stage, where it says one that we know."""
+    """Unit of the stage, if it declares a known one."""
     if not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
         return None
     metres = UsdGeom.GetStageMetersPerUnit(stage)
@@ -178,7 +179,7 @@ def _mesh_prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
 
 
 def _mesh_parts(reading: _Reading, prim: Usd.Prim) -> Iterator[MeshPart]:
-    """The triangles of a mesh, one part a material."""
+    """The triangles of a mesh, one part per material."""
     mesh = UsdGeom.Mesh(prim)
     points = np.array(mesh.GetPointsAttr().Get(reading.time) or [], dtype=np.float64).reshape(-1, 3)
     sizes = np.array(mesh.GetFaceVertexCountsAttr().Get(reading.time) or [], dtype=np.int64)
@@ -302,7 +303,7 @@ def _image_number(reading: _Reading, texture: _Texture) -> int:
 
 
 def _image(reading: _Reading, asset: Sdf.AssetPath) -> ByteArray | None:
-    """Decode a texture: out of the package where it is in one, else from the scan's folder."""
+    """Decode a texture, from the package if there is one, else from the scan's folder."""
     package = _IN_PACKAGE.match(asset.resolvedPath)
     if package is None:
         return reading.folder.read_image(asset.path)

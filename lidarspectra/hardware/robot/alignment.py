@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ReadingError
 
-SCALE_TOLERANCE = 0.1  # [1] points further off in scale are of two units, or not the same points
-DEGENERATE = 1e-6  # [1] of the spread: points nearer to a line (3D) or a spot are no frame
+SCALE_TOLERANCE = 0.1  # points further off in scale are of two units, or not the same points
+DEGENERATE = 1e-6  # of the spread: points nearer to a line (3D) or a spot are no frame
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -21,14 +21,14 @@ from lidarspectra.hardware.robot.poses import Trajectory
 RANGE_S = 30.0  # [s] offsets that are tried, both ways
 STEP_S = 0.5  # [s] between them
 APART_S = 8.0  # [s] readings nearer in time are alike in any case
-MAX_READINGS = 400  # [1] that are looked at; more do not sharpen it
-STRETCHES = 8  # [1] of the jackknife
-MIN_PAIRS = 100  # [1] near in space and apart in time; a drive that crosses no place twice has too few
-MIN_CONTRAST = 0.1  # [1] by which the best offset must beat the median one
-KERNEL_OVER_SPACING = 1.0  # [1] width of "near" over the distance between neighbouring rows
+MAX_READINGS = 400  # that are looked at; more do not sharpen it
+STRETCHES = 8  # of the jackknife
+MIN_PAIRS = 100  # near in space and apart in time; a drive that crosses no place twice has too few
+MIN_CONTRAST = 0.1  # by which the best offset must beat the median one
+KERNEL_OVER_SPACING = 1.0  # width of "near" over the distance between neighbouring rows
 MIN_KERNEL_M = 0.1  # [m] however close the rows lie
-MIN_LIGHT = 0.01  # [1] of a channel's median; what is less is noise, whose logarithm would outweigh the rest
-ALIKE = 1.5  # [1] an offset whose misfit is so many times the least may be the right one too
+MIN_LIGHT = 0.01  # of a channel's median; what is less is noise, whose logarithm would outweigh the rest
+ALIKE = 1.5  # an offset whose misfit is so many times the least may be the right one too
 NEIGHBOURHOOD_S = 3.0  # [s] in which the jackknife looks for the same minimum again
 
 ExpectedLight = Callable[[FloatArray], FloatArray]

@@ -42,23 +42,23 @@ DIE_INDEX = np.array(
 """(channel,) which of `DIES` holds the channel, channels by wavelength."""
 CHANNEL_LABELS = tuple(f"{center:.0f}" for center in AS7265X_CENTERS_NM)
 
-GAIN_FACTORS = (1.0, 3.7, 16.0, 64.0)  # [1] gain codes 0 to 3 (data sheet)
+GAIN_FACTORS = (1.0, 3.7, 16.0, 64.0)  # gain codes 0 to 3 (data sheet)
 INTEGRATION_STEP_MS = 2.8  # [ms] one step of the integration time (data sheet)
 SATURATED_COUNT = 65535  # [count] what a saturated channel reads (data sheet)
-SATURATED_MODULE_VALUE = 2.0**32  # [1] what the module's own corrected value reads then (seen in logs)
+SATURATED_MODULE_VALUE = 2.0**32  # what the module's own corrected value reads then (seen in logs)
 FULL_SCALE_PER_STEP = (
     1000  # [count] about what one integration step can hold; this maker's family (TCS3772 sheet: 1025)
 )
 SETTLING_INTEGRATIONS = 2  # all six channels of a die take two integrations, one a bank (data sheet, mode 2)
 
 RESPONSIVITY_COUNTS_CM2_UW = 35.0  # [count cm²/µW] at gain 16 and 166 ms (data sheet)
-RESPONSIVITY_GAIN = 16.0  # [1] of that figure
+RESPONSIVITY_GAIN = 16.0  # of that figure
 RESPONSIVITY_TIME_MS = 166.0  # [ms] of that figure
-RESPONSIVITY_LIMITS = 0.12  # [1] ± limits of that figure (data sheet)
-GAIN_LIMITS = 0.10  # [1] ± limits of a gain's ratio to another (TCS3772 sheet; the AS7265x sheet gives none)
-REPEATABILITY = 0.004  # [1] noise of a reading, measured on 27 sensors in an office
+RESPONSIVITY_LIMITS = 0.12  # ± limits of that figure (data sheet)
+GAIN_LIMITS = 0.10  # ± limits of a gain's ratio to another (TCS3772 sheet; the AS7265x sheet gives none)
+REPEATABILITY = 0.004  # noise of a reading, measured on 27 sensors in an office
 GAUSSIAN_WIDTH_NM = AS7265X_FWHM_NM * float(np.sqrt(np.pi / (4.0 * np.log(2.0))))  # [nm] ∫ of a Gaussian of peak 1
-WIDTH_LIMITS = GAUSSIAN_WIDTH_NM / AS7265X_FWHM_NM - 1.0  # [1] the sheet leaves open which width its µW/cm² spans
+WIDTH_LIMITS = GAUSSIAN_WIDTH_NM / AS7265X_FWHM_NM - 1.0  # the sheet leaves open which width its µW/cm² spans
 UW_CM2_TO_W_M2 = 0.01  # [W/m² per µW/cm²]
 
 FLAG_SATURATED = 1  # the channel's number is no measurement: more light than it can count

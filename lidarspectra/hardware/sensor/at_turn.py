@@ -15,7 +15,7 @@ from lidarspectra.hardware.sensor.as7265x import (
 )
 from lidarspectra.hardware.sensor.sensor_records import Moment, Reading, no_values
 
-AGREEMENT = 0.1  # [1] most by which the two may differ beyond rounding: light may change between them
+AGREEMENT = 0.1  # most by which the two may differ beyond rounding: light may change between them
 FACTOR_MEMORY = 31  # readings from which the usual factor is known
 
 

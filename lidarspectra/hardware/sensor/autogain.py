@@ -16,8 +16,8 @@ from lidarspectra.hardware.sensor.as7265x import (
 )
 from lidarspectra.hardware.sensor.sensor_records import Reading
 
-TARGET = 0.4  # [1] of full scale for the brightest channel
-LEAST, MOST = 0.08, 0.75  # [1] of full scale; outside of these the settings change
+TARGET = 0.4  # of full scale for the brightest channel
+LEAST, MOST = 0.08, 0.75  # of full scale; outside of these the settings change
 SATURATED_GUESS = 8.0  # how many times too bright a saturated channel is taken to be
 STEPS = (4, 10, 20, 40, 59, 100, 150, 200, 255)  # integration steps that are tried
 CALM_READINGS = 2  # readings between changes

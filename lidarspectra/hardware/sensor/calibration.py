@@ -21,10 +21,10 @@ from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 
 Kind = Literal["lamp", "field"]
 
-LIT_FRACTION = 1e-3  # [1] of the brightest channel; a reference that sends less into a channel says nothing on it
-MIN_SIGNIFICANCE = 5.0  # [1] a signal nearer to the dark than so many of its uncertainties says nothing either
-FIELD_UNCERTAINTY = 0.15  # [1] of simulated light at a point: the paper's maps are 12 to 15 % off (its Table 3)
-MAXIMUM_SPREAD = 1.0  # [1] log-scatter taken for a die of which a single channel is known
+LIT_FRACTION = 1e-3  # of the brightest channel; a reference that sends less into a channel says nothing on it
+MIN_SIGNIFICANCE = 5.0  # a signal nearer to the dark than so many of its uncertainties says nothing either
+FIELD_UNCERTAINTY = 0.15  # of simulated light at a point: the paper's maps are 12 to 15 % off (its Table 3)
+MAXIMUM_SPREAD = 1.0  # log-scatter taken for a die of which a single channel is known
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,7 +12,7 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.sensor_records import Moment
 
 PROTOCOL_VERSION = "1"
-CLOCK_DRIFT = 2e-4  # [1] most that a board's resonator runs off (ceramic resonator of an Uno: 0.5 %, drift far less)
+CLOCK_DRIFT = 2e-4  # most that a board's resonator runs off (ceramic resonator of an Uno: 0.5 %, drift far less)
 LATE_S = 0.02  # [s] a line later than this by the board's clock is dated back
 
 _FRAME = re.compile(rb"\$([ -#%-)+-~]{1,1000})\*([0-9A-Fa-f]{4})")

@@ -37,7 +37,7 @@ CLOCK_OFFSET_S = 2.3  # [s] the robot's clock is ahead
 TURN_RAD = 0.6  # [rad] of the robot's frame against the scan's
 SHIFT_M = (-1.2, 0.7, 0.0)  # [m] of the robot's frame against the scan's
 ODOMETRY_NOISE_M = 0.005  # [m] standard deviation of each pose
-LAMP_READINGS = 30  # [1] of the reference lamp
+LAMP_READINGS = 30  # of the reference lamp
 WAIT_S = 10.0  # [s] that the robot stands before it drives, while the recorder starts
 
 

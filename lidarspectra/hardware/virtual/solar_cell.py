@@ -15,7 +15,7 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.photocell import ADC_ERROR_LSB, M2_PER_CM2, CellCircuit
 from lidarspectra.spectra.spectrum import Spectrum
 
-CELL_SPREAD = 0.03  # [1] standard deviation of a cell's response to its data sheet
+CELL_SPREAD = 0.03  # standard deviation of a cell's response to its data sheet
 COUNT_NOISE = ADC_ERROR_LSB / np.sqrt(3.0)  # [count] limits of the converter's data sheet as a standard deviation
 
 

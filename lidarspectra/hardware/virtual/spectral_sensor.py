@@ -32,9 +32,9 @@ from lidarspectra.hardware.sensor.as7265x import (
 )
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, BandSet, gaussian_bands
 
-DIE_FACTORS = (3.5, 1.0, 0.8)  # [1] how the dies of real sensors stand to the data sheet
-DIE_SPREAD = 0.1  # [1] standard deviation of the logarithm of a die's factor from one sensor to the next
-CHANNEL_SPREAD = 0.05  # [1] the same of a channel within its die; the data sheet's limits are ±12 %
+DIE_FACTORS = (3.5, 1.0, 0.8)  # how the dies of real sensors stand to the data sheet
+DIE_SPREAD = 0.1  # standard deviation of the logarithm of a die's factor from one sensor to the next
+CHANNEL_SPREAD = 0.05  # the same of a channel within its die; the data sheet's limits are ±12 %
 CENTER_SPREAD_NM = 2.0  # [nm] standard deviation of a channel's centre; the data sheet gives ±10 nm as the limit
 DRIFT_SPREAD_PER_HOUR = 0.01  # [1/h] standard deviation of a die's slow change as it warms up and ages
 DARK_PER_MS = 2e-4  # [1/ms] half a count or so at gain 16 and 166 ms

@@ -74,7 +74,7 @@ def test_a_glb_in_millimetres_is_found_out_and_said(
     path.write_bytes(room.export(file_type="glb"))
     scan = read_scan(path)
     assert scan.record.unit == "mm"
-    assert any("unit is m" in note for note in scan.record.notes)
+    assert any("so mm was assumed" in note for note in scan.record.notes)
     np.testing.assert_allclose(np.ptp(scan.bounds, axis=0), [4.0, 3.0, 2.6], atol=1e-5)
 
 
