@@ -29,12 +29,12 @@ from lidarspectra.spectra.colorimetry import lab_to_xyz, linear_srgb_to_lab
 from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
 
-PALETTE = 32  # [1] colours whose spectra are looked up
-PALETTE_DIGITS = 3  # [1] decimals of L*a*b* that tell colours apart
-PALETTE_POINTS = 2_000  # [1] that K-means is run on
+PALETTE = 32  # colours whose spectra are looked up
+PALETTE_DIGITS = 3  # decimals of L*a*b* that tell colours apart
+PALETTE_POINTS = 2_000  # that K-means is run on
 THINNED = slice(8, 69, 4)  # of `COLOR_GRID_NM`: 400 to 700 nm in steps of 20 nm
 BANDS = uniform_bands(390.0, 710.0, 16)  # [nm] about these wavelengths
-REFLECTIONS = 4  # [1] after which the light's colour has settled
+REFLECTIONS = 4  # after which the light's colour has settled
 RATIO_RANGE = (0.5, 2.0)  # [1] of ρ'/ρ; beyond it the spectra are not to be trusted
 MIN_LIGHT = 1e-9  # [1] of the mean direct light
 SEED = 20240902  # of K-means

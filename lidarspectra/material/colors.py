@@ -22,8 +22,8 @@ OUTLIER_DEVIATIONS = 3.0  # [1] robust standard deviations from the segment's me
 MIN_DEVIATION = 2.0  # [1] L*a*b* units, floor of the robust deviation: differences below it are not seen
 MAD_TO_SIGMA = 1.4826  # [1] standard deviation of a normal law over its median absolute deviation
 GOOD_RESIDUAL = 3.0  # [1] L*a*b* units, rms: enough primary colours (a difference that is just noticed side by side)
-CLUSTER_POINTS = 8_000  # [1] points that K-means is run on; more change its centres by less than that difference
-CLUSTER_STARTS = 2  # [1] K-means restarts; the best is kept
+CLUSTER_POINTS = 8_000  # points that K-means is run on; more change its centres by less than that difference
+CLUSTER_STARTS = 2  # K-means restarts; the best is kept
 CLUSTER_TOLERANCE = 1e-3  # [1] of the points' variance, the shift of centres at which K-means stops
 GROWTH = 1.35  # [1] the number of colours that is tried next, over the last
 

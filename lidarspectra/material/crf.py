@@ -33,7 +33,7 @@ from lidarspectra.errors import ArrayError
 
 MIN_PROBABILITY = 1e-4  # [1] of a class; nothing is impossible to a network
 CELL_OVER_SIGMA = (1.0 / 2.0 + 1.0 / 6.0) ** -0.5  # [1] size of a lattice's cells over the kernel's sigma
-LATTICES = 4  # [1] shifted against one another
+LATTICES = 4  # shifted against one another
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ COLOR_SCALE = 8.0  # [1] L*a*b* units over which neighbours stop to agree
 NORMAL_POWER = 4.0  # [1] of the cosine between normals: 37 degrees halve twice what neighbours agree on
 SPREAD_LAB = 4.0  # [1] L*a*b* units, standard deviation of a surface's colour about its primary colour
 NEIGHBOR_WEIGHT = 2.0  # [1] of all neighbours together, against a face's own colour at one standard deviation
-ROUNDS = 12  # [1] mean-field updates; labels change by less than 0.1 % after 8
+ROUNDS = 12  # mean-field updates; labels change by less than 0.1 % after 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -25,7 +25,7 @@ COLUMNS = ("lamp", "factor", "log_deviation", "told")
 UNKNOWN_FLUX_DEVIATION = 0.8  # [1] of the log: one lamp of a room in six is dimmed to less than half, or stronger
 MODEL_DEVIATION = 0.08  # [1] of the log, by what the fit does not know: the mesh's faults, where just the lamps hang
 TOLD_DEVIATION = 0.15  # [1] of the log, up to which the walls tell a lamp's flux
-MAX_NAMED = 6  # [1] lamps named in one note
+MAX_NAMED = 6  # lamps named in one note
 
 
 @dataclass(frozen=True, kw_only=True)

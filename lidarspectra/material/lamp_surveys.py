@@ -15,9 +15,9 @@ from lidarspectra.room.room import Room
 from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 
 PIXEL_M = 0.01  # [m] of the survey; a small downlight (6 cm) still has 28 pixels
-MAX_PIXELS = 4_000_000  # [1] a larger plane gets larger pixels
+MAX_PIXELS = 4_000_000  # a larger plane gets larger pixels
 FINEST_PIXEL_M = 0.0025  # [m] of a patch's own picture, finer than a phone's texture
-FINE_PIXELS = 240  # [1] across a patch's own picture
+FINE_PIXELS = 240  # across a patch's own picture
 BEHIND_M = 2 * RECESS_M  # [m] behind its plane, to which a survey looks
 BACKGROUND_M = 1.5  # [m] window of the median that tells how bright a patch's surroundings are
 BACKGROUND_PIXEL_M = 0.05  # [m] of the picture that the median is taken in

@@ -39,17 +39,17 @@ from lidarspectra.spectra.spectrum import Spectrum
 
 MatchMethod = Literal["wiener", "nearest"]
 FAR_COLOR = 5.0  # [1] CIEDE2000: beyond it two colours are plainly not the same, and `nearest` is no match
-NEIGHBORS = 80  # [1] near surfaces whose statistics are used (leave-one-out: 40 to 160 differ by 0.2 %)
+NEIGHBORS = 80  # near surfaces whose statistics are used (leave-one-out: 40 to 160 differ by 0.2 %)
 NEIGHBOR_POWER = 3.0  # [1] weight of a neighbour, 1 / (1 + colour difference) to this power
 SCALING = 8.0  # [1] CIEDE2000 that a neighbour e times too light or dark counts farther: 6.2 to 5.6 % MAPE with the
 # built-in library on spectraldb's surfaces
 CLASS_WEIGHT = 2.0  # [1] of a neighbour of the segment's class: 4.2 to 4.0 % MAPE, and 4.2 where the class is wrong
 CLASS_BONUS = 1.0  # [1] CIEDE2000 that the nearest of the class may be farther: 5.7 to 5.4 % MAPE, 6.0 if it is wrong
-MIN_FOR_STATISTICS = 40  # [1] surfaces; a smaller library has no covariance to speak of
+MIN_FOR_STATISTICS = 40  # surfaces; a smaller library has no covariance to speak of
 SMOOTH_VARIANCE = 0.1  # [1] in logit², of the smooth part that is added to the covariance, and of its level
 SMOOTH_LENGTH_NM = 60.0  # [nm] over which that part is alike
 LOGIT_RANGE = (0.002, 0.985)  # [1] reflectances are brought in here before their logit is taken
-NEWTON_STEPS = 15  # [1] it has settled to 1e-6 after 3 to 8 for colours of surfaces
+NEWTON_STEPS = 15  # it has settled to 1e-6 after 3 to 8 for colours of surfaces
 DARKEST_Y = 1e-4  # [1] of a colour that can be matched: darker than any surface, or no light at all
 
 

@@ -9,7 +9,7 @@ from lidarspectra.errors import MaterialError
 from lidarspectra.io.toml_sections import Section, parse_sections
 
 CARD_SUFFIX = ".toml"
-CARD_LIMIT_BYTES = 1_000_000  # [1] a longer card is none
+CARD_LIMIT_BYTES = 1_000_000  # a longer card is none
 ClassName = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[^\s,;\"]+$")]
 
 

@@ -45,7 +45,7 @@ LARGE_M2 = 0.7  # [m²] of a wall's plane patch: a cabinet's side or a door coun
 TABLE_M2 = 0.05  # [m²] of a top
 NEAR_M = 0.15  # [m] of floor or ceiling
 TOP_M = 1.4  # [m] above the floor; higher ones are not put things on
-ROUNDS = 3  # [1] of averaging normals with the neighbours', against a phone's noise
+ROUNDS = 3  # of averaging normals with the neighbours', against a phone's noise
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

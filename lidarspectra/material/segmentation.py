@@ -27,7 +27,7 @@ from lidarspectra.material.crf import CrfSettings, refine
 from lidarspectra.material.model_card import ModelCard, read_card
 
 SHIPPED_MODEL = Path(__file__).parent / "models" / "materials.onnx"
-MODEL_LIMIT_BYTES = 500_000_000  # [1] far above any classifier of this use; a larger file is a mistake
+MODEL_LIMIT_BYTES = 500_000_000  # far above any classifier of this use; a larger file is a mistake
 SCALES = (2**-0.5, 1.0, 2**0.5)  # [1] Bell et al. 2015
 FINEST_SPACING_PX = 16  # [px] of predictions; models of coarser stride are shifted by parts of it
 CELL_PX = 4  # [px] of the view, to a pixel of the picture that the CRF works on

@@ -8,13 +8,13 @@ from sklearn.cluster import KMeans
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 
-HUES = 7  # [1] that a room is sorted into
-HUE_DIGITS = 6  # [1] decimals by which hues differ; what is less is round-off
+HUES = 7  # that a room is sorted into
+HUE_DIGITS = 6  # decimals by which hues differ; what is less is round-off
 HUE_FLOOR = 0.01  # [1] of white, added before logarithms: a darker colour has no hue to speak of
-HUE_STARTS = 2  # [1] K-means restarts
+HUE_STARTS = 2  # K-means restarts
 FLAT = 0.9  # [1] cosine to a room axis from which a point lies in a plane of the room
 PLANE_M = 0.2  # [m] points farther apart along their normal are of different planes
-FEWEST = 25  # [1] points of a group that has something to say
+FEWEST = 25  # points of a group that has something to say
 SEED = 20240827  # of K-means; the same picture gives the same groups
 
 

@@ -30,7 +30,7 @@ from lidarspectra.room.room import Room, find_room
 
 CANDIDATE_HEIGHTS = (0.15, 0.35, 0.6, 0.85)  # [1] of the room's height: below tables, above them, over all
 CLEARANCE_M = 0.15  # [m] a camera so close to a surface sees little else
-MAX_CANDIDATES = 240  # [1] bounds the time of the search
+MAX_CANDIDATES = 240  # bounds the time of the search
 MAX_OF_NEW = 0.8  # [1] of the new area that a viewpoint sees; directions beyond it are not worth their image
 FIRST_SHARE = 0.5  # of the time: the search made ready, and all six views of the first viewpoint
 SURFACE_GAP = 1e-3  # [1] of a sight line, left out at the surface so that a sample does not hide itself

@@ -27,7 +27,7 @@ from lidarspectra.mapping.photovoltaics.currents import unknown_share
 from lidarspectra.mapping.photovoltaics.figures import currents_figure
 from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
 from lidarspectra.mapping.photovoltaics.placement import best_mounts, joined, tilted_mounts, wall_mounts
-from lidarspectra.mapping.photovoltaics.response_fit import AheadOfTime, tell_ahead
+from lidarspectra.mapping.photovoltaics.response_fit import AheadOfTime, predict_ahead
 from lidarspectra.mapping.photovoltaics.schedule import parse_hours, read_schedule
 from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.free_space import FreeSpace
@@ -276,7 +276,7 @@ def _predicted_table(frame: pd.DataFrame, caption: str) -> Table:
 
 
 def ahead_in_log(log: Path, column: int, *, cell: Cell | None, share: float) -> AheadOfTime:
-    """Fit a cell of a log on its earlier part (see `tell_ahead`).
+    """Fit a cell of a log on its earlier part (see `predict_ahead`).
 
     Parameters
     ----------
@@ -307,7 +307,7 @@ def ahead_in_log(log: Path, column: int, *, cell: Cell | None, share: float) -> 
     wavelengths = np.asarray(readings["wavelength_nm"].to_numpy(), dtype=np.float64)
     known: FloatArray = np.ones(wavelengths.size) if cell is None else cell.efficiency.at(wavelengths, outside="zero")
     try:
-        return tell_ahead(values, counts[:, column - 1], wavelengths, known, share=share)
+        return predict_ahead(values, counts[:, column - 1], wavelengths, known, share=share)
     except LidarSpectraError as error:
         raise ReadingError(
             expected=error.expected, found=error.found, where=f"{log}, {error.where}", todo=error.todo

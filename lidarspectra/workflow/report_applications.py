@@ -125,7 +125,7 @@ def _cell(
     caption = f"A solar cell, '{cell.name}', at every point, facing as the sensors do."
     return Application(
         title=f"Solar cell {number}: {cell.name}",
-        words=tuple(f"{words[0].upper()}{words[1:]}." for words in str(currents.attrs["notes"]).splitlines()),
+        words=tuple(str(currents.attrs["notes"]).splitlines()),
         figures=(ApplicationFigure(name=name, figure=currents_figure(currents, plan), caption=caption),),
         tables=(replace(currents_table(currents), name=name),),
     )

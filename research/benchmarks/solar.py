@@ -91,7 +91,7 @@ def figure_17(scene: str, folder: Path, out: Path) -> list[Table]:
         if method == "estimate":
             save_figure(agreement_figure(pairs, "µA"), out, "figure-17")
     headings = ["cell", "room", "points", "MAPE [%]", "median error [%]", "bias [%]"]
-    caption = f"Currents told by the map of {scene}'s scan against the virtual robot's log."
+    caption = f"Currents predicted by the map of {scene}'s scan against the virtual robot's log."
     beside = sensor_rows(cells, logged, light)
     words = f"Currents told by a virtual AS7265x beside the cells, {scene}."
     save_figure(curves_figure([find_cell(name) for name in (*CELLS, "silicon")]), out, "cells")

@@ -62,7 +62,7 @@ def test_a_cell_that_sees_more_than_the_channels_is_told_with_a_word_of_it(tmp_p
         return "\n".join(found)
 
     assert "where these channels see nothing" in notes("silicon")
-    assert "relative curve" in notes("organic-green")
+    assert "known only up to a factor" in notes("organic-green")
     assert notes("organic-green", scale=0.3) == ""
     with pytest.raises(MapError, match="above 0"):
         notes("silicon", scale=float("nan"))

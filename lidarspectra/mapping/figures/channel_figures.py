@@ -29,18 +29,18 @@ from lidarspectra.material.material_map import Material
 from lidarspectra.spectra.colorimetry import hex_color
 
 BARS_SE = 2.0  # [1] half length of an error bar in standard errors: about 95 % of normal errors
-MAX_MATERIALS = 10  # [1] curves that one figure can tell apart
-VISIBLE_NM = (380.0, 780.0)  # [nm] what a reflectance is drawn over where the bands do not go beyond
+MAX_MATERIALS = 10  # more curves in one figure are not distinguishable
+VISIBLE_NM = (380.0, 780.0)  # [nm] drawn range of a reflectance unless the bands extend further
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChosenPoint:
-    """A point whose spectrum is shown, and why.
+    """A point whose spectrum is shown, and the reason.
 
     Parameters
     ----------
     index : int
-        Its place in the map.
+        Its index in the map.
     reason : str
         'lowest', 'under furniture', ...
     """
@@ -74,7 +74,7 @@ class ReportView:
 
 
 def choose_points(dataset: xr.Dataset, furniture: tuple[FloatArray, ...] = ()) -> tuple[ChosenPoint, ...]:
-    """Points worth a closer look: the highest, the median and the lowest, under furniture and in the open.
+    """Representative points: the highest, the median and the lowest, under furniture and in the open.
 
     Points are ranked by their irradiance, summed over the bands; buried points are left out. A point is under furniture
     where its place lies within a silhouette.
@@ -169,7 +169,7 @@ def reflectances_figure(
     areas_m2 : (material,) float
         [m²]
     range_nm : (float, float)
-        What the bands span. [nm]
+        Range of the wavelength axis. [nm]
     """
     if not materials or len(materials) != areas_m2.size:
         raise MapError(
@@ -228,7 +228,7 @@ def contact_sheet(views: tuple[ReportView, ...], *, columns: int = 3) -> Figure:
 
 
 def _draw_reflectance(axes: Axes, material: Material, wavelengths: FloatArray, number: int, label: str) -> None:
-    """A curve in its own colour on a dark edge, so that white stands on white paper, and its number on it."""
+    """A curve in its own colour with a dark edge, so that white shows on white paper, and its number on it."""
     values = material.reflectance.at(wavelengths, outside="nearest")
     low, high = material.measured_range_nm
     measured = (wavelengths >= low) & (wavelengths <= high)
@@ -248,7 +248,9 @@ def _draw_reflectance(axes: Axes, material: Material, wavelengths: FloatArray, n
             label=label if not handle_drawn else "_",
         )
         handle_drawn = True
-    spot = int((0.06 + 0.88 * ((number * 0.381966) % 1.0)) * (wavelengths.size - 1))  # golden ratio: numbers keep apart
+    spot = int(
+        (0.06 + 0.88 * ((number * 0.381966) % 1.0)) * (wavelengths.size - 1)
+    )  # steps of the golden ratio keep the numbers apart
     axes.annotate(
         str(number + 1),
         (float(wavelengths[spot]), float(values[spot])),

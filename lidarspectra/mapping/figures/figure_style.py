@@ -39,7 +39,7 @@ LIGHT_MAP = "inferno"  # dark where it is dark; even steps of lightness
 ERROR_MAP = "cividis"  # another quantity, another map
 DPI = 200  # [1/in] of the PNG files
 PAGE_WIDTH_IN = 10.0  # [in] a figure over the whole width of the page
-LONGEST_LABEL = 40  # [1] characters of a user's name in a figure
+LONGEST_LABEL = 40  # characters of a user's name in a figure
 FILE_TYPES = ("png", "pdf")
 
 STYLE: dict[Any, Any] = {

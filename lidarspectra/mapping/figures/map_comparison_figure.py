@@ -1,4 +1,4 @@
-"""Figures 1 and 13: the true maps, and what a run makes of them with and without material estimation."""
+"""Figures 1 and 13 of the paper: the true maps beside those of a run with and without material estimation."""
 
 from collections.abc import Mapping
 
@@ -22,7 +22,7 @@ from lidarspectra.mapping.figures.plan_drawing import HALO, draw_field, draw_fra
 
 SHOWN_NM = (410.0, 460.0, 510.0, 560.0, 610.0, 680.0, 760.0)  # [nm] every second channel
 WIDEST_IN = 2.5  # [in] of a panel, where there are few
-CELLS_ACROSS = 90  # [1] a panel is 3 cm wide
+CELLS_ACROSS = 90  # a panel is 3 cm wide
 LEFT_IN, GAP_IN, TOP_IN, BAR_IN, BOTTOM_IN = 0.95, 0.12, 0.3, 0.16, 0.62  # [in]
 
 
@@ -30,9 +30,9 @@ LEFT_IN, GAP_IN, TOP_IN, BAR_IN, BOTTOM_IN = 0.95, 0.12, 0.3, 0.16, 0.62  # [in]
 def map_comparison_figure(
     maps: Mapping[str, FloatArray], places: FloatArray, centers_nm: FloatArray, plan: FloorPlan
 ) -> Figure:
-    """Rows of maps, one a source, seven channels at most, each scaled from 0 to 1 by its own maximum, as in the paper.
+    """Rows of maps, one per source, at most seven channels, each scaled to 0-1 by its own maximum, as in the paper.
 
-    The maximum stands in every panel, so that a wrong level shows beside a right shape.
+    The maximum is printed in every panel, so that a wrong level shows even where the shape is right.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def map_comparison_figure(
                 axes.set_title(f"{centers_nm[shown[number]]:.0f} nm", pad=3.0)
         figure.text(0.12 / PAGE_WIDTH_IN, (bottom + height / 2) / total, name, rotation=90, va="center", ha="left")
     _horizontal_bar(figure, (LEFT_IN, 0.3, 2.4, 0.09), norm)
-    label = f"share of each map's own maximum, which stands in it [{irradiance_unit(prefix)}]"
+    label = f"irradiance over each map's own maximum (printed in the map) [{irradiance_unit(prefix)}]"
     figure.text((LEFT_IN + 2.6) / PAGE_WIDTH_IN, 0.3 / total, label, va="bottom", fontsize=8.5)
     return figure
 

@@ -51,9 +51,9 @@ from lidarspectra.mapping.maps.spectral_map import check_map, kept_points
 
 ColorScale = Literal["panel", "shared"]
 
-MAX_PANELS = 24  # [1] more bands than this are thinned out evenly; smaller panels tell nothing
-PANEL_CELLS = 120  # [1] across a panel of a few centimetres
-SINGLE_CELLS = 200  # [1] across a map of half a page
+MAX_PANELS = 24  # of more bands an even selection is drawn: smaller panels are unreadable
+PANEL_CELLS = 120  # across a panel of a few centimetres
+SINGLE_CELLS = 200  # across a map of half a page
 
 
 @styled
@@ -65,7 +65,7 @@ def maps_figure(
     scale: ColorScale = "panel",
     method: Method = "linear",
 ) -> Figure:
-    """One interpolated map a band (paper, Figure 1), with the points, the outline and the furniture.
+    """One interpolated map per band (paper, Figure 1), with the points, the outline and the furniture.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def maps_figure(
 def error_figure(
     dataset: xr.Dataset, plan: FloorPlan, *, points: IntArray | None = None, target: float | None = None
 ) -> Figure:
-    """Where and how large the standard error is: a map of its mean over bands, and how often which size occurs.
+    """The standard error: a map of its mean over bands, and its histogram over all points and bands.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def plan_figure(dataset: xr.Dataset, plan: FloorPlan, lamps: tuple[Lamp, ...]) -
     x, y = checked["x"].to_numpy(), checked["y"].to_numpy()
     buried = checked["buried"].to_numpy()
     free = np.flatnonzero(~buried)
-    step = max(1, -(-free.size // MAX_DOTS))  # lamps and furniture would be covered by all of them
+    step = max(1, -(-free.size // MAX_DOTS))  # all of them would cover lamps and furniture
     dots = free[::step]
     many = dots.size > MAX_VECTOR_POINTS
     axes.plot(x[dots], y[dots], ".", color=BLUE, markersize=2.0 if many else 3.5, rasterized=many)
@@ -194,9 +194,9 @@ def plan_figure(dataset: xr.Dataset, plan: FloorPlan, lamps: tuple[Lamp, ...]) -
     for number, lamp in enumerate(lamps, start=1):
         draw_lamp(axes, lamp, number)
     draw_frame(axes, plan, left=True, bottom=True)
-    told = f"{free.size} sensor points" + (f",\none in {step} drawn" if step > 1 else "")
+    label = f"{free.size} sensor points" + (f",\none in {step} drawn" if step > 1 else "")
     handles: list[Line2D | Patch] = [
-        Line2D([], [], marker=".", color=BLUE, linestyle="none", label=told),
+        Line2D([], [], marker=".", color=BLUE, linestyle="none", label=label),
         Patch(facecolor=LAMP_COLOR, edgecolor=INK, linewidth=0.8, label=f"{len(lamps)} lamps"),
         Line2D([], [], color=INK, linewidth=1.4, label="walls"),
     ]
@@ -206,7 +206,7 @@ def plan_figure(dataset: xr.Dataset, plan: FloorPlan, lamps: tuple[Lamp, ...]) -
     if plan.furniture:
         handles.append(Patch(facecolor=FURNITURE_COLOR, alpha=0.4, label="furniture"))
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0))
-    draw_lamp_key(axes, lamps, below_in=0.2 * (len(handles) + told.count("\n")) + 0.25)
+    draw_lamp_key(axes, lamps, below_in=0.2 * (len(handles) + label.count("\n")) + 0.25)
     return figure
 
 
@@ -224,7 +224,7 @@ def _draw_histogram(axes: Axes, relative_percent: FloatArray, target: float | No
     if target is not None:
         axes.axvline(100.0 * target, color=VERMILION, linewidth=1.4, linestyle="--", label=f"target {100 * target:g} %")
     axes.set_xlabel("standard error [% of the band's mean irradiance]")
-    axes.set_ylabel("number of point-bands [1]")
+    axes.set_ylabel("number of values [1]")
     axes.set_title("all points and bands", pad=22.0)
     axes.set_xlim(left=0.0)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 0.99), ncols=2, borderaxespad=0.2)
@@ -234,7 +234,7 @@ def _chosen(dataset: xr.Dataset, points: IntArray | None) -> IntArray:
     if points is not None:
         return points
     groups = map_planes(dataset)
-    # Where every point is buried there still is a picture: of what was asked for, with its crosses.
+    # Where every point is buried the requested points are still drawn, as crosses.
     return groups[0] if groups else np.arange(dataset.sizes["point"])
 
 

@@ -1,4 +1,4 @@
-"""Figures of materials: the views before and after segmentation (paper, Figure 3), and what was light in them."""
+"""Figures of materials: the views before and after segmentation (paper, Figure 3), and their colours de-lighted."""
 
 from dataclasses import dataclass
 
@@ -15,18 +15,18 @@ from lidarspectra.spectra.colorimetry import LUMINANCE_FROM_SRGB, encode_srgb
 CODE_COLORS = (
     (31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75), (227, 119, 194),
     (188, 189, 34), (23, 190, 207), (174, 199, 232), (255, 187, 120), (152, 223, 138), (255, 152, 150), (197, 176, 213),
-)  # fmt: skip  # [1] sRGB of the largest kinds, easy to tell apart
-OTHER_COLOR = (127, 127, 127)  # [1] sRGB of all smaller ones
-NOTHING_COLOR = (0, 0, 0)  # [1] sRGB where a ray left the scan
+)  # fmt: skip  # sRGB of the largest kinds, easy to distinguish
+OTHER_COLOR = (127, 127, 127)  # sRGB of all smaller ones
+NOTHING_COLOR = (0, 0, 0)  # sRGB where a ray left the scan
 UNKNOWN_CLASSES = ("unknown", "")
 GAP_IN, ROW_TITLE_IN, LEGEND_LINE_IN = 0.08, 0.24, 0.2  # [in] of the figure of views
-LEGEND_COLUMNS = 5  # [1]
-MAX_COMPARED = 10  # [1] materials in the figure of light
+LEGEND_COLUMNS = 5
+MAX_COMPARED = 10  # materials in the figure of light
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaterialCode:
-    """Which colour stands for which kind of surface.
+    """The colour code of the kinds of surface.
 
     Parameters
     ----------
@@ -64,14 +64,14 @@ class MaterialCode:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaterialPictures:
-    """What the report shows of how materials were found.
+    """Pictures for the report of how materials were found.
 
     Parameters
     ----------
     views, segmented, lit_evenly : tuple of ReportView
-        The first views; the same by kind of surface; and each surface in the colour it has in even daylight.
+        The first views; the same by kind of surface; and the same as even daylight would show them.
     code : MaterialCode
-        What the colours of `segmented` stand for.
+        The colours of `segmented`.
     shown, found : (material, 3) float
         Mean linear sRGB in the scan, and of the reflectance in even daylight. [0-1]
     """
@@ -110,7 +110,7 @@ def material_code(names: tuple[str, ...], classes: tuple[str, ...], areas_m2: Fl
 
 @styled
 def segmentation_figure(pictures: MaterialPictures) -> Figure:
-    """Views as the phone coloured them, what their surfaces were taken for (paper, Figure 3), and their own colours.
+    """Views in the scan's colours, their surfaces by kind (paper, Figure 3), and their estimated reflectances.
 
     Parameters
     ----------
@@ -120,11 +120,11 @@ def segmentation_figure(pictures: MaterialPictures) -> Figure:
     rows = (pictures.views, pictures.segmented, pictures.lit_evenly)
     if not pictures.views or len({len(row) for row in rows}) != 1:
         raise MapError(
-            expected="as many pictures of each sort, at least one",
+            expected="the same number of pictures in each row, at least one",
             found=", ".join(str(len(row)) for row in rows),
             where="figure of the segmentation",
         )
-    words = ("as scanned", f"by {pictures.code.kind}", "in even daylight, by the estimate")
+    words = ("as scanned", f"by {pictures.code.kind}", "estimated reflectance, in even daylight")
     count = len(pictures.views)
     across = (PAGE_WIDTH_IN - GAP_IN * (count + 1)) / count
     down = across * pictures.views[0].image.shape[0] / pictures.views[0].image.shape[1]
@@ -172,7 +172,11 @@ def light_figure(names: tuple[str, ...], areas_m2: FloatArray, shown: FloatArray
     axes.set_ylim(0, row * len(order) + top - 0.1)
     axes.set_axis_off()
     high = row * len(order)
-    for x, words in ((0.0, "material"), (left, "as the scan shows it"), (left + 3.2, "reflectance, in daylight")):
+    for x, words in (
+        (0.0, "material"),
+        (left, "as the scan shows it"),
+        (left + 3.2, "estimated reflectance, in even daylight"),
+    ):
         axes.text(x, high + 0.08, words, color=MUTED, va="bottom")
     for place_down, number in enumerate(order.tolist()):
         y = high - (place_down + 1) * row

@@ -1,4 +1,4 @@
-"""What figures over the floor plan are put together from: fields, points, walls, lamps, colour bars and legends."""
+"""Parts of figures over the floor plan: fields, points, walls, lamps, colour bars and legends."""
 
 from typing import Any
 
@@ -22,8 +22,8 @@ from lidarspectra.mapping.figures.floor_plan import FloorPlan, PanelLayout, plan
 from lidarspectra.mapping.maps.interpolation import Grid, Method, grid_values, inside_polygon
 from lidarspectra.radiance.scene.lamp_shapes import lamp_corners
 
-MAX_VECTOR_POINTS = 400  # [1] more dots than this are drawn as pixels in vector files, to keep them small
-MAX_DOTS = 2500  # [1] more would cover the map below them
+MAX_VECTOR_POINTS = 400  # more dots than this are drawn as pixels in vector files, to keep them small
+MAX_DOTS = 2500  # more would cover the map below them
 LAMP_COLOR = "#e6a400"
 FURNITURE_COLOR = "#8a8f96"
 UNKNOWN: dict[str, Any] = {"facecolor": "#c3c7cb", "edgecolor": "#8a8f96", "hatch": "////", "linewidth": 0.0}
@@ -32,7 +32,7 @@ _RECTANGLES = ("panel", "strip", "window")
 
 
 def color_norm(values: FloatArray) -> Normalize:
-    """A scale from zero, unless the values differ too little to be seen on it."""
+    """A scale from zero, or from the lowest value where the values differ too little to be seen on it."""
     low, high = float(values.min()), float(values.max())
     if high <= 0:
         return Normalize(0.0, 1.0)
@@ -42,9 +42,9 @@ def color_norm(values: FloatArray) -> Normalize:
 def field_grid(
     places: FloatArray, values: FloatArray, plan: FloorPlan, *, cells_across: int, method: Method = "linear"
 ) -> Grid | None:
-    """What `draw_field` draws: values over the box around the room, or None where the points make no map.
+    """Grid that `draw_field` draws, over the bounding box of the room.
 
-    Too few points, or points on a line, make none; they alone are drawn then: that is all there is to see.
+    None for too few points, or points on one line: only the points are drawn then.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def field_grid(
     values : (n, value) float
         In any unit.
     plan : FloorPlan
-        Its outline itself cuts the picture, not whole cells along a slanted wall.
+        Its outline clips the picture, so that a slanted wall has no steps.
     cells_across, method
         See `grid_values`.
     """
@@ -68,7 +68,7 @@ def field_grid(
 def draw_field(
     axes: Axes, plan: FloorPlan, grid: Grid | None, layer: int, norm: Normalize, colors: str, *, factor: float = 1.0
 ) -> None:
-    """The interpolated map on a hatched ground, which shows where nothing is known."""
+    """The interpolated map on a hatched ground, which shows where no point is near."""
     if grid is None:
         return
     axes.add_patch(PolygonPatch(plan.outline, zorder=-1, **UNKNOWN))
@@ -80,7 +80,7 @@ def draw_field(
 
 
 def has_unknown(grid: Grid | None, plan: FloorPlan) -> bool:
-    """Whether some of the room has no value on the map."""
+    """Whether a part of the room has no value on the map."""
     if grid is None:
         return False
     centers = np.stack(np.meshgrid(grid.x, grid.y), axis=-1).reshape(-1, 2)
@@ -88,7 +88,7 @@ def has_unknown(grid: Grid | None, plan: FloorPlan) -> bool:
 
 
 def draw_isolines(axes: Axes, grid: Grid | None) -> None:
-    """Lines of equal illuminance with their numbers, dark on a light rim so that they show on any ground."""
+    """Isolux lines with their values, dark with a light halo so that they show on any ground."""
     if grid is None or not np.nanmax(grid.cells[0]) > np.nanmin(grid.cells[0]):
         return
     low, high = float(np.nanmin(grid.cells[0])), float(np.nanmax(grid.cells[0]))
@@ -168,7 +168,7 @@ def draw_colorbar(
 
 
 def legend_handles(dataset: xr.Dataset, plan: FloorPlan, *, unknown: bool) -> list[Line2D | Patch]:
-    """What a map's legend explains: only what can be seen on it."""
+    """Legend entries of a map, only for what is drawn on it."""
     handles: list[Line2D | Patch] = [Line2D([], [], color=INK, linewidth=1.4, label="walls")]
     if dataset.sizes["point"] <= MAX_DOTS:
         dot: dict[str, Any] = {"color": "white", "markeredgecolor": "#202020", "markersize": 3, "linestyle": ""}
@@ -212,8 +212,8 @@ def draw_lamp(axes: Axes, lamp: Lamp, number: int) -> None:
     elif lamp.shape == "ies":
         axes.plot(*center, "*", color=LAMP_COLOR, markeredgecolor=INK, markersize=9, zorder=1.5)
     else:
-        least = 0.03  # [m] a smaller bulb would not be seen
-        axes.add_patch(Circle((float(center[0]), float(center[1])), max(lamp.size[0] / 2, least), **look))
+        smallest = 0.03  # [m] drawn radius of a smaller bulb, so that it shows
+        axes.add_patch(Circle((float(center[0]), float(center[1])), max(lamp.size[0] / 2, smallest), **look))
     axes.annotate(
         f"L{number}",
         (float(center[0]), float(center[1])),
@@ -231,9 +231,9 @@ def draw_lamp_key(axes: Axes, lamps: tuple[Lamp, ...], *, below_in: float) -> No
     """The lamps' names beside the plan, under the legend."""
     figure_height = float(axes.get_figure(root=True).get_size_inches()[1])  # type: ignore[union-attr]
     height = figure_height * axes.get_position(original=True).height
-    most = max(1, int((height - below_in) / 0.19))  # [1] lines that fit
-    lines = [f"L{number}  {plain(lamp.name, longest=26)}" for number, lamp in enumerate(lamps[:most], start=1)]
-    if len(lamps) > most:
-        lines[-1] = f"and {len(lamps) - most + 1} more"
+    max_lines = max(1, int((height - below_in) / 0.19))
+    lines = [f"L{number}  {plain(lamp.name, longest=26)}" for number, lamp in enumerate(lamps[:max_lines], start=1)]
+    if len(lamps) > max_lines:
+        lines[-1] = f"and {len(lamps) - max_lines + 1} more"
     place_up = 1.0 - below_in / height
     axes.text(1.04, place_up, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=8.0, linespacing=1.5)

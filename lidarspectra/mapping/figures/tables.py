@@ -14,14 +14,14 @@ from lidarspectra.mapping.figures.figure_style import printable
 
 FILE_NAME = re.compile(r"[a-z0-9][a-z0-9-]*")  # ours to choose; never a user's words
 SWATCH = re.compile(r"#[0-9a-f]{6}")
-MAX_READ_ROWS = 2000  # [1] that a person scrolls through; programs take the CSV
-SHORT_WORDS = 22  # [1] letters that stay on one line
-EMPTY = "–"  # what stands for a number that there is none of
+MAX_READ_ROWS = 2000  # rows in Markdown and HTML; the CSV has all
+SHORT_WORDS = 22  # characters that stay on one line
+EMPTY = "–"  # for a missing number
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Table:
-    """A table that goes out in three forms.
+    """A table that is written in three formats.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Table:
     caption : str
         What it shows, as a sentence.
     frame : pandas.DataFrame
-        Its columns' names are the headings, with units in brackets.
+        The columns' names are the headings, with units in brackets.
     formats : mapping of str to str
         Format of a column's numbers in Markdown and HTML ('.2f'); '.4g' where none is given. CSV keeps all digits.
     """
@@ -44,7 +44,7 @@ class Table:
         if not FILE_NAME.fullmatch(self.name):
             raise MapError(expected="a file name of small letters, digits and hyphens", found=f"'{self.name}'")
         if not self.frame.columns.is_unique:
-            raise MapError(expected="a heading of its own for each column", found="two alike", where=self.name)
+            raise MapError(expected="a unique heading for each column", found="a heading twice", where=self.name)
 
 
 def table_csv(table: Table) -> str:
@@ -71,7 +71,7 @@ def table_html(table: Table, *, sortable: bool = True, max_rows: int | None = No
     sortable : bool
         Put a button into every heading, for the page's script.
     max_rows : int, optional
-        Leave out what comes after so many rows.
+        Leave out the rows after these.
 
     Returns
     -------
@@ -106,13 +106,16 @@ def save_table(table: Table, folder: Path) -> tuple[Path, ...]:
             path.write_text(text, encoding="utf-8", newline="\n")
     except OSError as cause:
         raise MapError(
-            expected="a folder that can be written", found=str(cause), where=str(folder), todo="Free some space."
+            expected="a folder that can be written",
+            found=str(cause),
+            where=str(folder),
+            todo="Check its permissions and the free disk space.",
         ) from cause
     return paths
 
 
 def _document(table: Table) -> str:
-    """The table as a page of its own, so that a browser reads its letters right."""
+    """The table as a page of its own with its character set declared."""
     head = f'<meta charset="utf-8"><title>{html.escape(table.caption)}</title>'
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>{table_html(table, sortable=False)}</body></html>\n'

@@ -28,7 +28,7 @@ from lidarspectra.mapping.figures.floor_plan import FloorPlan, plan_extent, sing
 from lidarspectra.mapping.figures.plan_drawing import draw_frame
 from lidarspectra.mapping.localization.location_errors import LocationErrors
 
-MAX_CURVES = 8  # [1] that one figure can tell apart
+MAX_CURVES = 8  # that one figure can tell apart
 SHOWN_PERCENT = 99.0  # [1] the axis ends there, so that a few lost readings do not press the curves together
 MARGIN_M = 0.5  # [m] around the places where no floor plan is given
 

@@ -51,8 +51,8 @@ from lidarspectra.progress import Progress, silent
 
 MODEL_FILE, NETWORK_FILE, DISCRIMINANT_FILE = "model.nc", "network.onnx", "discriminant.onnx"
 SCHEMA = "lidarspectra location model 2"
-MAX_NEIGHBOURS = 20_000  # [1] fingerprints that are kept to compare with; longer tables are thinned evenly
-MAX_TRAINED = 12_000  # [1] readings drawn for the network; beyond it only time grows
+MAX_NEIGHBOURS = 20_000  # fingerprints that are kept to compare with; longer tables are thinned evenly
+MAX_TRAINED = 12_000  # readings drawn for the network; beyond it only time grows
 
 Against = Literal["own", "running", "trained"]
 """What readings are compared with: their own reference, the running median up to each, or the trained one."""

@@ -20,11 +20,11 @@ from lidarspectra.io.onnx_errors import onnx_errors
 
 Method = Literal["network", "discriminant", "neighbours", "ridge"]
 METHODS: tuple[Method, ...] = ("network", "discriminant", "neighbours", "ridge")
-NEIGHBOURS = 5  # [1] nearest fingerprints that vote
+NEIGHBOURS = 5  # nearest fingerprints that vote
 RIDGE_ALPHAS = np.logspace(-1, 6, 15)  # [1] tried by leave-one-out
-READINGS_PER_STEP = 200  # [1] of the network's training
+READINGS_PER_STEP = 200  # of the network's training
 TINY = 1e-12  # [1] squared distance, in units of noise
-READINGS_AT_ONCE = 256  # [1] bounds the memory of distances
+READINGS_AT_ONCE = 256  # bounds the memory of distances
 
 
 class Locator(Protocol):

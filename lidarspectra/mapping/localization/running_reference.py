@@ -14,8 +14,8 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.localization.features import known_median
 
-WINDOW_FRAMES, FIRST_FRAMES = 600, 60  # [1] ten minutes and one, at a reading a second
-REFRESH_FRAMES = 10  # [1] a running median over hundreds of frames does not change faster
+WINDOW_FRAMES, FIRST_FRAMES = 600, 60  # ten minutes and one, at a reading a second
+REFRESH_FRAMES = 10  # a running median over hundreds of frames does not change faster
 
 
 @dataclass(frozen=True, kw_only=True)

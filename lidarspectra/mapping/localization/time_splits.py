@@ -16,7 +16,7 @@ from lidarspectra.arrays import BoolArray, IntArray
 from lidarspectra.errors import MapError
 
 SplitKind = Literal["visits", "stretches"]
-STRETCHES = 2  # [1] of a visit: its first half against its second, and the other way round
+STRETCHES = 2  # of a visit: its first half against its second, and the other way round
 GAP_SHARE = 0.1  # [1] of a visit's readings, left out between the two
 
 

@@ -44,12 +44,12 @@ from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
 TARGET = 0.003  # [1] standard error wanted of a reading, a tenth of what somebody near the sensor changes
 FINEST_EFFECT = 0.0005  # [1] of the difference: in a large room most sensors see somebody by 0.1 % and less
 SHARE_OF_EFFECT = 0.02  # [1] of what people change, below which a difference's error serves nothing
-PILOT_WALKS = 89  # [1] of a sensor in a set, from which the noise is told
-PILOT_PERSONS = 6  # [1]
-LOOKS = 8  # [1] of a sensor at each part of each lamp in a set: noise far below that of the walks
+PILOT_WALKS = 89  # of a sensor in a set, from which the noise is told
+PILOT_PERSONS = 6
+LOOKS = 8  # of a sensor at each part of each lamp in a set: noise far below that of the walks
 AIM = 0.9  # [1] of the target for the empty room: two errors add up to a reading's
 EFFECT_AIM = 0.8  # [1] of the target that is aimed at: six people are not all, and their noise is uncertain itself
-AT_ONCE = 64  # [1] persons who share walks; the rays that they meet take some 5 MB each
+AT_ONCE = 64  # persons who share walks; the rays that they meet take some 5 MB each
 WORK_FOLDER = "work"
 SURVEY = "survey"
 

@@ -1,7 +1,7 @@
-"""Gridded maps: values between the sensor points, inside the room, never as a trend carried past the points.
+"""Gridded maps: interpolation between the sensor points, inside the room, without extrapolation.
 
 The paper draws its maps "using interpolation techniques" (Section 3.3.2) and names none; three are offered, and
-`leave_one_out` says on the points themselves how well each does.
+`leave_one_out` measures the error of each by cross-validation on the points themselves.
 """
 
 from collections.abc import Callable
@@ -25,26 +25,26 @@ Interpolant = Callable[[FloatArray], FloatArray]
 PLANE_TOLERANCE_M = 0.05  # [m] a robot's sensor rides level within a few centimetres
 DIRECTION_TOLERANCE = 1e-3  # [1] chord between unit vectors, 0.06 degrees
 SAME_PLACE_M = 1e-3  # [m] readings closer than this are averaged: one place cannot have two values
-CELLS_ACROSS = 120  # [1] cells on the longer side of a map, finer than a printed panel can show
+CELLS_ACROSS = 120  # grid cells on the longer side of a map, finer than a printed panel can show
 REACH_SPACINGS = 2.0  # [1] how far from the nearest point a map is drawn, in typical point spacings
-NEIGHBOURS = 60  # [1] points that shape a value: thin-plate splines are local far below this, and cost its cube
-MAX_PAIRS = 100_000  # [1] targets x triangles; below, scipy's search costs more in its LAPACK than looking at all
-FLAT_AREA_M2 = 1e-14  # [m²] twice the area of a triangle that is a line, to rounding
-MAX_PLACES = 10_000  # [1] more than this are averaged in cells first: a map cannot show them one by one
-THINNED_ACROSS = 100  # [1] cells on the longer side when averaging
-MIN_POINTS = 4  # [1] three span a plane, a fourth can differ from it
+NEIGHBOURS = 60  # points per local thin-plate spline; more change nothing, and the time grows with the cube
+MAX_PAIRS = 100_000  # targets x triangles, up to which testing every triangle is faster than scipy's search
+FLAT_AREA_M2 = 1e-14  # [m²] twice the area at or below which a triangle counts as degenerate
+MAX_PLACES = 10_000  # more points are averaged in grid cells first: a map cannot show them one by one
+THINNED_ACROSS = 100  # grid cells on the longer side when averaging
+MIN_POINTS = 4  # three span a plane, a fourth can differ from it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InterpolationError:
-    """How well each point is told by its neighbours alone.
+    """Leave-one-out cross-validation: how well each point is predicted from its neighbours.
 
     Parameters
     ----------
     method : str
         Interpolation method.
     tested : int
-        Points that were left out in turn; those on the rim have no neighbours around them and are not tested.
+        Points that were left out in turn; those on the convex hull would need extrapolation and are not tested.
     nrmse : (band,) float
         Root mean square error over the mean (paper, Eq. 8, over points). [1]
     median_percent : float
@@ -59,14 +59,14 @@ class InterpolationError:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grid:
-    """Values on a horizontal grid of cells.
+    """Values on a horizontal grid.
 
     Parameters
     ----------
     x, y : (column,), (row,) float
-        Centres of the cells. [m]
+        Centres of the grid cells. [m]
     cells : (value, row, column) float
-        NaN where nothing is known; in the unit of the readings.
+        Value in each grid cell, in the unit of the readings; NaN where no point is near.
     """
 
     x: FloatArray
@@ -75,9 +75,9 @@ class Grid:
 
 
 def map_planes(dataset: xr.Dataset) -> tuple[IntArray, ...]:
-    """Points that lie on one level and look in one direction, buried ones left out; the largest group first.
+    """Points that lie on one level and face in one direction, buried ones left out; the largest group first.
 
-    Only such points make one map: a desk's light and a floor's are two questions.
+    Only such points make one map: the light on a desk and on the floor below it must not be interpolated together.
 
     Returns
     -------
@@ -93,12 +93,14 @@ def point_planes(places: xr.Dataset) -> tuple[IntArray, ...]:
     Raises
     ------
     MapError
-        If a height or direction is no number: such a point lies on no plane.
+        If a height or direction is not finite.
     """
     direction = np.stack([places[name].to_numpy() for name in DIRECTION], axis=1)
     height = places["z"].to_numpy()
     if not (np.isfinite(height).all() and np.isfinite(direction).all()):
-        raise MapError(expected="points with a height and a direction", found="a gap", where="planes of points")
+        raise MapError(
+            expected="points with a finite height and direction", found="NaN or infinity", where="planes of points"
+        )
     rest = np.flatnonzero(~places["buried"].to_numpy())
     groups: list[IntArray] = []
     while rest.size:
@@ -120,11 +122,11 @@ def grid_map(
     method: Method = "linear",
     cell_m: float | None = None,
 ) -> xr.Dataset:
-    """Interpolate a map onto a horizontal grid of cells.
+    """Interpolate a map onto a horizontal grid.
 
-    Outside the hull of the points a cell takes the value of the nearest place on the hull. It is empty (NaN) outside
-    the outline, and where no point is within `REACH_SPACINGS` typical spacings. Values are held between the
-    smallest and largest reading of their band, so that a spline cannot swing below zero next to a shadow.
+    Outside the convex hull of the points a grid cell takes the value of the nearest place on the hull. It is empty
+    (NaN) outside the outline, and where no point is within `REACH_SPACINGS` typical spacings. Values are clipped to the
+    smallest and largest reading of their band, so that a spline cannot overshoot below zero next to a shadow.
 
     Parameters
     ----------
@@ -137,17 +139,17 @@ def grid_map(
     method : 'linear', 'cubic' or 'rbf'
         On triangles, on triangles with continuous slopes (Clough-Tocher), or by thin-plate splines.
     cell_m : float, optional
-        Edge of a cell; by default the longer side has `CELLS_ACROSS`. [m]
+        Edge of a grid cell; by default the longer side has `CELLS_ACROSS`. [m]
 
     Returns
     -------
     grid : xarray.Dataset
-        irradiance (band, y, x) [W m-2 nm-1]; x, y are centres of cells. [m]
+        irradiance (band, y, x) [W m-2 nm-1]; x, y are the centres of the grid cells. [m]
 
     Raises
     ------
     MapError
-        If fewer than four points share a plane, they lie on a line, or the outline is no polygon.
+        If fewer than four points share a plane, they lie on one line, or the outline has fewer than three corners.
     """
     checked = check_map(dataset, where="map to interpolate")
     chosen = _largest_plane(checked) if points is None else points
@@ -176,7 +178,7 @@ def grid_values(
     outline, method, cell_m
         As in `grid_map`.
     cells_across : int
-        Cells on the longer side where no `cell_m` is given.
+        Grid cells on the longer side where no `cell_m` is given.
 
     Returns
     -------
@@ -238,7 +240,7 @@ def leave_one_out(
     most: int = 400,
     random: np.random.Generator | None = None,
 ) -> InterpolationError:
-    """Predict points from the others and compare.
+    """Leave-one-out cross-validation: predict points from the others and compare.
 
     Parameters
     ----------
@@ -260,18 +262,18 @@ def leave_one_out(
     Raises
     ------
     MapError
-        As `grid_map`, or if all points lie on the rim.
+        As `grid_map`, or if all points lie on the convex hull.
     """
     checked = check_map(dataset, where="map to interpolate")
     chosen = _largest_plane(checked) if points is None else points
     places, values = _merged(plan_places(checked)[chosen], checked["irradiance"].to_numpy()[chosen])
-    inner = np.setdiff1d(np.arange(places.shape[0]), _rim(places))
+    inner = np.setdiff1d(np.arange(places.shape[0]), _on_hull(places))
     if inner.size == 0:
         raise MapError(
             expected="points with neighbours on all sides",
-            found=f"{places.shape[0]} points, all on the rim",
-            where="leave-one-out",
-            todo="Ask for a finer grid.",
+            found=f"{places.shape[0]} points, all on the convex hull",
+            where="leave-one-out cross-validation",
+            todo="Ask for a finer sensor grid: a larger count or a smaller spacing under [sensors] in the run file.",
         )
     if inner.size > most:
         even = np.linspace(0, inner.size - 1, most).round().astype(np.int64)
@@ -301,7 +303,7 @@ def _largest_plane(dataset: xr.Dataset) -> IntArray:
 
 
 def _merged(places: FloatArray, values: FloatArray, *, within_m: float = SAME_PLACE_M) -> tuple[FloatArray, FloatArray]:
-    """Distinct places and the readings there, those of one place (a cell of `within_m`) averaged."""
+    """Distinct places and the readings there, those within one square of side `within_m` averaged."""
     cells, place = np.unique(np.rint(places / within_m), axis=0, return_inverse=True)
     count = np.bincount(place.ravel(), minlength=cells.shape[0]).astype(np.float64)
     merged = [
@@ -312,10 +314,10 @@ def _merged(places: FloatArray, values: FloatArray, *, within_m: float = SAME_PL
     ]
     if count.size < MIN_POINTS:
         raise MapError(
-            expected=f"at least {MIN_POINTS} points on one level that look in one direction",
+            expected=f"at least {MIN_POINTS} points on one level that face in one direction",
             found=f"{count.size}",
             where="interpolated map",
-            todo="Ask for a grid, or use the table of points.",
+            todo="Give more points (a grid under [sensors] in the run file), or use the table of points.",
         )
     return merged[0], merged[1]
 
@@ -328,7 +330,7 @@ def _hull(places: FloatArray) -> ConvexHull:
             expected="points that span an area",
             found=f"{places.shape[0]} points on one line",
             where="interpolated map",
-            todo="Ask for a grid, or use the table of points.",
+            todo="Give points on a grid (under [sensors] in the run file), or use the table of points.",
         ) from cause
 
 
@@ -344,7 +346,7 @@ def _inner_interpolant(places: FloatArray, values: FloatArray, method: Method) -
 
 
 def _linear_interpolant(places: FloatArray, values: FloatArray) -> Interpolant:
-    """Linear on the triangles of Delaunay, by barycentric weights."""
+    """Linear on the Delaunay triangles, by barycentric weights."""
     triangles = Delaunay(places)
     corners_of = np.asarray(triangles.simplices, dtype=np.int64)
 
@@ -382,7 +384,7 @@ def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _onto_hull(hull: ConvexHull, places: FloatArray, targets: FloatArray) -> FloatArray:
-    """The targets, those outside the hull drawn to the nearest place on it, a hair inside."""
+    """The targets, those outside the hull moved to the nearest place on it, inside by a share of 1e-9."""
     outside = np.flatnonzero((targets @ hull.equations[:, :2].T + hull.equations[:, 2]).max(axis=1) > 0)
     moved = targets.copy()
     if outside.size:
@@ -393,12 +395,13 @@ def _onto_hull(hull: ConvexHull, places: FloatArray, targets: FloatArray) -> Flo
         best = ((nearest - targets[outside, None]) ** 2).sum(axis=-1).argmin(axis=1)
         moved[outside] = nearest[np.arange(outside.size), best]
     middle = places[hull.vertices].mean(axis=0)
-    hair = 1e-9  # [1] keeps points of the rim on this side of the rounding error of the triangle search
-    return np.asarray(middle + (1.0 - hair) * (moved - middle), dtype=np.float64)
+    margin = 1e-9  # [1] keeps points of the hull inside despite the rounding errors of the triangle search
+    inside: FloatArray = middle + (1.0 - margin) * (moved - middle)
+    return inside
 
 
-def _rim(places: FloatArray) -> IntArray:
-    """Points on the border of the hull, those on its straight edges included."""
+def _on_hull(places: FloatArray) -> IntArray:
+    """Points on the border of the convex hull, those on its straight edges included."""
     hull = _hull(places)
     gap = (places @ hull.equations[:, :2].T + hull.equations[:, 2]).max(axis=1)
     return np.flatnonzero(gap > -SAME_PLACE_M)
@@ -424,7 +427,7 @@ def _cells(corners: FloatArray, cell_m: float | None, across: int) -> tuple[Floa
     low, high = corners.min(axis=0), corners.max(axis=0)
     size = float((high - low).max()) / across if cell_m is None else cell_m
     if not size > 0:
-        raise MapError(expected="cells larger than 0", found=f"{size}", where="interpolated map")
+        raise MapError(expected="grid cells larger than 0 m", found=f"{size} m", where="interpolated map")
     counts = np.maximum(np.ceil((high - low) / size - 1e-9).astype(int), 1)
     x, y = (low[axis] + size * (np.arange(counts[axis]) + 0.5) for axis in (0, 1))
     return x, y
@@ -438,7 +441,7 @@ def _grid_dataset(source: xr.Dataset, grid: Grid, method: Method, chosen: IntArr
     }
     for name in ("band", "band_width", "band_label"):
         coords[name] = ("band", source[name].to_numpy(), dict(source[name].attrs))
-    attrs = {"units": IRRADIANCE_UNIT, "long_name": "interpolated spectral irradiance; NaN where nothing is known"}
+    attrs = {"units": IRRADIANCE_UNIT, "long_name": "interpolated spectral irradiance; NaN where no point is near"}
     return xr.Dataset(
         {"irradiance": (("band", "y", "x"), grid.cells, attrs)},
         coords,

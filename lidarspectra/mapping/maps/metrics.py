@@ -2,7 +2,7 @@
 
 Eq. 8 and 9 are written for wavelengths i and then averaged "for all locations and wavelengths" (Section 3.3.2): here
 Eq. 8 is taken over the bands of each point, Eq. 9 at each point and band, and both are averaged; the medians stand
-beside the means, because a mean of percentages hangs on a few dark points.
+beside the means, because a few dark points dominate a mean of percentages.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ArrayError, MapError
 
 Normalisation = Literal["absolute", "band", "all"]
-RIGHT_ANGLE_DEG = 90.0  # [deg] between spectra that have nothing in common
+RIGHT_ANGLE_DEG = 90.0  # [deg] the largest angle between two spectra without negative values
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,13 +31,13 @@ class Comparison:
     nrmse_mean, nrmse_median : float
         Eq. 8 over the bands of each point; mean and median over points. [1]
     nrmse_all : float
-        Eq. 8 once over all points and bands: bright places and bands weigh most. [1]
+        Eq. 8 once over all points and bands: bright places and bands have the largest weight. [1]
     mape_mean, mape_median : float
         Eq. 9; mean and median over points and bands. [%]
     bias_percent : float
         (Σ synthetic - Σ real) / Σ real. [%]
     angle_mean_deg, angle_median_deg : float
-        Spectral angle; blind to level, sees colour only. [deg]
+        Spectral angle: it compares the shapes of two spectra and ignores their levels. [deg]
     """
 
     normalisation: Normalisation
@@ -129,7 +129,7 @@ def absolute_percentage_error(synthetic: ArrayLike, real: ArrayLike) -> FloatArr
     Raises
     ------
     MapError
-        If the truth is zero somewhere: no percentage of nothing.
+        If the truth is zero somewhere: the percentage is undefined there.
     """
     a, b = _pair(synthetic, real)
     _refuse_zero(np.abs(b), of="point-bands", equation="Eq. 9")
@@ -144,8 +144,8 @@ def mape(synthetic: ArrayLike, real: ArrayLike) -> float:
 def spectral_angle_deg(synthetic: ArrayLike, real: ArrayLike) -> FloatArray:
     """Angle between two spectra as vectors, arccos(a·b / |a||b|), one a point.
 
-    It is taken from the chord of the unit vectors, 2 arcsin(|u - v| / 2), which keeps its digits near zero. Where the
-    synthetic map is black in all bands it has no colour, and the angle is the largest that spectra can have.
+    It is computed from the chord of the unit vectors, 2 arcsin(|u - v| / 2), which is accurate near zero. Where the
+    synthetic map is zero in all bands the angle is undefined, and is set to the largest that spectra can have.
 
     Returns
     -------
@@ -170,7 +170,7 @@ def normalised(values: ArrayLike, normalisation: Normalisation) -> FloatArray:
     """A map scaled to 0-1 as in the paper, by its largest value.
 
     The paper says "normalized, scaling them to values between 0 and 1" and no more. Division by the maximum is the
-    reading that leaves Eq. 9 defined: taking the minimum off too would make the darkest truth zero.
+    interpretation that leaves Eq. 9 defined: subtracting the minimum too would make the darkest truth zero.
 
     Parameters
     ----------
@@ -209,5 +209,5 @@ def _refuse_zero(values: FloatArray, *, of: str, equation: str) -> None:
             expected=f"a truth above zero, as {equation} divides by it",
             found=f"zero or less in {dark} of {values.size} {of}",
             where="real map",
-            todo="Leave those points or bands out, and say so.",
+            todo="Leave those points or bands out, and report that you did.",
         )

@@ -26,7 +26,7 @@ def points_frame(values: xr.Dataset) -> pd.DataFrame:
 
 
 def save_points(values: xr.Dataset, folder: Path) -> Path:
-    """Write `points_frame` as points.csv with six digits, whole or not at all; raises MapError if that fails."""
+    """Write `points_frame` as points.csv with six digits, atomically; raises MapError if that fails."""
     path = folder / POINTS_FILE
     try:
         write_whole(path, points_frame(values).to_csv(index=False, float_format="%.6g", lineterminator="\n"))

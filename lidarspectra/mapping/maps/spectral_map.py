@@ -3,15 +3,15 @@
 A map is an xarray Dataset with the dims (point, band):
 
     irradiance, irradiance_se   (point, band)  [W m-2 nm-1]  band value, and its standard error
-    illuminance, illuminance_se (point,)       [lx]          where the bands span what the eye sees (`visible_bands`)
+    illuminance, illuminance_se (point,)       [lx]          where the bands cover V(λ) (`visible_bands`)
     x, y, z                     (point,)       [m]
-    nx, ny, nz                  (point,)       [1]           direction that the sensor looks in
-    buried                      (point,)                     inside furniture or outside the room: do not trust
+    nx, ny, nz                  (point,)       [1]           direction that the sensor faces
+    buried                      (point,)                     inside furniture or outside the room: value is meaningless
     band, band_width, band_label (band,)       [nm]          centre, full width at half maximum, short name
 
-`check_map` holds that schema; it stands at every way in. The attribute `illuminance_from` says whether the illuminance
-was weighed with the lamps' whole spectra ('lamps') or from the band values alone ('bands'). Maps that were written
-before it was part of them are read without it.
+`check_map` validates this schema wherever a map is made or read. The attribute `illuminance_from` says whether the
+illuminance was computed from the lamps' whole spectra ('lamps') or from the band values alone ('bands'). Maps written
+by versions without illuminance are read without it.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -40,10 +40,10 @@ SCHEMA = "lidarspectra spectral map 1"
 MAP_FILE, MAP_TABLE_FILE = "map.nc", "map.csv"  # in the folder of a run's map stage, and of a relighting
 POSITION = ("x", "y", "z")
 DIRECTION = ("nx", "ny", "nz")
-UNIT_LENGTH_TOLERANCE = 1e-6  # [1] directions survive a text file of nine digits
+UNIT_LENGTH_TOLERANCE = 1e-6  # [1] of directions that were written to a text file with nine digits
 CENTER_TOLERANCE_NM = 1e-6  # [nm] two band sets are the same within float noise
 LARGEST_COORDINATE_M = 1e9  # [m] as of a scan's
-NOISE_BELOW_ZERO = 6.0  # [1] a difference of two estimates may fall so many standard errors below a true zero
+NOISE_BELOW_ZERO = 6.0  # [1] standard errors by which Monte Carlo noise may take an estimate below zero
 
 _COORDINATES: dict[str, tuple[str, str | None, str]] = {  # name: (dim, unit, long name)
     "x": ("point", "m", "x coordinate"),
@@ -78,12 +78,12 @@ _TRANSPORT = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LampChange:
-    """What becomes of one lamp in relighting.
+    """A change to one lamp in relighting.
 
     Parameters
     ----------
     flux : Spectrum or (band,) float or None
-        Its new spectral radiant flux, or that flux in every band; None keeps what was traced. [W/nm]
+        Its new spectral radiant flux, or that flux in every band; None keeps the traced one. [W/nm]
     dim : float
         Factor on that flux, >= 0; 0 switches the lamp off. [1]
     """
@@ -94,7 +94,10 @@ class LampChange:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.dim) and self.dim >= 0):
             raise MapError(
-                expected="a dim factor of 0 or more", found=f"{self.dim}", where="lamp change", todo="1 is as traced."
+                expected="a dim factor of 0 or more",
+                found=f"{self.dim}",
+                where="lamp change",
+                todo="Give 0 to switch the lamp off, 1 to leave it as traced.",
             )
 
 
@@ -117,14 +120,14 @@ def spectral_map(
     Returns
     -------
     map : xarray.Dataset
-        See the module's text; the transport's attributes (accuracy, noise, ...) come along.
+        See the module docstring; it carries the transport's attributes (accuracy, noise, ...).
 
     Raises
     ------
     ArgumentError
         If the transport is no Dataset.
     MapError
-        If the transport lacks something, the flux has another shape or is negative, or a lamp is missing.
+        If the transport lacks a variable, the flux has another shape or is negative, or a lamp is missing.
     """
     instance_of(transport, xr.Dataset, name="transport", todo="trace gives one.")
     _require(transport, _TRANSPORT, where="transport")
@@ -185,9 +188,9 @@ def relight(
 ) -> xr.Dataset:
     """A new map for new lamp spectra or dimming, without tracing again.
 
-    Superposition makes dimming exact. A new spectrum is exact but for what the reflectance slots assumed of the
-    old one inside each channel: they are weighted by the lamp that was traced, so surfaces whose reflectance
-    changes steeply within 20 nm shift a little (see docs/fidelity.md).
+    Dimming is exact by superposition. A new spectrum is exact up to one approximation: within each channel,
+    reflectances are averages weighted by the spectrum of the lamp that was traced, so that the light from surfaces
+    whose reflectance changes steeply within 20 nm is slightly off (see docs/fidelity.md).
 
     Parameters
     ----------
@@ -223,7 +226,7 @@ def relight(
                 expected=f"one of the traced lamps ({_listed(names)})",
                 found=f"'{name}'",
                 where="relighting",
-                todo="A lamp that was not traced needs a new run.",
+                todo="Name one of these; to add a lamp, put it into the run file and run again.",
             )
         row = names.index(name)
         if change.flux is not None:
@@ -243,12 +246,11 @@ def _changed_spectra(spectra: dict[str, Spectrum] | None, name: str, change: Lam
 
 
 def check_map(dataset: xr.Dataset, *, where: str) -> xr.Dataset:
-    """Hold a Dataset to the schema of a spectral map.
+    """Validate a Dataset against the schema of a spectral map.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-        What should be a map.
     where : str
         File or step, for the error.
 
@@ -261,7 +263,7 @@ def check_map(dataset: xr.Dataset, *, where: str) -> xr.Dataset:
     ------
     MapError
         If a variable, dim, unit or label is missing or differs, a number is NaN, infinite or clearly negative, bands
-        do not ascend, or a direction is no unit vector.
+        do not ascend, or a direction is not a unit vector.
     """
     wanted = {name: (dim,) for name, (dim, _, _) in _COORDINATES.items()}
     _require(dataset, wanted | dict.fromkeys(_VARIABLES, ("point", "band")), where=where)
@@ -290,12 +292,12 @@ def kept_points(dataset: xr.Dataset) -> IntArray:
 
 
 def save_map(dataset: xr.Dataset, path: Path) -> Path:
-    """Write a spectral map as NetCDF-4, whole or not at all.
+    """Write a spectral map as NetCDF-4, atomically.
 
     Raises
     ------
     MapError
-        If the Dataset is no spectral map.
+        If the Dataset is not a spectral map.
     WorkspaceError
         If the file cannot be written.
     """
@@ -316,12 +318,12 @@ def load_map(path: Path) -> xr.Dataset:
     Returns
     -------
     map : xarray.Dataset
-        (point, band) irradiance and irradiance_se [W m-2 nm-1] with their coordinates: see the module's text.
+        (point, band) irradiance and irradiance_se [W m-2 nm-1] with their coordinates: see the module docstring.
 
     Raises
     ------
     MapError
-        If the file is missing, no NetCDF-4, or no spectral map.
+        If the file is missing, or holds no spectral map in NetCDF-4.
     """
     with _reported(path, expected="a spectral map in NetCDF-4", todo="Run the map stage again."):
         dataset = read_netcdf(path)
@@ -329,7 +331,7 @@ def load_map(path: Path) -> xr.Dataset:
 
 
 def map_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """A spectral map as a wide table, one row a point.
+    """A spectral map as a wide table, one row per point.
 
     Returns
     -------
@@ -354,7 +356,7 @@ def save_map_table(dataset: xr.Dataset, path: Path) -> Path:
     Raises
     ------
     MapError
-        If the Dataset is no spectral map, or the file cannot be written.
+        If the Dataset is not a spectral map, or the file cannot be written.
     """
     table = map_table(dataset)
     with _reported(path, expected="a file that can be written", todo="Choose a folder that you may write to."):
@@ -363,7 +365,7 @@ def save_map_table(dataset: xr.Dataset, path: Path) -> Path:
 
 
 def read_map_table(path: Path, *, bands: BandSet) -> xr.Dataset:
-    """Read a map from the CSV of `save_map_table`; channels are known by their column names, never by position.
+    """Read a map from the CSV of `save_map_table`; channels are found by their column names, never by position.
 
     Parameters
     ----------
@@ -414,7 +416,7 @@ def _has_illuminance(dataset: xr.Dataset) -> bool:
 
 
 def _dataset(values: Mapping[str, FloatArray], source: xr.Dataset) -> xr.Dataset:
-    """Give values the coordinates and attributes of a transport or table, in the schema's units and words."""
+    """Values with the coordinates and attributes of a transport or table, with the schema's units and long names."""
     _require(source, {name: (dim,) for name, (dim, _, _) in _COORDINATES.items()}, where="transport")
     coords: dict[str, tuple[str, np.ndarray[Any, Any], dict[str, str]]] = {}
     for name, (dim, unit, long_name) in _COORDINATES.items():

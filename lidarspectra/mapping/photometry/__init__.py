@@ -1,4 +1,4 @@
-"""Light for people and plants: what the eye, the body clock and leaves make of the light at a point."""
+"""Light for people and plants: photometric, melanopic and photosynthetic quantities at points."""
 
 from lidarspectra.mapping.maps.visible_bands import covers_vision
 from lidarspectra.mapping.photometry.illuminance import illuminance, illuminance_from_map

@@ -1,7 +1,7 @@
-"""How well channels tell a quantity of light, and weights that tell it better than straight lines do.
+"""Weights on a sensor's channels that estimate an integral of the spectrum, and the error of that estimate.
 
-Of an ensemble of indoor spectra both the quantity and what the channels read are known. Straight lines between the
-channels are held to it as they are; learned weights are fitted to all lamps but one and held to that one, lamp by lamp.
+For an ensemble of indoor spectra both the quantity and the channels' readings are known. Linear interpolation between
+the channels is tested on all of them; learned weights are tested by leave-one-lamp-out cross-validation.
 """
 
 from dataclasses import dataclass
@@ -17,21 +17,21 @@ from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
 Method = Literal["lamps", "lines", "learned"]
 
-RIDGE = 1e-2  # [1] pull towards straight lines, as a share of the ensemble's own information
-DIM = 1e-3  # [1] a channel that reads less than this of the brightest teaches nothing
+RIDGE = 1e-2  # [1] ridge penalty towards linear interpolation, relative to the mean of the normal matrix's diagonal
+DIM = 1e-3  # [1] floor of a channel's scale, relative to the brightest channel
 KINDS = ("led", "fluorescent", "discharge", "incandescent", "daylight")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChannelEstimate:
-    """Weights on channels for a quantity, and how far off they are.
+    """Weights on channels for a quantity, and their errors on the ensemble.
 
     Parameters
     ----------
     weights : (band,) float
         Q = Σ weight x band value. [unit of Q nm per W/m²]
     relative_errors : (spectrum,) float
-        Of every spectrum of the ensemble, from weights that did not see its lamp. [1]
+        Of every spectrum of the ensemble, from weights fitted without its lamp. [1]
     category : (spectrum,) str
         Kind of its lamp.
     """
@@ -48,14 +48,14 @@ class ChannelEstimate:
         return float(np.percentile(np.abs(self.relative_errors[chosen]), percent))
 
     def standard_uncertainty(self, category: str | None = None) -> float:
-        """Half of the 95th percentile: the standard uncertainty of one reading under an unknown lamp [1]."""
+        """Half of the 95th percentile: standard uncertainty of a reading under an unknown lamp [1]."""
         return 0.5 * self.percentile(95.0, category)
 
 
 def channel_estimate(
     ensemble: IndoorSpectra, bands: BandSet, response: Spectrum, *, method: Method = "learned"
 ) -> ChannelEstimate:
-    """Find weights for ∫ E s dλ and how far off they are.
+    """Weights for ∫ E s dλ, and their errors on an ensemble of indoor spectra.
 
     Parameters
     ----------
@@ -65,8 +65,8 @@ def channel_estimate(
     response : Spectrum
         s(λ).
     method : 'lamps', 'lines' or 'learned'
-        'lamps' knows each lamp's spectrum, and the channels tell only what the room did to it (its `weights` are those
-        of straight lines); the others know the channels alone.
+        'lamps' takes each lamp's spectrum as known, so that the channels only measure the room's effect on it (its
+        `weights` are those of 'lines'); 'lines' interpolates linearly between the channels, and 'learned' fits weights.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def _estimate(weights: FloatArray, found: FloatArray, truth: FloatArray, ensembl
 
 
 def _balanced(ensemble: IndoorSpectra) -> FloatArray:
-    """(spectrum,) weights that give every kind of lamp the same say [1]."""
+    """(spectrum,) weights that sum to the same for every kind of lamp [1]."""
     kinds, number, counts = np.unique(ensemble.category, return_inverse=True, return_counts=True)
     return np.asarray(1.0 / (counts[number] * kinds.size), dtype=np.float64)
 
@@ -109,7 +109,7 @@ def _sums(relative: FloatArray, left: FloatArray, weight: FloatArray, lamp: IntA
 
 
 def _fit(gram: FloatArray, right: FloatArray, lines: FloatArray) -> FloatArray:
-    """Weights w that bring w·E/Q near 1 in the mean square, and near those of straight lines."""
+    """Ridge regression: weights w with w·E/Q near 1 in the mean square, shrunk towards linear interpolation."""
     scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
     scale = np.maximum(scale, DIM * scale.max())
     normal = gram / np.outer(scale, scale)

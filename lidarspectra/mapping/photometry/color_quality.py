@@ -1,4 +1,4 @@
-"""Colour of light and how well it shows colours: CCT, Duv, CRI, TM-30, all as colour-science computes them.
+"""Colour of light and colour rendering: CCT, Duv, CRI and TM-30, as colour-science computes them.
 
 References
 ----------
@@ -22,7 +22,7 @@ LARGEST_DUV = 0.05  # [1] beyond it a colour temperature has no meaning (CIE 15:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ColorQuality:
-    """Numbers on the colour of light at points; NaN where there is none.
+    """Colour and colour rendering of the light at points; NaN where a quantity is undefined.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def _rendering(spectrum: FloatArray) -> tuple[float, float, float]:
 
     values = np.maximum(spectrum, 0.0)
     distribution = colour.SpectralDistribution(values / values.max(), COLOR_GRID_NM)
-    # It says that it resamples the observer, and that daylight of 4000 K, of which it takes next to none, is guessed.
+    # The warnings are on resampling the observer, and on extrapolated daylight at 4000 K, whose weight is near zero.
     with colour.utilities.suppress_warnings(colour_runtime_warnings=True, colour_usage_warnings=True):
         fidelity: Any = colour.colour_fidelity_index(distribution, additional_data=True, method="ANSI/IES TM-30-18")
         index: Any = colour.colour_rendering_index(distribution)

@@ -1,4 +1,4 @@
-"""Figures of light for people and plants: a map of each chosen quantity over the floor plan."""
+"""Figures of light for people and plants: a map of each quantity over the floor plan."""
 
 from collections.abc import Mapping
 
@@ -29,7 +29,7 @@ SHOWN = {
     "ypfd_umol_m2_s": "YPFD [µmol m⁻² s⁻¹]",
 }
 FROM_LOWEST = ("cct_kK",)  # quantities whose scale does not begin at zero
-PANEL_CELLS = 120  # [1] across a panel
+PANEL_CELLS = 120  # across a panel
 
 
 @styled
@@ -50,7 +50,7 @@ def quantities_figure(quantities: xr.Dataset, plan: FloorPlan) -> Figure:
 def point_maps(
     values: xr.Dataset, plan: FloorPlan, wanted: Mapping[str, str], *, colors: Mapping[str, str] | None = None
 ) -> Figure:
-    """One map a variable over the floor plan, each with its own scale, of the largest plane of points.
+    """One map per variable over the floor plan, each with its own scale, for the largest plane of points.
 
     Parameters
     ----------
@@ -59,9 +59,9 @@ def point_maps(
     plan : FloorPlan
         The room.
     wanted : mapping of str to str
-        Variables, and the titles of their panels; one that is known at no point of the plane has none.
+        Variables, and the titles of their panels; a variable without any value on the plane has no panel.
     colors : mapping of str to str, optional
-        Colour maps that differ from the usual; their scale begins at the lowest value, not at zero.
+        Other colour maps by variable; their scale begins at the lowest value, not at zero.
 
     Returns
     -------

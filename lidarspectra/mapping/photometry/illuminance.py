@@ -1,4 +1,4 @@
-"""Light as the eye weighs it: illuminance from band values, with a word on how far bands can tell."""
+"""Illuminance from a spectral map or from the lamps' spectra, refused where the bands do not cover V(λ)."""
 
 from collections.abc import Mapping
 
@@ -15,7 +15,7 @@ def illuminance_from_map(dataset: xr.Dataset) -> FloatArray:
     """Illuminance from band values alone, E_v = 683 lm/W ∫ V E dλ, with E linear between the band centres.
 
     Exact for spectra that are linear over each channel and between centres; for a white LED and the AS7265x's 14
-    channels the error is within a few per cent, for lamps with lines it can be far larger.
+    channels the error is within a few per cent; for lamps with narrow lines it can be far larger.
 
     Parameters
     ----------
@@ -71,5 +71,5 @@ def _refuse_uncovered(centers: FloatArray) -> None:
             expected=f"bands that span {MIN_COVER:.0%} of V(λ) in steps of at most {WIDEST_GAP_NM:g} nm",
             found=fault,
             where="illuminance",
-            todo="Ask for a device whose channels cover 430 to 680 nm.",
+            todo="Choose a device whose channels cover 430 to 680 nm ([sensors] device in the run file).",
         )

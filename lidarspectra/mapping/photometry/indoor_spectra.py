@@ -1,7 +1,7 @@
-"""Spectra as rooms have them: the databases' lamps, straight and thrown back by the databases' surfaces.
+"""An ensemble of indoor spectra: the databases' lamps, direct and reflected by the databases' surfaces.
 
-They say how far a few channels can tell what the whole spectrum does. What a method may learn from, and what it is
-tried on, are told apart by the lamp.
+It measures how well a few channels estimate integrals of the whole spectrum. Spectra for fitting and for testing are
+separated by lamp.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
 GRID_NM = np.arange(350.0, 1000.1, 1.0)  # [nm] the channels from 410 to 940 nm with their tails
-SURFACES = 12  # [1] taken evenly from the library, ordered by their mean reflectance
-DIRECT_SHARES = (0.0, 0.5)  # [1] of the light that comes straight from the lamp; all of it is one more spectrum
+SURFACES = 12  # taken evenly from the library, ordered by their mean reflectance
+DIRECT_SHARES = (0.0, 0.5)  # [1] shares of direct light in the reflected spectra; direct light alone is one more
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,11 +27,11 @@ class IndoorSpectra:
     values : (spectrum, wavelength) float
         On `GRID_NM`, of the same irradiance each. [1/nm]
     factors : (spectrum, wavelength) float
-        What the room did to the lamp's light. [1]
+        The room's effect on the lamp's light. [1]
     lamps : (lamp, wavelength) float
         The lamps themselves. [1/nm]
     lamp : (spectrum,) int
-        Which lamp it came from.
+        Index of the spectrum's lamp.
     categories : tuple of str
         Of each lamp: 'led', 'fluorescent', ...
     names : tuple of str
@@ -51,16 +51,16 @@ class IndoorSpectra:
         return np.array(self.categories)[self.lamp]
 
     def band_values(self, bands: BandSet) -> FloatArray:
-        """(spectrum, band) what a sensor reads of them [1/nm]."""
+        """(spectrum, band) readings of a sensor [1/nm]."""
         return np.asarray(self.values @ _on_grid(bands).T, dtype=np.float64)
 
     def weigh(self, response: Spectrum) -> FloatArray:
-        """(spectrum,) ∫ E s dλ, the truth that bands are held to."""
+        """(spectrum,) ∫ E s dλ, the true value of the quantity."""
         product = self.values * response.at(GRID_NM, outside="zero")
         return np.asarray(np.trapezoid(product, GRID_NM, axis=1), dtype=np.float64)
 
     def band_factors(self, bands: BandSet) -> FloatArray:
-        """(spectrum, band) what a trace finds: the room's factor in each band, weighted by the lamp's own light [1]."""
+        """(spectrum, band) the room's effect in each band, weighted by the lamp's spectrum, as a trace finds it [1]."""
         weights = _on_grid(bands)
         lamps = self.lamps[self.lamp]
         light = lamps @ weights.T
@@ -70,9 +70,9 @@ class IndoorSpectra:
 
 
 def indoor_spectra(surfaces: int = SURFACES) -> IndoorSpectra:
-    """Every lamp of the built-in databases, straight, halved with and wholly thrown back by each of some surfaces.
+    """Every lamp of the built-in databases: direct, and reflected by each of some surfaces alone or half and half.
 
-    The equal-energy light is left out, as are lamps without light between 380 and 780 nm.
+    The equal-energy spectrum is left out, as are lamps without light between 380 and 780 nm.
     """
     found = [lamp for lamp in list_lamps() if ":" not in lamp.name and lamp.category != "equal-energy"]
     lamps = np.stack([lamp.spectrum.at(GRID_NM, outside="zero") for lamp in found])
@@ -94,7 +94,7 @@ def indoor_spectra(surfaces: int = SURFACES) -> IndoorSpectra:
 
 
 def _surfaces(library: ReflectanceLibrary, count: int) -> FloatArray:
-    """(surface, wavelength) reflectances from dark to bright, none of the ideal ones [1]."""
+    """(surface, wavelength) reflectances from dark to bright, without the ideal ones [1]."""
     rows = [row for row in library.rows if row.matchable]
     values = np.stack([row.spectrum.at(GRID_NM, outside="nearest") for row in rows])
     order = np.argsort(values.mean(axis=1))

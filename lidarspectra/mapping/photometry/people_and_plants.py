@@ -16,11 +16,11 @@ from lidarspectra.mapping.photometry.quantities import light_quantities
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra.spectrum import BandSet
 
-MAX_RENDERED = 500  # [1] points whose colour rendering is computed, at some 50 ms each; more are taken evenly
+MAX_RENDERED = 500  # points whose colour rendering is computed, at about 50 ms each, spread evenly over the list
 METHOD_WORDS = {
-    "lamps": "the lamps' whole spectra and the room's effect in bands",
-    "lines": "the bands alone, straight lines between them",
-    "learned": "the bands alone, weighed as indoor spectra teach",
+    "lamps": "the lamps' full spectra, with the room's effect on them from the channels",
+    "lines": "the channels alone, with linear interpolation between them",
+    "learned": "the channels alone, with weights fitted to an ensemble of indoor spectra",
 }
 COLOR_COLUMNS = {
     "cct_K": ("correlated colour temperature", "K"),
@@ -32,7 +32,7 @@ COLOR_COLUMNS = {
 
 
 def method_for(light: PointLight) -> Method:
-    """The lamps' spectra where they are known; else lines between fine bands, learned weights on coarse ones."""
+    """'lamps' where their spectra are known; else 'lines' for fine bands and 'learned' for coarse ones."""
     if light.route == "lamps":
         return "lamps"
     return "lines" if light.is_full_spectrum else "learned"
@@ -58,9 +58,10 @@ def light_at_points(
     bands : BandSet
         The light's channels.
     ensemble : IndoorSpectra, optional
-        What the channels are tried on and, where they alone are known, learn from; `indoor_spectra()` if left out.
+        Spectra for the error of the channels and, where only the channels are known, for fitting their weights;
+        `indoor_spectra()` if left out.
     rendering : bool
-        Compute CRI and TM-30 too, where the light allows it: some 50 ms a point.
+        Compute CRI and TM-30 too, where the spectra are fine enough: about 50 ms per point.
     progress : callable
         See `lidarspectra.progress`.
 
@@ -68,9 +69,9 @@ def light_at_points(
     -------
     quantities : xarray.Dataset
         Dim point; a variable for each of `light_quantities` with its standard error (`..._se`), and those of
-        `COLOR_COLUMNS`. Colour rendering is NaN where the bands alone, more than 10 nm apart, cannot tell it, and at
-        points that were passed over where there are more than 500. Attribute `method`: see `method_for`; attribute
-        `channel_error_percent` of each: what the channels' error stays below for 95 % of indoor spectra.
+        `COLOR_COLUMNS`. Colour rendering is NaN where only bands more than 10 nm apart are known, and at points that
+        are not among the 500 for which it is computed. Attribute `method`: see `method_for`; attribute
+        `channel_error_percent` of each: 95th percentile of the channels' error over indoor spectra.
     """
     tried = indoor_spectra() if ensemble is None else ensemble
     method = method_for(light)
@@ -105,7 +106,7 @@ def _colors(light: PointLight, kept: IntArray, rendering: bool, progress: Progre
 
 
 def summary_table(quantities: xr.Dataset) -> Table:
-    """Mean and range of every quantity over the points that are not buried, and how far the channels suffice.
+    """Mean and range of every quantity over the points that are not buried, and the error due to the channels.
 
     Parameters
     ----------
@@ -115,8 +116,8 @@ def summary_table(quantities: xr.Dataset) -> Table:
     Returns
     -------
     table : Table
-        'channels' is the 95th percentile of the error that these channels make over the ensemble by this method, lamps
-        and surfaces of all kinds; it adds to the standard error of the trace. Empty for what is no integral.
+        'channels' is the 95th percentile of the error due to these channels over the ensemble, lamps and surfaces of
+        all kinds; it adds to the standard error of the trace. Empty for quantities that are no integral.
     """
     kept = kept_points(quantities)
     rows = []
@@ -129,8 +130,9 @@ def summary_table(quantities: xr.Dataset) -> Table:
         columns=["quantity", "unit", "mean", "lowest", "highest", "channels [%]"],
     )
     caption = (
-        f"Light at {kept.size} points, from {METHOD_WORDS[quantities.attrs['method']]}. Channels: the error that "
-        f"{quantities.attrs['bands']} channels stay below for 95 % of indoor spectra, beside the noise of the trace."
+        f"Light at {kept.size} points, computed from {METHOD_WORDS[quantities.attrs['method']]}. The last column is "
+        f"the error due to having only {quantities.attrs['bands']} channels: it is smaller for 95 % of indoor spectra, "
+        "and comes on top of the noise of the simulation."
     )
     return Table(name="people-and-plants", caption=caption, frame=frame, formats={"channels [%]": ".1f"})
 

@@ -1,9 +1,9 @@
-"""The light at points as far as it is known, and what any spectral response makes of it.
+"""The light at points, from bands or from the lamps' spectra, and its integral with any spectral response.
 
-Two routes. From band values alone the spectrum between the band centres is taken as straight lines; a lamp line between
+Two routes. From band values alone the spectrum is interpolated linearly between the band centres; a lamp line between
 two bands is missed, one inside a band is smeared. From a transport with the lamps' spectra each lamp's light is
-known at every wavelength, and only the room's effect on it, which is smooth, is interpolated: use that where there
-are lamps.
+known at every wavelength, and only the room's effect on it, which is smooth, is interpolated: use this route wherever
+the lamps' spectra are known.
 """
 
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ class LampShare:
     flux : Spectrum
         Its spectral flux. [W/nm]
     coefficient : (point, band) float
-        Irradiance per unit flux: what the room does to its light. [m-2]
+        Irradiance per unit flux: the room's effect on its light. [m-2]
     """
 
     flux: Spectrum
@@ -56,7 +56,7 @@ class PointLight:
     irradiance, irradiance_se : (point, band) float
         Band values and their standard error. [W/m²/nm]
     lamps : tuple of LampShare
-        Every lamp, where their spectra are known; empty leaves the bands alone.
+        Every lamp, where their spectra are known; empty where only the bands are.
     """
 
     centers_nm: FloatArray
@@ -73,12 +73,12 @@ class PointLight:
 
     @property
     def route(self) -> Route:
-        """How the spectrum between the bands is known."""
+        """How the spectrum between the bands is computed."""
         return "lamps" if self.lamps else "bands"
 
     @property
     def is_full_spectrum(self) -> bool:
-        """Whether colour rendering can be told: from the lamps' spectra, or from bands at most 10 nm apart."""
+        """Whether colour rendering can be computed: from the lamps' spectra, or from bands at most 10 nm apart."""
         return bool(self.lamps) or (self.centers_nm.size > 1 and float(np.diff(self.centers_nm).max()) <= FINE_BANDS_NM)
 
     def weigh(self, response: Spectrum) -> tuple[FloatArray, FloatArray]:
@@ -92,7 +92,7 @@ class PointLight:
         Returns
         -------
         values, standard_error : (point,) float
-            The error is the largest that any correlation between bands allows: Σ of the bands' parts.
+            The error is its upper bound, for fully correlated bands: the sum of the bands' parts.
         """
         if not self.lamps:
             weights = band_weights(self.centers_nm, response)
@@ -125,12 +125,12 @@ class PointLight:
 
 
 def light_of_map(dataset: xr.Dataset) -> PointLight:
-    """Light as a spectral map alone tells it.
+    """Light from the bands of a spectral map.
 
     Raises
     ------
     MapError
-        If the Dataset is no spectral map.
+        If the Dataset is not a spectral map.
     """
     checked = check_map(dataset, where="map for photometry")
     return PointLight(

@@ -1,4 +1,4 @@
-"""Quantities of light that are integrals of the spectrum times a response: for the eye, the body clock, leaves.
+"""Quantities of light that are integrals of the spectrum times a response: photometric, α-opic, photosynthetic.
 
 References
 ----------
@@ -17,9 +17,9 @@ from lidarspectra.spectra.database_files import data_folder, table
 from lidarspectra.spectra.spectrum import Spectrum
 
 UMOL_PER_J_NM = float(1e6 * 1e-9 / (constants.N_A * constants.h * constants.c))
-"""Photons of a joule, by wavelength: 0.00836 µmol/(J nm). [µmol/(J nm)]"""
+"""Photons per joule and wavelength: 0.00836 µmol/(J nm). [µmol/(J nm)]"""
 
-OPTICAL_NM = (380.0, 780.0)  # [nm] what is summed to the irradiance; the range of the full-spectrum bands
+OPTICAL_NM = (380.0, 780.0)  # [nm] range of the total irradiance, as of the full-spectrum bands
 PAR_NM = (400.0, 700.0)  # [nm] photosynthetically active radiation (McCree 1972)
 
 D65_EFFICACY_W_LM = {
@@ -38,9 +38,9 @@ class LightQuantity:
     name : str
         Of its column and variable, with the unit: 'illuminance_lx'.
     words : str
-        For headings.
+        Heading.
     unit : str
-        As figures write it.
+        As written in figures.
     response : Spectrum
         s(λ). [unit of Q per W/m²]
     """
@@ -68,9 +68,9 @@ def quantum_yield() -> Spectrum:
 def light_quantities() -> tuple[LightQuantity, ...]:
     """Every quantity, irradiance first.
 
-    α-opic irradiance is E_α = ∫ E s_α dλ, its equivalent daylight illuminance E_α / K_α,D65: the illuminance of D65
-    that does as much to that receptor. Photosynthetic photon flux density counts the photons from 400 to 700 nm alike;
-    yield photon flux density weighs them by McCree's quantum yield from 350 to 725 nm.
+    α-opic irradiance is E_α = ∫ E s_α dλ; its equivalent daylight illuminance (EDI) is E_α / K_α,D65, the illuminance
+    of D65 with the same α-opic irradiance. Photosynthetic photon flux density (PPFD) counts photons from 400 to 700 nm
+    equally; yield photon flux density (YPFD) weights them by McCree's quantum yield from 350 to 725 nm.
     """
     par = np.arange(PAR_NM[0], PAR_NM[1] + 1.0)
     leaf = np.arange(350.0, 726.0)
@@ -95,5 +95,5 @@ def light_quantities() -> tuple[LightQuantity, ...]:
 
 
 def light_quantity(name: str) -> LightQuantity:
-    """One of them by its name."""
+    """A quantity by its name."""
     return next(quantity for quantity in light_quantities() if quantity.name == name)

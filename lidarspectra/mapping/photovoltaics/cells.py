@@ -1,4 +1,4 @@
-"""Solar cells: what part of the photons of each wavelength becomes current, and the circuit that makes power of it.
+"""Solar cells: quantum efficiency, from which current follows, and the equivalent circuit, from which power follows.
 
 References
 ----------
@@ -24,14 +24,14 @@ from lidarspectra.spectra.spectrum_files import TableRow, finite_number, read_sp
 Quantity = Literal["efficiency", "relative"]
 
 AMPERE_PER_WATT_NM = float(constants.e / (constants.h * constants.c) * 1e-9)
-"""q/hc: current of a watt of photons of 1 nm, each giving an electron. [A/(W nm)]"""
-STEP_NM = 1.0  # [nm] λ x a(λ) is no straight line between the samples of a
-PERCENT_ABOVE = 1.5  # [1] a curve of efficiencies that exceeds it is in per cent
+"""q/hc: current per watt and nm of wavelength at a quantum efficiency of 1. [A/(W nm)]"""
+STEP_NM = 1.0  # [nm] of the grid: λ x a(λ) is not linear between the samples of a
+PERCENT_ABOVE = 1.5  # [1] a curve of efficiencies that exceeds it is taken as per cent
 
 
 @dataclass(frozen=True, kw_only=True)
 class Circuit:
-    """One diode, a series and a shunt resistance, of a square metre of cell at 25 °C.
+    """Single-diode equivalent circuit per square metre of cell, at 25 °C.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Circuit:
     series_ohm_m2 : float
         [Ω m²]
     shunt_volt : float
-        Shunt resistance times photocurrent, which De Soto's model holds constant from sun to shade. [V]
+        Shunt resistance times photocurrent, which is constant in De Soto's model. [V]
     """
 
     saturation_current_A_m2: float  # noqa: N815 - amperes are A
@@ -70,13 +70,13 @@ class Cell:
     name, words, category, provenance : str
         Database name or file; what it is; its kind; 'measured', 'digitised', 'modelled' or 'assigned'.
     quantity : 'efficiency' or 'relative'
-        Whether the curve is a quantum efficiency, or one up to an unknown factor, as an absorption is.
+        Whether the curve is a quantum efficiency, or known only up to a factor, as an absorption is.
     efficiency : Spectrum
         EQE(λ), or a(λ) of the paper's Eq. 11; zero beyond its ends. [1]
     area_m2 : float or None
         [m²]
     circuit : Circuit or None
-        For power; None leaves only the current known.
+        For power; None if only the current can be computed.
     """
 
     name: str
@@ -95,14 +95,14 @@ class Cell:
                 expected="quantum efficiencies from 0 to 1",
                 found=f"{values.min():g} to {values.max():g}",
                 where=f"cell '{self.name}'",
-                todo="Divide per cent by 100; call a curve without a scale 'relative'.",
+                todo="Divide values in per cent by 100; mark a curve without an absolute scale as 'relative'.",
             )
         if self.area_m2 is not None and not self.area_m2 > 0:
             raise DatabaseError(expected="a positive area", found=f"{self.area_m2:g} m²", where=f"cell '{self.name}'")
 
     @cached_property
     def responsivity(self) -> Spectrum:
-        """S(λ) = (q/hc) λ a(λ), the current of a watt of light [A/W]."""
+        """Spectral responsivity S(λ) = (q/hc) λ a(λ) [A/W]."""
         first, last = self.efficiency.range_nm
         even = np.arange(np.ceil(first), np.floor(last) + STEP_NM / 2, STEP_NM)
         grid = np.union1d(even, self.efficiency.wavelengths_nm)
@@ -110,14 +110,18 @@ class Cell:
         return Spectrum(wavelengths_nm=grid, values=values, name=self.name)
 
     def notes(self, scale: float = 1.0) -> tuple[str, ...]:
-        """What a user must know of its numbers, with a factor on its curve from a calibration [1]."""
+        """Caveats on its currents, with a factor on its curve from a calibration [1]; full sentences."""
         if self.quantity == "relative" and scale == 1.0:
             return (
-                f"'{self.name}' has a relative curve: currents are those of a cell that turns each photon it counts "
-                "into an electron; calibrate with --scale, or scale in the run file",
+                f"The response curve of '{self.name}' is known only up to a factor, and is taken as its quantum "
+                "efficiency: only ratios of these currents are meaningful. Calibrate the cell against a measured "
+                "current, and give the factor with --scale, or as scale in the run file.",
             )
         if self.provenance == "modelled":
-            return (f"'{self.name}' is a model, no product: an upper limit for cells of its gap",)
+            return (
+                f"'{self.name}' is an ideal model of a material, not a product: its currents are an upper limit. For a "
+                "real cell, give its measured quantum efficiency as a file.",
+            )
         return ()
 
 
@@ -133,9 +137,9 @@ def find_cell(name_or_file: str, base_folder: Path | None = None) -> Cell:
     Parameters
     ----------
     name_or_file : str
-        'silicon', 'organic-green' ...; what ends in .csv, .txt, .tsv or .dat is a file. A file whose values exceed 1.5
-        is in per cent. A file whose heading says 'relative' or 'absorption' has no scale; one that says 'A/W' holds
-        responsivities.
+        'silicon', 'organic-green' ...; a name that ends in .csv, .txt, .tsv or .dat is a file. A file whose values
+        exceed 1.5 is taken as per cent. A file whose heading contains 'relative' or 'absorption' has no absolute scale;
+        one that contains 'A/W' holds responsivities.
     base_folder : Path, optional
         Where relative file names start.
 
@@ -171,7 +175,7 @@ def _cell_of_file(path: Path) -> Cell:
             expected="a quantum efficiency, an absorption or a responsivity",
             found="an absorbance, which is a logarithm",
             where=str(path),
-            todo="Absorption is 1 - 10^-absorbance.",
+            todo="Convert it to absorption, 1 - 10^-absorbance.",
         )
     relative = "relative" in heading or "absorption" in heading
     return Cell(
@@ -185,7 +189,7 @@ def _cell_of_file(path: Path) -> Cell:
 
 
 def _heading(path: Path) -> str:
-    """First line that is no comment, in small letters; a table without a heading gives its first numbers."""
+    """First line that is not a comment, in lower case; for a table without a heading, its first numbers."""
     lines = (line.strip() for line in read_text(path).splitlines())
     return next((line for line in lines if line and not line.startswith("#")), "").lower()
 

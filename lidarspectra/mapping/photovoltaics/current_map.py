@@ -1,4 +1,4 @@
-"""A cell's current, and what it gathers in a day, at every point of a map."""
+"""A solar cell's current, and its charge and energy per day, at every point of a map."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -31,7 +31,7 @@ def current_map(
     shifts: Sequence[Shift] = (),
     volt: float | None = None,
 ) -> xr.Dataset:
-    """Current of a cell at every point and, with a schedule, charge and energy of a day.
+    """Current of a cell at every point and, with a schedule, charge and energy per day.
 
     Parameters
     ----------
@@ -45,17 +45,17 @@ def current_map(
     scale : float
         Factor on the cell's curve, from a calibration. [1]
     shifts : sequence of Shift
-        When which lamp is lit; none leaves charge and energy away.
+        When each lamp is lit; without any there is no charge and energy.
     volt : float, optional
-        At which a converter holds the cell, in place of its maximum power point; without a circuit its current there
-        is taken as that at short circuit. [V]
+        Fixed operating voltage, set by the converter, instead of the maximum power point; without a circuit the current
+        there is taken as the short-circuit current. [V]
 
     Returns
     -------
     map : xarray.Dataset
         Dim point: current_density_A_m2 and its _se, current_A, power_W; with shifts charge_mAh_day and energy_mWh_day.
-        Power and energy are there where the cell has a circuit, or a voltage is given. Attribute `notes`: what a user
-        must know, a line each.
+        Power and energy are there where the cell has a circuit, or a voltage is given. Attribute `notes`: caveats for
+        the user, one per line.
 
     Raises
     ------
@@ -117,23 +117,24 @@ def area_of(cell: Cell, area_m2: float | None) -> float:
 
 
 def _notes(cell: Cell, scale: float, fluxes: Mapping[str, Spectrum], powerless: bool) -> list[str]:
-    """What a user must know of these currents."""
+    """Caveats on these currents, as full sentences."""
     notes = list(cell.notes(scale))
     cut = cut_lamps(fluxes, cell)
     if cut:
         notes.append(
-            f"the spectrum of {', '.join(cut)} ends in full light where '{cell.name}' still responds: "
-            "it gives more than is told"
+            f"The spectrum of {', '.join(cut)} ends where it is still bright and '{cell.name}' still responds, so that "
+            "the current is underestimated. Give a spectrum that covers the cell's whole range."
         )
     if powerless:
         notes.append(
-            "nothing is known of this cell's voltage: no power, no energy (--volt, or volt in the run file, gives one)"
+            f"There is no power and energy, since the voltage of '{cell.name}' is not known. Give the voltage at which "
+            "it is operated with --volt, or as volt in the run file."
         )
     return notes
 
 
 def _power_of(cell: Cell, volt: float | None) -> Callable[[FloatArray], FloatArray] | None:
-    """Power for a current density [W/m²], if anything is known of the cell's voltage."""
+    """Power for a current density [W/m²]; None if the cell's voltage is not known."""
     circuit = cell.circuit
     if volt is not None:
         return lambda current: volt * current if circuit is None else power_held(current, circuit, volt)

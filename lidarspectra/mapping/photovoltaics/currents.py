@@ -1,4 +1,4 @@
-"""Current and power of a cell in known light (paper, Eq. 10 and 11)."""
+"""Current and power of a solar cell under a known spectrum (paper, Eq. 10 and 11)."""
 
 from collections.abc import Callable, Mapping
 
@@ -13,16 +13,16 @@ from lidarspectra.mapping.photometry.point_light import PointLight
 from lidarspectra.mapping.photovoltaics.cells import AMPERE_PER_WATT_NM, Cell, Circuit
 from lidarspectra.spectra.spectrum import Spectrum
 
-CELL_KELVIN = 298.15  # [K] of a cell in a room: 25 °C, where circuits are stated
+CELL_KELVIN = 298.15  # [K] 25 °C, the standard temperature of circuit parameters, also close to that of a room
 VOLT_PER_KELVIN = float(constants.k / constants.e)  # [V/K]
-STILL_BRIGHT = 0.05  # [1] of its peak: a spectrum that ends so high goes on beyond its end
-DARK_PER_M2 = 1e-9  # [A/m²] below it a cell gives no power that could be told
+STILL_BRIGHT = 0.05  # [1] of its peak: a spectrum that ends above it is cut off
+DARK_PER_M2 = 1e-9  # [A/m²] current density below which the power is taken as zero
 
 
 def photocurrent_density(irradiance: ArrayLike, wavelengths_nm: ArrayLike, efficiency: ArrayLike) -> FloatArray:
     """Short-circuit current density J_sc = (q/hc) ∫ λ EQE(λ) E(λ) dλ (paper, Eq. 10).
 
-    The paper's P_in is the incident power; λ/hc makes photons of it.
+    The paper's P_in is the incident power; the factor λ/hc converts it to photons.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def photocurrent_density(irradiance: ArrayLike, wavelengths_nm: ArrayLike, effic
     light, grid, part = (np.asarray(values, dtype=np.float64) for values in (irradiance, wavelengths_nm, efficiency))
     if light.shape[-1:] != grid.shape or part.shape != grid.shape:
         raise MapError(
-            expected="one irradiance and one efficiency a wavelength",
+            expected="one irradiance and one efficiency per wavelength",
             found=f"{light.shape[-1:]}, {part.shape} and {grid.shape}",
             where="photocurrent density",
         )
@@ -61,7 +61,7 @@ def photocurrent(irradiance: ArrayLike, wavelengths_nm: ArrayLike, absorption: A
     irradiance, wavelengths_nm
         As in `photocurrent_density`.
     absorption : (wavelength,) float
-        a(λ), the part of the photons that ends as current. [1]
+        a(λ), the share of the photons that is converted into current. [1]
     area_m2 : float
         [m²]
 
@@ -91,12 +91,12 @@ def cell_current_density(light: PointLight, cell: Cell) -> tuple[FloatArray, Flo
 
 
 def unknown_share(light: PointLight, cell: Cell) -> float:
-    """Part of a cell's response at wavelengths of which the light says nothing [1]; none where lamps are known."""
+    """Share of a cell's response outside the range of the bands [1]; 0 where the lamps' spectra are known."""
     return 0.0 if light.lamps else 1.0 - share_within(light.centers_nm, cell.responsivity)
 
 
 def cut_lamps(fluxes: Mapping[str, Spectrum], cell: Cell) -> tuple[str, ...]:
-    """Names of lamps whose spectrum ends in full light where the cell still responds: it gives more than is told.
+    """Names of lamps whose spectrum is cut off where the cell still responds: its current is underestimated.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def cut_lamps(fluxes: Mapping[str, Spectrum], cell: Cell) -> tuple[str, ...]:
 
 
 def maximum_power(density: ArrayLike, circuit: Circuit) -> FloatArray:
-    """Power at the maximum power point of a cell of one diode, as pvlib solves it.
+    """Power at the maximum power point of a single-diode cell, by pvlib.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def maximum_power(density: ArrayLike, circuit: Circuit) -> FloatArray:
 
 
 def power_held(density: ArrayLike, circuit: Circuit, volt: float) -> FloatArray:
-    """Power P = V I(V) of a cell of one diode that a converter holds at a voltage.
+    """Power P = V I(V) of a single-diode cell at a fixed voltage.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def power_held(density: ArrayLike, circuit: Circuit, volt: float) -> FloatArray:
     Returns
     -------
     power : (...,) float
-        0 where the voltage is above that of the open circuit: a converter feeds no cell. [W/m²]
+        0 where the voltage is above the open-circuit voltage: the converter does not feed the cell. [W/m²]
     """
     import pvlib
 

@@ -73,33 +73,41 @@ def curves_figure(cells: Sequence[Cell]) -> Figure:
 
 @styled
 def agreement_figure(pairs: Mapping[str, tuple[FloatArray, FloatArray]], unit: str) -> Figure:
-    """Currents by location, told and measured (paper, Figure 17), and one against the other.
+    """Currents by location, predicted and measured (paper, Figure 17), and one against the other.
 
     Parameters
     ----------
     pairs : mapping of str to ((location,) float, (location,) float)
-        Told and measured currents of each cell, by its name.
+        Predicted and measured currents of each cell, by its name.
     unit : str
         Of the currents.
     """
     figure = new_figure(10.0, 0.2 + 2.4 * len(pairs))
-    for row, (name, (told, measured)) in enumerate(reversed(list(pairs.items()))):
+    for row, (name, (predicted, measured)) in enumerate(reversed(list(pairs.items()))):
         bottom, color = 0.55 + 2.4 * row, OKABE_ITO[len(pairs) - 1 - row]
         axes = place(figure, 0.65, bottom, 6.1, 1.65)
-        number = np.arange(1, told.size + 1)
+        number = np.arange(1, predicted.size + 1)
         axes.plot(number, measured, color=INK, linewidth=1.0, label="measured")
-        axes.plot(number, told, color=color, linewidth=0.0, marker=MARKERS[0], markersize=2.5, label="told by the map")
+        axes.plot(
+            number,
+            predicted,
+            color=color,
+            linewidth=0.0,
+            marker=MARKERS[0],
+            markersize=2.5,
+            label="predicted by the map",
+        )
         axes.set_title(plain(name), loc="left", pad=4.0)
         axes.set_ylabel(f"current [{unit}]")
         axes.set_ylim(bottom=0.0)
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.2)
         beside = place(figure, 7.6, bottom, 1.9, 1.65)
-        top = 1.05 * float(max(told.max(), measured.max()))
+        top = 1.05 * float(max(predicted.max(), measured.max()))
         beside.plot([0.0, top], [0.0, top], color=MUTED, linewidth=0.8)
-        beside.plot(measured, told, linewidth=0.0, marker=MARKERS[0], markersize=2.5, color=color)
+        beside.plot(measured, predicted, linewidth=0.0, marker=MARKERS[0], markersize=2.5, color=color)
         beside.set_xlim(0.0, top)
         beside.set_ylim(0.0, top)
-        beside.set_ylabel(f"told [{unit}]")
+        beside.set_ylabel(f"predicted [{unit}]")
         if row == 0:
             axes.set_xlabel("location [1]")
             beside.set_xlabel(f"measured [{unit}]")

@@ -1,4 +1,4 @@
-"""What a cell gives beside a spectral sensor: its current from 14 or 18 channels, with its uncertainty."""
+"""A cell's current from the 14 or 18 channels of a spectral sensor beside it, with its uncertainty."""
 
 import numpy as np
 
@@ -18,10 +18,10 @@ def current_from_channels(
     *,
     lamp_kind: str | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Current density of a cell from what a sensor reads at the same place.
+    """Current density of a cell from the readings of a sensor at the same place.
 
-    The weights on the channels are those that give the cell's current for indoor spectra of all kinds of lamp; how far
-    they miss it for a lamp that they were not made from is part of the uncertainty.
+    The weights on the channels are fitted to the cell's current for indoor spectra of all kinds of lamp; their error
+    for a lamp that was left out of the fit is part of the uncertainty.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def current_from_channels(
     Returns
     -------
     density, standard_uncertainty : (reading,) float
-        Channels' errors are taken as independent, those of the method as common to all channels. [A/m²]
+        The channels' errors are taken as independent, that of the weights as common to all channels. [A/m²]
     """
     estimate = channel_estimate(ensemble, bands, cell.responsivity)
     density = readings @ estimate.weights

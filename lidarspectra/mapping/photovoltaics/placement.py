@@ -1,6 +1,6 @@
-"""The best place for a cell of a given size in a room, with its tilt and orientation: light traced at tilted sensors.
+"""The best mount of a solar cell of a given size in a room: place, tilt and orientation, by tracing tilted sensors.
 
-First every place in every direction is traced roughly at the cell's middle; then the best are traced finely over the
+First every mount is traced with a large standard error at the cell's centre; then the best are traced finely over the
 cell's whole face.
 """
 
@@ -23,25 +23,25 @@ from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, place_points
 
-ROUGH_SE = 0.03  # [1] of the mean: the first look only sorts
-SAMPLES_ALONG = 3  # [1] points along each side of a cell
+ROUGH_SE = 0.03  # [1] standard error over mean of the first trace, which only ranks
+SAMPLES_ALONG = 3  # points along each side of a cell
 WALL_SPACING_M = 0.25  # [m] between places along a wall
-OFF_WALL_M = 0.03  # [m] clear of the noise of a scanned wall, which is some centimetres
-UPRIGHT = 0.999  # [1] a cell that faces up or down more than this has no side that is level
+OFF_WALL_M = 0.03  # [m] clears the noise of a scanned wall, which is a few centimetres
+UPRIGHT = 0.999  # [1] |z| of a normal above which a cell counts as horizontal
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mounts:
-    """Where a cell could be, and which way it would face.
+    """Candidate positions and directions of a cell.
 
     Parameters
     ----------
     positions : (mount, 3) float
-        Middle of the cell. [m]
+        Centre of the cell. [m]
     normals : (mount, 3) float
         Unit vectors.
     place : (mount,) int
-        Mounts of one number are directions at one place.
+        Mounts with the same number are directions at the same place.
     """
 
     positions: FloatArray
@@ -68,7 +68,7 @@ class Mounts:
         return np.asarray(np.degrees(np.arctan2(self.normals[:, 1], self.normals[:, 0])) % 360.0, dtype=np.float64)
 
     def only(self, chosen: IntArray) -> "Mounts":
-        """Some of them, in that order."""
+        """The chosen mounts, in that order."""
         return Mounts(positions=self.positions[chosen], normals=self.normals[chosen], place=self.place[chosen])
 
 
@@ -80,12 +80,12 @@ class RankedMounts:
     ----------
     mounts : Mounts
     density, standard_error : (mount,) float
-        Mean current density over the cell's face. Its points share paths of light and err together, so that the error
-        of the mean is taken as the mean of theirs. [A/m²]
+        Mean current density over the cell's face. Its points share light paths, so that their errors are correlated and
+        the error of the mean is taken as the mean of theirs. [A/m²]
     evenness : (mount,) float
-        Lowest over mean over the face: cells in series give what the darkest gives. [1]
+        Minimum over mean on the face: the darkest of several cells in series limits the current. [1]
     tried : int
-        Mounts that were looked at.
+        Number of mounts that were compared.
     """
 
     mounts: Mounts
@@ -211,7 +211,7 @@ def best_mounts(
     scene : RadianceScene
         Of a run.
     scan : Scan
-        That it was made of: mounts inside things, or whose face would reach into one, are left out.
+        From which the scene was made: mounts whose face would lie or reach inside an object are left out.
     lamps : sequence of Lamp
         The scene's, with their spectra.
     mounts : Mounts
@@ -223,7 +223,7 @@ def best_mounts(
     seed, workers, progress
         See `radiance.trace.trace`.
     free : FreeSpace, optional
-        The scan's, where the caller has it.
+        The scan's free space, if the caller has it.
 
     Returns
     -------
@@ -232,7 +232,7 @@ def best_mounts(
     Raises
     ------
     MapError
-        If the cell has no size, or room nowhere.
+        If the cell has no size, or fits nowhere.
     """
     if not (0 < size_m[0] < np.inf and 0 < size_m[1] < np.inf):
         raise MapError(
@@ -241,7 +241,7 @@ def best_mounts(
     space = free or FreeSpace(scan)
     open_mounts = mounts.only(np.flatnonzero(_is_open(scan, mounts, size_m, space)))
     if not len(open_mounts):
-        raise MapError(expected="a place where the cell has room", found="none", where="places for a cell")
+        raise MapError(expected="a mount at which the cell fits into free air", found="none", where="places for a cell")
     rough, _ = trace_irradiance(
         scene,
         open_mounts.positions,
@@ -275,19 +275,19 @@ def best_mounts(
 
 
 def _band_light(scene: RadianceScene, irradiance: FloatArray, cell: Cell) -> FloatArray:
-    """(mount,) current density as the bands alone tell it: good enough to sort by [A/m²]."""
+    """(mount,) current density from the bands alone, accurate enough for ranking [A/m²]."""
     return np.asarray(irradiance @ band_weights(scene.bands.centers_nm, cell.responsivity), dtype=np.float64)
 
 
 def _first_of_each(place: IntArray, order: IntArray, count: int) -> IntArray:
-    """Mounts in order, the first of each place only."""
+    """Mounts in order, only the first of each place."""
     _, first = np.unique(place[order], return_index=True)
     return order[np.sort(first)[:count]]
 
 
 def _is_open(scan: Scan, mounts: Mounts, size_m: tuple[float, float], space: FreeSpace) -> BoolArray:
     """(mount,) whether all four corners of the cell's face lie in air."""
-    outer = SAMPLES_ALONG / (SAMPLES_ALONG - 1)  # [1] of the size, so that the outermost points are the corners
+    outer = SAMPLES_ALONG / (SAMPLES_ALONG - 1)  # [1] scales the outermost sample points to the corners
     positions, normals = face_points(mounts, (outer * size_m[0], outer * size_m[1]))
     corners = [0, SAMPLES_ALONG - 1, SAMPLES_ALONG * (SAMPLES_ALONG - 1), SAMPLES_ALONG**2 - 1]
     keep = (np.arange(len(mounts))[:, None] * SAMPLES_ALONG**2 + np.array(corners)).ravel()

@@ -1,10 +1,10 @@
-"""A cell's a(λ) from readings of a sensor beside it, and currents told ahead of time from it.
+"""A cell's a(λ) from readings of a sensor beside it, and predictions of later currents from it.
 
-The counts of the cell are N = N0 + Σ_c x_c r_c, with r_c what channel c reads and x_c >= 0 the cell's a(λ) λ there
-times everything that is not known: the sensor's responsivity, the cell's area, its shunt. N0 >= 0 holds the converter's
-own offset, light that only the cell sees, and a cell that is loaded so far that it follows the light less than in
-proportion. Channels under one kind of lamp rise and fall together, so that many x fit alike: the fit stays near a known
-curve, or a flat one, as far as a test on left-out readings wants it.
+The counts of the cell are N = N0 + Σ_c x_c r_c, with r_c the reading of channel c and x_c >= 0 the cell's a(λ) λ there
+times all unknown factors: the sensor's responsivity, the cell's area, its shunt. N0 >= 0 is the converter's offset,
+light that only the cell receives, and the saturation of a heavily loaded cell. Under one kind of lamp the channels are
+collinear, so that the x_c are not identifiable alone: they are shrunk (ridge regression) towards a known curve, or a
+flat one, with a penalty chosen by cross-validation on blocks of readings.
 """
 
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import ReadingError
 from lidarspectra.mapping.maps.metrics import mape
 
-PULLS = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)  # [count²] tried; towards the known curve
-BLOCKS = 4  # [1] of consecutive readings, each left out once to choose the pull
-MIN_READINGS = 40  # [1] fewer than two a channel tell nothing
+PENALTIES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)  # [count²] ridge penalties that are compared
+BLOCKS = 4  # of consecutive readings, each left out once in the cross-validation
+MIN_READINGS = 40  # about two per channel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,21 +33,21 @@ class ResponseFit:
         x_c, not all 0. [count per unit of reading]
     offset : float
         N0. [count]
-    pull : float
-        That was chosen. [count²]
+    penalty : float
+        Ridge penalty chosen by cross-validation. [count²]
     scale : float
-        Of the known curve alone: N = scale Σ a λ r. [count per nm per unit of reading]
+        Factor of the known curve alone: N = scale Σ a λ r. [count per nm per unit of reading]
     """
 
     wavelengths_nm: FloatArray
     weights: FloatArray
     offset: float
-    pull: float
+    penalty: float
     scale: float
 
     @property
     def absorption(self) -> FloatArray:
-        """(channel,) a(λ) up to a factor, the largest 1; the sensor's own responsivity is in it [1]."""
+        """(channel,) a(λ) times the sensor's responsivity, scaled to a maximum of 1 [1]."""
         curve = self.weights / self.wavelengths_nm
         return np.asarray(curve / curve.max(), dtype=np.float64)
 
@@ -58,7 +58,7 @@ class ResponseFit:
 
 @dataclass(frozen=True, kw_only=True)
 class AheadOfTime:
-    """How well later counts are told from earlier ones.
+    """How well later counts are predicted by a fit to earlier ones.
 
     Parameters
     ----------
@@ -78,10 +78,10 @@ class AheadOfTime:
     later: int
 
 
-def tell_ahead(
+def predict_ahead(
     readings: FloatArray, counts: FloatArray, wavelengths_nm: FloatArray, known: FloatArray, *, share: float = 0.5
 ) -> AheadOfTime:
-    """Fit on the earlier part of a log, and tell the later one.
+    """Fit the earlier part of a log, and predict the later one.
 
     Parameters
     ----------
@@ -92,9 +92,9 @@ def tell_ahead(
     wavelengths_nm : (channel,) float
         [nm]
     known : (channel,) float
-        A curve a(λ) from elsewhere, or ones. [1]
+        A known curve a(λ), or ones. [1]
     share : float
-        Of the readings that are the earlier part. [1]
+        Share of the readings in the earlier part. [1]
 
     Returns
     -------
@@ -129,12 +129,12 @@ def tell_ahead(
 def fit_response(
     readings: FloatArray, counts: FloatArray, wavelengths_nm: FloatArray, known: FloatArray
 ) -> ResponseFit:
-    """Fit x_c >= 0, near a known curve as far as left-out blocks of readings want it.
+    """Fit x_c >= 0 by ridge regression towards a known curve, its penalty chosen by cross-validation.
 
     Parameters
     ----------
     readings, counts, wavelengths_nm, known
-        As in `tell_ahead`, without gaps.
+        As in `predict_ahead`, without gaps.
 
     Returns
     -------
@@ -151,9 +151,12 @@ def fit_response(
             expected="a curve that responds where the channels read light", found="none", where="cell's log"
         )
     blocks = np.arange(counts.size) * BLOCKS // counts.size
-    losses = [sum(_loss(readings, counts, curve, pull, blocks == block) for block in range(BLOCKS)) for pull in PULLS]
-    pull = PULLS[int(np.argmin(losses))]
-    weights, offset = _solve(readings, counts, curve, pull)
+    losses = [
+        sum(_loss(readings, counts, curve, penalty, blocks == block) for block in range(BLOCKS))
+        for penalty in PENALTIES
+    ]
+    penalty = PENALTIES[int(np.argmin(losses))]
+    weights, offset = _solve(readings, counts, curve, penalty)
     if not weights.any():
         raise ReadingError(
             expected="counts that rise with a channel", found="counts that follow none", where="cell's log"
@@ -162,7 +165,7 @@ def fit_response(
         wavelengths_nm=wavelengths_nm,
         weights=weights,
         offset=offset,
-        pull=pull,
+        penalty=penalty,
         scale=_scale(readings @ curve, counts),
     )
 
@@ -172,19 +175,19 @@ def usable(readings: FloatArray, counts: FloatArray) -> BoolArray:
     return np.asarray(np.isfinite(readings).all(axis=1) & np.isfinite(counts) & (counts > 0), dtype=np.bool_)
 
 
-def _loss(readings: FloatArray, counts: FloatArray, curve: FloatArray, pull: float, out: BoolArray) -> float:
+def _loss(readings: FloatArray, counts: FloatArray, curve: FloatArray, penalty: float, out: BoolArray) -> float:
     """Squared error on the readings that are left out [count²]."""
-    weights, offset = _solve(readings[~out], counts[~out], curve, pull)
+    weights, offset = _solve(readings[~out], counts[~out], curve, penalty)
     return float(np.sum((offset + readings[out] @ weights - counts[out]) ** 2))
 
 
-def _solve(readings: FloatArray, counts: FloatArray, curve: FloatArray, pull: float) -> tuple[FloatArray, float]:
-    """Weights near the known curve, whose scale goes free with the offset, and the offset."""
+def _solve(readings: FloatArray, counts: FloatArray, curve: FloatArray, penalty: float) -> tuple[FloatArray, float]:
+    """Weights shrunk towards the known curve, whose scale is fitted with the offset first, and the offset."""
     size = np.where(readings.mean(axis=0) > 0, readings.mean(axis=0), 1.0)
     model = np.stack([readings @ curve, np.ones(counts.size)], axis=1)
     (scale, _), _ = nnls(model, counts)
     near = scale * curve * size
-    root = np.sqrt(pull)
+    root = np.sqrt(penalty)
     top = np.hstack([readings / size, np.ones((counts.size, 1))])
     bottom = np.hstack([root * np.eye(size.size), np.zeros((size.size, 1))])
     found, _ = nnls(np.vstack([top, bottom]), np.concatenate([counts, root * near]))

@@ -1,4 +1,4 @@
-"""When lamps are lit through a day, and what a cell gathers in it."""
+"""When lamps are lit through a day, and a cell's charge and energy per day."""
 
 import csv
 import io
@@ -49,7 +49,7 @@ class Shift:
                 expected="an end that is not the start",
                 found=f"{self.start_h:g} to {self.end_h:g}",
                 where=f"schedule of lamp '{self.lamp}'",
-                todo="All day is 0-24; a lamp that is off has no row.",
+                todo="Write 0-24 for all day; leave out the row of a lamp that is off.",
             )
 
     def is_lit(self, hour: float) -> bool:
@@ -60,7 +60,7 @@ class Shift:
 
 
 def day_parts(shifts: Sequence[Shift], lamps: Sequence[str]) -> list[tuple[float, dict[str, float]]]:
-    """Parts of the day in which no lamp changes: hours, and every lamp's dim factor.
+    """Parts of the day in which no lamp changes: their hours, and every lamp's dim factor.
 
     A lamp that no shift names is off; where several name it at once, their factors add.
 
@@ -91,7 +91,7 @@ def gathered(
     density: Callable[[Mapping[str, float]], FloatArray],
     power: Callable[[FloatArray], FloatArray] | None,
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Charge and energy that a square metre of cell gathers in a day.
+    """Charge and energy per day of a square metre of cell.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def gathered(
     density : callable
         Current density at every point for dim factors of the lamps. [A/m²]
     power : callable or None
-        Power for a current density [W/m²]; a sum of powers is not the power of a sum.
+        Power for a current density [W/m²], which is not linear in it.
 
     Returns
     -------
@@ -117,18 +117,18 @@ def gathered(
 
 
 def read_schedule(path: Path) -> tuple[Shift, ...]:
-    """Read a schedule: CSV with the columns lamp, from, to and, if wanted, dim; times as 8:30 or 8.5.
+    """Read a schedule: CSV with the columns lamp, from, to and, optionally, dim; times as 8:30 or 8.5.
 
     Raises
     ------
     DatabaseError
         If the file cannot be read.
     MapError
-        If a column is missing or a time is none; the row is named.
+        If a column is missing or a time is malformed; the row is named.
     """
     try:
         names, *rows = ([cell.strip() for cell in row] for row in csv.reader(io.StringIO(read_text(path))) if row)
-    except (csv.Error, ValueError) as cause:  # no row at all is a ValueError
+    except (csv.Error, ValueError) as cause:  # a ValueError if there is no row
         raise MapError(expected="a table of shifts (CSV)", found=str(cause), where=str(path)) from cause
     for name in ("lamp", "from", "to"):
         if name not in names:
@@ -164,7 +164,7 @@ def hour_of(text: str, *, where: str) -> float:
     hours, colon, minutes = text.strip().partition(":")
     try:
         found = int(hours) + int(minutes) / 60.0 if colon else float(hours)
-    except (ValueError, OverflowError):  # words, or more digits than a number has
+    except (ValueError, OverflowError):  # text, or too many digits
         found = -1.0
     if not 0 <= found <= DAY_H or (colon and not 0 <= int(minutes) < 60):
         raise MapError(expected="a time of day as 8:30", found=f"'{text}'", where=where)

@@ -1,4 +1,4 @@
-"""What a report tells beyond the maps themselves: one record an application, with its figures and tables."""
+"""Applications in the report beyond the maps: one record each, with figures and tables."""
 
 from dataclasses import dataclass
 

@@ -28,7 +28,7 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
     folder : Path
         Made if absent.
     report : ReportInput
-        What to tell.
+        Content of the report.
     progress : callable
         See `lidarspectra.progress`.
 

@@ -1,4 +1,4 @@
-"""All that a report tells of, in one record."""
+"""The content of a report, in one record."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ from lidarspectra.material.material_map import Material
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReportInput:
-    """All that the report tells of.
+    """The content of a report.
 
     Parameters
     ----------
@@ -29,11 +29,11 @@ class ReportInput:
     spectral_map : xarray.Dataset
         See `spectral_map`.
     transport : xarray.Dataset
-        The traced coefficients; its attributes tell accuracy and noise.
+        The traced coefficients; its attributes state accuracy and noise.
     plan : FloorPlan
-        Outline of the room and silhouettes of its furniture.
+        Outline of the room and silhouettes of its furniture, from above.
     scan : ScanRecord
-        What was read and repaired.
+        What was read from the file and repaired.
     materials : tuple of Material
         See `MaterialMap`.
     material_areas_m2 : (material,) float
@@ -47,7 +47,7 @@ class ReportInput:
     view_notes : str
         One sentence on coverage.
     material_pictures : MaterialPictures, optional
-        How the materials were found.
+        Pictures of how the materials were found.
     floor_z_m : float
         Height of the floor in the scan's coordinates. [m]
     room_notes : str
@@ -55,13 +55,13 @@ class ReportInput:
     stages : tuple of StageRow
         Time and memory.
     warnings : tuple of str
-        What a reader should know first.
+        Notes that a reader must know before using the numbers: full sentences.
     provenance : mapping of str to str
         Versions, database hashes, seeds.
     run_file : str
         Text of the run file.
     applications : tuple of Application
-        What the light is good for: people, plants, cells.
+        Sections on people, plants and solar cells.
     """
 
     title: str

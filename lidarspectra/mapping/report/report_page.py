@@ -1,6 +1,6 @@
-"""The report's HTML: one page that needs nothing but itself, and believes nothing that stands in a user's file.
+"""The report's HTML: one self-contained page, in which no text from a user's file can act as HTML or script.
 
-Every word goes through `words`; scripts other than our own are refused by the page's content security policy.
+All text is escaped by `words`; scripts other than our own are refused by the page's content security policy.
 """
 
 import base64
@@ -19,7 +19,7 @@ from lidarspectra.mapping.figures.figure_style import data_uri, printable
 
 VIEW_WIDTH_PX = 640  # [px] pictures in the page; the full ones lie in the run's folder
 ROOM_SCRIPTS = ("three.js", "room-picture.js", "room-view.js")
-JPEG_QUALITY = 85  # [1] Pillow's scale; no visible loss at this size
+JPEG_QUALITY = 85  # Pillow's scale; no visible loss at this size
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class Section:
 
 
 def words(text: object) -> str:
-    """Any text as HTML shows it, with nothing in it that HTML would read."""
+    """Any text, escaped for HTML."""
     return html.escape(printable(str(text)), quote=True)
 
 
@@ -53,7 +53,7 @@ def paragraph(text: str, *, css_class: str = "") -> str:
 
 
 def cards(entries: Sequence[tuple[str, str, str]]) -> str:
-    """Key figures: (what, value, remark) each."""
+    """Key figures: (name, value, remark) each."""
     inner = "".join(
         f"<div><dt>{words(what)}</dt><dd>{words(value)}{f'<small>{words(remark)}</small>' if remark else ''}</dd></div>"
         for what, value, remark in entries
@@ -62,10 +62,10 @@ def cards(entries: Sequence[tuple[str, str, str]]) -> str:
 
 
 def figure(svg: str, *, number: int, caption: str, name: str) -> str:
-    """A figure that `inline_svg` made, with its caption and the files it also lies in."""
-    told = f"<b>Figure {number}.</b> {words(caption)} {files(f'figures/{name}', ('png', 'pdf'))}"
+    """A figure that `inline_svg` made, with its caption and links to its files."""
+    text = f"<b>Figure {number}.</b> {words(caption)} {files(f'figures/{name}', ('png', 'pdf'))}"
     plate = f'<div class="plate">{svg}</div>'
-    return f'<figure id="figure-{words(name)}">{plate}<figcaption>{told}</figcaption></figure>'
+    return f'<figure id="figure-{words(name)}">{plate}<figcaption>{text}</figcaption></figure>'
 
 
 def pictures(views: Sequence[tuple[str, ByteArray]]) -> str:
@@ -84,7 +84,7 @@ def files(stem: str, kinds: Sequence[str]) -> str:
 
 
 def warning_box(warnings: Sequence[str]) -> str:
-    """What the reader should know before trusting the numbers."""
+    """Notes that the reader must know before using the numbers."""
     if not warnings:
         return ""
     inner = "".join(f"<li>{words(warning)}</li>" for warning in warnings)
@@ -92,7 +92,7 @@ def warning_box(warnings: Sequence[str]) -> str:
 
 
 def details(summary: str, content: str) -> str:
-    """Content that opens when asked for."""
+    """Content that is folded until it is clicked."""
     return f"<details><summary>{words(summary)}</summary>{content}</details>"
 
 
@@ -156,7 +156,7 @@ def page(*, title: str, lead: str, sections: Sequence[Section], footer: str, roo
 
 
 def _digest(script: str) -> str:
-    """What a content security policy knows a script by."""
+    """SHA-256 of a script, by which the content security policy allows it."""
     return base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")
 
 

@@ -32,21 +32,21 @@ from lidarspectra.mapping.report.report_input import ReportInput
 from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.mapping.report.room_view import MAX_FACES, MAX_POINTS
 
-MAX_POINT_ROWS = 500  # [1] rows of the table of points in the page; the file has all
-TESTED_POINTS = 64  # [1] left out in turn; their median is known within a tenth then
-MAX_VIEWS = 12  # [1] pictures in the page
+MAX_POINT_ROWS = 500  # rows of the table of points in the page; the file has all
+TESTED_POINTS = 64  # left out in turn, enough for a median within 10 %
+MAX_VIEWS = 12  # pictures in the page
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReportLight:
-    """What several sections tell of.
+    """Illuminance for several sections.
 
     Parameters
     ----------
     illuminance_lx : (point,) float or None
-        None where the bands do not tell it. [lx]
+        None where the bands do not cover V(λ). [lx]
     route : str
-        How it was got, or why not; a sentence.
+        How it was computed, or why it was not; a sentence.
     """
 
     illuminance_lx: FloatArray | None
@@ -54,7 +54,7 @@ class ReportLight:
 
 
 def summary_section(report: ReportInput, light: ReportLight, writer: ReportWriter) -> str:
-    """Key figures, warnings, and what each stage took."""
+    """Key figures, warnings, and the time of each stage."""
     dataset = report.spectral_map
     kept = kept_points(dataset)
     mean = dataset["irradiance"].to_numpy()[kept].mean()
@@ -73,93 +73,98 @@ def summary_section(report: ReportInput, light: ReportLight, writer: ReportWrite
     entries.append(("Materials", f"{len(report.materials)}", surface))
     stages = writer.table(tables.stages_table(report.stages)) if report.stages else ""
     total = sum(row.seconds for row in report.stages)
-    told = html.paragraph(f"All stages together took {total:.0f} s.") if report.stages else ""
-    return html.cards(entries) + html.warning_box(report.warnings) + told + stages
+    time = html.paragraph(f"All stages together took {total:.0f} s.") if report.stages else ""
+    return html.cards(entries) + html.warning_box(report.warnings) + time + stages
 
 
 def room_section(report: ReportInput) -> str:
     """The 3D view and how to read it."""
-    said = [
-        "Dots are the sensor points, and between neighbours on one level the ground is filled; grey dots are buried. "
-        "Walls seen from behind are left out, and all surfaces are shaded a little so that edges show. Bars in the "
-        "spectrum are two standard errors to either side, of a reflectance two standard deviations of its estimate."
+    notes = [
+        "Dots are the sensor points, and the plane between neighbouring points on one level is coloured in; grey dots "
+        "are buried in furniture or walls, and their values are meaningless. Walls seen from behind are hidden, and "
+        "surfaces are shaded slightly so that edges show. Error bars of an irradiance are ± 2 standard errors of the "
+        "simulation, those of a reflectance ± 2 standard deviations of its estimate."
     ]
     count = report.spectral_map.sizes["point"]
     if count > MAX_POINTS:
-        said.append(f"Of {count} points {MAX_POINTS} are here, evenly chosen from their list.")
+        notes.append(f"The view shows {MAX_POINTS} of the {count} points, chosen evenly; the tables have all of them.")
     if report.surfaces is not None and report.surfaces.faces.shape[0] > MAX_FACES:
-        said.append(
-            f"The mesh of {report.surfaces.faces.shape[0]} triangles is made coarser here; nothing else uses that."
+        notes.append(
+            f"The mesh of {report.surfaces.faces.shape[0]} triangles is simplified for this view only; the simulation "
+            "used all of them."
         )
-    return html.room_view() + html.paragraph(" ".join(said), css_class="notes")
+    return html.room_view() + html.paragraph(" ".join(notes), css_class="notes")
 
 
 def maps_section(report: ReportInput, writer: ReportWriter) -> str:
-    """A map for every band, and what they come to."""
+    """A map of every band, and a table of the bands."""
     dataset = report.spectral_map
     planes = map_planes(dataset)
     chosen = planes[0] if planes else np.arange(dataset.sizes["point"])
     height = float(np.median(dataset["z"].to_numpy()[chosen])) - report.floor_z_m
     caption = (
-        f"Spectral irradiance at {chosen.size} points {height:.2f} m above the floor, linear between the points and "
-        f"left empty where none is near. {_interpolation_words(dataset)}"
+        f"Spectral irradiance at {chosen.size} points {height:.2f} m above the floor, interpolated linearly and left "
+        f"empty (hatched) where no point is near. {_interpolation_words(dataset)}"
     )
-    told = ""
+    note = ""
     if len(planes) > 1:
-        told = html.paragraph(
-            f"The points lie on {len(planes)} levels or look in several directions; the maps show the {chosen.size} "
-            "of the largest group. The table at the end has all."
+        note = html.paragraph(
+            f"The points form {len(planes)} groups that differ in height or direction; the maps show the largest, of "
+            f"{chosen.size} points. The table at the end of the page has all points."
         )
     own = writer.figure("maps", maps_figure(dataset, report.plan), caption + " Each band has its own scale.")
     shared = writer.figure(
         "maps-shared", maps_figure(dataset, report.plan, scale="shared"), "The same maps on one scale for all bands."
     )
     bands = writer.table(tables.bands_table(dataset))
-    return told + own + html.details("The maps on one shared scale", shared) + bands
+    return note + own + html.details("The maps on one shared scale", shared) + bands
 
 
 def spectra_section(report: ReportInput, writer: ReportWriter) -> str:
     """Spectra at chosen points."""
     points = choose_points(report.spectral_map, report.plan.furniture)
     if not points:
-        return html.paragraph("All points are buried: there is no spectrum that could be trusted.")
-    caption = "Spectral irradiance at chosen points; bars are two standard errors of the simulation to either side."
+        return html.paragraph(
+            "All sensor points are buried in furniture or walls, so that no spectrum is meaningful. Move them into "
+            "free air: change the height of the grid, or the points, under [sensors] in the run file."
+        )
+    caption = "Spectral irradiance at chosen points; error bars are ± 2 standard errors of the simulation."
     figure = writer.figure("spectra", spectra_figure(report.spectral_map, points), caption)
     return figure + html.details("The numbers", writer.table(tables.chosen_points_table(report.spectral_map, points)))
 
 
 def illuminance_section(report: ReportInput, light: ReportLight, writer: ReportWriter) -> str:
-    """What the eye sees, or why that cannot be told."""
+    """The illuminance map, or why there is none."""
     if light.illuminance_lx is None:
         return html.paragraph(light.route)
     lux = light.illuminance_lx[kept_points(report.spectral_map)]
-    even = f" Uniformity, lowest over mean, is {lux.min() / lux.mean():.2f}." if lux.mean() > 0 else ""
+    even = f" Its uniformity U0, the minimum over the mean, is {lux.min() / lux.mean():.2f}." if lux.mean() > 0 else ""
     figure = illuminance_figure(report.spectral_map, report.plan, light.illuminance_lx)
     return writer.figure("illuminance", figure, f"Illuminance. {light.route}{even}")
 
 
 def accuracy_section(report: ReportInput, writer: ReportWriter) -> str:
-    """How sure the numbers are."""
+    """Standard errors and how they were reached."""
     attrs = report.transport.attrs
     target = attrs.get("target_relative_se")
     rows = {
-        "accuracy": f"{attrs.get('accuracy', 'not said')}, at most {attrs.get('bounces', 'an unknown number of')} "
+        "accuracy": f"{attrs.get('accuracy', 'not recorded')}, at most {attrs.get('bounces', 'an unknown number of')} "
         "reflections",
-        "noise": f"{attrs.get('noise', 'not said')}; {_target_words(report)}",
+        "noise": f"{attrs.get('noise', 'not recorded')}; {_target_words(report)}",
         "achieved standard error": f"{_achieved_percent(report):.2g} % of the mean irradiance",
     }
     if "seconds" in attrs:
         rows["tracing time"] = f"{float(attrs['seconds']):.1f} s"
     caption = (
-        "Standard error of the simulation, from independent repeats, as a share of the band's mean irradiance. It says "
-        "nothing on errors of the scan, the materials or the lamps."
+        "Standard error of the Monte Carlo simulation, from independent repeats, relative to the band's mean "
+        "irradiance. It does not include errors of the scan, the materials or the lamps."
     )
     figure = error_figure(report.spectral_map, report.plan, target=None if target is None else float(target))
     return html.pairs(rows) + writer.figure("standard-error", figure, caption)
 
 
 def lamps_section(report: ReportInput, writer: ReportWriter) -> str:
-    """Where lamps and sensors are."""
+    """The plan of lamps and sensors, and the table of lamps."""
     caption = "The room from above: walls, sensor points and lamps in their true size."
     if report.plan.furniture:
         caption = "The room from above: walls, silhouettes of furniture, sensor points and lamps in their true size."
@@ -168,27 +173,27 @@ def lamps_section(report: ReportInput, writer: ReportWriter) -> str:
 
 
 def application_section(application: Application, writer: ReportWriter) -> str:
-    """What an application tells."""
+    """The section of an application."""
     content = "".join(html.paragraph(words) for words in application.words)
     content += "".join(writer.figure(each.name, each.figure, each.caption) for each in application.figures)
     return content + "".join(writer.table(table) for table in application.tables)
 
 
 def materials_section(report: ReportInput, writer: ReportWriter) -> str:
-    """What every surface was taken for, and how that was found."""
+    """The material of every surface, and how it was found."""
     if not report.materials:
         return ""
     centers = report.spectral_map["band"].to_numpy()
     low, high = min(380.0, float(centers[0])), max(780.0, float(centers[-1]))
     figure = reflectances_figure(report.materials, report.material_areas_m2, range_nm=(low, high))
-    caption = "Reflectance of the materials with the largest areas, in the colour that the scan shows; dashed beyond "
+    caption = "Reflectance of the materials with the largest areas, in the colour that the scan shows; dashed outside "
     table = tables.materials_table(report.materials, report.material_areas_m2, centers)
-    drawn = writer.figure("reflectances", figure, caption + "what was measured.")
+    drawn = writer.figure("reflectances", figure, caption + "the range in which it was measured.")
     return drawn + _material_pictures(report, writer) + writer.table(table)
 
 
 def _material_pictures(report: ReportInput, writer: ReportWriter) -> str:
-    """How the materials were found: views by kind of surface, and what was light in the scan's colours."""
+    """How the materials were found: views by kind of surface, and the scan's colours before and after de-lighting."""
     pictures = report.material_pictures
     if pictures is None:
         return ""
@@ -196,15 +201,16 @@ def _material_pictures(report: ReportInput, writer: ReportWriter) -> str:
     content = writer.figure(
         "light-taken-out",
         light_figure(names, report.material_areas_m2, pictures.shown, pictures.found),
-        "The main materials before and after: the mean colour that the scan shows, light and camera in it, and the "
-        "reflectance's own colour in even daylight; the numbers are luminances, of white 1.",
+        "De-lighting of the main materials: the mean colour in the scan, which contains the room's light and the "
+        "camera's response, and the colour of the estimated reflectance in even daylight. The numbers are luminances; "
+        "white is 1.",
     )
     if pictures.views:
         content += writer.figure(
             "segmentation",
             segmentation_figure(pictures),
-            f"The first views as the phone coloured them; their surfaces by {pictures.code.kind}; each surface in the "
-            "colour that its estimated reflectance has in even daylight.",
+            f"The first views in three rows: in the scan's own colours; by {pictures.code.kind} of surface; and in the "
+            "colours that the estimated reflectances have in even daylight.",
         )
     return content
 
@@ -216,13 +222,13 @@ def views_section(report: ReportInput, writer: ReportWriter) -> str:
     writer.save("views", contact_sheet(report.views[:6]))
     shown = report.views[:MAX_VIEWS]
     more = len(report.views) - len(shown)
-    told = report.view_notes + (f" {more} more views are in the run's folder." if more else "")
+    note = report.view_notes + (f" {more} more views are in the run folder." if more else "")
     links = f'<p class="files">{html.files("figures/views", ("png", "pdf"))}</p>'
-    return html.paragraph(told.strip()) + html.pictures([(view.name, view.image) for view in shown]) + links
+    return html.paragraph(note.strip()) + html.pictures([(view.name, view.image) for view in shown]) + links
 
 
 def scan_section(report: ReportInput, writer: ReportWriter) -> str:
-    """What the scan held, and every change to it."""
+    """What the scan contained, and every repair."""
     notes = "".join(html.paragraph(note) for note in (report.room_notes, *report.scan.notes) if note)
     return notes + writer.table(tables.scan_table(report.scan))
 
@@ -233,38 +239,47 @@ def points_section(report: ReportInput, writer: ReportWriter) -> str:
     element = writer.table(table, max_rows=MAX_POINT_ROWS)
     count = len(table.frame)
     cut = f", the first {MAX_POINT_ROWS} of them" if count > MAX_POINT_ROWS else ""
-    told = "Every point with its spectrum lies in tables/points.csv beside this page."
-    return html.paragraph(told) + html.details(f"Table of {count} points{cut}", element)
+    note = "The file tables/points.csv beside this page has every point with its spectrum."
+    return html.paragraph(note) + html.details(f"Table of {count} points{cut}", element)
 
 
 def provenance_section(report: ReportInput, writer: ReportWriter) -> str:
-    """What the numbers were made with."""
+    """Versions, settings and the run file behind the numbers."""
     content = ""
     if report.provenance:
-        content += writer.table(tables.pairs_table("provenance", "What the numbers were made with.", report.provenance))
+        content += writer.table(
+            tables.pairs_table("provenance", "Versions and settings that the numbers depend on.", report.provenance)
+        )
     if report.run_file:
         content += html.details("The run file", html.code(report.run_file))
     return content
 
 
 def light_of_report(report: ReportInput) -> ReportLight:
-    """Illuminance by the better route that is open, and a sentence on it."""
+    """Illuminance from the lamps' spectra if they are known, else from the bands, and a sentence on that."""
     if not covers_vision(report.spectral_map["band"].to_numpy()):
         return ReportLight(
-            illuminance_lx=None, route="The bands do not cover what the eye sees: no illuminance is told."
+            illuminance_lx=None,
+            route="The channels do not cover the eye's sensitivity V(λ), so that no illuminance can be computed. "
+            "Choose a device whose channels reach from 430 to 680 nm ([sensors] device in the run file).",
         )
     fluxes = {lamp.name: lamp.flux for lamp in report.lamps}
     if all(str(name) in fluxes for name in report.transport["lamp"].to_numpy()):
-        route = "From the lamps' whole spectra; only the room's effect on them is taken from the bands."
+        route = (
+            "It is computed from the lamps' full spectra; only the room's effect on them is taken from the channels."
+        )
         return ReportLight(illuminance_lx=illuminance(report.transport, fluxes), route=route)
-    route = "From the bands alone, with the spectrum linear between them: for lamps with lines this may be far off."
+    route = (
+        "It is computed from the channels alone, with the spectrum linear between them; for lamps with narrow lines, "
+        "such as fluorescent tubes, it can be far off."
+    )
     return ReportLight(illuminance_lx=illuminance_from_map(report.spectral_map), route=route)
 
 
 def _achieved_percent(report: ReportInput) -> float:
-    told = report.transport.attrs.get("achieved_relative_se")
-    if told is not None:
-        return 100.0 * float(told)
+    achieved = report.transport.attrs.get("achieved_relative_se")
+    if achieved is not None:
+        return 100.0 * float(achieved)
     return 100.0 * float(np.median(relative_error(report.spectral_map)[kept_points(report.spectral_map)]))
 
 
@@ -272,23 +287,21 @@ def _target_words(report: ReportInput) -> str:
     target = report.transport.attrs.get("target_relative_se")
     if target is None:
         return "no target given"
-    held = _achieved_percent(report) <= 100.0 * float(target)
-    return f"target {100.0 * float(target):g} %, {'held' if held else 'not reached'}"
+    met = _achieved_percent(report) <= 100.0 * float(target)
+    return f"target {100.0 * float(target):g} %, {'met' if met else 'not met'}"
 
 
 def _interpolation_words(dataset: xr.Dataset) -> str:
     try:
         error = leave_one_out(dataset, most=TESTED_POINTS)
     except MapError:
-        return "There are too few points, or they lie on a line: only they are shown."
-    return (
-        f"Left out one by one, points are told by their neighbours with a median error of {error.median_percent:.2g} %."
-    )
+        return "There are too few points for an interpolated map, or they lie on one line: only the points are drawn."
+    return f"A point predicted from its neighbours alone is off by {error.median_percent:.2g} % (median over points)."
 
 
 def _buried_words(dataset: xr.Dataset) -> str:
     buried = int(dataset["buried"].to_numpy().sum())
-    return f"{buried} buried, flagged" if buried else "none buried"
+    return f"{buried} buried in furniture or walls" if buried else "none buried"
 
 
 def _band_words(dataset: xr.Dataset) -> str:

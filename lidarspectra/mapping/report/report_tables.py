@@ -1,4 +1,4 @@
-"""The report's tables: what the records hold, with units in the headings."""
+"""The report's tables, with units in the headings."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class StageRow:
     stage : str
         'scan' ... 'map'.
     summary : str
-        One line on what it made.
+        One line on its result.
     seconds : float
         Wall time. [s]
     peak_memory_mib : float
@@ -52,11 +52,13 @@ def stages_table(stages: Sequence[StageRow]) -> Table:
         }
     )
     formats = {"time [s]": ".1f", "peak memory [MiB]": ".0f"}
-    return Table(name="stages", caption="What each stage made, its time and memory.", frame=frame, formats=formats)
+    return Table(
+        name="stages", caption="The result of each stage, with its time and memory.", frame=frame, formats=formats
+    )
 
 
 def scan_table(record: ScanRecord) -> Table:
-    """What was found in the scan's file, and every repair, counted."""
+    """What was found in the scan's file, and the count of every repair."""
     share = 100.0 * record.hole_area_m2 / record.area_m2 if record.area_m2 > 0 else 0.0
     rows = {
         "file": record.file,
@@ -74,7 +76,7 @@ def scan_table(record: ScanRecord) -> Table:
         "triangles before decimation": f"{record.decimated_from}" if record.decimated_from else "not decimated",
     }
     frame = pd.DataFrame({"what": list(rows), "value": list(rows.values())})
-    return Table(name="scan", caption="What the file held, and every change to it.", frame=frame)
+    return Table(name="scan", caption="What the scan file contained, and every repair to it.", frame=frame)
 
 
 def _flattened(record: ScanRecord) -> str:
@@ -125,7 +127,7 @@ def materials_table(materials: Sequence[Material], areas_m2: FloatArray, bands: 
 
 
 def lamps_table(lamps: Sequence[Lamp]) -> Table:
-    """Every lamp: where, how large, how much."""
+    """Every lamp: position, size, direction, flux."""
     frame = pd.DataFrame(
         {
             "lamp": [f"L{number}" for number in range(1, len(lamps) + 1)],
@@ -133,7 +135,7 @@ def lamps_table(lamps: Sequence[Lamp]) -> Table:
             "shape": [str(lamp.shape) for lamp in lamps],
             "centre [m]": [", ".join(f"{value:.2f}" for value in lamp.center) for lamp in lamps],
             "size [m]": [" x ".join(f"{size:g}" for size in lamp.size) for lamp in lamps],
-            "shines towards [1]": [_direction(lamp) for lamp in lamps],
+            "direction [1]": [_direction(lamp) for lamp in lamps],
             "spectrum": [lamp.flux.name for lamp in lamps],
             "radiant flux [W]": [lamp.flux.integral() for lamp in lamps],
             "luminous flux [lm]": [luminous_flux_lm(lamp.flux) for lamp in lamps],
@@ -141,7 +143,7 @@ def lamps_table(lamps: Sequence[Lamp]) -> Table:
     )
     formats = {"radiant flux [W]": ".3g", "luminous flux [lm]": ".0f"}
     return Table(
-        name="lamps", caption="Lamps, their radiant flux over the whole spectrum.", frame=frame, formats=formats
+        name="lamps", caption="Lamps; the radiant flux is that of the whole spectrum.", frame=frame, formats=formats
     )
 
 
@@ -168,7 +170,7 @@ def bands_table(spectral_map: xr.Dataset) -> Table:
 
 
 def chosen_points_table(spectral_map: xr.Dataset, points: Sequence[ChosenPoint]) -> Table:
-    """Spectra at the chosen points, one column a point, with their standard errors."""
+    """Spectra at the chosen points, one column per point, with their standard errors."""
     columns: dict[str, object] = {"band [nm]": spectral_map["band"].to_numpy()}
     formats = {"band [nm]": "g"}
     for point in points:
@@ -181,7 +183,7 @@ def chosen_points_table(spectral_map: xr.Dataset, points: Sequence[ChosenPoint])
 
 
 def points_table(spectral_map: xr.Dataset) -> Table:
-    """The whole map, one row a point (see `map_table`), without the standard errors."""
+    """The whole map, one row per point (see `map_table`), without the standard errors."""
     whole = map_table(spectral_map)
     frame = whole[[name for name in whole.columns if not name.startswith("SE_")]]
     formats = dict.fromkeys(("x", "y", "z"), ".3f") | dict.fromkeys(("nx", "ny", "nz"), ".2f")
@@ -199,4 +201,4 @@ def pairs_table(name: str, caption: str, entries: Mapping[str, str]) -> Table:
 def _direction(lamp: Lamp) -> str:
     if lamp.shape in ("bulb", "point"):
         return "all around"
-    return ", ".join(f"{value + 0.0:.2f}" for value in lamp.normal)  # + 0.0: no negative zero
+    return ", ".join(f"{value + 0.0:.2f}" for value in lamp.normal)  # + 0.0 removes a negative zero

@@ -1,4 +1,4 @@
-"""What the report's sections write with: figures and tables go beside the page and into it."""
+"""Writes the figures and tables of the report's sections as files, and gives them as HTML."""
 
 from pathlib import Path
 
@@ -41,7 +41,7 @@ class ReportWriter:
         return html.figure(svg, number=self._number, caption=caption, name=name)
 
     def save(self, name: str, figure: Figure) -> None:
-        """Save a figure that the page shows in another form."""
+        """Save a figure that the page itself does not contain."""
         save_figure(figure, self._figures, name)
 
     def table(self, table: Table, *, max_rows: int | None = None) -> str:
@@ -52,7 +52,7 @@ class ReportWriter:
 
 
 def unwritable(folder: Path, cause: OSError) -> MapError:
-    """What to say of a folder that cannot be written."""
+    """The error for a folder that cannot be written."""
     return MapError(
         expected="a folder that can be written",
         found=str(cause.strerror or cause),

@@ -1,7 +1,7 @@
-"""What the report's 3D view shows: the room's surfaces, lamps and sensor points, packed to stand inside the page.
+"""Data of the report's 3D view: the room's surfaces, lamps and sensor points, packed into the page.
 
-The script `page/room-view.js` reads it. Arrays are little-endian bytes in base64; a wavelength stands beside every
-spectrum. A room of 30,000 triangles takes about half a megabyte.
+The script `page/room-view.js` reads it. Arrays are little-endian bytes in base64. A room of 30,000 triangles takes
+about half a megabyte.
 """
 
 import base64
@@ -29,20 +29,20 @@ from lidarspectra.material.material_mesh import daylight_colors
 from lidarspectra.radiance.scene.lamp_shapes import lamp_axes
 from lidarspectra.spectra.colorimetry import encode_srgb
 
-MAX_FACES = 60_000  # [1] triangles in the page: 1.1 MB, and smooth to turn on a laptop without a graphics card
-MAX_POINTS = 4000  # [1] in the page: 0.6 MB with 14 bands; more cannot be told apart
-FINEST_CELL_M = 1e-3  # [m] vertices closer than this are one: below what a phone's LiDAR tells apart
-MAX_CELLS = 2**16 - 1  # [1] along an axis: places are 16-bit numbers
-CELL_GROWTH = 1.25  # [1] from one try to the next
-LONGEST_EDGE_SPACINGS = 3.0  # [1] a gap between points longer than so many typical spacings is not bridged
-COLOR_STEPS = 64  # [1] of the colour scale
-ROUND_CORNERS = 24  # [1] of the polygon that stands for a round lamp
-LONGEST_NAME = 120  # [1] letters; the tables have the full names
+MAX_FACES = 60_000  # triangles in the page: 1.1 MB, and turns smoothly on a laptop without a graphics card
+MAX_POINTS = 4000  # in the page: 0.6 MB with 14 bands; more are not distinguishable
+FINEST_CLUSTER_M = 1e-3  # [m] vertices closer than this are merged: below the resolution of a phone's LiDAR
+MAX_CLUSTERS = 2**16 - 1  # along an axis: their indices are 16-bit numbers
+CLUSTER_GROWTH = 1.25  # [1] of the clusters' edge, from one try to the next
+LONGEST_EDGE_SPACINGS = 3.0  # [1] a gap between points longer than this many typical spacings is not bridged
+COLOR_STEPS = 64  # of the colour scale
+ROUND_CORNERS = 24  # of the polygon that represents a round lamp
+LONGEST_NAME = 120  # characters; the tables have the full names
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoomSurfaces:
-    """The scanned surfaces as the view needs them.
+    """The scanned surfaces for the view.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class RoomSurfaces:
     faces : (face, 3) int
         Corners, counter-clockwise seen from inside the room, so that the view can look in through the walls.
     face_material : (face,) int
-        Which of the report's materials each face has.
+        Index of each face's material among the report's materials.
     face_color : (face, 3) float
         Mean linear sRGB of each face in the scan. [0-1]
 
@@ -92,21 +92,21 @@ def room_view_data(
     *,
     illuminance_lx: FloatArray | None = None,
 ) -> str:
-    """All that the 3D view shows, as JSON that may stand in a script element.
+    """Data of the 3D view as JSON that is safe inside a script element.
 
     Parameters
     ----------
     spectral_map : xarray.Dataset
-        A checked spectral map with at least one point; of more than `MAX_POINTS` an even choice is taken.
+        A checked spectral map with at least one point; of more than `MAX_POINTS` an even selection is taken.
     surfaces : RoomSurfaces, optional
-        Left out: points and lamps stand alone. Surfaces of more than `MAX_FACES` triangles are made coarser.
+        Without them only points and lamps are shown. More than `MAX_FACES` triangles are simplified.
     materials : tuple of Material
-        What `RoomSurfaces.face_material` counts.
+        `RoomSurfaces.face_material` holds indices into these.
     material_areas_m2 : (material,) float
         [m²]
     lamps : tuple of Lamp
     illuminance_lx : (point,) float, optional
-        Where the channels tell it. [lx]
+        Where the channels cover V(λ). [lx]
 
     Returns
     -------
@@ -116,7 +116,7 @@ def room_view_data(
     Raises
     ------
     ArrayError
-        If a face has a material that there is none of.
+        If a face's material index is out of range.
     """
     code = None
     if materials:
@@ -136,43 +136,42 @@ def room_view_data(
 
 
 def coarser(surfaces: RoomSurfaces, max_faces: int) -> tuple[IntArray, IntArray, IntArray, float]:
-    """Draw vertices together in cells, larger ones until few enough triangles are left (Rossignac and Borrel 1993).
+    """Simplify a mesh by vertex clustering, with larger clusters until few triangles are left (Rossignac, Borrel 1993).
 
-    Every triangle that is left keeps its material and colour, which an edge collapse would have to guess.
+    Every triangle that is left keeps its material and colour, which an edge collapse could not decide.
 
     Parameters
     ----------
     surfaces : RoomSurfaces
     max_faces : int
-        [1]
 
     Returns
     -------
     places : (vertex, 3) int
-        Distinct, in cells from the lowest corner of the mesh; none above `MAX_CELLS`.
+        Distinct, in clusters from the lowest corner of the mesh; at most `MAX_CLUSTERS`.
     corners : (kept, 3) int
-        Triangles that still have three corners.
+        Triangles that still have three different corners.
     kept : (kept,) int
-        Which faces of `surfaces` they are.
-    cell_m : float
-        [m]
+        Their indices among the faces of `surfaces`.
+    cluster_m : float
+        Edge of a cluster. [m]
     """
     low = surfaces.vertices.min(axis=0)
-    cell_m = max(FINEST_CELL_M, float(np.ptp(surfaces.vertices, axis=0).max()) / MAX_CELLS)
-    row = np.array([2**32, 2**16, 1])  # three 16-bit numbers as one, which sorts much faster
+    cluster_m = max(FINEST_CLUSTER_M, float(np.ptp(surfaces.vertices, axis=0).max()) / MAX_CLUSTERS)
+    row = np.array([2**32, 2**16, 1])  # three 16-bit numbers in one, which sorts much faster
     while True:
         keys, vertex = np.unique(
-            np.rint((surfaces.vertices - low) / cell_m).astype(np.int64) @ row, return_inverse=True
+            np.rint((surfaces.vertices - low) / cluster_m).astype(np.int64) @ row, return_inverse=True
         )
         corners = vertex[surfaces.faces]
         whole = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
         if whole.sum() <= max_faces:
-            return keys[:, None] // row % 2**16, corners[whole], np.flatnonzero(whole), cell_m
-        cell_m *= CELL_GROWTH
+            return keys[:, None] // row % 2**16, corners[whole], np.flatnonzero(whole), cluster_m
+        cluster_m *= CLUSTER_GROWTH
 
 
 def point_triangles(spectral_map: xr.Dataset) -> IntArray:
-    """(triangle, 3) points between which the map is linear: Delaunay's, plane by plane, none across a gap.
+    """(triangle, 3) points between which the map is linear: Delaunay triangles of each plane, none across a gap.
 
     Parameters
     ----------
@@ -187,7 +186,7 @@ def point_triangles(spectral_map: xr.Dataset) -> IntArray:
 def _plane_triangles(places: FloatArray, points: IntArray) -> IntArray:
     try:
         triangles = np.asarray(Delaunay(places).simplices, dtype=np.int64)
-    except QhullError:  # all on one line: points alone
+    except QhullError:  # all on one line: only the points are drawn
         return np.empty((0, 3), dtype=np.int64)
     spacing = float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))
     corners = places[triangles]
@@ -250,21 +249,21 @@ def _surfaces(surfaces: RoomSurfaces, material_count: int) -> dict[str, Any]:
             found=f"{surfaces.face_material.min()} to {surfaces.face_material.max()}",
             where="RoomSurfaces.face_material",
         )
-    places, corners, kept, cell_m = coarser(surfaces, MAX_FACES)
+    places, corners, kept, cluster_m = coarser(surfaces, MAX_FACES)
     colors = np.rint(255.0 * encode_srgb(np.clip(surfaces.face_color[kept], 0.0, 1.0)))
     return {
         "count": surfaces.faces.shape[0],
         "lowest": surfaces.vertices.min(axis=0).tolist(),
-        "cell": cell_m,
+        "cell": cluster_m,
         "vertices": _packed(places, "<u2"),
-        "faces": _packed(corners, "<u2" if places.shape[0] <= MAX_CELLS else "<u4"),
+        "faces": _packed(corners, "<u2" if places.shape[0] <= MAX_CLUSTERS else "<u4"),
         "materials": _packed(surfaces.face_material[kept], "<u2"),
         "scanned": _packed(colors, "u1"),
     }
 
 
 def _lamp_outline(lamp: Lamp) -> FloatArray:
-    """(corner, 3) polygon that shows where a lamp is and how large [m]."""
+    """(corner, 3) outline of a lamp as a polygon [m]."""
     along, across = lamp_axes(lamp)
     if len(lamp.size) == 2:
         unit = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
@@ -285,7 +284,7 @@ def _hex(color: FloatArray) -> str:
 
 
 def _name(words: str) -> str:
-    """A user's words on one line, cut where they are endless."""
+    """A user's text on one line, shortened where it is too long."""
     line = " ".join(printable(words).split())
     return line if len(line) <= LONGEST_NAME else line[: LONGEST_NAME - 1] + "…"
 

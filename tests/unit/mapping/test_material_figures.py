@@ -65,7 +65,7 @@ def test_the_six_views_stand_over_what_became_of_them() -> None:
     assert len(figure.axes) == 18
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert titles[:6] == [f"v{number}" for number in range(6)]
-    assert (titles[6], titles[12]) == ("by class", "in even daylight, by the estimate")
+    assert (titles[6], titles[12]) == ("by class", "estimated reflectance, in even daylight")
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["wood", "painted"]
 
 

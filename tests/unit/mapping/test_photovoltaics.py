@@ -26,7 +26,7 @@ from lidarspectra.mapping.photovoltaics.currents import (
 from lidarspectra.mapping.photovoltaics.figures import agreement_figure, currents_figure, curves_figure
 from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
 from lidarspectra.mapping.photovoltaics.placement import face_points, joined, tilted_mounts
-from lidarspectra.mapping.photovoltaics.response_fit import tell_ahead
+from lidarspectra.mapping.photovoltaics.response_fit import predict_ahead
 from lidarspectra.mapping.photovoltaics.schedule import Shift, day_parts, gathered, parse_hours, read_schedule
 from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, Spectrum, sensor_bands
@@ -265,16 +265,16 @@ def test_a_fitted_curve_tells_later_counts_of_a_cell():
     curve = find_cell("organic-blue").efficiency.at(WAVELENGTHS, outside="zero")
     weights = 1e-3 * curve * WAVELENGTHS * generator.uniform(0.5, 1.5, WAVELENGTHS.size)  # the sensor's own factors
     counts = np.rint(readings @ weights + 12.0 + 0.5 * generator.standard_normal(200))
-    found = tell_ahead(readings, counts, WAVELENGTHS, curve)
+    found = predict_ahead(readings, counts, WAVELENGTHS, curve)
     # half a count of noise in some 200, twice: rounding and noise
     assert found.fitted_percent < 1.0
     assert found.fitted_percent < 0.5 * found.known_percent < 0.5 * found.constant_percent
     with pytest.raises(ReadingError, match="40 readings"):
-        tell_ahead(readings[:60], counts[:60], WAVELENGTHS, curve)
+        predict_ahead(readings[:60], counts[:60], WAVELENGTHS, curve)
     with pytest.raises(ReadingError, match="responds where the channels"):
-        tell_ahead(readings, counts, WAVELENGTHS, 0.0 * curve)
+        predict_ahead(readings, counts, WAVELENGTHS, 0.0 * curve)
     with pytest.raises(ReadingError, match="follow none"):
-        tell_ahead(readings, 1000.0 - 10.0 * readings.sum(axis=1) / readings.sum(axis=1).max(), WAVELENGTHS, curve)
+        predict_ahead(readings, 1000.0 - 10.0 * readings.sum(axis=1) / readings.sum(axis=1).max(), WAVELENGTHS, curve)
 
 
 def test_the_robot_s_cells_are_told_better_by_fitted_curves_than_by_digitised_ones(shared: Path):

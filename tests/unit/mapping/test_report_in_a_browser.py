@@ -196,7 +196,7 @@ def test_a_point_can_be_chosen_by_its_number(open_page, page_file):
 
 def test_without_webgl_the_page_says_so_and_tells_spectra_all_the_same(open_page, page_file):
     page = open_page(page_file, before="HTMLCanvasElement.prototype.getContext = () => null;")
-    assert "shows no 3D" in page.locator("#room-message").inner_text()
+    assert "cannot show 3D" in page.locator("#room-message").inner_text()
     page.locator("#room-point").fill("7")
     assert _reading(page).startswith("Point 7\n")
     assert page.locator("#room-chart circle").count() == len(BANDS_NM)

@@ -9,7 +9,7 @@ import pytest
 
 from lidarspectra.errors import ArrayError
 from lidarspectra.mapping.maps.spectral_map import spectral_map
-from lidarspectra.mapping.report.room_view import FINEST_CELL_M, MAX_POINTS, coarser, point_triangles, room_view_data
+from lidarspectra.mapping.report.room_view import FINEST_CLUSTER_M, MAX_POINTS, coarser, point_triangles, room_view_data
 
 HOSTILE = "</script><script>alert(1)</script><!-- \x00 \u2028 ' \" {}"
 KINDS = {"u1": "u1", "u2": "<u2", "u4": "<u4", "f4": "<f4"}
@@ -87,7 +87,7 @@ def test_the_room_arrives_where_it_stands_with_its_materials(report):
     places = np.array(sent["lowest"]) + sent["cell"] * _array(sent["vertices"]).reshape(-1, 3)
     corners = places[_array(sent["faces"]).reshape(-1, 3)]
     wanted = report.surfaces.vertices[report.surfaces.faces]
-    assert corners == pytest.approx(wanted, abs=FINEST_CELL_M / 2 + 1e-12)  # rounded to whole cells
+    assert corners == pytest.approx(wanted, abs=FINEST_CLUSTER_M / 2 + 1e-12)  # rounded to whole cells
     assert _array(sent["materials"]).tolist() == report.surfaces.face_material.tolist()
     floor = data["materials"][1]
     assert floor["name"] == "floor"

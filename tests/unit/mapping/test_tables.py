@@ -103,7 +103,7 @@ def test_a_file_name_is_ours_and_plain(name):
 
 
 def test_two_columns_of_one_name_are_refused():
-    with pytest.raises(MapError, match="two alike"):
+    with pytest.raises(MapError, match="a heading twice"):
         Table(name="twice", caption="", frame=pd.DataFrame([[1, 2]], columns=["a", "a"]))
 
 

@@ -1,5 +1,5 @@
 "use strict";
-// The room in 3D by three.js: what stands where, how it is turned, and what is under the pointer. It is told its colours.
+// The room in 3D by three.js: its objects, the camera, and what is under the pointer. Colours come from room-view.js.
 
 /* global THREE */
 class RoomPicture {

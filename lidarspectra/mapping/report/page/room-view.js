@@ -111,7 +111,7 @@
     return drawn;
   }
 
-  function tellPoint(point) {
+  function showPoint(point) {
     const [x, y, z] = [...points.places.subarray(3 * point, 3 * point + 3)].map((metres) => signed(metres.toFixed(2)));
     const value = `${inUnit(irradiance(point, state.band))} ± ${inUnit(standardError(point, state.band), 2)} ${points.unit}`;
     const lines = [
@@ -119,8 +119,8 @@
       html("span", `x ${x}, y ${y}, z ${z} m`),
       html("span", `${channel()}: ${value}`),
     ];
-    if (points.illuminance !== null) lines.push(html("span", `all that the eye sees: ${digits(points.illuminance[point])} lx`));
-    if (points.buried[point]) lines.push(html("span", "buried in a surface: not to be trusted"));
+    if (points.illuminance !== null) lines.push(html("span", `illuminance: ${digits(points.illuminance[point])} lx`));
+    if (points.buried[point]) lines.push(html("span", "buried in furniture or a wall: its values are meaningless"));
     element("reading").replaceChildren(...lines);
     const values = bands.map((_, band) => points.factor * irradiance(point, band));
     const errors = bands.map((_, band) => points.factor * standardError(point, band));
@@ -128,7 +128,7 @@
     element("chart").replaceChildren(chart(values, errors, { highest, unit: points.unit, label: "irradiance" }));
   }
 
-  function tellMaterial({ name, category, area, reflectance, deviation }) {
+  function showMaterial({ name, category, area, reflectance, deviation }) {
     element("reading").replaceChildren(
       html("strong", name),
       html("span", `${category}; ${digits(area)} m² of it`),
@@ -137,12 +137,12 @@
     element("chart").replaceChildren(chart(reflectance, deviation, { highest: 1, unit: "1", label: "reflectance" }));
   }
 
-  function tell() {
-    if (state.over?.face !== undefined) tellMaterial(materials[surfaces.materials[state.over.face]]);
+  function showReading() {
+    if (state.over?.face !== undefined) showMaterial(materials[surfaces.materials[state.over.face]]);
     else if (state.over?.lamp !== undefined) {
       element("reading").replaceChildren(html("strong", lamps[state.over.lamp].name), html("span", "lamp"));
       element("chart").replaceChildren();
-    } else tellPoint(state.over?.point ?? state.point);
+    } else showPoint(state.over?.point ?? state.point);
   }
 
   function legendBar(title, colors, low, high) {
@@ -153,7 +153,7 @@
     return [bar, ends];
   }
 
-  function tellLegend() {
+  function showLegend() {
     const parts = legendBar(`${channel()} [${points.unit}]`, room.colors, ...limits().map((value) => digits(value * points.factor)));
     if (state.surfaces === "reflectance") {
       const greys = [0, 0.1, 0.25, 0.5, 0.75, 1].map((linear) => `rgb(${Array(3).fill(Math.round(255 * srgb(linear)))}) ${100 * linear}%`);
@@ -184,7 +184,7 @@
       element("canvas").hidden = true;
       element("message").hidden = false;
       element("message").textContent =
-        `This browser shows no 3D here (${cause.message}). The spectra beside this can be chosen by number; the maps below need no 3D.`;
+        `This browser cannot show 3D here (${cause.message}). Choose a point by its number for its spectrum; the maps below need no 3D.`;
       return null;
     }
   }
@@ -193,15 +193,15 @@
     element("band-name").textContent = channel();
     element("band").setAttribute("aria-valuetext", channel());
     picture?.paint(pointColor, faceColors(), element("sheet").checked);
-    tellLegend();
-    tell();
+    showLegend();
+    showReading();
   }
 
   function select(point) {
     state.point = point;
     element("point").value = points.numbers[point];
     picture?.select(point);
-    tell();
+    showReading();
   }
 
   element("band").max = bands.length - 1;
@@ -242,11 +242,11 @@
       if (event.buttons !== 0) return; // turning
       state.over = picture.pick(event);
       canvas.style.cursor = state.over?.point === undefined ? "" : "pointer";
-      tell();
+      showReading();
     });
     canvas.addEventListener("pointerleave", () => {
       state.over = null;
-      tell();
+      showReading();
     });
     const keys = {
       ArrowLeft: { around: -TURN },
