@@ -1,4 +1,4 @@
-"""Whether bands can tell illuminance: they must span what the eye sees, in steps that follow it."""
+"""Whether bands suffice for illuminance: they must span V(λ) without wide gaps."""
 
 from functools import cache
 
@@ -8,24 +8,24 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.lamps.lamp_spectra import photopic_efficiency
 from lidarspectra.spectra.spectrum import LUMINOUS_EFFICACY_LM_W, Spectrum
 
-MIN_COVER = 0.99  # [1] share of ∫V(λ)dλ that the bands must span, so that what they miss stays below 1 %
+MIN_COVER = 0.99  # [1] share of ∫V(λ)dλ that the bands must span, so that less than 1 % is missed
 WIDEST_GAP_NM = 40.0  # [nm] between centres; V(λ) is 100 nm wide, so wider steps no longer follow it
-MIN_EFFICIENCY = 1e-3  # [1] a gap matters where the eye sees more than this share of its best
+MIN_EFFICIENCY = 1e-3  # [1] V(λ) above which a gap between bands matters
 
 
 def covers_vision(centers_nm: FloatArray) -> bool:
-    """Whether channels of these centres [nm] can tell illuminance at all."""
+    """Whether bands with these centres [nm] cover V(λ) well enough for illuminance."""
     return uncovered(centers_nm) is None
 
 
 @cache
 def luminosity() -> Spectrum:
-    """Illuminance that a W/m² gives, 683 lm/W V(λ) [lm/W]."""
+    """Spectral luminous efficacy, 683 lm/W V(λ) [lm/W]."""
     return photopic_efficiency().scaled(LUMINOUS_EFFICACY_LM_W)
 
 
 def uncovered(centers: FloatArray) -> str | None:
-    """Why bands of these centres [nm] cannot tell illuminance, as a sentence part; None where they can."""
+    """What keeps bands with these centres [nm] from covering V(λ), as part of a sentence; None if they cover it."""
     if centers.size < 2:
         return f"{centers.size} band"
     efficiency = photopic_efficiency()
