@@ -5,21 +5,21 @@ from pathlib import Path
 
 import pytest
 
-CHANCE_FOLDERS = ("engine", "faults", "physics", "pipeline", "unit/sensor")  # light by lot, or processes that wait
-CHANCES = 2  # [1]
+RERUNS = 2  # a defect fails every time; what fails once in 1,000 runs by chance fails thrice in a row once in 10^9
 PROJECT = Path(__file__).resolve().parent
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Try what depends on chance again before it counts as failed, and say so in the summary (RERUN).
+    """Try tests marked `chance(reason)` again before they count as failed; the summary says so (RERUN).
 
-    The engine takes its random numbers from the clock, and emulated devices answer when the machine lets them. A
-    defect fails every time; what fails once in a thousand runs by chance fails thrice in a row once in 10^9.
+    The engine seeds its shadow rays by the clock, and emulated devices and child processes answer when the machine
+    lets them. Every other test fails at once.
     """
-    folders = tuple(PROJECT / "tests" / name for name in CHANCE_FOLDERS)
     for item in items:
-        if any(folder in item.path.parents for folder in folders):
-            item.add_marker(pytest.mark.flaky(reruns=CHANCES))
+        for mark in item.iter_markers("chance"):
+            if len(mark.args) != 1 or not isinstance(mark.args[0], str) or mark.kwargs:
+                raise pytest.UsageError(f"{item.nodeid}: expected @pytest.mark.chance('why it depends on chance')")
+            item.add_marker(pytest.mark.flaky(reruns=RERUNS))
 
 
 @pytest.fixture(scope="session")

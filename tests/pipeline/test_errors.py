@@ -22,6 +22,8 @@ import pytest
 
 from lidarspectra.radiance.engine.engine import find_engine
 
+BY_SIGNAL = pytest.mark.chance("a signal must hit a child process while one of its programs runs")
+
 pytestmark = pytest.mark.slow  # a child process loads its libraries anew, which takes seconds
 
 RoomWriter = Callable[..., Path]
@@ -274,6 +276,7 @@ def states(command_line: Any, run_file: Path) -> dict[str, str]:
     return {stage: state for _, stage, state in words}
 
 
+@BY_SIGNAL
 @NEEDS_SIGNALS
 @pytest.mark.parametrize(
     ("how", "group"), [(signal.SIGINT, True), (signal.SIGTERM, False)], ids=["Ctrl-C in a terminal", "kill"]
@@ -294,6 +297,7 @@ def test_a_run_cut_in_the_trace_leaves_nothing_and_resumes_there(
         assert re.findall(r"^(\d) \w+ +kept", answer.stdout, flags=re.MULTILINE) == ["1", "2", "3", "4"]
 
 
+@BY_SIGNAL
 @NEEDS_SIGNALS
 def test_a_run_that_was_killed_is_taken_up_again(command_line: Any, prepared: Path, tmp_path: Path) -> None:
     run_file = a_copy(prepared, tmp_path / "room")
@@ -321,6 +325,7 @@ normal = [1, 0, 0]
 """
 
 
+@BY_SIGNAL
 @NEEDS_SIGNALS
 def test_a_run_cut_in_the_scene_leaves_no_half_written_sky(
     command_line: Any, prepared: Path, slow_text: str, tmp_path: Path

@@ -42,6 +42,7 @@ def told(room: Path) -> str:
     return ask(room, "--draws 2")
 
 
+@pytest.mark.chance("a short pilot foretells the error, and effects have noise of their own")
 def test_every_position_and_draw_is_a_fingerprint(room: Path, told: str) -> None:
     table = load_fingerprints(room.with_suffix(".run") / "fingerprints" / "fingerprints.nc")
     assert "4 fingerprints of 3 sensors x 14 channels" in told

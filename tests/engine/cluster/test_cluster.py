@@ -13,6 +13,8 @@ from lidarspectra.radiance.engine.cluster import ClusterEngine, cluster_engine
 from lidarspectra.radiance.engine.engine import EngineJob, find_engine, float_rows
 from lidarspectra.radiance.engine.octree import compile_octree
 
+BY_WORKERS = pytest.mark.chance("starts worker processes, which must answer before Dask gives them up")
+
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 pytestmark = [
     pytest.mark.slow,
@@ -68,12 +70,14 @@ def expected(scene: Path) -> list[float]:
     return [float_rows(run, rows=1, columns=3)[0, 0] for run in find_engine().run_jobs(jobs(scene), workers=1)]
 
 
+@BY_WORKERS
 def test_a_cluster_gives_the_same_answers_in_the_same_order(cluster: "distributed.LocalCluster", scene: Path) -> None:
     with cluster_engine(cluster.scheduler_address) as engine:
         # The same program on the same rays: bit for bit.
         assert answers(engine, scene) == expected(scene)
 
 
+@BY_WORKERS
 def test_a_killed_worker_loses_nothing(cluster: "distributed.LocalCluster", scene: Path) -> None:
     with cluster_engine(cluster.scheduler_address) as engine:
         runs = engine.run_jobs(jobs(scene, repeats=200_000), workers=1)
@@ -91,6 +95,7 @@ def _process() -> int:
     return os.getpid()
 
 
+@BY_WORKERS
 def test_a_fault_on_a_worker_is_our_error(cluster: "distributed.LocalCluster", scene: Path) -> None:
     job = EngineJob(program="rtrace", arguments=("nothing.oct",), folder=scene)
     with cluster_engine(cluster.scheduler_address) as engine, pytest.raises(EngineError, match=r"nothing\.oct"):

@@ -85,6 +85,7 @@ def answer(folder: Path, engine: Engine, *options: str) -> np.ndarray:
 needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
 
 
+@pytest.mark.chance("two runs of the engine, seeded by the clock, within four of their combined errors")
 @needs_make
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["native", "rgb"])

@@ -23,6 +23,10 @@ from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.spectrum import Spectrum
 
+BY_ITS_ERROR = pytest.mark.chance(
+    "held to a standard error that, known from eight batches, has the long tails of a t of seven degrees"
+)
+
 UP = np.array([0.0, 0.0, 1.0])
 WHITE = Spectrum(wavelengths_nm=np.array([380.0, 780.0]), values=np.array([1.0, 1.0]))
 
@@ -59,6 +63,7 @@ def relative_rms(error: np.ndarray, light: np.ndarray) -> float:
     return float((np.sqrt((error**2).mean(axis=0)) / light.mean(axis=0)).max())
 
 
+@BY_ITS_ERROR
 @pytest.mark.slow
 def test_two_standard_errors_cover_the_truth_for_95_percent_of_point_channels(office, places, section) -> None:
     scene = office()
@@ -73,6 +78,7 @@ def test_two_standard_errors_cover_the_truth_for_95_percent_of_point_channels(of
     assert np.mean(inside) > 0.80
 
 
+@BY_ITS_ERROR
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", ["draft", "standard"])
 def test_the_error_is_what_the_noise_setting_names(office, places, section, noise: str) -> None:
@@ -89,6 +95,7 @@ def test_the_error_is_what_the_noise_setting_names(office, places, section, nois
     assert relative_rms(light - again, light) < np.sqrt(2.0) * target * 3.0
 
 
+@BY_ITS_ERROR
 def test_batches_are_independent(office, places, section) -> None:
     # The sum over batches has as much variance as independent ones: correlations between the batches' deviations from
     # the truth, averaged over pairs and points, vanish. One point knows it to 0.2 by its 28 pairs; six runs of some
@@ -143,6 +150,7 @@ def test_rounds_of_shadow_rays_never_repeat_one_another(rooms, places, monkeypat
         assert len({tuple(batch) for batch in batches.tolist()}) == 3 * BATCHES
 
 
+@BY_ITS_ERROR
 @pytest.mark.slow
 def test_both_modes_give_the_same_light(office, places, section) -> None:
     native, classic = (
@@ -155,6 +163,7 @@ def test_both_modes_give_the_same_light(office, places, section) -> None:
     assert relative_rms(error, irradiance(native)) < 0.01
 
 
+@BY_ITS_ERROR
 @pytest.mark.slow
 def test_relighting_equals_a_new_trace_within_its_error(rooms, sensors, section) -> None:
     lamps = [
@@ -178,6 +187,7 @@ def test_relighting_equals_a_new_trace_within_its_error(rooms, sensors, section)
     assert np.sqrt((deviation[:, 0] ** 2).mean()) < 3.0  # some five points that do not err together, as above
 
 
+@BY_ITS_ERROR
 def test_errors_of_lamps_that_share_paths_do_not_add_like_independent_ones(office, places, section) -> None:
     transport = trace(office(), places, **section("medium", "draft"), seed=1)
     together = standard_error_of_sum(transport)
@@ -197,6 +207,7 @@ def test_a_transport_survives_its_file(office, places, section, tmp_path) -> Non
     assert [entry.name for entry in tmp_path.glob("transport*")] == ["transport.nc"]
 
 
+@BY_ITS_ERROR
 def test_blocks_of_points_give_what_one_block_gives(office, places, section, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = office()
     whole = trace(scene, places, **section("low", "standard"), seed=1)
@@ -226,6 +237,7 @@ def test_a_block_of_one_round_fills_its_share_of_the_progress_once_one_was_seen(
     assert before_end[1:] == pytest.approx([rounds.SECOND_ROUND] * (blocks - 1))
 
 
+@BY_ITS_ERROR
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", ["draft", "standard"])
 def test_a_panel_cut_into_24_lamps_gives_the_light_of_the_whole(rooms, places, section, noise: str) -> None:
@@ -277,6 +289,7 @@ def test_a_room_where_no_light_arrives_is_dark_and_finite(rooms, sensors, sectio
     assert transport.attrs["achieved_relative_se"] == 0.0
 
 
+@BY_ITS_ERROR
 def test_quick_irradiance_agrees_with_a_trace(office, places, section) -> None:
     scene = office()
     transport = trace(scene, places, **section("high", "standard"), seed=1)
@@ -286,6 +299,7 @@ def test_quick_irradiance_agrees_with_a_trace(office, places, section) -> None:
     assert relative_rms(error, light) < 0.05
 
 
+@BY_ITS_ERROR
 @pytest.mark.parametrize("half_angle_deg", [20.5, 60.0])
 def test_a_restricted_view_of_a_luminous_plane_reads_its_part(rooms, sensors, section, half_angle_deg: float) -> None:
     # Under a panel that fills the cone the reading is M sin²θ; half the panel off centre fills half of the cone.

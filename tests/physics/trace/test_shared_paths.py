@@ -29,6 +29,7 @@ def sensors_in_a_furnished_room(rooms):
     return scene, Sensors(positions=places, normals=normals, receptor=cosine_receptor())
 
 
+@pytest.mark.chance("compares two traces, whose shadow rays are seeded by the clock")
 @pytest.mark.slow
 def test_shared_paths_give_what_own_paths_give(sensors_in_a_furnished_room) -> None:
     scene, sensors = sensors_in_a_furnished_room

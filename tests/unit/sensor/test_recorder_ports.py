@@ -19,6 +19,8 @@ from lidarspectra.hardware.virtual.emulator import AtModule, Device, SketchBoard
 from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
 from lidarspectra.hardware.virtual.faults import FaultPlan, FaultyWire
 
+BY_A_DEVICE = pytest.mark.chance("an emulated device on a real port lives twenty times faster, and must answer in time")
+
 SPEED = 20.0  # the emulated device lives so many times faster, that no test waits for it
 
 
@@ -33,6 +35,7 @@ def served(
         yield wire, server.address
 
 
+@BY_A_DEVICE
 @pytest.mark.parametrize("terminal", [False, True])
 @pytest.mark.parametrize("kind", [AtModule, SketchBoard, SparkfunBoard])
 def test_every_device_is_recorded_on_every_port(kind: type[AtModule], terminal: bool, tmp_path: Path) -> None:
@@ -43,6 +46,7 @@ def test_every_device_is_recorded_on_every_port(kind: type[AtModule], terminal: 
     assert read_sensor_log(tmp_path / "log.csv").readings.sizes["reading"] == summary.readings
 
 
+@BY_A_DEVICE
 @pytest.mark.slow
 @pytest.mark.parametrize("terminal", [False, True])
 def test_a_port_that_vanishes_and_comes_back_is_opened_again(terminal: bool, tmp_path: Path) -> None:
@@ -62,6 +66,7 @@ def test_a_port_that_vanishes_and_comes_back_is_opened_again(terminal: bool, tmp
     assert any(row["kind"] == "gap" and row["reason"] == "disconnected" for row in rows)
 
 
+@BY_A_DEVICE
 @pytest.mark.slow
 def test_a_bad_cable_on_a_real_port_is_survived(tmp_path: Path) -> None:
     plan = FaultPlan(rate=0.2, seed=4, pause_s=4.0, disconnect_s=4.0)
@@ -85,6 +90,7 @@ app(["record", sys.argv[1], "--out", sys.argv[2]])
 """
 
 
+@BY_A_DEVICE
 def test_a_recorder_that_is_killed_leaves_a_log_up_to_its_last_second(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     with served(SketchBoard(), tmp_path, terminal=False) as (wire, address):

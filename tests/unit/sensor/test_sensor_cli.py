@@ -15,6 +15,8 @@ from lidarspectra.hardware.virtual.emulator import AtModule, Device, SketchBoard
 from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
 from lidarspectra.hardware.virtual.faults import FaultyWire
 
+BY_A_DEVICE = pytest.mark.chance("an emulated device on a real port lives twenty times faster, and must answer in time")
+
 
 def call(*words: object) -> Result:
     return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=True)
@@ -38,6 +40,7 @@ def port(device: Device) -> Iterator[str]:
         yield server.address
 
 
+@BY_A_DEVICE
 def test_check_tells_protocol_order_settings_and_values() -> None:
     with port(AtModule()) as address:
         told = done("check", address)
@@ -46,6 +49,7 @@ def test_check_tells_protocol_order_settings_and_values() -> None:
     assert "gain 16, integration 165.2 ms" in told
 
 
+@BY_A_DEVICE
 def test_check_tells_cells() -> None:
     with port(SketchBoard(cells=lambda now_s: (110, 99, 8), spectrum=False)) as address:
         assert "110, 99, 8 counts" in done("check", address)
@@ -55,6 +59,7 @@ def test_a_port_that_is_none_is_one_error() -> None:
     assert "cannot be opened" in refused("check", "no-such-port")
 
 
+@BY_A_DEVICE
 def test_what_is_recorded_can_be_shown_and_converted(tmp_path: Path) -> None:
     log, table = tmp_path / "log.csv", tmp_path / "table.csv"
     with port(SketchBoard()) as address:
@@ -99,6 +104,7 @@ def test_a_calibration_is_made_saved_and_used(tmp_path: Path, monkeypatch: pytes
     assert call("calibrate", "x").exit_code == 2
 
 
+@BY_A_DEVICE
 def test_cells_give_currents(tmp_path: Path) -> None:
     log = tmp_path / "log.csv"
     with port(SketchBoard(cells=lambda now_s: (512, 99, 8))) as address:
