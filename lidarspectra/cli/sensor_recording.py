@@ -19,6 +19,7 @@ from lidarspectra.cli.sensor_options import (
     wishes_given,
 )
 from lidarspectra.cli.terminal import console, print_note, say
+from lidarspectra.io.files import writing
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.reading_log import Entry
@@ -219,16 +220,12 @@ def firmware(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder 
     from lidarspectra.errors import DeviceError
 
     source = resources.files("lidarspectra.hardware").joinpath("firmware")
-    try:
+    with writing(folder, error=DeviceError):
         for part in source.iterdir():
             files = [part] if part.is_file() else list(part.iterdir())
             target = folder if part.is_file() else folder / part.name
             target.mkdir(parents=True, exist_ok=True)
             for file in files:
                 (target / file.name).write_bytes(file.read_bytes())
-    except OSError as cause:
-        raise DeviceError(
-            expected="a folder that can be written", found=str(cause), where=str(folder), todo="Choose another."
-        ) from cause
     for sketch in sorted(folder.glob("*/*.ino")):
         say(str(sketch))

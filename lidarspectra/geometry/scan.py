@@ -14,6 +14,7 @@ from lidarspectra.arrays import ByteArray, FloatArray, IntArray, float_array, in
 from lidarspectra.errors import ArrayError, LidarSpectraError, ScanError
 from lidarspectra.geometry.textures import decode_image, mean_texture_colors, sample_image
 from lidarspectra.geometry.triangles import triangle_areas, triangle_crosses
+from lidarspectra.io.files import writing
 from lidarspectra.spectra.colorimetry import decode_srgb
 
 MESH_FILE = "mesh.npz"
@@ -353,7 +354,7 @@ def save_scan(scan: Scan, folder: Path) -> None:
         "color_known": appearance.known,
         "record": asdict(scan.record),
     }
-    try:
+    with writing(folder, error=ScanError):
         folder.mkdir(parents=True, exist_ok=True)
         np.savez(
             folder / MESH_FILE,
@@ -368,13 +369,6 @@ def save_scan(scan: Scan, folder: Path) -> None:
             # A low level: the fifth of the time for a tenth more bytes.
             Image.fromarray(image).save(_texture_path(folder, number), compress_level=1)
         (folder / RECORD_FILE).write_text(json.dumps(about, indent=2, ensure_ascii=False), encoding="utf-8")
-    except OSError as cause:
-        raise ScanError(
-            expected="a folder that can be written",
-            found=str(cause),
-            where=str(folder),
-            todo="Check its permissions and the free space.",
-        ) from cause
 
 
 def load_scan(folder: Path) -> Scan:

@@ -1,7 +1,44 @@
 """Files: written whole or not at all, and known by the hash of what they hold."""
 
 import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from lidarspectra.errors import LidarSpectraError, WorkspaceError
+
+UNFINISHED = ".part"  # ends the name of a file that is being written
+
+
+@contextmanager
+def writing(
+    path: Path,
+    *,
+    error: type[LidarSpectraError] = WorkspaceError,
+    expected: str = "a file or folder that can be written",
+    todo: str = "Check its permissions and the free disk space, or name another folder.",
+) -> Iterator[None]:
+    """Write files in a `with` block: where the system refuses one, its words become an error of ours.
+
+    Parameters
+    ----------
+    path : Path
+        The file or folder that is written; named in the error where the system names none.
+    error : type
+        Of the error that is raised.
+    expected, todo : str
+        See `lidarspectra.errors`.
+
+    Raises
+    ------
+    LidarSpectraError
+        Of the given type, for every OSError in the block.
+    """
+    try:
+        yield
+    except OSError as cause:
+        where = str(cause.filename or path).removesuffix(UNFINISHED)
+        raise error(expected=expected, found=cause.strerror or str(cause), where=where, todo=todo) from cause
 
 
 def write_whole(path: Path, content: str | bytes | memoryview) -> None:
@@ -19,7 +56,7 @@ def write_whole(path: Path, content: str | bytes | memoryview) -> None:
     OSError
         If it cannot be written; the old file then stays.
     """
-    unfinished = path.with_name(f"{path.name}.part")
+    unfinished = path.with_name(path.name + UNFINISHED)
     try:
         unfinished.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
         unfinished.replace(path)

@@ -14,8 +14,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from lidarspectra.errors import WorkspaceError
-from lidarspectra.io.files import write_whole
+from lidarspectra.io.files import write_whole, writing
 from lidarspectra.io.hdf5_heaps import check_heaps
 
 LARGEST_VALUE = 1e30  # of any physical number here; beyond it squares overflow
@@ -75,15 +74,8 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, encoding: Mapping[Any, Any]
     """
     packed = io.BytesIO()
     dataset.to_netcdf(packed, engine="h5netcdf", encoding=encoding)
-    try:
+    with writing(path):
         write_whole(path, packed.getbuffer())
-    except OSError as cause:
-        raise WorkspaceError(
-            expected="a file that can be written",
-            found=str(cause.strerror or cause),
-            where=str(path),
-            todo="Check its permissions and the free disk space.",
-        ) from cause
 
 
 def check_numbers(dataset: xr.Dataset, name: str, dims: tuple[str, ...]) -> None:

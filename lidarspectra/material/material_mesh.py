@@ -16,6 +16,7 @@ from trimesh import exchange, visual
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.io.files import writing
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.spectra.colorimetry import encode_srgb, xyz_to_linear_srgb
 from lidarspectra.spectra.databases import tristimulus_table
@@ -61,16 +62,9 @@ def save_material_mesh(scan: Scan, materials: MaterialMap, folder: Path) -> tupl
         )
     groups = _groups(scan, materials)
     ply, glb = folder / f"{MESH_STEM}.ply", folder / f"{MESH_STEM}.glb"
-    try:
+    with writing(folder, error=MaterialError):
         ply.write_bytes(_EXCHANGE.ply.export_ply(_painted(groups, materials)))
         glb.write_bytes(_EXCHANGE.gltf.export_glb(_named_scene(groups, materials)))
-    except OSError as cause:
-        raise MaterialError(
-            expected="a folder that can be written",
-            found=str(cause.strerror or cause),
-            where=str(folder),
-            todo="Check its permissions and the free disk space.",
-        ) from cause
     return ply, glb
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from lidarspectra.errors import DatabaseError
-from lidarspectra.io.files import hash_file
+from lidarspectra.io.files import hash_file, writing
 from lidarspectra.spectra.database_files import DatabaseFile, list_databases, user_folder, write_manifest
 from lidarspectra.spectra.reflectance_library import MAX_REFLECTANCE
 from lidarspectra.spectra.spectrum import Spectrum
@@ -256,7 +256,12 @@ def _store(
     """Write an imported table and its manifest entry, in place of an earlier import of the same database."""
     folder = user_folder()
     path = folder / entry_kind / f"{database}.csv"
-    try:
+    with writing(
+        folder,
+        error=DatabaseError,
+        expected="a data folder that can be written",
+        todo="Set the environment variable LIDARSPECTRA_DATA to a folder of yours.",
+    ):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_table(path, rows)
         ranges = sorted({row.spectrum.range_nm for row in rows})
@@ -276,11 +281,4 @@ def _store(
         )
         others = [file for file in list_databases() if file.path.is_relative_to(folder) and file.path != path]
         write_manifest(folder, [*others, entry])
-    except OSError as cause:
-        raise DatabaseError(
-            expected="a data folder that can be written",
-            found=str(cause),
-            where=str(folder),
-            todo="Set the environment variable LIDARSPECTRA_DATA to a folder of yours.",
-        ) from cause
     return ImportSummary(database=database, path=path, count=len(rows), notes=notes)

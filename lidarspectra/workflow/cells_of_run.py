@@ -13,7 +13,7 @@ from lidarspectra.geometry.scan import load_scan
 from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
 from lidarspectra.hardware.sensor.readings import best_signal, signal
-from lidarspectra.io.files import write_whole
+from lidarspectra.io.files import write_whole, writing
 from lidarspectra.lamps.lamp_file import load_lamps
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
@@ -242,12 +242,8 @@ def predict_from_table(
         area = area_of(cell, None if area_cm2 is None else area_cm2 * M2_PER_CM2)
         frame["current_A"] = area * frame["current_density_A_m2"]
         frame["SE_current_A"] = area * frame["SE_current_density_A_m2"]
-    try:
+    with writing(out, error=ReadingError):
         write_whole(out, frame.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
-    except OSError as cause:
-        raise ReadingError(
-            expected="a file that can be written", found=str(cause.strerror or cause), where=str(out)
-        ) from cause
     caption = f"Cell '{cell.name}' told by {len(bands)} channels at {len(frame)} places, with its standard uncertainty."
     unseen = unknown_share(light, cell)
     words = (

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lidarspectra.config import LampsFromScanSection, ScanSection
-from lidarspectra.errors import RunFileError, SensorError, WorkspaceError
+from lidarspectra.errors import RunFileError, SensorError
 from lidarspectra.geometry.scan import Scan, ScanRecord
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.io.files import writing
 from lidarspectra.io.toml_text import toml_value
 from lidarspectra.material.lit_lamps import LampSearch, LitLamp, search_lit_lamps
 from lidarspectra.progress import Progress, part_of, silent
@@ -163,15 +164,8 @@ def _check_place(scan_path: Path, out_path: Path, *, force: bool) -> None:
 
 
 def _write(path: Path, text: str) -> None:
-    try:
+    with writing(path, todo="Give another place by --out."):
         path.write_text(text, encoding="utf-8", newline="\n")
-    except OSError as cause:
-        raise WorkspaceError(
-            expected="a folder that can be written to",
-            found=str(cause),
-            where=str(path),
-            todo="Give another place by --out.",
-        ) from cause
 
 
 def _file_name(scan_path: Path, out_path: Path) -> str:

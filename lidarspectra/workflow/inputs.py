@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from lidarspectra.config import RunFile, read_run_file
-from lidarspectra.errors import WorkspaceError
-from lidarspectra.io.files import hash_file
+from lidarspectra.io.files import hash_file, writing
 from lidarspectra.material.assignments import spectrum_files
 from lidarspectra.spectra.databases import list_databases, scenes_folder
 from lidarspectra.workflow.report_applications import check_cells
@@ -85,18 +84,11 @@ def copy_scene(name: str, folder: Path) -> Path:
         If the folder cannot be written.
     """
     source = scenes_folder() / name
-    try:
+    with writing(folder, todo="Name another one: lidarspectra demo DIR."):
         folder.mkdir(parents=True, exist_ok=True)
         for path in sorted(source.iterdir()):
             if path.is_file():
                 shutil.copyfile(path, folder / path.name)
-    except OSError as cause:
-        raise WorkspaceError(
-            expected="a folder that can be written",
-            found=str(cause.strerror or cause),
-            where=str(folder),
-            todo="Name another one: lidarspectra demo DIR.",
-        ) from cause
     return folder / "room.toml"
 
 

@@ -25,7 +25,7 @@ from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.room import load_room
 from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.workflow.light_of_run import transport_of_run
-from lidarspectra.workflow.workspace import require_stage, unwritable
+from lidarspectra.workflow.workspace import require_stage, writing_run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,12 +137,10 @@ def save_relit(light: xr.Dataset, folder: Path, run: Path) -> tuple[Path, ...]:
     """
     room_folder = require_stage(run, "scan")
     plan = FloorPlan(outline=load_room(room_folder).outline)
-    try:
+    with writing_run(folder):
         folder.mkdir(parents=True, exist_ok=True)
         return (
             save_map(light, folder / MAP_FILE),
             save_map_table(light, folder / MAP_TABLE_FILE),
             *save_figure(maps_figure(light, plan), folder, "maps"),
         )
-    except OSError as cause:
-        raise unwritable(folder, cause) from cause

@@ -12,6 +12,7 @@ import platform
 import shutil
 import time
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -21,7 +22,7 @@ from typing import Any, Generic, Literal, Self, TypeVar, get_args
 
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.file_lock import FileLock
-from lidarspectra.io.files import hash_file, write_whole
+from lidarspectra.io.files import hash_file, write_whole, writing
 from lidarspectra.progress import Pace, Paced, Progress, is_pace
 from lidarspectra.workflow.peak_memory import peak_memory
 
@@ -183,12 +184,10 @@ class Workspace:
         self._lock = FileLock(folder / LOCK_FILE)
 
     def __enter__(self) -> Self:
-        try:
+        with writing_run(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
             self._claim()
             self._hold()
-        except OSError as cause:
-            raise unwritable(self.folder, cause) from cause
         self._sweep()
         return self
 
@@ -199,10 +198,8 @@ class Workspace:
 
     def keep_request(self, request: RunRequest) -> None:
         """Write down what this run is asked for, in place of what the last was."""
-        try:
+        with writing_run(self.folder):
             write_json(self.folder / MARKER_FILE, {**_marker(), "run_file": asdict(request)})
-        except OSError as cause:
-            raise unwritable(self.folder, cause) from cause
 
     def stage_folder(self, stage: StageName) -> Path:
         """The folder of a stage, `1-scan` to `7-report`."""
@@ -243,31 +240,30 @@ class Workspace:
     def _make(self, stage: Stage[Result], folder: Path, progress: Progress) -> StageRecord:
         partial = folder.with_name(f"{folder.name}.partial")
         try:
-            _remove(partial)
-            partial.mkdir()
-            start = time.monotonic()
-            last = parse_record(folder)
-            paced = Paced(progress, last.pace if last else ())
-            with peak_memory() as peak:
-                notes = stage.make(partial, paced)
-            record = StageRecord(
-                stage=stage.name,
-                key=_key(stage),
-                settings=dict(stage.settings),
-                finished=datetime.now(UTC).isoformat(timespec="seconds"),
-                seconds=round(time.monotonic() - start, 3),
-                peak_memory_mib=round(peak.mib, 1),
-                summary=notes.summary,
-                warnings=notes.warnings,
-                outputs=hash_files(partial),
-                versions=versions(),
-                pace=paced.pace(),
-            )
-            write_json(partial / RECORD_FILE, asdict(record))
-            _remove(folder)
-            partial.rename(folder)
-        except OSError as cause:
-            raise unwritable(partial, cause) from cause
+            with writing_run(partial):
+                _remove(partial)
+                partial.mkdir()
+                start = time.monotonic()
+                last = parse_record(folder)
+                paced = Paced(progress, last.pace if last else ())
+                with peak_memory() as peak:
+                    notes = stage.make(partial, paced)
+                record = StageRecord(
+                    stage=stage.name,
+                    key=_key(stage),
+                    settings=dict(stage.settings),
+                    finished=datetime.now(UTC).isoformat(timespec="seconds"),
+                    seconds=round(time.monotonic() - start, 3),
+                    peak_memory_mib=round(peak.mib, 1),
+                    summary=notes.summary,
+                    warnings=notes.warnings,
+                    outputs=hash_files(partial),
+                    versions=versions(),
+                    pace=paced.pace(),
+                )
+                write_json(partial / RECORD_FILE, asdict(record))
+                _remove(folder)
+                partial.rename(folder)
         except MemoryError as cause:
             raise WorkspaceError(
                 expected=f"memory enough for the stage '{stage.name}'",
@@ -433,18 +429,15 @@ def _remove(folder: Path) -> None:
 
 def made_folder(folder: Path) -> Path:
     """A folder for results, made if absent; raises WorkspaceError where it cannot be."""
-    try:
+    with writing_run(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as cause:
-        raise unwritable(folder, cause) from cause
     return folder
 
 
-def unwritable(folder: Path, cause: OSError) -> WorkspaceError:
-    """The error for a folder that cannot be written, from what the system said."""
-    return WorkspaceError(
+def writing_run(folder: Path) -> AbstractContextManager[None]:
+    """Write into a run folder in a `with` block; see `lidarspectra.io.files.writing`."""
+    return writing(
+        folder,
         expected="a run folder that can be written",
-        found=f"{cause.strerror or cause}",
-        where=str(cause.filename or folder),
         todo="Check its permissions and the free disk space, or name another folder with --out.",
     )

@@ -15,7 +15,7 @@ from lidarspectra.hardware.robot.poses import Trajectory
 from lidarspectra.hardware.robot.time_offset import ExpectedLight, TimeOffset, estimate_time_offset, given_offset
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.readings import POSITION
-from lidarspectra.io.files import write_whole
+from lidarspectra.io.files import write_whole, writing
 
 LONGEST_GAP_S = 2.0  # [s] between poses over which a place is interpolated; odometry comes 20 to 30 times a second
 DEFAULT_RADIUS_M = 0.25  # [m] so near a reading counts for a place, unless the places lie closer
@@ -297,10 +297,6 @@ def write_measured(gridded: xr.Dataset, path: Path) -> int:
         If it cannot be written.
     """
     table = measured_table(gridded)
-    try:
+    with writing(path, error=ReadingError):
         write_whole(path, table.to_csv(index=False, float_format="%.9g", lineterminator="\n"))
-    except OSError as cause:
-        raise ReadingError(
-            expected="a table that can be written", found=str(cause), where=str(path), todo="Choose another folder."
-        ) from cause
     return len(table)

@@ -13,6 +13,7 @@ import numpy as np
 from lidarspectra.errors import ArrayError, ReadingError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, DIES
 from lidarspectra.hardware.sensor.calibration import Calibration
+from lidarspectra.io.files import writing
 from lidarspectra.spectra.database_files import user_folder
 
 FORMAT = "lidarspectra sensor calibration 1"
@@ -67,7 +68,12 @@ def save_calibration(calibration: Calibration) -> Calibration:
         If the name is none for a folder, or nothing can be written there.
     """
     folder = _folder(calibration.name)
-    try:
+    with writing(
+        folder,
+        error=ReadingError,
+        expected="a calibration folder that can be written",
+        todo="Set LIDARSPECTRA_DATA to a folder of yours.",
+    ):
         folder.mkdir(parents=True, exist_ok=True)
         while True:
             version = max(versions(calibration.name), default=0) + 1
@@ -79,13 +85,6 @@ def save_calibration(calibration: Calibration) -> Calibration:
             except FileExistsError:  # another program took that number meanwhile
                 continue
             return saved
-    except OSError as cause:
-        raise ReadingError(
-            expected="a calibration folder that can be written",
-            found=str(cause),
-            where=str(folder),
-            todo="Set LIDARSPECTRA_DATA to a folder of yours.",
-        ) from cause
 
 
 def load_calibration(name: str, version: int | None = None) -> Calibration:

@@ -11,6 +11,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -22,6 +23,7 @@ from lidarspectra.errors import DeviceError, ReadingError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.gaps import Gap, Upset
 from lidarspectra.hardware.sensor.sensor_records import CellReading, Moment, Note, Reading
+from lidarspectra.io.files import writing
 
 FORMAT_LINE = "# lidarspectra sensor log 1"
 CELL_COLUMNS = 8
@@ -64,10 +66,8 @@ class LogWriter:
         self._sync = sync
         self._synced_s = -math.inf
         fresh = _check_target(path, append=append)
-        try:
+        with _writing(path):
             self._file: IO[bytes] = path.open("ab")
-        except OSError as cause:
-            raise _unwritable(path, cause) from cause
         if not fresh and not path.read_bytes().endswith(b"\n"):
             self._put(b"\n")  # what a crash left of a row stays a broken row of its own
 
@@ -105,17 +105,13 @@ class LogWriter:
             self._file.close()
 
     def _sync_now(self) -> None:
-        try:
+        with _writing(self._path):
             self._sync(self._file.fileno())
-        except OSError as cause:
-            raise _unwritable(self._path, cause) from cause
 
     def _put(self, data: bytes) -> None:
-        try:
+        with _writing(self._path):
             self._file.write(data)
             self._file.flush()
-        except OSError as cause:
-            raise _unwritable(self._path, cause) from cause
 
 
 def _check_target(path: Path, *, append: bool) -> bool:
@@ -145,11 +141,11 @@ def _is_log(path: Path) -> bool:
         return file.readline().decode("utf-8", errors="replace").strip() == FORMAT_LINE
 
 
-def _unwritable(path: Path, cause: OSError) -> DeviceError:
-    return DeviceError(
+def _writing(path: Path) -> AbstractContextManager[None]:
+    return writing(
+        path,
+        error=DeviceError,
         expected="a log that can be written",
-        found=str(cause),
-        where=str(path),
         todo="Choose a folder that exists, on a disk with room; what was written so far is kept.",
     )
 

@@ -38,7 +38,7 @@ from lidarspectra.hardware.sensor.as7265x import (
     basic_counts,
     count_uncertainty,
 )
-from lidarspectra.io.files import write_whole
+from lidarspectra.io.files import write_whole, writing
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM
 
 Signal = Literal["basic counts", "basic module values", "module values"]
@@ -292,9 +292,5 @@ def write_readings(readings: xr.Dataset, path: Path, *, light: xr.Dataset | None
         If it cannot be written.
     """
     text = readings_table(readings, light).to_csv(index=False, float_format="%.10g", lineterminator="\n")
-    try:
+    with writing(path, error=ReadingError):
         write_whole(path, text)
-    except OSError as cause:
-        raise ReadingError(
-            expected="a table that can be written", found=str(cause), where=str(path), todo="Choose another folder."
-        ) from cause

@@ -25,6 +25,7 @@ from matplotlib.font_manager import findfont, get_font
 from numpy.typing import ArrayLike
 
 from lidarspectra.errors import MapError
+from lidarspectra.io.files import writing
 
 INK = "#1d2126"
 MUTED = "#6a7178"
@@ -160,14 +161,9 @@ def save_figure(figure: Figure, folder: Path, name: str) -> tuple[Path, ...]:
     paths = tuple(folder / f"{name}.{kind}" for kind in FILE_TYPES)
     # Neither file tells when and by which version it was made: the same numbers give the same bytes.
     marks = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Producer": None, "Creator": None}}
-    try:
-        with house_style():
-            for path in paths:
-                figure.savefig(path, metadata=marks[path.suffix[1:]])
-    except OSError as cause:
-        raise MapError(
-            expected="a folder that can be written", found=str(cause), where=str(folder), todo="Free some space."
-        ) from cause
+    with writing(folder, error=MapError), house_style():
+        for path in paths:
+            figure.savefig(path, metadata=marks[path.suffix[1:]])
     return paths
 
 

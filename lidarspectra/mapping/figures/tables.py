@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from lidarspectra.errors import MapError
+from lidarspectra.io.files import writing
 from lidarspectra.mapping.figures.figure_style import printable
 
 FILE_NAME = re.compile(r"[a-z0-9][a-z0-9-]*")  # ours to choose; never a user's words
@@ -101,16 +102,9 @@ def save_table(table: Table, folder: Path) -> tuple[Path, ...]:
         short = replace(table, frame=table.frame.head(MAX_READ_ROWS), caption=table.caption + cut)
     texts = {"csv": table_csv(table), "md": table_markdown(short), "html": _document(short)}
     paths = tuple(folder / f"{table.name}.{kind}" for kind in texts)
-    try:
+    with writing(folder, error=MapError):
         for path, text in zip(paths, texts.values(), strict=True):
             path.write_text(text, encoding="utf-8", newline="\n")
-    except OSError as cause:
-        raise MapError(
-            expected="a folder that can be written",
-            found=str(cause),
-            where=str(folder),
-            todo="Check its permissions and the free disk space.",
-        ) from cause
     return paths
 
 

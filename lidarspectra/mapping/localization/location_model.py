@@ -17,8 +17,9 @@ import numpy as np
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array
-from lidarspectra.errors import MapError, WorkspaceError
+from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import SensorSettings
+from lidarspectra.io.files import writing
 from lidarspectra.io.netcdf import read_netcdf, write_netcdf
 from lidarspectra.mapping.localization.augmentation import Augmentation, augmented_counts
 from lidarspectra.mapping.localization.discriminant import DiscriminantPlaces, fit_discriminant, sensor_blur
@@ -285,17 +286,13 @@ def save_locator(model: LocationModel, folder: Path) -> Path:
         },
         attrs={"schema": SCHEMA, "quantity": model.quantity, "source": model.source, **settings},
     )
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         # The graphs first: a folder that was cut short has no model.nc, and is seen to be incomplete.
         (folder / MODEL_FILE).unlink(missing_ok=True)
         (folder / NETWORK_FILE).write_bytes(model.network.model)
         (folder / DISCRIMINANT_FILE).write_bytes(discriminant_graph(model.discriminant, model.places, model.space))
         write_netcdf(dataset, folder / MODEL_FILE, encoding={})
-    except OSError as cause:
-        raise WorkspaceError(
-            expected="a folder that can be written", found=str(cause), where=str(folder), todo="Choose another one."
-        ) from cause
     return folder
 
 

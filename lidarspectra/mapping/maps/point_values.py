@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 
 from lidarspectra.errors import MapError
-from lidarspectra.io.files import write_whole
+from lidarspectra.io.files import write_whole, writing
 
 PLACE = ("x", "y", "z", "nx", "ny", "nz", "buried")
 POINTS_FILE = "points.csv"
@@ -28,8 +28,6 @@ def points_frame(values: xr.Dataset) -> pd.DataFrame:
 def save_points(values: xr.Dataset, folder: Path) -> Path:
     """Write `points_frame` as points.csv with six digits, atomically; raises MapError if that fails."""
     path = folder / POINTS_FILE
-    try:
+    with writing(folder, error=MapError):
         write_whole(path, points_frame(values).to_csv(index=False, float_format="%.6g", lineterminator="\n"))
-    except OSError as cause:
-        raise MapError(expected="a folder that can be written", found=str(cause), where=str(folder)) from cause
     return path

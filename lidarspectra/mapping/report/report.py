@@ -4,13 +4,15 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from lidarspectra.errors import MapError
+from lidarspectra.io.files import writing
 from lidarspectra.mapping.figures.channel_figures import ReportView
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.report import report_page as html
 from lidarspectra.mapping.report import report_sections as parts
 from lidarspectra.mapping.report.report_input import ReportInput
 from lidarspectra.mapping.report.report_tables import StageRow
-from lidarspectra.mapping.report.report_writer import ReportWriter, unwritable
+from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.mapping.report.room_view import room_view_data
 from lidarspectra.progress import Progress, shares, silent
 
@@ -77,10 +79,8 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
     )
     page = html.page(title=report.title, lead=_lead(report), sections=sections, footer=_footer(report), room_data=data)
     path = folder / PAGE
-    try:
+    with writing(folder, error=MapError):
         path.write_text(page, encoding="utf-8", newline="\n")
-    except OSError as cause:
-        raise unwritable(folder, cause) from cause
     progress(1.0, "report written")
     return path
 

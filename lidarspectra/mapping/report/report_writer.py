@@ -5,6 +5,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from lidarspectra.errors import MapError
+from lidarspectra.io.files import writing
 from lidarspectra.mapping.figures.figure_style import inline_svg, save_figure
 from lidarspectra.mapping.figures.tables import Table, save_table, table_html
 from lidarspectra.mapping.report import report_page as html
@@ -27,11 +28,9 @@ class ReportWriter:
     def __init__(self, folder: Path) -> None:
         self._figures, self._tables = folder / "figures", folder / "tables"
         self._number = 0
-        try:
+        with writing(folder, error=MapError):
             self._figures.mkdir(parents=True, exist_ok=True)
             self._tables.mkdir(parents=True, exist_ok=True)
-        except OSError as cause:
-            raise unwritable(folder, cause) from cause
 
     def figure(self, name: str, figure: Figure, caption: str) -> str:
         """Save a figure and give it as an element."""
@@ -49,13 +48,3 @@ class ReportWriter:
         save_table(table, self._tables)
         links = html.files(f"tables/{table.name}", ("csv", "md", "html"))
         return table_html(table, max_rows=max_rows) + f'<p class="files">{links}</p>'
-
-
-def unwritable(folder: Path, cause: OSError) -> MapError:
-    """The error for a folder that cannot be written."""
-    return MapError(
-        expected="a folder that can be written",
-        found=str(cause.strerror or cause),
-        where=str(folder),
-        todo="Check its permissions and the free disk space.",
-    )

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.errors import SceneError
+from lidarspectra.io.files import writing
 from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
 from lidarspectra.radiance.engine.engine import Engine, find_engine
 from lidarspectra.radiance.engine.options import Accuracy, Noise, plain_arguments
@@ -66,7 +67,12 @@ def write_workflow(
         If a file of the scene is not there, or the folder cannot be written.
     """
     library = (find_engine() if engine is None else engine).library
-    try:
+    with writing(
+        folder,
+        error=SceneError,
+        expected="a scene that can be copied, and a folder that can be written",
+        todo="Make the scene stage again, or name another folder.",
+    ):
         folder.mkdir(parents=True, exist_ok=True)
         for name in _scene_files(scene):
             shutil.copyfile(scene.folder / name, folder / name)
@@ -74,13 +80,6 @@ def write_workflow(
             shutil.copyfile(library / name, folder / name)
         for name, text in _texts(scene, points, accuracy, noise).items():
             (folder / name).write_text(text, encoding="utf-8", newline="\n")
-    except OSError as cause:
-        raise SceneError(
-            expected="a scene that can be copied, and a folder that can be written",
-            found=str(cause),
-            where=str(folder),
-            todo="Make the scene stage again, or name another folder.",
-        ) from cause
     return folder / MAKEFILE
 
 
