@@ -1,9 +1,10 @@
-"""Relative fluxes of lamps that were found in a scan: what the light pattern on the walls tells of each, and what not.
+"""Relative fluxes of lamps that were found in a scan, estimated from the light pattern on the walls.
 
-The fit that takes the light out of the picture (`albedo`, Eq. 1) has one factor a lamp on its direct light D. For lamps
-that nobody described these factors are nearly free, and the picture decides: a wall beside a lamp twice as strong is
-twice as bright. Two lamps side by side throw the same pattern; their factors come out with a wide deviation, and such
-a lamp keeps the flux that its area suggests. Only ratios are told: the scale of all fluxes is the camera's exposure.
+The de-lighting fit (`albedo`, Eq. 1) has one factor per lamp on its direct light D. For lamps without a stated flux
+the prior on these factors is wide, and the picture determines them: a wall beside a lamp twice as strong is twice as
+bright. Two lamps side by side cast the same pattern; their factors are not identifiable (the posterior deviation is
+wide), and such a lamp keeps the flux that its area suggests. Only ratios are identifiable: the scale of all fluxes is
+the camera's exposure.
 """
 
 import csv
@@ -21,16 +22,16 @@ from lidarspectra.material.albedo import LightFit
 from lidarspectra.spectra.spectrum_files import read_text
 
 FLUXES_FILE = "lamp-fluxes.csv"
-COLUMNS = ("lamp", "factor", "log_deviation", "told")
+COLUMNS = ("lamp", "factor", "log_deviation", "told")  # told: identifiable; the name in files of earlier runs
 UNKNOWN_FLUX_DEVIATION = 0.8  # [1] of the log: one lamp of a room in six is dimmed to less than half, or stronger
-MODEL_DEVIATION = 0.08  # [1] of the log, by what the fit does not know: the mesh's faults, where just the lamps hang
-TOLD_DEVIATION = 0.15  # [1] of the log, up to which the walls tell a lamp's flux
+MODEL_DEVIATION = 0.08  # [1] of the log, for errors outside the fit's model: of the mesh, and of the lamps' places
+IDENTIFIABLE_DEVIATION = 0.15  # [1] of the log, up to which a lamp's flux counts as identifiable
 MAX_NAMED = 6  # lamps named in one note
 
 
 @dataclass(frozen=True, kw_only=True)
 class LampFlux:
-    """What a picture says of one lamp's flux.
+    """Estimate of one lamp's relative flux from a picture.
 
     Parameters
     ----------
@@ -40,36 +41,38 @@ class LampFlux:
         Its flux over that which its area suggests, relative to the mean of all lamps. [1]
     log_deviation : float
         Standard deviation of the factor's logarithm. [1]
-    told : bool
-        Whether the picture tells it; else the factor is not to be used.
+    identifiable : bool
+        Whether the picture determines it; else the factor must not be used.
     """
 
     lamp: str
     factor: float
     log_deviation: float
-    told: bool
+    identifiable: bool
 
 
-def told_lamps(fit: LightFit) -> BoolArray:
-    """(lamp,) whether a fit with free fluxes tells that of each; of a single lamp none, for a ratio takes two."""
+def identifiable_lamps(fit: LightFit) -> BoolArray:
+    """(lamp,) whether the flux of each is identifiable in a fit with free fluxes; never of a single lamp."""
     count = len(fit.flux_factors)
-    return np.asarray((_log_deviations(fit) <= TOLD_DEVIATION) & (count > 1), dtype=np.bool_)
+    return np.asarray((_log_deviations(fit) <= IDENTIFIABLE_DEVIATION) & (count > 1), dtype=np.bool_)
 
 
-def told_fluxes(names: Sequence[str], fit: LightFit, told: BoolArray) -> tuple[LampFlux, ...]:
-    """What a fit says of each lamp's flux.
+def estimated_fluxes(names: Sequence[str], fit: LightFit, identifiable: BoolArray) -> tuple[LampFlux, ...]:
+    """Each lamp's relative flux as a fit has it.
 
     Parameters
     ----------
     names : sequence of str
         Of the lamps.
     fit : LightFit
-    told : (lamp,) bool
-        See `told_lamps`.
+    identifiable : (lamp,) bool
+        See `identifiable_lamps`.
     """
     return tuple(
-        LampFlux(lamp=name, factor=float(factor), log_deviation=float(deviation), told=bool(sure))
-        for name, factor, deviation, sure in zip(names, fit.flux_factors, _log_deviations(fit), told, strict=True)
+        LampFlux(lamp=name, factor=float(factor), log_deviation=float(deviation), identifiable=bool(sure))
+        for name, factor, deviation, sure in zip(
+            names, fit.flux_factors, _log_deviations(fit), identifiable, strict=True
+        )
     )
 
 
@@ -78,16 +81,22 @@ def _log_deviations(fit: LightFit) -> FloatArray:
 
 
 def flux_notes(fluxes: Sequence[LampFlux]) -> tuple[str, ...]:
-    """Say of which lamps the walls tell the flux, and of which not."""
-    told = [f"{flux.lamp} {flux.factor:.2f} ± {100 * flux.log_deviation:.0f} %" for flux in fluxes if flux.told]
-    silent = [flux.lamp for flux in fluxes if not flux.told]
+    """Notes on the lamps whose relative flux was estimated, and on those for which it was not identifiable."""
+    known = [
+        f"'{flux.lamp}' {flux.factor:.2f} ± {100 * flux.log_deviation:.0f} %" for flux in fluxes if flux.identifiable
+    ]
+    unknown = [f"'{flux.lamp}'" for flux in fluxes if not flux.identifiable]
     notes = []
-    if told:
-        notes.append(f"relative fluxes by the light on the walls: {_listed(told)}")
-    if silent and len(fluxes) > 1:
+    if known:
         notes.append(
-            f"the light on the walls does not tell the flux of {_listed(silent)}: taken by area; a [[lamps]] entry of "
-            "your own knows better"
+            "The lamps' relative fluxes were estimated from the light pattern on the walls, as factors on what their "
+            f"area suggests: {_listed(known)}. If you know the fluxes, give the lamps as [[lamps]] in the run file."
+        )
+    if unknown and len(fluxes) > 1:
+        notes.append(
+            f"The light pattern on the walls does not determine the relative flux of {_listed(unknown)}, which is "
+            "taken in proportion to the lamp's area and may be wrong. Give these lamps with their fluxes as [[lamps]] "
+            "in the run file."
         )
     return tuple(notes)
 
@@ -105,7 +114,7 @@ def flux_factors(names: Sequence[str], fluxes: Sequence[LampFlux], powers: Float
     names : sequence of str
         Of the lamps.
     fluxes : sequence of LampFlux
-        Lamps that are not among them, or of which nothing is told, count as 1 before the sum is restored.
+        Lamps that are not among them, or whose flux is not identifiable, count as 1 before the sum is restored.
     powers : (lamp,) float
         Fluxes before. [W]
 
@@ -114,7 +123,7 @@ def flux_factors(names: Sequence[str], fluxes: Sequence[LampFlux], powers: Float
     factors : (lamp,) float
         [1]
     """
-    known = {flux.lamp: flux.factor for flux in fluxes if flux.told}
+    known = {flux.lamp: flux.factor for flux in fluxes if flux.identifiable}
     factors = np.array([known.get(name, 1.0) for name in names])
     return np.asarray(factors * powers.sum() / (factors * powers).sum(), dtype=np.float64)
 
@@ -129,7 +138,8 @@ def save_lamp_fluxes(fluxes: Sequence[LampFlux], folder: Path) -> None:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
     for flux in fluxes:
-        writer.writerow([flux.lamp, f"{flux.factor:.6g}", f"{flux.log_deviation:.6g}", "yes" if flux.told else "no"])
+        sure = "yes" if flux.identifiable else "no"
+        writer.writerow([flux.lamp, f"{flux.factor:.6g}", f"{flux.log_deviation:.6g}", sure])
     write_whole(path, text.getvalue())
 
 
@@ -151,7 +161,7 @@ def load_lamp_fluxes(folder: Path) -> tuple[LampFlux, ...]:
                 lamp=row["lamp"],
                 factor=float(row["factor"]),
                 log_deviation=float(row["log_deviation"]),
-                told={"yes": True, "no": False}[row["told"]],
+                identifiable={"yes": True, "no": False}[row["told"]],
             )
             for row in rows
         )
@@ -159,7 +169,7 @@ def load_lamp_fluxes(folder: Path) -> tuple[LampFlux, ...]:
             raise ValueError("a factor that is not above zero, or a deviation below it")
     except (DatabaseError, csv.Error, ValueError, TypeError, KeyError) as cause:
         raise MaterialError(
-            expected=f"columns {', '.join(COLUMNS)}, a line a lamp",
+            expected=f"columns {', '.join(COLUMNS)}, one line per lamp",
             found=f"{type(cause).__name__}: {cause}",
             where=str(path),
             todo="Run the materials stage again.",

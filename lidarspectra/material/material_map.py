@@ -151,20 +151,28 @@ class MaterialMap:
         )
 
     def warnings(self, face_areas: FloatArray, *, light_left_in: bool = True) -> tuple[str, ...]:
-        """What a reader must know of how the materials were found, from the (face,) areas [m²]."""
+        """Caveats on how the materials were found, as full sentences, from the (face,) areas [m²]."""
         areas, total = self.areas(face_areas), float(face_areas.sum())
         words = []
         estimated = [material.provenance in ("measured", "recovered") for material in self.materials]
         if any(estimated) and light_left_in:
             words.append(
-                "reflectances are read from the scan's colours as they are: the room's own light is still in them"
+                "Reflectances are taken from the scan's colours without de-lighting: the light in the room at the time "
+                "of the scan is still in them, so that shaded surfaces come out too dark and lit ones too bright. Give "
+                "the lamps that were lit, and set delight = true under [materials]."
             )
         default = float(sum(area for area, m in zip(areas, self.materials, strict=True) if m.provenance == "default"))
         if any(estimated) and default > 0:
-            words.append(f"{100 * default / total:.1f} % of the area has no colour of its own and the default material")
+            words.append(
+                f"{100 * default / total:.1f} % of the area has no colour in the scan and gets the default material. "
+                'Assign materials there (method = "file" under [materials]) if it is near the sensors.'
+            )
         unseen = float((face_areas * (1.0 - self.face_seen)).sum())
         if any(estimated) and unseen > UNSEEN_WARNING * total:
-            words.append(f"{100 * unseen / total:.1f} % of the area was seen by no view; what surrounds it decides")
+            words.append(
+                f"{100 * unseen / total:.1f} % of the area was seen by no view and takes the material of its "
+                "neighbours. Scan those places again if they matter."
+            )
         short = [
             area
             for area, m in zip(areas, self.materials, strict=True)
@@ -172,8 +180,9 @@ class MaterialMap:
         ]
         if short:
             words.append(
-                f"{100 * sum(short) / total:.0f} % of the area has reflectances measured for a part of "
-                f"{PAPER_BANDS_NM[0]:.0f} to {PAPER_BANDS_NM[1]:.0f} nm only, and extrapolated beyond"
+                f"{100 * sum(short) / total:.0f} % of the area has reflectances that were measured only in a part of "
+                f"{PAPER_BANDS_NM[0]:.0f} to {PAPER_BANDS_NM[1]:.0f} nm and are extrapolated outside it: the outer "
+                "channels are less certain. Reflectance databases with a wider range can be imported."
             )
         return tuple(words)
 

@@ -30,7 +30,13 @@ from lidarspectra.material.albedo import (
 )
 from lidarspectra.material.colored_light import BANDS, Exchange, apparent_ratio
 from lidarspectra.material.colors import surface_colors
-from lidarspectra.material.lamp_fluxes import UNKNOWN_FLUX_DEVIATION, LampFlux, flux_notes, told_fluxes, told_lamps
+from lidarspectra.material.lamp_fluxes import (
+    UNKNOWN_FLUX_DEVIATION,
+    LampFlux,
+    estimated_fluxes,
+    flux_notes,
+    identifiable_lamps,
+)
 from lidarspectra.material.light_exchange import exchange_matrix
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
@@ -110,7 +116,10 @@ class Delighting:
 
 
 def _left_in(reason: str, fit: LightFit | None = None) -> Delighting:
-    words = f"the room's light could not be taken out of the scan's colours: {reason}"
+    words = (
+        f"The room's light could not be removed from the scan's colours (de-lighting): {reason} Until then "
+        "reflectances may be far off."
+    )
     return Delighting(face_color=None, face_deviation=None, fit=fit, words="", warnings=(words,))
 
 
@@ -159,9 +168,9 @@ def take_light_out(
         As the tracing does.
     """
     if not scan.appearance.known:
-        return _left_in("the scan has no colours")
+        return _left_in("the scan has no colours. Scan again with colour, or assign materials by hand.")
     if not lamps:
-        return _left_in("no lamps are known")
+        return _left_in("no lamps are known. Give the lamps that were lit as [[lamps]] in the run file.")
     coloring, lighting, exchanging, fitting, fitting_again = shares(
         progress, (*SHARES[:-1], 0.0 if fluxes_stated else SHARES[-1])
     )
@@ -197,12 +206,14 @@ def take_light_out(
     )
     witnesses = _witnesses(evidence)
     if witnesses < MIN_WITNESSES or not evidence.direct.any():
-        return _left_in("too little of it shows surfaces that the lamps light")
+        return _left_in(
+            "too few of its surfaces receive direct light of the lamps. Check the lamps' places in the run file."
+        )
     unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
     found = _fit(scan, room, lamps, samples, trusted, evidence, coefficients, unsure_of, fitting)
-    told = told_lamps(found[0])
-    if not fluxes_stated and not told.all():  # lamps that the picture cannot tell apart must not take what it cannot
-        unsure_of = np.where(told, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
+    identifiable = identifiable_lamps(found[0])
+    if not fluxes_stated and not identifiable.all():  # fluxes that are not identifiable must not absorb other errors
+        unsure_of = np.where(identifiable, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
         found = _fit(scan, room, lamps, samples, trusted, evidence, coefficients, unsure_of, fitting_again)
     fit, evidence, spread = found
     if (doubt := _doubt(fit)) is not None:
@@ -210,7 +221,7 @@ def take_light_out(
     face_color = _face_reflectance(evidence, fit, spread)
     face_color[~known] = 1.0
     progress(1.0, "light taken out")
-    fluxes = () if fluxes_stated else told_fluxes([lamp.name for lamp in lamps], fit, told)
+    fluxes = () if fluxes_stated else estimated_fluxes([lamp.name for lamp in lamps], fit, identifiable)
     return Delighting(
         face_color=face_color,
         face_deviation=np.asarray(spread @ fit.log_deviation, dtype=np.float64),
@@ -314,50 +325,61 @@ def _doubt(fit: LightFit) -> str | None:
     """Why a fit is not to be believed, if so."""
     if fit.explained < MIN_EXPLAINED:
         return (
-            "how bright its surfaces look does not follow the lamps' light "
-            f"(which explains {100 * max(fit.explained, 0.0):.0f} % of the differences within surfaces); "
-            "it may be unlit, or lit by other lamps or by daylight"
+            f"the lamps' light explains only {100 * max(fit.explained, 0.0):.0f} % of the brightness differences "
+            "within its surfaces; it may be unlit, or lit by other lamps or by daylight. Give the lamps that were lit, "
+            "or scan again with these lamps on and the daylight shut out."
         )
     if fit.direct_share < MIN_DIRECT:
         return (
-            f"the lamps' own light would be {100 * fit.direct_share:.0f} % of all light in the room, which takes "
-            "surfaces brighter than white; the lamps may stand elsewhere, or others may be lit"
+            f"the lamps' direct light would be only {100 * fit.direct_share:.0f} % of all light in the room, which "
+            "surfaces darker than white cannot reflect. Check the lamps' places, and give all lamps that were lit."
         )
     if fit.deviations[2:5].max() > MAX_UNCERTAIN:
-        return "the picture does not tell how strong the lamps' light is in it"
+        return (
+            "the strength of the lamps' light is not identifiable from its colours. Scan more of the walls beside the "
+            "lamps, or assign materials by hand."
+        )
     return None
 
 
 def _in_words(fit: LightFit) -> str:
     uncertain = 100 * float(np.median(fit.log_deviation))
     return (
-        f"the room's light taken out: tone curve of power {fit.tone.power:.2f} and shoulder {fit.tone.shoulder:.2f}, "
-        f"light explains {100 * fit.explained:.0f} % of the differences within surfaces, "
-        f"reflectances within {uncertain:.0f} % of themselves by it"
+        f"the room's light removed: tone curve of power {fit.tone.power:.2f} and shoulder {fit.tone.shoulder:.2f}, "
+        f"the lamps' light explains {100 * fit.explained:.0f} % of the differences within surfaces, "
+        f"which leaves reflectances uncertain by {uncertain:.0f} %"
     )
 
 
 def _flux_warnings(fit: LightFit, lamps: Sequence[Lamp]) -> tuple[str, ...]:
-    """Lamps that the picture shows much brighter or dimmer than was assumed."""
+    """A note on the lamps that the picture shows much brighter or dimmer than was assumed."""
     if not fit.flux_deviations.any():
         return ()
     sure = np.abs(np.log(fit.flux_factors)) > SURE_DEVIATIONS * fit.flux_deviations
     far = np.abs(np.log(fit.flux_factors)) > np.log(FLUX_FACTOR)
-    return tuple(
-        f"lamp '{lamp.name}' looks {factor:.2f} times as strong as stated, compared with the other lamps"
-        for lamp, factor, told in zip(lamps, fit.flux_factors, sure & far, strict=True)
-        if told
+    differing = [
+        f"'{lamp.name}' {factor:.2f} times"
+        for lamp, factor, differs in zip(lamps, fit.flux_factors, sure & far, strict=True)
+        if differs
+    ]
+    if not differing:
+        return ()
+    return (
+        f"Compared with the other lamps, some do not have the stated flux in the scan: {', '.join(differing)} of it. "
+        "The simulation uses the stated fluxes; check them, and whether these lamps were dimmed.",
     )
 
 
 def _beam_warning(fit: LightFit) -> tuple[str, ...]:
-    """Lamps that the picture shows to shine otherwise than matt ones."""
+    """A note where the picture shows that the lamps' beam is not Lambertian."""
     if abs(fit.beam) < max(BEAM_EXPONENT, SURE_DEVIATIONS * fit.deviations[COMMON - 1]):
         return ()
-    how = "more narrowly" if fit.beam > 0 else "more widely"
+    how = "narrower" if fit.beam > 0 else "wider"
+    below = "brighter below the lamps and darker on the walls" if fit.beam > 0 else "darker below the lamps"
     return (
-        f"panels, strips and discs seem to shine {how} than matt ones, as cos^{1 + fit.beam:.1f} of the angle; the "
-        "simulation takes them as matt, and an IES file would tell it better",
+        f"The light on the walls suggests that panels, strips and discs have a beam {how} than the Lambertian one that "
+        f"the simulation assumes (intensity as the cosine to the power {1 + fit.beam:.1f}), so that the real room is "
+        f"{below}. Give an IES or LDT file of the lamps if you have one.",
     )
 
 
@@ -365,25 +387,26 @@ def _unsettled(fit: LightFit) -> tuple[str, ...]:
     if fit.steps < MAX_STEPS:
         return ()
     return (
-        f"camera and light had not settled after {MAX_STEPS} steps: the reflectances may be off by more than stated",
+        f"The fit of camera and light did not converge in {MAX_STEPS} steps, so that reflectances may be off by more "
+        "than their stated uncertainty. Check the lamps' places and which of them were lit.",
     )
 
 
 def _other_light(scan: Scan, known: BoolArray, evidence: LightEvidence, light: FloatArray) -> tuple[str, ...]:
-    """Areas cut at white that no known lamp explains, (face, 3) light on a white surface being less than that."""
+    """A note on clipped areas that no known lamp explains; (face, 3) light is that on a white surface."""
     other = ~known & ~evidence.face_lamp & (light.max(axis=1) < 1.0)
     area = float(scan.areas[other].sum())
     if area < OTHER_LIGHT_SHARE * float(scan.areas.sum()):
         return ()
     return (
-        f"{area:.1f} m² of the scan are as bright as lamps and belong to none that is known (windows, screens, other "
-        "lamps): their light is counted as the picture shows it, cut at white, and surfaces near them may come out "
-        "too bright",
+        f"{area:.1f} m² of the scan are as bright as lamps but belong to no known lamp (windows, screens, other "
+        "lamps). Their brightness is clipped in the picture, so that their light is underestimated and surfaces near "
+        "them may come out too bright. Add lamps that were lit to the run file, or scan with windows and screens dark.",
     )
 
 
 def _whiter_than_paint(reflectance: FloatArray, area_m2: float) -> tuple[str, ...]:
-    """White surfaces of which most came out brighter than paint, and are held to it; noise alone does not do that.
+    """A note on white surfaces of which most came out brighter than paint and were limited to it, beyond mere noise.
 
     The (sample, 3) reflectances stand evenly over the scan's area [m²].
     """
@@ -392,8 +415,9 @@ def _whiter_than_paint(reflectance: FloatArray, area_m2: float) -> tuple[str, ..
     if share < WHITE_SHARE or np.median(bright[bright > MIN_WHITE]) < BRIGHTEST_REFLECTANCE:
         return ()
     return (
-        f"{share * area_m2:.0f} m² came out brighter than fresh white paint and count as that (reflectance "
-        f"{BRIGHTEST_REFLECTANCE:.2f}): more light falls there than the lamps explain, or the picture is too bright",
+        f"{share * area_m2:.0f} m² came out brighter than fresh white paint and were limited to its reflectance of "
+        f"{BRIGHTEST_REFLECTANCE:.2f}: more light falls there than the known lamps give, or the picture is "
+        "overexposed. Check that all lamps that were lit are in the run file.",
     )
 
 

@@ -75,8 +75,8 @@ def resolve_lamps(sections: Sequence[LampSection], folder: Path) -> tuple[Lamp, 
     return tuple(lamps)
 
 
-def with_told_fluxes(lamps: tuple[Lamp, ...], materials_folder: Path) -> tuple[Lamp, ...]:
-    """Lamps with the relative fluxes that the materials stage read off the walls; as they are where it read none."""
+def with_estimated_fluxes(lamps: tuple[Lamp, ...], materials_folder: Path) -> tuple[Lamp, ...]:
+    """Lamps with the relative fluxes that the materials stage estimated; unchanged where it estimated none."""
     fluxes = load_lamp_fluxes(materials_folder)
     if not fluxes:
         return lamps

@@ -32,20 +32,20 @@ Result = TypeVar("Result")
 
 
 class Listener(Protocol):
-    """Whoever watches a run: the command line draws bars, a test collects names."""
+    """Receives the events of a run: the command line draws bars from them, a test collects names."""
 
     def start(self, stage: StageName) -> Progress:
-        """Say that a stage is being made; the returned progress is told how far it is."""
+        """Called when a stage starts; returns the callable that receives its progress."""
 
     def finish(self, result: StageResult[Any]) -> None:
-        """Say that a stage is done, or was fresh."""
+        """Called when a stage is finished, or was up to date."""
 
 
 class SilentListener:
-    """Hears nothing; the default."""
+    """No-op listener; the default."""
 
     def start(self, stage: StageName) -> Progress:
-        """Return a progress that nobody hears."""
+        """Return a progress that does nothing."""
         return silent
 
     def finish(self, result: StageResult[Any]) -> None:
@@ -156,7 +156,7 @@ def run(
     cluster : str, optional
         Address of a Dask scheduler that traces in place of this machine.
     listener : Listener, optional
-        Told when stages start and end.
+        Called when stages start and end.
 
     Returns
     -------

@@ -58,7 +58,7 @@ from lidarspectra.workflow.inputs import (
     lamp_settings,
     scan_files,
 )
-from lidarspectra.workflow.lamps_of_run import ScannedRoom, daylight_of_run, lamps_of_run, with_told_fluxes
+from lidarspectra.workflow.lamps_of_run import ScannedRoom, daylight_of_run, lamps_of_run, with_estimated_fluxes
 from lidarspectra.workflow.materials_of_run import materials_of_run
 from lidarspectra.workflow.report_applications import report_applications
 from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
@@ -131,7 +131,10 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
         return Notes(
             summary=f"{len(views.views)} views cover {100 * views.area_coverage:.1f} % of the area, "
             f"{100 * views.point_coverage:.1f} % of the points",
-            warnings=(f"coverage stays below the threshold of {100 * coverage:.0f} %: {views.stopped}",)
+            warnings=(
+                f"The views cover less than the wanted {100 * coverage:.0f} % of the surfaces: {views.stopped}. "
+                "Surfaces that no view saw take the material of their neighbours.",
+            )
             if short
             else (),
         )
@@ -206,7 +209,10 @@ def scene_stage(
     def make(folder: Path, progress: Progress) -> Notes:
         finding, writing, placing = shares(progress, SCENE_SHARES)
         finding(0.0, "lamps")
-        lamps = (*with_told_fluxes(lamps_of_run(inputs, scan.value), materials.folder), *daylight_of_run(room, folder))
+        lamps = (
+            *with_estimated_fluxes(lamps_of_run(inputs, scan.value), materials.folder),
+            *daylight_of_run(room, folder),
+        )
         save_lamps(lamps, folder)
         mesh, bands = scan.value.scan, find_bands(room.sensors.device, inputs.base)
         scene = write_scene(
@@ -410,11 +416,16 @@ def _trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, .
     warnings = []
     buried = int(points.buried.sum())
     if buried:
-        warnings.append(f"{buried} of {len(points)} points are buried; they are flagged on the map")
+        warnings.append(
+            f"{buried} of {len(points)} sensor points are buried in furniture or walls: their values are meaningless, "
+            "and they are marked on the maps. Move them into free air if you need them."
+        )
     achieved, target = transport.attrs["achieved_relative_se"], transport.attrs["target_relative_se"]
     if achieved > target:
         warnings.append(
-            f"the standard error stayed at {100 * achieved:.1f} % of the mean; {100 * target:.1f} % was asked"
+            f"The standard error of the simulation is {100 * achieved:.1f} % of the mean, above the target of "
+            f"{100 * target:.1f} %, when the budget of rays was used up. The map is right within these larger error "
+            "bars; the report's map of the standard error shows where they are large."
         )
     return tuple(warnings)
 

@@ -56,7 +56,8 @@ def run_scene(folder: Path) -> None:
 
 
 def _in_words(flux: LampFlux) -> str:
-    return f"found {flux.factor:5.2f} ± {100 * flux.log_deviation:2.0f} %, {'told' if flux.told else 'not told'}"
+    sure = "identifiable" if flux.identifiable else "not identifiable"
+    return f"found {flux.factor:5.2f} ± {100 * flux.log_deviation:2.0f} %, {sure}"
 
 
 def main() -> None:

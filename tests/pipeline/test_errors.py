@@ -200,10 +200,10 @@ def test_a_lamp_in_the_wrong_place_is_told_and_the_run_goes_on(
     run_file.write_text(outside, encoding="utf-8")
     answer = command_line("scene", run_file)
     assert answer.status == 0, answer.stderr
-    notes = [line for line in answer.stdout.splitlines() if "note: lamp" in line]
+    notes = [line for line in answer.stdout.splitlines() if "note: Lamp" in line]
     assert len(notes) == 2
-    assert "lamp 'lamp \"one\" !rm' at (9.00, 1.00, 2.30) m is outside the scan" in notes[0]
-    assert re.search("lamp 'warm' .*(surface|from the scan)", notes[1])
+    assert "Lamp 'lamp \"one\" !rm' (at 9.00, 1.00, 2.30 m) is outside the scan" in notes[0]
+    assert re.search("Lamp 'warm' .*surface", notes[1])
 
 
 def test_sensors_that_all_lie_outside_are_refused(

@@ -9,7 +9,7 @@ import trimesh
 
 from lidarspectra.material.lamp_fluxes import LampFlux, save_lamp_fluxes
 from lidarspectra.workflow.inputs import read_inputs
-from lidarspectra.workflow.lamps_of_run import resolve_lamps, with_told_fluxes
+from lidarspectra.workflow.lamps_of_run import resolve_lamps, with_estimated_fluxes
 from lidarspectra.workflow.pipeline import run
 
 RoomWriter = Callable[..., Path]
@@ -38,14 +38,14 @@ def test_the_meshes_of_the_materials_have_the_rooms_size(folder: Path) -> None:
 
 def test_the_scene_takes_the_fluxes_that_the_walls_told(write_room: RoomWriter, tmp_path: Path) -> None:
     lamps = resolve_lamps(read_inputs(write_room(tmp_path)).room.lamps, tmp_path)
-    assert with_told_fluxes(lamps, tmp_path) == lamps
+    assert with_estimated_fluxes(lamps, tmp_path) == lamps
     told = [
-        LampFlux(lamp=lamp.name, factor=factor, log_deviation=0.05, told=True)
+        LampFlux(lamp=lamp.name, factor=factor, log_deviation=0.05, identifiable=True)
         for lamp, factor in zip(lamps, (2.0, 0.5), strict=True)
     ]
     save_lamp_fluxes(told, tmp_path)
     before, after = (
-        np.array([lamp.flux.integral() for lamp in each]) for each in (lamps, with_told_fluxes(lamps, tmp_path))
+        np.array([lamp.flux.integral() for lamp in each]) for each in (lamps, with_estimated_fluxes(lamps, tmp_path))
     )
     assert after.sum() == pytest.approx(before.sum())
     assert (after[0] / after[1]) / (before[0] / before[1]) == pytest.approx(4.0)

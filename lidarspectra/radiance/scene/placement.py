@@ -13,12 +13,23 @@ from lidarspectra.room.free_space import sphere_directions
 
 CLEARANCE_M = 0.05  # [m] a gap of 1 cm to a ceiling with 2 cm of noise takes 30 % of a panel's light
 DIRECTION_COUNT = 96  # [1] rays from each place on a lamp
-ROUND_OFF_M = 1e-3  # [m] a lamp put exactly at the clearance is not told off
-MOST = 0.5  # [1] share of rays that decides
+ROUND_OFF_M = 1e-3  # [m] tolerance, so that a lamp exactly at the clearance draws no note
+MOST = 0.5  # [1] share of rays that must meet the back of a surface for a lamp to count as behind it
+MAX_NAMED = 6  # lamps named in one note
+FAULTS = {
+    "outside": "{lamps} outside the scan, so that light enters the room only through gaps of the mesh. Correct the "
+    "center in the run file; it is in metres, in the coordinates of the scan.",
+    "behind": "{lamps} behind a surface of the scan (in a wall or above the ceiling), so that most of the light does "
+    "not reach the room. Move the center into the room's air.",
+    "through": "{lamps} partly behind a surface of the scan, so that a part of the light does not reach the room. Move "
+    "the center a few centimetres into the room, or correct size and normal.",
+    "close": "{lamps} too close to a surface of the scan, whose roughness shades the light. Move the center until the "
+    f"distance is {100 * CLEARANCE_M:.0f} cm.",
+}
 
 
 def placement_notes(lamps: Sequence[Lamp], scan: Scan) -> tuple[str, ...]:
-    """What is wrong with the lamps' places, in words; the light is still computed as they stand.
+    """Notes on misplaced lamps, one for all lamps with the same fault; the light is computed with the lamps as given.
 
     A lamp is outside the room when its centre lies beyond the scan's bounds; inside something when most rays that leave
     it meet the back of a surface first, or nothing; too close when some surface lies within `CLEARANCE_M` of it.
@@ -32,19 +43,31 @@ def placement_notes(lamps: Sequence[Lamp], scan: Scan) -> tuple[str, ...]:
     Returns
     -------
     notes : tuple of str
-        One for each lamp that has a fault.
+        Full sentences; empty if no lamp has a fault.
     """
     caster, bounds, normals = RayCaster(scan), scan.bounds, scan.normals
     inside = [lamp for lamp in lamps if lamp.shape != "sun"]
-    return tuple(note for lamp in inside if (note := _note(lamp, caster, bounds, normals)) is not None)
+    found: dict[str, list[str]] = {fault: [] for fault in FAULTS}
+    for lamp in inside:
+        if (fault := _fault(lamp, caster, bounds, normals)) is not None:
+            kind, detail = fault
+            found[kind].append(f"'{lamp.name}'{detail}")
+    return tuple(FAULTS[kind].format(lamps=_subject(lamps)) for kind, lamps in found.items() if lamps)
 
 
-def _note(lamp: Lamp, caster: RayCaster, bounds: FloatArray, normals: FloatArray) -> str | None:
+def _subject(lamps: Sequence[str]) -> str:
+    if len(lamps) == 1:
+        return f"Lamp {lamps[0]} is"
+    more = len(lamps) - MAX_NAMED
+    return f"Lamps {', '.join(lamps[:MAX_NAMED])}{f' and {more} more' if more > 0 else ''} are"
+
+
+def _fault(lamp: Lamp, caster: RayCaster, bounds: FloatArray, normals: FloatArray) -> tuple[str, str] | None:
+    """Which of `FAULTS` a lamp has, and its place or distance in brackets."""
     low, high = bounds
-    name = f"lamp '{lamp.name}'"
     if np.any(lamp.center < low - ROUND_OFF_M) or np.any(lamp.center > high + ROUND_OFF_M):
         place = ", ".join(f"{value:.2f}" for value in lamp.center)
-        return f"{name} at ({place}) m is outside the scan, and lights the room only through its gaps"
+        return "outside", f" (at {place} m)"
     directions, places = sphere_directions(DIRECTION_COUNT), _places(lamp)
     shines = _directions_lit(lamp, directions)
     starts = np.repeat(places, len(shines), axis=0)
@@ -53,16 +76,15 @@ def _note(lamp: Lamp, caster: RayCaster, bounds: FloatArray, normals: FloatArray
     behind = ~hits.met
     behind[hits.met] = np.einsum("ij,ij->i", normals[hits.face[hits.met]], rays[hits.met]) > 0
     if behind.mean() > MOST:
-        return f"{name} is behind a surface of the scan (in a wall, above the ceiling): its light stays there"
+        return "behind", ""
     reach = places[1:] - lamp.center
     if np.any(caster.nearest(np.broadcast_to(lamp.center, reach.shape), reach, max_distance=1.0).met):
-        return f"{name} sticks through a surface of the scan: part of its light stays behind it"
+        return "through", ""
     starts = np.repeat(places, len(directions), axis=0)
     near = caster.nearest(starts, np.tile(directions, (len(places), 1)), max_distance=CLEARANCE_M).distance.min()
-    near = abs(float(near))  # no -0.0 in words
+    near = abs(float(near))  # removes a negative zero
     if near < CLEARANCE_M - ROUND_OFF_M:
-        keep = 100 * CLEARANCE_M
-        return f"{name} is {100 * near:.1f} cm from the scan; keep {keep:.0f} cm, or noise of the mesh shades it"
+        return "close", f" ({100 * near:.1f} cm)"
     return None
 
 

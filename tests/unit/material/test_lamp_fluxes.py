@@ -24,9 +24,9 @@ from lidarspectra.workflow.delighting import take_light_out
 from lidarspectra.workflow.lamps_of_run import resolve_lamps
 
 FLUXES = (
-    LampFlux(lamp="lit 1", factor=2.0, log_deviation=0.05, told=True),
-    LampFlux(lamp="lit 2", factor=0.5, log_deviation=0.04, told=True),
-    LampFlux(lamp="lit 3", factor=3.0, log_deviation=0.7, told=False),
+    LampFlux(lamp="lit 1", factor=2.0, log_deviation=0.05, identifiable=True),
+    LampFlux(lamp="lit 2", factor=0.5, log_deviation=0.04, identifiable=True),
+    LampFlux(lamp="lit 3", factor=3.0, log_deviation=0.7, identifiable=False),
 )
 NAMES = ("lit 1", "lit 2", "lit 3")
 
@@ -41,8 +41,8 @@ def test_told_fluxes_change_the_ratios_and_not_the_sum() -> None:
 
 def test_the_notes_say_which_fluxes_the_walls_tell_and_which_not() -> None:
     told, silent = flux_notes(FLUXES)
-    assert "lit 1 2.00 ± 5 %, lit 2 0.50 ± 4 %" in told
-    assert "does not tell the flux of lit 3" in silent
+    assert "'lit 1' 2.00 ± 5 %, 'lit 2' 0.50 ± 4 %" in told
+    assert "does not determine the relative flux of 'lit 3'" in silent
     assert flux_notes(()) == ()
 
 
@@ -69,7 +69,7 @@ def test_fluxes_come_back_as_they_were_saved_and_go_when_there_are_none(tmp_path
 )
 def test_a_damaged_file_of_fluxes_is_refused(tmp_path: Path, line: bytes) -> None:
     (tmp_path / FLUXES_FILE).write_bytes(b"lamp,factor,log_deviation,told\n" + line + b"\n")
-    with pytest.raises(MaterialError, match="a line a lamp"):
+    with pytest.raises(MaterialError, match="one line per lamp"):
         load_lamp_fluxes(tmp_path)
 
 
@@ -81,7 +81,7 @@ def test_the_light_on_the_walls_tells_that_one_panel_is_weaker_than_was_guessed(
     west, east = resolve_lamps(read_run_file(folder / "room.toml").lamps, folder)
     found = take_light_out(scan, find_room(scan), (west, _times(east, 3.0)), fluxes_stated=False)
     factors = [flux.factor for flux in found.lamp_fluxes]
-    assert all(flux.told for flux in found.lamp_fluxes)
+    assert all(flux.identifiable for flux in found.lamp_fluxes)
     # 2 % is what other builds and seeds of the room leave; 6 % never came near to failing.
     assert factors[0] / factors[1] == pytest.approx(3.0, rel=0.06)
 

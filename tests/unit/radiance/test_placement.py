@@ -1,4 +1,6 @@
-"""Lamps in walls, above ceilings or grazing the mesh are told off, others not."""
+"""Lamps in walls, above ceilings or grazing the mesh draw a note, others none; lamps with the same fault share one."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,10 +55,10 @@ def test_lamps_in_the_air_draw_no_note(room: Scan) -> None:
     ("shape", "center", "size", "words"),
     [
         ("panel", (1.5, 1.5, 2.68), (0.6, 0.6), "2.0 cm"),
-        ("bulb", (0.06, 1.5, 1.0), (0.06,), "from the scan"),
+        ("bulb", (0.06, 1.5, 1.0), (0.06,), "too close"),
         ("panel", (1.5, 1.5, 2.75), (0.6, 0.6), "outside the scan"),
         ("disc", (9.0, 1.5, 1.5), (0.2,), "outside the scan"),
-        ("panel", (0.2, 1.5, 2.5), (0.6, 0.6), "sticks through"),
+        ("panel", (0.2, 1.5, 2.5), (0.6, 0.6), "partly behind"),
     ],
 )
 def test_misplaced_lamps_are_named_with_their_fault(
@@ -65,6 +67,25 @@ def test_misplaced_lamps_are_named_with_their_fault(
     note = notes(room, shape, center, size)
     assert words in note
     assert "Lampe é" in note
+
+
+def test_lamps_with_the_same_fault_share_one_note(room: Scan) -> None:
+    lamps = [
+        Lamp(
+            name=f"lamp {number}",
+            shape="panel",
+            center=np.array((1.5, 1.5, 2.68)),
+            normal=np.array((0.0, 0.0, -1.0)),
+            size=(0.6, 0.6),
+            flux=Spectrum(wavelengths_nm=[400, 700], values=[1, 1]),
+        )
+        for number in range(16)
+    ]
+    lamps.append(replace(lamps[0], name="far", center=np.array((9.0, 1.5, 1.5))))
+    outside, close = placement_notes(lamps, room)
+    assert outside.startswith("Lamp 'far' (at 9.00, 1.50, 1.50 m) is outside the scan")
+    assert close.startswith("Lamps 'lamp 0' (2.0 cm), 'lamp 1' (2.0 cm)")
+    assert "'lamp 5' (2.0 cm) and 10 more are too close to a surface" in close
 
 
 def test_a_lamp_that_shines_into_a_wall_is_behind_it(room: Scan) -> None:
