@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from lidarspectra.config import RunFile, read_run_file
+from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.files import hash_file, writing
 from lidarspectra.material.assignments import spectrum_files
 from lidarspectra.spectra.databases import list_databases, scenes_folder
@@ -81,9 +82,17 @@ def copy_scene(name: str, folder: Path) -> Path:
     Raises
     ------
     WorkspaceError
-        If the folder cannot be written.
+        If there is no such room, or the folder cannot be written.
     """
     source = scenes_folder() / name
+    if not source.is_dir():
+        rooms = sorted(path.name for path in scenes_folder().iterdir() if path.is_dir())
+        raise WorkspaceError(
+            expected=f"a room that comes with the package ({', '.join(rooms)})",
+            found=repr(name),
+            where="copy_scene",
+            todo="Take one of those, or run this from a checkout of the repository, which has more rooms in scenes/.",
+        )
     with writing(folder, todo="Name another one: lidarspectra demo DIR."):
         folder.mkdir(parents=True, exist_ok=True)
         for path in sorted(source.iterdir()):
