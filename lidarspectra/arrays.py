@@ -1,4 +1,4 @@
-"""Array types, and the checks that records make on the arrays they are given."""
+"""Array types, and the checks that records apply to their arrays."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -2,7 +2,7 @@
 
 import re
 
-LONGEST_PART = 1_000  # characters of a part of a message: a damaged file may hold a word of any length
+LONGEST_PART = 1_000  # characters of a part of a message, because a damaged file may hold a word of any length
 _SYSTEM_NUMBER = re.compile(r"\[(?:Errno|WinError) -?\d+\] ")
 
 
@@ -23,7 +23,7 @@ class LidarSpectraError(Exception):
 
     def __init__(self, *, expected: str, found: str, where: str = "", todo: str = "") -> None:
         expected, found, where, todo = (_shown(part) for part in (expected, found, where, todo))
-        # A system's own words begin with a number that says nothing and end in the file that is named anyway.
+        # The operating system's message begins with a number and ends in the file, which `where` names already.
         found = _SYSTEM_NUMBER.sub("", found).removesuffix(f": {where!r}").rstrip(".")
         self.expected = expected
         self.found = found
@@ -38,7 +38,7 @@ class LidarSpectraError(Exception):
 
 
 def _shown(text: str) -> str:
-    """Text as one line that a terminal can show: a file's words may hold line ends, control characters, or a novel."""
+    """Text as one printable line of limited length: a file may hold control characters or very long words."""
     if not text.isprintable():
         text = " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
     return text if len(text) <= LONGEST_PART else f"{text[: LONGEST_PART // 2]} ... {text[-LONGEST_PART // 2 :]}"
@@ -58,7 +58,7 @@ class ArrayError(LidarSpectraError):
 
 
 class ScanError(LidarSpectraError):
-    """The scan cannot be read, or is no usable mesh."""
+    """The scan cannot be read, or is not a usable mesh."""
 
 
 class RunFileError(LidarSpectraError):
@@ -66,11 +66,11 @@ class RunFileError(LidarSpectraError):
 
 
 class PlanError(LidarSpectraError):
-    """The plan of a room (the truth that a virtual phone scans) is malformed, or encloses no air."""
+    """The plan of a room (the ground truth that a virtual phone scans) is malformed, or encloses no air."""
 
 
 class DatabaseError(LidarSpectraError):
-    """A spectrum, sensor or database is not there, or its file is malformed."""
+    """A spectrum, sensor or database is missing, or its file is malformed."""
 
 
 class MaterialError(LidarSpectraError):
@@ -78,7 +78,7 @@ class MaterialError(LidarSpectraError):
 
 
 class LampError(LidarSpectraError):
-    """A lamp is not defined well enough to send light."""
+    """A lamp's definition is incomplete or contradictory."""
 
 
 class SensorError(LidarSpectraError):
@@ -90,11 +90,11 @@ class SceneError(LidarSpectraError):
 
 
 class EngineError(LidarSpectraError):
-    """A Radiance program is missing, failed, or answered with something that is no answer."""
+    """A Radiance program is missing, failed, or returned too few or non-finite values."""
 
 
 class WorkspaceError(LidarSpectraError):
-    """The run folder cannot be written, or holds something that is not ours."""
+    """The run folder cannot be written, or holds files that this package did not make."""
 
 
 class MapError(LidarSpectraError):
@@ -102,8 +102,8 @@ class MapError(LidarSpectraError):
 
 
 class DeviceError(LidarSpectraError):
-    """A serial port, sensor or its firmware does not answer, or answers what cannot be understood."""
+    """A serial port, sensor or its firmware does not answer, or answers in an unknown form."""
 
 
 class ReadingError(LidarSpectraError):
-    """A log, pose file or calibration cannot be read, or does not say what its numbers mean."""
+    """A log, pose file or calibration cannot be read, or does not state what its numbers mean."""

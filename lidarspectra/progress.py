@@ -13,11 +13,11 @@ MIN_TOLD_S = 10.0  # [s]
 PACE_STEP = 0.03  # [1] marks of a pace are at least so far apart, in done or in time
 
 Progress = Callable[[float, str], None]
-"""Called with the fraction done [0-1] and a few words on what is being done."""
+"""Called with the fraction done [0-1] and a few words on the current step."""
 
 
 def silent(fraction: float, message: str) -> None:
-    """Ignore a progress report; the default of every `progress` argument."""
+    """Ignore a progress report; the no-op default of every `progress` argument."""
 
 
 def part_of(progress: Progress, start: float, stop: float) -> Progress:

@@ -1,4 +1,4 @@
-"""The scan: what the phone saw of the room, in metres, z up, with its colour."""
+"""The scan: the phone's triangle mesh of the room, in metres with z up, with its colour."""
 
 import json
 import zipfile
@@ -41,7 +41,7 @@ class Appearance:
     corner_color : (face, 3, 3) float
         sRGB-encoded colour of each corner, used where `face_image` is -1. [0-1]
     known : bool
-        False where the file held no colour at all (an STL): the corner colours are then a neutral stand-in.
+        False where the file held no colour at all (an STL); the corner colours are then a neutral gray.
     """
 
     images: tuple[ByteArray, ...]
@@ -75,7 +75,7 @@ class Appearance:
 
     @property
     def pixels(self) -> int:
-        """Of all images together."""
+        """Number of pixels of all images together."""
         return sum(image.shape[0] * image.shape[1] for image in self.images)
 
     def sample(self, faces: IntArray, barycentric: FloatArray) -> FloatArray:
@@ -141,7 +141,7 @@ def _read_only(image: ByteArray) -> ByteArray:
 
 @dataclass(frozen=True, kw_only=True)
 class ScanRecord:
-    """What was found in the scan's file and what was done to it; every change is counted here.
+    """What was found in the scan's file and how it was repaired; every change is counted here.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ class ScanRecord:
     unit : str
         Unit of the file's coordinates ('m', 'cm', 'mm', 'in', 'ft').
     unit_confidence, up_confidence : float
-        How sure the detection is; 1 where the user gave it. [0-1]
+        Probability of the detected unit and axis; 1 where the user gave it. [0-1]
     up_axis : str
         The file's upward axis ('+x', '-x', ... '+z').
     faces_read, faces_kept : int
@@ -180,7 +180,7 @@ class ScanRecord:
     moved_rms_m : float
         Root mean square of how far. [m]
     notes : tuple of str
-        What a reader should know ("the file has no colour").
+        What the user should know, as full sentences.
     """
 
     file: str
@@ -339,7 +339,7 @@ def save_scan(scan: Scan, folder: Path) -> None:
     scan : Scan
         What to write.
     folder : Path
-        Made where it is not there; files of an earlier scan in it are replaced.
+        Created if missing; files of an earlier scan in it are replaced.
 
     Raises
     ------
@@ -366,7 +366,7 @@ def save_scan(scan: Scan, folder: Path) -> None:
             corner_color=appearance.corner_color,
         )
         for number, image in enumerate(appearance.images):
-            # A low level: the fifth of the time for a tenth more bytes.
+            # Low compression: a fifth of the time for a tenth more bytes.
             Image.fromarray(image).save(_texture_path(folder, number), compress_level=1)
         (folder / RECORD_FILE).write_text(json.dumps(about, indent=2, ensure_ascii=False), encoding="utf-8")
 
@@ -429,5 +429,5 @@ def _texture_path(folder: Path, number: int) -> Path:
 
 
 def _with_tuples(record: ScanRecord) -> ScanRecord:
-    """JSON knows lists only."""
+    """Turn JSON's lists into tuples."""
     return replace(record, notes=tuple(record.notes))

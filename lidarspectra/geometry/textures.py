@@ -1,4 +1,4 @@
-"""Texture images: decoded with care, and sampled in linear light.
+"""Texture images: safe decoding, and sampling in linear light.
 
 Averages of colour are averages of light, so every mean and interpolation here is taken of linear sRGB values; the
 encoded bytes only serve as storage.
@@ -61,7 +61,7 @@ def decode_image(data: bytes, *, name: str) -> ByteArray:
     """
     try:
         with warnings.catch_warnings():
-            # Pillow warns of large images and of odd metadata; our own limit below decides, and says so.
+            # Pillow warns of large images and of odd metadata; the limit below is checked instead, with a clear error.
             warnings.simplefilter("ignore")
             with Image.open(io.BytesIO(data), formats=IMAGE_FORMATS) as image:
                 _check_pixels(image.width * image.height, limit=MAX_IMAGE_PIXELS, name=name)
@@ -211,7 +211,7 @@ def mean_texture_colors(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
     edges = corner_px[:, 1:] - corner_px[:, :1]
     texels = 0.5 * np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
     longest = np.linalg.norm(np.diff(corner_px, axis=1, append=corner_px[:, :1]), axis=2).max(axis=1)
-    # A sliver covers few texels, but runs past many.
+    # A narrow triangle covers few texels, but its long edge crosses many.
     wanted = np.maximum(np.sqrt(texels / TEXELS_PER_SAMPLE), longest / EDGE_TEXELS_PER_SAMPLE)
     parts = np.clip(np.ceil(wanted), 2, MAX_SUBDIVISION).astype(np.int64)
     colors = np.empty((corner_uv.shape[0], 3))

@@ -1,1 +1,1 @@
-"""Whole files, locks, NetCDF and TOML."""
+"""Files: atomic writing, locks, NetCDF and TOML."""

@@ -1,4 +1,4 @@
-"""A lock file that one process holds: the system lets go of it when the process ends, however it ends."""
+"""A lock file that one process holds; the operating system releases it when the process ends, however it ends."""
 
 import errno
 import json
@@ -11,7 +11,7 @@ LOCK_BYTE = 1 << 20  # the byte of the lock file that is locked where a lock is 
 
 
 class FileLock:
-    """A file that is locked while it is held and is gone afterwards; its text says who holds it.
+    """A file that is locked while it is held and removed afterwards; its text names the holder.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class FileLock:
         self._held: TextIO | None = None
 
     def take(self) -> bool:
-        """Hold the lock, or say that another process does.
+        """Take the lock; return False if another process holds it.
 
         Raises
         ------
@@ -54,7 +54,7 @@ class FileLock:
             self._held = None
 
     def holder(self) -> str:
-        """Who holds it, in words."""
+        """The holder of the lock, in words."""
         try:
             return f"process {int(json.loads(self.path.read_text(encoding='utf-8'))['pid'])}"
         except (OSError, ValueError, KeyError, TypeError):
@@ -62,10 +62,10 @@ class FileLock:
 
 
 def _taken(lock: TextIO) -> bool:
-    """Lock an open file for this process alone, or say that another has it.
+    """Lock an open file for this process alone; return False if another holds it.
 
-    The system's own lock, and no number in a file: a killed run's number may be another program's by now, and its start
-    time moves when the clock is set.
+    This uses the operating system's lock and not a process number in the file, because the number of a killed run may
+    belong to another program by now, and its start time moves when the clock is set.
     """
     try:
         if sys.platform == "win32":
@@ -85,7 +85,7 @@ def _taken(lock: TextIO) -> bool:
 
 
 def _is_open_at(lock: TextIO, path: Path) -> bool:
-    """Whether a name still is that of an open file: a run that ends removes it, and another may have made it anew."""
+    """Whether a path still names the open file: a run that ends removes it, and another may have made a new one."""
     try:
         return os.path.samestat(os.fstat(lock.fileno()), path.stat())
     except FileNotFoundError:

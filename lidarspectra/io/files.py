@@ -1,4 +1,4 @@
-"""Files: written whole or not at all, and known by the hash of what they hold."""
+"""Files: written atomically, and identified by the hash of their content."""
 
 import hashlib
 from collections.abc import Iterator
@@ -42,7 +42,7 @@ def writing(
 
 
 def write_whole(path: Path, content: str | bytes | memoryview) -> None:
-    """Write a file so that a cut leaves the old one or the new one, never a part.
+    """Write a file atomically: an interruption leaves the old or the new file, never a part.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Damaged HDF5 files on which the HDF5 library works for ever: found before it is given them.
+"""Detects damaged HDF5 files on which the HDF5 library would loop forever.
 
-Text and references to dimensions lie in global heaps of a file. HDF5 walks through a heap object by object, and an
-object of free space (number 0) that has no size keeps it where it is; nothing in Python can interrupt it.
+Text and references to dimensions lie in global heaps of a file. HDF5 walks through a heap object by object; an
+object of free space (number 0) without a size makes it loop there, and nothing in Python can interrupt it.
 
 References
 ----------
@@ -17,11 +17,11 @@ VERSION = 1
 HEAD = struct.Struct("<4sB3xQ")  # signature, version, size of the heap with its head [byte]
 ITEM = struct.Struct("<HHIQ")  # number, references, nothing, size [byte]
 PADDED_TO = 8  # [byte]
-MAX_ITEMS = 1_000_000  # in all heaps of a file; one of ours has some ten
+MAX_ITEMS = 1_000_000  # objects in all heaps of a file; a file of this package has about ten
 
 
 def check_heaps(path: Path) -> None:
-    """Refuse a file whose global heaps HDF5 would not come to the end of.
+    """Refuse a file whose global heaps HDF5 would never finish reading.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""NetCDF-4 files: read ones that may be anything, and written ones whole or not at all.
+"""NetCDF-4 files: reading of untrusted files, and atomic writing.
 
-Whatever the libraries trip over comes out as one kind of error. They write into memory, since HDF5 ends the process
-where a disk is full.
+All errors of the libraries become one kind of error. Writing goes through memory, because HDF5 ends the process
+when the disk is full.
 """
 
 import io
@@ -17,7 +17,7 @@ import xarray as xr
 from lidarspectra.io.files import write_whole, writing
 from lidarspectra.io.hdf5_heaps import check_heaps
 
-LARGEST_VALUE = 1e30  # of any physical number here; beyond it squares overflow
+LARGEST_VALUE = 1e30  # larger than any physical value here; beyond it squares overflow
 _FAULTS = (
     OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, NotImplementedError,
     OverflowError, MemoryError, AssertionError, xr.SerializationWarning,
@@ -58,7 +58,7 @@ def read_netcdf(path: Path) -> xr.Dataset:
 
 
 def write_netcdf(dataset: xr.Dataset, path: Path, *, encoding: Mapping[Any, Any]) -> None:
-    """Write a NetCDF-4 file, whole or not at all.
+    """Write a NetCDF-4 file atomically.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def write_netcdf(dataset: xr.Dataset, path: Path, *, encoding: Mapping[Any, Any]
 
 
 def check_numbers(dataset: xr.Dataset, name: str, dims: tuple[str, ...]) -> None:
-    """Hold a variable to its dims, and its numbers to finite ones of a physical size.
+    """Check a variable's dims, and that its values are finite and of physical size.
 
     Raises
     ------

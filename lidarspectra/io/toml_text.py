@@ -1,4 +1,4 @@
-"""Values as TOML writes them: the standard library reads TOML only."""
+"""Writes values as TOML; the standard library only reads it."""
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
@@ -24,7 +24,7 @@ def toml_value(value: object) -> str:
     Raises
     ------
     RunFileError
-        If a text is no Unicode (a file name of other bytes): TOML cannot hold it.
+        If a text is not Unicode (a file name of other bytes), which TOML cannot represent.
 
     References
     ----------

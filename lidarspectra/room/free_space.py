@@ -1,4 +1,4 @@
-"""Free space: whether a point lies in the room's air or inside something, and how far the nearest surface is."""
+"""Free space: whether a point lies in the room's air or inside an object, and its distance to the nearest surface."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -9,11 +9,11 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.room import Room
 
-BURIED_SHARE = 0.5  # of a point's rays that meet the back of a face first, above which it lies inside something
-LOST_SHARE = 0.7  # of a point's rays that meet nothing, above which it lies outside the scan
+BURIED_SHARE = 0.5  # share of a point's rays that meet the back of a face first, above which it is inside an object
+LOST_SHARE = 0.7  # share of a point's rays that meet nothing, above which it lies outside the scan
 SAMPLE_SPACING_M = 0.03  # [m] of the points on surfaces that find the nearest faces
-MAX_SAMPLES = 1_000_000  # spacing grows with the scan so that memory stays below about 200 MB
-NEIGHBOURS = 6  # nearest samples whose faces are measured exactly
+MAX_SAMPLES = 1_000_000  # a larger scan gets a wider spacing, so that memory stays below about 200 MB
+NEIGHBOURS = 6  # nearest samples whose faces' distances are computed exactly
 FLOOR_THICKNESS_M = 0.08  # [m] faces that keep so close to the floor's height belong to the floor
 FLOOR_COSINE = 0.3  # |n_z| above which they do: noise tilts small triangles far, skirting stands upright
 POINTS_AT_ONCE = 50_000  # bounds memory
@@ -39,14 +39,14 @@ def sphere_directions(count: int, *, turn_rad: float = 0.3) -> FloatArray:
     return np.stack([radius * np.cos(around), radius * np.sin(around), z], axis=1)
 
 
-VOTERS = sphere_directions(32)  # odd corners, holes and noise spoil a few rays, not half of 32
+VOTERS = sphere_directions(32)  # odd corners, holes and noise affect a few rays, not half of 32
 
 
 class FreeSpace:
-    """A room's surfaces, loaded for asking where there is air.
+    """A room's surfaces, indexed to test where there is air.
 
-    A point lies in something solid if most rays from it meet the back of a face first: faces show their front to
-    the room. Voting over 32 directions keeps that answer right near holes, thin sheets and noise, where the parity of
+    A point lies inside an object if most rays from it meet the back of a face first, because faces show their front to
+    the room. Voting over 32 directions stays correct near holes, thin sheets and noise, where the parity of
     crossings along one ray fails.
 
     Parameters
@@ -66,7 +66,7 @@ class FreeSpace:
         self._trees: dict[bool, tuple[cKDTree, IntArray]] = {}
 
     def solid_share(self, positions: FloatArray, directions: FloatArray = VOTERS) -> tuple[FloatArray, FloatArray]:
-        """Votes of rays from each point.
+        """Shares of rays from each point that meet a back face, or nothing.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ class FreeSpace:
         return np.asarray(hits.met & (facing > 0), dtype=np.bool_)
 
     def inside(self, positions: FloatArray) -> BoolArray:
-        """Whether each point lies in the room's air: within an outline, between floor and ceiling, in nothing solid.
+        """Whether each point lies in the room's air: within an outline, between floor and ceiling, inside no object.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class FreeSpace:
     def distance(self, positions: FloatArray, *, limit_m: float = np.inf, ignore_floor: bool = False) -> FloatArray:
         """Distance of each point to the nearest face.
 
-        The faces nearest by samples 3 cm apart are measured exactly, so what is left of the sampling is far below
+        The distances to the faces of the nearest samples, 3 cm apart, are exact, so the error of sampling is far below
         a scan's noise.
 
         Parameters
@@ -146,7 +146,7 @@ class FreeSpace:
         positions : (point, 3) float
             [m]
         limit_m : float
-            Farther than this need not be measured; short limits are a hundred times faster in mid-room. [m]
+            Distances beyond this are not computed; a short limit is a hundred times faster in mid-room. [m]
         ignore_floor : bool
             Leave out the faces of the floor, for clearance sideways.
 

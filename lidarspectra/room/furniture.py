@@ -1,4 +1,4 @@
-"""What stands in the room, from above: silhouettes for plans and maps."""
+"""Furniture seen from above: outlines for plans and maps."""
 
 import cv2
 import numpy as np
@@ -8,12 +8,12 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.room import Room
 
 PIXEL_M = 0.02  # [m] of the plan picture
-LOWEST_M = 0.15  # [m] above the floor: lower is carpet edge, cable or noise
-HIGHEST_M = 1.6  # [m] above the floor: higher tops do not show from the sensors' side
+LOWEST_M = 0.15  # [m] above the floor; lower surfaces are carpet edges, cables or noise
+HIGHEST_M = 1.6  # [m] above the floor; higher tops are not drawn
 MIN_UP = 0.8  # cosine of a surface that counts as a top
-MIN_AREA_M2 = 0.03  # [m²] a stool is larger
-CORNER_TOLERANCE_M = 0.04  # [m] outlines are simplified so far
-GAP_M = 0.06  # [m] gaps between tops of one piece that are closed
+MIN_AREA_M2 = 0.03  # [m²] smaller patches are dropped; a stool is larger
+CORNER_TOLERANCE_M = 0.04  # [m] largest deviation of a simplified outline
+GAP_M = 0.06  # [m] narrower gaps between the tops of one piece are closed
 
 
 def furniture_outlines(scan: Scan, room: Room) -> tuple[FloatArray, ...]:

@@ -14,14 +14,14 @@ MAX_CELLS = 1_000_000  # a larger plan gets larger cells
 LEVEL_TOLERANCE_M = 0.1  # [m] how far a ceiling or floor may lie off its plane and still be that
 CEILING_REACH_M = 0.3  # [m] rays start so far below the ceiling, above most furniture
 FLOOR_REACH_M = 0.25  # [m] rays start so far above the floor, below most table tops
-MIN_DEPTH_M = 0.6  # [m] of air below the ceiling: less is a cavity behind glass, or a cabinet as good as a wall
+MIN_DEPTH_M = 0.6  # [m] air below the ceiling; less is a cavity behind glass, or a cabinet as high as a wall
 PORE_M = 0.1  # [m] gaps narrower than this in the ceiling are holes of the mesh
 NARROW_M = 0.3  # [m] bulges and links narrower than this are cracks in the mesh, not room
-TALL_SHARE = 0.7  # of the room's height, for an upright plane that is a wall and no furniture
+TALL_SHARE = 0.7  # share of the room's height from which on an upright plane is a wall and not furniture
 WALL_SLACK_M = 0.06  # [m] a scanned wall's unevenness
 BULGE_DEPTH_M = 0.5  # [m] patches no deeper than this behind a wall are bulges through glass, or window recesses
 MIN_ROOM_M2 = 1.0  # [m²] smaller patches are no room
-MIN_FLOOR_SHARE = 0.3  # of a patch's area that must show floor, for it to be a room of its own, or a bulge of one
+MIN_FLOOR_SHARE = 0.3  # share of a patch's area that must show floor, for it to be a room, or a bulge of one
 SIMPLIFY_M = 0.05  # [m] the outline's corners are kept to within this
 
 
@@ -76,7 +76,7 @@ def plan_mask(
     Returns
     -------
     mask : PlanMask
-        Cleaned: no crack, no speck, no hole.
+        Cleaned of cracks, specks and holes.
     """
     low, high = bounds[0, :2], bounds[1, :2]
     cell = max(CELL_M, float(np.sqrt(np.prod(high - low) / MAX_CELLS)))

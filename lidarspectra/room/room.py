@@ -1,4 +1,4 @@
-"""The room in a scan: floor, ceiling, walls and plan outline, each with how sure we are."""
+"""The room in a scan: floor, ceiling, walls and plan outline, each with a confidence."""
 
 import json
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from lidarspectra.room.room_planes import (
 )
 
 MIN_HEIGHT_M = 1.0  # [m] something lower is furniture or a wrong unit, not a room
-WALL_HEIGHT_SHARE = 0.5  # of the room's height: a lower upright plane is a cabinet's or a desk's front
+WALL_HEIGHT_SHARE = 0.5  # share of the room's height; a lower upright plane is the front of a cabinet or desk
 WALL_BEYOND_OUTLINE_M = 0.3  # [m] a wall plane farther outside the outline belongs to something else
 ROOM_FILE = "room.json"
 

@@ -11,14 +11,14 @@ LEVEL_COSINE = 0.9  # |n_z| of a face that counts as level: 26 degrees leave roo
 UPRIGHT_COSINE = 0.25  # |n_z| below which a face counts as upright (14.5 degrees)
 LEVEL_BIN_M = 0.01  # [m] resolution in height; a phone's floor is noisier than that
 LEVEL_HALF_WIDTH_M = 0.06  # [m] a scanned floor's unevenness, as seen in phone scans (2 to 5 cm)
-FLOOR_SHARE = 0.25  # of the largest level surface's area: table tops may have more than the floor
-SECOND_CEILING_SHARE = 0.15  # of the main ceiling's area, for a lowered part of it
+FLOOR_SHARE = 0.25  # smallest floor, over the largest level surface: table tops may be larger than the floor
+SECOND_CEILING_SHARE = 0.15  # smallest lowered part of a ceiling, over the area of the main ceiling
 SECOND_CEILING_M2 = 2.0  # [m²] smaller level surfaces overhead are shelves and lamp housings
 MIN_HEADROOM_M = 1.5  # [m] a level surface lower than this above the floor is furniture, not a ceiling
 WALL_ANGLE_BIN_DEG = 3.0  # [deg] resolution of wall directions
 WALL_OFFSET_BIN_M = 0.02  # [m] resolution of wall positions
 LEANING_COSINE = 0.5  # |n_z| below which a face may belong to a wall: noise tilts small triangles far
-FACING_COSINE = 0.85  # between a face's normal and the wall's, for a face of the wall
+FACING_COSINE = 0.85  # smallest cosine between the normals of a wall and of a face that belongs to it
 WALL_HALF_WIDTH_M = 0.12  # [m] a scanned wall's unevenness, with what hangs flat on it
 WALL_GAP_M = 0.8  # [m] a wider gap, but for a door, ends a wall
 WALL_MIN_M2 = 1.0  # [m²] smaller upright planes are furniture
@@ -74,7 +74,7 @@ class Wall:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FaceGeometry:
-    """What the plane finders need of every face, computed once.
+    """Geometry of every face, computed once for the plane finders.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ def _fitted_normal(centers: FloatArray, areas: FloatArray, unit: FloatArray) -> 
     spread, axes = np.linalg.eigh((plan * areas[:, None]).T @ plan)
     normal = np.array([axes[0, 0], axes[1, 0], 0.0])
     normal *= np.sign(normal @ unit) or 1.0
-    # A patch as narrow as it is uneven says nothing about its direction; its normals then do.
+    # The direction of a patch as narrow as it is uneven is undetermined; its faces' normals are used instead.
     return normal if spread[0] < 0.05 * spread[1] and normal @ unit > FACING_COSINE else unit
 
 

@@ -11,10 +11,10 @@ from lidarspectra.room.room import Room
 MIN_SPACING_M = 0.005  # [m] of a grid: sensors closer than this see the same light
 PICTURE_CELL_M = 0.025  # [m] of the picture of free space that a search for a count of points looks into
 PICTURE_CELLS = 16_000  # a larger room gets larger cells
-FEW_POINTS_SEARCH = np.geomspace(1.3, 0.5, 160)  # spacings tried, over the one that the free area suggests
+FEW_POINTS_SEARCH = np.geomspace(1.3, 0.5, 160)  # spacings tried, over the square root of free area per point
 MANY_POINTS_SEARCH = np.concatenate([np.geomspace(1.01, 0.98, 16), np.geomspace(0.97, 0.5, 12)])  # the same
-MANY_POINTS = 5_000  # above it the count follows the free area closely
-EXACT_TRIALS = 12  # lattices that are tested exactly in the hope of a smaller surplus
+MANY_POINTS = 5_000  # larger counts follow the free area closely
+EXACT_TRIALS = 12  # lattices tested exactly to find a small surplus
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,7 +91,7 @@ class GridPlane:
 def plan_of_count(plane: GridPlane, count: int) -> FloatArray:
     """Positions of the lattice whose free positions exceed the count by least, less the surplus nearest to surfaces.
 
-    A picture of the free space tells about how many points each lattice has; the likeliest are then tested exactly.
+    A picture of the free space gives the approximate count of each lattice; the most suitable are then tested exactly.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where the light is asked for: sensor points, their directions, and whether they lie inside something."""
+"""Sensor points: positions and directions at which light is computed, and whether they lie inside an object."""
 
 import csv
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from lidarspectra.room.free_space import BURIED_SHARE, FreeSpace, sphere_directi
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_grid import MIN_SPACING_M, GridPlane, plan_of_count
 
-SHALLOW_M = 0.05  # [m] a sensor whose view ends so soon at the back of faces lies just under a noisy surface
+SHALLOW_M = 0.05  # [m] a sensor whose rays meet the back of faces within this lies just under a noisy surface
 HEMISPHERE_DIRECTIONS = sphere_directions(64)  # half of them lie in the sensor's hemisphere
 UP = (0.0, 0.0, 1.0)
 OUTSIDE_SHARE = 0.97  # share of a point's rays that meet nothing, above which it lies outside the scan
@@ -193,7 +193,7 @@ def read_points(path: Path) -> tuple[FloatArray, FloatArray]:
             expected="a CSV of sensor points (UTF-8)",
             found=str(cause),
             where=str(path),
-            todo="Give the file's name relative to the run file.",
+            todo="Check the path; it is relative to the folder of the run file.",
         ) from cause
     header = [name.strip().lower() for name in rows[0][1]] if rows else []
     missing = [name for name in ("x", "y", "z") if name not in header]
@@ -214,7 +214,7 @@ def read_points(path: Path) -> tuple[FloatArray, FloatArray]:
 
 
 def _numbered_rows(stream: Iterator[str]) -> Iterator[tuple[int, list[str]]]:
-    """Lines that are not blank, with their number and their cells; the first line tells the separator."""
+    """Lines that are not blank, with their number and their cells; the first line determines the separator."""
     separator = ","
     for line, text in enumerate(stream, start=1):
         if line == 1:
@@ -288,7 +288,7 @@ def place_points(
     if buried.all():
         raise SensorError(
             expected="sensor points in the air of the room",
-            found=f"all {len(given)} inside something or outside the scan",
+            found=f"all {len(given)} inside objects or outside the scan",
             where="sensor points",
             todo="Check their unit [m] and origin against the scan (z up), or lift them more ([sensors] lift).",
         )

@@ -1,4 +1,4 @@
-"""Colour numbers of spectra and back: CIE XYZ (1931, 2 degrees), CIE L*a*b* and linear sRGB, all under D65.
+"""Colour spaces: CIE XYZ (1931, 2 degrees), CIE L*a*b* and linear sRGB, all under D65.
 
 White is the perfect reflector under D65: Y = 1, linear sRGB (1, 1, 1), L* = 100. Everything here is numpy, so that a
 reflectance library loads fast; the tables come from the CIE's own through the files in databases/.
@@ -16,7 +16,7 @@ from lidarspectra.arrays import FloatArray
 XYZ_FROM_SRGB = np.array(
     [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
 )  # IEC 61966-2-1:1999, Eq. 10
-SRGB_FROM_XYZ = np.linalg.inv(XYZ_FROM_SRGB)  # not the rounded Eq. 7: there and back is exact
+SRGB_FROM_XYZ = np.linalg.inv(XYZ_FROM_SRGB)  # the exact inverse, not the rounded Eq. 7
 SRGB_WHITE_XYZ = XYZ_FROM_SRGB.sum(axis=1)  # D65 as sRGB has it
 LUMINANCE_FROM_SRGB = XYZ_FROM_SRGB[1]  # Y of linear sRGB
 

@@ -1,4 +1,4 @@
-"""Where database files lie, and the manifests that say of each where it comes from and how it may be used."""
+"""Locations of database files, and the manifests that state the source and licence of each."""
 
 import os
 import tomllib

@@ -1,7 +1,7 @@
 """Import the paper's own databases from the user's copies: spectraldb (surfaces) and LSPDD (lamps).
 
 Neither may come with this package (spectraldb states no licence, LSPDD is CC BY-NC-ND); the user brings the files, and
-they are written as our tables into the user's data folder, with the source's SHA-256 in its manifest.
+they are written as tables into the user's data folder, with the source's SHA-256 in its manifest.
 """
 
 import csv
@@ -38,7 +38,7 @@ _PAIRS = re.compile(r"\{\s*(.*?)\s*\}", re.DOTALL)
 
 @dataclass(frozen=True, kw_only=True)
 class ImportSummary:
-    """What an import did, for the command line to tell.
+    """The result of an import, for the command line.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class ImportSummary:
     count : int
         Spectra in it.
     notes : tuple of str
-        What was changed or set aside, and which rows.
+        What was changed or excluded, in which rows, as full sentences.
     """
 
     database: str
@@ -97,8 +97,10 @@ def import_spectraldb(file: Path) -> ImportSummary:
     cut = [row.id for row in rows.values() if row.properties.get("matching") == "no"]
     diffuse = sum("SCE" in row.properties.get("note", "") for row in rows.values())
     notes = (
-        f"{diffuse} rows have no measurement with the specular component: theirs is without it",
-        f"{len(cut)} rows exceed {MAX_REFLECTANCE:.0%} and are cut there, found by ID only: {', '.join(cut) or 'none'}",
+        f"{diffuse} rows have no measurement with the specular component included (SCI), so the one without it (SCE)"
+        " was used. Glossy surfaces among them reflect more than their spectrum says.",
+        f"{len(cut)} rows exceed {MAX_REFLECTANCE:.0%}, which no surface without fluorescence can reflect, so they were"
+        f" limited to it and are not matched to colours. They can be used by ID: {', '.join(cut) or 'none'}.",
     )
     return _store(
         tuple(rows.values()),

@@ -1,4 +1,4 @@
-"""Reflectance spectra that surfaces are matched against, with their colours worked out beforehand."""
+"""Reflectance spectra that surfaces are matched against, with their precomputed colours."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from lidarspectra.errors import DatabaseError
 from lidarspectra.spectra.colorimetry import xyz_to_lab, xyz_to_linear_srgb
 from lidarspectra.spectra.spectrum import Spectrum
 
-MAX_REFLECTANCE = 0.99  # above it interreflections stop converging; a closed room of 1.0 has no answer
+MAX_REFLECTANCE = 0.99  # above it interreflections converge too slowly; at 1.0, in a closed room, not at all
 COLOR_GRID_NM = np.arange(360.0, 780.1, 5.0)  # [nm] colours are integrated here (CIE 15:2018, 7.1.1: 5 nm suffices)
 
 

@@ -1,4 +1,4 @@
-"""Spectra and sensor bands: sampled functions of wavelength, and the channels that weigh them.
+"""Spectra and sensor bands: sampled functions of wavelength, and the channels that weight them.
 
 A channel b of a sensor with response r_b(λ) reads of a spectrum E(λ) the band value
 

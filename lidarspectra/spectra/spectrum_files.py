@@ -24,8 +24,8 @@ from lidarspectra.spectra.spectrum import Spectrum
 ID_COLUMN = "id"
 WORD_COLUMNS = ("id", "name", "category")  # what every table starts with
 SHORTEST_NM, LONGEST_NM = 100.0, 20000.0  # [nm] a wavelength outside is another unit, or a slip
-NOISE_BELOW_ZERO = 0.01  # of the peak: dark noise of a spectrometer; a deeper value is a fault
-LARGEST_NUMBER = 1e30  # of a file, in any unit; beyond it sums and squares overflow
+NOISE_BELOW_ZERO = 0.01  # share of the peak: dark noise of a spectrometer; a more negative value is an error
+LARGEST_NUMBER = 1e30  # largest number accepted, in any unit; beyond it sums and squares overflow
 MAX_FILE_BYTES = 50_000_000  # a spectrum or table larger than this is something else
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -233,11 +233,13 @@ def read_spectrum_file(path: Path) -> SpectrumFile:
 
 
 def _checked(points: list[tuple[float, float, int]], *, heading: str, path: Path) -> SpectrumFile:
-    """Order the points, find the unit, and refuse what no lamp or surface can have."""
+    """Order the points, find the unit, and refuse values that no lamp or surface can have."""
     notes = []
     ordered = sorted(points)
     if ordered != points:
-        notes.append("lines were not in ascending order of wavelength and were sorted")
+        notes.append(
+            "The lines were not in ascending order of wavelength, so they were sorted; check that none is missing."
+        )
     wavelengths = np.array([point[0] for point in ordered])
     values = np.array([point[1] for point in ordered])
     repeated = np.flatnonzero(np.diff(wavelengths) == 0)
@@ -261,7 +263,10 @@ def _checked(points: list[tuple[float, float, int]], *, heading: str, path: Path
             where=f"{path}, line {ordered[lowest][2]}",
         )
     if values[lowest] < 0:
-        notes.append(f"{int((values < 0).sum())} values just below zero (noise) were set to zero")
+        notes.append(
+            f"{int((values < 0).sum())} values slightly below zero, within the noise of a spectrometer, were set to"
+            " zero. Nothing needs to be done."
+        )
         values = np.maximum(values, 0.0)
     scale, absolute, unit = _unit(heading)
     return SpectrumFile(

@@ -1,1 +1,1 @@
-"""Where the readings were taken: poses, their clock and their frame."""
+"""The robot: poses, their clock, and their frame of reference."""

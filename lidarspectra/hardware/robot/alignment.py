@@ -1,7 +1,7 @@
-"""Puts the robot's coordinates into the scan's: the rigid motion that brings named points of one onto the other.
+"""Registration of the robot's frame to the scan's: the rigid motion between named points known in both.
 
 Least squares over pairs p -> q: R, t that minimise Σ|R p + t - q|² (Kabsch 1976; Umeyama 1991 for the scale that is
-only looked at, as a check of units). In two dimensions R turns about the vertical axis and t is free in height too.
+only used as a check of units). In two dimensions R turns about the vertical axis; t may have a vertical component.
 
 References
 ----------
@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ReadingError
 
-SCALE_TOLERANCE = 0.1  # points further off in scale are of two units, or not the same points
-DEGENERATE = 1e-6  # of the spread: points nearer to a line (3D) or a spot are no frame
+SCALE_TOLERANCE = 0.1  # a larger relative difference in scale means different units, or different points
+DEGENERATE = 1e-6  # relative extent below which points on a line (3D) or in a spot do not define a frame
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,7 +35,7 @@ class Alignment:
     names : tuple of str
         Of the points that it was fitted to.
     residuals : (point,) float
-        What is left between each pair. [m]
+        Distance left between each pair. [m]
     scale : float
         Size of the second set over that of the first; 1 for equal units. [1]
     dimensions : int
@@ -51,7 +51,7 @@ class Alignment:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the residuals [m]; nought for as few points as fix the motion."""
+        """Root mean square of the residuals [m]; zero for the fewest points that determine the motion."""
         return float(np.sqrt(np.mean(self.residuals**2)))
 
     def apply(self, positions: ArrayLike) -> FloatArray:
@@ -59,7 +59,7 @@ class Alignment:
         return np.asarray(np.asarray(positions, dtype=np.float64) @ self.rotation.T + self.translation)
 
     def words(self) -> str:
-        """What was found, for a log."""
+        """The fitted motion in words, for a log."""
         turn = np.degrees(np.arctan2(self.rotation[1, 0], self.rotation[0, 0]))
         parts = ", ".join(
             f"{name} {residual * 100:.1f} cm" for name, residual in zip(self.names, self.residuals, strict=True)
@@ -122,7 +122,7 @@ def align(source: ArrayLike, target: ArrayLike, *, names: tuple[str, ...] = (), 
             expected="the same points in the same unit (metres)",
             found=f"the second set {scale:.3g} times the size of the first",
             where="alignment",
-            todo="Check the units, and that the names mean the same points in both.",
+            todo="Check the units, and that each name stands for the same point in both frames.",
         )
     rotation = _rotation(a, b)
     translation = centers[1] - rotation @ centers[0]
@@ -140,7 +140,7 @@ def align(source: ArrayLike, target: ArrayLike, *, names: tuple[str, ...] = (), 
 
 
 def _rotation(a: FloatArray, b: FloatArray) -> FloatArray:
-    """R that best turns a onto b, without mirroring; flat sets turn about the vertical axis."""
+    """Rotation R that best maps a onto b, without mirroring; plane sets turn about the vertical axis."""
     if not a[:, 2].any() and not b[:, 2].any():
         angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a[:, :2] * b[:, :2]).sum())
         c, s = np.cos(angle), np.sin(angle)
@@ -167,7 +167,7 @@ def read_point_pairs(path: Path) -> tuple[tuple[str, ...], FloatArray, FloatArra
     Raises
     ------
     ReadingError
-        If a column is missing, or a cell is no number; the line is named.
+        If a column is missing, or a cell is not a number; the message names the line.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:

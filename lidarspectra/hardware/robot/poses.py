@@ -1,4 +1,4 @@
-"""Where the robot was: poses over time, from a CSV, from ROS 2 bags, and from what `ros2 topic echo` printed."""
+"""Poses of the robot over time, from a CSV, from ROS 2 bags, and from the output of `ros2 topic echo`."""
 
 import csv
 import importlib
@@ -21,7 +21,7 @@ POSE_TYPES = {
     "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose", "pose"),
     "geometry_msgs/msg/PoseStamped": ("pose",),
 }  # ROS message types that hold a pose, and the fields that lead to it
-PREFERRED_TOPICS = ("/amcl_pose", "/pose", "/odom")  # a position in the map before one that drifts
+PREFERRED_TOPICS = ("/amcl_pose", "/pose", "/odom")  # positions in the map before odometry, which drifts
 MIN_POSES = 2
 
 _TIME_COLUMNS = ("unix_s", "time_s", "stamp", "timestamp", "time", "t", "utc")
@@ -41,7 +41,7 @@ class Trajectory:
     headings : (pose,) float
         Angle of its forward direction from the x axis, unwrapped. [rad]
     frame : str
-        Whose coordinates these are.
+        Name of the frame of reference.
     """
 
     unix_s: FloatArray
@@ -75,12 +75,12 @@ class Trajectory:
         unix_s : (n,) float
             When. [s]
         longest_gap_s : float
-            Between poses further apart than this, and beyond the ends, nothing is known. [s]
+            No position is given between poses further apart than this, nor beyond the ends. [s]
 
         Returns
         -------
         positions : (n, 3) float
-            NaN where nothing is known. [m]
+            NaN where the position is unknown. [m]
         headings : (n,) float
             [rad]
         """
@@ -146,7 +146,7 @@ def read_poses(path: Path, *, topic: str | None = None) -> Trajectory:
 
 
 def _trajectory(rows: list[tuple[float, float, float, float, float]], frame: str, where: str) -> Trajectory:
-    """Poses (time, x, y, z, heading) in order of time; of several at one time the last counts."""
+    """Poses (time, x, y, z, heading) in order of time; of several at one time the last is used."""
     table = np.array([row for row in rows if all(map(math.isfinite, row))], dtype=np.float64).reshape(-1, 5)
     if table.shape[0] < MIN_POSES:
         raise ReadingError(
@@ -287,7 +287,7 @@ def _read_bag(path: Path, topic: str | None) -> Trajectory:
 
 
 def _bag_failures() -> tuple[type[Exception], ...]:
-    """What the library raises for damaged bags; it has an error class a format, and lets some of its parts' through."""
+    """What the library raises for damaged bags: one error class per format, and some errors of its dependencies."""
     names = (
         ("rosbags.highlevel", "AnyReaderError"),
         ("rosbags.rosbag1", "ReaderError"),

@@ -1,4 +1,4 @@
-"""Reference spectra for calibration: a spectrometer's or lamp's file, in a unit of irradiance."""
+"""Reference spectra for calibration, from a spectrometer's or lamp's file, and light from a simulated map."""
 
 import re
 from pathlib import Path
@@ -21,8 +21,8 @@ UNIT_SCALES = {
     "mW/cm2/nm": 10.0,
     "uW/cm2/nm": 0.01,
 }
-"""Units that are known, in W/m²/nm."""
-MIN_DISTANCE_M = 0.02  # a place nearer to a point of the map has that point's light
+"""Known units, in W/m²/nm."""
+MIN_DISTANCE_M = 0.02  # [m] a place nearer than this to a point of the map gets that point's light
 
 _UNIT = re.compile(r"(?P<prefix>[mu]?)W[/. ]?(?P<area>c?m)(?:\^?-?2)[/. ]?nm(?:\^?-1)?")
 
@@ -61,7 +61,7 @@ def reference_from_file(path: Path, *, unit: str | None = None) -> FloatArray:
     ReadingError
         If the unit is not known.
     DatabaseError
-        If the file is no spectrum.
+        If the file is not a spectrum.
     """
     file = read_spectrum_file(path)
     scale = UNIT_SCALES.get(unit) if unit is not None else unit_scale(file.unit)

@@ -1,4 +1,4 @@
-"""The robot: gives readings their places, and gathers them at the locations of a map."""
+"""Positions of readings from the robot's poses, and their averages at the locations of a map."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ from lidarspectra.hardware.sensor.readings import POSITION
 from lidarspectra.io.files import write_whole, writing
 
 LONGEST_GAP_S = 2.0  # [s] between poses over which a place is interpolated; odometry comes 20 to 30 times a second
-DEFAULT_RADIUS_M = 0.25  # [m] so near a reading counts for a place, unless the places lie closer
+DEFAULT_RADIUS_M = 0.25  # [m] largest distance of a reading from its location, less where locations are closer
 UP = (0.0, 0.0, 1.0)  # the sensor of the paper's robot looks up
 
 
@@ -35,7 +35,7 @@ class Placement:
     placed : int
         Readings with a place.
     words : tuple of str
-        What was done, for logs.
+        What was done, in words for logs.
     """
 
     readings: xr.Dataset
@@ -64,7 +64,7 @@ def place_readings(
     trajectory : Trajectory
         Of the robot, in its own frame and by its own clock.
     light : (reading, channel) float
-        By which the clocks are compared: irradiance or any signal.
+        Signal by which the clocks are compared: irradiance or counts.
     offset_s : float, optional
         Added to the readings' times to get the robot's; estimated if left out. [s]
     mount : (3,) float
@@ -72,7 +72,7 @@ def place_readings(
     alignment : Alignment, optional
         Of the robot's frame to the scan's.
     expected : callable, optional
-        Light that a map has at positions in the scan's frame: it tells the offset where the drive alone leaves several.
+        Light of a map at positions in the scan's frame; decides between offsets that the drive alone leaves open.
     longest_gap_s : float
         Longest time between poses over which a place is interpolated. [s]
 
@@ -163,7 +163,7 @@ def read_locations(path: Path) -> FloatArray:
 
 
 def grid_readings(light: xr.Dataset, locations: ArrayLike, *, radius_m: float | None = None) -> xr.Dataset:
-    """Gather readings at locations: each reading goes to the nearest one, if near enough, and is averaged there.
+    """Average readings at locations: each reading counts for the nearest location within the radius.
 
     Parameters
     ----------
@@ -179,8 +179,8 @@ def grid_readings(light: xr.Dataset, locations: ArrayLike, *, radius_m: float | 
     -------
     gridded : xarray.Dataset
         irradiance, irradiance_se (point, channel) [W/m²/nm], NaN where nothing was read; readings (point,) how many;
-        distance (point,) mean distance of those from the location [m]; x, y, z. irradiance_se holds the readings'
-        scatter over √n and, whole, their own uncertainty, most of which they share.
+        distance (point,) mean distance of those from the location [m]; x, y, z. irradiance_se combines the readings'
+        scatter over √n with their own uncertainty, which is not divided by √n because they share most of it.
 
     Raises
     ------
@@ -266,7 +266,7 @@ def measured_table(gridded: xr.Dataset, *, normal: ArrayLike = UP) -> pd.DataFra
     gridded : xarray.Dataset
         From `grid_readings`.
     normal : (3,) float
-        Direction that the sensor looked in.
+        Viewing direction of the sensor.
 
     Returns
     -------

@@ -1,12 +1,13 @@
-"""How far the robot's clock runs from that of the readings, from the readings themselves.
+"""Time offset between the robot's clock and that of the readings, estimated from the readings themselves.
 
-Two readings taken near one another in space are alike, whenever they were taken. With a wrong offset the places are
-wrong: rows that a robot drives to and fro slide against each other. So the offset is the one for which readings that
-are near in space, but apart in time, differ least. Its standard error is by the jackknife over stretches of the drive.
+Two readings taken near one another in space are similar, whenever they were taken. With a wrong offset the positions
+are wrong: rows that a robot drives to and fro are shifted against each other. So the offset is estimated as the one for
+which readings near in space, but apart in time, differ least. Its standard error is from a jackknife over stretches of
+the drive.
 
-A drive in equal rows lies on itself again when shifted by the time of a row. Of such offsets, all of which fit, the
-one nearest to zero is taken and the others are told: the clocks must be known to half a row's time. A map of what is
-expected at each place, where there is one, decides between them.
+A drive in equal rows coincides with itself when shifted by the time of a row. Of such offsets, all of which fit, the
+one nearest to zero is used and the others are reported: without more information the clocks must agree to half a row's
+time. A map of the expected light, where there is one, decides between them.
 """
 
 from collections.abc import Callable
@@ -18,17 +19,17 @@ from numpy.typing import ArrayLike
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.hardware.robot.poses import Trajectory
 
-RANGE_S = 30.0  # [s] offsets that are tried, both ways
+RANGE_S = 30.0  # [s] largest offset tried, in both directions
 STEP_S = 0.5  # [s] between them
-APART_S = 8.0  # [s] readings nearer in time are alike in any case
-MAX_READINGS = 400  # that are looked at; more do not sharpen it
-STRETCHES = 8  # of the jackknife
-MIN_PAIRS = 100  # near in space and apart in time; a drive that crosses no place twice has too few
-MIN_CONTRAST = 0.1  # by which the best offset must beat the median one
+APART_S = 8.0  # [s] readings closer in time are similar with any offset
+MAX_READINGS = 400  # readings used; more do not reduce the error
+STRETCHES = 8  # stretches of the drive in the jackknife
+MIN_PAIRS = 100  # pairs near in space and apart in time; a drive that crosses no place twice has too few
+MIN_CONTRAST = 0.1  # smallest relative gain of the best offset over the median one
 KERNEL_OVER_SPACING = 1.0  # width of "near" over the distance between neighbouring rows
 MIN_KERNEL_M = 0.1  # [m] however close the rows lie
-MIN_LIGHT = 0.01  # of a channel's median; what is less is noise, whose logarithm would outweigh the rest
-ALIKE = 1.5  # an offset whose misfit is so many times the least may be the right one too
+MIN_LIGHT = 0.01  # share of a channel's median below which values are noise, whose logarithm would dominate
+ALIKE = 1.5  # an offset with up to this multiple of the smallest misfit is also plausible
 NEIGHBOURHOOD_S = 3.0  # [s] in which the jackknife looks for the same minimum again
 
 ExpectedLight = Callable[[FloatArray], FloatArray]
@@ -46,7 +47,7 @@ class TimeOffset:
     standard_error_s : float
         NaN where it was given or is not known. [s]
     is_known : bool
-        False where the readings do not tell, and 0 is taken.
+        False where the readings do not determine it, and 0 is used.
     words : str
         For logs.
     """
@@ -105,7 +106,7 @@ def estimate_time_offset(
         parts = _neighbour_costs(times, values, trajectory, offsets, longest_gap_s, stretch)
     weights, costs = parts[..., 0], parts[..., 1]
     if np.median(weights.sum(axis=1)) < MIN_PAIRS and expected is None:
-        return _unknown("the robot came past too few places twice")
+        return _unknown("the robot passed too few places twice")
     with np.errstate(divide="ignore", invalid="ignore"):
         curve = costs.sum(axis=1) / weights.sum(axis=1)
         left_out = [
@@ -124,14 +125,16 @@ def estimate_time_offset(
     # of neighbours, a drive that is not the same forth and back shifts the minimum by up to about half a step
     error = float(np.hypot(error, STEP_S / np.sqrt(12.0) / 2.0 if expected is not None else STEP_S / 2.0))
     others = [f"{other:+.1f} s" for other in minima if other != best]
-    doubt = f"; {', '.join(others)} would fit as well" if others else ""
+    doubt = f"; {', '.join(others)} fit as well, so check the clocks or give --map" if others else ""
     how = "the readings agree best with the map" if expected is not None else "readings near in space agree best"
     words = f"time offset {best:+.2f} s ± {error:.2f} s, for which {how}{doubt}"
     return TimeOffset(seconds=best, standard_error_s=error, is_known=True, words=words)
 
 
 def _unknown(why: str) -> TimeOffset:
-    words = f"time offset not known from the readings ({why}); 0 s taken. Set both clocks, or give --offset"
+    words = (
+        f"time offset 0 s assumed, because the readings do not determine it ({why}): set both clocks, or give --offset"
+    )
     return TimeOffset(seconds=0.0, standard_error_s=float("nan"), is_known=False, words=words)
 
 
@@ -161,7 +164,7 @@ def _neighbour_costs(
     """(offset, stretch, 2) weights of pairs near in space and apart in time, and their weighted squared difference."""
     known = np.isfinite(values).any(axis=0)
     centred = values[:, known] - np.nanmedian(values[:, known], axis=0)
-    # a few channels of little light are mostly noise: the strongest common patterns carry the signal
+    # channels of little light are mostly noise: the strongest principal components carry the signal
     u, s, _ = np.linalg.svd(np.nan_to_num(centred), full_matrices=False)
     features = u[:, :3] * s[:3]
     kernel_m = _kernel_width(trajectory)

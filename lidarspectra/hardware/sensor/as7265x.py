@@ -45,26 +45,26 @@ CHANNEL_LABELS = tuple(f"{center:.0f}" for center in AS7265X_CENTERS_NM)
 GAIN_FACTORS = (1.0, 3.7, 16.0, 64.0)  # gain codes 0 to 3 (data sheet)
 INTEGRATION_STEP_MS = 2.8  # [ms] one step of the integration time (data sheet)
 SATURATED_COUNT = 65535  # [count] what a saturated channel reads (data sheet)
-SATURATED_MODULE_VALUE = 2.0**32  # what the module's own corrected value reads then (seen in logs)
+SATURATED_MODULE_VALUE = 2.0**32  # the module's own corrected value of a saturated channel (seen in logs)
 FULL_SCALE_PER_STEP = (
     1000  # [count] about what one integration step can hold; this maker's family (TCS3772 sheet: 1025)
 )
 SETTLING_INTEGRATIONS = 2  # all six channels of a die take two integrations, one a bank (data sheet, mode 2)
 
 RESPONSIVITY_COUNTS_CM2_UW = 35.0  # [count cm²/µW] at gain 16 and 166 ms (data sheet)
-RESPONSIVITY_GAIN = 16.0  # of that figure
-RESPONSIVITY_TIME_MS = 166.0  # [ms] of that figure
+RESPONSIVITY_GAIN = 16.0  # gain at which the data sheet states it
+RESPONSIVITY_TIME_MS = 166.0  # [ms] integration time at which the data sheet states it
 RESPONSIVITY_LIMITS = 0.12  # ± limits of that figure (data sheet)
 GAIN_LIMITS = 0.10  # ± limits of a gain's ratio to another (TCS3772 sheet; the AS7265x sheet gives none)
 REPEATABILITY = 0.004  # noise of a reading, measured on 27 sensors in an office
 GAUSSIAN_WIDTH_NM = AS7265X_FWHM_NM * float(np.sqrt(np.pi / (4.0 * np.log(2.0))))  # [nm] ∫ of a Gaussian of peak 1
-WIDTH_LIMITS = GAUSSIAN_WIDTH_NM / AS7265X_FWHM_NM - 1.0  # the sheet leaves open which width its µW/cm² spans
+WIDTH_LIMITS = GAUSSIAN_WIDTH_NM / AS7265X_FWHM_NM - 1.0  # the sheet does not state over which width its µW/cm² go
 UW_CM2_TO_W_M2 = 0.01  # [W/m² per µW/cm²]
 
-FLAG_SATURATED = 1  # the channel's number is no measurement: more light than it can count
+FLAG_SATURATED = 1  # more light than the channel can count
 FLAG_MISSING = 2  # the device sent no number (NaN), or none for this channel
 FLAG_DAMAGED = 4  # the number was damaged on the wire
-FLAG_DISAGREES = 8  # count and module value do not belong together
+FLAG_DISAGREES = 8  # count and module value contradict each other
 FLAG_NAMES = {
     FLAG_SATURATED: "saturated",
     FLAG_MISSING: "missing",
@@ -144,7 +144,7 @@ def channel_letter(name: str) -> str | None:
 
 
 def order_from_header(fields: Sequence[str], *, where: str) -> ChannelOrder | None:
-    """Channel order that a header line tells.
+    """Channel order that a header line states.
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def nominal_responsivity() -> tuple[float, float]:
 
 
 def mask_counts(counts: ArrayLike) -> tuple[FloatArray, ByteArray]:
-    """Take out what is no measurement from counts: saturation and missing numbers.
+    """Mask saturated and missing counts.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def mask_counts(counts: ArrayLike) -> tuple[FloatArray, ByteArray]:
 
 
 def mask_module_values(module_values: ArrayLike) -> tuple[FloatArray, ByteArray]:
-    """Take out what is no measurement from the module's own corrected values; see `mask_counts`."""
+    """Mask saturated and missing values among the module's own corrected ones; see `mask_counts`."""
     return _mask(np.asarray(module_values, dtype=np.float64), SATURATED_MODULE_VALUE)
 
 

@@ -1,10 +1,10 @@
-"""The AT firmware of the AS7265x module: commands out, `<data> OK` or `ERROR` back, and no word of which came first.
+"""The AT firmware of the AS7265x module: commands out, `<data> OK` or `ERROR` back, without sequence numbers.
 
-A reply carries neither a name nor a checksum, so each is held against what was asked: 18 whole numbers for ATDATA,
-18 decimals for ATCDATA, three for ATTEMP, one for a setting. A reply of another form is asked for again. Gain and
-integration time are read back after every reading: where they are not those that were set, the module has restarted
-meanwhile, and what it measured with is not known. ATCDATA is ATDATA times a factor of the channel, so a number that was
-damaged into another shows.
+A reply carries neither a name nor a checksum, so each is checked against the form of its question: 18 whole numbers for
+ATDATA, 18 decimals for ATCDATA, three for ATTEMP, one for a setting. A reply of another form is requested again. Gain
+and integration time are read back after every reading: if they differ from those set, the module has restarted
+meanwhile, and the settings of the reading are unknown. ATCDATA is ATDATA times a factor of the channel, so a number
+that was damaged into another is detected.
 """
 
 import re
@@ -25,11 +25,11 @@ from lidarspectra.hardware.sensor.drivers import LINE_LIMIT_BYTES, printable
 from lidarspectra.hardware.sensor.sensor_records import Item, Moment, Note, Trouble
 
 REPLY_LIMIT_S = 0.4  # [s] a reply of 250 characters takes 22 ms at 115200 baud; the module may finish a reading first
-TRIES = 3  # of one command, before it is given up for this turn
-FLOODED_LIMIT_S = 2.0  # [s] the same while something else keeps coming
+TRIES = 3  # attempts at one command before it is given up for this turn
+FLOODED_LIMIT_S = 2.0  # [s] limit of a reply while other bytes keep arriving
 OWED_LIMIT = 1000  # unanswered requests for data whose answers may still come
-SAME_S = 0.005  # [s] two equal replies nearer than this are one, for a reply takes longer on the wire
-QUIET_S = 0.03  # [s] silence after which a line is taken to be at rest, after something went wrong on it
+SAME_S = 0.005  # [s] two equal replies closer than this are one, because a reply takes longer on the wire
+QUIET_S = 0.03  # [s] silence after which a line counts as idle again after an error
 
 Kind = Literal["version", "setting", "data", "calibrated", "temperature", "gain", "integration"]
 

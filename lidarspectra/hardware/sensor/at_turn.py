@@ -15,18 +15,18 @@ from lidarspectra.hardware.sensor.as7265x import (
 )
 from lidarspectra.hardware.sensor.sensor_records import Moment, Reading, no_values
 
-AGREEMENT = 0.1  # most by which the two may differ beyond rounding: light may change between them
-FACTOR_MEMORY = 31  # readings from which the usual factor is known
+AGREEMENT = 0.1  # largest relative difference of count and module value beyond rounding: light may change in between
+FACTOR_MEMORY = 31  # latest readings whose median gives the usual factor
 
 
 class ModuleFactors:
-    """The constant ratio of module value to count, per channel, as learned from readings at the same settings."""
+    """The constant ratio of module value to count per channel, estimated from readings at the same settings."""
 
     def __init__(self) -> None:
         self._ratios: deque[FloatArray] = deque(maxlen=FACTOR_MEMORY)
 
     def disagreeing(self, counts: FloatArray, module: FloatArray) -> ByteArray:
-        """(18,) bool as uint8: where the two do not belong together."""
+        """(18,) bool as uint8: where count and module value contradict each other."""
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = module / counts
             ratio = np.where(counts >= 5, ratio, np.nan)  # below, rounding alone makes 10 % and more
@@ -42,7 +42,7 @@ class ModuleFactors:
 
 
 class Turn:
-    """What was gathered for one reading."""
+    """The replies collected for one reading."""
 
     def __init__(self, settings: SensorSettings) -> None:
         self.settings = settings
@@ -53,7 +53,7 @@ class Turn:
         self._doubted: dict[str, int] = {}
 
     def read_back(self, kind: str, value: int) -> bool:
-        """Hold a setting against what was set; a difference counts when it was answered twice."""
+        """Compare a setting with the one that was set; a difference counts once it was read twice."""
         if value == self._wanted(kind) or self._doubted.get(kind) == value:
             self._confirmed[kind] = value
             return True
@@ -65,7 +65,7 @@ class Turn:
 
     @property
     def lost_settings(self) -> bool:
-        """Whether the module says that it measures with other settings than were set."""
+        """Whether the module reports other settings than those that were set."""
         return any(value != self._wanted(kind) for kind, value in self._confirmed.items())
 
     @property
@@ -74,7 +74,7 @@ class Turn:
         return len(self._confirmed) == 2 and not self.lost_settings
 
     def lost_words(self) -> str:
-        """What it says."""
+        """The settings that differ, in words."""
         return ", ".join(
             f"{kind} {self._wanted(kind)} was set, {value} is read" for kind, value in self._confirmed.items()
         )

@@ -1,4 +1,4 @@
-"""Automatic gain: keeps the brightest channel well inside what the sensor can count."""
+"""Automatic gain: keeps the brightest channel well inside the sensor's range."""
 
 import math
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from lidarspectra.hardware.sensor.as7265x import (
 )
 from lidarspectra.hardware.sensor.sensor_records import Reading
 
-TARGET = 0.4  # of full scale for the brightest channel
-LEAST, MOST = 0.08, 0.75  # of full scale; outside of these the settings change
-SATURATED_GUESS = 8.0  # how many times too bright a saturated channel is taken to be
+TARGET = 0.4  # share of full scale aimed at for the brightest channel
+MIN_SHARE, MAX_SHARE = 0.08, 0.75  # shares of full scale outside of which the settings change
+SATURATED_GUESS = 8.0  # assumed excess of a saturated channel over full scale
 STEPS = (4, 10, 20, 40, 59, 100, 150, 200, 255)  # integration steps that are tried
 CALM_READINGS = 2  # readings between changes
 
 
 def full_scale(integration_steps: int) -> float:
-    """Most that a channel can count in a time of so many steps [count]."""
+    """Largest count of a channel in an integration time of so many steps [count]."""
     return float(min(SATURATED_COUNT - 1, FULL_SCALE_PER_STEP * integration_steps))
 
 
@@ -50,7 +50,7 @@ def best_settings(basic_peak: float, *, longest_ms: float) -> SensorSettings:
 
     def distance(settings: SensorSettings) -> tuple[float, float]:
         fraction = basic_peak * settings.gain * settings.integration_ms / full_scale(settings.integration_steps)
-        too_much = fraction > MOST
+        too_much = fraction > MAX_SHARE
         off = abs(math.log(max(fraction, 1e-9) / TARGET))
         return off + 100.0 * too_much, -settings.integration_ms
 
@@ -80,7 +80,7 @@ class AutoGain:
             return None
         steps = round(reading.integration_ms / INTEGRATION_STEP_MS)
         peak = SATURATED_GUESS * full_scale(steps) if saturated else float(np.nanmax(reading.counts))
-        if LEAST <= peak / full_scale(steps) <= MOST:
+        if MIN_SHARE <= peak / full_scale(steps) <= MAX_SHARE:
             return None
         longest_ms = 1e3 * self.period_s / (SETTLING_INTEGRATIONS + 1)
         wanted = best_settings(max(peak, 0.5) / exposure, longest_ms=longest_ms)

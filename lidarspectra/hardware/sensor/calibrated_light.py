@@ -1,4 +1,4 @@
-"""What light readings mean, by a calibration of the device or by the data sheet."""
+"""From readings to spectral irradiance, by a calibration of the device or by the data sheet."""
 
 import numpy as np
 import xarray as xr
@@ -21,7 +21,7 @@ def spectral_irradiance(readings: xr.Dataset, calibration: Calibration | None = 
     readings : xarray.Dataset
         The table.
     calibration : Calibration, optional
-        Of this very device.
+        Calibration of this device.
 
     Returns
     -------
@@ -32,7 +32,7 @@ def spectral_irradiance(readings: xr.Dataset, calibration: Calibration | None = 
     Raises
     ------
     ReadingError
-        If the table lacks what the calibration, or the data sheet's figure, goes with.
+        If the table lacks the signal that the calibration, or the data sheet's responsivity, applies to.
     """
     kind = calibration.signal if calibration is not None else best_signal(readings)
     if calibration is None and kind == "module values":
@@ -48,7 +48,7 @@ def spectral_irradiance(readings: xr.Dataset, calibration: Calibration | None = 
             expected=f"readings with {kind}, for which the calibration was made",
             found="none",
             where=readings.attrs.get("source", "readings"),
-            todo="Record in the way in which you calibrated.",
+            todo="Record with the same firmware and settings as for the calibration.",
         )
     if calibration is None:
         nominal, relative = nominal_responsivity()
@@ -69,6 +69,6 @@ def spectral_irradiance(readings: xr.Dataset, calibration: Calibration | None = 
     result = xr.Dataset(coords=readings.coords).assign(irradiance=(CHANNEL, light), irradiance_se=(CHANNEL, light_se))
     result["irradiance"].attrs = {"units": "W m-2 nm-1", "long_name": "spectral irradiance, mean over the channel"}
     result["irradiance_se"].attrs = {"units": "W m-2 nm-1", "long_name": "its standard uncertainty"}
-    told = "the data sheet's nominal responsivity" if calibration is None else calibration.label
-    result.attrs = {**readings.attrs, "signal": kind, "calibration": told}
+    source = "the data sheet's nominal responsivity" if calibration is None else calibration.label
+    result.attrs = {**readings.attrs, "signal": kind, "calibration": source}
     return result

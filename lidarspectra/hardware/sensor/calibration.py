@@ -1,4 +1,4 @@
-"""Calibration of a spectral sensor: what signal a spectral irradiance makes, per channel and per die, and how surely.
+"""Calibration of a spectral sensor: responsivity per channel and per die, with its uncertainty.
 
 Model, for each channel c: signal = responsivity_c x E_c + dark_c, with E_c the band value of the reference spectrum.
 Responsivity and dark offset are fitted by weighted least squares over the observations; where a lamp sends nothing
@@ -21,10 +21,10 @@ from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 
 Kind = Literal["lamp", "field"]
 
-LIT_FRACTION = 1e-3  # of the brightest channel; a reference that sends less into a channel says nothing on it
-MIN_SIGNIFICANCE = 5.0  # a signal nearer to the dark than so many of its uncertainties says nothing either
-FIELD_UNCERTAINTY = 0.15  # of simulated light at a point: the paper's maps are 12 to 15 % off (its Table 3)
-MAXIMUM_SPREAD = 1.0  # log-scatter taken for a die of which a single channel is known
+LIT_FRACTION = 1e-3  # share of the brightest channel below which a reference does not determine a channel
+MIN_SIGNIFICANCE = 5.0  # standard uncertainties above dark below which a signal does not determine a channel
+FIELD_UNCERTAINTY = 0.15  # relative, of simulated light at a point: the paper's maps are 12 to 15 % off (Table 3)
+MAX_SPREAD = 1.0  # assumed scatter of the logarithm for a die of which a single channel is known
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,7 +67,7 @@ class Observation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
-    """What is known of one device.
+    """The calibration of one device.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Calibration:
     dark, dark_se : (18,) float
         [signal]
     is_measured : (18,) bool
-        False where the die's factor stands in.
+        False where the die's mean factor is used instead.
     die_factor, die_factor_se : (3,) float
         Mean factor of each die on the data sheet's responsivity, and its relative standard error. [1]
     residual : float
@@ -98,7 +98,7 @@ class Calibration:
     created : str
         When, ISO 8601.
     notes : tuple of str
-        What a reader must know.
+        What the user should know about the calibration.
     """
 
     name: str
@@ -248,9 +248,15 @@ def fit_calibration(
     notes = []
     if not measured.all():
         unlit = ", ".join(label for label, known in zip(CHANNEL_LABELS, measured, strict=True) if not known)
-        notes.append(f"Not measured: {unlit} nm; the mean factor of their die stands in.")
+        notes.append(
+            f"The references send too little light into the channels {unlit} nm, so the mean factor of their die was"
+            " used, with its scatter as the uncertainty. Calibrate with a halogen lamp too, which lights all channels."
+        )
     if kind == "field":
-        notes.append("Fitted to a simulated map: it takes that map's absolute level over, and cannot confirm it.")
+        notes.append(
+            "This calibration was fitted to a simulated map, so it takes over that map's absolute level and cannot"
+            " confirm it. Calibrate with a lamp of known spectrum for an independent measurement."
+        )
     return Calibration(
         name=name,
         device=device,
@@ -272,7 +278,7 @@ def fit_calibration(
 
 
 def _fit_channel(observations: Sequence[Observation], c: int) -> tuple[float, float, float, float, float] | None:
-    """Responsivity, dark offset, their uncertainties, relative misfit; None where no light says anything."""
+    """Responsivity, dark offset, their uncertainties, relative misfit; None if no observation determines them."""
     rows = [o for o in observations if np.isfinite(o.signal[c])]
     light = np.array([o.reference[c] for o in rows])
     brightest = np.array([o.reference.max() for o in rows])
@@ -293,9 +299,9 @@ def _fit_channel(observations: Sequence[Observation], c: int) -> tuple[float, fl
     normal = np.linalg.inv(design.T @ design)
     freedom = y.size - columns.shape[1]
     chi2 = float(np.sum((target - design @ solution) ** 2)) / freedom if freedom > 0 else 0.0
-    if chi2 > 1.0:  # a scatter beyond what was stated counts
+    if chi2 > 1.0:  # scatter beyond the stated uncertainties enlarges the covariance
         covariance = normal * chi2
-    else:  # noise alone: the references' uncertainty does not average out, and comes on top
+    else:  # from noise alone: the references' uncertainty does not average out, and is added below
         gain_matrix = normal @ (design * weight[:, None]).T
         covariance = gain_matrix @ np.diag(noise**2) @ gain_matrix.T
     responsivity = float(solution[0])
@@ -311,7 +317,7 @@ def _fit_channel(observations: Sequence[Observation], c: int) -> tuple[float, fl
 
 def _die_factors(factor: FloatArray, measured: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Geometric mean of each die's factors, its relative standard error, and the scatter of one channel [1]."""
-    means, errors, spreads = np.ones(len(DIES)), np.ones(len(DIES)), np.full(len(DIES), MAXIMUM_SPREAD)
+    means, errors, spreads = np.ones(len(DIES)), np.ones(len(DIES)), np.full(len(DIES), MAX_SPREAD)
     _, nominal_uncertainty = nominal_responsivity()
     overall = float(np.mean(np.log(factor[measured])))
     for die in range(len(DIES)):
@@ -320,7 +326,7 @@ def _die_factors(factor: FloatArray, measured: BoolArray) -> tuple[FloatArray, F
             means[die] = np.exp(overall)
             continue
         means[die] = np.exp(logs.mean())
-        spread = max(float(logs.std(ddof=1)), nominal_uncertainty) if logs.size > 1 else MAXIMUM_SPREAD
+        spread = max(float(logs.std(ddof=1)), nominal_uncertainty) if logs.size > 1 else MAX_SPREAD
         errors[die] = spread / np.sqrt(logs.size)
         spreads[die] = spread * np.sqrt(1.0 + 1.0 / logs.size)
     return means, errors, spreads
@@ -334,7 +340,7 @@ def field_calibration(
     device: str,
     uncertainty: float = FIELD_UNCERTAINTY,
 ) -> Calibration:
-    """One-point calibration: the sensor stands at a point of a simulated map, and is made to read what it says there.
+    """One-point calibration: scale the sensor's readings at one point to the simulated map there.
 
     Parameters
     ----------
@@ -350,8 +356,8 @@ def field_calibration(
     Returns
     -------
     calibration : Calibration
-        Of kind 'field'. Comparing the same map with readings calibrated so says nothing on its absolute level, only on
-        how light is spread; leave the point out of the comparison.
+        Of kind 'field'. Comparing the same map with readings calibrated so does not test its absolute level, only
+        the distribution of light; leave the point out of the comparison.
     """
     kind = best_signal(readings)
     observation = observe(readings, simulated, name="field point", kind=kind, uncertainty=uncertainty)

@@ -32,7 +32,7 @@ def _folder(name: str) -> Path:
             expected="a name of letters, digits, '.', '_' and '-', up to 64, starting with a letter or digit",
             found=f"'{name}'",
             where="calibration name",
-            todo="Choose such a name: it becomes a folder's.",
+            todo="Choose such a name, because it becomes the name of a folder.",
         )
     return calibration_folder() / name
 
@@ -65,7 +65,7 @@ def save_calibration(calibration: Calibration) -> Calibration:
     Raises
     ------
     ReadingError
-        If the name is none for a folder, or nothing can be written there.
+        If the name is not valid for a folder, or the folder cannot be written.
     """
     folder = _folder(calibration.name)
     with writing(
@@ -112,14 +112,14 @@ def load_calibration(name: str, version: int | None = None) -> Calibration:
 
 def calibration_text(calibration: Calibration) -> str:
     """A calibration as JSON: arrays as lists, NaN as null, channels and dies named."""
-    told: dict[str, Any] = {"format": FORMAT, "channels_nm": list(CHANNEL_LABELS), "dies": list(DIES)}
+    record: dict[str, Any] = {"format": FORMAT, "channels_nm": list(CHANNEL_LABELS), "dies": list(DIES)}
     for name, value in asdict(calibration).items():
         if isinstance(value, np.ndarray):
             value = value.tolist()
         elif isinstance(value, float) and math.isnan(value):
             value = None
-        told[name] = value
-    return json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        record[name] = value
+    return json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def read_calibration(path: Path) -> Calibration:
@@ -131,21 +131,21 @@ def read_calibration(path: Path) -> Calibration:
         If it cannot be read, is of another format, or a part is missing or malformed.
     """
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        record = json.loads(path.read_text(encoding="utf-8"))
         if (
-            told.pop("format") != FORMAT
-            or told.pop("channels_nm") != list(CHANNEL_LABELS)
-            or told.pop("dies") != list(DIES)
+            record.pop("format") != FORMAT
+            or record.pop("channels_nm") != list(CHANNEL_LABELS)
+            or record.pop("dies") != list(DIES)
         ):
             raise ValueError("it is of another format or another sensor")
         for name in ("gain", "integration_ms"):
-            told[name] = math.nan if told[name] is None else float(told[name])
+            record[name] = math.nan if record[name] is None else float(record[name])
         for name in ("observations", "notes"):
-            told[name] = tuple(str(part) for part in told[name])
+            record[name] = tuple(str(part) for part in record[name])
         known = {field.name for field in fields(Calibration)}
-        if set(told) != known:
-            raise ValueError(f"parts missing or unknown: {', '.join(sorted(set(told) ^ known))}")
-        return Calibration(**told)
+        if set(record) != known:
+            raise ValueError(f"parts missing or unknown: {', '.join(sorted(set(record) ^ known))}")
+        return Calibration(**record)
     except (
         OSError,
         ValueError,

@@ -1,7 +1,7 @@
-"""What all drivers share: a driver turns the bytes of one kind of device into records, and says what to send it.
+"""The interface of all drivers: a driver turns the bytes of one kind of device into records, and into bytes to send.
 
-A driver does no input or output and has no clock: bytes and moments go in, records and bytes come out. So every
-driver can be tested with a device, a wire and a clock that are made up.
+A driver does no input or output and has no clock: bytes and moments go in, records and bytes come out. Therefore every
+driver can be tested with an emulated device, wire and clock.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from typing import Protocol
 
 from lidarspectra.hardware.sensor.sensor_records import Item, Moment
 
-LINE_LIMIT_BYTES = 2048  # a longer line is no line of any device here; our longest has about 400
+LINE_LIMIT_BYTES = 2048  # no device here sends a longer line; the longest has about 400
 
 
 class Driver(Protocol):
@@ -25,16 +25,16 @@ class Driver(Protocol):
         """The link is open (again): begin."""
 
     def receive(self, data: bytes, moment: Moment) -> list[Item]:
-        """Take bytes that arrived."""
+        """Process bytes that arrived."""
 
     def tick(self, moment: Moment) -> list[Item]:
-        """Let time pass: ask, ask again, give up."""
+        """Act on passed time: send, repeat or give up requests."""
 
     def finish(self, moment: Moment) -> list[Item]:
-        """The recording ends: give what was kept back."""
+        """End the recording; return the items held back."""
 
     def outgoing(self) -> bytes:
-        """What is to be sent now; asked for after each of the others."""
+        """Bytes to send now; called after each of the others."""
 
     def describe(self) -> Sequence[str]:
         """Lines for the head of a log: device, channel order and who said it, settings."""
@@ -42,7 +42,7 @@ class Driver(Protocol):
 
 @dataclass
 class LineSplitter:
-    """Cuts a stream of bytes into lines, whatever ends them, and never holds more than one line's worth.
+    """Splits a stream of bytes into lines, with any line ending, and holds at most one line.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class LineSplitter:
         return bool(self._held)
 
     def clear(self) -> bytes:
-        """Forget the unfinished line, and return it."""
+        """Discard the unfinished line, and return it."""
         rest = bytes(self._held)
         self._held.clear()
         return rest

@@ -1,4 +1,4 @@
-"""Keeps account of what is missing between readings, and why."""
+"""Gaps between readings, and their causes."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -6,9 +6,9 @@ from typing import Literal
 
 from lidarspectra.hardware.sensor.sensor_records import REASONS, Moment, Reason, Trouble
 
-MISSED_PERIODS = 1.6  # a spacing of so many periods has a reading missing
-ALARM_PERIODS = 2.5  # after so many without a reading a gap is declared while it lasts
-SLACK_S = 0.1  # [s] jitter of a computer with other things to do
+MISSED_PERIODS = 1.6  # periods between readings from which on one is missing
+ALARM_PERIODS = 2.5  # periods without a reading after which a gap is declared while it lasts
+SLACK_S = 0.1  # [s] jitter of a busy computer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +20,7 @@ class Gap:
     since, until : Moment
         The readings around it, or the start or end of the recording.
     reason : Reason
-        The gravest of its causes.
+        The most severe of its causes.
     detail : str
         All of its causes, counted.
     lost : int
@@ -42,7 +42,7 @@ class Gap:
 
 @dataclass(frozen=True, kw_only=True)
 class Upset:
-    """Troubles after which nothing was missing."""
+    """Faults after which no reading was missing."""
 
     moment: Moment
     reason: Reason
@@ -75,7 +75,7 @@ class GapKeeper:
         self._lost += trouble.lost
 
     def reading(self, moment: Moment, period_s: float) -> Gap | Upset | None:
-        """A reading came: tell what was before it."""
+        """Record a reading; return the gap or fault before it."""
         spacing_s = moment.monotonic_s - self._last.monotonic_s
         found: Gap | Upset | None = None
         if self._lost or self._is_open or spacing_s > MISSED_PERIODS * period_s + SLACK_S:
@@ -118,10 +118,10 @@ class GapKeeper:
     def _words(self) -> str:
         if not self._causes:
             return "nothing came"
-        told = [reason for reason in REASONS if self._causes[reason]]
+        occurred = [reason for reason in REASONS if self._causes[reason]]
         return "; ".join(
             f"{reason}{f' {self._causes[reason]} times' if self._causes[reason] > 1 else ''}: {self._details[reason]}"
-            for reason in told
+            for reason in occurred
         )
 
     def _forget(self) -> None:

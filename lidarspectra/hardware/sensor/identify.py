@@ -15,9 +15,9 @@ from lidarspectra.hardware.sensor.serial_link import Clock, Link
 from lidarspectra.hardware.sensor.sketch_text import SketchTextDriver, is_complete, split_row
 
 QUESTIONS = ((0.1, b"AT\n"), (0.9, b"?\n"), (1.8, b"AT\n"), (2.7, b"?\n"), (4.0, b"AT\n"), (5.0, b"?\n"))
-"""What is asked when [s]: an Arduino takes two seconds to start, during which it hears nothing."""
+"""Times [s] and questions: an Arduino takes two seconds to start, during which it ignores input."""
 LISTEN_S = 8.0  # [s] how long one baud rate is listened to
-RESET_AFTER_S = 6.0  # [s] rows without a header: then the board is restarted, for it prints its header at its start
+RESET_AFTER_S = 6.0  # [s] rows without a header, after which the board is restarted to make it print its header
 AFTER_RESET_S = 6.0  # [s] listened for that header
 SAMPLE_BYTES = 4096  # of what was heard, kept to describe it
 
@@ -25,12 +25,12 @@ _OK = re.compile(rb"(?:^|[\r\n ])OK[\r\n ]*$")
 
 
 class UnheardError(DeviceError):
-    """Silence, or what is no text: another baud rate may be the right one."""
+    """Silence, or bytes that are not text: another baud rate may be the right one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wishes:
-    """What the user wants of the device.
+    """What the user asks of the device.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Wishes:
     settings : SensorSettings or None
         Gain and integration time; None is the device's own (the AT firmware: gain 16, 165 ms).
     order : ChannelOrder or None
-        The user's word for the order in which a sketch prints, in place of its header.
+        The order in which a sketch prints, given by the user in place of its header.
     """
 
     period_s: float = 1.0
@@ -99,7 +99,7 @@ def identify(
     Raises
     ------
     DeviceError
-        If nothing is heard, or nothing that tells the order of the channels; never later than some 15 seconds.
+        If nothing arrives, or nothing that states the order of the channels; after at most about 15 seconds.
     LinkLostError
         If the link breaks.
     """
@@ -159,23 +159,23 @@ def _unknown(heard: _Heard, where: str) -> DeviceError:
             where=where,
             todo="The order of the numbers cannot be known from the numbers. Press the board's reset button while"
             " recording starts, so that it prints its header; or look into its sketch and give the letters in the order"
-            " in which it prints them, as --header A,B,C,...; or put our sketch on it ('lidarspectra sensor firmware"
-            " DIR'), which names its columns.",
+            " in which it prints them, as --header A,B,C,...; or upload this package's sketch"
+            " ('lidarspectra sensor firmware DIR'), which names its columns.",
         )
     if not heard.data:
         return UnheardError(
-            expected="an AS7265x module or an Arduino that speaks",
+            expected="an AS7265x module or an Arduino that sends data",
             found="silence",
             where=where,
             todo="Check power, that the module's TX goes to the converter's RX and the other way round, the baud rate"
-            " (--baud: 115200 for the module and our sketches, 9600 for the SparkFun examples), and that the module's"
-            " UART is chosen by its jumper.",
+            " (--baud: 115200 for the module and this package's sketches, 9600 for the SparkFun examples), and that the"
+            " module's jumper selects its UART.",
         )
     questions = {part for _, part in QUESTIONS}
     if set(heard.data.splitlines(keepends=True)) <= questions:
         return DeviceError(
             expected="an AS7265x module or an Arduino that answers",
-            found="only an echo of our own questions",
+            found="only an echo of the questions sent",
             where=where,
             todo="RX and TX are joined, or this is a loopback: connect the device.",
         )
@@ -183,15 +183,15 @@ def _unknown(heard: _Heard, where: str) -> DeviceError:
     if readable < 0.8 * len(heard.data):
         return UnheardError(
             expected="text",
-            found=f"{len(heard.data)} bytes, most of them no letters or digits",
+            found=f"{len(heard.data)} bytes, most of them unprintable",
             where=where,
-            todo="The baud rate is likely another: give --baud 9600, or the rate in the sketch's Serial.begin.",
+            todo="The baud rate is probably wrong: give --baud 9600, or the rate in the sketch's Serial.begin.",
         )
     return DeviceError(
-        expected="the module's AT firmware, our sketches, or a sketch that prints a header of channels",
+        expected="the module's AT firmware, a sketch of this package, or a sketch that prints a header of channels",
         found=f"'{printable(heard.data.strip())}'",
         where=where,
-        todo="Put our sketch on the board ('lidarspectra sensor firmware DIR').",
+        todo="Upload the sketch of this package to the board ('lidarspectra sensor firmware DIR').",
     )
 
 

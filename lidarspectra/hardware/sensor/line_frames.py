@@ -12,7 +12,7 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.sensor_records import Moment
 
 PROTOCOL_VERSION = "1"
-CLOCK_DRIFT = 2e-4  # most that a board's resonator runs off (ceramic resonator of an Uno: 0.5 %, drift far less)
+CLOCK_DRIFT = 2e-4  # largest relative drift of a board's clock (ceramic resonator of an Uno: 0.5 % off, drift far less)
 LATE_S = 0.02  # [s] a line later than this by the board's clock is dated back
 
 _FRAME = re.compile(rb"\$([ -#%-)+-~]{1,1000})\*([0-9A-Fa-f]{4})")
@@ -56,7 +56,7 @@ class StreamHeader:
     names, units : tuple of str
         Of each value of a data line.
     constants : dict
-        What else it says, as text.
+        Its other entries, as text.
     """
 
     device: str
@@ -85,7 +85,7 @@ def parse_header(fields: Sequence[str]) -> StreamHeader:
             expected=f"a header of protocol version {PROTOCOL_VERSION}",
             found=",".join(fields[:6]),
             where="the board's header line",
-            todo="Put the sketch of this version of the package on the board ('lidarspectra sensor firmware DIR').",
+            todo="Upload the sketch of this version of the package to the board ('lidarspectra sensor firmware DIR').",
         )
     columns = [field.split(":", 1) for field in fields[5:] if ":" in field]
     return StreamHeader(
@@ -99,14 +99,14 @@ def parse_header(fields: Sequence[str]) -> StreamHeader:
 
 
 class DeviceClock:
-    """The board's clock against ours: a line is dated by the quickest way that one has come."""
+    """Offset of the board's clock from the computer's, from the line with the shortest delay so far."""
 
     def __init__(self) -> None:
         self._least_s: float | None = None
         self._at_s = 0.0
 
     def date(self, device_ms: int, arrival: Moment) -> Moment:
-        """When a line was measured that says `device_ms` and came now."""
+        """When a line with `device_ms` that arrives now was measured."""
         delay_s = arrival.monotonic_s - device_ms * 1e-3
         if self._least_s is None:
             self._least_s = delay_s

@@ -1,4 +1,4 @@
-"""The line protocol of our Arduino sketches: named columns with units, sequence numbers, a checksum on every line.
+"""The line protocol of this package's sketches: named columns with units, sequence numbers, a checksum on every line.
 
 Each line is a frame, `$` body `*` four hexadecimal digits, then CR LF. The digits are the CRC-16/CCITT-FALSE
 (polynomial 0x1021, start 0xFFFF) of the body. Bodies, by their first field:
@@ -72,13 +72,13 @@ def _channels(header: StreamHeader, unit: str) -> tuple[list[int], ChannelOrder 
             expected="columns named by channel",
             found=", ".join(names),
             where="the board's header line",
-            todo="Put the sketch of this version of the package on the board ('lidarspectra sensor firmware DIR').",
+            todo="Upload the sketch of this version of the package to the board ('lidarspectra sensor firmware DIR').",
         )
     return places, order
 
 
 class LineProtocolDriver:
-    """Driver of boards with our sketches.
+    """Driver of boards with this package's sketches.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class LineProtocolDriver:
         self._unanswered: dict[str, str] = {}
         self._asked_s = -np.inf
         self._awaits_header = True
-        self._overlong_told = 0
+        self._overlong_reported = 0
 
     def connect(self, moment: Moment) -> list[Item]:
         """Ask for the header and set the board."""
@@ -132,8 +132,8 @@ class LineProtocolDriver:
                 items.append(Trouble(moment=moment, reason="damaged", detail=printable(line)))
             for body in bodies:
                 items += self._take(body.split(","), moment)
-        if self._lines.overlong > self._overlong_told:
-            self._overlong_told = self._lines.overlong
+        if self._lines.overlong > self._overlong_reported:
+            self._overlong_reported = self._lines.overlong
             items.append(Trouble(moment=moment, reason="flood", detail="a flood of bytes without a line end"))
         return items
 
@@ -148,7 +148,7 @@ class LineProtocolDriver:
         return []
 
     def finish(self, moment: Moment) -> list[Item]:
-        """Tell how many lines were kept back for a header that never came."""
+        """Report how many lines were held for a header that never came."""
         waiting = sum(len(stream.held) for stream, _ in self._orphans)
         waiting += sum(len(stream.held) for stream in self._streams.values() if stream.header is None)
         if not waiting:

@@ -1,10 +1,10 @@
-"""Logs of the sensor, ours and others': recognised by what they say of themselves, never by the place of a number.
+"""Logs of the sensor, in several layouts, recognised by their headers and never by the position of a number.
 
-Known are: the log of our recorder; the table of `readings.write_readings`, and any CSV whose header names channels;
-text of the SparkFun examples as a terminal saves it, with or without the monitor's time stamps; the output of
+Known layouts: the log of this package's recorder; the table of `readings.write_readings`, and any CSV with named
+channels; text of the SparkFun examples as a terminal saves it, with or without the monitor's time stamps; the output of
 jdesbonnet's as7265x_util (unix time, ISO time, 18 counts, 18 module values: die by die, as its source reads the
-registers); the robot log of the LiDARSpectra authors, as lines of its sketch and as a table (by wavelength). A file
-of bare numbers is known only if it is one of those that were published with their order said elsewhere.
+registers); the robot log of the LiDARSpectra authors, as lines of its sketch and as a table (by wavelength). A file of
+bare numbers is known only if it is one of those that were published with their order stated elsewhere.
 """
 
 import csv
@@ -39,7 +39,7 @@ from lidarspectra.hardware.sensor.readings import SensorLog, make_readings
 from lidarspectra.hardware.sensor.sensor_records import Moment, Reading
 from lidarspectra.hardware.sensor.sketch_text import SketchTextDriver, split_row
 
-CELLS_APART_S = 2.0  # [s] cells read so near to a spectrum belong to it
+CELLS_APART_S = 2.0  # [s] largest time between a spectrum and the cell reading joined to it
 MAX_LOG_BYTES = 500_000_000  # a year at one reading a second is 15 GB: split before; this is what memory holds
 PUBLISHED: dict[str, str] = {
     "2504dbd310604fc84bb8970be3981b8737864202708748c92d1857d510b51739":
@@ -69,9 +69,9 @@ def read_sensor_log(
     path : Path
         Text, or text packed by gzip.
     order : ChannelOrder, optional
-        The user's word for rows that nothing else names.
+        Channel order of rows without a header, given by the user.
     settings : SensorSettings, optional
-        The user's word for gain and integration time, where the log does not tell them.
+        Gain and integration time, given by the user for logs that do not contain them.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def read_sensor_log(
     Raises
     ------
     ReadingError
-        If it cannot be read, holds no reading, or does not tell which number is which channel.
+        If it cannot be read, holds no reading, or does not state which number is which channel.
     """
     text = _text(path)
     for layout in (_own_log, _robot_lines, _utility, _headed_table, _sketch_text, _published):
@@ -91,7 +91,7 @@ def read_sensor_log(
         return _with_settings(_bare(text, order, path), settings)
     first = next((line for line in text.splitlines() if line.strip()), "")
     raise ReadingError(
-        expected="a log that names its channels: by header, or of a layout that is known",
+        expected="a log that names its channels in a header, or one of a known layout",
         found=f"'{first[:80]}'" if first else "an empty file",
         where=str(path),
         todo="The order of the numbers cannot be known from the numbers. Give the channel letters in the order in which"
@@ -106,7 +106,7 @@ def _text(path: Path) -> str:
                 expected=f"a log of at most {MAX_LOG_BYTES // 1_000_000} MB",
                 found=f"{path.stat().st_size // 1_000_000} MB",
                 where=str(path),
-                todo="Split it.",
+                todo="Split it into shorter logs.",
             )
         data = path.read_bytes()
         if data.startswith(b"\x1f\x8b"):
@@ -121,7 +121,7 @@ def _with_settings(log: SensorLog, settings: SensorSettings | None) -> SensorLog
     if settings is not None:
         for name, value in (("gain", settings.gain), ("integration_ms", settings.integration_ms)):
             log.readings[name] = log.readings[name].fillna(value)
-        log.readings.attrs["settings_said_by"] = "the user, where the log does not tell"
+        log.readings.attrs["settings_said_by"] = "the user, where the log has none"
     return log
 
 
@@ -247,7 +247,7 @@ def _robot_lines(text: str, path: Path) -> SensorLog | None:
 def _robot(times: FloatArray, values: FloatArray, adc: FloatArray, path: Path, layout: str) -> SensorLog:
     module, flags = mask_module_values(values)
     said_by = "layout: their log names the columns wavelength1 to wavelength18"
-    attributes = _about(path, layout, said_by) | {"time_zone": "not told, taken as UTC"}
+    attributes = _about(path, layout, said_by) | {"time_zone": "not stated, assumed to be UTC"}
     return _log(make_readings(unix_s=times, module_value=module, flag=flags, adc=adc, attributes=attributes))
 
 

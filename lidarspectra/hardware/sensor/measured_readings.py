@@ -22,8 +22,8 @@ from lidarspectra.hardware.sensor.as7265x import (
 
 Unit = Literal["W/m2/nm", "uW/cm2", "counts"]
 Scale = Literal["none", "one", "die", "channel"]
-SETTINGS = ("gain", "integration_ms")  # columns that make counts comparable from one row to the next
-NUMBERS = ("x", "y", "z", "nx", "ny", "nz", "buried", *SETTINGS)  # columns that hold no words
+SETTINGS = ("gain", "integration_ms")  # columns that make the counts of different rows comparable
+NUMBERS = ("x", "y", "z", "nx", "ny", "nz", "buried", *SETTINGS)  # columns that must be numeric
 CHANNELS = ("E_", "SE_")  # how columns of channels and of their uncertainties begin
 
 
@@ -128,15 +128,15 @@ def irradiance_of(table: pd.DataFrame, columns: Sequence[str], unit: Unit, scale
     elif scale == "none":
         raise MapError(
             expected=f"columns {' and '.join(SETTINGS)} beside counts, or a scale that is fitted",
-            found="counts alone, whose size says nothing",
+            found="counts without them, which cannot be compared",
             where=str(where),
-            todo="Give --scale one, die or channel if gain and integration time were the same all the way.",
+            todo="Give --scale one, die or channel if gain and integration time were the same in all readings.",
         )
     return np.asarray(counts / nominal_responsivity()[0], dtype=np.float64)
 
 
 def fitted_factors(synthetic: FloatArray, real: FloatArray, scale: Scale, labels: Sequence[str]) -> FloatArray:
-    """Least-squares factors on the readings, min Σ(syn - f real)²: none, one for all, one a die, or one a channel.
+    """Least-squares factors on the readings, min Σ(syn - f real)²: none, one for all, one per die, or one per channel.
 
     Parameters
     ----------

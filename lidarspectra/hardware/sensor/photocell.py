@@ -1,8 +1,8 @@
 """Solar cells read over an analog-digital converter: current from counts.
 
 The cell feeds a shunt resistor R, across which the converter reads the voltage U = N U_ref / 2^bits. The current is
-I = U / R, and the current density J = I / A. It is the short-circuit current only while U stays far below the cell's
-open-circuit voltage; with what a shunt drops the cell works a little off short circuit, and reads low.
+I = U / R, and the current density J = I / A. This is the short-circuit current only while U stays far below the cell's
+open-circuit voltage; the voltage across the shunt takes the cell off short circuit, and the reading is then low.
 """
 
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class CellCircuit:
     amplification : float
         Of an amplifier between shunt and converter. [1]
     dark_count : float
-        What the converter reads of the covered cell. [count]
+        Count with the cell covered. [count]
     open_circuit_volt : float or None
         Of the cell, for the check that it is near short circuit. [V]
     reference_tolerance, shunt_tolerance, area_tolerance : float
@@ -76,7 +76,7 @@ class CellCircuit:
 
 
 def cell_voltage(counts: ArrayLike, circuit: CellCircuit) -> FloatArray:
-    """Voltage across the cell and its shunt; NaN where the converter is at its end.
+    """Voltage across the cell and its shunt; NaN where the converter is at full scale.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def cell_current(counts: ArrayLike, circuit: CellCircuit) -> tuple[FloatArray, F
     Returns
     -------
     current, uncertainty : (...,) float
-        NaN where the converter is at its end. The uncertainty holds rounding, the converter's accuracy and the
+        NaN where the converter is at full scale. The uncertainty includes rounding, the converter's accuracy and the
         tolerances of reference and shunt, as rectangular distributions. [A]
 
     Raises
@@ -159,8 +159,8 @@ def cell_current_density(counts: ArrayLike, circuit: CellCircuit) -> tuple[Float
 def loading(counts: ArrayLike, circuit: CellCircuit) -> float | None:
     """Largest voltage across the cell over its open-circuit voltage [1]; None where the latter is not known.
 
-    Up to about 0.5 the current of a good cell is its short-circuit current within a few percent; a larger value asks
-    for a smaller shunt, and an amplifier.
+    Up to about 0.5 the current of a good cell is its short-circuit current within a few percent; a larger value needs
+    a smaller shunt, and an amplifier.
     """
     if circuit.open_circuit_volt is None:
         return None

@@ -1,4 +1,4 @@
-"""The log of a recording: a CSV text that is only ever added to, row by row, and safe on the disk every second.
+"""The log of a recording: an append-only CSV text, synchronised to disk every second.
 
 It starts with lines `# key = value`; then one header line; then rows of the kinds `reading`, `cells`, `gap` (what is
 missing since when, and why), `gap begins` (written while it lasts) and `event`. Every row has all columns. A row is
@@ -27,7 +27,7 @@ from lidarspectra.io.files import writing
 
 FORMAT_LINE = "# lidarspectra sensor log 1"
 CELL_COLUMNS = 8
-SYNC_INTERVAL_S = 1.0  # [s] most that a power cut may take
+SYNC_INTERVAL_S = 1.0  # [s] longest time whose rows a power cut may lose
 COUNT_COLUMNS = tuple(f"count_{label}" for label in CHANNEL_LABELS)
 MODULE_COLUMNS = tuple(f"module_{label}" for label in CHANNEL_LABELS)
 CELLS = tuple(f"cell_{i + 1}" for i in range(CELL_COLUMNS))
@@ -51,14 +51,14 @@ class LogWriter:
     path : Path
         The file. It must not exist unless `append` is true.
     append : bool
-        Go on in a log of ours.
+        Continue an existing log of this package.
     sync : callable
         Makes a file descriptor's data safe; `os.fsync`, unless a test counts instead.
 
     Raises
     ------
     DeviceError
-        If the file exists, is no log of ours, or cannot be written.
+        If the file exists, is not a log of this package, or cannot be written.
     """
 
     def __init__(self, path: Path, *, append: bool = False, sync: Callable[[int], None] = os.fsync) -> None:
@@ -81,8 +81,8 @@ class LogWriter:
 
     def head(self, lines: Sequence[str]) -> None:
         """Begin a recording: its description, and the columns."""
-        told = [f"# {' '.join(line.split())}" for line in lines]
-        self._put("\n".join([FORMAT_LINE, *told, ",".join(LOG_COLUMNS), ""]).encode("utf-8"))
+        comments = [f"# {' '.join(line.split())}" for line in lines]
+        self._put("\n".join([FORMAT_LINE, *comments, ",".join(LOG_COLUMNS), ""]).encode("utf-8"))
 
     def write(self, entries: Sequence[Entry], moment: Moment) -> None:
         """Add rows; they are out of this process at once, and on the disk every second."""
@@ -123,7 +123,7 @@ def _check_target(path: Path, *, append: bool) -> bool:
             expected="a new file for the log",
             found="a file of that name",
             where=str(path),
-            todo="Choose another name, or go on in it with --append.",
+            todo="Choose another name, or continue that log with --append.",
         )
     if not _is_log(path):
         raise DeviceError(
@@ -146,7 +146,7 @@ def _writing(path: Path) -> AbstractContextManager[None]:
         path,
         error=DeviceError,
         expected="a log that can be written",
-        todo="Choose a folder that exists, on a disk with room; what was written so far is kept.",
+        todo="Choose an existing folder on a disk with free space. Rows written so far are kept.",
     )
 
 
@@ -163,8 +163,8 @@ def _times(moment: Moment) -> dict[str, str]:
 
 
 def _names(entry: Reading | CellReading) -> dict[str, str]:
-    told = {"boot": entry.boot, "sequence": entry.sequence, "device_ms": entry.device_ms}
-    return {name: str(value) for name, value in told.items() if value is not None}
+    names = {"boot": entry.boot, "sequence": entry.sequence, "device_ms": entry.device_ms}
+    return {name: str(value) for name, value in names.items() if value is not None}
 
 
 def _row(entry: Entry) -> dict[str, str]:

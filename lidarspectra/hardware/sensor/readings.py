@@ -5,14 +5,14 @@ A table is an xarray Dataset with the dims reading, channel, die and, where cell
     counts          (reading, channel)  [count]  masked where saturated, missing or damaged
     module_value    (reading, channel)  [1]      the module's own corrected values, masked likewise
     flag            (reading, channel)           bits of as7265x.FLAG_NAMES
-    gain, integration_ms  (reading,)    [1], [ms]  NaN where the device does not tell
+    gain, integration_ms  (reading,)    [1], [ms]  NaN where the device does not report them
     temperature_c   (reading, die)      [degC]
     adc             (reading, cell)     [count]  cells at the time of the reading
     unix_s          (reading,)          [s]      NaN where the log has no times
     x, y, z         (reading,)          [m]      NaN until placed (see `robot`)
     wavelength_nm, width_nm, letter, die_index (channel,)
 
-Channels are always by wavelength; the attribute `order_said_by` tells who said which number is which channel.
+Channels are in order of wavelength; the attribute `order_said_by` names the source of the channel order.
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ from lidarspectra.io.files import write_whole, writing
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM
 
 Signal = Literal["basic counts", "basic module values", "module values"]
-"""What of a reading is proportional to light."""
+"""The part of a reading that is proportional to light."""
 SCHEMA = "lidarspectra sensor readings 1"
 CHANNEL, CELL = ("reading", "channel"), ("reading", "cell")
 POSITION = ("x", "y", "z")
@@ -177,7 +177,7 @@ def signal(readings: xr.Dataset, kind: Signal) -> tuple[FloatArray, FloatArray]:
         The table.
     kind : str
         'basic counts' and 'basic module values' have gain and time taken out [1/ms]; 'module values' are as sent,
-        for sketches that do not tell their gain and time but never change them. [1]
+        for sketches that do not report their gain and time but never change them. [1]
 
     Returns
     -------
@@ -216,7 +216,7 @@ def best_signal(readings: xr.Dataset) -> Signal:
         expected="counts with their gain and integration time, or module values",
         found="neither in any reading",
         where=readings.attrs.get("source", "readings"),
-        todo="Give gain and integration time if the log does not tell them (--gain, --integration).",
+        todo="Give gain and integration time if the log does not contain them (--gain, --integration).",
     )
 
 

@@ -1,4 +1,4 @@
-"""The recorder: keeps a device talking and writes down what it says, what is missing, and why."""
+"""The recorder: polls a device and logs its readings, its gaps, and their causes."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -55,7 +55,7 @@ class RecordOptions:
 
 @dataclass(kw_only=True)
 class RecordSummary:
-    """What a recording came to; counted while it runs."""
+    """Counts of a recording, updated while it runs."""
 
     protocol: str = ""
     readings: int = 0
@@ -248,7 +248,7 @@ class _Session:
             return driver.receive(data, moment)
         if moment.monotonic_s - self._quiet_since_s >= DEAF_S:
             raise LinkLostError(
-                expected="a device that speaks", found=f"silence for {DEAF_S:.0f} s", where=self._port.name
+                expected="a device that sends data", found=f"silence for {DEAF_S:.0f} s", where=self._port.name
             )
         return driver.tick(moment)
 
@@ -321,8 +321,8 @@ def record(
 ) -> RecordSummary:
     """Record a device until it is time to stop.
 
-    Whatever the device does, this goes on: damaged, repeated and late lines, restarts, silence, a flood, and a port
-    that vanishes and comes back. What is missing stands in the log with its reason.
+    The recording continues through every fault: damaged, repeated and late lines, restarts, silence, a flood, and a
+    port that vanishes and comes back. The log states what is missing and why.
 
     Parameters
     ----------
@@ -335,7 +335,7 @@ def record(
     clock : Clock, optional
         The computer's by default.
     stop : callable
-        Asked ten times a second; True ends the recording in good order.
+        Called ten times per second; True ends the recording and closes the log.
     on_entry : callable
         Called with each row that was written.
 

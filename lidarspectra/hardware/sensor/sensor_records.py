@@ -1,4 +1,4 @@
-"""What a sensor on a wire gives: readings, cell readings, and the troubles between them."""
+"""Records of a sensor on a serial line: readings, cell readings, and the faults between them."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,7 +11,7 @@ from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT
 Reason = Literal[
     "disconnected", "reset", "settings lost", "flood", "damaged", "device error", "silence", "repeat", "lost"
 ]
-"""Why a reading is not there, or came in a way worth noting; the gravest first."""
+"""Why a reading is missing or was received with a fault; the most severe first."""
 REASONS: tuple[Reason, ...] = (
     "disconnected", "reset", "settings lost", "flood", "damaged", "device error", "silence", "repeat", "lost",
 )  # fmt: skip
@@ -63,7 +63,7 @@ class Reading:
     temperatures_c : tuple of 3 float
         Of the dies AS72651, AS72652, AS72653. [°C]
     boot, sequence, device_ms : int or None
-        Which start of the device, which reading since, and its clock then, where the device tells. [ms]
+        Number of the device's start, of the reading since then, and the device's clock, if it reports them. [ms]
     """
 
     moment: Moment
@@ -101,7 +101,7 @@ class CellReading:
 
 @dataclass(frozen=True, kw_only=True)
 class Trouble:
-    """Something that went wrong on the way.
+    """A fault on the line or in the device.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class Trouble:
 
 @dataclass(frozen=True, kw_only=True)
 class Note:
-    """Something to be remembered that went right: a header, settings read back, a reconnection."""
+    """An event without fault to be logged: a header, settings read back, a reconnection."""
 
     moment: Moment
     text: str

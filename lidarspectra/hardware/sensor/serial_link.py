@@ -1,4 +1,4 @@
-"""The wire: bytes in and out of a serial port or pyserial URL, always with a limit in time, and the clocks.
+"""Serial ports: bytes in and out of a port or pyserial URL, always with a time limit; and the clocks.
 
 Everything above this module knows only `Link`, `Port` and `Clock`, so that the same recorder runs on a real port, on
 a socket, and on an emulated device with a clock of its own.
@@ -13,7 +13,7 @@ from lidarspectra.errors import DeviceError
 from lidarspectra.hardware.sensor.sensor_records import Moment
 
 CHUNK_BYTES = 65536  # most that one read returns, so that a flood cannot hold the loop
-WRITE_LIMIT_S = 1.0  # a device that takes no bytes for so long is gone
+WRITE_LIMIT_S = 1.0  # [s] a device that accepts no bytes for this long counts as disconnected
 BAUD_RATES = (115200, 9600)  # the module's and our sketches'; the SparkFun examples'
 RESET_PULSE_S = 0.1
 POLL_S = 0.05  # how long one read of pyserial waits; its timeout stays as it is, for changing it asks the port again
@@ -34,7 +34,7 @@ class LinkLostError(DeviceError):
 
 
 class Clock(Protocol):
-    """Tells the time and waits."""
+    """A source of time that can also wait."""
 
     def now(self) -> Moment:
         """The present moment."""
@@ -132,7 +132,7 @@ class _SerialLink:
             first = bytes(self._device.read(1))
         if not first:
             return b""
-        if self._is_socket:  # its in_waiting tells only whether anything waits; its read waits until all came
+        if self._is_socket:  # its in_waiting is 0 or 1 only, and its read blocks until all bytes came
             self._device.timeout = 0
             rest = bytes(self._device.read(CHUNK_BYTES))
             self._device.timeout = POLL_S

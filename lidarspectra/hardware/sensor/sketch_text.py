@@ -1,9 +1,9 @@
 """Text that other sketches print, as the SparkFun examples do: a header line of channel names, then rows of numbers.
 
-Such a row has no sequence number and no checksum. What can be known of it is its form: how many numbers, how many
-decimals each, a comma at the end or none. A row of another form is damaged. What stood before a whole row on the same
-line may have grown into its first number; that one is masked and the rest is kept. A digit that became another digit
-cannot be noticed: for that there is the line protocol of our own sketches.
+Such a row has no sequence number and no checksum. Only its form can be checked: how many numbers, how many decimals
+each, a comma at the end or none. A row of another form is damaged. Text before a complete row on the same line may have
+merged into its first number; that number is masked and the rest is kept. A digit that changed into another digit cannot
+be detected; the line protocol of this package's sketches detects it.
 """
 
 import re
@@ -28,7 +28,7 @@ from lidarspectra.hardware.sensor.as7265x import (
 from lidarspectra.hardware.sensor.drivers import LineSplitter, printable
 from lidarspectra.hardware.sensor.sensor_records import Item, Moment, Note, Reading, Trouble, no_values
 
-FORM_MEMORY = 15  # rows from which the usual form and period are known
+FORM_MEMORY = 15  # latest rows that determine the usual form and period
 JOINED_FRACTION = 0.4  # a row that takes longer to arrive than this part of the period has another's start in front
 REPEAT_FRACTION = 0.25  # the same row again within this part of the period is the same reading
 BANNER = "AS7265x Spectral Triad Example"  # what the SparkFun examples say at their start
@@ -39,7 +39,7 @@ _PREFIX = re.compile(r"^(?:\d\d:\d\d:\d\d\.\d{3} -> )?(?:-?(?:\d+\.\d+|inf|nan|o
 
 @dataclass(frozen=True)
 class RowForm:
-    """The look of a row: decimals of its numbers (0 for whole ones), and whether a comma ends it."""
+    """The form of a row: decimals of its numbers (0 for whole ones), and whether a comma ends it."""
 
     decimals: int
     ends_in_comma: bool
@@ -108,7 +108,7 @@ class SketchTextDriver:
     period_s : float
         First guess of the time between rows; learned from the rows. [s]
     settings : SensorSettings or None
-        Gain and integration time that the user says the sketch uses: it does not tell.
+        Gain and integration time that the sketch uses, given by the user because it does not print them.
     """
 
     protocol = "text under a header"
@@ -125,7 +125,7 @@ class SketchTextDriver:
         self._behind = 0.0
         self._begun_s = np.inf
         self._is_joined = False
-        self._overlong_told = 0
+        self._overlong_reported = 0
 
     def connect(self, moment: Moment) -> list[Item]:
         """Begin; there is nothing to ask."""
@@ -149,8 +149,8 @@ class SketchTextDriver:
             begun_s = moment.monotonic_s
             items += self._take(line.decode("ascii", errors="replace"), moment)
         self._begun_s = begun_s if self._lines.is_within_a_line else np.inf
-        if self._lines.overlong > self._overlong_told:
-            self._overlong_told = self._lines.overlong
+        if self._lines.overlong > self._overlong_reported:
+            self._overlong_reported = self._lines.overlong
             items.append(Trouble(moment=moment, reason="flood", detail="a flood of bytes without a line end"))
         return items
 
@@ -167,13 +167,13 @@ class SketchTextDriver:
         return b""
 
     def describe(self) -> Sequence[str]:
-        """Order, and settings by the user's word."""
-        told = "not told by the sketch"
+        """Channel order, and settings given by the user."""
+        settings = "unknown, because the sketch does not print them"
         if self._settings is not None:
-            told = f"{self._settings.gain:g} and {self._settings.integration_ms:.1f} ms, by the user's word"
+            settings = f"{self._settings.gain:g} and {self._settings.integration_ms:.1f} ms, as given by the user"
         return [
             f"order = {' '.join(self._order.letters)}, said by {self._order.said_by}",
-            f"gain and integration time = {told}",
+            f"gain and integration time = {settings}",
         ]
 
     def _take(self, text: str, moment: Moment) -> list[Item]:
@@ -199,11 +199,11 @@ class SketchTextDriver:
         if is_complete(order):
             self._order = order
             return [*items, Note(moment=moment, text=f"channel order {' '.join(order.letters)}, {order.said_by}")]
-        self._proposed = order  # it may be cut: the next row tells
+        self._proposed = order  # it may be cut off: the next row decides
         return items
 
     def _weigh_proposal(self, row: Row, moment: Moment) -> list[Item]:
-        """Believe a header of fewer channels when a row comes with as many numbers; a cut one fits no row."""
+        """Accept a header of fewer channels once a row has as many numbers; a header that was cut off fits no row."""
         proposed, self._proposed = self._proposed, None
         if proposed is None or len(row.fields) != len(proposed):
             return []

@@ -1,1 +1,1 @@
-"""Devices that are not there: a phone, a robot and a serial module, for plans and tests."""
+"""Virtual devices for rehearsals and tests: a robot, a spectral sensor, a solar cell, and a serial module."""

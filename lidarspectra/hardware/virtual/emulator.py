@@ -1,8 +1,8 @@
-"""Devices that are not there: the module, our sketches and the SparkFun examples as programs, in any light.
+"""Emulated devices: the module's AT firmware, this package's sketches and the SparkFun examples, in any light.
 
-A device takes bytes and gives messages (a line, a reply) at moments of its own clock. It touches no port and no
-clock, so that a thousand hours of it pass in a minute. `faults.FaultyWire` puts a bad cable between it and the
-recorder, `emulator_ports` lends it a pseudo-terminal or a socket.
+A device takes bytes and returns messages (a line, a reply) at times of its own clock. It uses no port and no
+real clock, so that a thousand hours of it pass in a minute. `faults.FaultyWire` puts a faulty cable between it and the
+recorder; `emulator_ports` connects it to a pseudo-terminal or a socket.
 """
 
 import math
@@ -125,7 +125,7 @@ class AtModule:
         self.restart(0.0)
 
     def restart(self, now_s: float) -> None:
-        """Power on: gain and time are the firmware's defaults again, and it is deaf for a moment."""
+        """Power on: gain and time are the firmware's defaults again, and it ignores input while it starts."""
         self._sensor = _Sensor(self._light, self._seed)
         self._sensor.gain_code, self._sensor.steps = 0, 20
         self._in = bytearray()
@@ -169,11 +169,11 @@ class AtModule:
             values = sensor.module_values(sensor.counts(now_s))
             words = ["nan" if i in self.nan_channels else f"{values[i]:.2f}" for i in _ORDER_UART]
             return ", ".join(words) + " OK", None
-        told = {
+        replies = {
             "AT": "OK", "ATVERSW": "12.0.0 OK", "ATVERHW": "40 OK", "ATTEMP": "31 30 32 OK", "ATTCSMD": "2 OK",
             "ATGAIN": f"{sensor.gain_code} OK", "ATINTTIME": f"{sensor.steps} OK", "ATINTRVL": "1 OK",
         }  # fmt: skip
-        return told.get(name, "ERROR"), None
+        return replies.get(name, "ERROR"), None
 
     def _set(self, name: str, value: str) -> str:
         number = int(value) if value.isdigit() else -1
@@ -216,7 +216,7 @@ class SketchBoard:
         self.restart(0.0)
 
     def restart(self, now_s: float) -> None:
-        """Power on, or reset: it counts its starts, and says its header after the boot loader."""
+        """Power on, or reset: it counts its starts, and sends its header after the boot loader."""
         self._boot += 1
         self._start_s = now_s
         self._period_ms = 1000
@@ -355,7 +355,7 @@ class SparkfunBoard:
         self._says_hello = True
 
     def receive(self, data: bytes, now_s: float) -> None:
-        """It does not listen."""
+        """Ignore input, as the SparkFun examples do."""
 
     def advance(self, now_s: float) -> list[Message]:
         """Lines up to now."""

@@ -1,4 +1,4 @@
-"""Lends an emulated device a real port: a TCP socket on any system, a pseudo-terminal where there are such.
+"""Real ports for an emulated device: a TCP socket on any system, a pseudo-terminal except on Windows.
 
 The socket is opened as `socket://127.0.0.1:PORT`. On Windows, which has no pseudo-terminals, it is the only one.
 """
@@ -154,7 +154,7 @@ class EmulatorServer:
 
     @property
     def address(self) -> str:
-        """What to give to `lidarspectra sensor record`."""
+        """The PORT argument for `lidarspectra sensor record`."""
         return self._port.address
 
     def __enter__(self) -> Self:
@@ -168,7 +168,7 @@ class EmulatorServer:
         self._thread.join(timeout=10.0)
 
     def serve(self, stop: Callable[[], bool]) -> None:
-        """Run in the caller's thread until told to stop."""
+        """Run in the caller's thread until `stop` returns True."""
         self._run(stop)
 
     def _serve(self) -> None:

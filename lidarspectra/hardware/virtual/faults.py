@@ -1,6 +1,6 @@
-"""A bad cable: what a device sends, cut, repeated, damaged, held up, flooded and interrupted, by a seeded plan.
+"""A faulty cable: what a device sends is cut, repeated, damaged, delayed, flooded and interrupted, by a seeded plan.
 
-It keeps account of what went over it whole, so that a test can ask whether the recorder has exactly that.
+It records which readings passed undamaged, so that a test can compare the recorder's log with exactly those.
 """
 
 import math
@@ -28,7 +28,7 @@ class FaultPlan:
     kinds : tuple of Fault
         Those that occur, equally often.
     rate : float
-        Part of the messages that meets one. [1]
+        Share of the messages that get a fault. [0-1]
     seed : int
         Of the choice.
     pause_s, disconnect_s : float
@@ -36,7 +36,7 @@ class FaultPlan:
     flood_bytes : int
         Most bytes of a flood. [byte]
     spare : int
-        Messages at the start that pass unharmed.
+        Messages at the start that pass without a fault.
     """
 
     kinds: tuple[Fault, ...] = FAULTS
@@ -72,7 +72,7 @@ class Sent:
 
 @dataclass
 class FaultyWire:
-    """A device behind a bad cable.
+    """A device behind a faulty cable.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class FaultyWire:
     device: Device
     plan: FaultPlan | None = None
     sent: list[Sent] = field(default_factory=list)
-    """Account of all readings that were sent."""
+    """All readings that were sent."""
     met: Counter[Fault] = field(default_factory=Counter)
     """How many faults of each kind there were."""
 
@@ -115,7 +115,7 @@ class FaultyWire:
     def advance(self, now_s: float) -> bytes:
         """Bytes that have come out of the cable since the last time."""
         if -math.inf < self._away_until_s <= now_s:
-            for message in self.device.advance(self._away_until_s):  # said while nobody was there
+            for message in self.device.advance(self._away_until_s):  # sent while the port was disconnected
                 self._account(message, b"", self._away_until_s)
             self._away_until_s = -math.inf
         out: list[tuple[bytes, int]] = []
@@ -177,7 +177,7 @@ class FaultyWire:
             self.device.restart(now_s)
             return [data[: int(rng.integers(0, len(data)))]]
         self._away_until_s = now_s + float(rng.uniform(0.1, plan.disconnect_s))
-        for _, number in self._held:  # what the cable still held is gone with it
+        for _, number in self._held:  # messages delayed in the cable are lost with it
             if number:
                 self.sent[number - 1] = replace(self.sent[number - 1], whole=False, clean=False)
         self._held = []

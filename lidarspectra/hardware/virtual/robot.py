@@ -1,7 +1,7 @@
-"""A rehearsal: a robot that is not there drives a sensor that is not there through the light of a simulated map.
+"""A rehearsal: a virtual robot drives a virtual sensor through the light of a simulated map.
 
-It leaves what a real day in the room leaves: the sensor's log with its gaps, logs under a lamp and in the dark, the
-robot's poses by its own clock and in its own frame, and a few points known in both frames. Everything runs through
+It produces the files of a real measurement: the sensor's log with its gaps, logs under a lamp and in the dark, the
+robot's poses by its own clock and in its own frame, and a few points known in both frames. All data pass through
 the same recorder as with real devices.
 """
 
@@ -31,13 +31,13 @@ from lidarspectra.io.files import write_whole
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, Spectrum
 
-SPEED_M_S = 0.15  # a TurtleBot3 Waffle Pi goes 0.26 m/s at most (its manual); slow is sharp
+SPEED_M_S = 0.15  # [m/s] a TurtleBot3 Waffle Pi reaches 0.26 m/s (its manual); slower gives a finer map
 POSES_HZ = 10.0  # [Hz] of the robot's log
 CLOCK_OFFSET_S = 2.3  # [s] the robot's clock is ahead
 TURN_RAD = 0.6  # [rad] of the robot's frame against the scan's
 SHIFT_M = (-1.2, 0.7, 0.0)  # [m] of the robot's frame against the scan's
 ODOMETRY_NOISE_M = 0.005  # [m] standard deviation of each pose
-LAMP_READINGS = 30  # of the reference lamp
+LAMP_READINGS = 30  # readings under the reference lamp
 WAIT_S = 10.0  # [s] that the robot stands before it drives, while the recorder starts
 
 
@@ -121,7 +121,7 @@ def _record(
 
 
 def _no_sync(descriptor: int) -> None:
-    """A rehearsal passes faster than any disk: its log is as safe as any other file."""
+    """Do not synchronise: a rehearsal is faster than any disk, and its log can be made again."""
 
 
 def rehearse(
@@ -133,7 +133,7 @@ def rehearse(
     cells: Sequence[VirtualCell] = (),
     progress: Progress = silent,
 ) -> Rehearsal:
-    """Walk through a day of measuring in the room of a simulated map.
+    """Rehearse a day of measuring in the room of a simulated map.
 
     The sensor's dies and channels are off from the data sheet and drift while it drives (`spectral_sensor`).
 
@@ -144,11 +144,11 @@ def rehearse(
     folder : Path
         Where the files go; made if it is not there.
     fault_rate : float
-        Part of the sensor's messages that meets a fault. [1]
+        Share of the sensor's messages that get a fault. [0-1]
     seed : int
         Of the sensor, faults and noise.
     cells : sequence of VirtualCell
-        Ride beside the sensor, and are in the same log.
+        Cells mounted beside the sensor, in the same log.
     progress : callable
         See `lidarspectra.progress`.
 
@@ -161,7 +161,7 @@ def rehearse(
     ReadingError
         If the map cannot be read.
     DeviceError
-        If a log of that name is there already.
+        If a log of that name exists already.
     """
     locations, _ = read_map(map_table)
     expected = map_light(map_table)
@@ -220,7 +220,7 @@ def _steady(level: FloatArray) -> Light:
 
 
 def _light_past(drive: Trajectory, expected: ExpectedLight) -> Light:
-    """What falls on a sensor that drives through a map's light, nothing where the map tells nothing [W/m²/nm]."""
+    """Irradiance on a sensor that drives through a map's light; zero where the map has no value [W/m²/nm]."""
 
     def light_at(now_s: float) -> FloatArray:
         moment = np.clip(START_UNIX_S + now_s, drive.unix_s[0], drive.unix_s[-1])

@@ -1,4 +1,4 @@
-"""A virtual AS7265x in known light: what counts a real one would give, fault by fault.
+"""A virtual AS7265x in known light: the counts of a real one, with each of its errors modelled.
 
     B_b(t) = f_die f_b (1 + d_die (t - t0)/h) R_b E_b          basic counts [1/ms]
     N_b    = round(g τ B_b (1 + 0.004 ε) + dark), cut at what the converter and the integration can hold
@@ -32,7 +32,7 @@ from lidarspectra.hardware.sensor.as7265x import (
 )
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, BandSet, gaussian_bands
 
-DIE_FACTORS = (3.5, 1.0, 0.8)  # how the dies of real sensors stand to the data sheet
+DIE_FACTORS = (3.5, 1.0, 0.8)  # responsivity of the dies of real sensors over that of the data sheet
 DIE_SPREAD = 0.1  # standard deviation of the logarithm of a die's factor from one sensor to the next
 CHANNEL_SPREAD = 0.05  # the same of a channel within its die; the data sheet's limits are ±12 %
 CENTER_SPREAD_NM = 2.0  # [nm] standard deviation of a channel's centre; the data sheet gives ±10 nm as the limit
@@ -77,7 +77,7 @@ class VirtualSensor:
 
 
 def draw_sensor(seed: int, *, calibrated: bool = False, noisy: bool = True) -> VirtualSensor:
-    """Draw a sensor as it comes off the line.
+    """Draw a sensor with random errors, as a new one has.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def draw_sensor(seed: int, *, calibrated: bool = False, noisy: bool = True) -> V
 def basic_counts_of(
     sensor: VirtualSensor, wavelengths_nm: FloatArray, irradiance: FloatArray, hours: FloatArray
 ) -> FloatArray:
-    """What falls on the sensor in its own measure, before noise and rounding.
+    """Basic counts under given spectra, before noise and rounding.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.hardware.sensor.as7265x import FLAG_SATURATED
-from lidarspectra.hardware.sensor.autogain import MOST, best_settings, full_scale
+from lidarspectra.hardware.sensor.autogain import MAX_SHARE, best_settings, full_scale
 from lidarspectra.hardware.sensor.identify import Wishes
 from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.sensor.reading_log import LogWriter
@@ -19,7 +19,7 @@ from lidarspectra.hardware.virtual.faults import FaultyWire, VirtualClock, Virtu
 def test_the_settings_hold_the_peak_below_its_limit_wherever_any_can(basic_peak: float) -> None:
     settings = best_settings(basic_peak, longest_ms=333.0)
     fraction = basic_peak * settings.gain * settings.integration_ms / full_scale(settings.integration_steps)
-    assert fraction <= MOST
+    assert fraction <= MAX_SHARE
     assert settings.integration_ms <= 333.0
     assert fraction > 0.1 or settings.gain == 64.0  # bright enough, or nothing brighter is left
 
