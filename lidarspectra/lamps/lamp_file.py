@@ -8,9 +8,11 @@ import numpy as np
 
 from lidarspectra.errors import LampError
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import shape_of
 from lidarspectra.spectra.spectrum import Spectrum
 
 LAMPS_RECORD = "lamps.json"
+SAVED = (str, float, int)  # types of what is kept of a shape: not the sky's directions, which are in the scene
 
 
 def save_lamps(lamps: Sequence[Lamp], folder: Path) -> Path:
@@ -29,13 +31,12 @@ def save_lamps(lamps: Sequence[Lamp], folder: Path) -> Path:
     rows = [
         {
             "name": lamp.name,
-            "shape": lamp.shape,
+            "shape": lamp.shape.word,
             "center_m": lamp.center.tolist(),
             "normal": lamp.normal.tolist(),
             "size_m": list(lamp.size),
             "rotation_deg": lamp.rotation_deg,
-            "beam_angle_deg": lamp.beam_angle_deg,
-            "candela_file": lamp.candela_file,
+            "options": {name: value for name, value in lamp.shape.options.items() if isinstance(value, SAVED)},
             "spectrum_name": lamp.flux.name,
             "wavelengths_nm": lamp.flux.wavelengths_nm.tolist(),
             "flux_W_nm": lamp.flux.values.tolist(),
@@ -72,13 +73,10 @@ def load_lamps(folder: Path) -> tuple[Lamp, ...]:
         return tuple(
             Lamp(
                 name=row["name"],
-                shape=row["shape"],
+                shape=shape_of(row["shape"], tuple(row["size_m"]), **row["options"]),
                 center=np.array(row["center_m"]),
                 normal=np.array(row["normal"]),
-                size=tuple(row["size_m"]),
                 rotation_deg=row["rotation_deg"],
-                beam_angle_deg=row["beam_angle_deg"],
-                candela_file=row["candela_file"],
                 flux=Spectrum(
                     wavelengths_nm=np.array(row["wavelengths_nm"]),
                     values=np.array(row["flux_W_nm"]),

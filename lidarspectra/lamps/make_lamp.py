@@ -15,12 +15,11 @@ from lidarspectra.lamps.ies import CandelaTable, read_ies, read_ies_text
 from lidarspectra.lamps.lamp_spectra import cct_spectrum, luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.ldt import ies_text_of_ldt
+from lidarspectra.lamps.shapes import Shape, shape_of
 from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.spectra.spectrum import Spectrum
 
 GivenShape = Literal["panel", "disc", "strip", "bulb", "spot", "point", "ies", "window"]
-DEFAULT_DIAMETER_M = {"bulb": 0.06, "spot": 0.08, "point": 0.01}
-"""[m] An A60 bulb, a common downlight, and next to nothing; other shapes must say their size."""
 EXITANCE_LM_M2 = 10_000.0  # [lm/m²] a common panel of 0.6 m x 0.6 m and 3600 lm
 
 
@@ -100,18 +99,17 @@ def make_lamp(
             where=where,
         )
     path = None if file is None else folder / path_of(file, name="file")
-    candela_file = None if path is None else _candela_text(path)
-    table = None if candela_file is None else read_ies(candela_file, where=str(path))
+    candela_text = None if path is None else _candela_text(path)
+    table = None if candela_text is None else read_ies(candela_text, where=str(path))
+    sizes = size if size is None else tuple(size) if isinstance(size, Sequence) else (size,)
+    options = {"beam_angle_deg": beam_angle_deg, "candela_text": candela_text}
     return Lamp(
         name=name,
-        shape=shape,
+        shape=shape_of(shape, sizes, where=where, **options),
         center=float_array(center, name=f"{where} center", shape=(3,)),
         normal=float_array(normal, name=f"{where} normal", shape=(3,)),
-        size=table.opening_m if table is not None and size is None else _size(shape, size, where),
         rotation_deg=rotation_deg,
-        beam_angle_deg=beam_angle_deg,
         flux=_flux(_source(spectrum, cct_k, folder, where), luminous_flux_lm, radiant_flux_W, where, table),
-        candela_file=candela_file,
     )
 
 
@@ -119,16 +117,12 @@ class LitShape(Protocol):
     """A lamp as the scan shows it: where its light comes from, not how much (`material.lit_lamps.LitLamp`)."""
 
     @property
-    def shape(self) -> Literal["panel", "strip", "disc"]:
+    def shape(self) -> Shape:
         """Outline."""
 
     @property
     def center(self) -> FloatArray:
         """(3,) middle [m]."""
-
-    @property
-    def size(self) -> tuple[float, ...]:
-        """Length and width, or diameter [m]."""
 
     @property
     def normal(self) -> FloatArray:
@@ -178,34 +172,16 @@ def lamps_from_lit(
             shape=lit.shape,
             center=lit.center,
             normal=lit.normal,
-            size=lit.size,
             rotation_deg=lit.rotation_deg,
-            flux=one_lumen.scaled(luminous_exitance_lm_m2 * _outline_area_m2(lit)),
+            flux=one_lumen.scaled(luminous_exitance_lm_m2 * lit.shape.area),
         )
         for number, lit in enumerate(lit_lamps, start=1)
     )
 
 
-def _outline_area_m2(lit: LitShape) -> float:
-    return 0.25 * np.pi * lit.size[0] ** 2 if lit.shape == "disc" else lit.size[0] * lit.size[1]
-
-
 def _candela_text(path: Path) -> str:
     """LM-63 text of a luminaire's file, which may be an EULUMDAT one."""
     return ies_text_of_ldt(path) if path.suffix.lower() == ".ldt" else read_ies_text(path)
-
-
-def _size(shape: GivenShape, given: float | Sequence[float] | None, where: str) -> tuple[float, ...]:
-    if given is None:
-        if shape not in DEFAULT_DIAMETER_M:
-            raise LampError(
-                expected=f"'size' in metres for a {shape}", found="none", where=where, todo="Measure the lamp."
-            )
-        return (DEFAULT_DIAMETER_M[shape],)
-    size = tuple(given) if isinstance(given, Sequence) else (given,)
-    if shape == "panel" and len(size) == 1:
-        return (size[0], size[0])  # a square panel by its side
-    return size
 
 
 def _source(

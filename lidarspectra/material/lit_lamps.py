@@ -8,15 +8,14 @@ Windows, reflections in glass, screens and pools of light fail one of these, and
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 import cv2
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
-from lidarspectra.errors import ArrayError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.shapes import Shape, shape_of
 from lidarspectra.material.lamp_evidence import (
     ON_CEILING,
     RING_GAP_M,
@@ -32,8 +31,6 @@ from lidarspectra.material.outline_fit import OutlineFit, fit_outline
 from lidarspectra.material.plane_picture import PlanePicture
 from lidarspectra.room.room import Room
 
-LitShape = Literal["panel", "strip", "disc"]
-
 MARGIN_M = 0.25  # [m] around a patch in its own picture
 CUT_LEVEL = 0.6  # [1] between surroundings (0) and patch (1): clipping lifts a lamp's blurred rim above the half
 CLEARANCE_M = 0.055  # [m] lamps are put so far clear of the mesh: nearer, its noise shades them
@@ -48,12 +45,10 @@ class LitLamp:
 
     Parameters
     ----------
-    shape : 'panel', 'strip' or 'disc'
+    shape : Panel, Strip or Disc
         Rectangles longer than 2.5 times their width are strips.
     center : (3,) float
         Clear of the mesh by 5.5 cm. [m]
-    size : tuple of float
-        Length and width, or the diameter. [m]
     normal : (3,) float
         Unit vector that it shines along.
     rotation_deg : float
@@ -68,9 +63,8 @@ class LitLamp:
         How well the outline fits, intersection over union. [0-1]
     """
 
-    shape: LitShape
+    shape: Shape
     center: FloatArray
-    size: tuple[float, ...]
     normal: FloatArray
     rotation_deg: float
     mean_color: FloatArray
@@ -81,16 +75,6 @@ class LitLamp:
     def __post_init__(self) -> None:
         for name in ("center", "normal", "mean_color"):
             object.__setattr__(self, name, float_array(getattr(self, name), name=f"LitLamp.{name}", shape=(3,)))
-        wanted = 1 if self.shape == "disc" else 2
-        if len(self.size) != wanted or min(self.size) <= 0:
-            raise ArrayError(
-                expected=f"{wanted} positive size(s) for a {self.shape}", found=str(self.size), where="LitLamp.size"
-            )
-
-    @property
-    def area_m2(self) -> float:
-        """Area of the outline [m²]."""
-        return float(np.pi / 4.0 * self.size[0] ** 2) if self.shape == "disc" else self.size[0] * self.size[1]
 
     @property
     def confidence(self) -> float:
@@ -223,9 +207,8 @@ def _lamp_or_not(
     # The clearance counts from the highest bump of the mesh beside the lamp, so that none of them shades it.
     highest = min(float(heights.max()), float(np.median(heights)) + BUMP_M)
     return LitLamp(
-        shape=fit.shape,
+        shape=shape_of(fit.shape, tuple(picture.pixel_m * side for side in fit.size)),
         center=survey.frame.to_room(middle, highest + CLEARANCE_M)[0],
-        size=tuple(picture.pixel_m * side for side in fit.size),
         normal=survey.frame.normal,
         rotation_deg=_least_turn(fit),
         mean_color=lit.color,
@@ -237,8 +220,8 @@ def _lamp_or_not(
 
 def _least_turn(fit: OutlineFit) -> float:
     """Of the turns that put a rectangle in the same place, the one from -45 to 45 (square) or to 135 degrees."""
-    if fit.shape == "disc":
-        return 0.0
+    if len(fit.size) == 1:
+        return 0.0  # a disc looks alike however it is turned
     period = 90.0 if fit.size[0] < SQUARE_ASPECT * fit.size[1] else 180.0
     return float((fit.angle_deg + 45.0) % period - 45.0)
 
@@ -247,7 +230,7 @@ def _without_doubles(lamps: list[LitLamp]) -> list[LitLamp]:
     """Drop lamps that lie on a better one: a seed's margin may hold its neighbour."""
     kept: list[LitLamp] = []
     for lamp in sorted(lamps, key=lambda each: -each.overlap):
-        if all(np.linalg.norm(lamp.center - other.center) > 0.5 * min(other.size) for other in kept):
+        if all(np.linalg.norm(lamp.center - other.center) > 0.5 * min(other.shape.size) for other in kept):
             kept.append(lamp)
     return kept
 

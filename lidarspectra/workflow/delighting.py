@@ -44,7 +44,6 @@ from lidarspectra.material.surface_hues import surface_groups
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients
-from lidarspectra.radiance.scene.lamp_shapes import distance_to_lamp
 from lidarspectra.room.room import Room
 from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
@@ -57,7 +56,6 @@ SMOOTH_FACES = 24  # [1] faces whose normals are averaged: a phone's small trian
 SMOOTH_COSINE = 0.7  # [1] faces turned away more than this are another surface
 EDGE_NEIGHBORS = 7  # [1] samples, the nearest included, by which the edge of a shadow is known
 INDIRECT = 0.5  # [1] reflected light over the mean direct light, about
-MATT_SHAPES = ("panel", "strip", "disc")  # taken as matt for want of knowledge; the picture may know better
 ALMOST_ONE = 1.0 - 1e-9  # [1] tells a lamp that is seen from below from one whose beam is known
 LAMP_GLOW_M = 0.12  # [m] bright faces so near to a known lamp show it
 CLIPPED, DARK = 0.97, 0.012  # [1] brightest and darkest channels of a sample that can be trusted
@@ -463,7 +461,7 @@ def _emission(lamps: Sequence[Lamp], samples: _Samples) -> FloatArray:
     """(lamp, sample) cosine at matt lamps between their axis and the way to the samples; 1 at others."""
     cosine = np.ones((len(lamps), len(samples.face)))
     for row, lamp in enumerate(lamps):
-        if lamp.shape in MATT_SHAPES:
+        if lamp.shape.is_assumed_matt:
             away = samples.positions - lamp.center
             cosine[row] = np.clip(away @ lamp.normal / np.linalg.norm(away, axis=1), 0.0, ALMOST_ONE)
     return cosine
@@ -472,7 +470,7 @@ def _emission(lamps: Sequence[Lamp], samples: _Samples) -> FloatArray:
 def _near_lamps(centers: FloatArray, lamps: Sequence[Lamp]) -> BoolArray:
     near = np.zeros(len(centers), dtype=np.bool_)
     for lamp in lamps:
-        near |= distance_to_lamp(lamp, centers) < LAMP_GLOW_M
+        near |= lamp.distance(centers) < LAMP_GLOW_M
     return near
 
 

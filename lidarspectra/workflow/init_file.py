@@ -237,16 +237,16 @@ def _lamp_lines(summary: InitSummary) -> Iterator[str]:
         yield ""
         yield "[[lamps]]"
         yield f"name = {toml_value(name)}  # {_percent(lamp.confidence)} sure"
-        yield f"shape = {toml_value(lamp.shape)}"
+        yield f"shape = {toml_value(lamp.shape.word)}"
         yield f"center = {_vector(lamp.center.tolist())}  # [m]"
-        if lamp.shape == "disc":
-            yield f"size = {lamp.size[0]:.3f}  # diameter [m]"
-        else:
-            yield f"size = {_vector(list(lamp.size))}  # length, width [m]"
+        size, words = lamp.shape.size, ", ".join(lamp.shape.size_names)
+        yield f"size = {f'{size[0]:.3f}' if len(size) == 1 else _vector(list(size))}  # {words} [m]"
+        if len(size) > 1:
             yield f"rotation_deg = {lamp.rotation_deg:.1f}  # of the length, about the direction it shines in"
         yield f"normal = {_vector(lamp.normal.tolist())}  # the direction it shines in"
         yield f"spectrum = {toml_value(SPECTRUM)}  # assumed"
-        yield f"luminous_flux_lm = {_significant(exitance * lamp.area_m2)}  # assumed, {lamp.area_m2:.3f} m² of lamp"
+        area = lamp.shape.area
+        yield f"luminous_flux_lm = {_significant(exitance * area)}  # assumed, {area:.3f} m² of lamp"
 
 
 def _lamp_example(summary: InitSummary) -> Iterator[str]:
@@ -286,12 +286,13 @@ def _named(lamps: tuple[LitLamp, ...]) -> Iterator[tuple[str, LitLamp]]:
     """Lamps with names that tell them apart: the shape and a number."""
     numbers: Counter[str] = Counter()
     for lamp in lamps:
-        numbers[lamp.shape] += 1
-        yield f"{lamp.shape} {numbers[lamp.shape]}", lamp
+        word = lamp.shape.word
+        numbers[word] += 1
+        yield f"{word} {numbers[word]}", lamp
 
 
 def _lamps_in_words(lamps: tuple[LitLamp, ...]) -> str:
-    counts = Counter(lamp.shape for lamp in lamps)
+    counts = Counter(lamp.shape.word for lamp in lamps)
     return ", ".join(_counted(number, shape) for shape, number in sorted(counts.items())) or "none lit"
 
 

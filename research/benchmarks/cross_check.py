@@ -38,7 +38,6 @@ from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.radiance.sampling.trace import trace
-from lidarspectra.radiance.scene.lamp_shapes import lamp_axes
 from lidarspectra.radiance.scene.scene import write_scene
 from lidarspectra.room.sensor_points import SensorPoints, read_points
 from lidarspectra.spectra.databases import scenes_folder
@@ -99,7 +98,7 @@ def in_penumbra(room: Room) -> BoolArray:
     caster, generator = RayCaster(room.scan), np.random.default_rng(SEED)
     partly = np.zeros(len(room.points), dtype=np.bool_)
     for lamp in room.lamps:
-        places, outward = _on_lamp(lamp, generator)
+        places, outward = lamp.sample(generator, LAMP_SAMPLES)
         for index, (position, normal) in enumerate(zip(room.points.positions, room.points.normals, strict=True)):
             rays = places - position
             facing = (np.einsum("ij,ij->i", outward, rays) < 0) & (rays @ normal > 0)
@@ -109,24 +108,6 @@ def in_penumbra(room: Room) -> BoolArray:
             seen = 1.0 - caster.nearest(starts, rays[facing], max_distance=1.0 - 1e-4).met.mean()
             partly[index] |= PENUMBRA[0] < seen < PENUMBRA[1]
     return partly
-
-
-def _on_lamp(lamp: Lamp, generator: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """(sample, 3) points on a lamp, and the directions it faces there."""
-    u, v = generator.random((2, LAMP_SAMPLES))
-    if lamp.shape in ("bulb", "point"):
-        height, turn = 2.0 * u - 1.0, 2.0 * np.pi * v
-        wide = np.sqrt(1.0 - height**2)
-        outward = np.stack([wide * np.cos(turn), wide * np.sin(turn), height], axis=1)
-        return lamp.center + 0.5 * lamp.size[0] * outward, outward
-    if len(lamp.size) == 2:
-        along, across = (u - 0.5) * lamp.size[0], (v - 0.5) * lamp.size[1]
-    else:
-        radius = 0.5 * lamp.size[0] * np.sqrt(u)
-        along, across = radius * np.cos(2.0 * np.pi * v), radius * np.sin(2.0 * np.pi * v)
-    length, width = lamp_axes(lamp)
-    places = lamp.center + along[:, None] * length + across[:, None] * width
-    return places, np.broadcast_to(lamp.normal, places.shape)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,6 +9,7 @@ import trimesh
 
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Panel
 from lidarspectra.material.material_map import Material
 from lidarspectra.radiance.engine.bands import Mode
 from lidarspectra.radiance.scene.scene import RadianceScene, write_scene
@@ -60,10 +61,8 @@ def panels(count: int) -> list[Lamp]:
     return [
         Lamp(
             name=f"panel {number}",
-            shape="panel",
+            shape=Panel(size, size),
             center=np.array([3 * (number % columns + 0.5) / columns, 3 * (number // columns + 0.5) / rows, 2.6]),
-            normal=np.array([0.0, 0.0, -1.0]),
-            size=(size, size),
             flux=lamp_spectrum(0.1 / count),
         )
         for number in range(count)

@@ -11,8 +11,9 @@ from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import LampError, MaterialError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.patterns import CandelaPattern, CosinePower, Lambertian
+from lidarspectra.lamps.surfaces import Circle, Place, Rectangle, Sphere, Surface
 from lidarspectra.material.material_map import Material, MaterialMap
-from lidarspectra.radiance.scene.lamp_shapes import beam_exponent, emitting_area_m2, lamp_axes, radiance_per_flux
 from lidarspectra.radiance.scene.mesh_text import CREASE_DEG, corner_normals
 from lidarspectra.radiance.scene.surfaces import MIN_ROUGHNESS
 from research.second_opinion.plugins import Custom, make_surface, register_beam
@@ -70,7 +71,7 @@ class RoomShape:
             If a lamp has a candela table, which has no counterpart here.
         """
         for lamp in lamps:
-            if lamp.shape == "ies":
+            if isinstance(lamp.shape.pattern, CandelaPattern):
                 raise LampError(
                     expected="lamps of the package's own shapes",
                     found="a luminaire with a candela table",
@@ -148,7 +149,8 @@ def build_scene(mitsuba: Mitsuba, room: RoomShape, slots: Slots, *, custom: Cust
     parts: dict[str, Any] = {"type": "scene", "room": _mesh(mitsuba, room, slots, custom)}
     register_beam(mitsuba)
     for number, (lamp, flux) in enumerate(zip(room.lamps, slots.flux, strict=True)):
-        parts[f"lamp{number}"] = _lamp(mitsuba, lamp, flux)
+        for part, surface in enumerate(lamp.surfaces):
+            parts[f"lamp{number}_{part}"] = _lamp(mitsuba, lamp, surface, flux)
     # Unoptimised: equal lamps would be given one emitter, which cannot belong to two shapes.
     return mitsuba.mi.load_dict(parts, optimize=False)
 
@@ -196,31 +198,43 @@ def _surface(mitsuba: Mitsuba, room: RoomShape, slots: Slots, custom: Custom) ->
     return mi.load_dict({"type": "twosided", "surface": {"type": "diffuse", "reflectance": faces}})
 
 
-def _lamp(mitsuba: Mitsuba, lamp: Lamp, flux: FloatArray) -> dict[str, Any]:
-    mi = mitsuba.mi
-    black = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+def _lamp(mitsuba: Mitsuba, lamp: Lamp, surface: Surface, flux: FloatArray) -> dict[str, Any]:
+    """A surface of a lamp."""
     shape: dict[str, Any]
-    if lamp.shape in ("bulb", "point"):
-        shape = {"type": "sphere", "center": lamp.center.tolist(), "radius": 0.5 * lamp.size[0]}
-    else:
-        length, width = lamp_axes(lamp)
-        matrix = np.eye(4)
-        matrix[:3, 0] = 0.5 * lamp.size[0] * length
-        matrix[:3, 1] = 0.5 * lamp.size[-1] * width
-        matrix[:3, 2], matrix[:3, 3] = lamp.normal, lamp.center
-        kind = "disk" if lamp.shape in ("disc", "spot") else "rectangle"
-        shape = {"type": kind, "to_world": mi.ScalarTransform4f(matrix)}
-    shape["surface"] = black
+    match surface:
+        case Sphere(center=center):
+            shape = {"type": "sphere", "center": center.tolist(), "radius": surface.radius}
+        case Circle(place=place):
+            shape = {"type": "disk", "to_world": _transform(mitsuba, place, surface.radius, surface.radius)}
+        case Rectangle(place=place):
+            sides = 0.5 * surface.length, 0.5 * surface.width
+            shape = {"type": "rectangle", "to_world": _transform(mitsuba, place, *sides)}
+        case _:
+            raise LampError(
+                expected="rectangles, circles and spheres", found=type(surface).__name__, where=f"lamp '{lamp.name}'"
+            )
+    shape["surface"] = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
     if flux.max() > 0:
         shape["emitter"] = _emitter(mitsuba, lamp, flux)
     return shape
 
 
+def _transform(mitsuba: Mitsuba, place: Place, along: float, across: float) -> Any:
+    """From the unit square or disc to a place, by half its sides [m]."""
+    matrix = np.eye(4)
+    matrix[:3, 0], matrix[:3, 1] = along * place.length, across * place.width
+    matrix[:3, 2], matrix[:3, 3] = place.normal, place.center
+    return mitsuba.mi.ScalarTransform4f(matrix)
+
+
 def _emitter(mitsuba: Mitsuba, lamp: Lamp, flux: FloatArray) -> dict[str, Any]:
     mi = mitsuba.mi
-    exponent = beam_exponent(lamp.beam_angle_deg) if lamp.shape == "spot" and lamp.beam_angle_deg else 1.0
+    pattern = lamp.shape.pattern
+    if not isinstance(pattern, Lambertian | CosinePower):
+        raise LampError(expected="diffuse lamps and beams", found=lamp.shape.word, where=f"lamp '{lamp.name}'")
+    radiance = flux * pattern.radiance_per_flux(lamp.shape.area)
+    exponent = pattern.exponent if isinstance(pattern, CosinePower) else 1.0
     if exponent == 1.0:
-        radiance = flux / (np.pi * emitting_area_m2(lamp))
         return {"type": "area", "radiance": {"type": "rgb", "value": radiance.tolist()}}
     if not mitsuba.is_fast:
         raise LampError(
@@ -229,5 +243,4 @@ def _emitter(mitsuba: Mitsuba, lamp: Lamp, flux: FloatArray) -> dict[str, Any]:
             where=f"lamp '{lamp.name}' (second opinion)",
             todo=GET_LLVM,
         )
-    radiance = flux * radiance_per_flux(lamp)
     return {"type": "beam", "radiance": mi.ScalarColor3f(radiance.tolist()), "exponent": exponent - 1.0}

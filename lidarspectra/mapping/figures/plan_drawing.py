@@ -9,7 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Patch
 from matplotlib.patches import Polygon as PolygonPatch
 from matplotlib.patheffects import AbstractPathEffect, Normal, Stroke
 from matplotlib.ticker import FuncFormatter, MaxNLocator
@@ -20,7 +20,6 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.figure_style import INK, MUTED, PAGE_WIDTH_IN, place, plain
 from lidarspectra.mapping.figures.floor_plan import FloorPlan, PanelLayout, plan_extent
 from lidarspectra.mapping.maps.interpolation import Grid, Method, grid_values, inside_polygon
-from lidarspectra.radiance.scene.lamp_shapes import lamp_corners
 
 MAX_VECTOR_POINTS = 400  # more dots than this are drawn as pixels in vector files, to keep them small
 MAX_DOTS = 2500  # more would cover the map below them
@@ -28,7 +27,7 @@ LAMP_COLOR = "#e6a400"
 FURNITURE_COLOR = "#8a8f96"
 UNKNOWN: dict[str, Any] = {"facecolor": "#c3c7cb", "edgecolor": "#8a8f96", "hatch": "////", "linewidth": 0.0}
 HALO: list[AbstractPathEffect] = [Stroke(linewidth=2.4, foreground="white", alpha=0.85), Normal()]  # dark on any ground
-_RECTANGLES = ("panel", "strip", "window")
+MIN_LAMP_M = 0.06  # [m] a smaller bulb would not be seen
 
 
 def color_norm(values: FloatArray) -> Normalize:
@@ -204,16 +203,12 @@ def draw_panel_legend(figure: Figure, layout: "PanelLayout", handles: list[Line2
 
 
 def draw_lamp(axes: Axes, lamp: Lamp, number: int) -> None:
-    """A lamp in its true size from above, with its number; one with a candela file has no size and is a star."""
+    """A lamp in its true size from above, with its number."""
     look: dict[str, Any] = {"facecolor": LAMP_COLOR, "edgecolor": INK, "linewidth": 0.8, "alpha": 0.75, "zorder": 1.5}
     center = lamp.center[:2]
-    if lamp.shape in _RECTANGLES:
-        axes.add_patch(PolygonPatch(lamp_corners(lamp)[:, :2], **look))
-    elif lamp.shape == "ies":
-        axes.plot(*center, "*", color=LAMP_COLOR, markeredgecolor=INK, markersize=9, zorder=1.5)
-    else:
-        smallest = 0.03  # [m] drawn radius of a smaller bulb, so that it shows
-        axes.add_patch(Circle((float(center[0]), float(center[1])), max(lamp.size[0] / 2, smallest), **look))
+    outline = lamp.outline()[:, :2]
+    small = MIN_LAMP_M / max(float(np.ptp(outline, axis=0).max()), 1e-9)
+    axes.add_patch(PolygonPatch(center + max(small, 1.0) * (outline - center), **look))
     axes.annotate(
         f"L{number}",
         (float(center[0]), float(center[1])),

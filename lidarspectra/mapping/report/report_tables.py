@@ -132,7 +132,7 @@ def lamps_table(lamps: Sequence[Lamp]) -> Table:
         {
             "lamp": [f"L{number}" for number in range(1, len(lamps) + 1)],
             "name": [lamp.name for lamp in lamps],
-            "shape": [str(lamp.shape) for lamp in lamps],
+            "shape": [lamp.shape.word for lamp in lamps],
             "centre [m]": [", ".join(f"{value:.2f}" for value in lamp.center) for lamp in lamps],
             "size [m]": [" x ".join(f"{size:g}" for size in lamp.size) for lamp in lamps],
             "direction [1]": [_direction(lamp) for lamp in lamps],
@@ -199,6 +199,6 @@ def pairs_table(name: str, caption: str, entries: Mapping[str, str]) -> Table:
 
 
 def _direction(lamp: Lamp) -> str:
-    if lamp.shape in ("bulb", "point"):
+    if not lamp.shape.has_axis:
         return "all around"
     return ", ".join(f"{value + 0.0:.2f}" for value in lamp.normal)  # + 0.0 removes a negative zero

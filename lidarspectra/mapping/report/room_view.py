@@ -26,7 +26,6 @@ from lidarspectra.mapping.maps.interpolation import MIN_POINTS, map_planes, plan
 from lidarspectra.mapping.maps.spectral_map import POSITION, kept_points
 from lidarspectra.material.material_map import Material
 from lidarspectra.material.material_mesh import daylight_colors
-from lidarspectra.radiance.scene.lamp_shapes import lamp_axes
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 MAX_FACES = 60_000  # triangles in the page: 1.1 MB, and turns smoothly on a laptop without a graphics card
@@ -36,7 +35,6 @@ MAX_CLUSTERS = 2**16 - 1  # along an axis: their indices are 16-bit numbers
 CLUSTER_GROWTH = 1.25  # [1] of the clusters' edge, from one try to the next
 LONGEST_EDGE_SPACINGS = 3.0  # [1] a gap between points longer than this many typical spacings is not bridged
 COLOR_STEPS = 64  # of the colour scale
-ROUND_CORNERS = 24  # of the polygon that represents a round lamp
 LONGEST_NAME = 120  # characters; the tables have the full names
 
 
@@ -130,7 +128,7 @@ def room_view_data(
         if code is None
         else _materials(materials, material_areas_m2, code, spectral_map["band"].to_numpy()),
         "surfaces": None if surfaces is None else _surfaces(surfaces, len(materials)),
-        "lamps": [{"name": _name(lamp.name), "corners": _packed(_lamp_outline(lamp), "<f4")} for lamp in lamps],
+        "lamps": [{"name": _name(lamp.name), "corners": _packed(lamp.outline(), "<f4")} for lamp in lamps],
     }
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
@@ -260,18 +258,6 @@ def _surfaces(surfaces: RoomSurfaces, material_count: int) -> dict[str, Any]:
         "materials": _packed(surfaces.face_material[kept], "<u2"),
         "scanned": _packed(colors, "u1"),
     }
-
-
-def _lamp_outline(lamp: Lamp) -> FloatArray:
-    """(corner, 3) outline of a lamp as a polygon [m]."""
-    along, across = lamp_axes(lamp)
-    if len(lamp.size) == 2:
-        unit = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-        sides = unit * np.array(lamp.size)
-    else:
-        turn = np.linspace(0.0, 2.0 * np.pi, ROUND_CORNERS, endpoint=False)
-        sides = 0.5 * lamp.size[0] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    return np.asarray(lamp.center + sides[:, :1] * along + sides[:, 1:] * across, dtype=np.float64)
 
 
 def _colors() -> list[str]:

@@ -20,10 +20,14 @@ from scipy.interpolate import RegularGridInterpolator
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LampError
-from lidarspectra.lamps.lamps import Lamp, Opening
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.patterns import Opening, SkyLight, SunBeam
+from lidarspectra.lamps.shapes import Sun
+from lidarspectra.lamps.shapes import Window as WindowShape
+from lidarspectra.lamps.surfaces import Place, Rectangle
 from lidarspectra.radiance.engine.bands import BandGroup
 from lidarspectra.radiance.scene import primitives
-from lidarspectra.radiance.scene.lamp_shapes import lamp_corners
+from lidarspectra.radiance.scene.lamp_text import lamp_geometry_text
 from lidarspectra.radiance.scene.primitives import Color
 from lidarspectra.radiance.scene.sky import (
     ALTITUDES_DEG,
@@ -38,7 +42,6 @@ from lidarspectra.radiance.scene.sky import (
 from lidarspectra.spectra.spectrum import BandSet
 
 SUN_NAME = "sun"
-MARKER_M = 0.05  # [m] diameter of the sun on plans, where its windows are
 BOX_MARGIN_M = 0.5  # [m] between the scan and the box around it
 FLUX_STEP_DEG = 1.0  # [deg] of the integral for a window's flux
 
@@ -105,13 +108,11 @@ def _window_lamp(sky: Sky, window: Window) -> Lamp | None:
         return None  # night, or a shuttered window
     return Lamp(
         name=window.name,
-        shape="window",
+        shape=WindowShape(*window.size, incoming=incoming),
         center=np.array(window.center),
         normal=np.array(window.normal),
-        size=window.size,
         rotation_deg=window.rotation_deg,
         flux=sky_spectrum(flux, f"sky through {window.name}"),
-        incoming=incoming,
     )
 
 
@@ -133,35 +134,43 @@ def _sun_lamp(sky: Sky, windows: Sequence[Window]) -> Lamp | None:
     passed = 0.0
     for window in windows:
         shape = _window_shape(window)
-        cosine = float(-shape.normal @ sky.sun_direction)
+        inward = shape.normal
+        cosine = float(-inward @ sky.sun_direction)
         transmittance = float(pane_transmittance(np.array(cosine), window.transmittance))
         if transmittance > 0:
-            openings.append(Opening(corners=lamp_corners(shape), inward=shape.normal, transmittance=transmittance))
+            openings.append(Opening(corners=shape.corners(), inward=inward, transmittance=transmittance))
             passed += window.size[0] * window.size[1] * cosine * transmittance
     if passed <= 0:
         return None
     return Lamp(
         name=SUN_NAME,
-        shape="sun",
+        shape=Sun(tuple(openings)),
         center=np.mean([opening.corners.mean(axis=0) for opening in openings], axis=0),
         normal=-sky.sun_direction,
-        size=(MARKER_M,),
         flux=sky_spectrum(passed * sky.sun_irradiance, SUN_NAME),
-        openings=tuple(openings),
     )
 
 
-def _window_shape(window: Window) -> Lamp:
-    """The window as a lamp of any spectrum, for its geometry."""
-    return Lamp(
-        name=window.name,
-        shape="window",
-        center=np.array(window.center),
-        normal=np.array(window.normal),
-        size=window.size,
-        rotation_deg=window.rotation_deg,
-        flux=sky_spectrum(np.ones(SKY_WAVELENGTHS_NM.size), "any"),
-    )
+def _window_shape(window: Window) -> Rectangle:
+    normal = np.array(window.normal, dtype=np.float64)
+    normal /= max(float(np.linalg.norm(normal)), 1e-300)
+    return Rectangle(Place.facing(np.array(window.center), normal, window.rotation_deg), *window.size)
+
+
+def openings_of(sun: Lamp) -> tuple[Opening, ...]:
+    """What the sun shines through."""
+    pattern = sun.shape.pattern
+    if not isinstance(pattern, SunBeam):
+        raise LampError(expected="the sun", found=sun.shape.word, where=f"lamp '{sun.name}'")
+    return pattern.openings
+
+
+def _incoming(lamp: Lamp) -> FloatArray:
+    """(azimuth, altitude, wavelength) radiance of a window with daylight [W/m²/sr/nm]."""
+    pattern = lamp.shape.pattern
+    if not isinstance(pattern, SkyLight):
+        raise LampError(expected="a window with daylight", found="none", where=f"lamp '{lamp.name}'")
+    return pattern.incoming
 
 
 def sky_data_texts(lamp: Lamp, bands: BandSet, group: BandGroup) -> tuple[str, ...]:
@@ -170,7 +179,7 @@ def sky_data_texts(lamp: Lamp, bands: BandSet, group: BandGroup) -> tuple[str, .
     Parameters
     ----------
     lamp : Lamp
-        With `incoming`.
+        A window with daylight.
     bands : BandSet
     group : BandGroup
         The pass's.
@@ -180,13 +189,12 @@ def sky_data_texts(lamp: Lamp, bands: BandSet, group: BandGroup) -> tuple[str, .
     texts : tuple of str
         Natively one with the slots as its last axis; in rgb mode one a colour, red first.
     """
-    if lamp.incoming is None:
-        raise LampError(expected="a window with daylight", found="none", where=f"lamp '{lamp.name}'")
+    incoming = _incoming(lamp)
     units = np.eye(SKY_WAVELENGTHS_NM.size)
     to_bands = np.array([bands.band_values(sky_spectrum(unit, "bin"), outside="zero") for unit in units])
-    flux = lamp.size[0] * lamp.size[1] * _flux_density(lamp.incoming, -lamp.normal) @ to_bands
+    flux = lamp.size[0] * lamp.size[1] * _flux_density(incoming, -lamp.normal) @ to_bands
     dark = flux <= 0
-    spread = lamp.incoming @ to_bands / np.where(dark, 1.0, flux)
+    spread = incoming @ to_bands / np.where(dark, 1.0, flux)
     lambertian = 1.0 / (math.pi * lamp.size[0] * lamp.size[1])  # where no light comes in, any distribution is right
     values = group.to_slots(np.where(dark, lambertian, spread))
     axes = [_axis_text(AZIMUTHS_DEG), _axis_text(ALTITUDES_DEG)]
@@ -214,7 +222,7 @@ def window_text(name: str, lamp: Lamp, flux: Color, files: Sequence[str]) -> str
     name : str
         Safe modifier name.
     lamp : Lamp
-        With `incoming`.
+        A window with daylight.
     flux : Color
         As the scene is written. [W/nm]
     files : sequence of str
@@ -237,7 +245,7 @@ def window_text(name: str, lamp: Lamp, flux: Color, files: Sequence[str]) -> str
 
 def window_shape_text(name: str, lamp: Lamp) -> str:
     """Shape of a window, for passes in which it is dark, too."""
-    return primitives.polygon(name, f"{name}_shape", lamp_corners(lamp))
+    return lamp_geometry_text(name, lamp)
 
 
 def sun_text(name: str, lamp: Lamp, flux: Color, box: FloatArray, file: str) -> str:
@@ -263,7 +271,7 @@ def sun_text(name: str, lamp: Lamp, flux: Color, box: FloatArray, file: str) -> 
     solid_angle = 2.0 * math.pi * (1.0 - math.cos(math.radians(0.5 * SUN_ANGLE_DEG)))
     passed = sum(
         _area(opening) * max(float(opening.inward @ lamp.normal), 0.0) * opening.transmittance
-        for opening in lamp.openings
+        for opening in openings_of(lamp)
     )
     radiance = Color(group=flux.group, slots=flux.slots / (solid_angle * passed))
     text = primitives.light(name, radiance)
@@ -281,7 +289,7 @@ def sun_text(name: str, lamp: Lamp, flux: Color, box: FloatArray, file: str) -> 
 def mask_text(lamp: Lamp) -> str:
     """Function file of the box: `through` is the transmittance of the window that a ray's line meets, or 0."""
     lines = []
-    for index, opening in enumerate(lamp.openings):
+    for index, opening in enumerate(openings_of(lamp)):
         center = opening.corners.mean(axis=0)
         length, width = opening.corners[1] - opening.corners[0], opening.corners[3] - opening.corners[0]
         inward = opening.inward
@@ -294,7 +302,7 @@ def mask_text(lamp: Lamp) -> str:
             ),
             f"w{index} = if(.5-u{index}, if(.5-v{index}, {opening.transmittance:.9g}, 0), 0);",
         ]
-    total = "+".join(f"w{index}" for index in range(len(lamp.openings))) or "0"
+    total = "+".join(f"w{index}" for index in range(len(openings_of(lamp)))) or "0"
     return "\n".join([*lines, f"through = if({total}-1, 1, {total});"]) + "\n"
 
 

@@ -18,7 +18,7 @@ from lidarspectra.io.files import writing
 from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
 from lidarspectra.radiance.engine.engine import Engine, find_engine
 from lidarspectra.radiance.engine.options import Accuracy, Noise, plain_arguments
-from lidarspectra.radiance.scene.lamp_shapes import candela_file
+from lidarspectra.radiance.scene.lamp_text import candela_file
 from lidarspectra.radiance.scene.scene_record import LAMPS_FILE, RadianceScene, ScenePass
 from lidarspectra.room.sensor_points import SensorPoints
 

@@ -6,7 +6,9 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan, bare_scan
-from lidarspectra.lamps.lamps import Lamp, Opening
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.patterns import Opening
+from lidarspectra.radiance.scene.daylight import openings_of
 
 REVEAL_M = 0.5  # [m] outside a window's plane in which the mesh is taken out of the sun's way: pane, frame, reveal
 CURTAIN_M = 0.1  # [m] the same inside
@@ -36,7 +38,7 @@ def open_windows(scan: Scan, face_material: IntArray, sun: Lamp) -> tuple[Scan, 
     """
     corners = scan.corners
     material = np.asarray(face_material)
-    for opening in sun.openings:
+    for opening in openings_of(sun):
         while True:
             edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
             coarse = (edges > CUT_EDGE_M) & _reaches(corners, opening, sun.normal)

@@ -8,11 +8,11 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.radiance.scene.lamp_shapes import lamp_axes
 from lidarspectra.room.free_space import sphere_directions
 
 CLEARANCE_M = 0.05  # [m] a gap of 1 cm to a ceiling with 2 cm of noise takes 30 % of a panel's light
 DIRECTION_COUNT = 96  # [1] rays from each place on a lamp
+GRAZING = 0.1  # cosine of directions so flat along a lamp that they do not count
 ROUND_OFF_M = 1e-3  # [m] tolerance, so that a lamp exactly at the clearance draws no note
 MOST = 0.5  # [1] share of rays that must meet the back of a surface for a lamp to count as behind it
 MAX_NAMED = 6  # lamps named in one note
@@ -46,7 +46,7 @@ def placement_notes(lamps: Sequence[Lamp], scan: Scan) -> tuple[str, ...]:
         Full sentences; empty if no lamp has a fault.
     """
     caster, bounds, normals = RayCaster(scan), scan.bounds, scan.normals
-    inside = [lamp for lamp in lamps if lamp.shape != "sun"]
+    inside = [lamp for lamp in lamps if lamp.is_in_room]
     found: dict[str, list[str]] = {fault: [] for fault in FAULTS}
     for lamp in inside:
         if (fault := _fault(lamp, caster, bounds, normals)) is not None:
@@ -68,7 +68,8 @@ def _fault(lamp: Lamp, caster: RayCaster, bounds: FloatArray, normals: FloatArra
     if np.any(lamp.center < low - ROUND_OFF_M) or np.any(lamp.center > high + ROUND_OFF_M):
         place = ", ".join(f"{value:.2f}" for value in lamp.center)
         return "outside", f" (at {place} m)"
-    directions, places = sphere_directions(DIRECTION_COUNT), _places(lamp)
+    directions = sphere_directions(DIRECTION_COUNT)
+    places = np.concatenate([surface.marks() for surface in lamp.surfaces])
     shines = _directions_lit(lamp, directions)
     starts = np.repeat(places, len(shines), axis=0)
     rays = np.tile(shines, (len(places), 1))
@@ -88,19 +89,9 @@ def _fault(lamp: Lamp, caster: RayCaster, bounds: FloatArray, normals: FloatArra
     return None
 
 
-def _places(lamp: Lamp) -> FloatArray:
-    """(place, 3) points on the lamp: centre, and around it towards the rim [m]."""
-    length, width = lamp_axes(lamp)
-    along = 0.5 * lamp.size[0] * length
-    across = 0.5 * lamp.size[-1] * width
-    turns = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
-    if len(lamp.size) == 2:
-        turns += [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (0.5, 0.0), (-0.5, 0.0)]
-    return np.array([lamp.center + 0.98 * (a * along + b * across) for a, b in turns])
-
-
 def _directions_lit(lamp: Lamp, directions: FloatArray) -> FloatArray:
     """The directions in which the lamp shines."""
-    if lamp.shape in ("bulb", "point", "ies"):
-        return directions
-    return directions[directions @ lamp.normal > 0.1]
+    lit = np.zeros(len(directions), dtype=np.bool_)
+    for surface in lamp.surfaces:
+        lit |= True if surface.normal is None else directions @ surface.normal > GRAZING
+    return directions[lit]

@@ -21,6 +21,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import SceneError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.patterns import SkyLight, SunBeam
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance.engine.bands import (
@@ -43,7 +44,7 @@ from lidarspectra.radiance.scene.daylight import (
     window_shape_text,
     window_text,
 )
-from lidarspectra.radiance.scene.lamp_shapes import (
+from lidarspectra.radiance.scene.lamp_text import (
     candela_file,
     lamp_data_text,
     lamp_geometry_text,
@@ -165,7 +166,7 @@ def _check_parts(scan: Scan, materials: MaterialMap, lamps: Sequence[Lamp]) -> N
         )
     if not lamps:
         raise SceneError(expected="one or more lamps", found="none", where="lamps", todo="A dark room has no map.")
-    if sum(lamp.shape == "sun" for lamp in lamps) > 1:
+    if sum(not lamp.is_in_room for lamp in lamps) > 1:
         raise SceneError(expected="one sun at most", found="several", where="lamps")
     names = [lamp.name for lamp in lamps]
     if len(set(names)) != len(names):
@@ -193,8 +194,8 @@ def _bounds(scan: Scan, lamps: Sequence[Lamp]) -> FloatArray:
 
 def _groups(lamps: Sequence[Lamp], bands: BandSet) -> list[SpectralGroup]:
     """Spectral groups; the sun is always its own, since its pass has holes in the mesh."""
-    inside = [index for index, lamp in enumerate(lamps) if lamp.shape != "sun"]
-    outside = [index for index, lamp in enumerate(lamps) if lamp.shape == "sun"]
+    inside = [index for index, lamp in enumerate(lamps) if lamp.is_in_room]
+    outside = [index for index, lamp in enumerate(lamps) if not lamp.is_in_room]
     groups = spectral_groups([lamps[index].flux for index in inside], bands)
     renamed = [
         SpectralGroup(lamps=tuple(inside[index] for index in group.lamps), light=group.light) for group in groups
@@ -215,14 +216,14 @@ def _plan_passes(lamps: Sequence[Lamp], bands: BandSet, mode: Mode) -> list[tupl
 
 
 def _has_sun(light: SpectralGroup, lamps: Sequence[Lamp]) -> bool:
-    return any(lamps[index].shape == "sun" for index in light.lamps)
+    return not all(lamps[index].is_in_room for index in light.lamps)
 
 
 def _write_shapes(room: _Room) -> None:
     """Shapes of all lamps but daylight's, which differ from pass to pass."""
     shapes = []
     for modifier, lamp in zip(room.modifiers, room.lamps, strict=True):
-        if lamp.incoming is None:
+        if not isinstance(lamp.shape.pattern, SkyLight):
             shapes.append(lamp_geometry_text(modifier, lamp))
         if (data := lamp_data_text(lamp)) is not None:
             _write(room.folder / candela_file(modifier), data)
@@ -240,7 +241,7 @@ def _write_meshes(
 ) -> dict[bool, str]:
     """Write the mesh, and where the sun shines one with open windows; file names by whether it is the sun's."""
     _write(folder / MESH_FILE, mesh_text(scan, materials.face_material, names=names, crease_deg=crease_deg))
-    for sun in (lamp for lamp in lamps if lamp.shape == "sun"):
+    for sun in (lamp for lamp in lamps if not lamp.is_in_room):
         opened, face_material = open_windows(scan, materials.face_material, sun)
         _write(folder / OPEN_MESH_FILE, mesh_text(opened, face_material, names=names, crease_deg=crease_deg))
     return {False: MESH_FILE, True: OPEN_MESH_FILE}
@@ -257,7 +258,7 @@ def _materials_text(
 
 def _write_pass(scene_pass: ScenePass, room: _Room) -> ScenePass:
     """Write the pass's scene and data files; the pass comes back with their names."""
-    sunlit = any(room.lamps[index].shape == "sun" for index in scene_pass.lamps)
+    sunlit = not all(room.lamps[index].is_in_room for index in scene_pass.lamps)
     texts: list[str] = []
     data: dict[str, str] = {}
     for index, (lamp, modifier) in enumerate(zip(room.lamps, room.modifiers, strict=True)):
@@ -265,10 +266,11 @@ def _write_pass(scene_pass: ScenePass, room: _Room) -> ScenePass:
             text, files = _lit_text(index, scene_pass, room)
             texts.append(text)
             data |= files
-        elif lamp.incoming is None and lamp.shape != "sun":
+        elif isinstance(lamp.shape.pattern, SkyLight):
+            if not sunlit:
+                texts += [primitives.black(modifier), window_shape_text(modifier, lamp)]
+        elif lamp.is_in_room:
             texts.append(primitives.black(modifier))
-        elif lamp.incoming is not None and not sunlit:
-            texts += [primitives.black(modifier), window_shape_text(modifier, lamp)]
     texts.append(primitives.mesh("void", "room", scene_pass.mesh_file))
     for name, content in data.items():
         _write(room.folder / name, content)
@@ -280,10 +282,10 @@ def _lit_text(index: int, scene_pass: ScenePass, room: _Room) -> tuple[str, dict
     """What a lit lamp sends, and its data files by name."""
     lamp, modifier, flux = room.lamps[index], room.modifiers[index], room.flux[index]
     slots = Color(group=scene_pass.group, slots=scene_pass.group.to_slots(flux))
-    if lamp.shape == "sun":
+    if isinstance(lamp.shape.pattern, SunBeam):
         file = f"{scene_pass.name}_{modifier}.cal"
         return sun_text(modifier, lamp, slots, room.bounds, file), {file: mask_text(lamp)}
-    if lamp.incoming is not None:
+    if isinstance(lamp.shape.pattern, SkyLight):
         data = sky_data_texts(lamp, room.bands, scene_pass.group)
         files = {f"{scene_pass.name}_{modifier}_{part}.dat": text for part, text in enumerate(data)}
         return window_text(modifier, lamp, slots, list(files)), files

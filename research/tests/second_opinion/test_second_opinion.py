@@ -12,9 +12,10 @@ pytest.importorskip("mitsuba", reason="the extra 'validate' is not installed")
 from lidarspectra.errors import EngineError, LampError, MaterialError
 from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.patterns import beam_exponent
+from lidarspectra.lamps.shapes import shape_of
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.sampling.trace import trace
-from lidarspectra.radiance.scene.lamp_shapes import beam_exponent
 from lidarspectra.radiance.scene.scene import write_scene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
@@ -76,9 +77,13 @@ def materials(scan: Scan, *kinds: Material, faces: np.ndarray | None = None) -> 
     )
 
 
+DOWNLIGHT = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 2 1 1 2 1 1 0\n1 1 0\n0 90\n0\n100 0\n"
+
+
 def lamp(shape: str, size: tuple[float, ...], **settings: object) -> Lamp:
     fields = {"name": "lamp", "center": (0.0, 0.0, 2.0), "normal": (0.0, 0.0, -1.0), "flux": FLAT} | settings
-    return Lamp(shape=shape, size=size, **fields)
+    options = {name: fields.pop(name) for name in ("beam_angle_deg", "candela_text") if name in fields}
+    return Lamp(shape=shape_of(shape, size, **options), **fields)
 
 
 def sensors(positions: object) -> SensorPoints:
@@ -260,7 +265,7 @@ def test_what_is_not_exported_is_refused() -> None:
         reference_irradiance(BLACK, glass, [lamp("disc", (1.0,))], BANDS, sensors((0, 0, 0)))
     matt = materials(BLACK, surface(0.1))
     with pytest.raises(LampError, match="candela"):
-        reference_irradiance(BLACK, matt, [lamp("ies", (1.0,), candela_file="")], BANDS, sensors((0, 0, 0)))
+        reference_irradiance(BLACK, matt, [lamp("ies", (1.0,), candela_text=DOWNLIGHT)], BANDS, sensors((0, 0, 0)))
     glossy = materials(BLACK, surface(0.3, specularity=0.1))
     with pytest.raises(MaterialError, match="plain variant"):
         reference_irradiance(BLACK, glossy, [lamp("disc", (1.0,))], BANDS, sensors((0, 0, 0)), plain=True)

@@ -8,6 +8,7 @@ import trimesh
 
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Panel
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.engine.cluster import cluster_engine
 from lidarspectra.radiance.engine.engine import Engine, find_engine
@@ -44,8 +45,8 @@ def test_a_cluster_finds_the_same_effects(tmp_path: Path) -> None:
     room = trimesh.creation.box(bounds=[[0, 0, 0], [3, 3, 3]])
     room.invert()
     lamp = Lamp(
-        name="panel", shape="panel", center=np.array([1.5, 1.5, 2.9]), normal=np.array([0.0, 0.0, -1.0]),
-        size=(0.6, 0.6), flux=Spectrum(wavelengths_nm=np.array([400.0, 700.0]), values=np.ones(2)),
+        name="panel", shape=Panel(0.6, 0.6), center=np.array([1.5, 1.5, 2.9]),
+        flux=Spectrum(wavelengths_nm=np.array([400.0, 700.0]), values=np.ones(2)),
     )  # fmt: skip
     paint = MaterialMap(
         materials=(PAINT,), face_material=np.zeros(12), face_color=np.full((12, 3), 0.5), face_seen=np.ones(12)

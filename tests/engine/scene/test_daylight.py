@@ -147,10 +147,10 @@ def test_windows_do_not_shade_the_sun_and_the_sky_is_dark_in_its_pass(engine: En
     clear = even_sky((0.2, -0.7, 0.8))
     both = Sky(radiance=even_sky().radiance, sun_direction=clear.sun_direction, sun_irradiance=clear.sun_irradiance)
     lamps = daylight_lamps(both, [SOUTH])
-    assert [lamp.shape for lamp in lamps] == ["window", "sun"]
+    assert [lamp.shape.word for lamp in lamps] == ["window", "sun"]
     scene = room_scene(lamps, tmp_path, engine)
     sensors = np.array([[1.2, 0.7, 0.3, 0.0, 0.0, 1.0]])
-    parts = [irradiance(engine, room_scene((lamp,), tmp_path / lamp.shape, engine), sensors) for lamp in lamps]
+    parts = [irradiance(engine, room_scene((lamp,), tmp_path / lamp.shape.word, engine), sensors) for lamp in lamps]
     assert parts[1].min() > 0
     np.testing.assert_allclose(irradiance(engine, scene, sensors), sum(parts), rtol=1e-4)
     assert load_scene(tmp_path).passes == scene.passes
@@ -159,7 +159,7 @@ def test_windows_do_not_shade_the_sun_and_the_sky_is_dark_in_its_pass(engine: En
 def test_turning_the_room_turns_the_sun(engine: Engine, tmp_path: Path) -> None:
     """With north along the scan's +x, what is south of the room lies at -x."""
     sky = even_sky((0.0, -1.0, 1.0))
-    assert daylight_lamps(sky, [SOUTH])[0].shape == "sun"
+    assert daylight_lamps(sky, [SOUTH])[0].shape.word == "sun"
     north = Window(name="north", center=(1.5, 3.94, 1.3), normal=(0, -1, 0), size=(1.2, 1.0))
     assert daylight_lamps(sky, [north]) == ()
 

@@ -9,6 +9,7 @@ import trimesh
 from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 from lidarspectra.lamps.ies import read_ies
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Luminaire
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
 from lidarspectra.radiance.engine.engine import Engine, find_engine, float_rows
@@ -94,8 +95,8 @@ def test_candela_arrive_at_every_angle(
     text = ies_text(upward=upward, quadrant=quadrant)
     table = read_ies(text, where="test")
     lamp = Lamp(
-        name="l", shape="ies", center=np.array([1.0, 2.0, 3.0]), normal=normal, size=(0.02, 0.01), flux=WHITE,
-        rotation_deg=rotation, candela_file=text,
+        name="l", shape=Luminaire(text, (0.02, 0.01)), center=np.array([1.0, 2.0, 3.0]), normal=normal, flux=WHITE,
+        rotation_deg=rotation,
     )  # fmt: skip
     theta, phi = sphere_of_sensors(200)
     # The luminaire's own axes, from its definition: z against the normal, x the turned length, y = z × x.
@@ -128,6 +129,6 @@ def test_ies2rad_gives_the_same_light(engine: Engine, tmp_path: Path) -> None:
     options = ["-h", "-fff", "-I+", "-ab", "0", "-dj", "0", "-ds", "0.01", "lum.oct"]
     run = engine.run("rtrace", options, folder=tmp_path, stdin=rays(directions, np.zeros(3)))
     theirs = float_rows(run, rows=len(directions), columns=3)[:, 1] * FAR_M**2 * IES2RAD_EFFICACY
-    lamp = Lamp(name="l", shape="ies", center=np.zeros(3), normal=DOWN, size=(0.4, 0.2), flux=WHITE, candela_file=text)
+    lamp = Lamp(name="l", shape=Luminaire(text, (0.4, 0.2)), center=np.zeros(3), normal=DOWN, flux=WHITE)
     ours = scene_intensity(engine, tmp_path / "ours", lamp, directions) * table.luminous_flux_lm()
     np.testing.assert_allclose(ours, theirs, rtol=5e-3, atol=1e-3 * theirs.max())

@@ -8,7 +8,8 @@ import trimesh
 
 from lidarspectra.errors import SceneError
 from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
-from lidarspectra.lamps.lamps import Lamp, LampShape
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import shape_of
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
 from lidarspectra.radiance.engine.engine import Engine, find_engine, float_rows
@@ -81,9 +82,10 @@ def material_map(scan: Scan, *materials: Material, faces: np.ndarray | None = No
     )
 
 
-def lamp(shape: LampShape = "bulb", size: tuple[float, ...] = (0.1,), **settings: object) -> Lamp:
+def lamp(shape: str = "bulb", size: tuple[float, ...] = (0.1,), **settings: object) -> Lamp:
     fields = {"name": "lamp", "center": np.zeros(3), "normal": np.array([0.0, 0.0, -1.0]), "flux": WHITE} | settings
-    return Lamp(shape=shape, size=size, **fields)
+    options = {name: fields.pop(name) for name in ("beam_angle_deg", "candela_text") if name in fields}
+    return Lamp(shape=shape_of(shape, size, **options), **fields)
 
 
 def on_walls(count: int, seed: int) -> np.ndarray:
@@ -129,7 +131,7 @@ def irradiance(engine: Engine, scene: RadianceScene, sensors: np.ndarray, *optio
     ],
 )
 def test_a_lamps_flux_arrives_on_the_walls_of_a_black_room(
-    engine: Engine, tmp_path: Path, shape: LampShape, size: tuple[float, ...], more: dict[str, object]
+    engine: Engine, tmp_path: Path, shape: str, size: tuple[float, ...], more: dict[str, object]
 ) -> None:
     room = scan_of(cube())
     scene = write_scene(

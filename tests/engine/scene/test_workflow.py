@@ -13,6 +13,7 @@ import trimesh
 from lidarspectra.errors import SceneError
 from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Bulb, Panel
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.engine.engine import Engine, find_engine
 from lidarspectra.radiance.sampling.trace import trace
@@ -62,8 +63,8 @@ def two_lamp_scene(folder: Path, mode: str, engine: Engine) -> RadianceScene:
     warm = Spectrum(wavelengths_nm=[380.0, 780.0], values=[0.01, 0.05])
     line = Spectrum(wavelengths_nm=[380.0, 540.0, 545.0, 550.0, 780.0], values=[0.01, 0.01, 0.3, 0.01, 0.01])
     lamps = [
-        Lamp(name="warm", shape="panel", center=np.array([1.0, 1.0, 1.9]), normal=down, size=(0.4, 0.4), flux=warm),
-        Lamp(name="line", shape="bulb", center=np.array([0.4, 1.5, 1.2]), normal=down, size=(0.05,), flux=line),
+        Lamp(name="warm", shape=Panel(0.4, 0.4), center=np.array([1.0, 1.0, 1.9]), normal=down, flux=warm),
+        Lamp(name="line", shape=Bulb(0.05), center=np.array([0.4, 1.5, 1.2]), normal=down, flux=line),
     ]
     return write_scene(scan, materials, lamps, sensor_bands("as7265x-14"), folder, mode=mode, engine=engine)
 

@@ -7,6 +7,7 @@ import pytest
 
 from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Panel, Spot
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.scene.scene import RadianceScene, write_scene
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
@@ -49,10 +50,10 @@ def small_scene(folder: Path, mode: str) -> RadianceScene:
     )
     down = np.array([0.0, 0.0, -1.0])
     lamps = [
-        Lamp(name="panel", shape="panel", center=np.array([0.5, 0.5, 2.0]), normal=down, size=(0.5, 0.5), flux=FLAT),
+        Lamp(name="panel", shape=Panel(0.5, 0.5), center=np.array([0.5, 0.5, 2.0]), normal=down, flux=FLAT),
         Lamp(
-            name="spot", shape="spot", center=np.array([0.0, 0.0, 2.0]), normal=down, size=(0.1,),
-            beam_angle_deg=60.0, flux=BLUE,
+            name="spot", shape=Spot(0.1, beam_angle_deg=60.0), center=np.array([0.0, 0.0, 2.0]), normal=down,
+            flux=BLUE,
         ),
     ]  # fmt: skip
     return write_scene(scan, materials, lamps, uniform_bands(400, 600, 4), folder, mode=mode)

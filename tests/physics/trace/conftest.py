@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import shape_of
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.scene.scene import RadianceScene, write_scene
 from lidarspectra.room.sensor_points import SensorPoints
@@ -103,7 +104,8 @@ class Rooms:
         """A lamp of 1 W/nm, so that its irradiance is its coefficient; down unless `normal` is given."""
         given: dict[str, object] = {"flux": flat(1.0), "normal": (0.0, 0.0, -1.0)} | more
         sizes = size if isinstance(size, tuple) else (size,)
-        return Lamp(name=name, shape=shape, center=np.asarray(center, dtype=float), size=sizes, **given)
+        options = {key: given.pop(key) for key in ("beam_angle_deg", "candela_text") if key in given}
+        return Lamp(name=name, shape=shape_of(shape, sizes, **options), center=np.asarray(center, dtype=float), **given)
 
     @staticmethod
     def room(size: float = 1.0) -> trimesh.Trimesh:

@@ -9,6 +9,7 @@ import xarray as xr
 from lidarspectra.arrays import FloatArray
 from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Panel
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report.report import ReportInput, ReportView, StageRow
@@ -66,9 +67,8 @@ def lamps() -> tuple[Lamp, ...]:
     return tuple(
         Lamp(
             name=f"panel {number}",
-            shape="panel",
+            shape=Panel(0.6, 0.6),
             center=np.array(center),
-            size=(0.6, 0.6),
             flux=led_flux(11.0 * number, f"LED {number}"),
             normal=np.array([0.0, 0.0, -1.0]),
         )

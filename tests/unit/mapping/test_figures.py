@@ -10,6 +10,7 @@ from PIL import Image
 
 from lidarspectra.errors import MapError
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Disc
 from lidarspectra.mapping.figures.channel_figures import (
     ReportView,
     choose_points,
@@ -213,9 +214,7 @@ def test_many_bands_are_thinned_out_and_it_says_so(make_transport, plan):
 def test_names_from_users_cannot_upset_a_figure(make_transport, plan, lamps):
     odd = "\x00$\\frac{$ <b>&\n電灯 🎉 " + "long " * 40
     lamp = lamps[0]
-    named = Lamp(
-        name=odd, shape="disc", center=lamp.center, size=(0.2,), flux=lamp.flux, normal=np.array([0.0, 0.0, -1.0])
-    )
+    named = Lamp(name=odd, shape=Disc(0.2), center=lamp.center, flux=lamp.flux, normal=np.array([0.0, 0.0, -1.0]))
     one_map = spectral_map(make_transport(points=9))
     for figure in (
         plan_figure(one_map, plan, (named,) * 30),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Strip
 from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, MAX_STEPS, fit_light
 from lidarspectra.material.sharpened_cones import cones_of_srgb
 from lidarspectra.spectra.spectrum import Spectrum
@@ -23,9 +24,8 @@ from .lit_walls import evidence
 
 STRIP = Lamp(
     name="strip",
-    shape="strip",
+    shape=Strip(9.0, 0.3),
     center=np.array([6.0, 1.6, 2.66]),
-    size=(9.0, 0.3),
     normal=np.array([0.0, 0.0, -1.0]),
     flux=Spectrum(wavelengths_nm=[400, 700], values=[1.0, 1.0]),
 )

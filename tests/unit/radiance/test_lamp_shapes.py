@@ -5,24 +5,23 @@ import pytest
 from scipy.integrate import quad
 
 from lidarspectra.errors import LampError
-from lidarspectra.lamps.lamps import Lamp, LampShape
-from lidarspectra.radiance.scene.lamp_shapes import (
-    beam_exponent,
-    distance_to_lamp,
-    emitting_area_m2,
-    lamp_axes,
-    lamp_corners,
-    lamp_geometry_text,
-    radiance_per_flux,
-)
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.patterns import beam_exponent
+from lidarspectra.lamps.shapes import shape_of
+from lidarspectra.radiance.scene.lamp_text import lamp_geometry_text
 from lidarspectra.spectra.spectrum import Spectrum
 
 FLAT = Spectrum(wavelengths_nm=[400, 700], values=[1.0, 1.0])
 
 
-def lamp(shape: LampShape = "panel", size: tuple[float, ...] = (0.6, 0.3), **settings: object) -> Lamp:
+def lamp(shape: str = "panel", size: tuple[float, ...] = (0.6, 0.3), **settings: object) -> Lamp:
     fields = {"center": np.array([1.0, 2.0, 2.5]), "normal": np.array([0.0, 0.0, -1.0])} | settings
-    return Lamp(name="one", shape=shape, size=size, flux=FLAT, **fields)
+    options = {name: fields.pop(name) for name in ("beam_angle_deg",) if name in fields}
+    return Lamp(name="one", shape=shape_of(shape, size, **options), flux=FLAT, **fields)
+
+
+def radiance_per_flux(one: Lamp) -> float:
+    return one.shape.pattern.radiance_per_flux(one.shape.area)
 
 
 @pytest.mark.parametrize("beam", [5.0, 24.0, 60.0, 90.0, 120.0])
@@ -38,7 +37,7 @@ def test_a_spots_radiance_integrates_to_its_flux(beam: float) -> None:
 
     def intensity(angle: float) -> float:
         radiance = radiance_per_flux(spot) * np.cos(angle) ** (exponent - 1)
-        return radiance * emitting_area_m2(spot) * np.cos(angle)
+        return radiance * spot.shape.area * np.cos(angle)
 
     flux, _ = quad(lambda angle: 2 * np.pi * intensity(angle) * np.sin(angle), 0, np.pi / 2, epsabs=1e-12)
     assert flux == pytest.approx(1.0, rel=1e-9)
@@ -67,7 +66,7 @@ def test_a_beam_that_no_flat_lamp_has_is_refused(beam: float) -> None:
         ("point", (0.01,), np.pi * 1e-4),
     ],
 )
-def test_diffuse_lamps_send_flux_over_pi_area(shape: LampShape, size: tuple[float, ...], area: float) -> None:
+def test_diffuse_lamps_send_flux_over_pi_area(shape: str, size: tuple[float, ...], area: float) -> None:
     assert radiance_per_flux(lamp(shape, size)) == pytest.approx(1 / (np.pi * area))
 
 
@@ -75,7 +74,7 @@ def test_diffuse_lamps_send_flux_over_pi_area(shape: LampShape, size: tuple[floa
 @pytest.mark.parametrize("rotation", [0.0, 30.0, 90.0, -200.0])
 def test_a_rectangle_faces_its_normal_with_its_own_size(normal: tuple[float, ...], rotation: float) -> None:
     panel = lamp(normal=np.array(normal, dtype=float), rotation_deg=rotation)
-    corners = lamp_corners(panel)
+    corners = panel.surfaces[0].corners()
     edges = np.roll(corners, -1, axis=0) - corners
     np.testing.assert_allclose(np.linalg.norm(edges, axis=1), [0.6, 0.3, 0.6, 0.3], rtol=1e-12)
     np.testing.assert_allclose(np.cross(edges[0], edges[1]), 0.18 * panel.normal, atol=1e-12)  # counter-clockwise
@@ -83,10 +82,10 @@ def test_a_rectangle_faces_its_normal_with_its_own_size(normal: tuple[float, ...
 
 
 def test_the_length_lies_along_x_and_turns_about_the_normal() -> None:
-    length, width = lamp_axes(lamp())
-    np.testing.assert_allclose([length, width], [[1, 0, 0], [0, -1, 0]], atol=1e-12)
-    np.testing.assert_allclose(lamp_axes(lamp(rotation_deg=90.0))[0], [0, -1, 0], atol=1e-12)
-    np.testing.assert_allclose(lamp_axes(lamp(normal=np.array([1.0, 0, 0])))[0], [0, 1, 0], atol=1e-12)
+    place = lamp().place
+    np.testing.assert_allclose([place.length, place.width], [[1, 0, 0], [0, -1, 0]], atol=1e-12)
+    np.testing.assert_allclose(lamp(rotation_deg=90.0).place.length, [0, -1, 0], atol=1e-12)
+    np.testing.assert_allclose(lamp(normal=np.array([1.0, 0, 0])).place.length, [0, 1, 0], atol=1e-12)
 
 
 def test_geometry_names_only_what_we_chose() -> None:
@@ -106,10 +105,10 @@ def test_geometry_names_only_what_we_chose() -> None:
     ],
 )
 def test_distance_from_a_lamp_is_that_from_the_surface_that_shines(shape, size, place, distance: float) -> None:
-    assert distance_to_lamp(lamp(shape, size), np.array([place])) == pytest.approx([distance])
+    assert lamp(shape, size).distance(np.array([place])) == pytest.approx([distance])
 
 
 def test_a_lamp_that_is_turned_is_as_near_as_it_reaches_there() -> None:
     turned = lamp("strip", (2.0, 0.2), rotation_deg=90.0)
     places = np.array([[1.0, 2.9, 2.5], [1.9, 2.0, 2.5]])
-    assert distance_to_lamp(turned, places) == pytest.approx([0.0, 0.8])
+    assert turned.distance(places) == pytest.approx([0.0, 0.8])

@@ -8,6 +8,7 @@ import trimesh
 
 from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import shape_of
 from lidarspectra.radiance.scene.placement import placement_notes
 from lidarspectra.spectra.spectrum import Spectrum
 
@@ -36,10 +37,9 @@ def room() -> Scan:
 def notes(room: Scan, shape: str, center: tuple[float, ...], size: tuple[float, ...], normal=(0, 0, -1)) -> str:
     lamp = Lamp(
         name="Lampe é",
-        shape=shape,
+        shape=shape_of(shape, size),
         center=np.array(center),
         normal=np.array(normal),
-        size=size,
         flux=Spectrum(wavelengths_nm=[400, 700], values=[1, 1]),
     )
     return " ".join(placement_notes([lamp], room))
