@@ -1,11 +1,15 @@
 """Print the drawing of the house: each folder, its floor, and what its docstring says first.
 
 python -m tools.house
+python -m tools.house --write
 
-CONTRIBUTING.md holds exactly this text (`tests/unit/test_house.py`). The floors are those that the import test holds.
+CONTRIBUTING.md holds exactly this text (`tests/unit/test_house.py`); with --write it is put there. The floors are those
+that the import test holds.
 """
 
 import ast
+import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -55,5 +59,17 @@ def _line(start: str, name: str, source: Path) -> str:
     return f"{start}{name:<{WIDTH}}{text.partition(chr(10))[0]}".rstrip()
 
 
+def main() -> None:
+    """Print the drawing, or write it into CONTRIBUTING.md."""
+    drawing = "\n".join(drawing_lines(PROJECT))
+    if "--write" not in sys.argv[1:]:
+        print(drawing)
+        return
+    guide = PROJECT / "CONTRIBUTING.md"
+    text = guide.read_text(encoding="utf-8")
+    block = re.compile(r"(?<=^```text\n).*?(?=^```$)", flags=re.DOTALL | re.MULTILINE)
+    guide.write_text(block.sub(lambda _: drawing + "\n", text, count=1), encoding="utf-8")
+
+
 if __name__ == "__main__":
-    print("\n".join(drawing_lines(PROJECT)))
+    main()

@@ -1,5 +1,6 @@
 """What every command prints with: a line, a note, one of our tables."""
 
+import math
 from typing import TYPE_CHECKING
 
 from rich.console import Console, ConsoleDimensions
@@ -57,5 +58,5 @@ def shown(table: "Table") -> ShownTable:
 
 def _cell(value: object, number_format: str) -> str:
     if isinstance(value, float):
-        return format(value, number_format) if value == value else "–"
+        return format(value, number_format) if not math.isnan(value) else "–"
     return str(value)

@@ -16,7 +16,7 @@ def guide(project: Path) -> str:
 def test_the_drawing_is_the_codes(guide: str, project: Path) -> None:
     drawn = re.search(r"^```text\n(.*?)^```$", guide, flags=re.DOTALL | re.MULTILINE)
     assert drawn is not None
-    assert drawn[1].splitlines() == list(drawing_lines(project)), "python -m tools.house prints what belongs there"
+    assert drawn[1].splitlines() == list(drawing_lines(project)), "python -m tools.house --write mends it"
 
 
 def test_every_folder_of_the_package_is_drawn_and_says_what_it_holds(project: Path) -> None:

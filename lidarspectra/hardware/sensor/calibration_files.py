@@ -115,10 +115,9 @@ def calibration_text(calibration: Calibration) -> str:
     record: dict[str, Any] = {"format": FORMAT, "channels_nm": list(CHANNEL_LABELS), "dies": list(DIES)}
     for name, value in asdict(calibration).items():
         if isinstance(value, np.ndarray):
-            value = value.tolist()
-        elif isinstance(value, float) and math.isnan(value):
-            value = None
-        record[name] = value
+            record[name] = value.tolist()
+        else:
+            record[name] = None if isinstance(value, float) and math.isnan(value) else value
     return json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 

@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -104,9 +105,9 @@ class _PseudoTerminal:
         tty.setraw(slave)
         os.set_blocking(self._master, False)
         self._slave = slave  # kept open: without it the terminal is gone when the program closes it
-        beside = f"{self.address}.new"
-        os.symlink(os.ttyname(slave), beside)
-        os.replace(beside, self.address)
+        beside = Path(f"{self.address}.new")
+        beside.symlink_to(os.ttyname(slave))
+        beside.replace(self.address)
 
     def exchange(self, data: bytes) -> bytes:
         if self._master < 0:
@@ -125,7 +126,7 @@ class _PseudoTerminal:
             os.close(self._master)
             os.close(self._slave)
             self._master = -1
-            os.unlink(self.address)
+            Path(self.address).unlink()
         self._unsent = b""
 
     def close(self) -> None:

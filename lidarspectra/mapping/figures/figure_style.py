@@ -222,7 +222,7 @@ def _drop(root: ElementTree.Element, tag: str) -> None:
 def _page_value(key: str, value: str, name: str) -> str:
     if key == "id":
         return f"{name}-{value}"
-    if key == f"{{{_XLINK}}}href" or key == "href":
+    if key in (f"{{{_XLINK}}}href", "href"):
         return f"#{name}-{value[1:]}" if value.startswith("#") else value
     for color, page_color in PAGE_COLORS.items():
         value = value.replace(color, page_color)

@@ -142,9 +142,8 @@ def make_tasks(
         for part in np.array_split(points, -(-points.size // chunk)):
             # The engine's numbers are ever the same within a second, and jobs on the same ones would err alike.
             burn = int(generator.integers(1, _MAX_BURN_RECORDS + 1))
-            if component.kind == "direct":
-                part = generator.permutation(part)
-            yield Task(component=component, points=part.astype(np.int64), size=size, burn=burn)
+            order = generator.permutation(part) if component.kind == "direct" else part
+            yield Task(component=component, points=order.astype(np.int64), size=size, burn=burn)
 
 
 def _pooled_tasks(

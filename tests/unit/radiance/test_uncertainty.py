@@ -17,7 +17,7 @@ REPEATS = 8
 @pytest.mark.parametrize(
     ("points", "scatter"),
     [(1, 0.0), (5, 0.5), (50, 1.0), (176, 0.0), (176, 0.5), (176, 1.5)],
-    ids=lambda value: str(value),
+    ids=str,
 )
 def test_two_standard_errors_cover_the_truth_95_percent_of_the_time(points: int, scatter: float) -> None:
     # Points whose true spreads differ by a log-normal factor of the given scatter. 4000 / points trials: the counted

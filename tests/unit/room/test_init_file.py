@@ -1,8 +1,8 @@
 """The run file that `init` writes: what it says is what was found, and `run` reads it unchanged."""
 
-import os
 import sys
 import tomllib
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -126,7 +126,7 @@ def test_any_file_name_survives(dark_room, tmp_path, name) -> None:
     (tmp_path / "runs").mkdir()
     write_init(scan, tmp_path / "runs" / "room.toml")
     table = tomllib.loads((tmp_path / "runs" / "room.toml").read_text(encoding="utf-8"))
-    assert not os.path.isabs(table["scan"]["file"])
+    assert not Path(table["scan"]["file"]).is_absolute()
     assert (tmp_path / "runs" / table["scan"]["file"]).samefile(scan)
 
 

@@ -127,7 +127,8 @@ def test_what_is_bright_but_no_lamp_is_left_out(builder, plain, what, draw) -> N
 def test_a_ghost_beside_a_lamp_changes_neither_its_place_nor_its_size(builder, plain) -> None:
     plain.rectangle((1.88, 1.5), (0.1, 0.55), color=205.0)
     plain.rectangle((2.0, 1.5), (0.13, 0.55))
-    search = search_lit_lamps(*(lambda scan: (scan, find_room(scan)))(room_with(builder, plain)))
+    scan = room_with(builder, plain)
+    search = search_lit_lamps(scan, find_room(scan))
     (lamp,) = search.lamps
     np.testing.assert_allclose(lamp.center[:2], [2.0, 1.5], atol=PLACE_M)
     np.testing.assert_allclose(lamp.shape.size, [0.55, 0.13], atol=0.02)
