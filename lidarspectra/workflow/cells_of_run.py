@@ -37,13 +37,13 @@ from lidarspectra.workflow.light_of_run import light_of_table, plan_of_run, tran
 from lidarspectra.workflow.workspace import made_folder, require_stage
 
 CM = 1e-2  # [m]
-MICRO = 1e6  # [1]
-UNKNOWN_SHARE = 0.05  # [1] of a cell's response that channels do not see, from which on it is said
+MICRO = 1e6
+UNKNOWN_SHARE = 0.05  # [1] share of a cell's response outside the channels that draws a note
 
 
 @dataclass(frozen=True, kw_only=True)
 class CurrentOrder:
-    """What is wanted of a cell in a run.
+    """Options for a cell's current in a run.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class CurrentOrder:
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceOrder:
-    """A cell that wants a place.
+    """Options for the search of a cell's best place.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class PlaceOrder:
     scale : float
         On its curve. [1]
     count : int
-        Places to tell.
+        Number of places to list.
     workers : int or None
         Processes; one a core if None.
     base : Path
@@ -156,7 +156,7 @@ def save_currents(currents: xr.Dataset, plan: FloorPlan, folder: Path) -> Path:
 
 
 def places_in_run(run: Path, order: PlaceOrder) -> tuple[Table, tuple[str, ...]]:
-    """Best places for a cell in the room of a finished run, best first, and what a user must know of them.
+    """Best places for a cell in the room of a finished run, best first, and caveats on them.
 
     Raises
     ------
@@ -221,7 +221,7 @@ def predict_from_table(
     base: Path,
     out: Path,
 ) -> tuple[Table, tuple[str, ...]]:
-    """Tell a cell's current from measured channels; write a row a reading, sum it up, and say what a user must know.
+    """Predict a cell's current from measured channels: a file of one row per reading, a summary, and caveats.
 
     Raises
     ------
@@ -244,18 +244,22 @@ def predict_from_table(
         frame["SE_current_A"] = area * frame["SE_current_density_A_m2"]
     with writing(out, error=ReadingError):
         write_whole(out, frame.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
-    caption = f"Cell '{cell.name}' told by {len(bands)} channels at {len(frame)} places, with its standard uncertainty."
+    caption = (
+        f"Current of the cell '{cell.name}' predicted from {len(bands)} channels at {len(frame)} places, with its "
+        "standard uncertainty."
+    )
     unseen = unknown_share(light, cell)
     words = (
-        f"{100 * unseen:.0f} % of the response of '{cell.name}' lies where these channels see nothing: "
-        "it gives more in the sun and under lamps that glow"
+        f"{100 * unseen:.0f} % of the response of '{cell.name}' lies outside these channels, so that its current in "
+        "sunlight and under incandescent lamps is underestimated. The 18 channels of an AS7265x, up to 940 nm, cover "
+        "more."
     )
     notes = (*read.notes, *cell.notes(scale), *((words,) if unseen > UNKNOWN_SHARE else ()))
     return _predicted_table(frame, caption), notes
 
 
 def _predicted_table(frame: pd.DataFrame, caption: str) -> Table:
-    """Mean, lowest and highest of what was told."""
+    """Mean, lowest and highest of the predictions."""
     rows = [
         (
             name,
@@ -317,16 +321,19 @@ def fit_log(log: Path, column: int, *, cell: str | None, share: float, base: Pat
     rows = [
         ("fitted on the earlier part", result.fitted_percent),
         (f"'{known.name}', scaled on it" if known else "flat a(λ), scaled on it", result.known_percent),
-        ("its mean, whatever the light", result.constant_percent),
+        ("mean of the earlier part, whatever the light", result.constant_percent),
     ]
     caption = (
-        f"Cell {column}: fitted on {result.earlier} readings, told for the {result.later} after them. "
-        f"{result.fit.offset:.1f} counts do not follow the light."
+        f"Cell {column}: fitted on {result.earlier} readings, predicted for the {result.later} after them. The fitted "
+        f"offset is {result.fit.offset:.1f} counts."
     )
     score = Table(
         name="cell-fit", caption=caption, frame=pd.DataFrame(rows, columns=["curve", "MAPE [%]"]),
         formats={"MAPE [%]": ".2f"},
     )  # fmt: skip
     curve = pd.DataFrame({"wavelength [nm]": result.fit.wavelengths_nm, "a (relative)": result.fit.absorption})
-    words = "Fitted a(λ), the sensor's own responsivity in it; under one kind of lamp many curves fit alike."
+    words = (
+        "Fitted a(λ) times the sensor's responsivity. Under one kind of lamp it is not identifiable: many curves fit "
+        "equally well."
+    )
     return score, Table(name="cell-curve", caption=words, frame=curve, formats={"a (relative)": ".2f"})

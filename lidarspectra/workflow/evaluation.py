@@ -28,14 +28,14 @@ from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.room import load_room
 from lidarspectra.workflow.workspace import made_folder, require_stage
 
-MIN_POINTS = 3  # [1] fewer say nothing of a map
+MIN_POINTS = 3  # fewer do not characterise a map
 NOWHERE_M = 1e9  # [m] stands for a place that is not known: far from everything
 NORMALISATIONS: tuple[Normalisation, ...] = ("absolute", "band", "all")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """How far a map is from readings.
+    """Comparison of a map with readings.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Evaluation:
     bands : Table
         Errors of each channel.
     notes : tuple of str
-        What was left out or fitted.
+        What was left out or fitted, as full sentences.
     places : (point, 2) float
         Of the points that were compared, from above. [m]
     centers_nm : (band,) float
@@ -83,7 +83,7 @@ def evaluate_run(
     within_m : float
         Readings farther than this from every point of the map are left out. [m]
     scale : 'none', 'one', 'die' or 'channel'
-        Fit one factor on all readings, one a die, or one a channel, before comparing: where the sensor is not
+        Fit one factor on all readings, one per die, or one per channel, before comparing, for a sensor that is not
         calibrated.
     unit : 'W/m2/nm', 'uW/cm2' or 'counts'
         Of the readings.
@@ -122,8 +122,7 @@ def evaluate_run(
             expected=f"{MIN_POINTS} or more readings with light in all channels",
             found=f"{int(whole.sum())}",
             where=str(measured),
-            todo="Saturated or missing channels leave gaps, dark ones nothing to compare with; measure again with "
-            "another gain.",
+            todo="Readings with saturated, missing or dark channels are left out; measure again with another gain.",
         )
     synthetic, real = synthetic[whole], real[whole]
     names = [labels[index] for index in kept]
@@ -175,7 +174,7 @@ def _matched(light: xr.Dataset, table: pd.DataFrame, within_m: float, where: Pat
             expected=f"{MIN_POINTS} or more readings within {within_m:g} m of the map's points",
             found=f"{rows.size}; the nearest is at {closest}",
             where=str(where),
-            todo="Are the readings in the scan's frame? 'lidarspectra sensor join --align' puts them there.",
+            todo="Bring the readings into the scan's coordinates with 'lidarspectra sensor join --align'.",
         )
     return usable[nearest[rows]].astype(np.int64), rows.astype(np.int64)
 
@@ -197,7 +196,7 @@ def _comparison_table(comparisons: tuple[Comparison, ...]) -> Table:
     )
     formats = dict.fromkeys(("NRMSE mean [1]", "NRMSE median [1]"), ".3f")
     formats |= dict.fromkeys(("MAPE mean [%]", "APE median [%]", "bias [%]", "angle median [deg]"), ".2f")
-    return Table(name="evaluation", caption="The map against the readings.", frame=frame, formats=formats)
+    return Table(name="evaluation", caption="Comparison of the map with the readings.", frame=frame, formats=formats)
 
 
 def _band_table(synthetic: FloatArray, real: FloatArray, labels: list[str]) -> Table:
@@ -226,15 +225,27 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = []
     if near < read:
-        notes.append(f"{read - near} of {read} readings are farther than {within_m:g} m from the map's points")
+        notes.append(
+            f"{read - near} of {read} readings are left out, since they are farther than {within_m:g} m from the map's "
+            "points. Check that they are in the scan's coordinates, or give a larger --within."
+        )
     if complete < near:
-        notes.append(f"{near - complete} readings lack a channel and are left out")
+        notes.append(f"{near - complete} readings are left out, since they lack a channel.")
     if dark:
-        notes.append(f"{dark} readings have a channel that read nothing above dark, and are left out")
+        notes.append(
+            f"{dark} readings are left out, since a channel read zero, where a percentage is undefined. Measure there "
+            "with a higher gain if they matter."
+        )
     if lacking:
-        notes.append(f"{lacking} channels of the map were not measured")
+        notes.append(f"{lacking} channels of the map were not measured and are not compared.")
     if scale == "one":
-        notes.append(f"one factor was fitted on all readings: {factors[0]:.4g}")
+        notes.append(
+            f"The readings were multiplied by a fitted factor of {factors[0]:.4g}, so that the comparison says nothing "
+            "on the absolute level."
+        )
     if scale in ("die", "channel"):
-        notes.append(f"a factor was fitted on each {scale}, {factors.min():.4g} to {factors.max():.4g}")
+        notes.append(
+            f"The readings of each {scale} were multiplied by a fitted factor ({factors.min():.4g} to "
+            f"{factors.max():.4g}), so that the comparison says nothing on its absolute level."
+        )
     return tuple(notes)

@@ -1,4 +1,4 @@
-"""Fingerprints of a run: people by lot at the user's positions, and what the run's sensors read of them."""
+"""Fingerprints of a run: randomly drawn people at the user's positions, and the readings of the run's sensors."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,7 +38,7 @@ PARTS_FOLDER = "parts"
 
 @dataclass(frozen=True, kw_only=True)
 class FingerprintOrder:
-    """What fingerprints are asked for.
+    """Which fingerprints to trace.
 
     Parameters
     ----------
@@ -51,10 +51,10 @@ class FingerprintOrder:
     postures : tuple of str
         To draw from.
     target, effect_target : float
-        Standard errors wanted, of a reading and of the difference that a person makes to it; None fits the latter to
-        what people change. [1]
+        Target standard errors of a reading and of the difference that a person makes; None derives the latter from the
+        size of these differences. [1]
     seed : int
-        Of the people and of the first directions.
+        Of the people, and of the first directions of the walks.
     """
 
     positions: Path | None = None
@@ -77,7 +77,7 @@ class Fingerprints:
     path : Path
         The file that holds it.
     notes : tuple of str
-        What is to be known of it.
+        Caveats, as full sentences.
     """
 
     table: xr.Dataset
@@ -95,7 +95,7 @@ def fingerprint_room(
     listener: Listener | None = None,
     progress: Progress = silent,
 ) -> Fingerprints:
-    """Make what of the run is missing up to its scene, then trace fingerprints in it.
+    """Make the run's missing stages up to its scene, then trace fingerprints in it.
 
     Parameters
     ----------
@@ -151,11 +151,14 @@ def fingerprint_room(
 
 def _missed(of: str, name: str, table: xr.Dataset) -> str:
     achieved, target = (100 * table.attrs[f"{kind}_relative_{name}se"] for kind in ("achieved", "target"))
-    return f"standard error of a {of}: {achieved:.3f} % of the reading; {target:.3f} % was asked"
+    return (
+        f"The standard error of a {of} is {achieved:.3f} % of the reading, above the target of {target:.3f} %. The "
+        "fingerprints are usable, with that much more noise."
+    )
 
 
 def place_people(positions: Positions, order: FingerprintOrder) -> tuple[PlacedPerson, ...]:
-    """Draw people for each position; who is drawn hangs on the seed and on the position's and draw's numbers alone."""
+    """Draw people for each position; a person depends only on the seed and the numbers of position and draw."""
     return tuple(
         PlacedPerson(
             label=name,
@@ -169,14 +172,14 @@ def place_people(positions: Positions, order: FingerprintOrder) -> tuple[PlacedP
 
 
 def _positions(order: FingerprintOrder, free: FreeSpace, floor_z: float) -> tuple[Positions, tuple[str, ...]]:
-    """The positions, and what stands in the way at some of them."""
+    """The positions, and a note on those where an object is in the way."""
     if order.positions is None:
         if order.grid_m is None:
             raise SensorError(
                 expected="positions",
                 found="none",
                 where="fingerprints",
-                todo="Give a file of them, or a grid's spacing.",
+                todo="Give a file of positions, or the spacing of a grid.",
             )
         return grid_positions(free, order.grid_m), ()
     positions = read_positions(order.positions, floor_z=floor_z)
@@ -187,8 +190,15 @@ def _positions(order: FingerprintOrder, free: FreeSpace, floor_z: float) -> tupl
             expected="positions in the room's air",
             found=f"{outside.size} of {len(positions.names)} outside of it, or inside of a wall or pillar: {named}",
             where=str(order.positions),
-            todo="Coordinates are those of the scan, in metres: see 'lidarspectra scan'.",
+            todo="Give them in the scan's coordinates, in metres: 'lidarspectra scan' prints the room's extent.",
         )
     faults = standing_faults(free, positions.places_m)
-    notes = [f"position '{name}' {words}" for name, words in zip(positions.names, faults, strict=True) if words]
-    return positions, (*notes[:5], *([f"so do {len(notes) - 5} others"] if len(notes) > 5 else []))
+    blocked = [f"'{name}' {words}" for name, words in zip(positions.names, faults, strict=True) if words]
+    if not blocked:
+        return positions, ()
+    more = f"; and {len(blocked) - 5} more" if len(blocked) > 5 else ""
+    return positions, (
+        f"At {len(blocked)} of {len(faults)} positions an object is in the way of a standing person: "
+        f"{'; '.join(blocked[:5])}{more}. The person is traced through it; move these positions if nobody can stand "
+        "there.",
+    )

@@ -1,4 +1,4 @@
-"""The light of a finished run, and of measured points, as the applications take it."""
+"""The light of a finished run, and of measured points, as input of the applications."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -143,7 +143,9 @@ def light_of_table(path: Path, bands: BandSet) -> MeasuredLight:
     whole = np.isfinite(values).all(axis=1)
     if not whole.any():
         raise MapError(expected="a reading with a place and a value in every channel", found="none", where=str(path))
-    left_out = f"{int((~whole).sum())} of {len(table)} readings lack a place, a channel or its error, and are left out"
+    left_out = (
+        f"{int((~whole).sum())} of {len(table)} readings are left out: they lack a place, a channel or its error."
+    )
     place, irradiance, irradiance_se = np.split(values[whole], [len(PLACE), len(PLACE) + len(channels)], axis=1)
     columns = {name: ("point", place[:, index]) for index, name in enumerate(PLACE)}
     return MeasuredLight(

@@ -57,23 +57,27 @@ from lidarspectra.workflow.light_of_run import plan_of_run, transport_of_run
 from lidarspectra.workflow.workspace import made_folder
 
 STRETCHES_NOTE = (
-    "each place was visited once, so a visit's first half is tested against its second: the person stood there all the"
-    " while, and a slow drift of the light helps too. It says that the places can be told apart, not how well tomorrow"
+    "Each place was visited only once, so that the first half of a visit is tested against its second half. Since the "
+    "person stood there all the while, this shows that the places are distinguishable, not how well they will be found "
+    "on another day. Record every place at least twice for that."
 )
-NO_METRES_NOTE = "where the places are is not known, so errors cannot be told in metres: give --positions FILE"
+NO_METRES_NOTE = (
+    "The places have no coordinates, so that errors cannot be given in metres. Give their coordinates with --positions "
+    "FILE."
+)
 TRACK_COLUMNS = ("time_s", "label", "probability", "x", "y", "spread_m", "sensors")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LocationReport:
-    """What a test of a locator found.
+    """Result of a test of a locator.
 
     Parameters
     ----------
     tables : tuple of Table
         The first is for the screen.
     notes : tuple of str
-        What must be known of the numbers.
+        Caveats on the numbers, as full sentences.
     folder : Path
         Where they and the figures were written.
     """
@@ -85,7 +89,7 @@ class LocationReport:
 
 @dataclass(frozen=True, kw_only=True)
 class MapDoubts:
-    """What is not known of a simulated map, and what a sensor reads; see `sensor_places.map_covariance`.
+    """Uncertainty of a simulated map, and noise of a sensor; see `sensor_places.map_covariance`.
 
     Parameters
     ----------
@@ -163,7 +167,12 @@ def errors_from_files(
     tables = [error_table(errors, name="errors", caption=caption)]
     made_folder(out)
     known = [path.name for path in files if path.name in model.source.split(", ")]
-    notes = tuple(f"the model was trained on {name}: a test on what was learned says nothing" for name in known)
+    notes: tuple[str, ...] = ()
+    if known:
+        notes = (
+            f"The model was trained on {', '.join(known)}, so that this test says nothing on new readings. Test it on "
+            "readings that it was not trained on.",
+        )
     if errors["network"].has_distances:
         tables.append(place_table(errors["network"], name="places", caption="The network's errors by place"))
         save_figure(error_curves_figure({caption: errors}), out, "errors")
@@ -303,7 +312,7 @@ def place_to_locate(file: Path, count: int, out: Path, *, positions: Path | None
 
 
 def place_to_rebuild(run: Path, count: int, out: Path, doubts: MapDoubts | None = None) -> LocationReport:
-    """Choose points of a run from whose readings its whole map is told best; see `sensor_places.choose_to_rebuild`."""
+    """Choose points of a run from whose readings its map is best predicted; see `sensor_places.choose_to_rebuild`."""
     doubts = doubts or MapDoubts()
     transport = transport_of_run(run)
     free = np.flatnonzero(~transport["buried"].to_numpy().astype(np.bool_))

@@ -176,10 +176,12 @@ def verify_run(run: Path, *, inputs: Path | None = None) -> Verification:
 def _inputs_folder(run: Path, request: RunRequest | None, given: Path | None) -> tuple[Path | None, tuple[str, ...]]:
     """Where the run file and what it names lie, or None with the reason."""
     if request is None:
-        return None, ("the run does not say which run file it was made from; inputs are not compared",)
+        return None, ("The inputs were not compared, since the run has no record of its run file.",)
     folder = given if given is not None else Path(os.path.normpath(run.resolve() / request.folder))
     if given is None and not (folder / request.name).is_file():
-        return None, (f"no {request.name} beside the run: inputs are not compared; name their folder with --inputs",)
+        return None, (
+            f"The inputs were not compared, since {request.name} is not beside the run. Name its folder with --inputs.",
+        )
     return folder, ()
 
 
@@ -249,7 +251,7 @@ def _table(settings: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 
 def _version_notes(records: Mapping[StageName, StageRecord | None]) -> Iterator[str]:
-    """What has another version here than when the stages were made: a new run may give other digits."""
+    """One note on all libraries whose version differs from that with which the stages were made."""
     here = versions()
     then = {
         (name, made)
@@ -258,5 +260,6 @@ def _version_notes(records: Mapping[StageName, StageRecord | None]) -> Iterator[
         for name, made in record.versions.items()
         if here.get(name) != made
     }
-    for name, made in sorted(then):
-        yield f"made with {name} {made}; here is {here.get(name, 'none')}"
+    if then:
+        listed = ", ".join(f"{name} {made} (here {here.get(name, 'none')})" for name, made in sorted(then))
+        yield f"The run was made with other versions: {listed}. A new run may give slightly different numbers."

@@ -75,8 +75,8 @@ def test_a_model_of_one_night_locates_the_next(folder: Path) -> None:
 @pytest.mark.slow
 def test_nights_are_scored_within_and_across(folder: Path) -> None:
     told = answer("localize score one.csv two.csv --out score")
-    assert "cannot be told in metres" in told
-    assert "each place was visited once" in told
+    assert "cannot be given in metres" in told
+    assert "Each place was visited only once" in told
     table = pd.read_csv(folder / "score" / "nights.csv").set_index("test")["top 1 [%]"]
     assert len(table) == 4 * (2 + 2 * 2)  # methods; nights within, and pairs against two references
     assert table["one.csv, within the night, ridge"] > 90

@@ -56,7 +56,7 @@ def test_a_run_that_moved_without_its_inputs_is_compared_without_them(moved: Pat
     alone = moved.rename(tmp_path / "alone.run")
     verification = verify_run(alone)
     assert verification.differences == ()
-    assert "inputs are not compared; name their folder with --inputs" in verification.notes[0]
+    assert "Name its folder with --inputs" in verification.notes[0]
     assert differences(alone, inputs=tmp_path / "else where") == []
     assert "input room.toml: not there" in differences(alone, inputs=tmp_path)
 
@@ -113,7 +113,8 @@ def test_other_versions_are_noted(moved: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(verify_module, "versions", lambda: {**here, "numpy": "9.9"})
     verification = verify_run(moved)
     assert verification.differences == ()
-    assert verification.notes == (f"made with numpy {here['numpy']}; here is 9.9",)
+    (note,) = verification.notes
+    assert note.startswith(f"The run was made with other versions: numpy {here['numpy']} (here 9.9). ")
 
 
 @pytest.mark.parametrize("content", [None, "[]", '{"run_file": 3}'])

@@ -61,7 +61,7 @@ def test_a_cell_that_sees_more_than_the_channels_is_told_with_a_word_of_it(tmp_p
         )  # fmt: skip
         return "\n".join(found)
 
-    assert "where these channels see nothing" in notes("silicon")
+    assert "lies outside these channels" in notes("silicon")
     assert "known only up to a factor" in notes("organic-green")
     assert notes("organic-green", scale=0.3) == ""
     with pytest.raises(MapError, match="above 0"):
