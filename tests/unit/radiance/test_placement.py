@@ -8,7 +8,7 @@ import trimesh
 
 from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.lamps.shapes import shape_of
+from lidarspectra.lamps.shapes import Panel, shape_of
 from lidarspectra.radiance.scene.placement import placement_notes
 from lidarspectra.spectra.spectrum import Spectrum
 
@@ -73,10 +73,8 @@ def test_lamps_with_the_same_fault_share_one_note(room: Scan) -> None:
     lamps = [
         Lamp(
             name=f"lamp {number}",
-            shape="panel",
+            shape=Panel(0.6, 0.6),
             center=np.array((1.5, 1.5, 2.68)),
-            normal=np.array((0.0, 0.0, -1.0)),
-            size=(0.6, 0.6),
             flux=Spectrum(wavelengths_nm=[400, 700], values=[1, 1]),
         )
         for number in range(16)
