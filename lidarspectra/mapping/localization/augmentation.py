@@ -1,11 +1,11 @@
-"""More readings than were taken or traced: the same fingerprints as other days, lamps and sensors would give them.
+"""Data augmentation: random variations of fingerprints, as other days, lamps and sensors would give them.
 
     ln N = ln N0 + s u + d_sensor + d_level,      N' = round(N (1 + 0.004 ε))
 
-with the change u of a fingerprint against its reference N0. s is how much stronger or weaker the change is than was
-simulated (another person, a material that is not quite right), drawn for each fingerprint and for each sensor; d_sensor
-is each sensor's drift since the reference was read, d_level a dimming of all lamps; now and then a sensor says nothing.
-Pose and clothing are not drawn here: a table has several fingerprints of each place, each of another person.
+with the change u of a fingerprint against its reference N0. The factor s (model error: another person, an inexact
+material) is drawn for each fingerprint and for each sensor; d_sensor is each sensor's drift since the reference was
+read, d_level a dimming of all lamps; with a small probability a sensor has no reading. Pose and clothing are not varied
+here: a table has several fingerprints of each place, each of another person.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Augmentation:
     dimming : float
         Standard deviation of d_level. [1]
     sensor_loss : float
-        Probability that a sensor says nothing. [0-1]
+        Probability that a sensor has no reading. [0-1]
     repeatability : float
         Standard deviation of a reading. [1]
     """
@@ -62,7 +62,7 @@ def augmented_counts(
     *,
     are_whole: bool = False,
 ) -> FloatArray:
-    """Draw counts that other sensors on other days would give.
+    """Draw augmented counts.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def augmented_counts(
     augmentation : Augmentation
     generator : Generator
     are_whole : bool
-        Whether the counts were rounded already: what was rounded away is drawn again first.
+        Whether the counts were rounded already; then a uniform rounding error is drawn first.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """A human body as a closed mesh: height, build, posture, and which part of it is skin, hair or cloth.
 
-The body is a signed distance that blends limbs of tapering round section, after segment lengths of Drillis and Contini
-(1966); its zero surface is meshed and thinned out. That is enough for shadows and for what a body reflects: surface and
-volume come out as those of real people of that height and weight (`tests/unit/room/test_body.py`).
+The body is a signed distance field that blends tapered capsules, with segment lengths after Drillis and Contini (1966);
+its zero surface is meshed and decimated. That is enough for shadows and for reflected light: surface area and volume
+agree with those of real people of that height and weight (`tests/unit/room/test_body.py`).
 
 References
 ----------
@@ -32,7 +32,7 @@ VOXEL_M = 0.025  # [m] of the sampled distance: a wrist is 5 cm thick
 BLEND_M = 0.03  # [m] over which limbs flow into one another
 FACES = 1200  # of the mesh
 CLOTH_M = 0.008  # [m] that clothes add all around
-LOST_M = 0.003  # [m] that sampling and thinning out take away all around
+LOST_M = 0.003  # [m] by which sampling and decimation shrink the surface
 SEAT_SHARE = 0.26  # [1] of the height: how high the hips of a sitting body are
 TRUNK_FLATNESS = 1.4  # [1] breadth over depth of the trunk
 
@@ -106,7 +106,7 @@ def body_mesh(*, height_m: float, build: float = 1.0, posture: Posture = "standi
     Raises
     ------
     ArrayError
-        If height or build is no person's.
+        If height or build is out of range.
     MapError
         If pymeshlab does not load.
     """

@@ -1,21 +1,20 @@
-"""A linear discriminant: the likeliest place if all that blurs a fingerprint is normal and alike at all places.
+"""Linear discriminant analysis: the most probable place if fingerprints are normal with one covariance for all places.
 
     p(place k | z) ∝ exp(m_k' C⁻¹ z - m_k' C⁻¹ m_k / 2)
 
-with the features z and the mean m_k of the n fingerprints of place k. What tells it from a textbook's is C. A few
-people a place are far too few to estimate it in hundreds of dimensions, but most of it is known beforehand:
+with the features z and the mean m_k of the n fingerprints of place k. It differs from the textbook in C: a few people
+per place are far too few to estimate it in hundreds of dimensions, but most of it is known in advance:
 
     C = (1 + 1/n) P + N + d² D + T
 
-    P   people at one place differ: the scatter of fingerprints about their place's mean, shrunk as its size demands
-        (Ledoit and Wolf); a place's mean has 1/n of it again
-    N   a reading scatters: rounding to whole counts and repeatability, each channel for itself
-    D   dies drift: all channels of one die of one sensor together, by a standard deviation d since the reference
-    T   the simulation is noisy: a sensor's channels together, for they share their paths
+    P   differences between people at one place: the scatter of fingerprints about their place's mean, with Ledoit-Wolf
+        shrinkage; the mean itself has 1/n of it again
+    N   noise of a reading: rounding to whole counts and repeatability, independent for each channel
+    D   drift of the dies since the reference: common to all channels of one die of one sensor, standard deviation d
+    T   Monte Carlo noise of the simulation: common to a sensor's channels, which share their paths
 
-A direction in which a sensor drifts is given the less weight the more it may have drifted, which no set of readings
-drawn at random tells so plainly. Readings of real sensors hold N in their own scatter, so it is added to traced
-fingerprints alone.
+The more a sensor may have drifted, the less weight the direction of its drift gets. The scatter of real readings
+contains N already, so that it is added to traced fingerprints only.
 
 References
 ----------
@@ -38,7 +37,7 @@ from lidarspectra.mapping.localization.features import FeatureSpace, reference_c
 from lidarspectra.mapping.localization.fingerprint_table import quantity_of
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM
 
-BAND_TOLERANCE_NM = 1.0  # [nm] by which a channel of the AS7265x is known again
+BAND_TOLERANCE_NM = 1.0  # [nm] within which a band counts as a channel of the AS7265x
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,8 +73,8 @@ def fit_discriminant(
     blur : (feature, feature) float
         N + d² D + T; see `sensor_blur`.
     mismatch : float
-        How far people differ in proportion to what they change, where each place has one fingerprint and nothing else
-        tells. [1]
+        Relative standard deviation between people of the change that they make, for tables with a single fingerprint
+        per place, from which it cannot be estimated. [1]
 
     Raises
     ------
@@ -102,7 +101,7 @@ def fit_discriminant(
 
 
 def sensor_blur(space: FeatureSpace, table: xr.Dataset, device: SensorSettings | None, *, drift: float) -> FloatArray:
-    """N + d² D + T: the covariance of features that the sensors and the tracing make.
+    """N + d² D + T: covariance of the features due to the sensors and the simulation.
 
     Parameters
     ----------
@@ -131,12 +130,12 @@ def sensor_blur(space: FeatureSpace, table: xr.Dataset, device: SensorSettings |
         traced = np.sqrt((table["effect_se"].to_numpy() ** 2).mean(axis=0)) / reference_of(table)
         noise = traced[space.usable] * per_noise
         blur += np.where(sensor[:, None] == sensor[None, :], np.outer(noise, noise), 0.0)
-    # A thousandth of the features' unit keeps the matrix regular where fingerprints of counts are all alike.
+    # A thousandth of the features' unit keeps the matrix regular where all fingerprints of counts are equal.
     return np.asarray(blur + 1e-6 * np.eye(len(blur)), dtype=np.float64)
 
 
 def _scatter(deviations: FloatArray, place_count: int) -> FloatArray | None:
-    """(feature, feature) shrunk covariance of (fingerprint, feature) deviations; None if they cannot tell it."""
+    """(feature, feature) shrunk covariance of (fingerprint, feature) deviations; None if there are too few."""
     from sklearn.covariance import ledoit_wolf
 
     freedom = len(deviations) - place_count

@@ -1,14 +1,14 @@
-"""What a locator is given: by how much a person changes each channel of each sensor, in units of what can be told.
+"""Features of a locator: the change that a person makes in each channel of each sensor, in units of its noise.
 
     u = ln(N / N0)                               change against the reference N0, in each sensor and channel
     u' = u - median over sensors of (Σ_b u/σ² / Σ_b 1/σ²)     a common change of level, as by dimming, is taken out
     z = asinh(κ u'/σ) / κ                         the feature
 
-A sensor's gain, its dies' errors and the lamps' spectrum leave the ratio. N0 is the empty room, or the median over
-readings of many places, which is near it because a person changes few sensors at a time. σ is the standard deviation
-of u by rounding to whole counts, repeatability and drift. κ is how far a simulated change may be off in proportion to
-itself: asinh(κ u/σ)/κ has the same spread everywhere if the variance of u is σ² + (κu)². Channels whose reference is a
-few counts are left out, for one count is then more than a person changes.
+A sensor's gain, its dies' errors and the lamps' spectrum cancel in the ratio. N0 is the empty room, or the median over
+readings of many places, which is close to it because a person changes few sensors at a time. σ is the standard
+deviation of u by rounding to whole counts, repeatability and drift. κ is the relative error of a simulated change:
+asinh(κ u/σ)/κ is the variance-stabilising transform for a variance of u of σ² + (κu)². Channels whose reference is only
+a few counts are left out, since one count is then more than a person changes.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from lidarspectra.hardware.sensor.as7265x import (
 from lidarspectra.mapping.localization.fingerprint_table import quantity_of
 
 Reference = Literal["empty", "median"]
-DARKEST_COUNT = 0.5  # [count] what a count of 0 is taken as, for it has no logarithm
+DARKEST_COUNT = 0.5  # [count] replaces a count of 0, which has no logarithm
 HEADROOM = 0.9  # [1] of full scale, up to which a gain is used
 DRIFT = 0.003  # [1] of a sensor against its own reference within hours, beside rounding and repeatability
 
@@ -57,7 +57,7 @@ class FeatureSettings:
     def __post_init__(self) -> None:
         if not (self.min_count >= 0 and 0 < self.mismatch <= 1):
             raise MapError(
-                expected="a least count of 0 or more, and a mismatch above 0 and up to 1",
+                expected="a minimum count of 0 or more, and a mismatch above 0 and up to 1",
                 found=f"{self.min_count:g} and {self.mismatch:g}",
                 where="features",
             )
@@ -134,7 +134,7 @@ class FeatureSpace:
         readings, reference
             As in `changes`.
         usable : (sensor, band) or (reading, sensor, band) bool, optional
-            Of these readings; what a dimmer set of sensors cannot tell is missing.
+            Of these readings; channels that are too dark in them are missing.
 
         Returns
         -------
@@ -149,7 +149,7 @@ class FeatureSpace:
         return np.asarray(scaled[:, self.usable], dtype=np.float64)
 
     def _level(self, changes: FloatArray) -> FloatArray:
-        """(reading,) change of the level that most sensors share; 0 where nothing was read."""
+        """(reading,) change of the level that most sensors share; 0 where no sensor has a reading."""
         weight = np.where(self.usable & np.isfinite(changes), self.noise**-2.0, 0.0)
         total = weight.sum(axis=2)
         mean = (weight * np.nan_to_num(changes)).sum(axis=2) / np.where(total > 0, total, 1.0)
@@ -213,7 +213,7 @@ def reference_counts(table: xr.Dataset, device: SensorSettings | None = None) ->
 
 
 def counts_per_irradiance(device: SensorSettings) -> float:
-    """Counts that the data sheet promises at a gain and time [count per W/m²/nm]."""
+    """Counts per irradiance at a gain and time, by the data sheet [count per W/m²/nm]."""
     return nominal_responsivity()[0] * device.gain * device.integration_ms
 
 
@@ -255,6 +255,6 @@ def require_same_sensors(table: xr.Dataset, space: FeatureSpace, *, where: str) 
 
 
 def known_median(values: FloatArray, *, axis: int) -> FloatArray:
-    """Median of what is not NaN; 0 where there is nothing."""
+    """Median of the values that are not NaN; 0 where there are none."""
     nothing = np.isnan(values).all(axis=axis, keepdims=True)
     return np.asarray(np.nanmedian(np.where(nothing, 0.0, values), axis=axis), dtype=np.float64)

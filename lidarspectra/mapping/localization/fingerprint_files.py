@@ -1,13 +1,13 @@
 """Fingerprints from files: those that were traced (NetCDF), and readings of real sensors in a wide table (CSV).
 
-A wide table has a row a reading of all sensors together, and a column a channel, named SENSOR_CHANNEL:
+A wide table has one row per reading of all sensors, and one column per channel, named SENSOR_CHANNEL:
 
     s1_410, s1_435, ...   by the channel's wavelength in nm
     s1_w1, s1_w2, ...     by the channel's number, counted by wavelength: w1 is 410 nm, w18 is 940 nm
 
 An empty cell, and a count of 65535, are missing readings. A column `label` (or `loc`, `location`, `position`) names
-the place of the person, `time_s` the time. Rows with the label `empty` are readings of the room with nobody in it; the
-mean of them becomes the table's `empty`. Where a place is, in metres, is told by a second file of name, x, y and z.
+the place of the person, `time_s` the time. Rows with the label `empty` are readings of the empty room; their mean
+becomes the table's `empty`. A second file with the columns name, x, y and z has the places' coordinates in metres.
 """
 
 import re
@@ -36,7 +36,7 @@ _CHANNEL = re.compile(r"(?P<sensor>.+)_(?:w(?P<number>\d{1,2})|(?P<nm>\d{3,4}))"
 
 @dataclass(frozen=True, kw_only=True)
 class WideColumns:
-    """Which column of a wide table holds what.
+    """The columns of a wide table.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class WideColumns:
     place : mapping of (sensor, channel) to int
         The column of each.
     label, time : int or None
-        Theirs; None where there is none.
+        Columns of label and time; None where there is none.
     width : int
         Columns in all.
     """
@@ -73,7 +73,7 @@ def read_fingerprints(path: Path, positions: Path | None = None) -> xr.Dataset:
     path : Path
         NetCDF of `fingerprint_table`, or a wide CSV (see the module's text), which may be packed by gzip.
     positions : Path, optional
-        CSV with the columns name, x, y and, if wanted, z [m]; takes the place of positions in the file.
+        CSV with the columns name, x, y and, optionally, z [m]; replaces positions in the file.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def read_fingerprints(path: Path, positions: Path | None = None) -> xr.Dataset:
     Raises
     ------
     MapError
-        If a file cannot be read, does not say what its numbers mean, or positions lack a name that the table has.
+        If a file cannot be read or has no column names, or a place of the table has no position.
     """
     table = load_fingerprints(path) if path.suffix in NETCDF_SUFFIXES else _read_wide(path)
     table.attrs["source"] = path.name
@@ -96,7 +96,7 @@ def read_positions(path: Path) -> dict[str, tuple[float, float, float]]:
     Raises
     ------
     MapError
-        If it cannot be read, a name stands twice, or a number is none.
+        If it cannot be read, a name comes twice, or a number is malformed.
     """
     frame = _csv(path)
     missing = [name for name in ("name", "x", "y") if name not in frame.columns]
@@ -122,7 +122,7 @@ def read_positions(path: Path) -> dict[str, tuple[float, float, float]]:
 def with_positions(
     table: xr.Dataset, positions: Mapping[str, tuple[float, float, float]], *, where: str = "positions"
 ) -> xr.Dataset:
-    """The same fingerprints, each at the place that its label has in `positions` [m].
+    """The same fingerprints, each with the coordinates of its label in `positions` [m].
 
     Raises
     ------
@@ -159,8 +159,7 @@ def wide_columns(names: list[str], *, where: str) -> WideColumns:
     Raises
     ------
     MapError
-        If no column is a channel, one is of no channel of the AS7265x or stands twice, or the sensors do not have the
-        same channels.
+        If no column is a channel, one is unknown or comes twice, or the sensors do not have the same channels.
     """
     place: dict[tuple[str, int], int] = {}
     label = time = None
@@ -213,7 +212,7 @@ def table_of_counts(
     columns : WideColumns
         Names the sensors and channels.
     labels : list of str
-        One a reading; '' where the place is not known, `EMPTY_LABEL` where nobody was there.
+        One per reading; '' where the place is not known, `EMPTY_LABEL` where nobody was there.
     times_s : (reading,) float, optional
         [s]
     source : str
@@ -274,7 +273,7 @@ def _read_wide(path: Path) -> xr.Dataset:
 
 
 def _words(column: "pd.Series[str]") -> list[str]:
-    """Labels as words; 3.0, which a gap in a column of whole numbers makes of 3, is 3 again."""
+    """Labels as text; 3.0, which pandas makes of 3 in a column with a gap, is 3 again."""
     return [re.sub(r"^(\d+)\.0$", r"\1", str(value).strip()) if pd.notna(value) else "" for value in column]
 
 
@@ -318,7 +317,7 @@ def _empty_room(counts: FloatArray, source: str) -> FloatArray:
 
 
 def parse_frame(line: str, columns: WideColumns) -> FloatArray | None:
-    """One line of a wide table, as it comes over a wire.
+    """One line of a wide table, as received from a port.
 
     Parameters
     ----------
@@ -330,7 +329,7 @@ def parse_frame(line: str, columns: WideColumns) -> FloatArray | None:
     Returns
     -------
     counts : (sensor, band) float or None
-        Saturated and missing ones as NaN; None for a line that is no whole row: cut, or damaged on the wire.
+        Saturated and missing ones as NaN; None for an incomplete or damaged line.
     """
     cells = [cell.strip() for cell in line.split(",")]
     if len(cells) != columns.width:

@@ -1,4 +1,4 @@
-"""Fingerprints: what fixed sensors read while somebody stands at known places; one form for traced and real readings.
+"""Fingerprints: readings of fixed sensors with a person at known places; one schema for traced and real readings.
 
 A table is an xarray Dataset with the dims (fingerprint, sensor, band) and axis (x, y, z):
 
@@ -15,9 +15,9 @@ A table is an xarray Dataset with the dims (fingerprint, sensor, band) and axis 
     band, band_width  (band,)              [nm]    centre and full width at half maximum
     band_label        (band,)                      short name
 
-Both readings with the person and without come from the same traced paths, so that their difference is known far better
-than either: `effect_se` (fingerprint, sensor, band) is the standard error of irradiance - empty, where it is known.
-`check_fingerprints` holds that schema; it stands at every way in.
+Readings with the person and without come from the same traced paths, so that their errors are correlated and their
+difference is far more accurate than either: `effect_se` (fingerprint, sensor, band) is the standard error of irradiance
+- empty, where it is known. `check_fingerprints` validates this schema wherever a table is made or read.
 """
 
 from collections.abc import Mapping, Sequence
@@ -61,7 +61,7 @@ _OPTIONAL: dict[str, tuple[tuple[str, ...], str | None, str]] = {
     "hair": (("fingerprint",), None, "reflectance of the hair"),
     "skin": (("fingerprint",), None, "reflectance of the skin"),
     "sensor_position_m": (("sensor", "axis"), "m", "place of the sensor"),
-    "sensor_direction": (("sensor", "axis"), "1", "direction that the sensor looks in"),
+    "sensor_direction": (("sensor", "axis"), "1", "direction that the sensor faces"),
 }
 
 
@@ -161,7 +161,7 @@ def quantity_of(table: xr.Dataset) -> Quantity:
 
 
 def check_fingerprints(table: xr.Dataset, *, where: str) -> xr.Dataset:
-    """Hold a Dataset to the schema.
+    """Validate a Dataset against the schema.
 
     Parameters
     ----------
@@ -178,8 +178,8 @@ def check_fingerprints(table: xr.Dataset, *, where: str) -> xr.Dataset:
     Raises
     ------
     MapError
-        If something is missing, has other dims or units, or holds what it must not: an irradiance or an empty room's
-        reading that is not finite, an infinite count, a negative error, a position that is known in part, names of
+        If a variable is missing, has other dims or units, or holds invalid values: an irradiance or an empty room's
+        reading that is not finite, an infinite count, a negative error, a position that is only partly known, names of
         sensors that are not unique, bands that do not ascend.
     """
     quantity = quantity_of(table)

@@ -1,8 +1,8 @@
-"""Frames: what all sensors read at one moment, out of recordings or over wires, one after the other.
+"""Frames: the readings of all sensors at one moment, from recordings or from ports, one after the other.
 
-Two kinds of sources give them. A wide stream has a line a frame (`fingerprint_files`): a file, or a port at which a hub
-prints such lines below their header. Or each sensor has a source of its own, a log of `sensor record` or a port, and a
-frame is put together at a fixed pace from the latest reading of each; one that is too old is missing.
+There are two kinds of sources. A wide stream has one line per frame (`fingerprint_files`): a file, or a port at which a
+hub prints such lines below their header. Or each sensor has a source of its own, a log of `sensor record` or a port,
+and frames are assembled at a fixed rate from the latest reading of each; a reading that is too old counts as missing.
 """
 
 import itertools
@@ -43,7 +43,7 @@ Stop = Callable[[], bool]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frame:
-    """What all sensors read at a moment.
+    """The readings of all sensors at a moment.
 
     Parameters
     ----------
@@ -75,9 +75,9 @@ def replay_table(path: Path, *, period_s: float = 1.0) -> Iterator[Frame]:
 
 
 def frames_of_lines(port: Port, *, baud: int | None = None, clock: Clock | None = None, stop: Stop) -> Iterator[Frame]:
-    """Frames that a hub prints at a port, a header first and then a line a frame.
+    """Frames that a hub prints at a port, a header first and then one line per frame.
 
-    Lines that are no whole row are left out. A header that comes again begins anew.
+    Incomplete lines are left out. A second header replaces the first.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def frames_of_lines(port: Port, *, baud: int | None = None, clock: Clock | None 
         115200 by default.
     clock : Clock, optional
     stop : callable
-        Asked ten times a second.
+        Called ten times a second; true ends the frames.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def frames_of_lines(port: Port, *, baud: int | None = None, clock: Clock | None 
 
 
 def replay_logs(logs: Mapping[str, Path], *, period_s: float, max_age_s: float) -> Iterator[Frame]:
-    """Frames out of a log of each sensor, at a fixed pace.
+    """Frames from a log of each sensor, at a fixed rate.
 
     Parameters
     ----------
@@ -164,9 +164,9 @@ def frames_of_ports(
     options: RecordOptions | None = None,
     clock: Clock | None = None,
 ) -> Iterator[Frame]:
-    """Frames from sensors that each have a port, at a fixed pace until it is time to stop.
+    """Frames from sensors that each have a port, at a fixed rate, until `stop` is true.
 
-    Each port is kept by a recorder in a thread of its own, which reconnects and leaves out damaged lines.
+    Each port is read by a recorder in a thread of its own, which reconnects and leaves out damaged lines.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def frames_of_ports(
     period_s, max_age_s
         As in `replay_logs`.
     stop : callable
-        Asked ten times a second.
+        Called ten times a second; true ends the frames.
     options : RecordOptions, optional
         Of the recorders.
     clock : Clock, optional
@@ -243,15 +243,15 @@ class FrameAssembler:
 
     @property
     def has_readings(self) -> bool:
-        """Whether any sensor was heard."""
+        """Whether any sensor has a reading yet."""
         return bool(self._latest)
 
     def take(self, sensor: str, time_s: float, counts: FloatArray) -> None:
-        """Take a reading (18,) of a sensor by wavelength [count]."""
+        """Store a reading (18,) of a sensor by wavelength [count]."""
         self._latest[sensor] = (time_s, counts)
 
     def frame(self, time_s: float) -> Frame:
-        """What is known at a moment [s]."""
+        """The frame at a moment [s]."""
         missing = (-np.inf, np.full(len(self._columns.channels), np.nan))
         latest = [self._latest.get(sensor, missing) for sensor in self._columns.sensors]
         rows = [counts if time_s - read_s <= self._max_age_s else missing[1] for read_s, counts in latest]
@@ -278,7 +278,7 @@ def _header(line: str | None, where: str) -> WideColumns | None:
         return None
     try:
         return header_of(line, where=where)
-    except MapError:  # it comes again when the hub restarts; if not, that is told
+    except MapError:  # the header comes again when the hub restarts; else waiting for it ends with an error
         return None
 
 
@@ -291,7 +291,7 @@ def _keep_port(
     ended: threading.Event,
     stop: Stop,
 ) -> None:
-    """Record a port and hand its readings over; in a thread."""
+    """Record a port in a thread, and put its readings into a queue."""
 
     def tell(entry: Entry) -> None:
         if isinstance(entry, Reading):
@@ -305,9 +305,9 @@ def _keep_port(
 
 
 def _take_all(heard: "queue.Queue[tuple[str, Reading | LidarSpectraError]]", assembler: FrameAssembler) -> None:
-    """Take what the threads handed over; an error of one of them is raised here."""
+    """Take the readings from the queue; an error of a thread is raised here."""
     while not heard.empty():
-        name, told = heard.get()
-        if isinstance(told, LidarSpectraError):
-            raise told
-        assembler.take(name, told.moment.unix_s, told.counts)
+        name, entry = heard.get()
+        if isinstance(entry, LidarSpectraError):
+            raise entry
+        assembler.take(name, entry.moment.unix_s, entry.counts)

@@ -1,4 +1,4 @@
-"""Where somebody is, frame by frame, as readings come in."""
+"""Live localization: the position of a person, frame by frame."""
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -17,22 +17,22 @@ from lidarspectra.mapping.localization.running_reference import MedianWindow, Ru
 
 @dataclass(frozen=True, kw_only=True)
 class Fix:
-    """Where a frame says that the person is.
+    """The position of the person by one frame.
 
     Parameters
     ----------
     time_s : float
         [s]
     label : str
-        The likeliest place.
+        The most probable place.
     probability : float
-        Of it. [0-1]
+        Its probability. [0-1]
     position_m : (float, float)
-        Mean of the places weighted by how likely they are, in plan; NaN where coordinates are not known. [m]
+        Mean of the places weighted by their probabilities, in plan; NaN where coordinates are not known. [m]
     spread_m : float
-        Root mean square distance of the places from it, so weighted. [m]
+        Root mean square distance of the places from it, with the same weights. [m]
     sensors : int
-        That were heard.
+        Number of sensors with a reading.
     """
 
     time_s: float
@@ -53,7 +53,7 @@ class LiveSettings:
     window : MedianWindow
         Of the running median, which is the reference where no empty room is given.
     average : int
-        Latest frames whose features are averaged. [1]
+        Number of latest frames whose features are averaged.
     """
 
     method: Method = "network"
@@ -86,7 +86,7 @@ class LiveLocator:
         self._features: deque[FloatArray] = deque(maxlen=self._settings.average)
 
     def locate(self, frame: Frame) -> Fix | None:
-        """Where the person is; None while there is no reference yet, and where no sensor was heard.
+        """Locate the person; None while there is no reference yet, and where no sensor has a reading.
 
         Raises
         ------
@@ -118,7 +118,7 @@ class LiveLocator:
 
 
 def _known_mean(values: FloatArray) -> FloatArray:
-    """Mean over the rows of what is not NaN; NaN where nothing is."""
+    """Mean over the rows of the values that are not NaN; NaN where there are none."""
     known = np.isfinite(values)
     total = np.where(known, values, 0.0).sum(axis=0)
     return np.asarray(np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan), dtype=np.float64)

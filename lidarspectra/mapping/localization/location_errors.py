@@ -1,4 +1,4 @@
-"""How far off a locator is: distances in metres where coordinates are known, and the rank of the true place.
+"""Errors of a locator: distances in metres where coordinates are known, and the rank of the true place.
 
 References
 ----------
@@ -33,7 +33,7 @@ class LocationErrors:
     true_m, located_m : (reading, 2) float
         In plan; NaN where coordinates are not known. [m]
     rank : (reading,) int
-        How many other places were held as likely as the true one or more; -1 where the locator does not know it.
+        Number of other places with at least the score of the true one; -1 where the locator does not know it.
     """
 
     labels: tuple[str, ...]
@@ -59,12 +59,12 @@ class LocationErrors:
         return float(np.percentile(self.error_m, percent)) if self.has_distances else float("nan")
 
     def top(self, k: int) -> float:
-        """Share of the readings whose true place is among the k likeliest; NaN if some place is not known [0-1]."""
+        """Share of the readings whose true place is among the k most probable; NaN if a place is not known [0-1]."""
         return float((self.rank < k).mean()) if (self.rank >= 0).all() else float("nan")
 
     @classmethod
     def joined(cls, parts: "list[LocationErrors]") -> "LocationErrors":
-        """Those of several tests together."""
+        """The errors of several tests together."""
         return cls(
             labels=tuple(label for part in parts for label in part.labels),
             true_m=np.vstack([part.true_m for part in parts]),
@@ -74,14 +74,14 @@ class LocationErrors:
 
 
 def location_errors(located: Located, table: xr.Dataset) -> LocationErrors:
-    """Set what a locator said beside where the person was.
+    """Errors of located readings against the true positions.
 
     Parameters
     ----------
     located : Located
     table : xarray.Dataset
-        The readings that were located, with labels and, where known, positions. A reading without a position is held
-        to be where the locator has the place of its label.
+        The readings that were located, with labels and, where known, positions. For a reading without a position, that
+        of its label in the locator is taken.
 
     Returns
     -------
@@ -115,7 +115,7 @@ def location_errors(located: Located, table: xr.Dataset) -> LocationErrors:
 
 
 def error_table(errors: Mapping[str, LocationErrors], *, name: str, caption: str, heading: str = "method") -> Table:
-    """Percentiles of the distance and shares of the likeliest, a row an entry; what is not known is left empty.
+    """Percentiles of the distance and top-k shares, one row per entry; unknown values are left empty.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def error_table(errors: Mapping[str, LocationErrors], *, name: str, caption: str
 
 
 def place_table(errors: LocationErrors, *, name: str = "places", caption: str = "Errors by place") -> Table:
-    """Errors of each place: how many readings, how many were put there, and how far off they are."""
+    """Errors by place: number of readings, number located there, and distances."""
     labels = np.array(errors.labels)
     rows = []
     for label in dict.fromkeys(errors.labels):

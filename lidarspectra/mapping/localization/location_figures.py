@@ -1,4 +1,4 @@
-"""Figures of localization: how errors are spread, where in the room they are, and how fingerprints change with time."""
+"""Figures of localization: distribution of errors, errors in the room, and change of fingerprints with time."""
 
 from collections.abc import Mapping, Sequence
 
@@ -28,7 +28,7 @@ from lidarspectra.mapping.figures.floor_plan import FloorPlan, plan_extent, sing
 from lidarspectra.mapping.figures.plan_drawing import draw_frame
 from lidarspectra.mapping.localization.location_errors import LocationErrors
 
-MAX_CURVES = 8  # that one figure can tell apart
+MAX_CURVES = 8  # more curves in one figure are not distinguishable
 SHOWN_PERCENT = 99.0  # [1] the axis ends there, so that a few lost readings do not press the curves together
 MARGIN_M = 0.5  # [m] around the places where no floor plan is given
 
@@ -45,7 +45,7 @@ def error_curves_figure(panels: Mapping[str, Mapping[str, LocationErrors]]) -> F
     Raises
     ------
     MapError
-        If there is nothing to draw, or more than can be told apart.
+        If there is nothing to draw, or more than `MAX_CURVES`.
     """
     _require_curves(panels)
     width = (PAGE_WIDTH_IN - 0.7 - 0.45 * (len(panels) - 1)) / max(len(panels), 2)
@@ -67,7 +67,7 @@ def error_curves_figure(panels: Mapping[str, Mapping[str, LocationErrors]]) -> F
 
 @styled
 def error_map_figure(errors: LocationErrors, plan: FloorPlan | None = None) -> Figure:
-    """The true places in the colour of their median error, and from each a line to where it is put on the average.
+    """The true places in the colour of their median error, and from each a line to its mean located position.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def error_map_figure(errors: LocationErrors, plan: FloorPlan | None = None) -> F
 
 @styled
 def two_times_figure(first: FloatArray, second: FloatArray, sensors: Sequence[str], band_nm: float) -> Figure:
-    """What sensors read in a channel at the same places at two times (Figure 15).
+    """Readings of sensors in a channel at the same places at two times (Figure 15).
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def two_times_figure(first: FloatArray, second: FloatArray, sensors: Sequence[st
             markersize=2.6,
             alpha=0.6,
             color=OKABE_ITO[number],
-            label=f"{words}, a mark each place",
+            label=f"{words}, one mark per place",
         )
     axes.axhline(1.0, color=MUTED, linewidth=0.7, zorder=0)
     axes.set_xticks(columns, [plain(name, longest=6) for name in sensors])
@@ -156,7 +156,7 @@ def two_times_figure(first: FloatArray, second: FloatArray, sensors: Sequence[st
 
 @styled
 def gain_curve_figure(sizes: Sequence[int], curves: Mapping[str, Sequence[float]], label: str) -> Figure:
-    """What is gained by each further sensor.
+    """Error over the number of sensors.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A trained locator: what it is told (features), what it knows (places), and the ways from one to the other.
+"""A trained locator: its features, its places, and the four methods that map one to the other.
 
     model = train_locator(fingerprints)          in memory
     save_locator(model, folder); load_locator(folder)
@@ -53,21 +53,21 @@ from lidarspectra.progress import Progress, silent
 MODEL_FILE, NETWORK_FILE, DISCRIMINANT_FILE = "model.nc", "network.onnx", "discriminant.onnx"
 SCHEMA = "lidarspectra location model 2"
 MAX_NEIGHBOURS = 20_000  # fingerprints that are kept to compare with; longer tables are thinned evenly
-MAX_TRAINED = 12_000  # readings drawn for the network; beyond it only time grows
+MAX_TRAINED = 12_000  # readings drawn for training the network; more take longer and do not improve it
 
 Against = Literal["own", "running", "trained"]
-"""What readings are compared with: their own reference, the running median up to each, or the trained one."""
+"""Reference of the readings: their own, the running median up to each, or that of the training."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingSettings:
-    """How a locator is made.
+    """How a locator is trained.
 
     Parameters
     ----------
     features : FeatureSettings
     augmentation : Augmentation
-        Its drift is also what the discriminant allows for.
+        Its drift is also that of the discriminant's covariance.
     network : NetworkSettings
     device : SensorSettings, optional
         Gain and time of the sensors that will read, where the fingerprints are traced; see `device_settings`.
@@ -96,7 +96,7 @@ class LocationModel:
     quantity : 'irradiance' or 'counts'
         Of the fingerprints.
     source : str
-        What it was trained on.
+        Files that it was trained on.
     """
 
     space: FeatureSpace
@@ -140,8 +140,8 @@ class LocationModel:
             Readings in the form of fingerprints, of the model's sensors and bands.
         against : 'own', 'running' or 'trained'
             'own': the table's own empty room, or its median; 'running': the median over the latest frames, as live
-            localization takes it, for a table in order of time; 'trained': that of the fingerprints, as if nothing
-            had changed since, in the same unit.
+            localization takes it, for a table in order of time; 'trained': that of the training fingerprints, if
+            nothing has changed since, in the same unit.
 
         Raises
         ------
@@ -172,11 +172,11 @@ class LocationModel:
         return self.space.features(readings, reference, usable=usable)
 
     def locate(self, table: xr.Dataset, method: Method = "network", *, against: Against = "own") -> Located:
-        """Where the readings say that the person is; parameters as in `features`, and the way to tell."""
+        """Locate readings by one method; parameters as in `features`."""
         return self.locate_features(self.features(table, against=against), method)
 
     def locate_features(self, features: FloatArray, method: Method = "network") -> Located:
-        """The same from features."""
+        """Locate features by one method."""
         return Located(scores=self.locators[method].scores(features), places=self.places)
 
 
@@ -288,7 +288,7 @@ def save_locator(model: LocationModel, folder: Path) -> Path:
     )
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        # The graphs first: a folder that was cut short has no model.nc, and is seen to be incomplete.
+        # The graphs first: a folder from an interrupted run has no model.nc, and is recognised as incomplete.
         (folder / MODEL_FILE).unlink(missing_ok=True)
         (folder / NETWORK_FILE).write_bytes(model.network.model)
         (folder / DISCRIMINANT_FILE).write_bytes(discriminant_graph(model.discriminant, model.places, model.space))

@@ -1,11 +1,11 @@
-"""Ways from features to places: a neural network, the nearest fingerprints, and a ridge regression.
+"""Classifiers of places from features: a neural network, nearest neighbours, and ridge regression.
 
 A fourth, the linear discriminant, has a module of its own (`discriminant`). Each gives a score for every place that sum
-to 1, and the position is the mean of the places so weighted. For the ridge on one-hot places that mean is the ridge
-regression on the coordinates themselves, for both are linear.
+to 1, and the position is the mean of the places with these weights. For the ridge on one-hot places that mean equals
+the ridge regression on the coordinates, since both are linear.
 
-The network (one hidden layer, ReLU, softmax) stands for that of Iris, which is not published. It is trained by
-scikit-learn and kept as an ONNX graph, which runs here and on devices by onnxruntime.
+The network (one hidden layer, ReLU, softmax) takes the place of that of Iris, which is not published. It is trained by
+scikit-learn and stored as an ONNX graph, which onnxruntime runs here and on devices.
 """
 
 import warnings
@@ -28,7 +28,7 @@ READINGS_AT_ONCE = 256  # bounds the memory of distances
 
 
 class Locator(Protocol):
-    """Something that tells places from features."""
+    """A classifier of places from features."""
 
     def scores(self, features: FloatArray) -> FloatArray:
         """(reading, place) scores of (reading, feature) features, NaN where one is missing."""
@@ -38,7 +38,7 @@ class Locator(Protocol):
 class NearestFingerprints:
     """The places of the nearest fingerprints, weighted by 1/d².
 
-    Distances are root mean squares over the features that both have, so that a silent sensor neither draws nor repels.
+    Distances are root mean squares over the features that both have, so that a missing sensor has no influence.
 
     Parameters
     ----------
@@ -76,7 +76,9 @@ class NearestFingerprints:
         count = min(self.neighbours, squared.shape[1])
         nearest = np.argpartition(squared, count - 1, axis=1)[:, :count]
         distance = np.take_along_axis(squared, nearest, axis=1)
-        distance = np.where(np.isfinite(distance.min(axis=1, keepdims=True)), distance, 1.0)  # nothing read: all alike
+        distance = np.where(
+            np.isfinite(distance.min(axis=1, keepdims=True)), distance, 1.0
+        )  # no reading: all places alike
         # Relative to the nearest, so that an exact fit does not divide by zero.
         weight = (distance.min(axis=1, keepdims=True) + TINY) / (distance + TINY)
         votes = np.zeros((len(squared), self.place_count))
@@ -127,9 +129,9 @@ class NetworkSettings:
     hidden : int
         Neurons of the hidden layer.
     updates : int
-        Steps of the training, each on 200 readings or all: so many make few readings learned as well as many. [1]
+        Steps of the training, each on 200 readings or all; a fixed number, so that small tables are trained as long.
     penalty : float
-        On the weights' squares. [1]
+        On the weights' squares (L2). [1]
     seed : int
     """
 
@@ -197,11 +199,11 @@ def fit_network(features: FloatArray, place: IntArray, place_count: int, setting
         alpha=settings.penalty,
         batch_size=min(READINGS_PER_STEP, len(given)),
         max_iter=-(-settings.updates // batches),
-        n_iter_no_change=settings.updates,  # as many as are meant
+        n_iter_no_change=settings.updates,  # no early stopping
         random_state=settings.seed,
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # the steps are counted
+        warnings.simplefilter("ignore", ConvergenceWarning)  # the number of steps is fixed
         network.fit((given - mean) * scale, place)
     output_weights, output_offset = network.coefs_[1], network.intercepts_[1]
     if place_count == 2:  # scikit-learn has one logistic output then; a softmax over (0, x) is the same
@@ -252,7 +254,7 @@ class NetworkPlaces:
 
     @property
     def feature_count(self) -> int | None:
-        """Features that it takes, where the graph tells."""
+        """Number of input features, if the graph states it."""
         length = self._input.shape[1]
         return length if isinstance(length, int) else None
 

@@ -2,8 +2,8 @@
 
     features (reading, feature)  ->  probability (reading, place),  position_m (reading, 3) where coordinates are known
 
-The graphs are written here, operator by operator: they are five of them, and any runtime has those. What the features
-are stands in the model's metadata as JSON: sensors, bands, usable channels, noise, labels.
+The graphs are built here from five basic operators that any runtime has. The model's metadata describes the features as
+JSON: sensors, bands, usable channels, noise, labels.
 """
 
 import json

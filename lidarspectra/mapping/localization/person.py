@@ -1,4 +1,4 @@
-"""People who stand in a room: who they are, how they are drawn by lot, and where there is room for one."""
+"""People who stand in a room: their properties, random draws of them, and the places where one can stand."""
 
 import csv
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from lidarspectra.mapping.localization.body import BUILD_RANGE, BodyMesh, Part, 
 from lidarspectra.room.free_space import FreeSpace
 
 HEIGHT_MEAN_M, HEIGHT_SPREAD_M = 1.70, 0.09  # [m] adults of both sexes; means of 1.59 to 1.83 m by country and sex
-DRAWN_HEIGHTS_M = (1.45, 2.0)  # [m] taller and smaller ones are drawn again
+DRAWN_HEIGHTS_M = (1.45, 2.0)  # [m] heights outside it are drawn again
 BUILD_SPREAD = 0.08  # [1] standard deviation of the build's logarithm: body mass indices from 17 to 31 for 95 %
 # Names in the built-in reflectance databases. The skins and cloths are paints made to look like them.
 SKINS = ("pmc-caucasian", "pmc-oriental", "pmc-south-asian", "pmc-african", "cc-light-skin", "cc-dark-skin")
@@ -28,14 +28,14 @@ PERSON_COLUMNS = ("height_m", "build", "posture", "yaw_deg", "upper", "lower", "
 
 STEP_M = 0.15  # [m] a body's axis is tried at heights so far apart
 TRIED_FROM_M, TRIED_TO_M = 0.15, 1.65  # [m] above the floor: lower is the floor's own noise
-SOLID_SHARE = 0.3  # [1] of these heights inside of something solid, above which nobody can stand there
+SOLID_SHARE = 0.3  # [1] of these heights inside a solid object, above which nobody can stand there
 BODY_RADIUS_M = 0.18  # [m] of a trunk
-FURNITURE_TO_M = 1.4  # [m] above the floor: a lamp that hangs higher is in nobody's way
+FURNITURE_TO_M = 1.4  # [m] above the floor: what hangs higher is in nobody's way
 
 
 @dataclass(frozen=True, kw_only=True)
 class Person:
-    """Somebody in a room.
+    """A person in a room.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Person:
     skin: str = "cc-light-skin"
 
     def reflectance(self, part: Part) -> str:
-        """Database name of what a part of the body shows."""
+        """Database name of the reflectance of a part of the body."""
         return {"skin": self.skin, "hair": self.hair, "upper": self.upper, "lower": self.lower, "shoes": SHOES}[part]
 
     def stands_at(self, place_m: FloatArray) -> BodyMesh:
@@ -74,10 +74,10 @@ class Person:
 
 
 def draw_person(generator: np.random.Generator, *, postures: Sequence[Posture] = ("standing",)) -> Person:
-    """Draw an adult by lot: height, build, posture, direction, clothes, hair and skin, each for itself.
+    """Draw a random adult: height, build, posture, direction, clothes, hair and skin, independently.
 
-    Heights are normal (mean 1.70 m, 0.09 m), builds log-normal, all else as likely as any other. No country's people
-    are meant; what is needed is that fingerprints do not hang on one body or one shirt.
+    Heights are normal (mean 1.70 m, standard deviation 0.09 m), builds log-normal, all else uniform. They represent no
+    particular population; the purpose is that fingerprints do not depend on one body or one shirt.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def _words(cause: Exception) -> str:
 
 
 def grid_positions(free: FreeSpace, spacing_m: float) -> Positions:
-    """Places on a square grid along the walls wherever there is room for somebody to stand.
+    """Places on a square grid aligned with the walls, wherever a person can stand.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def grid_positions(free: FreeSpace, spacing_m: float) -> Positions:
     Raises
     ------
     SensorError
-        If there is no room for anybody.
+        If a person can stand nowhere on the grid.
     """
     room = free.room
     assert room is not None
@@ -231,7 +231,7 @@ def _solid_share(free: FreeSpace, places_m: FloatArray) -> FloatArray:
 
 
 def standing_faults(free: FreeSpace, places_m: FloatArray) -> list[str]:
-    """What is in the way of somebody who would stand at each place; empty words where nothing is.
+    """What is in the way of a person at each place, as part of a sentence; empty where nothing is.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The places that a locator knows, and a position out of how likely each of them is."""
+"""The places that a locator knows, and the position from their probabilities."""
 
 from dataclasses import dataclass
 
@@ -50,7 +50,7 @@ class Places:
 
     @property
     def has_positions(self) -> bool:
-        """Whether coordinates are known, so that errors can be told in metres."""
+        """Whether coordinates are known, so that errors can be given in metres."""
         return bool(np.isfinite(self.positions_m).all())
 
     def index(self, labels: "NDArray[np.str_]") -> IntArray:
@@ -61,12 +61,12 @@ class Places:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Located:
-    """Where readings say that the person is.
+    """Located readings: the scores of all places.
 
     Parameters
     ----------
     scores : (reading, place) float
-        How likely each place is; they sum to 1. Those of the ridge may be below 0.
+        Score of each place; they sum to 1 and are probabilities, except for the ridge, where they may be negative.
     places : Places
     """
 
@@ -80,18 +80,18 @@ class Located:
 
     @property
     def spread_m(self) -> FloatArray:
-        """(reading,) root mean square distance of the places from that mean, so weighted [m]."""
+        """(reading,) root mean square distance of the places from that mean, with the same weights [m]."""
         away = self.places.positions_m[None, :, :2] - self.positions_m[:, None, :2]
         squares = (np.maximum(self.scores, 0.0) * (away**2).sum(axis=2)).sum(axis=1)
         return np.asarray(np.sqrt(squares), dtype=np.float64)
 
     @property
     def best(self) -> IntArray:
-        """(reading,) the likeliest place."""
+        """(reading,) the most probable place."""
         return np.asarray(self.scores.argmax(axis=1), dtype=np.int64)
 
     def rank(self, true_place: IntArray) -> IntArray:
-        """(reading,) how many other places are held at least as likely as the true one: a tie counts as lost."""
+        """(reading,) number of other places with at least the score of the true one: a tie counts as an error."""
         own = self.scores[np.arange(len(self.scores)), true_place]
         return np.asarray((self.scores >= own[:, None]).sum(axis=1) - 1, dtype=np.int64)
 

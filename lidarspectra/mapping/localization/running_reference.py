@@ -1,8 +1,8 @@
-"""The reference where nobody gives the empty room: the median over the latest frames.
+"""The reference where no reading of the empty room is given: the running median over the latest frames.
 
-A person changes few sensors at a time, so that the median over some minutes in which people move about is near the
-empty room, and as it is minutes old it follows lamps, daylight and the drift of sensors. Who stays at one place for
-longer than half of the window becomes part of the room.
+A person changes few sensors at a time, so that the median over a few minutes in which people move about is close to the
+empty room, and it follows lamps, daylight and the drift of sensors. A person who stays at one place for longer than
+half of the window becomes part of the reference.
 """
 
 from collections import deque
@@ -20,14 +20,14 @@ REFRESH_FRAMES = 10  # a running median over hundreds of frames does not change 
 
 @dataclass(frozen=True, kw_only=True)
 class MedianWindow:
-    """Which frames the running median is of.
+    """The window of the running median.
 
     Parameters
     ----------
     frames : int
-        Latest ones. They must be long against the time that somebody stays at one place. [1]
+        Number of latest frames. They must span much more time than a person stays at one place.
     first : int
-        Frames after which it is first believed. [1]
+        Number of frames from which on the median is used.
     """
 
     frames: int = WINDOW_FRAMES
@@ -43,7 +43,7 @@ class MedianWindow:
 
 
 class RunningMedian:
-    """A median that follows frames as they come.
+    """A running median over frames.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class RunningMedian:
         self._median: FloatArray | None = None
 
     def take(self, readings: FloatArray) -> FloatArray | None:
-        """Take a frame in, and give the median that goes with it.
+        """Add a frame, and return the median for it.
 
         Parameters
         ----------
@@ -67,7 +67,7 @@ class RunningMedian:
         Returns
         -------
         median : (sensor, band) float or None
-            0 where nothing was read; None while there are too few frames.
+            0 for a sensor without readings; None while there are too few frames.
         """
         self._seen.append(readings)
         self._since += 1
@@ -79,7 +79,7 @@ class RunningMedian:
 
 
 def running_references(readings: FloatArray, window: MedianWindow | None = None) -> FloatArray:
-    """The running median that goes with each of recorded frames.
+    """The running median for each of recorded frames.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def running_references(readings: FloatArray, window: MedianWindow | None = None)
     Returns
     -------
     references : (frame, sensor, band) float
-        NaN before the median is believed.
+        NaN while there are too few frames.
     """
     median = RunningMedian(window)
     references = np.full(readings.shape, np.nan)

@@ -28,10 +28,10 @@ class NightScore:
     Parameters
     ----------
     words : str
-        What was learned from and tested on.
+        Training and test data.
     errors : mapping of Method to LocationErrors
     kind : 'visits', 'stretches' or None
-        How the night was split; None where another one was learned from.
+        How the night was split; None where the model was trained on another night.
     """
 
     words: str
@@ -40,9 +40,9 @@ class NightScore:
 
 
 def errors_of(model: LocationModel, table: xr.Dataset, *, against: Against = "own") -> dict[Method, LocationErrors]:
-    """Errors of every method on a table of labelled readings; those that nothing is known of are left out.
+    """Errors of every method on a table of labelled readings; readings without any feature are left out.
 
-    These are readings of silent sensors, and the first of a stream, before its running median is believed: live
+    These are readings in which no sensor has a value, and the first of a stream, before there is a running median: live
     localization gives no position for either.
 
     Raises
@@ -51,22 +51,22 @@ def errors_of(model: LocationModel, table: xr.Dataset, *, against: Against = "ow
         If nothing is left, or as `LocationModel.features` and `location_errors`.
     """
     features = model.features(table, against=against)
-    told = np.flatnonzero(np.isfinite(features).any(axis=1))
-    if not told.size:
+    known = np.flatnonzero(np.isfinite(features).any(axis=1))
+    if not known.size:
         raise MapError(
-            expected="readings of which something is known",
+            expected="readings with at least one feature",
             found=f"none of {len(features)}",
             where=_name(table),
             todo=f"A running median needs {MedianWindow().first} readings." if against == "running" else "",
         )
-    readings = table.isel(fingerprint=told)
-    return {method: location_errors(model.locate_features(features[told], method), readings) for method in METHODS}
+    readings = table.isel(fingerprint=known)
+    return {method: location_errors(model.locate_features(features[known], method), readings) for method in METHODS}
 
 
 def score_within(
     table: xr.Dataset, settings: TrainingSettings | None = None, *, progress: Progress = silent
 ) -> NightScore:
-    """Learn from one part of a night and test on the other, part after part.
+    """Cross-validation within a night: train on one part and test on the other, part after part.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def score_across(
     *,
     progress: Progress = silent,
 ) -> tuple[NightScore, NightScore]:
-    """Learn from one night and test on another: against the second night's own reference, and against the first's.
+    """Train on one night and test on another: against the second night's own reference, and against the first's.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def score_across(
     Returns
     -------
     own, trained : NightScore
-        The second is what raw readings are worth.
+        The second shows the value of raw readings, without a new reference.
     """
     model = train_locator(learned, settings, progress=progress)
     words = f"{_name(learned)} to {_name(tested)}"

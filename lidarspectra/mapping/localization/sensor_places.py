@@ -1,11 +1,11 @@
-"""Which k of n candidate places for sensors: to localize best, or to rebuild the whole map best; chosen greedily.
+"""Greedy choice of k among n candidate sensor places: for localization, or for predicting the whole map (kriging).
 
-One sensor is added at a time, the one that gains most. Both gains are functions of the set chosen so far:
+One sensor is added at a time, the one that reduces the loss most. Both losses are functions of the set chosen so far:
 
     locate    Somebody at place p changes sensor s by m_ps, in units of its noise: rounding and repeatability
-              (`features`), and by how much people at one place differ. With the chosen sensors C, two places are told
-              apart by d²(p, q) = Σ_{s in C} (m_ps - m_qs)². What is minimised is the expected error of choosing the
-              likelier of two, taken over all pairs:
+              (`features`), and the differences between people at one place. With the chosen sensors C, two places have
+              the distance d²(p, q) = Σ_{s in C} (m_ps - m_qs)². Minimised is the expected error of choosing the
+              more probable of two, averaged over all pairs:
                   e(C) = Σ_{p,q} |x_p - x_q| Q(d(p, q)/2) / number of pairs,   Q the normal tail; [m], or [1] where
               coordinates are not known. It is no locator's error, but it is smooth, and small where that is small.
     rebuild   The true map over the n places is the simulated one plus what the simulation does not know: by how much
@@ -34,7 +34,7 @@ from lidarspectra.mapping.localization.places import places_of_table
 from lidarspectra.progress import Progress, silent
 
 TINY = 1e-12  # [1] noise of a sensor that has no channel, and no change
-LARGEST_DISTANCE = 60.0  # [1] sigmas: farther places are never mistaken, and squares stay small
+LARGEST_DISTANCE = 60.0  # [1] standard deviations: farther places are never confused, and squares stay small
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,7 +46,7 @@ class ChosenSensors:
     order : (chosen,) int
         Of the candidates.
     loss : (chosen + 1,) float
-        What is minimised, with none, one, two, ... of them. [m], or the unit of the maps
+        Loss with none, one, two, ... of them. [m], or the unit of the maps
     """
 
     order: IntArray
@@ -71,9 +71,9 @@ def place_changes(table: xr.Dataset) -> FloatArray:
     """
     space, places = feature_space(table), places_of_table(table)
     changes = space.changes(table[quantity_of(table)].to_numpy(), reference_of(table))
-    told = np.where(space.usable & np.isfinite(changes), changes, 0.0)  # a missing reading counts as no change
+    known = np.where(space.usable & np.isfinite(changes), changes, 0.0)  # a missing reading counts as no change
     channels = np.maximum(space.usable.sum(axis=1), 1)
-    by_sensor = told.sum(axis=2) / channels  # (fingerprint, sensor)
+    by_sensor = known.sum(axis=2) / channels  # (fingerprint, sensor)
     index = places.index(table["label"].to_numpy())
     mean = np.array([by_sensor[index == number].mean(axis=0) for number in range(len(places))])
     freedom = max(len(by_sensor) - len(places), 1)
@@ -89,7 +89,7 @@ def choose_to_locate(
     positions_m: FloatArray | None = None,
     progress: Progress = silent,
 ) -> ChosenSensors:
-    """Choose sensors that tell places apart.
+    """Choose sensors that distinguish places.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def choose_to_locate(
 def map_covariance(
     irradiance: FloatArray, positions_m: FloatArray, *, lamp_spread: float, error: float, length_m: float
 ) -> FloatArray:
-    """K: how what is not known of a map hangs together from place to place.
+    """K: prior covariance of the map's errors between places.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def map_covariance(
     error : float
         b: relative standard deviation of all other errors of the map. [1]
     length_m : float
-        L: how far those errors are alike. [m]
+        L: correlation length of those errors. [m]
 
     Returns
     -------
@@ -185,7 +185,7 @@ def map_covariance(
 def choose_to_rebuild(
     covariance: FloatArray, count: int, *, noise: FloatArray, progress: Progress = silent
 ) -> ChosenSensors:
-    """Choose sensors from whose readings the map at all places can be told.
+    """Choose sensors from whose readings the map at all places is best predicted.
 
     Parameters
     ----------

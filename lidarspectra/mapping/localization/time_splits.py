@@ -1,9 +1,9 @@
-"""Splits of a night's readings into what is learned from and what is tested on, honest in time.
+"""Splits of a night's readings into training and test parts by time, against leakage between neighbouring readings.
 
-Readings of one visit to a place are nearly copies of one another: one in ten drawn at random and tested against the
-other nine is a test of nothing. Here a test part is a stretch of time. Where every place was visited twice or more,
-whole visits are kept apart; where it was not, each visit is cut into stretches, with a gap between those that are
-learned from and those that are tested on. The second says less, for the person stood there all the while.
+Readings of one visit to a place are nearly copies of one another, so that a random split would test a model on its own
+training data. Here a test part is a stretch of time. Where every place was visited twice or more, whole visits are kept
+apart; where it was not, each visit is cut into stretches, with a gap between training and test. The second is a weaker
+test, since the person stood there all the while.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ GAP_SHARE = 0.1  # [1] of a visit's readings, left out between the two
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeSplit:
-    """One way to part readings.
+    """One split of readings.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class TimeSplit:
     kind : 'visits' or 'stretches'
         What was kept apart.
     words : str
-        What is tested on.
+        Description of the test part.
     """
 
     train: BoolArray
@@ -61,7 +61,7 @@ def time_splits(labels: Sequence[str]) -> tuple[TimeSplit, ...]:
     Raises
     ------
     MapError
-        If some visit is too short to be cut.
+        If a visit is too short to be cut.
     """
     names, visit = np.asarray(labels).astype(str), visits_of(labels)
     turn = _visit_of_place(names, visit)

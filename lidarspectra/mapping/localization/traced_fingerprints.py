@@ -1,10 +1,10 @@
-"""Fingerprints by tracing: what fixed sensors read with somebody at each of many places.
+"""Fingerprints by tracing: readings of fixed sensors with a person at each of many places.
 
     empty           traced once, as any map, to its own standard error
     with a person   empty + the difference that the person makes, traced as a difference (`radiance.obstacle_effect`)
 
-Each finished part is kept in a folder under a hash of all that it depends on, so that an interrupted job goes on where
-it was, and further places or people cost no more than themselves.
+Each finished part is stored in a folder under a hash of all its inputs, so that an interrupted job is resumed, and only
+new places or people are traced.
 """
 
 import hashlib
@@ -41,12 +41,12 @@ from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
 
-TARGET = 0.003  # [1] standard error wanted of a reading, a tenth of what somebody near the sensor changes
-FINEST_EFFECT = 0.0005  # [1] of the difference: in a large room most sensors see somebody by 0.1 % and less
-SHARE_OF_EFFECT = 0.02  # [1] of what people change, below which a difference's error serves nothing
-PILOT_WALKS = 89  # of a sensor in a set, from which the noise is told
+TARGET = 0.003  # [1] target standard error of a reading, a tenth of the change by a person near the sensor
+FINEST_EFFECT = 0.0005  # [1] of the difference: in a large room a person changes most sensors by 0.1 % and less
+SHARE_OF_EFFECT = 0.02  # [1] of the change by people, below which a smaller error of the difference is of no use
+PILOT_WALKS = 89  # of a sensor in a set, from which the variance is estimated
 PILOT_PERSONS = 6
-LOOKS = 8  # of a sensor at each part of each lamp in a set: noise far below that of the walks
+LOOKS = 8  # shadow rays of a sensor to each part of each lamp in a set: noise far below that of the walks
 AIM = 0.9  # [1] of the target for the empty room: two errors add up to a reading's
 EFFECT_AIM = 0.8  # [1] of the target that is aimed at: six people are not all, and their noise is uncertain itself
 AT_ONCE = 64  # persons who share walks; the rays that they meet take some 5 MB each
@@ -56,7 +56,7 @@ SURVEY = "survey"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlacedPerson:
-    """Somebody at a place.
+    """A person at a place.
 
     Parameters
     ----------
@@ -87,19 +87,19 @@ class FingerprintRequest:
     accuracy : str
         Most reflections, as in the run file.
     target : float
-        Standard error of a reading to come down to, relative to the empty room's; root mean square over sensors,
-        channels and persons. [1]
+        Target standard error of a reading, relative to the empty room's; root mean square over sensors, channels and
+        persons. [1]
     effect_target : float or None
-        The same of a reading's difference from the empty room's. None is 2 % of what people change (root mean square),
-        but between 0.05 % of the reading and the target. [1]
+        The same for a reading's difference from the empty room's. None is 2 % of the change by people (root mean
+        square), but between 0.05 % of the reading and the target. [1]
     seed : int
-        Of first directions; the engine draws all others by the clock.
+        Of the first directions; the engine seeds all others by the clock.
     receptor : Receptor or None
         The sensors'; None is the cosine.
     engine : Engine or None
-        None is the one that pyradiance brings.
+        None is that of pyradiance.
     workers : int or None
-        Processes side by side; None is one a core.
+        Parallel processes; None is one per core.
     """
 
     accuracy: Accuracy = "high"
@@ -159,7 +159,7 @@ def trace_fingerprints(
     *,
     progress: Progress = silent,
 ) -> xr.Dataset:
-    """Trace what sensors read with each person alone in the room, and with nobody.
+    """Trace the readings of sensors with each person alone in the room, and in the empty room.
 
     Parameters
     ----------
@@ -171,9 +171,9 @@ def trace_fingerprints(
     placed : sequence of PlacedPerson
         One or more.
     library : ReflectanceLibrary
-        Of what people wear.
+        With the reflectances of clothes, skin and hair.
     folder : Path
-        Finished parts are kept there, and used again where nothing changed that they depend on.
+        Finished parts are stored there, and used again if their inputs have not changed.
     request : FingerprintRequest, optional
     progress : Progress, optional
 
@@ -297,7 +297,7 @@ def _empty(
 
 @dataclass(frozen=True)
 class _Effects:
-    """What tracing of effects needs besides the people."""
+    """Inputs of the tracing of effects besides the people."""
 
     scene: RadianceScene
     lamps: Sequence[Lamp]
@@ -330,7 +330,7 @@ class _Effects:
 
 @dataclass(frozen=True, kw_only=True)
 class _Survey:
-    """What a pilot told: walks of a sensor in a set, and the standard error that they are for [1]."""
+    """Result of a pilot trace: walks of a sensor in a set, and the standard error that they aim at [1]."""
 
     walks: int
     target: float
@@ -343,7 +343,7 @@ class _Survey:
 def _survey(
     effects: _Effects, obstacles: Sequence[Obstacle], empty: FloatArray, kept: "_Kept", progress: Progress
 ) -> _Survey:
-    """Tell from few people and walks how many walks bring the error of an effect down to its target."""
+    """Estimate by a pilot trace, of few people and walks, how many walks reach the target error of an effect."""
     found = kept.load(SURVEY)
     if found is None:
         chosen = np.unique(np.linspace(0, len(obstacles) - 1, PILOT_PERSONS).astype(np.int64))
@@ -360,7 +360,7 @@ def _survey(
 
 
 class _Kept:
-    """Parts that are finished, each a file; a damaged one counts as missing."""
+    """Finished parts, each in a file; a damaged file counts as missing."""
 
     def __init__(self, folder: Path, key: str) -> None:
         self._folder = folder
@@ -389,7 +389,7 @@ class _Kept:
         return found
 
     def save(self, name: str, arrays: dict[str, FloatArray]) -> dict[str, FloatArray]:
-        """Write a part, whole or not at all."""
+        """Write a part, atomically."""
         path = self._path(name)
         unfinished = path.with_suffix(".partial")
         with unfinished.open("wb") as file:
