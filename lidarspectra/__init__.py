@@ -1,5 +1,8 @@
 """Maps of the light spectrum in a room, from a phone's LiDAR scan, by Radiance.
 
+    import lidarspectra as ls
+    summary = ls.run(ls.init("scan.glb"))
+
 The names below are those that a user needs, and what the project promises to keep (docs/api.md); they load their
 libraries when first used.
 """
@@ -9,64 +12,191 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lidarspectra.config import read_run_file
-    from lidarspectra.errors import LidarSpectraError
+    from lidarspectra.config import RunFile, read_run_file
+    from lidarspectra.errors import ArgumentError, LidarSpectraError
+    from lidarspectra.geometry.scan import Scan
     from lidarspectra.hardware.phone.readers import read_scan
+    from lidarspectra.hardware.phone.repair import repair_scan
+    from lidarspectra.lamps.lamps import Lamp
+    from lidarspectra.lamps.make_lamp import make_lamp
     from lidarspectra.mapping.localization.fingerprint_files import read_fingerprints
     from lidarspectra.mapping.localization.location_model import load_locator, train_locator
-    from lidarspectra.mapping.maps.spectral_map import load_map, spectral_map
-    from lidarspectra.material.estimate import estimate_materials
+    from lidarspectra.mapping.localization.person import Person
+    from lidarspectra.mapping.localization.sensor_places import choose_to_locate
+    from lidarspectra.mapping.localization.traced_fingerprints import (
+        FingerprintRequest,
+        PlacedPerson,
+        trace_fingerprints,
+    )
+    from lidarspectra.mapping.maps.metrics import compare_maps
+    from lidarspectra.mapping.maps.spectral_map import (
+        LampChange,
+        load_map,
+        relight,
+        save_map,
+        save_map_table,
+        spectral_map,
+    )
+    from lidarspectra.mapping.photometry.illuminance import illuminance
+    from lidarspectra.mapping.photometry.people_and_plants import light_at_points
+    from lidarspectra.mapping.photometry.point_light import light_of_lamps, light_of_map
+    from lidarspectra.mapping.photometry.quantities import light_quantity
+    from lidarspectra.mapping.photovoltaics.cells import find_cell
+    from lidarspectra.mapping.photovoltaics.current_map import current_map
+    from lidarspectra.mapping.photovoltaics.currents import photocurrent_density
+    from lidarspectra.material.estimate import estimate_materials, one_material
+    from lidarspectra.material.material_map import Material, MaterialMap
+    from lidarspectra.material.viewpoints import render_views
     from lidarspectra.radiance.sampling.trace import trace
     from lidarspectra.radiance.scene.scene import write_scene
+    from lidarspectra.radiance.scene.scene_record import RadianceScene
+    from lidarspectra.room.room import Room, find_room
+    from lidarspectra.room.sensor_points import SensorPoints, grid_points, place_points, read_points
+    from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, scenes_folder
     from lidarspectra.spectra.spectrum import BandSet, Spectrum, gaussian_bands, sensor_bands
+    from lidarspectra.workflow.evaluation import evaluate_run
     from lidarspectra.workflow.fingerprints import FingerprintOrder, fingerprint_room
-    from lidarspectra.workflow.pipeline import run
+    from lidarspectra.workflow.init_file import init
+    from lidarspectra.workflow.inputs import copy_scene
+    from lidarspectra.workflow.pipeline import RunSummary, run
+    from lidarspectra.workflow.progress_printer import ProgressPrinter
     from lidarspectra.workflow.relighting import LampOrder, relight_run
+    from lidarspectra.workflow.room_model import RoomModel, Surface
 
 _HOMES = {
+    "ArgumentError": "errors",
     "BandSet": "spectra.spectrum",
     "FingerprintOrder": "workflow.fingerprints",
+    "FingerprintRequest": "mapping.localization.traced_fingerprints",
+    "Lamp": "lamps.lamps",
+    "LampChange": "mapping.maps.spectral_map",
     "LampOrder": "workflow.relighting",
     "LidarSpectraError": "errors",
+    "Material": "material.material_map",
+    "MaterialMap": "material.material_map",
+    "Person": "mapping.localization.person",
+    "PlacedPerson": "mapping.localization.traced_fingerprints",
+    "ProgressPrinter": "workflow.progress_printer",
+    "RadianceScene": "radiance.scene.scene_record",
+    "Room": "room.room",
+    "RoomModel": "workflow.room_model",
+    "RunFile": "config",
+    "RunSummary": "workflow.pipeline",
+    "Scan": "geometry.scan",
+    "SensorPoints": "room.sensor_points",
     "Spectrum": "spectra.spectrum",
+    "Surface": "workflow.room_model",
+    "choose_to_locate": "mapping.localization.sensor_places",
+    "compare_maps": "mapping.maps.metrics",
+    "copy_scene": "workflow.inputs",
+    "current_map": "mapping.photovoltaics.current_map",
     "estimate_materials": "material.estimate",
+    "evaluate_run": "workflow.evaluation",
+    "find_cell": "mapping.photovoltaics.cells",
+    "find_room": "room.room",
     "fingerprint_room": "workflow.fingerprints",
     "gaussian_bands": "spectra.spectrum",
+    "grid_points": "room.sensor_points",
+    "illuminance": "mapping.photometry.illuminance",
+    "init": "workflow.init_file",
+    "lamp_spectrum": "spectra.databases",
+    "light_at_points": "mapping.photometry.people_and_plants",
+    "light_of_lamps": "mapping.photometry.point_light",
+    "light_of_map": "mapping.photometry.point_light",
+    "light_quantity": "mapping.photometry.quantities",
     "load_locator": "mapping.localization.location_model",
     "load_map": "mapping.maps.spectral_map",
+    "load_reflectances": "spectra.databases",
+    "make_lamp": "lamps.make_lamp",
+    "one_material": "material.estimate",
+    "photocurrent_density": "mapping.photovoltaics.currents",
+    "place_points": "room.sensor_points",
     "read_fingerprints": "mapping.localization.fingerprint_files",
+    "read_points": "room.sensor_points",
     "read_run_file": "config",
     "read_scan": "hardware.phone.readers",
+    "relight": "mapping.maps.spectral_map",
     "relight_run": "workflow.relighting",
+    "render_views": "material.viewpoints",
+    "repair_scan": "hardware.phone.repair",
     "run": "workflow.pipeline",
+    "save_map": "mapping.maps.spectral_map",
+    "save_map_table": "mapping.maps.spectral_map",
+    "scenes_folder": "spectra.databases",
     "sensor_bands": "spectra.spectrum",
     "spectral_map": "mapping.maps.spectral_map",
     "trace": "radiance.sampling.trace",
+    "trace_fingerprints": "mapping.localization.traced_fingerprints",
     "train_locator": "mapping.localization.location_model",
     "write_scene": "radiance.scene.scene",
 }
 
 __version__ = version("lidarspectra")
 __all__ = [
+    "ArgumentError",
     "BandSet",
     "FingerprintOrder",
+    "FingerprintRequest",
+    "Lamp",
+    "LampChange",
     "LampOrder",
     "LidarSpectraError",
+    "Material",
+    "MaterialMap",
+    "Person",
+    "PlacedPerson",
+    "ProgressPrinter",
+    "RadianceScene",
+    "Room",
+    "RoomModel",
+    "RunFile",
+    "RunSummary",
+    "Scan",
+    "SensorPoints",
     "Spectrum",
+    "Surface",
     "__version__",
+    "choose_to_locate",
+    "compare_maps",
+    "copy_scene",
+    "current_map",
     "estimate_materials",
+    "evaluate_run",
+    "find_cell",
+    "find_room",
     "fingerprint_room",
     "gaussian_bands",
+    "grid_points",
+    "illuminance",
+    "init",
+    "lamp_spectrum",
+    "light_at_points",
+    "light_of_lamps",
+    "light_of_map",
+    "light_quantity",
     "load_locator",
     "load_map",
+    "load_reflectances",
+    "make_lamp",
+    "one_material",
+    "photocurrent_density",
+    "place_points",
     "read_fingerprints",
+    "read_points",
     "read_run_file",
     "read_scan",
+    "relight",
     "relight_run",
+    "render_views",
+    "repair_scan",
     "run",
+    "save_map",
+    "save_map_table",
+    "scenes_folder",
     "sensor_bands",
     "spectral_map",
     "trace",
+    "trace_fingerprints",
     "train_locator",
     "write_scene",
 ]

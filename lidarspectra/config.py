@@ -1,12 +1,19 @@
 """The run file: a TOML text into records that check themselves; an unknown key is an error."""
 
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, TypedDict
 
-from pydantic import AwareDatetime, Field, model_validator
+from pydantic import AwareDatetime, Field, PrivateAttr, model_validator
 
+from lidarspectra.arguments import path_of
 from lidarspectra.errors import RunFileError
-from lidarspectra.io.toml_sections import Section, parse_sections
+from lidarspectra.io.files import write_whole, writing
+from lidarspectra.io.toml_sections import Section, check_sections, parse_sections
+from lidarspectra.io.toml_text import toml_value
 
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -214,6 +221,36 @@ class CellSection(Section):
     """At which a converter holds the cell; None is its maximum power point. [V]"""
 
 
+class _Named(TypedDict):
+    """How errors name a run file."""
+
+    kind: str
+    error: type[RunFileError]
+    page: str
+
+
+_NAMED: _Named = {"kind": "run file", "error": RunFileError, "page": "docs/run-file.md"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Where a run file comes from.
+
+    Parameters
+    ----------
+    folder : Path
+        Where its relative names start.
+    name : str
+        Without ending.
+    text : str
+        Its text with comments; empty where it was made or changed in Python.
+    """
+
+    folder: Path
+    name: str
+    text: str
+
+
 class RunFile(Section):
     """The whole run file.
 
@@ -232,13 +269,12 @@ class RunFile(Section):
     trace: TraceSection = TraceSection()
     people_and_plants: PeopleAndPlantsSection | None = None
     cells: tuple[CellSection, ...] = ()
+    _origin: "Origin | None" = PrivateAttr(default=None)
 
     @model_validator(mode="after")
     def _lamps_given(self) -> Self:
         if self.lamps and self.lamps_from_scan is not None:
             raise ValueError("give either [[lamps]] or [lamps_from_scan], not both")
-        if not self.lamps and self.lamps_from_scan is None and self.daylight is None:
-            raise ValueError("give one or more [[lamps]], a [lamps_from_scan], or [daylight]: a dark room has no map")
         names = [lamp.name for lamp in self.lamps]
         if self.daylight is not None:
             names += [*(window.name for window in self.daylight.windows), "sun"]
@@ -247,13 +283,135 @@ class RunFile(Section):
             raise ValueError(f"two lamps have the name {twice[0]!r}; names tell lamps apart in relighting")
         return self
 
+    @property
+    def folder(self) -> Path:
+        """Where relative file names start: the folder that the file was read from, or the current one."""
+        return Path() if self._origin is None else self._origin.folder
 
-def read_run_file(path: Path) -> RunFile:
+    @property
+    def name(self) -> str:
+        """Its name without ending; the scan's where it is no file yet."""
+        return Path(self.scan.file).stem if self._origin is None else self._origin.name
+
+    @property
+    def text(self) -> str:
+        """As it was read or made by `init`, with its comments; as `to_toml` writes it where there is no such text."""
+        text = "" if self._origin is None else self._origin.text
+        return text or self.to_toml()
+
+    def with_origin(self, *, folder: Path, name: str, text: str = "") -> "RunFile":
+        """The same with the place that its relative names start from, its name, and its commented text."""
+        copy = self.model_copy()
+        copy._origin = Origin(folder=folder, name=name, text=text)
+        return copy
+
+    def changed(self, **tables: object) -> "RunFile":
+        """The same with other keys, checked anew: `run_file.changed(trace={"noise": "draft"}, lamps=[...])`.
+
+        Parameters
+        ----------
+        **tables : dict, list of dict or None
+            Keys of a table to set, the others stay; a list is a new list of tables; None removes a table.
+
+        Returns
+        -------
+        run_file : RunFile
+
+        Raises
+        ------
+        RunFileError
+            If a table or key is unknown, or a value does not fit.
+        """
+        content = self.model_dump(exclude_unset=True)
+        for name, given in tables.items():
+            present = content.get(name)
+            both = isinstance(given, Mapping) and isinstance(present, Mapping)
+            content[name] = {**present, **given} if both else given  # type: ignore[dict-item]
+        checked = check_sections(RunFile, content, **_NAMED, where="changed run file")
+        return checked.with_origin(folder=self.folder, name=self.name)
+
+    def to_toml(self) -> str:
+        """The run file as TOML without comments: every key that is not at its default."""
+        blocks = []
+        for name, value in self.model_dump(exclude_defaults=True).items():
+            rows = value if isinstance(value, tuple | list) else (value,)
+            heading = f"[[{name}]]" if isinstance(value, tuple | list) else f"[{name}]"
+            for row in rows:
+                keys = [f"{key} = {toml_value(item)}" for key, item in row.items() if item is not None]
+                blocks.append("\n".join([heading, *keys]))
+        return "\n\n".join(blocks) + "\n"
+
+    def save(self, path: str | PathLike[str], *, force: bool = False) -> Path:
+        """Write it as TOML, with its comments where it has them; file names are made to start at the new place.
+
+        Parameters
+        ----------
+        path : str or path
+            The run file, NAME.toml.
+        force : bool
+            Replace a file that is there.
+
+        Returns
+        -------
+        path : Path
+
+        Raises
+        ------
+        RunFileError
+            If there is a file already, or it cannot be written.
+        """
+        target = path_of(path, name="path of the run file")
+        if target.exists() and not force:
+            raise RunFileError(
+                expected="no file there yet",
+                found="one, which may hold your edits",
+                where=str(target),
+                todo="Give another name, or force=True.",
+            )
+        moved = target.parent.resolve() != self.folder.resolve()
+        text = self.changed(scan={"file": self._file_from(target.parent)}).to_toml() if moved else self.text
+        if moved and self._origin is not None and self._origin.text:
+            old, new = toml_value(self.scan.file), toml_value(self._file_from(target.parent))
+            text = self._origin.text.replace(f"file = {old}", f"file = {new}", 1)
+        with writing(target, error=RunFileError):
+            write_whole(target, text)
+        return target
+
+    def _file_from(self, folder: Path) -> str:
+        """The scan's file as a run file in another folder names it."""
+        scan = (self.folder / self.scan.file).resolve()
+        try:
+            return Path(os.path.relpath(scan, folder.resolve())).as_posix()
+        except ValueError:  # on another drive of Windows
+            return scan.as_posix()
+
+    def __repr__(self) -> str:
+        lamps = f"{len(self.lamps)} lamps" if self.lamps else "lamps lit in the scan" if self.lamps_from_scan else ""
+        light = " and ".join(word for word in (lamps, "daylight" if self.daylight else "") if word) or "no light yet"
+        return (
+            f"<RunFile '{self.name}': scan {self.scan.file}, {light}, sensor {self.sensors.device}, "
+            f"accuracy {self.trace.accuracy}, noise {self.trace.noise}>"
+        )
+
+
+def require_light(run_file: RunFile) -> RunFile:
+    """The same run file; raises RunFileError where it has no light of any kind."""
+    if not run_file.lamps and run_file.lamps_from_scan is None and run_file.daylight is None:
+        raise RunFileError(
+            expected="one or more [[lamps]], a [lamps_from_scan], or [daylight]",
+            found="none of them: a dark room has no map",
+            where=run_file.name,
+            todo="docs/run-file.md shows a lamp.",
+        )
+    return run_file
+
+
+def read_run_file(path: str | PathLike[str]) -> RunFile:
     """Read a run file.
 
     Parameters
     ----------
-    path : Path
+    path : str or path
         A TOML text in UTF-8.
 
     Returns
@@ -265,6 +423,7 @@ def read_run_file(path: Path) -> RunFile:
     RunFileError
         If the file is missing, no TOML, or has unknown keys or values that do not fit; all faults are named at once.
     """
+    path = path_of(path, name="run file")
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as cause:
@@ -274,9 +433,10 @@ def read_run_file(path: Path) -> RunFile:
             where=str(path),
             todo="Make one with 'lidarspectra init SCAN'.",
         ) from cause
-    return parse_run_file(text, where=str(path))
+    checked = parse_run_file(text, where=str(path))
+    return checked.with_origin(folder=path.resolve().parent, name=path.stem, text=text)
 
 
 def parse_run_file(text: str, *, where: str) -> RunFile:
     """Check the text of a run file; `where` names it in errors (see `read_run_file`)."""
-    return parse_sections(RunFile, text, kind="run file", where=where, error=RunFileError, page="docs/run-file.md")
+    return require_light(parse_sections(RunFile, text, **_NAMED, where=where))

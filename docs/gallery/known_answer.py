@@ -3,16 +3,14 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-import lidarspectra
-from lidarspectra.workflow.inputs import copy_scene
+import lidarspectra as ls
 
 with tempfile.TemporaryDirectory() as folder:
     # A closed cube of 3 m, reflectance 0.5, with one bulb of 1000 lm.
-    run_file = copy_scene("box", Path(folder))
-    text = run_file.read_text(encoding="utf-8").replace('"standard"', '"draft"')
-    run_file.write_text(text, encoding="utf-8")
-    results = lidarspectra.run(run_file, last="map").results
-    light, transport = results["map"].value, results["trace"].value
+    run_file = ls.read_run_file(ls.copy_scene("box", Path(folder)))
+    drafted = run_file.changed(trace={"noise": "draft"})
+    summary = ls.run(drafted, last="map", listener=ls.ProgressPrinter())
+    light, transport = summary.map, summary.transport
 
 area, reflectance = 6 * 3.0**2, 0.5
 expected = transport["flux"].sel(lamp="bulb") / (area * (1 - reflectance))  # [W/m²/nm]

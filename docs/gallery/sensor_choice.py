@@ -1,7 +1,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from lidarspectra.mapping.localization.sensor_places import choose_to_locate
+import lidarspectra as ls
 
 
 def grid(first: float, step: float) -> np.ndarray:
@@ -14,7 +14,12 @@ places, sensors = grid(0.6, 1.2), grid(0.5, 1.0)
 away = np.linalg.norm(places[:, None] - sensors[None], axis=2)  # (place, sensor) [m]
 change = -0.06 * np.exp(-0.5 * away**2)  # of the reading's logarithm
 noise = 0.005
-chosen = choose_to_locate((change / noise)[:, :, None], 12, positions_m=places)
+chosen = ls.choose_to_locate(
+    (change / noise)[:, :, None],
+    12,
+    positions_m=places,
+    progress=ls.ProgressPrinter("choosing"),
+)
 
 figure, (room, curve) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
 room.plot(*places.T, "x", color="grey", label="places")

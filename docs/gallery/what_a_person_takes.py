@@ -4,58 +4,29 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-import lidarspectra
-from lidarspectra.config import (
-    GridSection,
-    LampSection,
-    MaterialsSection,
-    SensorsSection,
-)
-from lidarspectra.lamps.lamps import resolve_lamps
-from lidarspectra.mapping.localization.person import Person
-from lidarspectra.mapping.localization.traced_fingerprints import (
-    FingerprintRequest,
-    PlacedPerson,
-    trace_fingerprints,
-)
-from lidarspectra.material.viewpoints import render_views
-from lidarspectra.room.room import find_room
-from lidarspectra.room.sensor_points import sensor_points
-from lidarspectra.spectra.databases import load_reflectances, scenes_folder
+import lidarspectra as ls
 
-panel = LampSection(
-    name="panel",
-    shape="panel",
-    center=(1.5, 1.5, 2.9),
-    size=(0.6, 0.6),
-    spectrum="LED-B3",
-    luminous_flux_lm=3400,
+panel = ls.make_lamp(
+    "panel", (1.5, 1.5, 2.9), size=0.6, spectrum="LED-B3", luminous_flux_lm=3400
 )
-red = Person(upper="cc-red", lower="cc-neutral-3-5", yaw_deg=200.0)
+red = ls.Person(upper="cc-red", lower="cc-neutral-3-5", yaw_deg=200.0)
 place = np.array([0.9, 1.8, 0.0])
 with tempfile.TemporaryDirectory() as name:
     folder = Path(name)
-    scan = lidarspectra.read_scan(
-        scenes_folder() / "box" / "scan.ply", unit="m", up="+z"
-    )
-    room = find_room(scan)
-    views = render_views(scan, room, coverage=0.5)
-    one_for_all = MaterialsSection(method="default", default="white-wall")
-    materials = lidarspectra.estimate_materials(scan, views, one_for_all)
-    lamps = resolve_lamps([panel], folder)
-    bands = lidarspectra.sensor_bands("as7265x-14")
-    scene = lidarspectra.write_scene(scan, materials, lamps, bands, folder / "scene")
+    room = ls.RoomModel.from_box(3.0, 3.0, 3.0, floor=0.8, walls=0.8, ceiling=0.8)
+    bands = ls.sensor_bands("as7265x-14")
+    scene = ls.write_scene(room.scan, room.materials, [panel], bands, folder / "scene")
     # Sensors under the ceiling that look down.
-    grid = GridSection(height=2.8, spacing=0.5, normal=(0.0, 0.0, -1.0))
-    points = sensor_points(scan, room, SensorsSection(grid=grid), folder=folder)
-    table = trace_fingerprints(
+    points = room.grid(2.8, spacing=0.5, normal=(0.0, 0.0, -1.0))
+    table = ls.trace_fingerprints(
         scene,
-        lamps,
+        [panel],
         points,
-        [PlacedPerson(label="here", place_m=place, person=red)],
-        load_reflectances(),
+        [ls.PlacedPerson(label="here", place_m=place, person=red)],
+        ls.load_reflectances(),
         folder / "parts",
-        FingerprintRequest(accuracy="medium", target=0.05, effect_target=0.006),
+        ls.FingerprintRequest(accuracy="medium", target=0.05, effect_target=0.006),
+        progress=ls.ProgressPrinter("person"),
     )
 
 change = 100 * (table["irradiance"] / table["empty"] - 1).isel(fingerprint=0)

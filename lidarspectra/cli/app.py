@@ -203,7 +203,7 @@ def _show_summary(summary: "RunSummary") -> None:
         console.print()
         from lidarspectra.mapping.report.report_tables import bands_table
 
-        console.print(shown(bands_table(summary.results["map"].value)))
+        console.print(shown(bands_table(summary.map)))
     if summary.report is not None:
         console.print()
         console.print(Text.assemble("Report: ", (str(summary.report), "bold")), soft_wrap=True)

@@ -253,6 +253,13 @@ class Scan:
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", faces)
 
+    def __repr__(self) -> str:
+        low, high = self.bounds
+        size = " x ".join(f"{side:.2f}" for side in high - low)
+        color = "coloured" if self.appearance.known else "without colour"
+        name = f" '{self.record.file}'" if self.record.file else ""
+        return f"<Scan{name}: {len(self.faces)} triangles, {size} m, {color}>"
+
     @property
     def corners(self) -> FloatArray:
         """(face, 3, 3) positions of each face's corners [m]."""

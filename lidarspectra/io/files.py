@@ -64,6 +64,11 @@ def write_whole(path: Path, content: str | bytes | memoryview) -> None:
         unfinished.unlink(missing_ok=True)
 
 
+def hash_text(text: str) -> str:
+    """SHA-256 of a text in UTF-8, as hexadecimal digits."""
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+
+
 def hash_file(path: Path) -> str:
     """SHA-256 of a file's bytes, as hexadecimal digits."""
     with path.open("rb") as file:

@@ -2,7 +2,7 @@
 
 import tomllib
 from difflib import get_close_matches
-from typing import TypeVar, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -43,11 +43,20 @@ def parse_sections(
         Of the type given, if the text is no TOML, or keys or values do not fit; all faults are named at once.
     """
     try:
-        return model.model_validate(tomllib.loads(text))
+        content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as cause:
         raise error(
             expected="valid TOML", found=str(cause), where=where, todo=f"Mend that line of the {kind}."
         ) from cause
+    return check_sections(model, content, kind=kind, where=where, error=error, page=page)
+
+
+def check_sections(
+    model: type[Model], content: dict[str, Any], *, kind: str, where: str, error: type[LidarSpectraError], page: str
+) -> Model:
+    """Check tables that were read or made already (see `parse_sections`)."""
+    try:
+        return model.model_validate(content)
     except ValidationError as cause:
         faults = "; ".join(_fault(model, fault["loc"], fault["msg"]) for fault in cause.errors())
         raise error(

@@ -66,6 +66,10 @@ class Lamp:
         object.__setattr__(self, "center", center)
         object.__setattr__(self, "normal", float_array(normal / length, name="normal", shape=(3,)))
 
+    def __repr__(self) -> str:
+        place = ", ".join(f"{value:.2f}" for value in self.center)
+        return f"<Lamp '{self.name}': {self.shape.name} at ({place}) m, {self.flux.integral():.3g} W>"
+
     @property
     def size(self) -> tuple[float, ...]:
         """Length and width, or diameter [m]."""

@@ -95,6 +95,10 @@ class Material:
                     where=f"material '{self.name}'",
                 )
 
+    def __repr__(self) -> str:
+        value = float(self.reflectance.at([555.0], outside="nearest")[0])
+        return f"<Material '{self.name}': reflectance {value:.2f} at 555 nm, {self.kind}, {self.provenance}>"
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaterialMap:
@@ -131,6 +135,11 @@ class MaterialMap:
             self, "face_color", float_array(self.face_color, name="MaterialMap.face_color", shape=(count, 3))
         )
         object.__setattr__(self, "face_seen", float_array(self.face_seen, name="MaterialMap.face_seen", shape=(count,)))
+
+    def __repr__(self) -> str:
+        names = ", ".join(material.name for material in self.materials[:5])
+        more = f" and {len(self.materials) - 5} more" if len(self.materials) > 5 else ""
+        return f"<MaterialMap: {self.face_material.size} faces, {len(self.materials)} materials: {names}{more}>"
 
     def areas(self, face_areas: FloatArray) -> FloatArray:
         """(material,) area of each material [m²], from the (face,) areas [m²]."""

@@ -81,6 +81,14 @@ class Room:
         object.__setattr__(self, "outline", checked[0])
         object.__setattr__(self, "other_outlines", tuple(checked[1:]))
 
+    def __repr__(self) -> str:
+        length, width = self.extent_m
+        more = f", {len(self.other_outlines)} further rooms" if self.other_outlines else ""
+        return (
+            f"<Room: {length:.2f} m x {width:.2f} m, {self.area_m2:.1f} m² of plan, {self.height_m:.2f} m high, "
+            f"{len(self.walls)} walls{more}>"
+        )
+
     @property
     def outlines(self) -> tuple[FloatArray, ...]:
         """All rooms' outlines, largest first [m]."""

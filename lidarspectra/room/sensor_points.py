@@ -65,6 +65,12 @@ class SensorPoints:
             )
         object.__setattr__(self, "buried", np.array(np.broadcast_to(buried, count)))
 
+    def __repr__(self) -> str:
+        low, high = self.positions.min(axis=0), self.positions.max(axis=0)
+        ranges = ", ".join(f"{axis} {a:.2f} to {b:.2f} m" for axis, a, b in zip("xyz", low, high, strict=True))
+        buried = f", {int(self.buried.sum())} of them buried" if self.buried.any() else ""
+        return f"<SensorPoints: {len(self)} points{buried}; {ranges}>"
+
     def __len__(self) -> int:
         return int(self.positions.shape[0])
 

@@ -59,6 +59,14 @@ class Spectrum:
         object.__setattr__(self, "wavelengths_nm", wavelengths)
         object.__setattr__(self, "values", values)
 
+    def __repr__(self) -> str:
+        low, high = self.range_nm
+        name = f" '{self.name}'" if self.name else ""
+        return (
+            f"<Spectrum{name}: {low:g} to {high:g} nm, {self.values.size} values from {self.values.min():.3g} "
+            f"to {self.values.max():.3g}>"
+        )
+
     @property
     def range_nm(self) -> tuple[float, float]:
         """First and last wavelength [nm]."""
@@ -136,6 +144,9 @@ class BandSet:
             ("responses", responses),
         ):
             object.__setattr__(self, field, value)
+
+    def __repr__(self) -> str:
+        return f"<BandSet '{self.name}': {len(self)} bands, {', '.join(self.labels)} nm>"
 
     def __len__(self) -> int:
         return int(self.centers_nm.size)

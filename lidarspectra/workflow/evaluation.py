@@ -1,6 +1,7 @@
 """A run's map against measured readings: the paper's Table 1 for any room that was measured."""
 
 from dataclasses import asdict, dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pandas as pd
 import xarray as xr
 from scipy.spatial import cKDTree
 
+from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.measured_readings import (
@@ -67,17 +69,29 @@ class Evaluation:
     synthetic: FloatArray
     real: FloatArray
 
+    def __repr__(self) -> str:
+        absolute = self.comparisons[0]
+        return (
+            f"<Evaluation: {absolute.points} points, {absolute.bands} bands, NRMSE {absolute.nrmse_mean:.3f}, "
+            f"MAPE {absolute.mape_mean:.1f} %, bias {absolute.bias_percent:+.1f} %>"
+        )
+
 
 def evaluate_run(
-    run: Path, measured: Path, *, within_m: float = 0.15, scale: Scale = "none", unit: Unit = "W/m2/nm"
+    run: str | PathLike[str],
+    measured: str | PathLike[str],
+    *,
+    within_m: float = 0.15,
+    scale: Scale = "none",
+    unit: Unit = "W/m2/nm",
 ) -> Evaluation:
     """Compare the map of a run with measured spectral irradiance.
 
     Parameters
     ----------
-    run : Path
+    run : str or path
         Run folder with a finished map.
-    measured : Path
+    measured : str or path
         CSV with the columns x, y, z [m] in the scan's frame and E_<channel> [W/m²/nm], as 'sensor join' writes it;
         channels that it lacks are left out. In other units the columns may have any name of a channel.
     within_m : float
@@ -99,6 +113,7 @@ def evaluate_run(
     MapError
         If the readings lack columns, are not numbers, or too few of them lie on the map.
     """
+    run, measured = path_of(run, name="run"), path_of(measured, name="measured")
     light = load_map(require_stage(run, "map") / MAP_FILE)
     labels = load_scene(require_stage(run, "scene")).bands.labels
     table = read_readings(measured)

@@ -1,11 +1,13 @@
 """Fingerprints of a run: randomly drawn people at the user's positions, and the readings of the run's sensors."""
 
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
+from lidarspectra.config import RunFile
 from lidarspectra.errors import SensorError
 from lidarspectra.lamps.lamp_file import load_lamps
 from lidarspectra.mapping.localization.body import Posture
@@ -86,9 +88,9 @@ class Fingerprints:
 
 
 def fingerprint_room(
-    run_file: Path,
+    run_file: str | PathLike[str] | RunFile,
     order: FingerprintOrder,
-    folder: Path | None = None,
+    folder: str | PathLike[str] | None = None,
     *,
     workers: int | None = None,
     cluster: str | None = None,
@@ -99,10 +101,10 @@ def fingerprint_room(
 
     Parameters
     ----------
-    run_file : Path
-        TOML; its `[sensors]` are the fixed sensors.
+    run_file : str, path or RunFile
+        As in `run`; its `[sensors]` are the fixed sensors.
     order : FingerprintOrder
-    folder : Path, optional
+    folder : str or path, optional
         The run folder; NAME.run beside NAME.toml by default. The table goes to fingerprints/fingerprints.nc there.
     workers, cluster, listener
         As in `pipeline.run`.
@@ -120,15 +122,14 @@ def fingerprint_room(
     """
     summary = run(run_file, folder, last="scene", workers=workers, cluster=cluster, listener=listener)
     inputs = read_inputs(run_file, workers=workers, cluster=cluster)
-    scan, scene = summary.results["scan"].value, summary.results["scene"]
-    free = FreeSpace(scan.scan, scan.room)
-    points = sensor_points(scan.scan, scan.room, inputs.room.sensors, folder=inputs.base, free=free)
-    positions, notes = _positions(order, free, scan.room.floor_z)
+    free = FreeSpace(summary.scan, summary.room)
+    points = sensor_points(summary.scan, summary.room, inputs.room.sensors, folder=inputs.base, free=free)
+    positions, notes = _positions(order, free, summary.room.floor_z)
     out = made_folder(summary.folder / FOLDER)
     with trace_engine(cluster) as engine:
         table = trace_fingerprints(
-            scene.value,
-            load_lamps(scene.folder),
+            summary.scene,
+            load_lamps(summary.results["scene"].folder),
             points,
             place_people(positions, order),
             load_reflectances(),

@@ -1,17 +1,21 @@
 """The run file that `lidarspectra init` writes for a scan: what was found in it, how surely, and what to edit."""
 
 import os
+import tomllib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
-from lidarspectra.config import LampsFromScanSection, ScanSection
+from lidarspectra.arguments import path_of
+from lidarspectra.config import LampsFromScanSection, RunFile, ScanSection
 from lidarspectra.errors import RunFileError, SensorError
 from lidarspectra.geometry.scan import Scan, ScanRecord
-from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.hardware.phone.readers import UnitChoice, UpChoice, read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.io.files import writing
+from lidarspectra.io.toml_sections import check_sections
 from lidarspectra.io.toml_text import toml_value
 from lidarspectra.material.lit_lamps import LampSearch, LitLamp, search_lit_lamps
 from lidarspectra.progress import Progress, part_of, silent
@@ -95,6 +99,46 @@ class InitSummary:
         yield f"Then: lidarspectra run {self.run_file}"
 
 
+def init(
+    scan: str | PathLike[str], *, unit: UnitChoice = "auto", up: UpChoice = "auto", progress: Progress = silent
+) -> RunFile:
+    """Look through a scan and make its run file: unit, axes, room, lamps that are lit in it, and a sensor grid.
+
+    What no scan can tell, the lamps' spectra and fluxes, is assumed: look at `run_file.text`, and give what you know by
+    `run_file.changed(...)`, or save it with its comments and edit the text.
+
+    Parameters
+    ----------
+    scan : str or path
+        The phone's file.
+    unit : str
+        Of its coordinates, 'm', 'cm', 'mm', 'in' or 'ft'; detected by default.
+    up : str
+        Its upward axis, '+z', '+y', ...; detected by default.
+    progress : callable
+        Told how far it is.
+
+    Returns
+    -------
+    run_file : RunFile
+        Its names start at the scan's folder. Without lamps where none is lit in the scan: `run` asks for one.
+
+    Raises
+    ------
+    ScanError
+        If the scan cannot be read, or shows no room.
+    SensorError
+        If not one sensor point fits into the room.
+    """
+    path = path_of(scan, name="scan", meaning="the name of a scan's file, as a str or a Path")
+    text = _text(_look_through(path, path.with_suffix(".toml"), unit, up, progress), path.name)
+    content = tomllib.loads(text)
+    run_file = check_sections(
+        RunFile, content, kind="run file", where=path.name, error=RunFileError, page="docs/run-file.md"
+    )
+    return run_file.with_origin(folder=path.parent.resolve(), name=path.stem, text=text)
+
+
 def write_init(scan_path: Path, out_path: Path, *, force: bool = False, progress: Progress = silent) -> InitSummary:
     """Write a commented run file for a scan.
 
@@ -125,7 +169,15 @@ def write_init(scan_path: Path, out_path: Path, *, force: bool = False, progress
         If the run file cannot be written.
     """
     _check_place(scan_path, out_path, force=force)
-    raw = read_scan(scan_path, progress=part_of(progress, 0.0, 0.3))
+    summary = _look_through(scan_path, out_path, "auto", "auto", progress)
+    _write(out_path, _text(summary, _file_name(scan_path, out_path)))
+    progress(1.0, "run file written")
+    return summary
+
+
+def _look_through(scan_path: Path, out_path: Path, unit: UnitChoice, up: UpChoice, progress: Progress) -> InitSummary:
+    """What a scan shows, for a run file at a place."""
+    raw = read_scan(scan_path, unit=unit, up=up, progress=part_of(progress, 0.0, 0.3))
     scan = repair_scan(raw, flatten=ScanSection(file=scan_path.name).flatten, progress=part_of(progress, 0.3, 0.6))
     progress(0.6, "finding floor, walls and ceiling")
     room = find_room(scan)
@@ -133,7 +185,7 @@ def write_init(scan_path: Path, out_path: Path, *, force: bool = False, progress
     progress(0.7, "laying out the sensor grid")
     count = _grid_count(scan, room, free)
     progress(0.8, "looking for lit lamps")
-    summary = InitSummary(
+    return InitSummary(
         run_file=out_path,
         scan=scan.record,
         room=room,
@@ -141,9 +193,10 @@ def write_init(scan_path: Path, out_path: Path, *, force: bool = False, progress
         lamps=search_lit_lamps(scan, room, caster=free.caster),
         has_color=scan.appearance.known,
     )
-    _write(out_path, "".join(f"{line}\n" for line in _run_file_lines(summary, _file_name(scan_path, out_path))))
-    progress(1.0, "run file written")
-    return summary
+
+
+def _text(summary: InitSummary, file: str) -> str:
+    return "".join(f"{line}\n" for line in _run_file_lines(summary, file))
 
 
 def _check_place(scan_path: Path, out_path: Path, *, force: bool) -> None:

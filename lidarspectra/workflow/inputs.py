@@ -2,16 +2,19 @@
 
 import shutil
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from lidarspectra.config import RunFile, read_run_file
+from lidarspectra.arguments import path_of
+from lidarspectra.config import RunFile, read_run_file, require_light
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.files import hash_file, writing
 from lidarspectra.material.assignments import spectrum_files
 from lidarspectra.spectra.databases import list_databases, scenes_folder
 from lidarspectra.workflow.report_applications import check_cells
 
+RUN_FILE_MEANT = "a run file: the name of a TOML file as a str or a Path, or a RunFile"
 MULTI_FILE_FORMATS = (".obj", ".gltf", ".ply", ".usda", ".usd")
 COMPANION_SUFFIXES = (
     ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".usd", ".usda", ".usdc",
@@ -32,6 +35,8 @@ class Inputs:
         Its name, without ending.
     text : str
         Its text, for the report.
+    file : Path or None
+        The run file; None where it was made in Python.
     workers : int or None
         Processes side by side; None leaves it to the run file.
     cluster : str or None
@@ -42,6 +47,7 @@ class Inputs:
     base: Path
     name: str
     text: str
+    file: Path | None = None
     workers: int | None = None
     cluster: str | None = None
 
@@ -54,8 +60,10 @@ class Inputs:
         return {name: hash_file(self.path(name)) for name in names if name is not None and self.path(name).is_file()}
 
 
-def read_inputs(run_file: Path, *, workers: int | None = None, cluster: str | None = None) -> Inputs:
-    """Read a run file; relative names start at its folder.
+def read_inputs(
+    run_file: str | PathLike[str] | RunFile, *, workers: int | None = None, cluster: str | None = None
+) -> Inputs:
+    """Read a run file, or take one that was made in Python; relative names start at its folder.
 
     Raises
     ------
@@ -64,13 +72,18 @@ def read_inputs(run_file: Path, *, workers: int | None = None, cluster: str | No
     LidarSpectraError
         If its report asks for a solar cell that is none.
     """
-    room = read_run_file(run_file)
-    check_cells(room.cells, base=run_file.resolve().parent)
+    file = None
+    if not isinstance(run_file, RunFile):
+        file = path_of(run_file, name="run_file", meaning=RUN_FILE_MEANT)
+        run_file = read_run_file(file)
+    room, base = require_light(run_file), run_file.folder.resolve()
+    check_cells(room.cells, base=base)
     return Inputs(
         room=room,
-        base=run_file.resolve().parent,
-        name=run_file.stem,
-        text=run_file.read_text(encoding="utf-8"),
+        base=base,
+        name=room.name,
+        text=room.text,
+        file=file,
         workers=workers,
         cluster=cluster,
     )

@@ -10,13 +10,25 @@ Each stage is made in its own folder of the run, and only where something that i
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
-from lidarspectra.io.files import hash_file
+import xarray as xr
+
+from lidarspectra.arguments import one_of, path_of
+from lidarspectra.config import RunFile
+from lidarspectra.errors import WorkspaceError
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.io.files import hash_file, hash_text
+from lidarspectra.material.material_map import MaterialMap
+from lidarspectra.material.views import ViewSet
 from lidarspectra.progress import Progress, silent
+from lidarspectra.radiance.scene.scene import RadianceScene
+from lidarspectra.room.room import Room
 from lidarspectra.workflow import stages
-from lidarspectra.workflow.inputs import Inputs, read_inputs
+from lidarspectra.workflow.inputs import RUN_FILE_MEANT, Inputs, read_inputs
+from lidarspectra.workflow.lamps_of_run import ScannedRoom
 from lidarspectra.workflow.workspace import (
     STAGES,
     RunRequest,
@@ -29,6 +41,7 @@ from lidarspectra.workflow.workspace import (
 )
 
 Result = TypeVar("Result")
+Kind = TypeVar("Kind")
 
 
 class Listener(Protocol):
@@ -37,7 +50,7 @@ class Listener(Protocol):
     def start(self, stage: StageName) -> Progress:
         """Called when a stage starts; returns the callable that receives its progress."""
 
-    def finish(self, result: StageResult[Any]) -> None:
+    def finish(self, result: StageResult[object]) -> None:
         """Called when a stage is finished, or was up to date."""
 
 
@@ -48,24 +61,24 @@ class SilentListener:
         """Return a progress that does nothing."""
         return silent
 
-    def finish(self, result: StageResult[Any]) -> None:
+    def finish(self, result: StageResult[object]) -> None:
         """Ignore the result."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunSummary:
-    """What a run left behind.
+    """What a run left behind; each result is read from its folder when it is first asked for.
 
     Parameters
     ----------
     folder : Path
         The run folder.
     results : mapping of str to StageResult
-        The stages that were asked for, in order.
+        The stages that were asked for, in order, each with its record and its folder.
     """
 
     folder: Path
-    results: Mapping[StageName, StageResult[Any]]
+    results: Mapping[StageName, StageResult[object]]
 
     @property
     def records(self) -> tuple[StageRecord, ...]:
@@ -73,10 +86,66 @@ class RunSummary:
         return tuple(result.record for result in self.results.values())
 
     @property
+    def scan(self) -> Scan:
+        """The repaired mesh, z up [m]."""
+        return self._value("scan", ScannedRoom).scan
+
+    @property
+    def room(self) -> Room:
+        """Floor, ceiling, walls and outline."""
+        return self._value("scan", ScannedRoom).room
+
+    @property
+    def views(self) -> ViewSet:
+        """The pictures that cover the surfaces."""
+        return self._value("views", ViewSet)
+
+    @property
+    def materials(self) -> MaterialMap:
+        """A reflectance spectrum for every face."""
+        return self._value("materials", MaterialMap)
+
+    @property
+    def scene(self) -> RadianceScene:
+        """The Radiance model."""
+        return self._value("scene", RadianceScene)
+
+    @property
+    def transport(self) -> xr.Dataset:
+        """Every lamp's light at every point in every band, (lamp, point, band) [m-2]."""
+        return self._value("trace", xr.Dataset)
+
+    @property
+    def map(self) -> xr.Dataset:
+        """The spectral map: irradiance [W/m²/nm] and illuminance [lx] at every point, with standard errors."""
+        return self._value("map", xr.Dataset)
+
+    @property
     def report(self) -> Path | None:
         """The report page, if the run went so far."""
         result = self.results.get("report")
         return None if result is None else result.folder / stages.REPORT_PAGE
+
+    def __repr__(self) -> str:
+        took = {
+            name: "up to date" if result.was_fresh else f"{result.record.seconds:.1f} s"
+            for name, result in self.results.items()
+        }
+        rows = [f"  {name:<10}{took[name]:>10}  {result.record.summary}" for name, result in self.results.items()]
+        return "\n".join([f"<RunSummary of {self.folder}>", *rows])
+
+    def _value(self, stage: StageName, kind: type[Kind]) -> Kind:
+        result = self.results.get(stage)
+        if result is None:
+            raise WorkspaceError(
+                expected=f"a run as far as the stage '{stage}'",
+                found=f"one as far as '{list(self.results)[-1]}'" if self.results else "an empty one",
+                where=str(self.folder),
+                todo=f"Run it with last='{stage}' or later: what is finished is kept.",
+            )
+        value = result.value
+        assert isinstance(value, kind)  # what the stage's own reader gives
+        return value
 
 
 class _Stopped(Exception):  # noqa: N818 - no error: the run went as far as it was asked to
@@ -116,7 +185,7 @@ class _Chain:
         self._forced = STAGES[STAGES.index(first) :] if first else ()
         self._last = last
         self._listener = listener
-        self.results: dict[StageName, StageResult[Any]] = {}
+        self.results: dict[StageName, StageResult[object]] = {}
 
     def __call__(self, stage: Stage[Result]) -> StageResult[Result]:
         """Make one stage; raise `_Stopped` after the last."""
@@ -130,8 +199,8 @@ class _Chain:
 
 
 def run(
-    run_file: Path,
-    folder: Path | None = None,
+    run_file: str | PathLike[str] | RunFile,
+    folder: str | PathLike[str] | None = None,
     *,
     first: StageName | None = None,
     last: StageName = "report",
@@ -143,10 +212,10 @@ def run(
 
     Parameters
     ----------
-    run_file : Path
-        TOML; see `lidarspectra.config`.
-    folder : Path, optional
-        The run folder; NAME.run beside NAME.toml by default.
+    run_file : str, path or RunFile
+        A TOML file, or what `init` or `read_run_file` gave.
+    folder : str or path, optional
+        The run folder; NAME.run beside NAME.toml, or beside the scan, by default.
     first : str, optional
         Make this stage and all after it even if they are fresh.
     last : str
@@ -167,22 +236,29 @@ def run(
     LidarSpectraError
         If anything that the user gave does not fit; finished stages stay, and the next run resumes after them.
     """
+    one_of(last, STAGES, name="last")
+    if first is not None:
+        one_of(first, STAGES, name="first")
     inputs = read_inputs(run_file, workers=workers, cluster=cluster)
-    with Workspace(folder or default_folder(run_file)) as work:
-        work.keep_request(_request(run_file, inputs, work.folder))
+    with Workspace(_folder(run_file, folder)) as work:
+        work.keep_request(_request(inputs, work.folder))
         chain = _Chain(work, first, last, listener or SilentListener())
         _walk(chain, inputs)
         return RunSummary(folder=work.folder, results=chain.results)
 
 
-def _request(run_file: Path, inputs: Inputs, folder: Path) -> RunRequest:
+def _request(inputs: Inputs, folder: Path) -> RunRequest:
     """What is asked for, as the run folder keeps it."""
     try:
         base = Path(os.path.relpath(inputs.base, folder.resolve())).as_posix()
     except ValueError:  # on another drive of Windows
         base = inputs.base.as_posix()
     return RunRequest(
-        name=run_file.name, folder=base, sha256=hash_file(run_file), text=inputs.text, seed=stages.TRACE_SEED
+        name=inputs.file.name if inputs.file is not None else f"{inputs.name}.toml",
+        folder=base,
+        sha256=hash_file(inputs.file) if inputs.file is not None else hash_text(inputs.text),
+        text=inputs.text,
+        seed=stages.TRACE_SEED,
     )
 
 
@@ -200,12 +276,23 @@ def _walk(chain: _Link, inputs: Inputs) -> None:
         return
 
 
-def default_folder(run_file: Path) -> Path:
-    """NAME.run beside NAME.toml."""
-    return run_file.with_suffix(".run")
+def default_folder(run_file: str | PathLike[str] | RunFile) -> Path:
+    """NAME.run beside NAME.toml, or beside the scan for a run file that was made in Python."""
+    if isinstance(run_file, RunFile):
+        return run_file.folder / f"{run_file.name}.run"
+    return path_of(run_file, name="run_file", meaning=RUN_FILE_MEANT).with_suffix(".run")
 
 
-def plan(run_file: Path, folder: Path | None = None, *, first: StageName | None = None) -> dict[StageName, str]:
+def _folder(run_file: str | PathLike[str] | RunFile, folder: str | PathLike[str] | None) -> Path:
+    return default_folder(run_file) if folder is None else path_of(folder, name="folder")
+
+
+def plan(
+    run_file: str | PathLike[str] | RunFile,
+    folder: str | PathLike[str] | None = None,
+    *,
+    first: StageName | None = None,
+) -> dict[StageName, str]:
     """Which stages a run would make, without making any.
 
     A stage after one that would be made depends on what comes out there, so it counts as to be made.
@@ -221,6 +308,6 @@ def plan(run_file: Path, folder: Path | None = None, *, first: StageName | None 
         'up to date' or 'to be made', by stage.
     """
     inputs = read_inputs(run_file)
-    chain = _Plan(folder or default_folder(run_file), first)
+    chain = _Plan(_folder(run_file, folder), first)
     _walk(chain, inputs)
     return {stage: "up to date" if stage in chain.fresh else "to be made" for stage in STAGES}

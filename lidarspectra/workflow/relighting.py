@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import xarray as xr
 
+from lidarspectra.arguments import all_of, path_of
 from lidarspectra.errors import LampError
 from lidarspectra.lamps.lamp_file import load_lamps
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
@@ -50,17 +52,19 @@ class LampOrder:
     dim: float = 1.0
 
 
-def relight_run(run: Path, orders: Sequence[LampOrder], *, base: Path) -> xr.Dataset:
+def relight_run(
+    run: str | PathLike[str], orders: Sequence[LampOrder], *, base: str | PathLike[str] = Path()
+) -> xr.Dataset:
     """Spectral map of a finished run under other light, without tracing again.
 
     Parameters
     ----------
-    run : Path
+    run : str or path
         Run folder with a finished trace.
     orders : sequence of LampOrder
         Lamps that are not named stay as they are.
-    base : Path
-        Where relative names of spectrum files start.
+    base : str or path
+        Where relative names of spectrum files start; the current folder by default.
 
     Returns
     -------
@@ -74,6 +78,8 @@ def relight_run(run: Path, orders: Sequence[LampOrder], *, base: Path) -> xr.Dat
     LampError, DatabaseError, MapError
         If a lamp or spectrum is unknown, or the flux cannot be met.
     """
+    run, base = path_of(run, name="run"), path_of(base, name="base")
+    orders = all_of(orders, LampOrder, name="orders", todo="Write LampOrder(lamp='panel 1', dim=0.5).")
     transport = transport_of_run(run)
     scene = require_stage(run, "scene")
     lamps = {lamp.name: lamp for lamp in load_lamps(scene)}

@@ -34,6 +34,7 @@ MARKER_FILE = "lidarspectra-run.json"
 FORMAT = 1  # of the run folder; a change of it makes every stage stale
 
 Result = TypeVar("Result")
+Made = TypeVar("Made", covariant=True)
 Settings = Mapping[str, Any]
 Maker = Callable[[Path, Progress], "Notes"]
 
@@ -143,18 +144,21 @@ class Stage(Generic[Result]):
     load: Callable[[Path], Result]
 
 
-class StageResult(Generic[Result]):
+class StageResult(Generic[Made]):
     """A finished stage: its record, its folder, and its result, loaded when first asked for."""
 
-    def __init__(self, record: StageRecord, folder: Path, load: Callable[[Path], Result], *, fresh: bool) -> None:
+    def __init__(self, record: StageRecord, folder: Path, load: Callable[[Path], Made], *, fresh: bool) -> None:
         self.record = record
         self.folder = folder
         self.was_fresh = fresh
         self._load = load
-        self._value: Result | None = None
+        self._value: Made | None = None
+
+    def __repr__(self) -> str:
+        return f"<StageResult '{self.record.stage}' in {self.folder}: {self.record.summary}>"
 
     @property
-    def value(self) -> Result:
+    def value(self) -> Made:
         """The stage's result, read from its folder."""
         if self._value is None:
             self._value = self._load(self.folder)

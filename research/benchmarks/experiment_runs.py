@@ -114,7 +114,7 @@ class SceneRuns:
         before = run(self._file, self._run, last="scene")
         busy, clock = processor_seconds(), time.perf_counter()
         summary = run(self._file, self._run, first="trace", last="map")
-        light = summary.results["map"].value
+        light = summary.map
         words = {record.stage: record.summary for record in before.records}
         return Made(
             irradiance=light["irradiance"].to_numpy().astype(np.float64),

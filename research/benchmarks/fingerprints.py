@@ -98,17 +98,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     choice = parser.parse_args(arguments)
     run_file = scenes_folder() / choice.scene / "room.toml"
     summary = run(run_file, choice.run, last="scene")
-    inputs, scan, scene = read_inputs(run_file), summary.results["scan"].value, summary.results["scene"]
-    free = FreeSpace(scan.scan, scan.room)
-    points = sensor_points(scan.scan, scan.room, inputs.room.sensors, folder=inputs.base, free=free)
+    inputs = read_inputs(run_file)
+    free = FreeSpace(summary.scan, summary.room)
+    points = sensor_points(summary.scan, summary.room, inputs.room.sensors, folder=inputs.base, free=free)
     positions = some_positions(free, choice.count)
     folder = choice.run / "benchmark"
     if choice.fresh:
         shutil.rmtree(folder, ignore_errors=True)
     parts, start = PartTimes(), time.perf_counter()
     table = trace_fingerprints(
-        scene.value,
-        load_lamps(scene.folder),
+        summary.scene,
+        load_lamps(summary.results["scene"].folder),
         points,
         place_people(positions, FingerprintOrder()),
         load_reflectances(),

@@ -4,6 +4,7 @@ import io
 import logging
 import warnings
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 from typing import Literal
 
@@ -12,6 +13,7 @@ import trimesh
 from trimesh.visual.color import ColorVisuals
 from trimesh.visual.texture import TextureVisuals
 
+from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.scan import Scan, ScanRecord
@@ -42,12 +44,14 @@ UpChoice = Literal["auto", "+x", "-x", "+y", "-y", "+z", "-z"]
 _log = logging.getLogger(__name__)
 
 
-def read_scan(path: Path, *, unit: UnitChoice = "auto", up: UpChoice = "auto", progress: Progress = silent) -> Scan:
+def read_scan(
+    path: str | PathLike[str], *, unit: UnitChoice = "auto", up: UpChoice = "auto", progress: Progress = silent
+) -> Scan:
     """Read a phone's scan of a room.
 
     Parameters
     ----------
-    path : Path
+    path : str or path
         GLB or glTF, OBJ with MTL and textures, PLY with vertex colours or a texture, STL, or (extra 'usd') USDZ.
     unit, up : str
         Unit and upward axis of the file's coordinates; 'auto' takes them from the format and the room's geometry.
@@ -64,6 +68,7 @@ def read_scan(path: Path, *, unit: UnitChoice = "auto", up: UpChoice = "auto", p
     ScanError
         If the file is missing, cut off, malformed, too large, of no known format, or holds no usable mesh.
     """
+    path = path_of(path, name="path", meaning="the name of a scan's file, as a str or a Path")
     where = path.name
     progress(0.0, f"reading {where}")
     if not path.is_file():

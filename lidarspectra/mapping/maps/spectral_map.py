@@ -17,6 +17,7 @@ by versions without illuminance are read without it.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from lidarspectra.arguments import all_of, instance_of
+from lidarspectra.arguments import all_of, instance_of, path_of
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import ArrayError, LidarSpectraError, MapError
 from lidarspectra.io.netcdf import LARGEST_VALUE, read_netcdf, write_netcdf
@@ -291,8 +292,19 @@ def kept_points(dataset: xr.Dataset) -> IntArray:
     return np.flatnonzero(kept if kept.any() else np.ones(kept.size, dtype=np.bool_))
 
 
-def save_map(dataset: xr.Dataset, path: Path) -> Path:
+def save_map(dataset: xr.Dataset, path: str | PathLike[str]) -> Path:
     """Write a spectral map as NetCDF-4, atomically.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A spectral map.
+    path : str or path
+        map.nc, for instance.
+
+    Returns
+    -------
+    path : Path
 
     Raises
     ------
@@ -301,18 +313,19 @@ def save_map(dataset: xr.Dataset, path: Path) -> Path:
     WorkspaceError
         If the file cannot be written.
     """
+    path = path_of(path, name="path")
     checked = check_map(dataset, where="map to save")
     encoding = {name: {"zlib": True, "complevel": 4} for name in (*_VARIABLES, *_ILLUMINANCE) if name in checked}
     write_netcdf(checked, path, encoding=encoding)
     return path
 
 
-def load_map(path: Path) -> xr.Dataset:
+def load_map(path: str | PathLike[str]) -> xr.Dataset:
     """Read a spectral map that a run wrote (`6-map/map.nc`), or `save_map`.
 
     Parameters
     ----------
-    path : Path
+    path : str or path
         NetCDF-4.
 
     Returns
@@ -325,6 +338,7 @@ def load_map(path: Path) -> xr.Dataset:
     MapError
         If the file is missing, or holds no spectral map in NetCDF-4.
     """
+    path = path_of(path, name="path", meaning="the name of a map's file (map.nc), as a str or a Path")
     with _reported(path, expected="a spectral map in NetCDF-4", todo="Run the map stage again."):
         dataset = read_netcdf(path)
     return check_map(dataset, where=str(path))
@@ -350,14 +364,26 @@ def map_table(dataset: xr.Dataset) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def save_map_table(dataset: xr.Dataset, path: Path) -> Path:
+def save_map_table(dataset: xr.Dataset, path: str | PathLike[str]) -> Path:
     """Write `map_table` as CSV with nine significant digits.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A spectral map.
+    path : str or path
+        map.csv, for instance.
+
+    Returns
+    -------
+    path : Path
 
     Raises
     ------
     MapError
         If the Dataset is not a spectral map, or the file cannot be written.
     """
+    path = path_of(path, name="path")
     table = map_table(dataset)
     with _reported(path, expected="a file that can be written", todo="Choose a folder that you may write to."):
         table.to_csv(path, index=False, float_format="%.9g", encoding="utf-8", lineterminator="\n")
