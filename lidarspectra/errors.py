@@ -50,7 +50,13 @@ def _rebuild(kind: type[LidarSpectraError], expected: str, found: str, where: st
 
 
 class ArgumentError(LidarSpectraError, TypeError):
-    """A function was called with a value of another type than it takes, or with a word that is none of its choices."""
+    """A function was called with a value of another type than it takes, or with a word that is none of its choices.
+
+    Parameters
+    ----------
+    expected, found, where, todo : str
+        As of `LidarSpectraError`.
+    """
 
 
 class ArrayError(LidarSpectraError):

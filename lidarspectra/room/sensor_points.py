@@ -3,11 +3,13 @@
 import csv
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lidarspectra.arguments import path_of
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.errors import ArrayError, SensorError
 from lidarspectra.geometry.scan import Scan
@@ -168,7 +170,7 @@ def _no_place(room: Room, height: float, count: int | None, margin: float) -> Se
     )
 
 
-def read_points(path: Path) -> tuple[FloatArray, FloatArray]:
+def read_points(path: str | PathLike[str]) -> tuple[FloatArray, FloatArray]:
     """Read sensor points from a CSV with a header.
 
     Columns go by name, in any order: x, y, z [m], and optionally nx, ny, nz (straight up where absent). Further columns
@@ -176,7 +178,7 @@ def read_points(path: Path) -> tuple[FloatArray, FloatArray]:
 
     Parameters
     ----------
-    path : Path
+    path : str or path
         UTF-8 text.
 
     Returns
@@ -191,6 +193,7 @@ def read_points(path: Path) -> tuple[FloatArray, FloatArray]:
     SensorError
         If the file is missing, a column is, or a row has no finite number where one is wanted (the line is named).
     """
+    path = path_of(path, name="path")
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             rows = list(_numbered_rows(stream))

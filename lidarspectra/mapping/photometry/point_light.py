@@ -127,6 +127,16 @@ class PointLight:
 def light_of_map(dataset: xr.Dataset) -> PointLight:
     """Light from the bands of a spectral map.
 
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A spectral map.
+
+    Returns
+    -------
+    light : PointLight
+        From the bands alone; `light_of_lamps` knows more.
+
     Raises
     ------
     MapError

@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 from scipy import constants
 
+from lidarspectra.arguments import one_of
 from lidarspectra.mapping.maps.visible_bands import luminosity
 from lidarspectra.spectra.database_files import data_folder, table
 from lidarspectra.spectra.spectrum import Spectrum
@@ -95,5 +96,22 @@ def light_quantities() -> tuple[LightQuantity, ...]:
 
 
 def light_quantity(name: str) -> LightQuantity:
-    """A quantity by its name."""
-    return next(quantity for quantity in light_quantities() if quantity.name == name)
+    """A quantity of light by its name.
+
+    Parameters
+    ----------
+    name : str
+        With its unit: 'illuminance_lx', 'melanopic_edi_lx', 'ppfd_umol_m2_s', ...; see `light_quantities`.
+
+    Returns
+    -------
+    quantity : LightQuantity
+        With its `response`, for ∫ E s dλ.
+
+    Raises
+    ------
+    ArgumentError
+        If there is none of that name; it lists them.
+    """
+    known = {quantity.name: quantity for quantity in light_quantities()}
+    return known[one_of(name, tuple(known), name="name of a quantity")]

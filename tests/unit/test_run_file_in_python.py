@@ -1,0 +1,92 @@
+"""Run files made, changed and saved in Python, and what is given to `run` in their place."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import lidarspectra as ls
+from lidarspectra.config import parse_run_file
+
+LAMP = {"name": "bulb", "shape": "bulb", "center": (1.5, 1.5, 1.5), "spectrum": "A", "luminous_flux_lm": 1000.0}
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> ls.RunFile:
+    return ls.read_run_file(str(ls.copy_scene("box", str(tmp_path / "box"))))
+
+
+def test_a_change_is_checked_and_leaves_the_other_keys(box: ls.RunFile) -> None:
+    drafted = box.changed(trace={"noise": "draft"})
+    assert drafted.trace.noise == "draft"
+    assert drafted.trace.accuracy == box.trace.accuracy
+    assert (drafted.folder, drafted.name) == (box.folder, box.name)
+    with pytest.raises(ls.LidarSpectraError, match=r"noise.*draft"):
+        box.changed(trace={"noise": "loud"})
+    with pytest.raises(ls.LidarSpectraError, match=r"unknown key \(did you mean 'trace'\?\)"):
+        box.changed(trase={"noise": "draft"})
+
+
+@pytest.mark.parametrize("scene", ["box", "office", "apartment"])
+def test_a_run_file_without_comments_says_the_same(scene: str) -> None:
+    read = ls.read_run_file(ls.scenes_folder() / scene / "room.toml")
+    assert parse_run_file(read.to_toml(), where="again").model_dump() == read.model_dump()
+
+
+def test_a_run_file_that_is_saved_elsewhere_finds_its_scan(box: ls.RunFile, tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    saved = ls.read_run_file(box.save(tmp_path / "other" / "room.toml"))
+    assert (saved.folder / saved.scan.file).resolve() == (box.folder / box.scan.file).resolve()
+    assert "#" in saved.text  # its comments are kept
+    with pytest.raises(ls.LidarSpectraError, match="force=True"):
+        box.save(tmp_path / "other" / "room.toml")
+    changed = box.changed(trace={"noise": "draft"})
+    assert ls.read_run_file(changed.save(str(tmp_path / "other" / "room.toml"), force=True)).trace.noise == "draft"
+
+
+def test_init_gives_the_text_that_the_command_writes_and_a_run_file_that_runs(tmp_path: Path) -> None:
+    scan = ls.copy_scene("box", tmp_path).parent / "scan.ply"
+    made = ls.init(str(scan), unit="m", up="+z")
+    assert "written by 'lidarspectra init'" in made.text
+    assert "no light yet" in repr(made)
+    with pytest.raises(ls.LidarSpectraError, match="a dark room has no map"):
+        ls.run(made)
+    summary = ls.run(made.changed(lamps=[LAMP]), last="scan")
+    assert summary.folder == tmp_path.resolve() / "scan.run"
+    assert summary.room.height_m == pytest.approx(3.0, abs=0.02)  # flattening moves a vertex by millimetres
+    assert "scan" in repr(summary)
+    with pytest.raises(ls.LidarSpectraError, match=r"as far as the stage 'map'.*last='map'"):
+        _ = summary.map
+
+
+def test_a_wrong_run_file_is_told_with_what_was_meant() -> None:
+    with pytest.raises(TypeError, match=r"run_file: expected a run file: the name of a TOML file .*, found an int, 3"):
+        ls.run(3)  # type: ignore[arg-type]
+    with pytest.raises(ls.ArgumentError, match=r"last: expected one of 'scan', .*, found a str, 'maps'"):
+        ls.run("room.toml", last="maps")  # type: ignore[arg-type]
+    with pytest.raises(ls.ArgumentError, match="the name of a scan's file"):
+        ls.init(None)  # type: ignore[arg-type]
+    with pytest.raises(ls.LidarSpectraError, match=r"nowhere\.toml"):
+        ls.run("nowhere.toml")
+
+
+def test_the_package_is_a_program_too() -> None:
+    shown = subprocess.run(
+        [sys.executable, "-m", "lidarspectra", "--help"], capture_output=True, text=True, encoding="utf-8", check=True
+    )
+    assert "lidarspectra" in shown.stdout
+
+
+def test_records_tell_what_they_hold(box: ls.RunFile) -> None:
+    assert repr(ls.sensor_bands("as7265x-14")).startswith("<BandSet 'as7265x-14': 14 bands, 410, 435")
+    assert "300 to" in repr(ls.lamp_spectrum("A").spectrum)
+    assert repr(ls.SensorPoints(positions=[(0, 0, 1), (2, 0, 1)])).startswith("<SensorPoints: 2 points; x 0.00 to 2.00")
+    lamp = ls.make_lamp("bulb", (1, 1, 2), name="desk", spectrum="A", luminous_flux_lm=800)
+    assert repr(lamp).startswith("<Lamp 'desk': bulb at (1.00, 1.00, 2.00) m")
+    model = ls.RoomModel.from_box(4, 3, 2.7)
+    assert "12 triangles, 4.00 x 3.00 x 2.70 m, without colour" in repr(model.scan)
+    assert re.match(r"<Room: 4\.0\d m x 3\.0\d m, 12\.\d m² of plan, 2\.70 m high", repr(model.room))
+    assert "12 faces, 6 materials: floor" in repr(model.materials)
+    assert "accuracy" in repr(box)
