@@ -68,7 +68,7 @@ class Lamp:
 
     def __repr__(self) -> str:
         place = ", ".join(f"{value:.2f}" for value in self.center)
-        return f"<Lamp '{self.name}': {self.shape.name} at ({place}) m, {self.flux.integral():.3g} W>"
+        return f"<Lamp '{self.name}': {self.shape.word} at ({place}) m, {self.flux.integral():.3g} W>"
 
     @property
     def size(self) -> tuple[float, ...]:

@@ -6,7 +6,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from lidarspectra.arguments import one_of, path_of
+from lidarspectra.arguments import path_of
 from lidarspectra.config import RunFile, read_run_file, require_light
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.files import hash_file, writing
@@ -109,7 +109,6 @@ def copy_scene(name: str, folder: str | PathLike[str]) -> Path:
         If there is no such room, or the folder cannot be written.
     """
     folder = path_of(folder, name="folder")
-    one_of(name, sorted(path.parent.name for path in scenes_folder().glob("*/room.toml")), name="scene")
     source = scenes_folder() / name
     if not source.is_dir():
         rooms = sorted(path.name for path in scenes_folder().iterdir() if path.is_dir())
