@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from lidarspectra.workflow.fingerprints import FingerprintOrder, fingerprint_room
     from lidarspectra.workflow.init_file import init
     from lidarspectra.workflow.inputs import copy_scene
+    from lidarspectra.workflow.light_of_run import light_of_run
     from lidarspectra.workflow.pipeline import RunSummary, run
     from lidarspectra.workflow.progress_printer import ProgressPrinter
     from lidarspectra.workflow.relighting import LampOrder, relight_run
@@ -103,6 +104,7 @@ _HOMES = {
     "light_at_points": "mapping.photometry.people_and_plants",
     "light_of_lamps": "mapping.photometry.point_light",
     "light_of_map": "mapping.photometry.point_light",
+    "light_of_run": "workflow.light_of_run",
     "light_quantity": "mapping.photometry.quantities",
     "load_locator": "mapping.localization.location_model",
     "load_map": "mapping.maps.spectral_map",
@@ -173,6 +175,7 @@ __all__ = [
     "light_at_points",
     "light_of_lamps",
     "light_of_map",
+    "light_of_run",
     "light_quantity",
     "load_locator",
     "load_map",

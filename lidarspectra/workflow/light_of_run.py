@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
+from lidarspectra.arguments import path_of
 from lidarspectra.errors import MapError
 from lidarspectra.geometry.scan import load_scan
 from lidarspectra.hardware.sensor.measured_readings import read_readings
@@ -48,12 +50,12 @@ class RunLight:
         return tuple(map(str, self.places["lamp"].to_numpy()))
 
 
-def light_of_run(run: Path, dims: Mapping[str, float] | None = None) -> RunLight:
+def light_of_run(run: str | PathLike[str], dims: Mapping[str, float] | None = None) -> RunLight:
     """Read a finished run.
 
     Parameters
     ----------
-    run : Path
+    run : str or path
         Run folder with a finished trace.
     dims : mapping of str to float, optional
         Factor on a lamp's flux, by name. [1]
@@ -65,6 +67,7 @@ def light_of_run(run: Path, dims: Mapping[str, float] | None = None) -> RunLight
     MapError
         If a lamp to dim is unknown.
     """
+    run = path_of(run, name="run")
     transport = transport_of_run(run)
     scene = require_stage(run, "scene")
     names = [str(name) for name in transport["lamp"].to_numpy()]

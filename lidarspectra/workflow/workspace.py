@@ -34,7 +34,7 @@ MARKER_FILE = "lidarspectra-run.json"
 FORMAT = 1  # of the run folder; a change of it makes every stage stale
 
 Result = TypeVar("Result")
-Made = TypeVar("Made", covariant=True)
+Made_co = TypeVar("Made_co", covariant=True)
 Settings = Mapping[str, Any]
 Maker = Callable[[Path, Progress], "Notes"]
 
@@ -144,21 +144,21 @@ class Stage(Generic[Result]):
     load: Callable[[Path], Result]
 
 
-class StageResult(Generic[Made]):
+class StageResult(Generic[Made_co]):
     """A finished stage: its record, its folder, and its result, loaded when first asked for."""
 
-    def __init__(self, record: StageRecord, folder: Path, load: Callable[[Path], Made], *, fresh: bool) -> None:
+    def __init__(self, record: StageRecord, folder: Path, load: Callable[[Path], Made_co], *, fresh: bool) -> None:
         self.record = record
         self.folder = folder
         self.was_fresh = fresh
         self._load = load
-        self._value: Made | None = None
+        self._value: Made_co | None = None
 
     def __repr__(self) -> str:
         return f"<StageResult '{self.record.stage}' in {self.folder}: {self.record.summary}>"
 
     @property
-    def value(self) -> Made:
+    def value(self) -> Made_co:
         """The stage's result, read from its folder."""
         if self._value is None:
             self._value = self._load(self.folder)
@@ -175,7 +175,7 @@ class Workspace:
     Parameters
     ----------
     folder : Path
-        Made if absent. One that holds other things than a run is refused.
+        Made_co if absent. One that holds other things than a run is refused.
 
     Raises
     ------
