@@ -1,4 +1,4 @@
-"""Reflectance without the light: what a lit picture, the known lamps and the room's shape say of its surfaces.
+"""De-lighting: surface reflectance from a lit picture, the known lamps and the room's geometry.
 
 The camera shows o = T(x), x = k ρ E in sharpened cones: T a tone curve, k one factor a cone (exposure and white
 balance), E the irradiance. With D the lamps' direct light and G x the mean of what the picture shows from a point
@@ -6,23 +6,23 @@ balance), E the irradiance. With D the lamps' direct light and G x the mean of w
 
     ρ = x / (k D + G x),                                                                                          (1)
 
-without any simulated reflection: the picture shows what the others send (docs/concepts.md, Eq. 8). Where D = 0 (a
-ceiling beside its lamps), ρ does not even depend on k. T and k are what explains the picture best: points of one
-surface have one reflectance however they are lit, so that the best T and k make log ρ least scattered within groups of
-points of one plane and one hue. The scatter is measured in units of the picture (divided by the mean slope of T^-1, as
-Box and Cox do), for else a curve that presses everything together would win. The scale of the lamps' flux is in k, and
-cancels.
+without simulating any reflection: the picture shows the radiosity of the other surfaces (docs/concepts.md, Eq. 8).
+Where D = 0 (a ceiling beside its lamps), ρ does not even depend on k. T and k are fitted: points of one surface have
+one reflectance however they are lit, so that the best T and k minimise the scatter of log ρ within groups of points of
+one plane and one hue. The scatter is measured in units of the picture (divided by the mean slope of T^-1, the Jacobian
+of Box and Cox); without that a curve that compresses everything would minimise it. The scale of the lamps' flux is
+absorbed by k.
 
-White balance, the ratios in k, is the least certain: a room of orange walls shows hardly any blue. Surfaces so light
-that they are most likely white tell it besides. The 268 measured surfaces of buildings that reflect more than .65
-have log cone ratios to red of -.004 ± .011 (green) and -.058 ± .056 (blue; two thirds from -.149 to -.019), by
+White balance, the ratios in k, is the least identifiable: a room of orange walls shows hardly any blue. Surfaces so
+light that they are most likely white serve as a prior. The 268 measured surfaces of buildings that reflect more than
+.65 have log cone ratios to red of -.004 ± .011 (green) and -.058 ± .056 (blue; two thirds from -.149 to -.019), by
 `research/benchmarks/whites.py`. A room is taken to have one such paint, however many walls have it.
 
 References
 ----------
 Yu, Debevec, Malik, Hawkins (1999) Inverse global illumination, SIGGRAPH, 215. Box, Cox (1964) An analysis of
 transformations, J. R. Statist. Soc. B 26, 211, Eq. 8. EN 12464-1:2021, 6.2.2 (usual reflectances of ceilings).
-Geman, McClure (1987) Statistical methods for tomographic image reconstruction, Bull. ISI 52, 5 (the loss).
+Geman, McClure (1987) Statistical methods for tomographic image reconstruction, Bull. ISI 52, 5 (robust loss).
 Cameron, Miller (2015) A practitioner's guide to cluster-robust inference, J. Human Resources 50, 317, Eq. 11.
 """
 
@@ -41,30 +41,32 @@ from lidarspectra.progress import Progress, shares, silent
 MIN_LIGHT = 1e-5  # [1] of white, floor of cone responses before their logarithm
 LOG_SCATTER = 0.07  # [1] usual deviation of log ρ within a surface: grain, uneven exposure, noise of the mesh
 PICTURE_NOISE = 0.006  # [1] of white, deviation of what a picture shows: 8 bits, and JPEG's coarse colour
-ROBUST_SCALE = 1.5  # [1] deviations from which a point counts less and less
+ROBUST_SCALE = 1.5  # [1] scale of the robust loss, in standard deviations
 CENTER_ROUNDS = 6  # re-weightings that find a group's robust centre
 CEILING_REFLECTANCE = 0.80  # [1] EN 12464-1:2021: 0.7 to 0.9
 CEILING_DEVIATION = 0.12  # [1] of its logarithm
-CEILING_DOUBT = 2.0  # [1] deviations from which a ceiling is believed to be no white one
+CEILING_DOUBT = 2.0  # [1] scale of the robust loss on the ceiling's prior, in standard deviations
 POWER_DEVIATION = 0.15  # [1] of log g about g = 1
 SHOULDER_GUESS, SHOULDER_DEVIATION = 0.4, 0.5  # [1] of log(1 + s): phones lift shadows, most by less than 2.5
 BALANCE_DEVIATION = 0.2  # [1] of log k between cones, about white half-way between the lamps and all light in the room
 BEAM_DEVIATION = 0.4  # [1] of the beam exponent about that of matt lamps
 MIN_EMISSION = 1e-3  # [1] cosine below which a lamp is seen from its edge
 STATED_FLUX_DEVIATION = 0.15  # [1] of the log of a lamp's flux over the others', where fluxes are stated
-BRIGHTEST_REFLECTANCE = 0.90  # [1] fresh white paint, top of EN 12464-1; what comes out brighter speaks for more light
+BRIGHTEST_REFLECTANCE = 0.90  # [1] fresh white paint, top of EN 12464-1; a brighter result suggests unmodelled light
 BRIGHTEST_DEVIATION = 0.03  # [1] of its logarithm
 WHITE_HUE = (-0.004, -0.058)  # [1] of light surfaces, log cone ratios green and blue over red
 WHITE_HUE_DEVIATION = (0.04, 0.10)  # [1] of them, wider than measured: some are beige, and a scan's hues are noisy
 WHITE_PAINTS = 1.0  # [1] different whites that a room is taken to have: its walls are of one paint
-WHITE_DOUBT = 2.0  # [1] deviations from which a light surface counts for less: it may be yellow
+WHITE_DOUBT = 2.0  # [1] scale of the robust loss on the hue of light surfaces, which may be yellow; in deviations
 COMMON = 6  # parameters that do not belong to single lamps
-CELL_M = 1.0  # [m] within which errors of light and exposure are alike, as a phone's frame shows 1 to 2 m: one witness
+CELL_M = (
+    1.0  # [m] of a cluster, within which errors of light and exposure are correlated: a phone's frame shows 1 to 2 m
+)
 STARTS = ((0.0, 0.0), (0.8, 0.0), (0.4, 1.0), (0.4, -1.0))  # [1] log(1 + s), and log k over its rough value
 FIT_SHARES = (*(1.0,) * len(STARTS), 1.5, 0.5)  # of the time: each start, the fit itself, how sure it is
 BOUNDS_POWER, BOUND_SHOULDER, BOUND_EXPOSURE = 0.6, 2.3, 4.0  # [1] of |log g|, log(1 + s), |log k - rough value|
-COARSE = 4  # every so-manieth point is enough to choose among starts
-MAX_STEPS = 60  # of a fit; pictures that their lamps do not explain take any number
+COARSE = 4  # every fourth point is enough to choose among starts
+MAX_STEPS = 60  # of a fit; for pictures that the lamps do not explain it may not converge
 STEP = 1e-3  # [1] of a parameter, for slopes by differences
 USUAL_STEPS = 8  # of a fit
 BOUNDS_BEAM = (-0.5, 4.0)  # [1]
@@ -73,7 +75,7 @@ BOUND_FLUX = 2.5  # [1] of the log of a lamp's flux over the others': a lamp dim
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LightEvidence:
-    """What is known of the light at points of the surfaces.
+    """Data of the fit: the light at points of the surfaces.
 
     Parameters
     ----------
@@ -92,16 +94,16 @@ class LightEvidence:
     face_lamp : (face,) bool
         Faces that show a known lamp: their light is in `direct`.
     group : (sample,) int
-        Points of one surface; -1 for those that say nothing.
+        Points of one surface; -1 for those that are not used.
     cell : (sample,) int
-        Places whose errors are alike.
+        Cluster of neighbouring points, whose errors are correlated.
     ceiling : (sample,) bool
         Points of a ceiling that may be taken for white.
     white : (sample,) bool
         Points so light that their surface is most likely a white one.
     unsure : (sample, 3) float
-        Relative standard deviation of the light there in each cone, for want of knowing just where a shadow ends, and
-        for what strays into the picture of a dark place. [1]
+        Relative standard deviation of the light there in each cone, by shadows' edges of uncertain place, and by stray
+        light in the picture of a dark place. [1]
     tint : (sample, 3) float, optional
         Ratio of apparent reflectance to that in daylight (see `colored_light`); 1 if left out. [1]
     face_excess : (face, 3) float, optional
@@ -132,7 +134,7 @@ class LightEvidence:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LightFit:
-    """Camera and light that explain a picture best.
+    """Camera and light fitted to a picture.
 
     Parameters
     ----------
@@ -140,15 +142,15 @@ class LightFit:
     exposure : (3,) float
         k, for direct light of mean 1 in each cone. [1]
     beam : float
-        b: the lamps' intensity is as cos^(1 + b), over 0 for lamps that shine more narrowly than matt ones. [1]
+        b: the lamps' intensity is as cos^(1 + b); above 0 for a beam narrower than the Lambertian one. [1]
     flux_factors : (lamp,) float
-        What the picture says of each lamp's flux over what was assumed, their geometric mean being 1. [1]
+        Estimate of each lamp's flux over the assumed one, their geometric mean being 1. [1]
     reflectance : (sample, 3) float
         ρ in cones, as Eq. 1 gives it. [1]
     irradiance : (sample, 3) float
         k E, in the camera's unit.
     direct_share : float
-        Share of it that comes straight from the lamps; in a closed room what its surfaces do not reflect. [0-1]
+        Share of it that is direct light; in a closed room 1 minus the mean reflectance. [0-1]
     flux_deviations : (lamp,) float
         Standard deviations of the factors' logarithms; 0 where they were not fitted. [1]
     parameters, deviations : (parameter,) float
@@ -160,11 +162,11 @@ class LightFit:
     scatter_shown : float
         The same of what the picture shows, the light left in.
     witnesses : int
-        Places that speak independently.
+        Number of independent clusters of points.
     cost : float
         Least value of the objective, halved sum of squares.
     steps : int
-        That the fit took; at `MAX_STEPS` it was left as it stood.
+        Steps of the fit; at `MAX_STEPS` it had not converged.
     """
 
     tone: ToneCurve
@@ -235,16 +237,16 @@ class _LightAt:
 class _Model:
     """The objective: residuals as functions of the parameters, from every n-th of the points that count.
 
-    Points that are far off count less and less (Cauchy's loss), or not at all in the end (Geman and McClure's, with
-    `forgets`): that one is right about shadows' edges and objects on walls, but needs a start near the answer.
+    The loss is robust: Cauchy's or, with `redescending`, that of Geman and McClure, in which outliers such as shadows'
+    edges and objects on walls lose all influence, but which needs a start near the optimum.
     """
 
     def __init__(
-        self, evidence: LightEvidence, *, flux_deviation: FloatArray, every: int = 1, forgets: bool = True
+        self, evidence: LightEvidence, *, flux_deviation: FloatArray, every: int = 1, redescending: bool = True
     ) -> None:
         self.evidence = evidence
         self.flux_deviation = flux_deviation
-        self.forgets = forgets
+        self.redescending = redescending
         self.fit_fluxes = len(evidence.direct) > 1
         self.count = COMMON + (len(evidence.direct) if self.fit_fluxes else 0)
         self.rows = np.flatnonzero(evidence.group >= 0)[::every]
@@ -259,7 +261,7 @@ class _Model:
         places = np.stack([evidence.group[self.rows], evidence.cell[self.rows]], axis=1)
         self.cluster = np.unique(places, axis=0, return_inverse=True)[1].reshape(-1)
         self.witnesses = int(self.cluster.max()) + 1
-        # All points together weigh as much as there are independent places.
+        # All points together have the weight of the number of independent clusters.
         self.weight = np.sqrt(self.witnesses / self.rows.size) / LOG_SCATTER
         seen = np.maximum(cones_of_srgb(self.shown), MIN_LIGHT)
         noise = np.hypot(PICTURE_NOISE / seen, evidence.unsure[self.rows])
@@ -307,7 +309,7 @@ class _Model:
             )
             center = summed / total
             apart = self.clarity * (values - center[self.group]) / (ROBUST_SCALE * LOG_SCATTER)
-            weight = self.clarity**2 / (1.0 + apart**2) ** (2 if self.forgets else 1)
+            weight = self.clarity**2 / (1.0 + apart**2) ** (2 if self.redescending else 1)
         return center
 
     def scatter(self, parameters: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -318,12 +320,12 @@ class _Model:
         return (values - center[self.group]) / spread, center
 
     def residuals(self, parameters: FloatArray) -> FloatArray:
-        """Scatter of all points, each counting less the farther it is off; then what is known beforehand."""
+        """Residuals of all points under the robust loss, then those of the priors."""
         values = self.log_reflectance(parameters)
         apart, center = self.scatter(parameters, values)
         scale = ROBUST_SCALE * LOG_SCATTER
         ratio = apart * self.clarity / scale
-        robust = ratio / np.hypot(1.0, ratio) if self.forgets else np.sign(ratio) * np.sqrt(np.log1p(ratio**2))
+        robust = ratio / np.hypot(1.0, ratio) if self.redescending else np.sign(ratio) * np.sqrt(np.log1p(ratio**2))
         data = scale * self.weight / np.sqrt(3.0) * robust.ravel()
         return np.concatenate([data, self._beliefs(parameters, values, center)])
 
@@ -373,13 +375,13 @@ def fit_light(
     start: FloatArray | None = None,
     progress: Progress = silent,
 ) -> LightFit:
-    """Find tone curve, exposure and the lamps' relative fluxes that explain a picture best.
+    """Fit tone curve, exposure, beam and the lamps' relative fluxes to a picture (maximum a posteriori).
 
     Parameters
     ----------
     evidence : LightEvidence
     flux_deviation : (lamp,) float
-        How unsure each lamp's flux over the others' is beforehand, as the standard deviation of its logarithm. [1]
+        Prior standard deviation of the logarithm of each lamp's flux relative to the others. [1]
     start : (parameter,) float, optional
         Of an earlier fit to the same picture; several starts are tried where it is not given.
     progress : Progress, optional
@@ -392,7 +394,7 @@ def fit_light(
     model = _Model(evidence, flux_deviation=flux_deviation)
     *trying, fitting, ending = shares(progress, FIT_SHARES if start is None else FIT_SHARES[-2:])
     if start is None:
-        coarse = _Model(evidence, flux_deviation=flux_deviation, every=COARSE, forgets=False)
+        coarse = _Model(evidence, flux_deviation=flux_deviation, every=COARSE, redescending=False)
         found = [_least(coarse, _start(coarse, *values), part) for values, part in zip(STARTS, trying, strict=True)]
         start = min(found, key=lambda result: float(result.cost)).x
     best = _least(model, np.asarray(start), fitting)
@@ -405,7 +407,7 @@ def _least(model: _Model, start: FloatArray, progress: Progress) -> OptimizeResu
 
     def slopes(parameters: FloatArray) -> FloatArray:
         nonlocal steps
-        progress(steps / (steps + USUAL_STEPS), "camera and light")  # how many it takes cannot be told
+        progress(steps / (steps + USUAL_STEPS), "camera and light")  # the number of steps is not known in advance
         steps += 1
         return model.jacobian(parameters)
 
@@ -465,7 +467,7 @@ def _log_ratio(model: _Model, parameters: FloatArray) -> FloatArray:
 
 
 def _covariance(model: _Model, jacobian: FloatArray, residual: FloatArray) -> FloatArray:
-    """Covariance of the parameters, errors taken as alike within a cell (cluster-robust sandwich)."""
+    """Covariance of the parameters, with errors correlated within a cluster (cluster-robust sandwich)."""
     rows = 3 * model.rows.size
     bread = np.linalg.pinv(jacobian.T @ jacobian)
     scores = (jacobian[:rows] * residual[:rows, None]).reshape(model.rows.size, 3, -1).sum(axis=1)
@@ -487,5 +489,5 @@ def _flux_deviations(model: _Model, covariance: FloatArray) -> FloatArray:
 
 
 def _robust_deviation(values: FloatArray) -> float:
-    """Standard deviation of a normal law from the median of absolute values."""
+    """Robust standard deviation, from the median of absolute values."""
     return float(1.4826 * np.median(np.abs(values)))

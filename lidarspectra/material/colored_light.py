@@ -1,4 +1,4 @@
-"""Reflectance in coloured light: what three colour numbers miss, worked out with spectra.
+"""Reflectance in coloured light: a spectral correction of the three-channel estimate.
 
 Under light of the colour of its own surroundings (an orange wall in a corner of orange walls) a surface reflects a
 larger share of what a cone sees than under daylight: light and reflectance are high at the same wavelengths. The
@@ -6,8 +6,8 @@ apparent reflectance of a cone of response s is
 
     ρ' = ∫ s ρ E dλ / ∫ s E dλ          against          ρ = ∫ s ρ D65 dλ / ∫ s D65 dλ,
 
-up to half as much again. The spectra come from what was estimated so far: reflectances by matching colours, light by
-following it from surface to surface; only the ratio ρ'/ρ is taken from them, so that their errors matter little.
+by up to 50 %. The spectra come from the estimates so far: reflectances by colour matching, light by iterating the
+radiosity equation; only the ratio ρ'/ρ is taken from them, so that their errors have little influence.
 
 References
 ----------
@@ -35,14 +35,14 @@ PALETTE_POINTS = 2_000  # that K-means is run on
 THINNED = slice(8, 69, 4)  # of `COLOR_GRID_NM`: 400 to 700 nm in steps of 20 nm
 BANDS = uniform_bands(390.0, 710.0, 16)  # [nm] about these wavelengths
 REFLECTIONS = 4  # after which the light's colour has settled
-RATIO_RANGE = (0.5, 2.0)  # [1] of ρ'/ρ; beyond it the spectra are not to be trusted
+RATIO_RANGE = (0.5, 2.0)  # [1] of ρ'/ρ; outside it the spectra are unreliable
 MIN_LIGHT = 1e-9  # [1] of the mean direct light
 SEED = 20240902  # of K-means
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Exchange:
-    """How light goes between samples and faces.
+    """Light exchange between samples and faces.
 
     Parameters
     ----------

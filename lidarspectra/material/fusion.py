@@ -1,9 +1,9 @@
-"""Many views' classes on one mesh: each face hears every pixel that shows it, the room's geometry, and its neighbours.
+"""Fusion of many views' classes on the mesh: pixel votes, a prior by place, and smoothing over neighbours.
 
-A pixel votes with its class probabilities, weighted by how sure they are and by how squarely it sees the face. The
-votes' mean is taken as what a witness says who tells nothing of most surfaces and is right about the others;
-times the prior of the face's place (`place_priors`) it is the face's own belief. Mean field on the mesh then smooths it
-where colour and normal of neighbours agree (`face_groups.agreement`).
+A pixel votes with its class probabilities, weighted by their confidence and by the cosine under which it sees the face.
+The votes' mean enters as a likelihood that is uninformative for a given share of surfaces (`WRONG`); times the prior of
+the face's place (`place_priors`) it gives the face's posterior. Mean field on the mesh then smooths it where colour and
+normal of neighbours agree (`face_groups.agreement`).
 """
 
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ from lidarspectra.material.segmentation import CELL_PX, Classifier, segment
 from lidarspectra.material.views import View, ViewSet
 from lidarspectra.progress import Progress, silent
 
-MIN_CONFIDENCE = 0.05  # [1] weight of a pixel that knows nothing, against one that is sure
+MIN_CONFIDENCE = 0.05  # [1] weight of a pixel with uniform probabilities, relative to a certain one
 NEIGHBOR_WEIGHT = 4.0  # [1] of all neighbours together in the mean field, as `crf`'s two kernels together
 ENOUGH_PIXELS = 30.0  # [1] sure, square pixels at which a face's own votes count as they are
-WRONG = 0.8  # [1] share of surfaces of which pictures say something that means nothing (docs/segmentation.md)
+WRONG = 0.8  # [1] share of surfaces for which the pictures' classes are uninformative (docs/segmentation.md)
 CLASS_PARTS = 0.15  # [1] share of a colour group from which a second class makes a group of its own
 CLASS_PART_M2 = 0.25  # [m²] and its least area
 
@@ -119,8 +119,8 @@ def fuse(
     fused : FaceClasses
     """
     trust = np.minimum(votes.votes / ENOUGH_PIXELS, 1.0)[:, None]
-    told = (1.0 - wrong) * votes.belief + wrong / len(votes.classes)
-    own = trust * np.log(told)
+    likelihood = (1.0 - wrong) * votes.belief + wrong / len(votes.classes)
+    own = trust * np.log(likelihood)
     if prior is not None:
         own = own + np.log(np.maximum(prior, MIN_PROBABILITY))
     belief = softmax(own, axis=1)

@@ -1,12 +1,12 @@
-"""Light exchange: what reaches a surface point from all other surfaces, read off the picture itself.
+"""Light exchange: form factors between surface points and faces, for the indirect irradiance from the picture itself.
 
-Of the light on a matt surface, the part that comes from other surfaces is the mean of what they send, over directions
-weighted by the cosine (the radiosity equation with the surfaces' own radiosities in place of unknowns):
+The indirect irradiance at a point is the form-factor-weighted sum of the surfaces' radiosities, that is their mean over
+cosine-weighted directions (the radiosity equation with known radiosities):
 
     E = D + mean over cosine-weighted directions of (radiosity of the surface that is seen there).
 
-A scan's texture shows that radiosity, but for the camera. So the mean needs rays and no light simulation, whatever the
-reflectances are.
+A scan's texture shows that radiosity, up to the camera's response. So the form factors, found by rays, suffice without
+any light simulation, whatever the reflectances are.
 
 References
 ----------
@@ -33,7 +33,7 @@ def exchange_matrix(
     rays: int,
     generator: np.random.Generator,
 ) -> csr_array:
-    """Share of each point's view, weighted by the cosine, that each face fills.
+    """Form factors from points to faces, by stratified cosine-weighted rays (Monte Carlo).
 
     Parameters
     ----------
@@ -46,14 +46,14 @@ def exchange_matrix(
     normals : (point, 3) float
         Unit vectors.
     rays : int
-        Directions a point, stratified.
+        Directions per point, stratified.
     generator : Generator
         Turns the directions of each point.
 
     Returns
     -------
     shares : (point, face + 1) sparse float
-        Rows sum to 1; the last column is what is seen of nothing, through holes. [1]
+        Form factors. Rows sum to 1; the last column is the share of rays that leave through holes. [1]
     """
     directions = cosine_directions(normals, rays, generator)
     hits = caster.nearest(np.repeat(positions, rays, axis=0), directions.reshape(-1, 3))

@@ -1,12 +1,12 @@
-"""Where in the room a face lies, and which materials are likely there (the paper's own outlook, its Section 5).
+"""Prior probabilities of material classes by the place of a face in the room (suggested in the paper's Section 5).
 
-A picture of a plain white surface tells little; that it is large, level and above our heads tells that it is a
-ceiling, and ceilings are mostly painted. Faces get one of five kinds of place from height, direction, flatness and
-size, and each kind has a prior over the classes. The network learned from all classes evenly, so that its probabilities
-multiplied by the prior are what Bayes' rule asks for.
+A picture of a plain white surface has little information; but a large, level surface overhead is a ceiling, and
+ceilings are mostly painted. Faces get one of five kinds of place from height, direction, flatness and size, and each
+kind has a prior over the classes. The network was trained on all classes evenly, so that its probabilities times the
+prior are proportional to the posterior (Bayes' rule).
 
-The priors are our judgement of furnished rooms, rounded, with nothing counted behind them; the segmentation benchmark
-shows what they change.
+The priors are our judgement of furnished rooms, rounded, and not counted from data; the segmentation benchmark shows
+their effect.
 """
 
 from dataclasses import dataclass

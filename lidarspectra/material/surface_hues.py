@@ -1,6 +1,6 @@
-"""Groups of surface points that have one reflectance, most likely: of one plane and one hue, whatever their brightness.
+"""Groups of surface points that most likely have one reflectance: of one plane and one hue, whatever their brightness.
 
-Brightness must not part them: how it changes over a surface is what tells of the light.
+Points must not be separated by brightness: its change over a surface is the evidence of the light.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ HUE_FLOOR = 0.01  # [1] of white, added before logarithms: a darker colour has n
 HUE_STARTS = 2  # K-means restarts
 FLAT = 0.9  # [1] cosine to a room axis from which a point lies in a plane of the room
 PLANE_M = 0.2  # [m] points farther apart along their normal are of different planes
-FEWEST = 25  # points of a group that has something to say
+FEWEST = 25  # points of a group that is used
 SEED = 20240827  # of K-means; the same picture gives the same groups
 
 

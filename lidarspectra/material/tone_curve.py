@@ -1,11 +1,11 @@
-"""A phone's tone curve: how the light in a scene becomes the light that its picture shows.
+"""A phone's tone curve: the mapping from scene radiance to the values in its picture.
 
-Phones lift shadows and press highlights, so that a wall which is lit half as much looks more than half as bright. Two
-numbers describe what most do: a shoulder s (the curve of Reinhard et al., scaled to end in white) and a power g,
+Phones lift shadows and compress highlights, so that a wall with half the illuminance looks more than half as bright.
+Two parameters describe most of them: a shoulder s (the curve of Reinhard et al., scaled to end in white) and a power g,
 
     shown = (1 + s) x^g / (1 + s x^g),          x = [shown / (1 + s - s shown)]^(1/g),
 
-with x and `shown` linear, 0 to 1, for each sRGB channel by itself. g = 1, s = 0 is a camera that shows what it sees.
+with x and `shown` linear, 0 to 1, for each sRGB channel by itself. g = 1, s = 0 is a linear camera.
 
 References
 ----------
@@ -31,7 +31,7 @@ class ToneCurve:
     power : float
         g, over 0; below 1 it lifts shadows, over 1 it adds contrast. [1]
     shoulder : float
-        s, 0 or more; shadows are lifted by up to 1 + s, highlights pressed. [1]
+        s, 0 or more; shadows are lifted by up to 1 + s, highlights compressed. [1]
     """
 
     power: float = 1.0
