@@ -76,6 +76,11 @@ class PassOptions:
         options = ("-I+", "-ab", "0", "-dj", "1", "-ds", f"{lamp_part(self.lamp_count):g}", "-dv+")
         return (*self._common(repeats), *options, *self._ending())
 
+    def survey_arguments(self) -> tuple[str, ...]:
+        """Arguments for a rough D: sensors in, each looking at the lamps once, cut only where they are close."""
+        options = ("-I+", "-ab", "0", "-dj", "1", "-ds", f"{REFLECTED_LAMP_PART:g}", "-dv+")
+        return (*self._common(1), *options, *self._ending())
+
     def gather_arguments(
         self, paths: int, *, bounces: int, lamps_visible: bool, path_weight: float = PATH_WEIGHT
     ) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import SceneError
 from lidarspectra.geometry.rays import RayCaster
-from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.radiance.sampling.receptors import tangents
 from lidarspectra.radiance.scene.mesh_text import read_mesh_text
 from lidarspectra.radiance.scene.primitives import Primitive, read_primitives
@@ -17,6 +17,8 @@ from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.radiance.scene.scene_record import LAMPS_FILE
 
 CELL_SHARE = 1.0 / 8.0  # [1] of the room's diagonal: longest side of a cell, 0.6 m in a room of 3 m x 3 m
+MAX_CELL_M = 0.75  # [m] but no longer than this
+MAX_BOXES = 6_000  # [1] about so many boxes of half a cell's side cover all surfaces, or cells are longer
 MAX_POOLED_GLOSS = 0.1  # [1] specularity above which what leaves a surface depends on who looks
 MARGIN_M = 1e-3  # [m] lamps are taken for so much larger: a path that may end on one is left to the engine
 _SIDES = 6  # [1] a face's side is told by the axis that its normal is nearest to
@@ -62,13 +64,29 @@ class Arrivals:
     material : (ray,) int
         -1 where a ray met nothing.
     kind : (ray,) int
-        Arrivals of different kinds never share a cell.
+        Material and the axis that the normal is nearest to; 0 where a ray met nothing. Arrivals of different kinds
+        never share a cell.
     """
 
     places: FloatArray
     normals: FloatArray
     material: IntArray
     kind: IntArray
+
+    def take(self, rays: IntArray) -> "Arrivals":
+        """Some of them."""
+        return Arrivals(
+            places=self.places[rays], normals=self.normals[rays], material=self.material[rays], kind=self.kind[rays]
+        )
+
+    def joined(self, other: "Arrivals") -> "Arrivals":
+        """These and others."""
+        return Arrivals(
+            places=np.concatenate([self.places, other.places]),
+            normals=np.concatenate([self.normals, other.normals]),
+            material=np.concatenate([self.material, other.material]),
+            kind=np.concatenate([self.kind, other.kind]),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,15 +100,38 @@ class Surfaces:
     scattering : Scattering
     cell_m : float
         Longest side of a cell. [m]
+    bounds : (2, 3) float
+        Lowest and highest corner of all that rays can meet. [m]
     """
 
     caster: RayCaster
     face_material: IntArray
     scattering: Scattering
     cell_m: float
+    bounds: FloatArray
 
-    def arrivals(self, rays: FloatArray, sensor: IntArray) -> Arrivals:
-        """Where rays (ray, 6) of sensors (ray,) arrive."""
+    def box(self, places: FloatArray) -> IntArray:
+        """(place, 3) numbers of the boxes, of half a cell's side, that places lie in."""
+        last = np.floor(np.ptp(self.bounds, axis=0) / (0.5 * self.cell_m)).astype(np.int64)
+        boxes = np.floor((places - self.bounds[0]) / (0.5 * self.cell_m)).astype(np.int64)
+        return np.clip(boxes, 0, last)
+
+    def key(self, arrivals: Arrivals) -> IntArray:
+        """(ray,) a number for each box and kind."""
+        across, deep, high = np.floor(np.ptp(self.bounds, axis=0) / (0.5 * self.cell_m)).astype(np.int64) + 1
+        x, y, z = self.box(arrivals.places).T
+        return ((arrivals.kind * across + x) * deep + y) * high + z
+
+    def can_share(self, arrivals: Arrivals) -> BoolArray:
+        """(ray,) whether it arrived on a surface of the room that is matt."""
+        return ~self.are_dark(arrivals) & self.scattering.is_matt[arrivals.material]
+
+    def are_dark(self, arrivals: Arrivals) -> BoolArray:
+        """(ray,) whether it met nothing, or a lamp, from which no path goes on."""
+        return (arrivals.material < 0) | (arrivals.material == self.scattering.is_matt.size - 1)
+
+    def arrivals(self, rays: FloatArray) -> Arrivals:
+        """Where rays (ray, 6) arrive."""
         origins, directions = rays[:, :3], rays[:, 3:]
         hits = self.caster.nearest(origins, directions)
         places = origins + np.where(hits.met, hits.distance, 0.0)[:, None] * directions
@@ -100,15 +141,11 @@ class Surfaces:
         axis = np.abs(normals).argmax(axis=1)
         side = 2 * axis + (normals[np.arange(len(axis)), axis] > 0)
         material = self.face_material[hits.face]
-        is_matt = self.scattering.is_matt
-        kind = np.where(hits.met, 1 + _SIDES * material + side, 0)
-        alone = hits.met & ~is_matt[material]
-        kinds = 1 + _SIDES * is_matt.size
         return Arrivals(
             places=places,
             normals=normals,
             material=np.where(hits.met, material, -1),
-            kind=np.where(alone, kinds * (1 + sensor) + kind, kind),
+            kind=np.where(hits.met, 1 + _SIDES * material + side, 0),
         )
 
 
@@ -153,8 +190,15 @@ def _surfaces(mesh: Path, materials: Path, lamps: FloatArray) -> Surfaces:
         caster=RayCaster(whole),
         face_material=np.concatenate([face_material, np.full(len(lamps), len(names))]),
         scattering=read_scattering(names, materials),
-        cell_m=CELL_SHARE * float(np.linalg.norm(np.ptp(scan.bounds, axis=0))),
+        cell_m=cell_side_m(scan),
+        bounds=whole.bounds,
     )
+
+
+def cell_side_m(scan: Scan) -> float:
+    """Longest side of a cell in a room [m]."""
+    share = CELL_SHARE * float(np.linalg.norm(np.ptp(scan.bounds, axis=0)))
+    return max(min(share, MAX_CELL_M), 2.0 * float(np.sqrt(scan.areas.sum() / MAX_BOXES)))
 
 
 def _triangles(primitive: Primitive) -> FloatArray:

@@ -21,7 +21,7 @@ from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.radiance.engine.engine import EngineJob, EngineRun, float_rows
 from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.sampling.arrivals import Surfaces
-from lidarspectra.radiance.sampling.pooling import Leg, PooledPaths, draw_pooled_paths
+from lidarspectra.radiance.sampling.pooling import Leg, PooledPaths, Sharing, draw_pooled_paths
 from lidarspectra.radiance.sampling.receptors import FIBONACCI
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
@@ -55,6 +55,8 @@ class Component:
         Components of its kind whose light adds up in its bands, itself counted: the more, the less each need be known.
     surfaces : Surfaces or None
         For 'often'.
+    sharing : Sharing or None
+        For 'often': which sensors may share paths; all that look at the same place if None.
     seconds, sampled : float, int
         Engine time so far, and samples over all points and batches: their ratio is the price.
     """
@@ -67,6 +69,7 @@ class Component:
     samples: IntArray
     sharers: int = 1
     surfaces: Surfaces | None = None
+    sharing: Sharing | None = None
     seconds: float = 0.0
     sampled: int = 0
 
@@ -157,7 +160,14 @@ def _pooled_tasks(
     start = time.process_time()
     values = len(component.lamps) * component.options.group.slot_count
     pooled = draw_pooled_paths(
-        surfaces, sensors, paths, batches=BATCHES, values=values, sharers=component.sharers, generator=generator
+        surfaces,
+        sensors,
+        paths,
+        batches=BATCHES,
+        values=values,
+        sharers=component.sharers,
+        sharing=component.sharing,
+        generator=generator,
     )
     component.seconds += time.process_time() - start
     points = np.arange(len(sensors.positions))

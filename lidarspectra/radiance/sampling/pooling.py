@@ -33,6 +33,7 @@ from scipy.sparse import csr_array
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.sampling.arrivals import Arrivals, Scattering, Surfaces
+from lidarspectra.radiance.sampling.patches import Patches
 from lidarspectra.radiance.sampling.receptors import FIBONACCI, cosine_directions
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 
@@ -43,6 +44,21 @@ REST_WEIGHT = 0.2  # [1] as `PATH_WEIGHT`, of paths that go on: their first refl
 _LOOKS = (1, 2, 3, *FIBONACCI)  # [1] rays of a sensor; less than five are no lattice, and do where many passes add up
 _CURVE_BITS = 6  # [1] steps along each side of a box, as a power of two: 1 cm
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])  # [1] 1/g and 1/g², g³ = g + 1 (Roberts 2018)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sharing:
+    """Which sensors may share paths on which patches.
+
+    Parameters
+    ----------
+    patches : Patches
+    group : (place,) int
+        Patches of the same number share; -1 where each sensor has its own paths.
+    """
+
+    patches: Patches
+    group: IntArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,6 +137,7 @@ def draw_pooled_paths(
     values: int,
     generator: np.random.Generator,
     sharers: int = 1,
+    sharing: Sharing | None = None,
 ) -> PooledPaths:
     """Look where sensors' rays arrive, and draw the paths to be followed.
 
@@ -137,6 +154,8 @@ def draw_pooled_paths(
     generator : numpy.random.Generator
     sharers : int
         Passes whose light adds up, each with looks of its own.
+    sharing : Sharing, optional
+        Who may share a path; if left out, all whose rays arrive in the same box on a surface of the same kind.
 
     Returns
     -------
@@ -151,9 +170,12 @@ def draw_pooled_paths(
     total = drawn = 0
     for _ in range(batches):  # one after the other: a million rays are 100 MB
         rays = sensors.draw_rays(np.arange(count), sets=1, count=looks, generator=generator).reshape(-1, 6)
-        arrivals = surfaces.arrivals(rays, sensor)
+        arrivals = surfaces.arrivals(rays)
         most = max(1, PATHS_PER_CELL * len(rays) // paths)
-        cell = sort_into_cells(arrivals.places, arrivals.kind, most=most, longest_m=surfaces.cell_m)
+        kind = _kinds(surfaces, arrivals, sensor, sharing)
+        cell = sort_into_cells(
+            arrivals.places, kind, most=most, longest_m=surfaces.cell_m, origin=surfaces.bounds[0]
+        )
         chosen = _draw(cell, _worth(surfaces.scattering, arrivals.material), min(paths, len(rays)), generator)
         legs.append(_legs(surfaces.scattering, arrivals, rays, chosen, first_path=drawn, generator=generator))
         cells.append(cell[chosen] + total)
@@ -170,6 +192,20 @@ def draw_pooled_paths(
         found=np.zeros((drawn, values)),
         missing=sum(len(leg.rays) for leg in joined),
     )
+
+
+def _kinds(surfaces: Surfaces, arrivals: Arrivals, sensor: IntArray, sharing: Sharing | None) -> IntArray:
+    """(ray,) numbers of which only the same share a cell: of a group of patches, or of a sensor and kind of surface."""
+    kinds = 1 + int(arrivals.kind.max(initial=0))
+    can_share = surfaces.can_share(arrivals)
+    shared, groups = arrivals.kind, 0
+    if sharing is not None:
+        place = sharing.patches.place_of(arrivals)
+        group = np.where(place >= 0, sharing.group[place], -1)
+        can_share &= group >= 0
+        shared, groups = kinds + group, len(sharing.patches)
+    own = kinds + groups + kinds * sensor + arrivals.kind
+    return np.select([surfaces.are_dark(arrivals), can_share], [arrivals.kind, shared], own)
 
 
 def _looks(paths: int, sensors: int, sharers: int) -> int:
@@ -228,7 +264,9 @@ def _joined(legs: Sequence[Sequence[Leg]]) -> tuple[Leg, ...]:
     return tuple(leg for leg in joined if len(leg.rays))
 
 
-def sort_into_cells(places: FloatArray, kind: IntArray, *, most: int, longest_m: float) -> IntArray:
+def sort_into_cells(
+    places: FloatArray, kind: IntArray, *, most: int, longest_m: float, origin: FloatArray | None = None
+) -> IntArray:
     """Sort points into cells of neighbours of one kind: boxes of a grid, cut along the Z-order curve where too full.
 
     Parameters
@@ -241,6 +279,8 @@ def sort_into_cells(places: FloatArray, kind: IntArray, *, most: int, longest_m:
         Points in a cell.
     longest_m : float
         Side of the boxes. [m]
+    origin : (3,) float, optional
+        A corner of the grid; that of the points if left out. [m]
 
     Returns
     -------
@@ -251,9 +291,10 @@ def sort_into_cells(places: FloatArray, kind: IntArray, *, most: int, longest_m:
     ----------
     Morton G M (1966), A computer oriented geodetic data base and a new technique in file sequencing, IBM.
     """
-    boxes = (places - places.min(axis=0)) / longest_m
+    boxes = (places - (places.min(axis=0) if origin is None else origin)) / longest_m
     corner = np.floor(boxes).astype(np.int64)
     steps = ((boxes - corner) * (1 << _CURVE_BITS)).astype(np.int64)
+    corner -= corner.min(axis=0)
     across, up = corner.max(axis=0)[1:] + 1
     box = (corner[:, 0] * across + corner[:, 1]) * up + corner[:, 2]
     _, label = np.unique(kind * (box.max() + 1) + box, return_inverse=True)

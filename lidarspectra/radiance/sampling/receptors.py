@@ -127,15 +127,19 @@ def draw_directions(
     directions : (point, set, count, 3) float
         Unit vectors.
     """
-    number = np.arange(count)
-    step = round(count / ((1 + 5**0.5) / 2))  # the Fibonacci number before `count`
-    lattice = np.stack([number / count, (number * step % count) / count], axis=-1)
-    shifted = (lattice + generator.random((normals.shape[0], sets, 1, 2))) % 1.0
+    shifted = (lattice(count) + generator.random((normals.shape[0], sets, 1, 2))) % 1.0
     around = normals[:, None, None]
     if receptor.is_cosine:
         return cosine_directions(around, shifted)
     polar = receptor.polar_angle(shifted[..., 0])
     return _turned(around, np.sin(polar), np.cos(polar), shifted[..., 1])
+
+
+def lattice(count: int) -> FloatArray:
+    """(count, 2) points of a Fibonacci lattice in the unit square; `count` is one of `FIBONACCI`, or a poorer one."""
+    number = np.arange(count)
+    step = round(count / ((1 + 5**0.5) / 2))  # the Fibonacci number before `count`
+    return np.stack([number / count, (number * step % count) / count], axis=-1)
 
 
 def cosine_directions(normals: FloatArray, numbers: FloatArray) -> FloatArray:

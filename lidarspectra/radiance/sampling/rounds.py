@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.progress import Progress, part_of, silent
-from lidarspectra.radiance.engine.engine import Engine, EngineJob
+from lidarspectra.radiance.engine.engine import Engine, EngineJob, float_rows
 from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.sampling.arrivals import Surfaces
 from lidarspectra.radiance.sampling.estimator import (
@@ -25,8 +25,10 @@ from lidarspectra.radiance.sampling.estimator import (
     task_job,
     wanted_samples,
 )
+from lidarspectra.radiance.sampling.patches import Patches, find_patches
+from lidarspectra.radiance.sampling.pooling import Sharing
 from lidarspectra.radiance.sampling.receptors import Receptor
-from lidarspectra.radiance.sampling.sensor_rays import Sensors
+from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 
@@ -146,6 +148,7 @@ def estimate_block(
         If a program fails or answers with something that is no answer.
     """
     components = _components(scene, request, counted.size)
+    survey(components, sensors, scene, request, generator=generator, log=log)
     wanted = _first(components, request)
     start, stop, first_s = 0.0, min(first_round, SECOND_ROUND), 0.0
     for _ in range(MAX_ROUNDS):
@@ -191,6 +194,7 @@ def first_mean(
 ) -> FloatArray:
     """(band,) mean irradiance over sensors [W/m²/nm], from the samples of a first round."""
     components = _components(scene, request, len(sensors.positions))
+    survey(components, sensors, scene, request, generator=generator, log=log)
     wanted = _first(components, request)
     _sample(components, wanted, sensors, scene, request, generator=generator, log=log, progress=silent)
     return np.asarray(_totals(scene, components).mean(axis=(0, 1)), dtype=np.float64)
@@ -218,6 +222,46 @@ def _components(scene: RadianceScene, request: Request, count: int) -> list[Comp
         for scene_pass in scene.passes
         for kind in kinds
     ]
+
+
+def survey(
+    components: Sequence[Component],
+    sensors: Sensors,
+    scene: RadianceScene,
+    request: Request,
+    *,
+    generator: np.random.Generator,
+    log: Log,
+) -> None:
+    """Find out where sensors may share paths, from a rough map of every lamp's light on the surfaces they look at."""
+    pooled = [component for component in components if component.surfaces is not None]
+    if not pooled or len(sensors.positions) == 1:  # a lone sensor has nobody to share with
+        return
+    known: dict[int, Patches] = {}
+    for component in pooled:
+        surfaces = component.surfaces
+        if surfaces is not None and id(surfaces) not in known:
+            known[id(surfaces)] = find_patches(surfaces, sensors, generator=generator)
+    patches = [known[id(component.surfaces)] for component in pooled]
+
+    def jobs() -> Iterator[EngineJob]:
+        for component, found in zip(pooled, patches, strict=True):
+            places = np.concatenate([found.positions + SENSOR_OFFSET_M * found.normals, found.normals], axis=1)
+            own = np.concatenate([sensors.positions, sensors.normals], axis=1)[found.watchers]
+            rays = np.concatenate([places, own])
+            arguments = component.options.survey_arguments()
+            yield EngineJob(program="rcontrib", arguments=arguments, folder=scene.folder, stdin=rays.tobytes())
+
+    runs = request.engine.run_jobs(jobs(), workers=request.workers)
+    for component, found, run in zip(pooled, patches, runs, strict=True):
+        slots = component.options.group.slot_count
+        count = len(found) + len(found.watchers)
+        values = float_rows(run, rows=count, columns=len(component.lamps) * slots)
+        direct = values.reshape(count, -1, slots).mean(axis=2).T
+        group = found.groups(direct[:, : len(found)] , direct[:, len(found) :])
+        component.sharing = Sharing(patches=found, group=group)
+        log.commands.add(run.command)
+        log.rays += count
 
 
 def _first(components: Sequence[Component], request: Request) -> list[IntArray]:

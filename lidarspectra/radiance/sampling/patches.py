@@ -1,0 +1,266 @@
+"""Patches: where on the room's surfaces sensors may share paths, because the light there is the same for all of them.
+
+Paths are shared by sensors whose rays arrive near one another (`pooling`). Near is not enough: the two sides of a wall
+are near, and so are the bright and the dark side of a door's edge. So before any path is drawn, the surfaces that the
+sensors look at are cut into boxes; each box gets a place for every part of it that does not see the others; and the
+light at these places is estimated roughly, lamp by lamp, by a radiosity solution on the places themselves:
+
+    B = ρ (E_direct + E),   E = W B,   W_pq = share of cosine-distributed rays from place p that arrive at patch q
+
+Rays from all places go in the same directions of a lattice, so that what differs between neighbours is what they see.
+Two neighbouring places are alike if no lamp's reflected light E differs between them by more than `MAX_CONTRAST`. An
+arrival shares paths with those on places that are alike, that lie in the same cell of 2 x 2 x 2 boxes, and that see
+one another; where the light is uneven, or an arrival does not see its place, each sensor has paths of its own, and is
+sampled as if no other were there: whatever the light is, such an estimate is unbiased.
+
+The rough light decides only who shares; it is in no estimate.
+
+References
+----------
+Goral C M, Torrance K E, Greenberg D P, Battaile B (1984), Modeling the interaction of light between diffuse surfaces,
+SIGGRAPH '84, 213-222. Ward G J, Heckbert P S (1992), Irradiance gradients, Eurographics Workshop on Rendering, 85-98
+(light that is interpolated over a distance that its own change allows).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.radiance.sampling.arrivals import Arrivals, Surfaces
+from lidarspectra.radiance.sampling.receptors import cosine_directions, lattice
+from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
+
+MAX_CONTRAST = 0.3  # [1] between neighbours that share, of the light of the sensors that look there
+FAINT = 1e-4  # [1] of a lamp's mean light at the sensors: less than that is taken for that
+LIFT_M = 0.02  # [m] off the surface where sight is tested: above the roughness of a scanned wall
+LOOKS = 4_000  # [1] sensors' rays that find the places, about
+LOOKS_PER_SENSOR = (8, 144)  # [1] fewest and most
+RAYS_PER_PLACE = 55  # [1]
+DISCOVERY = 3  # [1] every so many-th of them finds places of the next generation
+LAYERS = 3  # [1] parts of a box that do not see one another and get a place each; what is seen by none shares nothing
+GENERATIONS = 2  # [1] places seen from the sensors, and from those places
+REFLECTIONS = 12  # [1] of the rough light
+UNKNOWN_REFLECTANCE = 0.5  # [1] of glossy surfaces
+NORMAL_M = 0.3  # [m] a place whose normal is turned by a radian is as far as one so far away
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Patches:
+    """Places on the surfaces that the sensors of a block look at.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+    key : (place,) int
+        Box and kind of surface; ascending.
+    positions, normals : (place, 3) float
+        [m, 1]
+    material : (place,) int
+    transfer : (place, place) sparse
+        W: share of the rays from a place that arrive at another.
+    watchers : (some,) int
+        Sensors whose looks found the places.
+    looks : (watcher, place) sparse
+        Share of their looks that arrive at each place.
+    neighbours : (pair, 2) int
+        Places of one kind in the same or adjoining boxes that see one another.
+    """
+
+    surfaces: Surfaces
+    key: IntArray
+    positions: FloatArray
+    normals: FloatArray
+    material: IntArray
+    transfer: csr_array
+    watchers: IntArray
+    looks: csr_array
+    neighbours: IntArray
+
+    def __len__(self) -> int:
+        return len(self.key)
+
+    def groups(self, direct: FloatArray, watched: FloatArray) -> IntArray:
+        """Who may share paths.
+
+        Parameters
+        ----------
+        direct : (lamp, place) float
+            Light straight from each lamp at the places. [any unit]
+        watched : (lamp, watcher) float
+            The same at the sensors. [same]
+
+        Returns
+        -------
+        group : (place,) int
+            Number of the group that shares paths; -1 where the light is uneven and nobody shares.
+        """
+        scattering = self.surfaces.scattering
+        reflectance = np.where(scattering.is_diffuse, scattering.reflectance.mean(axis=1), UNKNOWN_REFLECTANCE)
+        reflectance[-1] = 0.0  # lamps
+        rho = reflectance[self.material]
+        light = np.zeros_like(direct)
+        for _ in range(REFLECTIONS):
+            light = (self.transfer @ (rho * (direct + light)).T).T
+        level = self._level(watched + (self.looks @ (rho * (direct + light)).T).T)
+        first, second = self.neighbours.T
+        difference = np.abs(light[:, first] - light[:, second]) * np.maximum(rho[first], rho[second])
+        uneven = np.zeros(len(self), dtype=np.bool_)
+        for end in (first, second):
+            uneven[end[(difference > MAX_CONTRAST * level[:, end]).any(axis=0)]] = True
+        cells = self.surfaces.box(self.positions) // 2
+        together = (cells[first] == cells[second]).all(axis=1) & ~uneven[first] & ~uneven[second]
+        ones = np.ones(int(together.sum()))
+        graph = coo_array((ones, (first[together], second[together])), shape=(len(self), len(self)))
+        _, group = connected_components(graph, directed=False)
+        return np.where(uneven, -1, group).astype(np.int64)
+
+    def _level(self, light: FloatArray) -> FloatArray:
+        """(lamp, place) light of the sensors (lamp, watcher) that look at each place: their harmonic mean, by looks.
+
+        Where none looks, 0: whatever difference is there counts.
+        """
+        least = FAINT * light.mean(axis=1, keepdims=True) + 1e-30
+        share = np.asarray(self.looks.sum(axis=0)).ravel()
+        inverse = (self.looks.T @ (1.0 / np.maximum(light, least)).T).T
+        return share / np.maximum(inverse, 1e-30)
+
+    def place_of(self, arrivals: Arrivals) -> IntArray:
+        """(ray,) the place that stands for where a ray arrived: of its box and kind, and in sight; -1 if none is."""
+        return _place_of(self.surfaces, arrivals, self.key, self.positions, self.normals)
+
+
+def find_patches(surfaces: Surfaces, sensors: Sensors, *, generator: np.random.Generator) -> Patches:
+    """Cut what sensors look at into patches, and find how these light one another.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+    sensors : Sensors
+    generator : numpy.random.Generator
+
+    Returns
+    -------
+    patches : Patches
+    """
+    count = len(sensors.positions)
+    looks = int(np.clip(LOOKS // count, *LOOKS_PER_SENSOR))
+    watchers = np.unique(np.linspace(0, count - 1, LOOKS // looks).astype(np.int64))
+    rays = sensors.draw_rays(watchers, sets=1, count=looks, generator=generator).reshape(-1, 6)
+    looked = surfaces.arrivals(rays)
+    places = _Places.of(surfaces, looked)
+    for _ in range(GENERATIONS - 1):
+        seen = surfaces.arrivals(places.rays()[::DISCOVERY])
+        places = _Places.of(surfaces, seen, known=places.arrivals)
+    seen = surfaces.arrivals(places.rays())
+    return Patches(
+        surfaces=surfaces,
+        key=places.key,
+        positions=places.arrivals.places,
+        normals=places.arrivals.normals,
+        material=places.arrivals.material,
+        transfer=places.transfer(seen, len(places.key)),
+        watchers=watchers,
+        looks=places.transfer(looked, len(watchers)),
+        neighbours=places.neighbours(),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Places:
+    """Arrivals that stand for others, in the order of their keys."""
+
+    surfaces: Surfaces
+    arrivals: Arrivals
+    key: IntArray
+
+    @classmethod
+    def of(cls, surfaces: Surfaces, seen: Arrivals, known: Arrivals | None = None) -> "_Places":
+        """Known ones, and for every box what no place of it sees."""
+        nothing = np.zeros(0, dtype=np.int64)
+        places = cls._sorted(surfaces, seen.take(nothing) if known is None else known)
+        matt = seen.take(np.flatnonzero(surfaces.can_share(seen)))
+        for layer in range(LAYERS):
+            matt = matt.take(np.flatnonzero(places.place_of(matt) < 0))
+            key, first = np.unique(surfaces.key(matt), return_index=True)
+            held = np.searchsorted(places.key, key, side="right") - np.searchsorted(places.key, key, side="left")
+            first = first[held <= layer]
+            if first.size:
+                places = cls._sorted(surfaces, places.arrivals.joined(matt.take(first)))
+        return places
+
+    @classmethod
+    def _sorted(cls, surfaces: Surfaces, arrivals: Arrivals) -> "_Places":
+        key = surfaces.key(arrivals)
+        order = np.argsort(key, kind="stable")
+        return cls(surfaces=surfaces, arrivals=arrivals.take(order), key=key[order])
+
+    def place_of(self, seen: Arrivals) -> IntArray:
+        """(ray,) as `Patches.place_of`."""
+        return _place_of(self.surfaces, seen, self.key, self.arrivals.places, self.arrivals.normals)
+
+    def rays(self) -> FloatArray:
+        """(place x ray, 6) of every place, in proportion to the cosine, in the same directions of one lattice."""
+        numbers = np.broadcast_to(lattice(RAYS_PER_PLACE), (len(self.key), RAYS_PER_PLACE, 2))
+        normals = self.arrivals.normals[:, None]
+        rays = np.empty((len(self.key), RAYS_PER_PLACE, 6))
+        rays[..., :3] = self.arrivals.places[:, None] + SENSOR_OFFSET_M * normals
+        rays[..., 3:] = cosine_directions(normals, numbers)
+        return rays.reshape(-1, 6)
+
+    def transfer(self, seen: Arrivals, senders: int) -> csr_array:
+        """(sender, place) share of the rays of senders, as many of each, that arrive at each place.
+
+        Those that arrive at none's are given to the nearest.
+        """
+        to = self.place_of(seen)
+        lost = np.flatnonzero((to < 0) & self.surfaces.can_share(seen))
+        if lost.size and len(self.key):
+            own = np.concatenate([self.arrivals.places, NORMAL_M * self.arrivals.normals], axis=1)
+            theirs = np.concatenate([seen.places[lost], NORMAL_M * seen.normals[lost]], axis=1)
+            to[lost] = cKDTree(own).query(theirs)[1]
+        found = to >= 0
+        sender = np.repeat(np.arange(senders), len(to) // senders)[found]
+        share = np.full(sender.size, senders / len(to))
+        return csr_array((share, (sender, to[found])), shape=(senders, len(self.key)))
+
+    def neighbours(self) -> IntArray:
+        """(pair, 2) places of one kind, in the same or adjoining boxes, that see one another."""
+        if not len(self.key):
+            return np.empty((0, 2), dtype=np.int64)
+        box = self.surfaces.box(self.arrivals.places).astype(np.float64)
+        pairs = cKDTree(np.column_stack([box, 10.0 * self.arrivals.kind])).query_pairs(
+            1.5, p=np.inf, output_type="ndarray"
+        )
+        first, second = self.arrivals.take(pairs[:, 0]), self.arrivals.take(pairs[:, 1])
+        return pairs[_see_one_another(self.surfaces, first, second.places, second.normals)].astype(np.int64)
+
+
+def _place_of(
+    surfaces: Surfaces, seen: Arrivals, key: IntArray, positions: FloatArray, normals: FloatArray
+) -> IntArray:
+    """(ray,) the first place of the same key that each arrival sees; -1 if none is."""
+    wanted = surfaces.key(seen)
+    first = np.searchsorted(key, wanted, side="left")
+    count = np.searchsorted(key, wanted, side="right") - first
+    place = np.full(len(wanted), -1, dtype=np.int64)
+    for layer in range(LAYERS):
+        open_ = np.flatnonzero((place < 0) & (count > layer))
+        at = first[open_] + layer
+        sees = _see_one_another(surfaces, seen.take(open_), positions[at], normals[at])
+        place[open_[sees]] = at[sees]
+    return place
+
+
+def _see_one_another(surfaces: Surfaces, seen: Arrivals, positions: FloatArray, normals: FloatArray) -> BoolArray:
+    """(ray,) whether nothing stands between arrivals and positions, both lifted off their surfaces."""
+    starts = seen.places + SENSOR_OFFSET_M * seen.normals
+    lift = (LIFT_M - SENSOR_OFFSET_M) * seen.normals
+    lifted, ends = starts + lift, positions + LIFT_M * normals
+    origins, ways = np.concatenate([starts, lifted]), np.concatenate([lift, ends - lifted])
+    ways[np.all(ways == 0.0, axis=1), 2] = 1e-9  # a place sees itself
+    blocked = surfaces.caster.nearest(origins, ways, max_distance=1.0).met
+    return ~(blocked[: len(starts)] | blocked[len(starts) :])

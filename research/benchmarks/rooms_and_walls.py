@@ -1,0 +1,317 @@
+"""Light behind walls, through doors and round corners: our trace against Mitsuba 3, for every lamp alone and together.
+
+    python -m research.benchmarks.rooms_and_walls [--rooms door ajar ...] [--noise standard fine] [--seeds 3]
+
+All surfaces reflect .7. Rooms are 4 m x 4 m x 2.7 m, one panel in each of two places ("near", "far"), sensors 0.3 m
+above the floor facing up, `ultra`. Printed for each group of sensors (of the lamp's own room, of the other) and each
+lamp: the mean's deviation from the reference, the stated standard error (both over the mean), and the share of points
+within two standard errors (ours and the reference's added in squares). Where no light can arrive the reference is zero
+by construction and the largest value is printed.
+
+The reference is Mitsuba's path tracer (`research.second_opinion`, `custom="textbook"`); it needs the extra `validate`.
+"""
+
+import argparse
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from lidarspectra.arrays import BoolArray, FloatArray
+from lidarspectra.config import TraceSection
+from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.material.material_map import Material
+from lidarspectra.radiance.engine.options import Noise
+from lidarspectra.radiance.sampling.trace import trace
+from lidarspectra.radiance.sampling.transport import standard_error_of_sum
+from lidarspectra.radiance.scene.scene import write_scene
+from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
+from research.benchmarks.cross_check import Room
+from research.benchmarks.processor_time import processor_seconds
+from research.benchmarks.true_faces import materials_on
+from research.second_opinion import reference_irradiance
+
+REFLECTANCE = 0.7  # [1]
+HEIGHT_M = 2.7  # [m]
+SENSOR_HEIGHT_M = 0.3  # [m]
+PANEL_M = 0.6  # [m] edge of the lamps
+BEYOND_M = 0.01  # [m] walls reach so far into floor and ceiling
+SHEET_NOISE_M = 0.015  # [m] standard deviation of a scanned wall's vertices
+BANDS = uniform_bands(400.0, 700.0, 3)
+RANGE_NM = np.array([380.0, 780.0])
+DARK = 1e-6  # [1] of a lamp that only stands in the light's way of the other: Mitsuba's lamps are never quite out
+REFERENCE_CELLS, REFERENCE_REPEATS = 64, 8
+GLOSSLESS = "wall"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rooms:
+    """Two places with a lamp each, and the sensors of each place."""
+
+    room: Room
+    is_far: BoolArray
+    is_closed: bool = False
+
+
+def box(low: Sequence[float], high: Sequence[float]) -> trimesh.Trimesh:
+    """A solid."""
+    return trimesh.creation.box(bounds=np.array([low, high]))
+
+
+def shell(high: Sequence[float]) -> trimesh.Trimesh:
+    """The inside of a box from the origin."""
+    mesh = box((0.0, 0.0, 0.0), high)
+    mesh.invert()
+    return mesh
+
+
+def grid(low: Sequence[float], high: Sequence[float], counts: Sequence[int], height: float) -> FloatArray:
+    """(point, 3) sensor places, evenly inside a rectangle [m]."""
+    x, y = np.meshgrid(
+        *[
+            first + (np.arange(count) + 0.5) * (last - first) / count
+            for first, last, count in zip(low, high, counts, strict=True)
+        ]
+    )
+    return np.stack([x.ravel(), y.ravel(), np.full(x.size, height)], axis=1)
+
+
+def panel(name: str, center: Sequence[float]) -> Lamp:
+    """A lamp of 1 W/nm that faces down."""
+    return Lamp(
+        name=name,
+        shape="panel",
+        center=np.array(center),
+        normal=np.array([0.0, 0.0, -1.0]),
+        size=(PANEL_M, PANEL_M),
+        flux=Spectrum(wavelengths_nm=RANGE_NM, values=np.ones(2)),
+    )
+
+
+def rooms(
+    name: str, meshes: Sequence[trimesh.Trimesh], lamps: Sequence[Lamp], near: FloatArray, far: FloatArray, **more: bool
+) -> Rooms:
+    """Of its parts."""
+    whole = trimesh.util.concatenate(list(meshes))
+    wall = Material(
+        name=GLOSSLESS,
+        category="wall",
+        reflectance=Spectrum(wavelengths_nm=RANGE_NM, values=np.full(2, REFLECTANCE)),
+        source="benchmark",
+        provenance="modelled",
+        confidence=1.0,
+        measured_range_nm=(380.0, 780.0),
+        color=(0.5, 0.5, 0.5),
+    )
+    places = np.concatenate([near, far])
+    room = Room(
+        name=name,
+        scan=bare_scan(np.array(whole.vertices), np.array(whole.faces)),
+        materials=materials_on([wall], np.zeros(len(whole.faces), dtype=np.int64)),
+        lamps=tuple(lamps),
+        bands=BANDS,
+        points=SensorPoints(
+            positions=places,
+            normals=np.tile([0.0, 0.0, 1.0], (len(places), 1)),
+            buried=np.zeros(len(places), np.bool_),
+        ),
+    )
+    return Rooms(room=room, is_far=np.arange(len(places)) >= len(near), **more)
+
+
+def side_by_side(name: str, wall: Sequence[trimesh.Trimesh], **more: bool) -> Rooms:
+    """Two rooms of 4 m x 4 m with a wall from 4.0 to 4.1 m between them."""
+    lamps = [panel("near", (2.0, 2.0, 2.65)), panel("far", (6.1, 2.0, 2.65))]
+    near, far = grid((0, 0), (4, 4), (8, 8), SENSOR_HEIGHT_M), grid((4.1, 0), (8.1, 4), (8, 8), SENSOR_HEIGHT_M)
+    return rooms(name, [shell((8.1, 4.0, HEIGHT_M)), *wall], lamps, near, far, **more)
+
+
+def upright(low: Sequence[float], high: Sequence[float]) -> trimesh.Trimesh:
+    """A wall from floor to ceiling, let into both."""
+    return box((*low, -BEYOND_M), (*high, HEIGHT_M + BEYOND_M))
+
+
+def doorway() -> list[trimesh.Trimesh]:
+    """A wall with an opening of 0.9 m x 2.0 m."""
+    return [
+        upright((4.0, -BEYOND_M), (4.1, 1.55)),
+        upright((4.0, 2.45), (4.1, 4.0 + BEYOND_M)),
+        box((4.0, 1.55, 2.0), (4.1, 2.45, HEIGHT_M + BEYOND_M)),
+    ]
+
+
+def one_room() -> Rooms:
+    """No wall between the two places: what the trace costs where walls are no matter."""
+    return side_by_side("one", [])
+
+
+def wall() -> Rooms:
+    """A closed wall of 10 cm."""
+    return side_by_side("wall", [upright((4.0, -BEYOND_M), (4.1, 4.0 + BEYOND_M))], is_closed=True)
+
+
+def sheet() -> Rooms:
+    """A wall that is a single sheet."""
+    corners = [[4.05, y, z] for y, z in ((-0.01, -0.01), (4.01, -0.01), (4.01, 2.71), (-0.01, 2.71))]
+    return side_by_side("sheet", [trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)], is_closed=True)
+
+
+def noisy() -> Rooms:
+    """The two sheets of a scanned wall of 10 cm, rough by some centimetres; edges let into the room's surfaces."""
+    generator = np.random.default_rng(3)
+    y, z = np.meshgrid(np.linspace(-0.05, 4.05, 42), np.linspace(-0.05, 2.75, 29), indexing="ij")
+    number = np.arange(y.size).reshape(y.shape)
+    first, right, up, both = (
+        part.ravel() for part in (number[:-1, :-1], number[1:, :-1], number[:-1, 1:], number[1:, 1:])
+    )
+    faces = np.concatenate([np.stack([first, right, both], axis=1), np.stack([first, both, up], axis=1)])
+    meshes = []
+    for x, order in ((4.0, slice(None, None, -1)), (4.1, slice(None))):
+        off = np.clip(generator.normal(0.0, SHEET_NOISE_M, y.shape), -0.04, 0.04)
+        places = np.stack([x + off, y, z], axis=-1).reshape(-1, 3)
+        meshes.append(trimesh.Trimesh(places, faces[:, order], process=False))
+    return side_by_side("noisy", meshes, is_closed=True)
+
+
+def door() -> Rooms:
+    """A door of 0.9 m x 2.0 m."""
+    return side_by_side("door", doorway())
+
+
+def ajar() -> Rooms:
+    """The door's leaf, 4 cm thick, open by 0.2 m into the far room."""
+    leaf = box((0.0, 0.0, 0.001), (0.04, 0.898, 1.999))
+    angle = 2.0 * np.arcsin(0.1 / 0.9)
+    leaf.apply_transform(trimesh.transformations.rotation_matrix(-angle, [0, 0, 1]))
+    leaf.apply_translation((4.06, 1.551, 0.0))
+    return side_by_side("ajar", [*doorway(), leaf])
+
+
+def corridor() -> Rooms:
+    """A corridor 1.4 m wide with a corner."""
+    lamps = [panel("near", (0.8, 5.3, 2.65)), panel("far", (6.3, 0.8, 2.65))]
+    near, far = grid((0, 4.6), (7, 6), (16, 4), SENSOR_HEIGHT_M), grid((5.6, 0), (7, 4.6), (4, 12), SENSOR_HEIGHT_M)
+    return rooms(
+        "corridor",
+        [shell((7.0, 6.0, HEIGHT_M)), upright((-BEYOND_M, -BEYOND_M), (5.6, 4.6))],
+        lamps,
+        near,
+        far,
+    )
+
+
+def stair() -> Rooms:
+    """Two storeys of 5 m x 4 m, joined by a stair in an opening of 2.4 m x 1 m."""
+    floor_m = HEIGHT_M + 0.2
+    slab = [
+        box((-BEYOND_M, 1.0, HEIGHT_M), (5.0 + BEYOND_M, 4.0 + BEYOND_M, floor_m)),
+        box((-BEYOND_M, -BEYOND_M, HEIGHT_M), (2.6, 1.0, floor_m)),
+    ]
+    steps = [
+        box((2.6 + 0.24 * step, 0.0, floor_m * step / 10), (2.84 + 0.24 * step, 0.999, floor_m * (step + 0.5) / 10))
+        for step in range(10)
+    ]
+    lamps = [panel("near", (1.5, 2.5, floor_m + 2.6)), panel("far", (1.5, 2.5, 2.65))]
+    near = grid((0, 1), (5, 4), (10, 6), floor_m + SENSOR_HEIGHT_M)
+    far = grid((0, 1), (5, 4), (10, 6), SENSOR_HEIGHT_M)
+    return rooms("stair", [shell((5.0, 4.0, floor_m + HEIGHT_M)), *slab, *steps], lamps, near, far)
+
+
+ROOMS: dict[str, Callable[[], Rooms]] = {
+    "one": one_room,
+    "wall": wall,
+    "sheet": sheet,
+    "noisy": noisy,
+    "door": door,
+    "ajar": ajar,
+    "corridor": corridor,
+    "stair": stair,
+}
+
+
+def reference(case: Rooms, lamp: int, folder: Path | None) -> tuple[FloatArray, FloatArray]:
+    """(point,) irradiance of one lamp by Mitsuba and its standard error [W/m²/nm]; kept in a folder, if one is given."""
+    kept = None if folder is None else folder / f"{case.room.name}{lamp}.npz"
+    if kept is not None and kept.exists():
+        with np.load(kept) as file:
+            return file["light"], file["error"]
+    room = case.room
+    dark = Spectrum(wavelengths_nm=RANGE_NM, values=np.full(2, DARK))
+    lamps = [each if index == lamp else replace(each, flux=dark) for index, each in enumerate(room.lamps)]
+    found = reference_irradiance(
+        room.scan,
+        room.materials,
+        lamps,
+        room.bands,
+        room.points,
+        only_bands=(0,),
+        cells=REFERENCE_CELLS,
+        repeats=REFERENCE_REPEATS,
+        seed=17 + lamp,
+        crease_deg=0.0,
+        custom="textbook",
+    )
+    light, error = found.irradiance[:, 0], found.standard_error[:, 0]
+    if kept is not None:
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        np.savez_compressed(kept, light=light, error=error)
+    return light, error
+
+
+def judge(case: Rooms, noise: Noise, folder: Path, *, seeds: int, kept: Path | None) -> None:
+    """Trace a case some times and print how far it is off."""
+    room = case.room
+    truths = [reference(case, lamp, kept) for lamp in range(len(room.lamps))]
+    truths.append((sum(light for light, _ in truths), np.sqrt(sum(error**2 for _, error in truths))))  # type: ignore[arg-type]
+    scene = write_scene(room.scan, room.materials, room.lamps, room.bands, folder / room.name, crease_deg=0.0)
+    section = TraceSection(accuracy="ultra", noise=noise)
+    before = processor_seconds()
+    runs = [trace(scene, room.points, section, seed=seed) for seed in range(1, seeds + 1)]
+    seconds = (processor_seconds() - before) / seeds
+    print(f"{room.name}, {noise}: {seconds:.1f} s of processor time", flush=True)
+    for lamp, (truth, truth_error) in enumerate(truths):
+        alone = lamp < len(room.lamps)
+        on = np.zeros((len(room.lamps), len(room.bands)))
+        on[lamp if alone else slice(None)] = 1.0
+        found = np.stack([np.einsum("lpb,lb->pb", run["coefficient"].to_numpy(), on)[:, 0] for run in runs])
+        error = np.stack([standard_error_of_sum(run, on)[:, 0] for run in runs])
+        for place, chosen in (("near", ~case.is_far), ("far", case.is_far)):
+            label = f"  lamp {room.lamps[lamp].name if alone else 'both':5s} sensors {place:5s}"
+            if case.is_closed and alone and (place == "far") == (lamp == 0):
+                lit = truth[~chosen].mean()
+                print(f"{label} largest {100 * found[:, chosen].max() / lit:.4f} % of the lit room's mean", flush=True)
+                continue
+            mean = truth[chosen].mean()
+            off = found[:, chosen] - truth[chosen]
+            within = np.abs(off) <= 2.0 * np.hypot(error[:, chosen], truth_error[chosen])
+            rms = np.sqrt((error[:, chosen] ** 2).mean())
+            print(
+                f"{label} mean {100 * off.mean() / mean:+6.2f} %  worst {100 * np.abs(off / truth[chosen]).max():5.1f} %"
+                f"  NRMSE {100 * np.sqrt((off**2).mean()) / mean:5.2f} %  stated {100 * rms / mean:5.2f} %  within two"
+                f" {100 * within.mean():3.0f} %  (reference {100 * np.sqrt((truth_error[chosen] ** 2).mean()) / mean:.2f} %)",
+                flush=True,
+            )
+
+
+def main() -> None:
+    """Run what the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rooms", nargs="+", choices=tuple(ROOMS), default=list(ROOMS))
+    parser.add_argument("--noise", nargs="+", choices=("draft", "standard", "fine"), default=["standard", "fine"])
+    parser.add_argument("--seeds", type=int, default=3, help="runs of ours")
+    parser.add_argument("--keep", type=Path, help="folder where references are kept for the next time")
+    options = parser.parse_args()
+    for name in options.rooms:
+        case = ROOMS[name]()
+        for noise in options.noise:
+            with tempfile.TemporaryDirectory(prefix="lidarspectra-") as folder:
+                judge(case, noise, Path(folder), seeds=options.seeds, kept=options.keep)
+
+
+if __name__ == "__main__":
+    main()
