@@ -113,22 +113,25 @@ class Surfaces:
     def box(self, places: FloatArray) -> IntArray:
         """(place, 3) numbers of the boxes, of half a cell's side, that places lie in."""
         last = np.floor(np.ptp(self.bounds, axis=0) / (0.5 * self.cell_m)).astype(np.int64)
-        boxes = np.floor((places - self.bounds[0]) / (0.5 * self.cell_m)).astype(np.int64)
-        return np.clip(boxes, 0, last)
+        boxes: IntArray = np.floor((places - self.bounds[0]) / (0.5 * self.cell_m)).astype(np.int64)
+        return boxes.clip(0, last)
 
     def key(self, arrivals: Arrivals) -> IntArray:
         """(ray,) a number for each box and kind."""
         across, deep, high = np.floor(np.ptp(self.bounds, axis=0) / (0.5 * self.cell_m)).astype(np.int64) + 1
         x, y, z = self.box(arrivals.places).T
-        return ((arrivals.kind * across + x) * deep + y) * high + z
+        key: IntArray = ((arrivals.kind * across + x) * deep + y) * high + z
+        return key
 
     def can_share(self, arrivals: Arrivals) -> BoolArray:
         """(ray,) whether it arrived on a surface of the room that is matt."""
-        return ~self.are_dark(arrivals) & self.scattering.is_matt[arrivals.material]
+        shares: BoolArray = ~self.are_dark(arrivals) & self.scattering.is_matt[arrivals.material]
+        return shares
 
     def are_dark(self, arrivals: Arrivals) -> BoolArray:
         """(ray,) whether it met nothing, or a lamp, from which no path goes on."""
-        return (arrivals.material < 0) | (arrivals.material == self.scattering.is_matt.size - 1)
+        dark: BoolArray = (arrivals.material < 0) | (arrivals.material == self.scattering.is_matt.size - 1)
+        return dark
 
     def arrivals(self, rays: FloatArray) -> Arrivals:
         """Where rays (ray, 6) arrive."""

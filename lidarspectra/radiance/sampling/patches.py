@@ -126,7 +126,8 @@ class Patches:
         least = FAINT * light.mean(axis=1, keepdims=True) + 1e-30
         share = np.asarray(self.looks.sum(axis=0)).ravel()
         inverse = (self.looks.T @ (1.0 / np.maximum(light, least)).T).T
-        return share / np.maximum(inverse, 1e-30)
+        level: FloatArray = share / np.maximum(inverse, 1e-30)
+        return level
 
     def place_of(self, arrivals: Arrivals) -> IntArray:
         """(ray,) the place that stands for where a ray arrived: of its box and kind, and in sight; -1 if none is."""
@@ -236,7 +237,8 @@ class _Places:
             1.5, p=np.inf, output_type="ndarray"
         )
         first, second = self.arrivals.take(pairs[:, 0]), self.arrivals.take(pairs[:, 1])
-        return pairs[_see_one_another(self.surfaces, first, second.places, second.normals)].astype(np.int64)
+        seeing: IntArray = pairs[_see_one_another(self.surfaces, first, second.places, second.normals)]
+        return seeing
 
 
 def _place_of(

@@ -173,9 +173,7 @@ def draw_pooled_paths(
         arrivals = surfaces.arrivals(rays)
         most = max(1, PATHS_PER_CELL * len(rays) // paths)
         kind = _kinds(surfaces, arrivals, sensor, sharing)
-        cell = sort_into_cells(
-            arrivals.places, kind, most=most, longest_m=surfaces.cell_m, origin=surfaces.bounds[0]
-        )
+        cell = sort_into_cells(arrivals.places, kind, most=most, longest_m=surfaces.cell_m, origin=surfaces.bounds[0])
         chosen = _draw(cell, _worth(surfaces.scattering, arrivals.material), min(paths, len(rays)), generator)
         legs.append(_legs(surfaces.scattering, arrivals, rays, chosen, first_path=drawn, generator=generator))
         cells.append(cell[chosen] + total)

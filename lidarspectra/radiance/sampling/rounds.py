@@ -258,7 +258,7 @@ def survey(
         count = len(found) + len(found.watchers)
         values = float_rows(run, rows=count, columns=len(component.lamps) * slots)
         direct = values.reshape(count, -1, slots).mean(axis=2).T
-        group = found.groups(direct[:, : len(found)] , direct[:, len(found) :])
+        group = found.groups(direct[:, : len(found)], direct[:, len(found) :])
         component.sharing = Sharing(patches=found, group=group)
         log.commands.add(run.command)
         log.rays += count

@@ -19,12 +19,13 @@ class Box:
         self.surfaces = Surfaces(
             caster=self,  # type: ignore[arg-type]
             face_material=np.arange(6) % 2,
-            scattering=Scattering(
-                is_matt=np.full(2, matt),
-                is_diffuse=np.full(2, diffuse),
-                reflectance=np.array(REFLECTANCES)[:, None] * diffuse,
+            scattering=Scattering(  # the last stands for lamps, of which there are none
+                is_matt=np.array([matt, matt, True]),
+                is_diffuse=np.array([diffuse, diffuse, False]),
+                reflectance=np.array([*REFLECTANCES, 0.0])[:, None] * diffuse,
             ),
             cell_m=0.6,
+            bounds=np.array([[0.0] * 3, [3.0] * 3]),
         )
         self.normals = np.concatenate([np.eye(3), -np.eye(3)])
 

@@ -1,0 +1,107 @@
+"""Patches: who may share paths on the surfaces of two rooms."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.radiance.sampling.arrivals import Arrivals, Scattering, Surfaces
+from lidarspectra.radiance.sampling.patches import Patches, find_patches
+from lidarspectra.radiance.sampling.receptors import cosine_receptor
+from lidarspectra.radiance.sampling.sensor_rays import Sensors
+
+WALL_M = 4.05  # [m] between two rooms of 4 m x 4 m: a single sheet at the middle of a cell, which it cuts in two
+DOOR = (1.5, 2.5, 2.0)  # [m] from, to, height
+
+
+def surfaces(*walls: tuple[float, float, float, float]) -> Surfaces:
+    """A space of 8.1 m x 4 m x 2.7 m, with sheets (from y, to y, from z, to z) across it."""
+    mesh = trimesh.creation.box(bounds=[[0, 0, 0], [8.1, 4, 2.7]])
+    mesh.invert()
+    sheets = [
+        trimesh.Trimesh(
+            [[WALL_M, y0, z0], [WALL_M, y1, z0], [WALL_M, y1, z1], [WALL_M, y0, z1]],
+            [[0, 1, 2], [0, 2, 3]],
+            process=False,
+        )
+        for y0, y1, z0, z1 in walls
+    ]
+    whole = trimesh.util.concatenate([mesh, *sheets])
+    scan = bare_scan(np.array(whole.vertices), np.array(whole.faces))
+    return Surfaces(
+        caster=RayCaster(scan),
+        face_material=np.zeros(len(scan.faces), dtype=np.int64),
+        scattering=Scattering(
+            is_matt=np.array([True, True]), is_diffuse=np.array([True, False]), reflectance=np.array([[0.7], [0.0]])
+        ),
+        cell_m=0.75,
+        bounds=scan.bounds,
+    )
+
+
+CLOSED = ((-0.01, 4.01, -0.01, 2.71),)
+OPEN = ((-0.01, DOOR[0], -0.01, 2.71), (DOOR[1], 4.01, -0.01, 2.71), (DOOR[0], DOOR[1], DOOR[2], 2.71))
+
+
+def sensors() -> Sensors:
+    """Above the floors of both rooms, facing up and down in turn."""
+    x, y = np.meshgrid(np.linspace(0.3, 7.8, 12), np.linspace(0.3, 3.7, 6))
+    places = np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.5)], axis=1)
+    up = np.where(np.arange(len(places)) % 2, 1.0, -1.0)
+    return Sensors(positions=places, normals=up[:, None] * np.array([[0.0, 0.0, 1.0]]), receptor=cosine_receptor())
+
+
+def patches(space: Surfaces) -> Patches:
+    return find_patches(space, sensors(), generator=np.random.default_rng(1))
+
+
+def looks(space: Surfaces) -> Arrivals:
+    given = sensors()
+    count = np.arange(len(given.positions))
+    return space.arrivals(given.draw_rays(count, sets=1, count=34, generator=np.random.default_rng(2)).reshape(-1, 6))
+
+
+def lit(found: Patches, *, near: float, far: float) -> np.ndarray:
+    """Groups where the room of x < WALL_M and the other get so much direct light everywhere."""
+    level = [np.where(x < WALL_M, near, far)[None] for x in (found.positions[:, 0], sensors().positions[:, 0])]
+    return found.groups(level[0], level[1][:, found.watchers])
+
+
+def test_nobody_shares_across_a_closed_sheet_however_alike_its_sides_are_lit() -> None:
+    space = surfaces(*CLOSED)
+    found = patches(space)
+    group = lit(found, near=1.0, far=1.0)
+    for number in np.unique(group[group >= 0]):
+        assert len(set(found.positions[group == number, 0] < WALL_M)) == 1
+    seen = looks(space)
+    place = found.place_of(seen)
+    held = place >= 0
+    assert held.mean() > 0.95
+    assert np.array_equal(seen.places[held, 0] < WALL_M, found.positions[place[held], 0] < WALL_M)
+
+
+@pytest.mark.parametrize("walls", [(), CLOSED])
+def test_nearly_all_share_in_convex_rooms_that_are_lit_evenly(walls) -> None:
+    space = surfaces(*walls)
+    found = patches(space)
+    place = found.place_of(looks(space))
+    group = np.where(place >= 0, lit(found, near=1.0, far=1.0)[place], -1)
+    assert np.mean(group >= 0) > 0.9
+
+
+def test_in_a_dark_room_nobody_shares_the_floor_behind_the_door_and_most_share_where_the_door_is_out_of_sight() -> None:
+    found = patches(surfaces(*OPEN))
+    group = lit(found, near=1.0, far=0.0)
+    x, y, z = found.positions.T
+    behind = (z < 0.01) & (np.abs(x - WALL_M - 0.4) < 0.4) & (np.abs(y - 2.0) < 1.0)
+    assert np.mean(group[behind] < 0) > 0.8
+    bright = (z < 0.01) & (x < 3.0)
+    assert np.mean(group[bright] < 0) < 0.2
+
+
+def test_groups_stay_within_a_cell() -> None:
+    found = patches(surfaces())
+    group = lit(found, near=1.0, far=1.0)
+    for number in np.unique(group[group >= 0]):
+        assert np.ptp(found.positions[group == number], axis=0).max() <= 0.75 + 1e-9
