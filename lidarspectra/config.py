@@ -192,7 +192,7 @@ class SensorsSection(Section):
 class TraceSection(Section):
     """`[trace]`: how far light is followed, and how much noise is left."""
 
-    accuracy: Literal["low", "medium", "high", "ultra"] = "high"
+    accuracy: Literal["low", "medium", "high", "ultra", "all"] = "high"
     noise: Literal["draft", "standard", "fine"] = "standard"
     mode: Literal["native", "rgb"] = "native"
     workers: Annotated[int, Field(ge=1, le=1024)] | None = None

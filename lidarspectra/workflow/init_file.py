@@ -331,7 +331,7 @@ def _other_lines(summary: InitSummary) -> Iterator[str]:
     yield "margin = 0.1  # from walls and furniture, a table's top too [m]"
     yield ""
     yield "[trace]"
-    yield 'accuracy = "high"  # at most 14 reflections; low 2, medium 8, ultra 20'
+    yield 'accuracy = "high"  # at most 14 reflections; low 2, medium 8, ultra 20; all of them: "all"'
     yield 'noise = "standard"  # standard error 1 % of the mean; draft 3 %, fine 0.5 %'
 
 

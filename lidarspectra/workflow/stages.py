@@ -41,6 +41,7 @@ from lidarspectra.material.viewpoints import render_views
 from lidarspectra.material.views import ViewSet, load_views, save_views
 from lidarspectra.progress import Progress, shares
 from lidarspectra.radiance.engine.engine import find_engine
+from lidarspectra.radiance.engine.options import reflections_in_words
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport, save_transport
 from lidarspectra.radiance.scene.exported_model import write_workflow
@@ -272,9 +273,10 @@ def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResu
         save_transport(transport, folder / TRANSPORT_FILE)
         write_workflow(scene.value, points, folder / MODEL_FOLDER, accuracy=section.accuracy, noise=section.noise)
         return Notes(
-            summary=f"{len(points)} points, at most {transport.attrs['bounces']} reflections; "
+            summary=f"{len(points)} points, {reflections_in_words(section.accuracy)}; "
             f"standard error {100 * transport.attrs['achieved_relative_se']:.2f} % of the mean "
-            f"(wanted {100 * transport.attrs['target_relative_se']:.1f} %)",
+            f"(wanted {100 * transport.attrs['target_relative_se']:.1f} %), "
+            f"{transport.attrs['truncated_share']:.2%} left out beyond the last reflection",
             warnings=_trace_warnings(transport, points),
         )
 
@@ -426,6 +428,13 @@ def _trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, .
             f"The standard error of the simulation is {100 * achieved:.1f} % of the mean, above the target of "
             f"{100 * target:.1f} %, when the budget of rays was used up. The map is right within these larger error "
             "bars; the report's map of the standard error shows where they are large."
+        )
+    truncated = transport.attrs["truncated_share"]
+    if truncated > target:
+        warnings.append(
+            f"About {100 * truncated:.2g} % of the mean irradiance is missing in the worst channel, because light is "
+            f"followed for {transport.attrs['bounces']} reflections only and the room is bright; that is more than the "
+            f'noise of {100 * target:.1f} % that was asked for. Write accuracy = "all" in [trace] to follow all of it.'
         )
     return tuple(warnings)
 

@@ -147,12 +147,16 @@ def accuracy_section(report: ReportInput, writer: ReportWriter) -> str:
     """Standard errors and how they were reached."""
     attrs = report.transport.attrs
     target = attrs.get("target_relative_se")
+    followed = "all" if attrs.get("accuracy") == "all" else f"at most {attrs.get('bounces', 'an unknown number of')}"
     rows = {
-        "accuracy": f"{attrs.get('accuracy', 'not recorded')}, at most {attrs.get('bounces', 'an unknown number of')} "
-        "reflections",
+        "accuracy": f"{attrs.get('accuracy', 'not recorded')}, {followed} reflections",
         "noise": f"{attrs.get('noise', 'not recorded')}; {_target_words(report)}",
         "achieved standard error": f"{_achieved_percent(report):.2g} % of the mean irradiance",
     }
+    if "truncated_share" in attrs:
+        rows["light beyond the last reflection"] = (
+            f"about {float(attrs['truncated_share']):.2%} of the mean irradiance in the worst channel, which is missing"
+        )
     if "seconds" in attrs:
         rows["tracing time"] = f"{float(attrs['seconds']):.1f} s"
     caption = (

@@ -20,10 +20,11 @@ from typing import Literal
 from lidarspectra.arguments import one_of
 from lidarspectra.radiance.engine.bands import BandGroup
 
-Accuracy = Literal["low", "medium", "high", "ultra"]
+Accuracy = Literal["low", "medium", "high", "ultra", "all"]
 Noise = Literal["draft", "standard", "fine"]
 
 BOUNCES: dict[Accuracy, int] = {"low": 2, "medium": 8, "high": 14, "ultra": 20}  # [1] paper, Section 4.1
+ALL_BOUNCES = 2_000  # [1] of 'all', where paths end by Russian roulette alone: .99 to this power is 2e-9
 RELATIVE_STANDARD_ERROR: dict[Noise, float] = {"draft": 0.03, "standard": 0.01, "fine": 0.005}  # [1] of the mean
 PATH_WEIGHT = 0.4  # [1] -lw: below it a path lives by lot; .3 to .5 gave the least noise for a second of work
 REFLECTED_LAMP_PART = 0.3  # [1] -ds for lamps as seen from reflecting surfaces: cut only where they are close
@@ -39,7 +40,12 @@ COARSEST_LAMP_PART = 0.4  # [1] -ds beyond the last
 
 def bounces_of(accuracy: Accuracy) -> int:
     """Most reflections of an accuracy [1]; raises ArgumentError where there is no such word."""
-    return BOUNCES[one_of(accuracy, tuple(BOUNCES), name="accuracy")]
+    return ALL_BOUNCES if one_of(accuracy, (*BOUNCES, "all"), name="accuracy") == "all" else BOUNCES[accuracy]
+
+
+def reflections_in_words(accuracy: Accuracy) -> str:
+    """How far light is followed, for a reader."""
+    return "all reflections" if accuracy == "all" else f"at most {bounces_of(accuracy)} reflections"
 
 
 def noise_target(noise: Noise) -> float:
@@ -180,6 +186,6 @@ def plain_arguments(
     modifiers = [word for name in lamp_modifiers for word in ("-m", name)]
     return [
         *("-I+", *SHARED_OPTIONS, "-dj", "1", "-ds", f"{lamp_part(lamp_count):g}"),
-        *("-ab", str(BOUNCES[accuracy]), "-ad", str(divisions), "-lw", f"{PATH_WEIGHT / divisions:g}"),
-        *("-lr", str(-(BOUNCES[accuracy] + SPECULAR_REFLECTIONS)), *modifiers),
+        *("-ab", str(bounces_of(accuracy)), "-ad", str(divisions), "-lw", f"{PATH_WEIGHT / divisions:g}"),
+        *("-lr", str(-(bounces_of(accuracy) + SPECULAR_REFLECTIONS)), *modifiers),
     ]

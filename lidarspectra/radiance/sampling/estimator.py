@@ -54,7 +54,7 @@ class Component:
     sharers : int
         Components of its kind whose light adds up in its bands, itself counted: the more, the less each need be known.
     surfaces : Surfaces or None
-        For 'often'.
+        For 'often' and 'view'.
     sharing : Sharing or None
         For 'often': which sensors may share paths; all that look at the same place if None.
     seconds, sampled : float, int
@@ -135,7 +135,7 @@ def make_tasks(
         Rays that a child process is given, at most, but for a single point's.
     generator : numpy.random.Generator
     """
-    if component.surfaces is not None:
+    if component.kind == "often" and component.surfaces is not None:
         if wanted[0] > 0:
             yield from _pooled_tasks(component, component.surfaces, int(wanted[0]), sensors, rays_per_job, generator)
         return

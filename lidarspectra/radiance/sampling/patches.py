@@ -13,7 +13,8 @@ arrival shares paths with those on places that are alike, that lie in the same c
 one another; where the light is uneven, or an arrival does not see its place, each sensor has paths of its own, and is
 sampled as if no other were there: whatever the light is, such an estimate is unbiased.
 
-The rough light decides only who shares; it is in no estimate.
+The rough light decides who shares, and tells how much light has been reflected more often than is followed, which is
+stated beside the estimate; it is in no estimate.
 
 References
 ----------
@@ -44,6 +45,7 @@ DISCOVERY = 3  # [1] every so many-th of them finds places of the next generatio
 LAYERS = 3  # [1] parts of a box that do not see one another and get a place each; what is seen by none shares nothing
 GENERATIONS = 2  # [1] places seen from the sensors, and from those places
 REFLECTIONS = 12  # [1] of the rough light
+MAX_RATIO = 0.999  # [1] of light reflected once more: walls that reflect all but a thousandth
 UNKNOWN_REFLECTANCE = 0.5  # [1] of glossy surfaces
 NORMAL_M = 0.3  # [m] a place whose normal is turned by a radian is as far as one so far away
 
@@ -89,7 +91,7 @@ class Patches:
         Parameters
         ----------
         direct : (lamp, place) float
-            Light straight from each lamp at the places. [any unit]
+            Light straight from each lamp at the places, mean over its slots. [any unit]
         watched : (lamp, watcher) float
             The same at the sensors. [same]
 
@@ -98,10 +100,7 @@ class Patches:
         group : (place,) int
             Number of the group that shares paths; -1 where the light is uneven and nobody shares.
         """
-        scattering = self.surfaces.scattering
-        reflectance = np.where(scattering.is_diffuse, scattering.reflectance.mean(axis=1), UNKNOWN_REFLECTANCE)
-        reflectance[-1] = 0.0  # lamps
-        rho = reflectance[self.material]
+        rho = self.reflectance.mean(axis=1)
         light = np.zeros_like(direct)
         for _ in range(REFLECTIONS):
             light = (self.transfer @ (rho * (direct + light)).T).T
@@ -117,6 +116,47 @@ class Patches:
         graph = coo_array((ones, (first[together], second[together])), shape=(len(self), len(self)))
         _, group = connected_components(graph, directed=False)
         return np.where(uneven, -1, group).astype(np.int64)
+
+    @property
+    def reflectance(self) -> FloatArray:
+        """(place, slot) in the engine's order of slots, or one for all."""
+        scattering = self.surfaces.scattering
+        known = np.where(scattering.is_diffuse[:, None], scattering.reflectance, UNKNOWN_REFLECTANCE)
+        known[-1] = 0.0  # lamps
+        return known[self.material]
+
+    def truncated(self, direct: FloatArray, reflectance: FloatArray, bounces: int) -> FloatArray:
+        """Light at the watchers that has been reflected more often than is followed.
+
+        Light reflected k times at the sensor is light reflected k - 1 times at the places, E_k = W ρ E_(k-1). From the
+        last one that is followed on they are taken for a geometric series of the ratio of the last two.
+
+        Parameters
+        ----------
+        direct : (place, band) float
+            Light straight from the lamps. [any unit]
+        reflectance : (place, band) float
+            [0-1]
+        bounces : int
+            Most reflections that are followed, 1 or more.
+
+        Returns
+        -------
+        truncated : (watcher, band) float
+            [same]
+        """
+        before, light = direct, direct
+        for _ in range(bounces):
+            before, light = light, self.transfer @ (reflectance * light)
+        ratio = light.sum(axis=0) / np.maximum(before.sum(axis=0), np.finfo(np.float64).tiny)
+        tail: FloatArray = self.looks @ (reflectance * light) / (1.0 - np.minimum(ratio, MAX_RATIO))
+        return tail
+
+    def nearest_watcher(self, sensors: Sensors) -> IntArray:
+        """(point,) row of the watcher that is nearest to each sensor, in place and direction."""
+        place = np.concatenate([sensors.positions, NORMAL_M * sensors.normals], axis=1)
+        nearest: IntArray = cKDTree(place[self.watchers]).query(place)[1]
+        return nearest
 
     def _level(self, light: FloatArray) -> FloatArray:
         """(lamp, place) light of the sensors (lamp, watcher) that look at each place: their harmonic mean, by looks.
@@ -224,8 +264,9 @@ class _Places:
             theirs = np.concatenate([seen.places[lost], NORMAL_M * seen.normals[lost]], axis=1)
             to[lost] = cKDTree(own).query(theirs)[1]
         found = to >= 0
-        sender = np.repeat(np.arange(senders), len(to) // senders)[found]
-        share = np.full(sender.size, senders / len(to))
+        each = len(to) // max(senders, 1)
+        sender = np.repeat(np.arange(senders), each)[found]
+        share = np.full(sender.size, 1.0 / max(each, 1))
         return csr_array((share, (sender, to[found])), shape=(senders, len(self.key)))
 
     def neighbours(self) -> IntArray:

@@ -58,7 +58,7 @@ class Request:
     receptor : Receptor
     engine : Engine
     surfaces : dict of str to Surfaces
-        Of each pass, by its name; none are needed for other than the cosine receptor.
+        Of each pass, by its name.
     """
 
     bounces: int
@@ -98,12 +98,15 @@ class BlockResult:
         Independent estimates of the coefficient. [m⁻²]
     irradiance_se : (point, band) float
         Standard error of the sum over lamps. [W/m²/nm]
+    truncation : (point, band) float
+        About how much of that sum is missing, because it was reflected more often than is followed. [W/m²/nm]
     first_round : float
         Share of the engine's time that the first round took. [0-1]
     """
 
     batches: NDArray[np.float32]
     irradiance_se: FloatArray
+    truncation: FloatArray
     first_round: float
 
 
@@ -148,7 +151,7 @@ def estimate_block(
         If a program fails or answers with something that is no answer.
     """
     components = _components(scene, request, counted.size)
-    survey(components, sensors, scene, request, generator=generator, log=log)
+    truncation = survey(components, sensors, scene, request, generator=generator, log=log)
     wanted = _first(components, request)
     start, stop, first_s = 0.0, min(first_round, SECOND_ROUND), 0.0
     for _ in range(MAX_ROUNDS):
@@ -171,6 +174,7 @@ def estimate_block(
     return BlockResult(
         batches=_coefficients(scene, components),
         irradiance_se=error,
+        truncation=truncation,
         first_round=first_s / max(_spent_s(components), 1e-9),
     )
 
@@ -217,7 +221,7 @@ def _components(scene: RadianceScene, request: Request, count: int) -> list[Comp
             mean=np.zeros((BATCHES, len(scene_pass.lamps), count, len(scene_pass.bands)), dtype=np.float32),
             sharers=sum(other.bands == scene_pass.bands for other in scene.passes),
             samples=np.zeros(1 if kind == "often" else count, dtype=np.int64),
-            surfaces=request.surfaces[scene_pass.name] if kind == "often" else None,
+            surfaces=request.surfaces[scene_pass.name] if kind in ("often", "view") else None,
         )
         for scene_pass in scene.passes
         for kind in kinds
@@ -232,20 +236,26 @@ def survey(
     *,
     generator: np.random.Generator,
     log: Log,
-) -> None:
-    """Find out where sensors may share paths, from a rough map of every lamp's light on the surfaces they look at."""
-    pooled = [component for component in components if component.surfaces is not None]
-    if not pooled or len(sensors.positions) == 1:  # a lone sensor has nobody to share with
-        return
+) -> FloatArray:
+    """Make a rough map of every lamp's light on the surfaces that sensors look at.
+
+    It tells where sensors may share paths, which is put into the components.
+
+    Returns
+    -------
+    truncation : (point, band) float
+        About how much light by all lamps has been reflected more often than is followed. [W/m²/nm]
+    """
+    some = [component for component in components if component.surfaces is not None]
+    truncation = np.zeros((len(sensors.positions), len(scene.bands)))
     known: dict[int, Patches] = {}
-    for component in pooled:
-        surfaces = component.surfaces
-        if surfaces is not None and id(surfaces) not in known:
-            known[id(surfaces)] = find_patches(surfaces, sensors, generator=generator)
-    patches = [known[id(component.surfaces)] for component in pooled]
+    for component in some:
+        if id(component.surfaces) not in known:
+            known[id(component.surfaces)] = find_patches(component.surfaces, sensors, generator=generator)  # type: ignore[arg-type]
+    patches = [known[id(component.surfaces)] for component in some]
 
     def jobs() -> Iterator[EngineJob]:
-        for component, found in zip(pooled, patches, strict=True):
+        for component, found in zip(some, patches, strict=True):
             places = np.concatenate([found.positions + SENSOR_OFFSET_M * found.normals, found.normals], axis=1)
             own = np.concatenate([sensors.positions, sensors.normals], axis=1)[found.watchers]
             rays = np.concatenate([places, own])
@@ -253,15 +263,22 @@ def survey(
             yield EngineJob(program="rcontrib", arguments=arguments, folder=scene.folder, stdin=rays.tobytes())
 
     runs = request.engine.run_jobs(jobs(), workers=request.workers)
-    for component, found, run in zip(pooled, patches, runs, strict=True):
-        slots = component.options.group.slot_count
-        count = len(found) + len(found.watchers)
-        values = float_rows(run, rows=count, columns=len(component.lamps) * slots)
-        direct = values.reshape(count, -1, slots).mean(axis=2).T
-        group = found.groups(direct[:, : len(found)], direct[:, len(found) :])
-        component.sharing = Sharing(patches=found, group=group)
+    for component, found, run in zip(some, patches, runs, strict=True):
+        group, count = component.options.group, len(found) + len(found.watchers)
+        values = float_rows(run, rows=count, columns=len(component.lamps) * group.slot_count)
+        values = values.reshape(count, -1, group.slot_count)
+        if component.kind == "often" and count > 1:  # a lone sensor has nobody to share with
+            direct = values.mean(axis=2).T
+            component.sharing = Sharing(
+                patches=found, group=found.groups(direct[:, : len(found)], direct[:, len(found) :])
+            )
+        total = np.einsum("plb,lb->pb", group.from_engine(values[: len(found)]), _flux_ratio(scene, component))
+        slots = np.broadcast_to(found.reflectance, (len(found), group.slot_count))
+        tail = found.truncated(total, group.from_engine(slots), request.bounces)
+        truncation[:, component.bands] += sensors.receptor.measure_sr / np.pi * tail[found.nearest_watcher(sensors)]
         log.commands.add(run.command)
         log.rays += count
+    return truncation
 
 
 def _first(components: Sequence[Component], request: Request) -> list[IntArray]:

@@ -17,7 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lidarspectra.arguments import instance_of
 from lidarspectra.arrays import BoolArray, FloatArray
@@ -62,7 +62,8 @@ def trace(
     points : SensorPoints
         Buried ones are traced too, but the noise target leaves them out.
     accuracy : str
-        Most reflections that light is followed for: 'low' 2, 'medium' 8, 'high' 14, 'ultra' 20.
+        Most reflections that light is followed for: 'low' 2, 'medium' 8, 'high' 14, 'ultra' 20; 'all' ends paths by
+        Russian roulette alone.
     noise : str
         Target of the standard error, of the mean irradiance: 'draft' 3 %, 'standard' 1 %, 'fine' 0.5 %.
     seed : int
@@ -80,7 +81,9 @@ def trace(
     -------
     transport : xarray.Dataset
         See `transport`. Attributes say what was asked for and reached: target_relative_se, achieved_relative_se,
-        target_met (0 or 1), accuracy, bounces, noise, seconds, rays, engine commands.
+        truncated_share (light that was reflected more often than is followed, of the mean irradiance in the worst
+        band), target_met (0 or 1: neither is above the target), accuracy, bounces, noise, seconds, rays, engine
+        commands.
 
     Raises
     ------
@@ -169,8 +172,7 @@ def _trace(
 ) -> xr.Dataset:
     start = time.perf_counter()
     generator, log = np.random.default_rng(seed), Log()
-    if request.receptor.is_cosine:
-        request = replace(request, surfaces=load_surfaces(scene))
+    request = replace(request, surfaces=load_surfaces(scene))
     lamps, count, bands = len(scene.lamp_names), len(points), len(scene.bands)
     counted = ~points.buried if not points.buried.all() else np.ones(count, dtype=np.bool_)
     blocks = _blocks(scene, count)
@@ -180,6 +182,7 @@ def _trace(
     coefficient = np.empty((lamps, count, bands), dtype=np.float32)
     coefficient_se = np.empty_like(coefficient)
     irradiance_se = np.empty((count, bands), dtype=np.float32)
+    truncation = np.empty_like(irradiance_se)
     batches = None
     if BATCHES * coefficient.size <= KEPT_BATCH_VALUES:
         batches = np.empty((BATCHES, *coefficient.shape), dtype=np.float32)
@@ -203,22 +206,27 @@ def _trace(
         for lamp in range(lamps):
             coefficient_se[lamp, block] = standard_error(result.batches[:, lamp].astype(np.float64))
         irradiance_se[block] = result.irradiance_se
+        truncation[block] = result.truncation
         if batches is not None:
             batches[:, :, block] = result.batches
-    achieved = _achieved(scene, coefficient, irradiance_se, counted)
+    means = (coefficient[:, counted].mean(axis=1, dtype=np.float64) * scene.flux).sum(axis=0)
+    achieved = relative_rms(irradiance_se[counted], means)
+    truncated = relative_rms(truncation[counted], means)
     return make_transport(
         scene,
         points,
         coefficient=coefficient,
         coefficient_se=coefficient_se,
         irradiance_se=irradiance_se,
+        truncation=truncation,
         batches=batches,
         attributes={
             "bounces": request.bounces,
             "mode": scene.mode,
             "target_relative_se": request.target,
             "achieved_relative_se": achieved,
-            "target_met": int(achieved <= request.target),
+            "truncated_share": truncated,
+            "target_met": int(achieved <= request.target and truncated <= request.target),
             "seconds": time.perf_counter() - start,
             "rays": log.rays,
             "seed": seed,
@@ -249,10 +257,3 @@ def _scale(
     some = among[np.unique(np.linspace(0, among.size - 1, SCALE_POINTS).astype(np.int64))]
     sensors = Sensors(positions=points.positions[some], normals=points.normals[some], receptor=request.receptor)
     return first_mean(scene, sensors, request, generator=generator, log=log)
-
-
-def _achieved(
-    scene: RadianceScene, coefficient: NDArray[np.float32], error: NDArray[np.float32], counted: BoolArray
-) -> float:
-    mean = coefficient[:, counted].mean(axis=1, dtype=np.float64)
-    return relative_rms(error[counted], np.asarray((mean * scene.flux).sum(axis=0), dtype=np.float64))

@@ -7,6 +7,8 @@ A transport is an xarray Dataset with the dims (lamp, point, band):
     coefficient_batches  (batch, lamp, point, band)  [m-2]      independent estimates whose mean is `coefficient`
     flux                 (lamp, band)                [W nm-1]   what the lamps were traced with
     irradiance_se        (point, band)               [W m-2 nm-1]  standard error of the sum over lamps with that flux
+    truncation           (point, band)               [W m-2 nm-1]  about what is missing of that sum: light that was
+                                                                   reflected more often than is followed
     x y z nx ny nz buried (point,), lamp (lamp,), band band_width band_label (band,)
 
 Lamps of one pass share their paths, so their errors are correlated and those of a sum do not follow from theirs;
@@ -35,6 +37,11 @@ _VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {  # name: (dims, unit
     "flux": (("lamp", "band"), "W nm-1", "spectral radiant flux of the lamp, mean over the channel's response"),
     "irradiance_se": (("point", "band"), "W m-2 nm-1", "standard error of the irradiance by all lamps' flux"),
 }
+_TRUNCATION = (
+    ("point", "band"),
+    "W m-2 nm-1",
+    "estimate of the light by all lamps' flux that was reflected more often than was followed, and is missing",
+)
 _BATCHES = ("batch", "lamp", "point", "band")
 
 
@@ -45,6 +52,7 @@ def make_transport(
     coefficient: NDArray[np.floating],
     coefficient_se: NDArray[np.floating],
     irradiance_se: NDArray[np.floating],
+    truncation: NDArray[np.floating] | None = None,
     batches: NDArray[np.floating] | None,
     attributes: dict[str, str | int | float],
 ) -> xr.Dataset:
@@ -58,6 +66,8 @@ def make_transport(
     coefficient, coefficient_se : (lamp, point, band) float
         [m⁻²]
     irradiance_se : (point, band) float
+        [W/m²/nm]
+    truncation : (point, band) float, optional
         [W/m²/nm]
     batches : (batch, lamp, point, band) float or None
         [m⁻²]
@@ -79,12 +89,14 @@ def make_transport(
         "flux": scene.flux,
         "irradiance_se": irradiance_se,
     }
+    described = dict(_VARIABLES)
+    if truncation is not None:
+        values["truncation"], described["truncation"] = truncation, _TRUNCATION
     for name, array in values.items():
         if not np.isfinite(array).all():
             raise EngineError(expected="finite numbers", found=f"NaN or infinity in {name}", where=str(scene.folder))
     variables = {
-        name: (dims, values[name], {"units": unit, "long_name": text})
-        for name, (dims, unit, text) in _VARIABLES.items()
+        name: (dims, values[name], {"units": unit, "long_name": text}) for name, (dims, unit, text) in described.items()
     }
     if batches is not None:
         text = "independent estimates of the coefficient"
@@ -150,6 +162,8 @@ def load_transport(path: Path) -> xr.Dataset:
             check_numbers(transport, name, dims)
         if "coefficient_batches" in transport:
             check_numbers(transport, "coefficient_batches", _BATCHES)
+        if "truncation" in transport:  # not in those of before
+            check_numbers(transport, "truncation", _TRUNCATION[0])
     except ValueError as cause:
         raise WorkspaceError(
             expected=f"a transport in NetCDF-4 of schema '{SCHEMA}'", found=str(cause), where=str(path), todo=todo

@@ -90,6 +90,40 @@ def test_reflectance_of_099_converges_and_creates_no_light(rooms, sensors, secti
     assert transport["coefficient"].to_numpy().max() * 4 * np.pi < 1.0 / (1.0 - 0.99)
 
 
+@pytest.mark.parametrize("reflectance", [0.5, 0.8, 0.9, 0.95])
+def test_all_reflections_add_up_to_the_closed_form(rooms, sensors, section, check, reflectance: float) -> None:
+    scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), reflectance)])
+    places = sphere_points(6)
+    transport = trace(scene, sensors(places, -places), **section("all", "standard"), seed=1)
+    check(transport, (1.0 / (1.0 - reflectance) - 1.0 + 0.99**-2) / (4 * np.pi), shape=2 * SPHERE)
+    assert transport.attrs["truncated_share"] < 1e-12
+
+
+@pytest.mark.parametrize(("reflectance", "accuracy"), [(0.3, "low"), (0.9, "high"), (0.95, "ultra")])
+def test_what_is_cut_after_the_last_reflection_is_stated(
+    rooms, sensors, section, reflectance: float, accuracy: str
+) -> None:
+    scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), reflectance)])
+    places = sphere_points(6)
+    transport = trace(scene, sensors(places, -places), **section(accuracy, "draft"), seed=1)
+    tail = reflectance ** (BOUNCES[accuracy] + 1) / (1.0 - reflectance) / (4 * np.pi)
+    # Two in a hundred for the sphere's facets, and one ray of 55 that a place's lattice sends past the bulb or at it.
+    assert transport["truncation"].to_numpy() == pytest.approx(tail, rel=0.05)
+    share = tail / in_sphere(reflectance, BOUNCES[accuracy])
+    assert transport.attrs["truncated_share"] == pytest.approx(share, rel=0.1)  # the draft's noise besides
+
+
+def test_a_white_room_cut_too_early_misses_its_target_however_little_noise_there_is(rooms, sensors, section) -> None:
+    places = sphere_points(6)
+    met = []
+    for reflectance in (0.5, 0.9):
+        scene = rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), reflectance)])
+        transport = trace(scene, sensors(places, -places), **section("high", "draft"), seed=1)
+        assert transport.attrs["achieved_relative_se"] <= transport.attrs["target_relative_se"]
+        met.append(transport.attrs["target_met"])
+    assert met == [1, 0]
+
+
 def test_reflectance_of_one_is_refused(rooms) -> None:
     with pytest.raises(ArrayError, match="no steady state"):
         rooms.scene([rooms.lamp("bulb", (0, 0, 0), BULB_M)], [(rooms.ball(1.0), 1.0)])

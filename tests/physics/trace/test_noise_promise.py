@@ -86,7 +86,6 @@ def test_the_error_is_what_the_noise_setting_names(office, places, section, nois
     transport = trace(scene, places, **section("medium", noise), seed=1)
     target = RELATIVE_STANDARD_ERROR[noise]
     light, error = irradiance(transport), transport["irradiance_se"].to_numpy()
-    assert transport.attrs["target_met"] == 1
     assert transport.attrs["achieved_relative_se"] <= target
     assert transport.attrs["achieved_relative_se"] == pytest.approx(relative_rms(error, light), rel=1e-3)
     # And against a second run: their difference has twice the variance, known from some five points that do not err
@@ -215,7 +214,7 @@ def test_blocks_of_points_give_what_one_block_gives(office, places, section, mon
     parts = trace(scene, places, **section("low", "standard"), seed=2)
     error = np.hypot(whole["irradiance_se"].to_numpy(), parts["irradiance_se"].to_numpy())
     assert np.all(np.abs(irradiance(whole) - irradiance(parts)) < 8.0 * error)
-    assert parts.attrs["target_met"] == 1
+    assert parts.attrs["achieved_relative_se"] <= parts.attrs["target_relative_se"]
 
 
 def test_a_block_of_one_round_fills_its_share_of_the_progress_once_one_was_seen(
@@ -227,7 +226,7 @@ def test_a_block_of_one_round_fills_its_share_of_the_progress_once_one_was_seen(
     transport = trace(
         office(), places, **section("low", "draft"), seed=1, progress=lambda share, words: told.append((share, words))
     )
-    assert transport.attrs["target_met"] == 1
+    assert transport.attrs["achieved_relative_se"] <= transport.attrs["target_relative_se"]
     blocks = sum(words == "traced" for _, words in told)
     assert blocks >= 3
     shares = np.array([share for share, _ in told])
@@ -259,7 +258,7 @@ def test_a_panel_cut_into_24_lamps_gives_the_light_of_the_whole(rooms, places, s
     light, error = irradiance(transport), transport["irradiance_se"].to_numpy()
     difference = light - irradiance(reference)
     both = np.hypot(error, reference["irradiance_se"].to_numpy())
-    assert transport.attrs["target_met"] == 1
+    assert transport.attrs["achieved_relative_se"] <= transport.attrs["target_relative_se"]
     assert np.all(np.abs(difference) < 8.0 * both)  # as for blocks: the tails of a t of seven degrees are long
     assert np.mean(np.abs(difference) < 2.0 * both) > 0.7  # 92 to 100 % in sixteen repeats
     assert np.abs(difference.mean(axis=0) / light.mean(axis=0)).max() < 2.0 * RELATIVE_STANDARD_ERROR[noise]
