@@ -198,8 +198,7 @@ def _kinds(surfaces: Surfaces, arrivals: Arrivals, sensor: IntArray, sharing: Sh
     can_share = surfaces.can_share(arrivals)
     shared, groups = arrivals.kind, 0
     if sharing is not None:
-        place = sharing.patches.place_of(arrivals)
-        group = np.where(place >= 0, sharing.group[place], -1)
+        group = np.append(sharing.group, -1)[sharing.patches.place_of(arrivals)]  # of place -1, none: -1
         can_share &= group >= 0
         shared, groups = kinds + group, len(sharing.patches)
     own = kinds + groups + kinds * sensor + arrivals.kind
