@@ -17,6 +17,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -24,6 +25,7 @@ import trimesh
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Panel
 from lidarspectra.material.material_map import Material
 from lidarspectra.radiance.engine.options import Noise
 from lidarspectra.radiance.sampling.trace import trace
@@ -61,7 +63,8 @@ class Rooms:
 
 def box(low: Sequence[float], high: Sequence[float]) -> trimesh.Trimesh:
     """A solid."""
-    return trimesh.creation.box(bounds=np.array([low, high]))
+    mesh: trimesh.Trimesh = trimesh.creation.box(bounds=np.array([low, high]))
+    return mesh
 
 
 def shell(high: Sequence[float]) -> trimesh.Trimesh:
@@ -86,10 +89,9 @@ def panel(name: str, center: Sequence[float]) -> Lamp:
     """A lamp of 1 W/nm that faces down."""
     return Lamp(
         name=name,
-        shape="panel",
+        shape=Panel(PANEL_M, PANEL_M),
         center=np.array(center),
         normal=np.array([0.0, 0.0, -1.0]),
-        size=(PANEL_M, PANEL_M),
         flux=Spectrum(wavelengths_nm=RANGE_NM, values=np.ones(2)),
     )
 
@@ -98,7 +100,7 @@ def rooms(
     name: str, meshes: Sequence[trimesh.Trimesh], lamps: Sequence[Lamp], near: FloatArray, far: FloatArray, **more: bool
 ) -> Rooms:
     """Of its parts."""
-    whole = trimesh.util.concatenate(list(meshes))
+    whole: Any = trimesh.util.concatenate(list(meshes))
     wall = Material(
         name="wall",
         category="wall",
@@ -188,7 +190,9 @@ def ajar() -> Rooms:
     """The door's leaf, 4 cm thick, open by 0.2 m into the far room."""
     leaf = box((0.0, 0.0, 0.001), (0.04, 0.898, 1.999))
     angle = 2.0 * np.arcsin(0.1 / 0.9)
-    leaf.apply_transform(trimesh.transformations.rotation_matrix(-angle, [0, 0, 1]))
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+    leaf.apply_transform(turn)
     leaf.apply_translation((4.06, 1.551, 0.0))
     return side_by_side("ajar", [*doorway(), leaf])
 
