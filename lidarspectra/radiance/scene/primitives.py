@@ -182,6 +182,16 @@ def light(name: str, radiance: Color, *, modifier: str = "void") -> str:
     return _colored("light", name, radiance, [], modifier)
 
 
+def illum(name: str, radiance: Color, *, alternative: str, modifier: str = "void") -> str:
+    """Light for shadow rays alone; other rays meet the material `alternative`."""
+    if radiance.group.mode == "rgb":
+        return primitive(modifier, "illum", name, words=[alternative], numbers=radiance.slots[::-1])
+    pattern = f"{name}_slots"
+    return spectrum(pattern, radiance, modifier=modifier) + primitive(
+        pattern, "illum", name, words=[alternative], numbers=[1.0, 1.0, 1.0]
+    )
+
+
 def black(name: str) -> str:
     """Material that neither reflects nor sends."""
     return primitive("void", "plastic", name, numbers=[0, 0, 0, 0, 0])

@@ -59,6 +59,10 @@ def small_scene(folder: Path, mode: str) -> RadianceScene:
     return write_scene(scan, materials, lamps, uniform_bands(400, 600, 4), folder, mode=mode)
 
 
+SHARE = "max(1-((Px-A1)^2+(Py-A2)^2+(Pz-A3)^2)/A4,0)"
+EVENLY = f"A5+A6*{SHARE}^A7+A8*{SHARE}^A9"  # shadow rays to a circle, see `lamp_text.SHADOW_RAY_WEIGHT`
+
+
 def texts(scene: RadianceScene, *names: str) -> str:
     return "".join((scene.folder / name).read_text(encoding="utf-8") for name in names)
 
@@ -82,8 +86,12 @@ def test_native_passes_light_one_group_each_and_hide_the_other(tmp_path: Path) -
     assert texts(scene, "pass1.rad") == (
         "void plastic lamp0\n0\n0\n5 0 0 0 0 0\n"
         "void brightfunc lamp1_beam\n2 if(Rdot,Rdot^A1,0) .\n0\n1 3.81884168\n"
-        "lamp1_beam spectrum lamp1_slots\n0\n0\n6 430 730 235828771 129705824 235.828771 235.828771\n"
-        "lamp1_slots light lamp1\n0\n0\n3 1 1 1\n"
+        "lamp1_beam spectrum lamp1_seen_slots\n0\n0\n6 430 730 235828771 129705824 235.828771 235.828771\n"
+        "lamp1_seen_slots light lamp1_seen\n0\n0\n3 1 1 1\n"
+        "lamp1_beam brightfunc lamp1_evenly\n2 " + EVENLY + " .\n0\n"
+        "9 0 0 2 0.0025 0.11145837 0.55139723 0.4512956 0.61041684 0.1142228\n"
+        "lamp1_evenly spectrum lamp1_slots\n0\n0\n6 430 730 235828771 129705824 235.828771 235.828771\n"
+        "lamp1_slots illum lamp1\n1 lamp1_seen\n0\n3 1 1 1\n"
         "void mesh room\n1 ./pass1_room.rtm\n0\n0\n"
     )
 
@@ -105,7 +113,10 @@ def test_rgb_passes_carry_three_slots_as_colours(tmp_path: Path) -> None:
     assert texts(scene, "pass2.rad") == (
         "void plastic lamp0\n0\n0\n5 0 0 0 0 0\n"
         "void brightfunc lamp1_beam\n2 if(Rdot,Rdot^A1,0) .\n0\n1 3.81884168\n"
-        "lamp1_beam light lamp1\n0\n0\n3 129705824 129705824 235828771\n"
+        "lamp1_beam light lamp1_seen\n0\n0\n3 129705824 129705824 235828771\n"
+        "lamp1_beam brightfunc lamp1_evenly\n2 " + EVENLY + " .\n0\n"
+        "9 0 0 2 0.0025 0.11145837 0.55139723 0.4512956 0.61041684 0.1142228\n"
+        "lamp1_evenly illum lamp1\n1 lamp1_seen\n0\n3 129705824 129705824 235828771\n"
         "void mesh room\n1 ./pass2_room.rtm\n0\n0\n"
     )
     assert texts(scene, "pass0_materials.rad") == (
