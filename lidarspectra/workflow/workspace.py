@@ -175,7 +175,7 @@ class Workspace:
     Parameters
     ----------
     folder : Path
-        Made_co if absent. One that holds other things than a run is refused.
+        Made if absent. One that holds other things than a run is refused.
 
     Raises
     ------
