@@ -48,7 +48,7 @@ def modules(project: Path) -> dict[str, set[str]]:
         ".".join(path.relative_to(project).with_suffix("").parts).removesuffix(".__init__"): path
         for path in (project / "lidarspectra").rglob("*.py")
     }
-    return {name: (imported(path) & paths.keys()) - {name} for name, path in paths.items()}
+    return {name: set(imported(path) & paths.keys()) - {name} for name, path in paths.items()}
 
 
 def test_every_folder_has_its_floor(project: Path) -> None:

@@ -15,7 +15,7 @@ from research.virtual_rooms.room_plan import read_plan
 CENTERS = np.linspace(410.0, 760.0, 14)
 
 
-def deviations():  # type: ignore[no-untyped-def]
+def deviations():
     truth = np.outer(np.linspace(1.0, 2.0, 9), np.ones(3))
     off = 0.01 * np.random.default_rng(1).random(truth.shape)
     return [

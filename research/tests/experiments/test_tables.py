@@ -21,7 +21,7 @@ TRUTH = np.outer(np.linspace(1.0, 2.0, 9), [1.0, 2.0, 3.0])
 KEPT = np.arange(9) != 8
 
 
-def deviation(factor: float, materials: str = "estimated"):  # type: ignore[no-untyped-def]
+def deviation(factor: float, materials: str = "estimated"):
     return map_deviation(factor * TRUTH, TRUTH, KEPT, scene="office", materials=materials, accuracy="ultra")
 
 

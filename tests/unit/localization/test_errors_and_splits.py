@@ -98,7 +98,7 @@ def test_curves_hold_every_reading(tmp_path: Path) -> None:
     x, y = figure.axes[0].lines[0].get_data()
     assert np.asarray(x).tolist() == [0.0, 0.1, 0.2, 0.4, 0.4]
     assert np.asarray(y).tolist() == [0.0, 25.0, 50.0, 75.0, 100.0]
-    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["old: 0.30 m", "new: 0.10 m"]  # type: ignore[union-attr]
+    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["old: 0.30 m", "new: 0.10 m"]
     assert all(path.stat().st_size > 1000 for path in save_figure(figure, tmp_path, "curves"))
     with pytest.raises(MapError):
         error_curves_figure({})
@@ -109,13 +109,13 @@ def test_the_map_leads_from_each_place_to_where_it_is_put() -> None:
     plan = FloorPlan(outline=np.array([[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]))
     for ground in (None, plan):
         axes = error_map_figure(found, ground).axes[0]
-        ends = [line.get_xdata()[-1] for line in axes.lines if len(line.get_xdata()) == 2][:2]  # type: ignore[arg-type, index]
+        ends = [line.get_xdata()[-1] for line in axes.lines if len(line.get_xdata()) == 2][:2]
         assert ends[0] == 2.0
 
 
 def test_two_times_and_gains_are_drawn() -> None:
     axes = two_times_figure(np.ones((3, 2)), 0.9 * np.ones((3, 2)), ["s1", "s2"], 560.0).axes[0]
-    assert [line.get_ydata()[0] for line in axes.lines[:2]] == [1.0, 0.9]  # type: ignore[index]
+    assert [line.get_ydata()[0] for line in axes.lines[:2]] == [1.0, 0.9]
     assert to_hex(axes.lines[0].get_color()) != to_hex(axes.lines[1].get_color())
     axes = gain_curve_figure([0, 1, 2], {"greedy": [3.0, 2.0, 1.5]}, "error [m]").axes[0]
     assert np.asarray(axes.lines[0].get_ydata()).tolist() == [3.0, 2.0, 1.5]

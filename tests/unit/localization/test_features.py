@@ -31,7 +31,7 @@ def space(**settings: float | bool) -> FeatureSpace:
         bands_nm=np.array([460.0, 560.0]),
         usable=np.ones((5, 2), dtype=np.bool_),
         noise=0.01 * ONES,
-        settings=FeatureSettings(**settings),  # type: ignore[arg-type]
+        settings=FeatureSettings(**settings),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lidarspectra.material.albedo import (
-    FIT_COSTS,
+    FIT_SHARES,
     MIN_EMISSION,
     WHITE_HUE,
     WHITE_HUE_DEVIATION,
@@ -38,7 +38,7 @@ def test_white_surfaces_come_out_white() -> None:
 def test_a_fit_tells_every_step_and_never_goes_back() -> None:
     told: list[float] = []
     fit_light(evidence(1), flux_deviation=np.array([0.15]), progress=lambda fraction, words: told.append(fraction))
-    assert len(told) > len(FIT_COSTS)
+    assert len(told) > len(FIT_SHARES)
     assert told == sorted(told)
     assert told[0] == 0.0
     assert told[-1] < 1.0

@@ -17,7 +17,7 @@ class Box:
 
     def __init__(self, *, matt: bool = True, diffuse: bool = False) -> None:
         self.surfaces = Surfaces(
-            caster=self,  # type: ignore[arg-type]
+            caster=self,
             face_material=np.arange(6) % 2,
             scattering=Scattering(  # the last stands for lamps, of which there are none
                 is_matt=np.array([matt, matt, True]),

@@ -261,7 +261,7 @@ def test_points_and_lines_alone_are_no_mesh(tmp_path: Path) -> None:
 
 def test_the_base_colour_factor_multiplies_light(tmp_path: Path) -> None:
     document = textured_document(Image.new("RGB", (2, 2), (255, 255, 255)), tmp_path)
-    document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [0.5, 0.25, 1, 1]  # type: ignore[index]
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [0.5, 0.25, 1, 1]
     scan = read_scan(write_gltf(tmp_path, document=document, primitive={"material": 0}, arrays={"TEXCOORD_0": UV}))
     np.testing.assert_allclose(center_color(scan), [0.5, 0.25, 1], atol=0.004)  # a byte
 
