@@ -59,6 +59,10 @@ class ArgumentError(LidarSpectraError, TypeError):
     """
 
 
+class UndeclaredError(LidarSpectraError):
+    """A stage read a key of the run file that it did not declare: a fault of the stage, not of the user."""
+
+
 class ArrayError(LidarSpectraError):
     """A record was given an array of the wrong shape, range or finiteness."""
 

@@ -123,7 +123,7 @@ def fingerprint_room(
     summary = run(run_file, folder, last="scene", workers=workers, cluster=cluster, listener=listener)
     inputs = read_inputs(run_file, workers=workers, cluster=cluster)
     free = FreeSpace(summary.scan, summary.room)
-    points = sensor_points(summary.scan, summary.room, inputs.room.sensors, folder=inputs.base, free=free)
+    points = sensor_points(summary.scan, summary.room, inputs.run_file.sensors, folder=inputs.base, free=free)
     positions, notes = _positions(order, free, summary.room.floor_z)
     out = made_folder(summary.folder / FOLDER)
     with trace_engine(cluster) as engine:
@@ -135,13 +135,13 @@ def fingerprint_room(
             load_reflectances(),
             out / PARTS_FOLDER,
             FingerprintRequest(
-                accuracy=inputs.room.trace.accuracy,
+                accuracy=inputs.run_file.trace.accuracy,
                 target=order.target,
                 effect_target=order.effect_target,
                 seed=order.seed,
-                receptor=receptor_of_run(inputs),
+                receptor=receptor_of_run(inputs.run_file.sensors, inputs.base),
                 engine=engine,
-                workers=workers or inputs.room.trace.workers,
+                workers=inputs.workers,
             ),
             progress=progress,
         )

@@ -19,7 +19,6 @@ from lidarspectra.radiance.scene.daylight import Window, daylight_lamps
 from lidarspectra.radiance.scene.sky import Daylight, compute_sky
 from lidarspectra.room.room import Room
 from lidarspectra.spectra.databases import lamp_spectrum
-from lidarspectra.workflow.inputs import Inputs
 
 SKY_FOLDER = "sky"
 
@@ -32,17 +31,17 @@ class ScannedRoom:
     room: Room
 
 
-def lamps_of_run(inputs: Inputs, scan: ScannedRoom) -> tuple[Lamp, ...]:
+def lamps_of_run(run_file: RunFile, scanned: ScannedRoom, *, base: Path) -> tuple[Lamp, ...]:
     """The run file's lamps, or those that are lit in the scan."""
-    section = inputs.room.lamps_from_scan
+    section = run_file.lamps_from_scan
     if section is None:
-        return resolve_lamps(inputs.room.lamps, inputs.base)
+        return resolve_lamps(run_file.lamps, base)
     spectrum = (
         cct_spectrum(section.cct_k)
         if section.cct_k is not None
-        else lamp_spectrum(section.spectrum or "", inputs.base).spectrum
+        else lamp_spectrum(section.spectrum or "", base).spectrum
     )
-    found = find_lit_lamps(scan.scan, scan.room)
+    found = find_lit_lamps(scanned.scan, scanned.room)
     return lamps_from_lit(found, spectrum, luminous_exitance_lm_m2=section.luminous_exitance_lm_m2)
 
 
@@ -86,9 +85,9 @@ def with_estimated_fluxes(lamps: tuple[Lamp, ...], materials_folder: Path) -> tu
     )
 
 
-def daylight_of_run(room: RunFile, folder: Path) -> tuple[Lamp, ...]:
+def daylight_of_run(run_file: RunFile, folder: Path) -> tuple[Lamp, ...]:
     """What sky and sun make of the windows; nothing at night."""
-    section = room.daylight
+    section = run_file.daylight
     if section is None:
         return ()
     day = Daylight(**section.model_dump(exclude={"windows"}))

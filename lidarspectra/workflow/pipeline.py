@@ -152,7 +152,7 @@ class _Stopped(Exception):  # noqa: N818 - no error: the run went as far as it w
     """Ends the chain after the last stage that was asked for."""
 
 
-class _Link(Protocol):
+class Link(Protocol):
     """What follows the stages in order: it makes them, or only looks."""
 
     def __call__(self, stage: Stage[Result]) -> StageResult[Result]:
@@ -243,7 +243,7 @@ def run(
     with Workspace(_folder(run_file, folder)) as work:
         work.keep_request(_request(inputs, work.folder))
         chain = _Chain(work, first, last, listener or SilentListener())
-        _walk(chain, inputs)
+        walk(chain, inputs)
         return RunSummary(folder=work.folder, results=chain.results)
 
 
@@ -262,7 +262,7 @@ def _request(inputs: Inputs, folder: Path) -> RunRequest:
     )
 
 
-def _walk(chain: _Link, inputs: Inputs) -> None:
+def walk(chain: Link, inputs: Inputs) -> None:
     """Follow Figure 2, until the chain says that it is far enough."""
     try:
         scan = chain(stages.scan_stage(inputs))
@@ -270,7 +270,7 @@ def _walk(chain: _Link, inputs: Inputs) -> None:
         materials = chain(stages.materials_stage(inputs, scan, views))
         scene = chain(stages.scene_stage(inputs, scan, materials))
         transport = chain(stages.trace_stage(inputs, scan, scene))
-        spectral_map = chain(stages.map_stage(scene, transport))
+        spectral_map = chain(stages.map_stage(inputs, scene, transport))
         chain(stages.report_stage(inputs, scan, views, materials, scene, transport, spectral_map))
     except _Stopped:
         return
@@ -309,5 +309,5 @@ def plan(
     """
     inputs = read_inputs(run_file)
     chain = _Plan(_folder(run_file, folder), first)
-    _walk(chain, inputs)
+    walk(chain, inputs)
     return {stage: "up to date" if stage in chain.fresh else "to be made" for stage in STAGES}

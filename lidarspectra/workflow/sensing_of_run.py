@@ -11,7 +11,6 @@ from lidarspectra.radiance.sampling.receptors import Receptor, cone_receptor, co
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, grid_points, place_points, read_points
-from lidarspectra.workflow.inputs import Inputs
 
 
 def sensor_points(
@@ -49,11 +48,10 @@ def sensor_points(
     return place_points(scan, points.positions, points.normals, section.lift, free=free)
 
 
-def receptor_of_run(inputs: Inputs) -> Receptor:
+def receptor_of_run(sensors: SensorsSection, base: Path) -> Receptor:
     """The sensors' angular response: the cosine, a restricted view, or a measured table."""
-    sensors = inputs.room.sensors
     if sensors.receptor is not None:
-        return read_receptor(inputs.path(sensors.receptor))
+        return read_receptor(base / sensors.receptor)
     return cosine_receptor() if sensors.field_of_view_deg is None else cone_receptor(sensors.field_of_view_deg)
 
 

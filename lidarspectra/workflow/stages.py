@@ -1,27 +1,20 @@
-"""The seven stages: what each depends on, what it makes, and how its result is read back.
+"""The seven stages: what each reads, what it makes, and how its result is read back.
 
+A stage first declares what it reads; it is given that, and made again when that changes (`workflow.declared`).
 The order stands in `lidarspectra.workflow.pipeline`; how a stage is kept, in `lidarspectra.workflow.workspace`.
 """
 
 from pathlib import Path
-from typing import Any
 
 import xarray as xr
 
-from lidarspectra.geometry.scan import Scan, load_scan, save_scan
+from lidarspectra.arrays import FloatArray
+from lidarspectra.geometry.scan import load_scan, save_scan
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
-from lidarspectra.io.files import hash_file
 from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
 from lidarspectra.mapping.figures.figure_style import save_figure
-from lidarspectra.mapping.figures.floor_plan import floor_plan
-from lidarspectra.mapping.figures.material_figures import (
-    MaterialPictures,
-    material_code,
-    mean_shown_colors,
-    painted,
-    segmentation_figure,
-)
+from lidarspectra.mapping.figures.material_figures import segmentation_figure
 from lidarspectra.mapping.maps.spectral_map import (
     MAP_FILE,
     MAP_TABLE_FILE,
@@ -30,13 +23,10 @@ from lidarspectra.mapping.maps.spectral_map import (
     save_map_table,
     spectral_map,
 )
-from lidarspectra.mapping.report.report import PAGE, ReportInput, ReportView, StageRow, write_report
-from lidarspectra.mapping.report.room_view import RoomSurfaces
+from lidarspectra.mapping.report.report import PAGE, write_report
 from lidarspectra.material.lamp_fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
-from lidarspectra.material.material_mesh import daylight_colors, save_material_mesh
-from lidarspectra.material.model_card import CARD_SUFFIX
-from lidarspectra.material.segmentation import SHIPPED_MODEL
+from lidarspectra.material.material_mesh import save_material_mesh
 from lidarspectra.material.viewpoints import render_views
 from lidarspectra.material.views import ViewSet, load_views, save_views
 from lidarspectra.progress import Progress, shares
@@ -50,24 +40,30 @@ from lidarspectra.radiance.scene.scene import RadianceScene, load_scene, write_s
 from lidarspectra.room.room import find_room, load_room, save_room
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.sensor_files import find_bands
-from lidarspectra.workflow.delighting import take_light_out, with_light_uncertainty
-from lidarspectra.workflow.inputs import (
-    Inputs,
-    assigned_spectra,
-    database_hashes,
-    lamp_files,
-    lamp_settings,
-    scan_files,
-)
+from lidarspectra.workflow.declared import Declared
+from lidarspectra.workflow.delighting import Delighting, take_light_out, with_light_uncertainty
+from lidarspectra.workflow.inputs import Inputs
 from lidarspectra.workflow.lamps_of_run import ScannedRoom, daylight_of_run, lamps_of_run, with_estimated_fluxes
 from lidarspectra.workflow.materials_of_run import materials_of_run
-from lidarspectra.workflow.report_applications import report_applications
+from lidarspectra.workflow.report_of_run import StagesBefore, material_pictures, report_of_run
 from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
-from lidarspectra.workflow.workspace import Notes, Stage, StageResult, versions
+from lidarspectra.workflow.workspace import Notes, Stage, StageResult
 
 REPORT_PAGE = PAGE
 MODEL_FOLDER = "model"
 SEGMENTATION = "segmentation"
+MATERIALS_KEYS = (
+    "materials.method",
+    "materials.default",
+    "materials.file",
+    "materials.databases",
+    "materials.matching",
+    "materials.model",
+    "materials.colors",
+    "materials.delight",
+)
+LAMP_KEYS = ("lamps", "lamps_from_scan")
+SENSOR_KEYS = ("sensors.grid", "sensors.points", "sensors.field_of_view_deg", "sensors.receptor", "sensors.lift")
 # Shares of a stage's time, on a first run; `workspace` corrects them by what the last run took.
 SCAN_SHARES = (0.1, 0.65, 0.1, 0.15)  # reading, repairing, finding the room, saving
 VIEWS_SHARES = (0.01, 0.83, 0.16)  # reading, looking around, saving
@@ -80,12 +76,12 @@ TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays b
 
 def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
     """Stage 1: read the phone's mesh, repair it, find the room in it (paper, Section 2.2)."""
-    section = inputs.room.scan
-    file = inputs.path(section.file)
+    given = inputs.declare("scan")
+    section = given.run_file.scan
 
     def make(folder: Path, progress: Progress) -> Notes:
         reading, repairing, finding, saving = shares(progress, SCAN_SHARES)
-        raw = read_scan(file, unit=section.unit, up=section.up, progress=reading)
+        raw = read_scan(given.base / section.file, unit=section.unit, up=section.up, progress=reading)
         scan = repair_scan(
             raw,
             close_holes=section.close_holes,
@@ -95,22 +91,21 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
             progress=repairing,
         )
         finding(0.0, "finding floor, walls and ceiling")
-        room = find_room(scan)
+        found_room = find_room(scan)
         saving(0.0, "saving")
         save_scan(scan, folder)
-        save_room(room, folder)
+        save_room(found_room, folder)
         record = scan.record
         return Notes(
-            summary=f"{record.faces_kept} triangles, {record.area_m2:.0f} m²; room {room.area_m2:.1f} m² x "
-            f"{room.height_m:.2f} m; {record.holes_closed} holes closed "
+            summary=f"{record.faces_kept} triangles, {record.area_m2:.0f} m²; room {found_room.area_m2:.1f} m² x "
+            f"{found_room.height_m:.2f} m; {record.holes_closed} holes closed "
             f"({100 * record.hole_area_m2 / record.area_m2:.1f} % of the area)",
             warnings=record.notes,
         )
 
-    settings = {"section": section.model_dump(), "files": {path.name: hash_file(path) for path in scan_files(file)}}
     return Stage(
         name="scan",
-        settings=settings,
+        settings=given.settings,
         make=make,
         load=lambda folder: ScannedRoom(scan=load_scan(folder), room=load_room(folder)),
     )
@@ -118,7 +113,8 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
 
 def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet]:
     """Stage 2: look around until the surfaces are covered (Algorithm 1, CaptureImage and Viewpoint Update)."""
-    coverage = inputs.room.materials.coverage
+    given = inputs.declare("materials.coverage", stages=(scan,))
+    coverage = given.run_file.materials.coverage
 
     def make(folder: Path, progress: Progress) -> Notes:
         loading, looking, saving = shares(progress, VIEWS_SHARES)
@@ -140,89 +136,69 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
             else (),
         )
 
-    settings = {"scan": scan.contents(), "coverage": coverage}
-    return Stage(name="views", settings=settings, make=make, load=load_views)
+    return Stage(name="views", settings=given.settings, make=make, load=load_views)
 
 
 def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: StageResult[ViewSet]) -> Stage[MaterialMap]:
     """Stage 3: a reflectance spectrum for every face (Algorithm 1, DM and RPP)."""
-    section = inputs.room.materials
+    section = inputs.declare(*MATERIALS_KEYS).run_file.materials
     delight = section.delight and section.method != "default"  # that one does without the scan's colours
+    given = inputs.declare(
+        *MATERIALS_KEYS,
+        *(LAMP_KEYS if delight else ()),
+        databases=("reflectance", "lamps") if delight else ("reflectance",),
+        stages=(scan, views),
+    )
 
     def make(folder: Path, progress: Progress) -> Notes:
         delighting, estimating, saving = shares(progress, (DELIGHTING_SHARE if delight else 0.0, *MATERIALS_SHARES))
         delighting(0.0, "reading scan and views")
-        mesh, light = scan.value.scan, None
-        lamps = lamps_of_run(inputs, scan.value) if delight else ()
-        found = inputs.room.lamps_from_scan
-        stated = found is None or found.fluxes == "area"
-        if delight:
-            light = take_light_out(mesh, scan.value.room, lamps, fluxes_stated=stated, progress=delighting)
+        mesh, found_room = scan.value.scan, scan.value.room
+        unlit = _without_light(given, scan.value, delighting) if delight else None
         materials = materials_of_run(
             mesh,
             views.value,
             section,
-            room=scan.value.room,
-            face_color=light.face_color if light else None,
-            folder=inputs.base,
+            room=found_room,
+            face_color=unlit.face_color if unlit else None,
+            folder=given.base,
             progress=estimating,
         )
         saving(0.0, "saving")
-        if light is not None:
-            materials = with_light_uncertainty(materials, light, mesh.areas)
+        if unlit is not None:
+            materials = with_light_uncertainty(materials, unlit, mesh.areas)
         save_materials(materials, folder, face_areas=mesh.areas)
-        save_lamp_fluxes(light.lamp_fluxes if light else (), folder)
+        save_lamp_fluxes(unlit.lamp_fluxes if unlit else (), folder)
         save_material_mesh(mesh, materials, folder)
-        pictures = _material_pictures(mesh, views.value, materials)
-        save_figure(segmentation_figure(pictures), folder, SEGMENTATION)
-        left_in = light is None or light.face_color is None
-        words, warnings = materials.in_words(mesh.areas), materials.warnings(mesh.areas, light_left_in=left_in)
-        return Notes(
-            summary=f"{words}; {light.words}" if light and light.words else words,
-            warnings=(*warnings, *light.warnings) if light else warnings,
-        )
+        save_figure(segmentation_figure(material_pictures(mesh, views.value, materials)), folder, SEGMENTATION)
+        return _materials_notes(materials, mesh.areas, unlit)
 
-    settings = {
-        "scan": scan.contents(),
-        "views": views.contents(),
-        "section": section.model_dump(exclude={"coverage"}),
-        "databases": {**database_hashes("reflectance"), **(database_hashes("lamps") if delight else {})},
-        "model": {SHIPPED_MODEL.name: hash_file(SHIPPED_MODEL)} if section.model == "builtin" else {},
-        "files": inputs.hashes(
-            section.file,
-            *assigned_spectra(inputs),
-            section.model,
-            str(Path(section.model).with_suffix(CARD_SUFFIX)),
-            *section.databases,
-            *(lamp_files(inputs.room) if delight else ()),
-        ),
-        **(lamp_settings(inputs.room) if delight else {}),
-    }
-    return Stage(name="materials", settings=settings, make=make, load=load_materials)
+    return Stage(name="materials", settings=given.settings, make=make, load=load_materials)
 
 
 def scene_stage(
     inputs: Inputs, scan: StageResult[ScannedRoom], materials: StageResult[MaterialMap]
 ) -> Stage[RadianceScene]:
     """Stage 4: the room as a Radiance model, with its lamps' spectra (paper, Section 3.1)."""
-    room = inputs.room
+    given = inputs.declare(
+        *LAMP_KEYS, "daylight", "sensors.device", "trace.mode", databases=("lamps",), stages=(scan, materials)
+    )
+    run_file = given.run_file
 
     def make(folder: Path, progress: Progress) -> Notes:
         finding, writing, placing = shares(progress, SCENE_SHARES)
         finding(0.0, "lamps")
-        lamps = (
-            *with_estimated_fluxes(lamps_of_run(inputs, scan.value), materials.folder),
-            *daylight_of_run(room, folder),
-        )
+        named = with_estimated_fluxes(lamps_of_run(run_file, scan.value, base=given.base), materials.folder)
+        lamps = (*named, *daylight_of_run(run_file, folder))
         save_lamps(lamps, folder)
-        mesh, bands = scan.value.scan, find_bands(room.sensors.device, inputs.base)
+        mesh, bands = scan.value.scan, find_bands(run_file.sensors.device, given.base)
         scene = write_scene(
             mesh,
             materials.value,
             lamps,
             bands,
             folder,
-            mode=room.trace.mode,
+            mode=run_file.trace.mode,
             engine=find_engine(),
             progress=writing,
         )
@@ -235,28 +211,19 @@ def scene_stage(
             warnings=notes,
         )
 
-    settings = {
-        "scan": scan.contents(),
-        "materials": materials.contents(),
-        **lamp_settings(room),
-        "databases": database_hashes("lamps"),
-        "files": inputs.hashes(*lamp_files(room), room.sensors.device),
-        "device": room.sensors.device,
-        "mode": room.trace.mode,
-    }
-    return Stage(name="scene", settings=settings, make=make, load=load_scene)
+    return Stage(name="scene", settings=given.settings, make=make, load=load_scene)
 
 
 def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResult[RadianceScene]) -> Stage[xr.Dataset]:
     """Stage 5: every lamp's light at every sensor point, with its standard error (paper, Sections 2.4.4 and 3.1)."""
-    sensors = inputs.room.sensors
-    section = inputs.room.trace
+    given = inputs.declare(*SENSOR_KEYS, "trace.accuracy", "trace.noise", stages=(scan, scene))
+    sensors, section = given.run_file.sensors, given.run_file.trace
 
     def make(folder: Path, progress: Progress) -> Notes:
         placing, tracing, saving = shares(progress, TRACE_SHARES)
         placing(0.0, "sensor points")
-        points = sensor_points(scan.value.scan, scan.value.room, sensors, folder=inputs.base)
-        receptor = receptor_of_run(inputs)
+        points = sensor_points(scan.value.scan, scan.value.room, sensors, folder=given.base)
+        receptor = receptor_of_run(sensors, given.base)
         with trace_engine(inputs.cluster) as engine:
             transport = trace(
                 scene.value,
@@ -264,7 +231,7 @@ def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResu
                 accuracy=section.accuracy,
                 noise=section.noise,
                 seed=TRACE_SEED,
-                workers=inputs.workers or section.workers,
+                workers=inputs.workers,
                 receptor=receptor,
                 engine=engine,
                 progress=tracing,
@@ -280,36 +247,31 @@ def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResu
             warnings=_trace_warnings(transport, points),
         )
 
-    settings = {
-        "scan": scan.contents(),
-        "scene": scene.contents(),
-        "sensors": sensors.model_dump(exclude={"device"}),
-        "files": inputs.hashes(sensors.points, sensors.receptor),
-        "accuracy": section.accuracy,
-        "noise": section.noise,
-    }
     return Stage(
-        name="trace", settings=settings, make=make, load=lambda folder: load_transport(folder / TRANSPORT_FILE)
+        name="trace", settings=given.settings, make=make, load=lambda folder: load_transport(folder / TRANSPORT_FILE)
     )
 
 
-def map_stage(scene: StageResult[RadianceScene], transport: StageResult[xr.Dataset]) -> Stage[xr.Dataset]:
+def map_stage(
+    inputs: Inputs, scene: StageResult[RadianceScene], transport: StageResult[xr.Dataset]
+) -> Stage[xr.Dataset]:
     """Stage 6: the spectral map, the sum over lamps (paper, Section 3.3)."""
+    given = inputs.declare(stages=(scene, transport))
 
     def make(folder: Path, progress: Progress) -> Notes:
-        light = spectral_map(transport.value, lamps=load_lamps(scene.folder))
-        save_map(light, folder / MAP_FILE)
-        save_map_table(light, folder / MAP_TABLE_FILE)
-        mean = light["irradiance"].mean("point")
+        light_map = spectral_map(transport.value, lamps=load_lamps(scene.folder))
+        save_map(light_map, folder / MAP_FILE)
+        save_map_table(light_map, folder / MAP_TABLE_FILE)
+        mean = light_map["irradiance"].mean("point")
         return Notes(
-            summary=f"{light.sizes['band']} channels x {light.sizes['point']} points; "
+            summary=f"{light_map.sizes['band']} channels x {light_map.sizes['point']} points; "
             f"mean {float(mean.min()):.3g} to {float(mean.max()):.3g} W/m²/nm"
-            + (f", {float(light['illuminance'].mean()):.0f} lx" if "illuminance" in light else "")
+            + (f", {float(light_map['illuminance'].mean()):.0f} lx" if "illuminance" in light_map else "")
         )
 
     return Stage(
         name="map",
-        settings={"transport": transport.contents()},
+        settings=given.settings,
         make=make,
         load=lambda folder: load_map(folder / MAP_FILE),
     )
@@ -322,95 +284,53 @@ def report_stage(
     materials: StageResult[MaterialMap],
     scene: StageResult[RadianceScene],
     transport: StageResult[xr.Dataset],
-    light: StageResult[xr.Dataset],
+    light_map: StageResult[xr.Dataset],
 ) -> Stage[Path]:
     """Stage 7: figures, tables and one page that tells of all the others."""
-    before: tuple[StageResult[Any], ...] = (scan, views, materials, scene, transport, light)
+    before = StagesBefore(
+        scan=scan, views=views, materials=materials, scene=scene, transport=transport, spectral_map=light_map
+    )
+    cells = inputs.declare("cells").run_file.cells
+    given = inputs.declare(
+        "people_and_plants",
+        "cells",
+        databases=("cells",) if cells else (),
+        stages=before.all,
+        others={"title": inputs.name, "run_file_text": inputs.text},  # shown as they are: any change of them
+    )
 
     def make(folder: Path, progress: Progress) -> Notes:
-        mesh, room = scan.value.scan, scan.value.room
-        applications = inputs.room.people_and_plants or inputs.room.cells
-        reading, applying, writing = shares(
-            progress, (READING_SHARE, APPLYING_SHARE if applications else 0.0, PAGE_SHARE)
+        applies = given.run_file.people_and_plants or given.run_file.cells
+        reading, applying, writing = shares(progress, (READING_SHARE, APPLYING_SHARE if applies else 0.0, PAGE_SHARE))
+        report = report_of_run(
+            given,
+            before,
+            title=inputs.name,
+            run_file_text=inputs.text,
+            trace_seed=TRACE_SEED,
+            reading=reading,
+            applying=applying,
         )
-        lamps = load_lamps(scene.folder)
-        plan = floor_plan(mesh, room)
-        face_color = mesh.face_colors()
-        pictures = _material_pictures(mesh, views.value, materials.value)
-        reading(1.0, "scan and materials are read")
-        page = write_report(
-            folder,
-            ReportInput(
-                title=inputs.name,
-                spectral_map=light.value,
-                transport=transport.value,
-                plan=plan,
-                applications=report_applications(
-                    inputs.room,
-                    transport.value,
-                    {lamp.name: lamp.flux for lamp in lamps},
-                    scene.value.bands,
-                    plan,
-                    base=inputs.base,
-                    progress=applying,
-                ),
-                scan=mesh.record,
-                materials=materials.value.materials,
-                material_areas_m2=materials.value.areas(mesh.areas),
-                surfaces=RoomSurfaces(
-                    vertices=mesh.vertices,
-                    faces=mesh.faces,
-                    face_material=materials.value.face_material,
-                    face_color=face_color,
-                ),
-                lamps=lamps,
-                views=tuple(ReportView(name=view.name, image=view.image) for view in views.value.views[:6]),
-                material_pictures=pictures,
-                view_notes=views.record.summary,
-                floor_z_m=room.floor_z,
-                room_notes=scan.record.summary,
-                stages=tuple(
-                    StageRow(
-                        stage=result.record.stage,
-                        summary=result.record.summary,
-                        seconds=result.record.seconds,
-                        peak_memory_mib=result.record.peak_memory_mib,
-                    )
-                    for result in before
-                ),
-                warnings=tuple(warning for result in before for warning in result.record.warnings),
-                provenance=_provenance(before),
-                run_file=inputs.text,
-            ),
-            progress=writing,
-        )
+        page = write_report(folder, report, progress=writing)
         return Notes(summary=f"{page.name}, with figures and tables beside it")
 
-    settings = {"stages": {result.record.stage: result.contents() for result in before}, "run_file": inputs.text}
-    if inputs.room.cells:
-        settings["files"] = inputs.hashes(*(section.cell for section in inputs.room.cells))
-        settings["databases"] = database_hashes("cells")
-    return Stage(name="report", settings=settings, make=make, load=lambda folder: folder / REPORT_PAGE)
+    return Stage(name="report", settings=given.settings, make=make, load=lambda folder: folder / REPORT_PAGE)
 
 
-def _material_pictures(scan: Scan, views: ViewSet, materials: MaterialMap) -> MaterialPictures:
-    """The first six views before and after segmentation, and the materials' colours with and without the light."""
-    areas = materials.areas(scan.areas)
-    listed = materials.materials
-    code = material_code(tuple(m.name for m in listed), tuple(m.category for m in listed), areas)
-    first = views.views[:6]
-    found = daylight_colors(listed)
-    return MaterialPictures(
-        views=tuple(ReportView(name=view.name, image=view.image) for view in first),
-        segmented=tuple(
-            ReportView(name=view.name, image=code.image(view.face, materials.face_material)) for view in first
-        ),
-        lit_evenly=tuple(
-            ReportView(name=view.name, image=painted(view.face, found[materials.face_material])) for view in first
-        ),
-        code=code,
-        shown=mean_shown_colors(scan.face_colors(), materials.face_material, scan.areas, len(listed)),
-        found=found,
+def _without_light(given: Declared, scanned: ScannedRoom, progress: Progress) -> Delighting:
+    """The scan's colours without the light of the lamps that were lit when it was scanned."""
+    lamps = lamps_of_run(given.run_file, scanned, base=given.base)
+    found = given.run_file.lamps_from_scan
+    stated = found is None or found.fluxes == "area"
+    return take_light_out(scanned.scan, scanned.room, lamps, fluxes_stated=stated, progress=progress)
+
+
+def _materials_notes(materials: MaterialMap, face_areas: FloatArray, unlit: Delighting | None) -> Notes:
+    left_in = unlit is None or unlit.face_color is None
+    words, warnings = materials.in_words(face_areas), materials.warnings(face_areas, light_left_in=left_in)
+    return Notes(
+        summary=f"{words}; {unlit.words}" if unlit and unlit.words else words,
+        warnings=(*warnings, *unlit.warnings) if unlit else warnings,
     )
 
 
@@ -437,14 +357,3 @@ def _trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, .
             f'noise of {100 * target:.1f} % that was asked for. Write accuracy = "all" in [trace] to follow all of it.'
         )
     return tuple(warnings)
-
-
-def _provenance(before: tuple[StageResult[Any], ...]) -> dict[str, str]:
-    hashes = {
-        f"sha256 of {name}": digest
-        for result in before
-        for part in ("files", "databases")
-        for name, digest in result.record.settings.get(part, {}).items()
-    }
-    finished = {f"stage '{result.record.stage}' finished": result.record.finished for result in before}
-    return {**versions(), **finished, **hashes, "trace seed": str(TRACE_SEED)}

@@ -31,7 +31,7 @@ from lidarspectra.workflow.workspace import (
 
 Part = Literal["input", "database", "result", "record"]
 State = Literal["same", "changed", "missing", "added"]
-BUILT_FROM: dict[StageName, dict[str, StageName]] = {
+OLD_SOURCES: dict[StageName, dict[str, StageName]] = {
     "scan": {},
     "views": {"scan": "scan"},
     "materials": {"scan": "scan", "views": "views"},
@@ -40,7 +40,7 @@ BUILT_FROM: dict[StageName, dict[str, StageName]] = {
     "map": {"transport": "trace"},
     "report": {},  # names its stages in a table of their own
 }
-"""Under which key of a stage's settings the contents of the stages before it stand."""
+"""Where earlier packages kept the contents of the stages before a stage; now they stand under "stages"."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,10 +212,10 @@ def _sources(
     contents: Mapping[StageName, dict[str, str]],
 ) -> Iterator[Finding]:
     """Whether the stages before it are those that it was made from; an edit made before it is one of them."""
-    made_from = {source: record.settings.get(key) for key, source in BUILT_FROM[stage].items()}
-    if stage == "report":
-        table = _table(record.settings, "stages")
-        made_from = {source: table.get(source) for source in STAGES[:-1]}
+    made_from: dict[StageName, Any] = {source: record.settings.get(key) for key, source in OLD_SOURCES[stage].items()}
+    table = _table(record.settings, "stages")
+    if table or stage == "report":
+        made_from = {source: table.get(source) for source in STAGES if source in table}
     for source, used in made_from.items():
         before = records[source]
         if before is None:
@@ -238,7 +238,7 @@ def _databases(record: StageRecord, stage: StageName, known: Mapping[str, Path])
 
 def _inputs(record: StageRecord, stage: StageName, base: Path) -> Iterator[Finding]:
     folder = base
-    if stage == "scan":  # its files are named from the scan's folder, not from the run file's
+    if "section" in record.settings and stage == "scan":  # of earlier packages: named from the scan's folder
         folder = (base / str(_table(record.settings, "section").get("file", ""))).parent
     for name, recorded in _table(record.settings, "files").items():
         yield _compared("input", stage, name, recorded, folder / name)

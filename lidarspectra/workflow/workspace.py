@@ -212,7 +212,7 @@ class Workspace:
     def is_fresh(self, stage: Stage[Result]) -> bool:
         """Whether the folder holds the stage, made from all that it depends on as that is now."""
         record = read_record(self.stage_folder(stage.name))
-        return record is not None and record.key == _key(stage)
+        return record is not None and record.key == stage_key(stage)
 
     def run_stage(self, stage: Stage[Result], *, progress: Progress, force: bool = False) -> StageResult[Result]:
         """Make a stage, or take it from the folder where nothing that it depends on has changed.
@@ -237,7 +237,7 @@ class Workspace:
         """
         folder = self.stage_folder(stage.name)
         record = read_record(folder)
-        if record is not None and record.key == _key(stage) and not force:
+        if record is not None and record.key == stage_key(stage) and not force:
             return StageResult(record, folder, stage.load, fresh=True)
         return StageResult(self._make(stage, folder, progress), folder, stage.load, fresh=False)
 
@@ -254,7 +254,7 @@ class Workspace:
                     notes = stage.make(partial, paced)
                 record = StageRecord(
                     stage=stage.name,
-                    key=_key(stage),
+                    key=stage_key(stage),
                     settings=dict(stage.settings),
                     finished=datetime.now(UTC).isoformat(timespec="seconds"),
                     seconds=round(time.monotonic() - start, 3),
@@ -412,7 +412,8 @@ def record_key(record: StageRecord) -> str:
     return _hash_of(record.stage, record.settings, record.versions.get("lidarspectra", ""))
 
 
-def _key(stage: Stage[Result]) -> str:
+def stage_key(stage: Stage[Result]) -> str:
+    """Hash of all that a stage depends on, as it is now."""
     return _hash_of(stage.name, stage.settings, version("lidarspectra"))
 
 

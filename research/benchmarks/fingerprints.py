@@ -100,7 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     summary = run(run_file, choice.run, last="scene")
     inputs = read_inputs(run_file)
     free = FreeSpace(summary.scan, summary.room)
-    points = sensor_points(summary.scan, summary.room, inputs.room.sensors, folder=inputs.base, free=free)
+    points = sensor_points(summary.scan, summary.room, inputs.run_file.sensors, folder=inputs.base, free=free)
     positions = some_positions(free, choice.count)
     folder = choice.run / "benchmark"
     if choice.fresh:
@@ -114,7 +114,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         load_reflectances(),
         folder,
         FingerprintRequest(
-            accuracy=inputs.room.trace.accuracy,
+            accuracy=inputs.run_file.trace.accuracy,
             effect_target=None if choice.effect_error is None else choice.effect_error / 100,
         ),
         progress=parts,

@@ -37,7 +37,7 @@ def test_the_meshes_of_the_materials_have_the_rooms_size(folder: Path) -> None:
 
 
 def test_the_scene_takes_the_fluxes_that_the_walls_told(write_room: RoomWriter, tmp_path: Path) -> None:
-    lamps = resolve_lamps(read_inputs(write_room(tmp_path)).room.lamps, tmp_path)
+    lamps = resolve_lamps(read_inputs(write_room(tmp_path)).run_file.lamps, tmp_path)
     assert with_estimated_fluxes(lamps, tmp_path) == lamps
     told = [
         LampFlux(lamp=lamp.name, factor=factor, log_deviation=0.05, identifiable=True)

@@ -1,0 +1,200 @@
+"""What a stage declares that it reads: keys of the run file, the files they name, databases, and stages before it.
+
+A stage is given what it declared and nothing else: another key of the run file raises an error. Its freshness is
+derived from the same declaration, so that a stage cannot depend on what does not make it stale.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from lidarspectra.config import LampSection, LampsFromScanSection, RunFile
+from lidarspectra.errors import UndeclaredError
+from lidarspectra.io.files import hash_file
+from lidarspectra.io.toml_sections import Section
+from lidarspectra.material.assignments import spectrum_files
+from lidarspectra.material.model_card import CARD_SUFFIX
+from lidarspectra.material.segmentation import SHIPPED_MODEL
+from lidarspectra.spectra.databases import list_databases
+from lidarspectra.workflow.workspace import StageResult
+
+MULTI_FILE_FORMATS = (".obj", ".gltf", ".ply", ".usda", ".usd")
+COMPANION_SUFFIXES = (
+    ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".usd", ".usda", ".usdc",
+)  # fmt: skip
+
+
+class DeclaredSection:
+    """A section of the run file of which some keys may be read; any other raises an UndeclaredError.
+
+    Parameters
+    ----------
+    section : Section
+    keys : frozenset of str
+        That may be read, with dots from the run file down; a section's key stands for all that is in it.
+    name : str
+        Of this section, with its dots; empty for the run file.
+    """
+
+    __slots__ = ("_keys", "_name", "_section")
+
+    def __init__(self, section: Section, keys: frozenset[str], name: str = "") -> None:
+        self._section, self._keys, self._name = section, keys, name
+
+    def __getattr__(self, key: str) -> Any:
+        value = getattr(self._section, key)
+        name = f"{self._name}.{key}" if self._name else key
+        if name in self._keys:
+            return value
+        if any(declared.startswith(f"{name}.") for declared in self._keys):
+            return None if value is None else DeclaredSection(value, self._keys, name)
+        raise UndeclaredError(
+            expected="a key of the run file that the stage declared",
+            found="another one",
+            where=name,
+            todo="Name it in what the stage declares (workflow/stages.py): a change of it must make the stage again.",
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Declared:
+    """What a stage is given: the run file as far as it declared that it reads it.
+
+    Parameters
+    ----------
+    run_file : RunFile
+        In truth a `DeclaredSection` of it.
+    base : Path
+        The run file's folder, where relative file names start.
+    settings : dict
+        All that the stage depends on, as JSON values: `run_file` (its keys), `files`, `databases`, `model`, `stages`.
+    """
+
+    run_file: RunFile
+    base: Path
+    settings: Mapping[str, Any]
+
+
+def declare(
+    run_file: RunFile,
+    base: Path,
+    *keys: str,
+    databases: Iterable[str] = (),
+    stages: Iterable[StageResult[Any]] = (),
+    others: Mapping[str, Any] | None = None,
+) -> Declared:
+    """Declare what a stage reads.
+
+    Parameters
+    ----------
+    run_file : RunFile
+    base : Path
+        Its folder.
+    keys : str
+        Of the run file, with dots ("trace.noise"); a section's name stands for all its keys. Files that they name are
+        read too.
+    databases : iterable of str
+        Kinds of databases.
+    stages : iterable of StageResult
+        Before it.
+    others : mapping, optional
+        What else its result depends on, as JSON values.
+
+    Returns
+    -------
+    declared : Declared
+
+    Raises
+    ------
+    AttributeError
+        If the run file has no such key.
+    """
+    of_files: dict[str, str] = {}
+    for key, names in FILES.items():
+        if _covers(keys, key) and (value := _value(run_file, key)) is not None:
+            of_files |= _hashes(base, names(value, base))
+    uses_shipped = _covers(keys, "materials.model") and run_file.materials.model == "builtin"
+    settings = {
+        "run_file": {key: _json(_value(run_file, key)) for key in sorted(keys)},
+        "files": of_files,
+        "databases": {name: digest for kind in databases for name, digest in database_hashes(kind).items()},
+        "model": {SHIPPED_MODEL.name: hash_file(SHIPPED_MODEL)} if uses_shipped else {},
+        "stages": {result.record.stage: result.contents() for result in stages},
+        **(others or {}),
+    }
+    given = cast(RunFile, DeclaredSection(run_file, frozenset(keys)))
+    return Declared(run_file=given, base=base, settings=settings)
+
+
+def database_hashes(kind: str) -> dict[str, str]:
+    """SHA-256 of every database file of a kind, as it is now and not as the manifest has it."""
+    return {f"{file.database}/{file.path.name}": hash_file(file.path) for file in list_databases() if file.kind == kind}
+
+
+def _covers(keys: Iterable[str], name: str) -> bool:
+    """Whether a key is among those that are declared, or in a section that is."""
+    return any(name == key or name.startswith(f"{key}.") for key in keys)
+
+
+def _value(run_file: RunFile, key: str) -> Any:
+    value: Any = run_file
+    for part in key.split("."):
+        value = None if value is None else getattr(value, part)
+    return value
+
+
+def _json(value: Any) -> Any:
+    if isinstance(value, Section):
+        return value.model_dump(mode="json")
+    return [_json(each) for each in value] if isinstance(value, tuple) else value
+
+
+def _hashes(base: Path, names: Iterable[str | None]) -> dict[str, str]:
+    """SHA-256 of files; one that is not there has none and is refused where it is read."""
+    return {name: hash_file(base / name) for name in names if name is not None and (base / name).is_file()}
+
+
+def _scan_files(name: str, base: Path) -> Iterable[str]:
+    """The scan's file and, for formats of several files, those beside it that it may read.
+
+    Which of them it does read is known only after parsing it; one too many costs a needless new run at worst.
+    """
+    file = base / name
+    if not file.is_file() or file.suffix.lower() not in MULTI_FILE_FORMATS:
+        return (name,)
+    beside = sorted(path.name for path in file.parent.iterdir() if path.suffix.lower() in COMPANION_SUFFIXES)
+    return (name, *((Path(name).parent / each).as_posix() for each in beside))
+
+
+def _assignment_files(name: str, base: Path) -> Iterable[str]:
+    """The file of assignments, and the spectra that it points to."""
+    return (name, *(str(Path(name).parent / spectrum) for spectrum in spectrum_files(base / name)))
+
+
+def _lamp_files(lamps: tuple[LampSection, ...], base: Path) -> Iterable[str | None]:
+    """Photometry and spectra."""
+    return (*(lamp.file for lamp in lamps), *(lamp.spectrum for lamp in lamps))
+
+
+def _found_lamp_files(section: LampsFromScanSection, base: Path) -> Iterable[str | None]:
+    return (section.spectrum,)
+
+
+def _itself(name: str, base: Path) -> Iterable[str]:
+    return (name,)
+
+
+FILES: Mapping[str, Callable[[Any, Path], Iterable[str | None]]] = {
+    "scan.file": _scan_files,
+    "lamps": _lamp_files,
+    "lamps_from_scan": _found_lamp_files,
+    "materials.file": _assignment_files,
+    "materials.model": lambda name, base: (name, str(Path(name).with_suffix(CARD_SUFFIX))),
+    "materials.databases": lambda names, base: names,
+    "sensors.device": _itself,
+    "sensors.points": _itself,
+    "sensors.receptor": _itself,
+    "cells": lambda sections, base: [section.cell for section in sections],
+}
+"""Which keys of the run file may name files, and which files those are."""

@@ -1,0 +1,250 @@
+"""A change of the run file makes exactly the stages again that depend on it; no stage reads what it did not declare."""
+
+import ast
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lidarspectra.config import RunFile
+from lidarspectra.errors import UndeclaredError
+from lidarspectra.io.toml_sections import Section
+from lidarspectra.workflow import stages
+from lidarspectra.workflow.declared import FILES, declare
+from lidarspectra.workflow.inputs import Inputs
+from lidarspectra.workflow.pipeline import walk
+from lidarspectra.workflow.workspace import STAGES, Stage, StageName, StageRecord, StageResult, stage_key
+
+LAMP = {
+    "name": "one",
+    "shape": "panel",
+    "center": [1, 1, 2],
+    "size": [0.5, 0.5],
+    "spectrum": "LED-B3",
+    "luminous_flux_lm": 900,
+}
+IES = {"name": "two", "shape": "ies", "center": [1, 1, 2], "cct_k": 3000, "radiant_flux_W": 5, "file": "two.ies"}
+SPOT = {
+    "name": "three",
+    "shape": "spot",
+    "center": [1, 1, 2],
+    "cct_k": 3000,
+    "luminous_flux_lm": 5,
+    "beam_angle_deg": 30,
+}
+WINDOW = {"name": "south", "center": [0, 0, 1], "size": [1, 1], "normal": [1, 0, 0]}
+DAYLIGHT = {"latitude_deg": 48, "longitude_deg": 9, "time": "2026-06-21T12:00:00+02:00", "windows": [WINDOW]}
+REST = {
+    "scan": {"file": "room.glb", "max_faces": 1000},
+    "people_and_plants": {},
+    "cells": [{"cell": "cell.csv", "area_cm2": 1, "hours": "8-17", "volt": 0.4}],
+}
+ROOMS: dict[str, dict[str, Any]] = {
+    "lamps": {
+        **REST,
+        "lamps": [LAMP, IES, SPOT],
+        "daylight": DAYLIGHT,
+        "sensors": {"grid": {"count": 9}, "field_of_view_deg": 30},
+    },
+    "lamps in the scan": {
+        **REST,
+        "lamps_from_scan": {"spectrum": "LED-B3"},
+        "materials": {"method": "file", "file": "materials.csv"},
+        "sensors": {"points": "points.csv", "receptor": "receptor.csv"},
+    },
+    "lamps in the scan, of a colour": {
+        **REST,
+        "lamps_from_scan": {"cct_k": 3000},
+        "sensors": {"grid": {"spacing": 0.5}},
+        "materials": {"delight": False},
+    },
+}  # fmt: skip
+
+MATERIALS_ON = ("materials", "scene", "trace", "map", "report")
+FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits counts
+    "scan": STAGES,
+    "materials": MATERIALS_ON,
+    "materials.coverage": STAGES[1:],
+    "lamps": MATERIALS_ON,
+    "lamps_from_scan": MATERIALS_ON,
+    "daylight": STAGES[3:],
+    "sensors": STAGES[4:],
+    "sensors.device": STAGES[3:],
+    "trace": STAGES[4:],
+    "trace.mode": STAGES[3:],
+    "trace.workers": STAGES[6:],  # the same numbers, but the page shows the run file
+    "people_and_plants": STAGES[6:],
+    "cells": STAGES[6:],
+}
+WITHOUT_DELIGHTING = {**FIRST_STAGES, "lamps": STAGES[3:], "lamps_from_scan": STAGES[3:]}
+
+
+class Walk:
+    """Takes the stages in order without making any: a stage's results are as new as what it depends on."""
+
+    def __init__(self) -> None:
+        self.keys: dict[StageName, str] = {}
+
+    def __call__(self, stage: Stage[Any]) -> StageResult[Any]:
+        self.keys[stage.name] = stage_key(stage)
+        record = StageRecord(
+            stage=stage.name, key="", settings={}, finished="", seconds=0.0, peak_memory_mib=0.0, summary="",
+            warnings=(), outputs={}, versions={},
+        )  # fmt: skip
+        result: StageResult[Any] = StageResult(record, Path(), stage.load, fresh=True)
+        result.contents = lambda: {"result": self.keys[stage.name]}  # type: ignore[method-assign]
+        return result
+
+
+def keys_of(run_file: RunFile, base: Path) -> dict[StageName, str]:
+    """The key of every stage."""
+    text = run_file.model_dump_json()
+    found = Walk()
+    walk(found, Inputs(run_file=run_file, base=base, name="room", text=text))
+    return found.keys
+
+
+def changed(before: dict[StageName, str], after: dict[StageName, str]) -> tuple[StageName, ...]:
+    return tuple(stage for stage in STAGES if before[stage] != after[stage])
+
+
+def leaves(value: Any, at: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    """Every key of a run file, those of each of its lamps, windows and cells too."""
+    if isinstance(value, Section):
+        for name in type(value).model_fields:
+            yield from leaves(getattr(value, name), (*at, name))
+    elif isinstance(value, tuple) and value and isinstance(value[0], Section):
+        for number, each in enumerate(value):
+            yield from leaves(each, (*at, number))
+    else:
+        yield at
+
+
+OTHER_WORDS = {
+    "shape": "disc", "size": [0.4, 0.4], "unit": "cm", "up": "+z", "fluxes": "area", "method": "default",
+    "model": "none", "matching": "nearest", "databases": ["builtin", "mine"], "accuracy": "low", "noise": "fine",
+    "mode": "rgb", "hours": "9-18", "time": "2026-06-21T13:00:00+02:00", "file": "another", "workers": 3,
+}  # fmt: skip
+
+
+def others(key: str, value: Any) -> Iterator[Any]:
+    """Values that may stand there in place of this one."""
+    if isinstance(value, bool):
+        yield not value
+    elif isinstance(value, (int, float)):
+        yield from (value + 1, value * 0.5, value + 1000)
+    elif isinstance(value, tuple) and key not in OTHER_WORDS:
+        yield [each + 0.25 for each in value]
+    elif isinstance(value, str) and key not in OTHER_WORDS:
+        yield value + "2"
+    elif key in OTHER_WORDS:
+        yield OTHER_WORDS[key]
+    yield from (None, 0.5, 2, [0.5, 0.5])
+
+
+def with_other(run_file: RunFile, at: tuple[str | int, ...]) -> RunFile | None:
+    """The run file with another valid value there; None where the keys beside it leave no choice."""
+    value: Any = run_file
+    for part in at:
+        value = value[part] if isinstance(part, int) else getattr(value, part)
+    for other in others(str(at[-1]), value):
+        tree = run_file.model_dump()
+        holder: Any = tree
+        for part in at[:-1]:
+            holder = holder[part]
+        holder[at[-1]] = other
+        try:
+            changed_file = RunFile.model_validate(tree)
+        except ValueError:
+            continue
+        if changed_file != run_file:
+            return changed_file
+    return None
+
+
+def dotted(at: tuple[str | int, ...]) -> str:
+    return ".".join(part for part in at if isinstance(part, str))
+
+
+def expected(at: tuple[str | int, ...], table: dict[str, tuple[StageName, ...]]) -> tuple[StageName, ...]:
+    name = dotted(at)
+    return table[max((key for key in table if f"{name}.".startswith(f"{key}.")), key=len)]
+
+
+def test_a_change_of_any_key_makes_the_stages_stale_that_read_it_and_those_after_them(tmp_path: Path) -> None:
+    tried: set[str] = set()
+    for room in ROOMS.values():
+        run_file = RunFile.model_validate(room)
+        before = keys_of(run_file, tmp_path)
+        table = FIRST_STAGES if run_file.materials.delight else WITHOUT_DELIGHTING
+        for at in leaves(run_file):
+            other = with_other(run_file, at)
+            if other is not None and at != ("materials", "delight"):
+                tried.add(dotted(at))
+                assert changed(before, keys_of(other, tmp_path)) == expected(at, table), dotted(at)
+    every = {dotted(at) for room in ROOMS.values() for at in leaves(RunFile.model_validate(room))}
+    absent = {name for name in every if any(other.startswith(f"{name}.") for other in every)}  # there in another room
+    assert every - absent - tried == {"materials.delight"}, "changed nowhere"
+
+
+def test_taking_the_light_out_or_not_makes_the_materials_again(tmp_path: Path) -> None:
+    run_file = RunFile.model_validate(ROOMS["lamps"])
+    materials = run_file.materials.model_copy(update={"delight": False})
+    other = run_file.model_copy(update={"materials": materials})
+    assert changed(keys_of(run_file, tmp_path), keys_of(other, tmp_path)) == MATERIALS_ON
+
+
+@pytest.mark.parametrize(
+    ("room", "file", "stale"),
+    [
+        ("lamps", "room.glb", STAGES),
+        ("lamps", "two.ies", MATERIALS_ON),
+        ("lamps", "cell.csv", STAGES[6:]),
+        ("lamps in the scan", "points.csv", STAGES[4:]),
+        ("lamps in the scan", "receptor.csv", STAGES[4:]),
+        ("lamps in the scan, of a colour", "as7265x-14", STAGES[3:]),
+    ],
+)
+def test_a_changed_file_counts_as_the_key_that_names_it(
+    tmp_path: Path, room: str, file: str, stale: tuple[StageName, ...]
+) -> None:
+    run_file = RunFile.model_validate(ROOMS[room])
+    (tmp_path / "materials.csv").write_text("material,spectrum\n", encoding="utf-8")
+    (tmp_path / file).write_text("before", encoding="utf-8")
+    before = keys_of(run_file, tmp_path)
+    (tmp_path / file).write_text("after", encoding="utf-8")
+    assert changed(before, keys_of(run_file, tmp_path)) == stale
+
+
+def test_a_stage_reads_no_key_that_it_did_not_declare(tmp_path: Path) -> None:
+    run_file = RunFile.model_validate(ROOMS["lamps"])
+    seen = declare(run_file, tmp_path, "trace.noise", "materials").run_file
+    assert seen.trace.noise == run_file.trace.noise
+    assert seen.materials == run_file.materials
+    with pytest.raises(UndeclaredError, match=r"trace\.accuracy"):
+        _ = seen.trace.accuracy
+    with pytest.raises(UndeclaredError, match="lamps"):
+        _ = seen.lamps
+    with pytest.raises(UndeclaredError):
+        seen.model_dump()
+    with pytest.raises(AttributeError):
+        declare(run_file, tmp_path, "trace.nose")
+
+
+def test_stages_reach_the_run_file_by_what_they_declare_alone() -> None:
+    reached = {
+        node.attr
+        for node in ast.walk(ast.parse(inspect.getsource(stages)))
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "inputs"
+    }
+    assert reached == {"declare", "workers", "cluster", "name", "text"}
+
+
+def test_every_key_that_may_name_a_file_is_one_of_the_run_file(tmp_path: Path) -> None:
+    declare(
+        RunFile.model_validate(ROOMS["lamps in the scan"]),
+        tmp_path / "without materials.csv",
+        *(FILES.keys() - {"materials.file"}),
+    )
