@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarspectra.cli.terminal import console, say
+from lidarspectra.cli.terminal import console, say, tell
 
 if TYPE_CHECKING:
     from lidarspectra.workflow.relighting import LampOrder
@@ -28,12 +28,21 @@ def relight(
     named stay as they are.
     """
     orders = parse_orders(context.args)
+    from lidarspectra.mapping.maps.spectral_map import SPECTRUM_ERROR
+    from lidarspectra.radiance.sampling.folding import MAX_SPECTRUM_ERROR
     from lidarspectra.workflow.relighting import relight_run, save_relit
 
     folder = out or run / "relit"
     light = relight_run(run, orders, base=Path.cwd())
     for path in save_relit(light, folder, run):
         say(str(path))
+    foretold = float(light.attrs[SPECTRUM_ERROR])
+    if foretold > MAX_SPECTRUM_ERROR:
+        tell(
+            f"With this spectrum the reflected light of one channel may be off by {100 * foretold:.1f} %: within that "
+            "channel the lamp's light lies elsewhere than that of the spectrum that was traced, and the room's colours "
+            "change there. Give the lamp this spectrum in the run file and run it again for the exact map."
+        )
     mean = light["irradiance"].mean("point")
     for band, value in zip(light["band"].to_numpy(), mean.to_numpy(), strict=True):
         console.print(f"{band:5.0f} nm  {value:.4g} W/m²/nm")

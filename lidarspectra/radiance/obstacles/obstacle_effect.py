@@ -387,14 +387,14 @@ def _finish(
 ) -> ObstacleEffect:
     """Add up the passes; the room of this obstacle is not needed any more."""
     rows = len(encounters[0].gone)
-    totals = np.zeros((rows, len(scene.bands)))
+    totals = np.zeros((rows, len(scene.slots)))
     for scene_pass, part, more in zip(scene.passes, encounters, added, strict=True):
-        where = np.ix_(scene_pass.lamps, scene_pass.bands)
+        where = np.ix_(scene_pass.lamps, scene_pass.slots)
         # Lamps of a pass have the same spectrum, so what was written of it is too much by the same factor.
-        ratio = scene.flux[where].sum(axis=0) / scene.written_flux[where].sum(axis=0)
-        totals[:, scene_pass.bands] += scene_pass.group.from_engine(more - part.gone) * ratio
+        ratio = scene.slot_flux[where].sum(axis=0) / scene.written_flux[where].sum(axis=0)
+        totals[:, scene_pass.slots] += scene_pass.group.from_engine(more - part.gone) * ratio
     for octree in octrees.values():
         (scene.folder / octree).unlink()
-    batches = totals.reshape(-1, BATCHES, len(scene.bands)).transpose(1, 0, 2)
+    batches = scene.slots.fold(totals).reshape(-1, BATCHES, len(scene.bands)).transpose(1, 0, 2)
     rays = sum(owner.size for part in encounters for owner in part.owner)
     return ObstacleEffect(number=number, batches=np.ascontiguousarray(batches), rays=rays)

@@ -171,7 +171,7 @@ def _obstacle_text(
     light = _light_of(scene, scene_pass, lamps)
     modifiers = [f"{name}_m{index}" for index in range(len(obstacle.materials))]
     texts = [
-        surface_text(modifier, material, surface_slots(material, light, scene.bands, scene_pass.group))
+        surface_text(modifier, material, surface_slots(material, light, scene.slots.bands, scene_pass.group))
         for modifier, material in zip(modifiers, obstacle.materials, strict=True)
     ]
     corners = obstacle.vertices[obstacle.faces]

@@ -80,6 +80,7 @@ def direct_coefficients(
         uniform_bands(*GREY_NM, GREY_BANDS),
         folder,
         engine=engine,
+        fine_slots=False,
         progress=part_of(progress, 0.0, 0.4),
     )
     rays = np.hstack([positions, normals]).astype(np.float64)
@@ -97,7 +98,7 @@ def direct_coefficients(
     for number, ((scene_pass, part), run) in enumerate(zip(tasks, runs, strict=True), start=1):
         count, lit, slots = len(rays[part]), list(scene_pass.lamps), scene_pass.slot_count
         values = float_rows(run, rows=count, columns=len(lit) * slots).reshape(count, len(lit), slots)
-        written = scene.written_flux[np.ix_(lit, scene_pass.bands)]
+        written = scene.written_flux[np.ix_(lit, scene_pass.slots)]
         coefficients[lit, part] += (scene_pass.group.from_engine(values) / written).mean(axis=2).T
         progress(0.4 + 0.6 * number / len(tasks), "light straight from the lamps")
     return coefficients

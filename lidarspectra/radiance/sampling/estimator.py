@@ -45,14 +45,14 @@ class Component:
     kind : str
         'direct', reflected 'once' and 'often' are the parts of a cosine receptor; 'view' is all light in another one.
     options : PassOptions
-    lamps, bands : tuple of int
+    lamps, slots : tuple of int
         Which of the scene's they are.
-    mean : (batch, lamp, point, band) float
+    mean : (batch, lamp, point, slot) float
         Running means of the batches, in single precision: they are what fills the memory. [W/m²/nm]
     samples : (point,) or (1,) int
         Samples a batch so far; one number for the paths of 'often', which all points share.
     sharers : int
-        Components of its kind whose light adds up in its bands, itself counted: the more, the less each need be known.
+        Components of its kind whose light adds up in its slots, itself counted: the more, the less each need be known.
     surfaces : Surfaces or None
         For 'often' and 'view'.
     sharing : Sharing or None
@@ -64,7 +64,7 @@ class Component:
     kind: Kind
     options: PassOptions
     lamps: tuple[int, ...]
-    bands: tuple[int, ...]
+    slots: tuple[int, ...]
     mean: NDArray[np.float32]
     samples: IntArray
     sharers: int = 1
@@ -223,21 +223,23 @@ def take_answer(task: Task, run: EngineRun, sensors: Sensors) -> None:
     component.sampled += BATCHES * task.size * (1 if task.pooled is not None else count)
 
 
-def band_variance(component: Component, flux_ratio: FloatArray) -> FloatArray:
+def band_variance(component: Component, flux_ratio: FloatArray, shares: FloatArray) -> FloatArray:
     """Variance of the mean over batches of a component's light by all its lamps.
 
     Parameters
     ----------
     component : Component
-    flux_ratio : (lamp, band) float
-        True over written flux of the component's lamps and bands. [1]
+    flux_ratio : (lamp, slot) float
+        True over written flux of the component's lamps and slots. [1]
+    shares : (slot, band) float
+        Of the component's slots in the channels. [1]
 
     Returns
     -------
     variance : (point, band) float
         [(W/m²/nm)²]
     """
-    totals = np.einsum("klpb,lb->kpb", component.mean, flux_ratio)
+    totals = np.einsum("klps,ls->kps", component.mean, flux_ratio) @ shares
     return np.asarray(totals.var(axis=0, ddof=1) / BATCHES, dtype=np.float64)
 
 

@@ -94,7 +94,7 @@ class BlockResult:
 
     Parameters
     ----------
-    batches : (batch, lamp, point, band) float
+    batches : (batch, lamp, point, slot) float
         Independent estimates of the coefficient. [m⁻²]
     irradiance_se : (point, band) float
         Standard error of the sum over lamps. [W/m²/nm]
@@ -217,9 +217,9 @@ def _components(scene: RadianceScene, request: Request, count: int) -> list[Comp
                 lamp_count=len(scene.lamp_names),
             ),
             lamps=scene_pass.lamps,
-            bands=scene_pass.bands,
-            mean=np.zeros((BATCHES, len(scene_pass.lamps), count, len(scene_pass.bands)), dtype=np.float32),
-            sharers=sum(other.bands == scene_pass.bands for other in scene.passes),
+            slots=scene_pass.slots,
+            mean=np.zeros((BATCHES, len(scene_pass.lamps), count, len(scene_pass.slots)), dtype=np.float32),
+            sharers=sum(other.slots == scene_pass.slots for other in scene.passes),
             samples=np.zeros(1 if kind == "often" else count, dtype=np.int64),
             surfaces=request.surfaces[scene_pass.name] if kind in ("often", "view") else None,
         )
@@ -347,27 +347,27 @@ def _await_second_after(second: int) -> None:
 
 def _totals(scene: RadianceScene, components: Sequence[Component]) -> FloatArray:
     """(batch, point, band) irradiance by all lamps with their true flux [W/m²/nm]."""
-    shape = (BATCHES, components[0].samples.size, len(scene.bands))
-    totals = np.zeros(shape)
+    totals = np.zeros((BATCHES, components[0].mean.shape[2], len(scene.bands)))
     for component in components:
-        totals[..., component.bands] += np.einsum("klpb,lb->kpb", component.mean, _flux_ratio(scene, component))
+        light = np.einsum("klps,ls->kps", component.mean, _flux_ratio(scene, component))
+        totals += light @ scene.slots.matrix[list(component.slots)]
     return totals
 
 
 def _flux_ratio(scene: RadianceScene, component: Component) -> FloatArray:
-    """(lamp, band) true over written flux of a component."""
-    where = np.ix_(component.lamps, component.bands)
-    return np.asarray(scene.flux[where] / scene.written_flux[where], dtype=np.float64)
+    """(lamp, slot) true over written flux of a component."""
+    where = np.ix_(component.lamps, component.slots)
+    return scene.slot_flux[where] / scene.written_flux[where]
 
 
 def _coefficients(scene: RadianceScene, components: Sequence[Component]) -> NDArray[np.float32]:
-    """(batch, lamp, point, band) [m⁻²]."""
-    shape = (BATCHES, len(scene.lamp_names), components[0].samples.size, len(scene.bands))
+    """(batch, lamp, point, slot) [m⁻²]."""
+    shape = (BATCHES, len(scene.lamp_names), components[0].mean.shape[2], len(scene.slots))
     values = np.zeros(shape, dtype=np.float32)
     for component in components:
-        written = scene.written_flux[np.ix_(component.lamps, component.bands)]
+        written = scene.written_flux[np.ix_(component.lamps, component.slots)]
         for row, lamp in enumerate(component.lamps):
-            values[:, lamp][..., component.bands] += component.mean[:, row] / written[row]
+            values[:, lamp][..., component.slots] += component.mean[:, row] / written[row]
     return values
 
 
@@ -379,15 +379,16 @@ def _missing(
     means: FloatArray,
     target: float,
 ) -> list[IntArray]:
-    """Samples that each component's points still want, passes of the same bands sharing one budget."""
+    """Samples that each component's points still want, passes of the same slots sharing one budget."""
     wanted = [np.zeros(component.samples.size, dtype=np.int64) for component in components]
-    for bands in sorted({component.bands for component in components}):
-        members = [index for index, component in enumerate(components) if component.bands == bands]
-        lit = means[list(bands)] > 0
+    for slots in sorted({component.slots for component in components}):
+        members = [index for index, component in enumerate(components) if component.slots == slots]
+        matrix = scene.slots.matrix[list(slots)]
+        lit = (means > 0) & (matrix.sum(axis=0) > 0)
         variances = []
         for index in members:
-            relative = band_variance(components[index], _flux_ratio(scene, components[index]))[:, lit]
-            relative = (relative / means[list(bands)][lit] ** 2).max(axis=1, initial=0.0)
+            variance = band_variance(components[index], _flux_ratio(scene, components[index]), matrix[:, lit])
+            relative = (variance / means[lit] ** 2).max(axis=1, initial=0.0)
             relative = np.where(counted, relative, 0.0)
             if components[index].kind == "often":
                 variances.append(relative.sum(keepdims=True))

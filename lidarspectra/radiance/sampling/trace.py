@@ -26,6 +26,7 @@ from lidarspectra.radiance.engine.engine import Engine, find_engine
 from lidarspectra.radiance.engine.options import Accuracy, Noise, bounces_of, noise_target
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
 from lidarspectra.radiance.sampling.estimator import BATCHES
+from lidarspectra.radiance.sampling.folding import fold_coefficients, folding
 from lidarspectra.radiance.sampling.receptors import Receptor, cosine_receptor
 from lidarspectra.radiance.sampling.rounds import FIRST_ROUND, Log, Request, estimate_block, first_mean, relative_rms
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
@@ -179,6 +180,7 @@ def _trace(
     scale = None
     if len(blocks) > 1:
         scale = _scale(scene, points, counted, request, generator=generator, log=log)
+    slot_coefficient = np.empty((lamps, count, len(scene.slots)), dtype=np.float32)
     coefficient = np.empty((lamps, count, bands), dtype=np.float32)
     coefficient_se = np.empty_like(coefficient)
     irradiance_se = np.empty((count, bands), dtype=np.float32)
@@ -186,6 +188,7 @@ def _trace(
     batches = None
     if BATCHES * coefficient.size <= KEPT_BATCH_VALUES:
         batches = np.empty((BATCHES, *coefficient.shape), dtype=np.float32)
+    weights = folding(scene)
     first_round = FIRST_ROUND
     for number, block in enumerate(blocks):
         share = part_of(progress, number / len(blocks), (number + 1) / len(blocks))
@@ -202,13 +205,15 @@ def _trace(
             first_round=first_round,
         )
         first_round = result.first_round  # the next one's will be about that
-        coefficient[:, block] = result.batches.mean(axis=0, dtype=np.float64)
+        found = fold_coefficients(result.batches, weights)
+        slot_coefficient[:, block] = result.batches.mean(axis=0, dtype=np.float64)
+        coefficient[:, block] = found.mean(axis=0, dtype=np.float64)
         for lamp in range(lamps):
-            coefficient_se[lamp, block] = standard_error(result.batches[:, lamp].astype(np.float64))
+            coefficient_se[lamp, block] = standard_error(found[:, lamp].astype(np.float64))
         irradiance_se[block] = result.irradiance_se
         truncation[block] = result.truncation
         if batches is not None:
-            batches[:, :, block] = result.batches
+            batches[:, :, block] = found
     means = (coefficient[:, counted].mean(axis=1, dtype=np.float64) * scene.flux).sum(axis=0)
     achieved = relative_rms(irradiance_se[counted], means)
     truncated = relative_rms(truncation[counted], means)
@@ -216,6 +221,7 @@ def _trace(
         scene,
         points,
         coefficient=coefficient,
+        slot_coefficient=slot_coefficient,
         coefficient_se=coefficient_se,
         irradiance_se=irradiance_se,
         truncation=truncation,
@@ -237,7 +243,7 @@ def _trace(
 
 def _blocks(scene: RadianceScene, count: int) -> list[slice]:
     """Blocks of about as many points each."""
-    bytes_per_point = BYTES_PER_VALUE * BATCHES * len(scene.lamp_names) * len(scene.bands)
+    bytes_per_point = BYTES_PER_VALUE * BATCHES * len(scene.lamp_names) * len(scene.slots)
     most = max(1, min(MAX_BLOCK_POINTS, BLOCK_BYTES // bytes_per_point))
     edges = np.linspace(0, count, -(-count // most) + 1).round().astype(np.int64).tolist()
     return [slice(first, last) for first, last in pairwise(edges)]

@@ -9,6 +9,7 @@ A transport is an xarray Dataset with the dims (lamp, point, band):
     irradiance_se        (point, band)               [W m-2 nm-1]  standard error of the sum over lamps with that flux
     truncation           (point, band)               [W m-2 nm-1]  about what is missing of that sum: light that was
                                                                    reflected more often than is followed
+    slot_coefficient, slot_flux, slot_share, slot_channel, slot_weights   the same in finer slots (see `folding`)
     x y z nx ny nz buried (point,), lamp (lamp,), band band_width band_label (band,)
 
 Lamps of one pass share their paths, so their errors are correlated and those of a sum do not follow from theirs;
@@ -24,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import EngineError, WorkspaceError
 from lidarspectra.io.netcdf import check_numbers, read_netcdf, write_netcdf
+from lidarspectra.radiance.sampling.folding import slot_variables
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
@@ -50,6 +52,7 @@ def make_transport(
     points: SensorPoints,
     *,
     coefficient: NDArray[np.floating],
+    slot_coefficient: NDArray[np.floating] | None = None,
     coefficient_se: NDArray[np.floating],
     irradiance_se: NDArray[np.floating],
     truncation: NDArray[np.floating] | None = None,
@@ -65,6 +68,8 @@ def make_transport(
     points : SensorPoints
     coefficient, coefficient_se : (lamp, point, band) float
         [m⁻²]
+    slot_coefficient : (lamp, point, slot) float, optional
+        The same in the slots that were traced, from which other spectra are made. [m⁻²]
     irradiance_se : (point, band) float
         [W/m²/nm]
     truncation : (point, band) float, optional
@@ -95,15 +100,18 @@ def make_transport(
     for name, array in values.items():
         if not np.isfinite(array).all():
             raise EngineError(expected="finite numbers", found=f"NaN or infinity in {name}", where=str(scene.folder))
-    variables = {
+    variables: dict[str, tuple[object, ...]] = {
         name: (dims, values[name], {"units": unit, "long_name": text}) for name, (dims, unit, text) in described.items()
     }
+    coordinates = _coordinates(scene, points)
+    if slot_coefficient is not None and (parts := slot_variables(scene, slot_coefficient)):
+        variables |= parts
+        grid = {"units": "nm", "long_name": "wavelength of the slots' weights"}
+        coordinates["wavelength"] = ("wavelength", scene.slots.bands.wavelengths_nm, grid)
     if batches is not None:
         text = "independent estimates of the coefficient"
         variables["coefficient_batches"] = (_BATCHES, batches, {"units": "m-2", "long_name": text})
-    return xr.Dataset(
-        variables, _coordinates(scene, points), {**attributes, "Conventions": "CF-1.11", "schema": SCHEMA}
-    )
+    return xr.Dataset(variables, coordinates, {**attributes, "Conventions": "CF-1.11", "schema": SCHEMA})
 
 
 def standard_error_of_sum(transport: xr.Dataset, flux: ArrayLike | None = None) -> FloatArray:

@@ -120,15 +120,17 @@ def _bands_text(scene: RadianceScene) -> str:
 
 
 def _sum_text(scene: RadianceScene) -> str:
-    """Column formulas for rcalc: 6 columns of the sensor, then the sum of the passes' slots for every band, in W/m²/nm.
+    """Column formulas for rcalc: 6 columns of the sensor, then every channel as its slots by their shares, in W/m²/nm.
 
     rlam puts the passes' columns side by side, each pass from its last slot to its first.
     """
     terms: list[list[str]] = [[] for _ in range(len(scene.bands))]
     column = 6
     for scene_pass in scene.passes:
-        for slot, band in enumerate(scene_pass.bands):
-            terms[band].append(f"${column + scene_pass.slot_count - slot}")
+        for place, slot in enumerate(scene_pass.slots):
+            share = scene.slots.share[slot]
+            weight = "" if share == 1.0 else f"{share:.9g}*"
+            terms[scene.slots.channel[slot]].append(f"{weight}${column + scene_pass.slot_count - place}")
         column += scene_pass.slot_count
     lines = [f"${number}=${number};" for number in range(1, 7)]
     unit = f"{1.0 / WRITTEN_PER_WATT:g}"

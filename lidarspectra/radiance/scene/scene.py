@@ -57,8 +57,9 @@ from lidarspectra.radiance.scene.scene_record import LAMPS_FILE, MESH_FILE, OPEN
 from lidarspectra.radiance.scene.scene_record import RadianceScene as RadianceScene
 from lidarspectra.radiance.scene.scene_record import ScenePass as ScenePass
 from lidarspectra.radiance.scene.scene_record import load_scene as load_scene
+from lidarspectra.radiance.scene.slots import Slots, choose_slots, whole_channels
 from lidarspectra.radiance.scene.surfaces import surface_slots, surface_text
-from lidarspectra.spectra.spectrum import BandSet
+from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
 WRITING_SHARE, COMPILING_SHARE, OCTREE_SHARE = 1.0, 0.5, 0.05  # of the time: the mesh's text; a pass's mesh, octree
 LAMPS_PER_PASS = 4  # [1] a path asks every lamp of its pass for light: 64 lamps in one pass took 13 times 4 lamps' time
@@ -74,6 +75,7 @@ def write_scene(
     mode: Mode = "native",
     engine: Engine | None = None,
     crease_deg: float = CREASE_DEG,
+    fine_slots: bool = True,
     progress: Progress = silent,
 ) -> RadianceScene:
     """Write a room as a Radiance scene and compile it.
@@ -96,6 +98,8 @@ def write_scene(
         Default: the one that pyradiance brings.
     crease_deg : float
         Faces that meet at less than this are shaded as one smooth surface. [deg]
+    fine_slots : bool
+        Cut channels in parts where lamps and surfaces need it (`slots`); direct light alone does without.
     progress : Progress, optional
         Told as passes are compiled.
 
@@ -115,10 +119,12 @@ def write_scene(
     engine = find_engine() if engine is None else engine
     folder.mkdir(parents=True, exist_ok=True)
     modifiers = tuple(f"lamp{index}" for index in range(len(lamps)))
-    flux = lamp_band_flux([lamp.flux for lamp in lamps], bands)
-    room = _Room(folder, lamps, modifiers, bands, WRITTEN_PER_WATT * with_floor(flux), _bounds(scan, lamps))
+    lamp_band_flux([lamp.flux for lamp in lamps], bands)  # refuses a lamp that the sensor does not see
+    slots = _slots(scan, materials, lamps, bands, mode) if fine_slots else whole_channels(bands)
+    flux = np.array([slots.bands.band_values(lamp.flux, outside="zero") for lamp in lamps])
+    room = _Room(folder, lamps, modifiers, slots.bands, WRITTEN_PER_WATT * with_floor(flux), _bounds(scan, lamps))
     names = tuple(f"m{index}" for index in range(len(materials.materials)))
-    plans = _plan_passes(lamps, bands, mode)
+    plans = _plan_passes(lamps, slots, mode)
     writing, *compiling = shares(progress, _shares([planned for _, planned in plans]))
     writing(0.0, "writing the mesh")
     _write_shapes(room)
@@ -129,7 +135,8 @@ def write_scene(
         scene_pass = _write_pass(replace(planned, mesh=meshes[_has_sun(light, lamps)]), room)
         if scene_pass.surfaces == scene_pass.name:
             _write(
-                folder / scene_pass.materials_file, _materials_text(materials, light, bands, scene_pass.group, names)
+                folder / scene_pass.materials_file,
+                _materials_text(materials, light, slots.bands, scene_pass.group, names),
             )
             compile_mesh(engine, folder, scene_pass.mesh, scene_pass.materials_file, scene_pass.mesh_file)
         compile_octree(engine, folder, [scene_pass.scene_file, LAMPS_FILE], scene_pass.octree)
@@ -138,12 +145,13 @@ def write_scene(
         passes.append(scene_pass)
     scene = RadianceScene(
         folder=folder,
-        bands=bands,
+        slots=slots,
         mode=mode,
         lamp_names=tuple(lamp.name for lamp in lamps),
         lamp_modifiers=modifiers,
-        flux=flux,
+        slot_flux=flux,
         written_flux=room.flux,
+        slot_reflectance=_slot_reflectance(lamps, slots),
         passes=tuple(passes),
     )
     save_scene(scene)
@@ -182,8 +190,8 @@ class _Room:
     folder: Path
     lamps: Sequence[Lamp]
     modifiers: tuple[str, ...]
-    bands: BandSet
-    flux: FloatArray  # (lamp, band) as written [µW/nm]
+    bands: BandSet  # the slots
+    flux: FloatArray  # (lamp, slot) as written [µW/nm]
     bounds: FloatArray  # (2, 3) of all that is in the room [m]
 
 
@@ -203,11 +211,28 @@ def _groups(lamps: Sequence[Lamp], bands: BandSet) -> list[SpectralGroup]:
     return [*renamed, *(SpectralGroup(lamps=(index,), light=lamps[index].flux) for index in outside)]
 
 
-def _plan_passes(lamps: Sequence[Lamp], bands: BandSet, mode: Mode) -> list[tuple[SpectralGroup, ScenePass]]:
+def _slots(scan: Scan, materials: MaterialMap, lamps: Sequence[Lamp], bands: BandSet, mode: Mode) -> Slots:
+    """The channels, cut where the room's surfaces under these lamps need it."""
+    areas = materials.areas(scan.areas)
+    lights = [group.light for group in _groups(lamps, bands)]
+    reflectances = [material.reflectance for material in materials.materials]
+    return choose_slots(bands, lights, reflectances, areas / max(areas.sum(), 1e-300), mode=mode)
+
+
+def _slot_reflectance(lamps: Sequence[Lamp], slots: Slots) -> FloatArray:
+    """(lamp, slot) the room's mean reflectance as the light of each lamp's group weighs it."""
+    mean = Spectrum(wavelengths_nm=slots.bands.wavelengths_nm, values=slots.mean_reflectance)
+    found = np.zeros((len(lamps), len(slots)))
+    for group in _groups(lamps, slots.channels):
+        found[list(group.lamps)] = slots.bands.reflected_values(mean, group.light)
+    return found
+
+
+def _plan_passes(lamps: Sequence[Lamp], slots: Slots, mode: Mode) -> list[tuple[SpectralGroup, ScenePass]]:
     """Passes of every spectral group, band group, and handful of lamps; those of one group share their surfaces."""
     plans: list[tuple[SpectralGroup, ScenePass]] = []
-    for light in _groups(lamps, bands):
-        for group in band_groups(len(bands), mode):
+    for light in _groups(lamps, slots.channels):
+        for group in band_groups(len(slots), mode):
             surfaces = f"pass{len(plans)}"
             for start in range(0, len(light.lamps), LAMPS_PER_PASS):
                 part = light.lamps[start : start + LAMPS_PER_PASS]

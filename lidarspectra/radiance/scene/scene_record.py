@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,17 @@ import numpy as np
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import SceneError
 from lidarspectra.radiance.engine.bands import BandGroup, Mode
+from lidarspectra.radiance.scene.slots import Slots, whole_channels
 from lidarspectra.spectra.spectrum import BandSet
 
 SCENE_FILE = "scene.json"
 BANDS_FILE = "bands.npz"
 LAMPS_FILE = "lamps.rad"
+SLOT_PREFIX = "slot_"  # of the slots' arrays in BANDS_FILE
+_BAND_ARRAYS = ("centers_nm", "widths_nm", "wavelengths_nm", "responses")
 MESH_FILE = "room.obj"
 OPEN_MESH_FILE = "room_open.obj"
-FORMAT = 1  # [1] of scene.json; raised when its meaning changes
+FORMAT = 2  # of scene.json; raised when its meaning changes. 1 had a slot for each channel, and is read still
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +35,7 @@ class ScenePass:
     lamps : tuple of int
         Indices of the lamps that it lights.
     group : BandGroup
-        Its bands and slots.
+        The scene's slots that it carries.
     surfaces : str
         Name of the pass whose mesh and materials it shares: the first of its spectral and band group.
     mesh : str
@@ -48,13 +52,13 @@ class ScenePass:
     data_files: tuple[str, ...] = ()
 
     @property
-    def bands(self) -> tuple[int, ...]:
-        """Indices of the bands that it carries, ascending."""
+    def slots(self) -> tuple[int, ...]:
+        """Indices of the scene's slots that it carries, ascending."""
         return self.group.bands
 
     @property
     def slot_count(self) -> int:
-        """Values that the engine gives for a ray."""
+        """Values that the engine gives for a ray: its slots, and some to pad them."""
         return self.group.slot_count
 
     @property
@@ -91,56 +95,79 @@ class RadianceScene:
     ----------
     folder : Path
         Where its files are; programs run there, so that they see simple names only.
-    bands : BandSet
-        The channels.
+    slots : Slots
+        The channels, in the parts that passes carry.
     mode : 'native' or 'rgb'
         How passes carry them.
     lamp_names : tuple of str
         The user's words.
     lamp_modifiers : tuple of str
         One safe modifier a lamp, for `rcontrib -m`.
-    flux : (lamp, band) float
+    slot_flux : (lamp, slot) float
         Spectral flux. [W/nm]
-    written_flux : (lamp, band) float
-        The same with dark bands lifted to 1e-6 of the peak, in a small unit (`bands.WRITTEN_PER_WATT`): what the
+    written_flux : (lamp, slot) float
+        The same with dark slots lifted to 1e-6 of the peak, in a small unit (`bands.WRITTEN_PER_WATT`): what the
         scene's lamps send. A contribution divided by it is the lamp's coefficient [m⁻²]. [µW/nm]
+    slot_reflectance : (lamp, slot) float
+        The room's mean reflectance in each slot, as each lamp's light weighs it. [1]
     passes : tuple of ScenePass
-        Together they light every lamp in every band once.
+        Together they light every lamp in every slot once.
     """
 
     folder: Path
-    bands: BandSet
+    slots: Slots
     mode: Mode
     lamp_names: tuple[str, ...]
     lamp_modifiers: tuple[str, ...]
-    flux: FloatArray
+    slot_flux: FloatArray
     written_flux: FloatArray
+    slot_reflectance: FloatArray
     passes: tuple[ScenePass, ...]
 
     def __post_init__(self) -> None:
-        shape = (len(self.lamp_names), len(self.bands))
-        object.__setattr__(self, "flux", float_array(self.flux, name="RadianceScene.flux", shape=shape))
+        shape = (len(self.lamp_names), len(self.slots))
+        flux = float_array(self.slot_flux, name="RadianceScene.slot_flux", shape=shape)
+        object.__setattr__(self, "slot_flux", flux)
         written = float_array(self.written_flux, name="RadianceScene.written_flux", shape=shape)
         object.__setattr__(self, "written_flux", written)
+        reflectance = float_array(self.slot_reflectance, name="RadianceScene.slot_reflectance", shape=shape)
+        object.__setattr__(self, "slot_reflectance", reflectance)
         carried = np.zeros(shape, dtype=np.int64)
         for scene_pass in self.passes:
-            carried[np.ix_(scene_pass.lamps, scene_pass.bands)] += 1
+            carried[np.ix_(scene_pass.lamps, scene_pass.slots)] += 1
         if len(self.lamp_modifiers) != shape[0] or np.any(carried != 1) or np.any(written <= 0):
             raise SceneError(
-                expected="passes that carry every lamp in every band once, and a modifier for every lamp",
-                found=f"{int((carried != 1).sum())} lamp-bands that are not",
+                expected="passes that carry every lamp in every slot once, and a modifier for every lamp",
+                found=f"{int((carried != 1).sum())} lamp-slots that are not",
                 where=str(self.folder),
             )
+
+    @property
+    def bands(self) -> BandSet:
+        """The sensor's channels."""
+        return self.slots.channels
+
+    @cached_property
+    def flux(self) -> FloatArray:
+        """(lamp, band) spectral flux of each lamp in each channel [W/nm]."""
+        return self.slots.fold(self.slot_flux)
 
 
 def save_scene(scene: RadianceScene) -> None:
     """Write the scene's record into its folder, beside the files that `write_scene` made there."""
+    arrays = {
+        f"{prefix}{name}": getattr(bands, name)
+        for prefix, bands in (("", scene.bands), (SLOT_PREFIX, scene.slots.bands))
+        for name in _BAND_ARRAYS
+    }
     np.savez_compressed(
         scene.folder / BANDS_FILE,
-        centers_nm=scene.bands.centers_nm,
-        widths_nm=scene.bands.widths_nm,
-        wavelengths_nm=scene.bands.wavelengths_nm,
-        responses=scene.bands.responses,
+        **arrays,
+        channel=scene.slots.channel,
+        share=scene.slots.share,
+        error=scene.slots.error,
+        mean_reflectance=scene.slots.mean_reflectance,
+        slot_reflectance=scene.slot_reflectance,
     )
     record: dict[str, Any] = {
         "format": FORMAT,
@@ -149,14 +176,14 @@ def save_scene(scene: RadianceScene) -> None:
         "lamps": [
             {"name": name, "modifier": modifier, "flux_W_nm": flux.tolist(), "written_flux_uW_nm": written.tolist()}
             for name, modifier, flux, written in zip(
-                scene.lamp_names, scene.lamp_modifiers, scene.flux, scene.written_flux, strict=True
+                scene.lamp_names, scene.lamp_modifiers, scene.slot_flux, scene.written_flux, strict=True
             )
         ],
         "passes": [
             {
                 "name": scene_pass.name,
                 "lamps": scene_pass.lamps,
-                "bands": scene_pass.bands,
+                "bands": scene_pass.slots,
                 "slots": scene_pass.slot_count,
                 "edges_nm": scene_pass.edges_nm,
                 "octree": scene_pass.octree,
@@ -192,18 +219,18 @@ def load_scene(folder: Path) -> RadianceScene:
     """
     try:
         record: dict[str, Any] = json.loads((folder / SCENE_FILE).read_text(encoding="utf-8"))
-        with np.load(folder / BANDS_FILE, allow_pickle=False) as arrays:
-            bands = BandSet(name=record["bands"], **{name: arrays[name] for name in arrays.files})
-        if record["format"] != FORMAT:
+        if record["format"] not in (1, FORMAT):
             raise _unreadable(folder, f"format {record['format']}")
+        slots, slot_reflectance = _load_slots(folder, record)
         scene = RadianceScene(
             folder=folder,
-            bands=bands,
+            slots=slots,
             mode=record["mode"],
             lamp_names=tuple(lamp["name"] for lamp in record["lamps"]),
             lamp_modifiers=tuple(lamp["modifier"] for lamp in record["lamps"]),
-            flux=np.array([lamp["flux_W_nm"] for lamp in record["lamps"]]),
+            slot_flux=np.array([lamp["flux_W_nm"] for lamp in record["lamps"]]),
             written_flux=np.array([lamp["written_flux_uW_nm"] for lamp in record["lamps"]]),
+            slot_reflectance=slot_reflectance,
             passes=tuple(_load_pass(entry, record["mode"]) for entry in record["passes"]),
         )
     except (OSError, ValueError, KeyError, TypeError, EOFError) as cause:
@@ -211,6 +238,20 @@ def load_scene(folder: Path) -> RadianceScene:
     for name in _compiled_files(scene):
         _check_size(folder, name, record.get("bytes", {}).get(name))
     return scene
+
+
+def _load_slots(folder: Path, record: dict[str, Any]) -> tuple[Slots, FloatArray]:
+    with np.load(folder / BANDS_FILE, allow_pickle=False) as arrays:
+        channels = BandSet(name=record["bands"], **{name: arrays[name] for name in _BAND_ARRAYS})
+        if record["format"] == 1:
+            return whole_channels(channels), np.zeros((len(record["lamps"]), len(channels)))
+        parts = {name: arrays[f"{SLOT_PREFIX}{name}"] for name in _BAND_ARRAYS}
+        slots = Slots(
+            channels=channels,
+            bands=BandSet(name=f"{channels.name} in slots", **parts),
+            **{name: arrays[name] for name in ("channel", "share", "error", "mean_reflectance")},
+        )
+        return slots, arrays["slot_reflectance"]
 
 
 def _compiled_files(scene: RadianceScene) -> list[str]:

@@ -88,14 +88,14 @@ def room_scene(lamps: tuple[Lamp, ...], folder: Path, engine: Engine, mode: str 
 
 def irradiance(engine: Engine, scene: RadianceScene, sensors: np.ndarray) -> np.ndarray:
     """(sensor, band) straight from the windows and the sun."""
-    total = np.zeros((len(sensors), len(scene.bands)))
+    total = np.zeros((len(sensors), len(scene.slots)))
     for one in scene.passes:
         slots = [*one.group.options, "-co+"] if scene.mode == "native" else []
         options = ["-h", "-fff", "-I+", "-ab", "0", "-dt", "0", "-dj", "0", "-ds", "0.01", *slots, one.octree]
         run = engine.run("rtrace", options, folder=scene.folder, stdin=sensors.astype("<f4").tobytes())
         values = one.group.from_engine(float_rows(run, rows=len(sensors), columns=one.slot_count)) / WRITTEN_PER_WATT
-        total[:, list(one.bands)] += values
-    return total
+        total[:, list(one.slots)] += values
+    return scene.slots.fold(total)
 
 
 SOUTH = Window(name="south", center=(1.5, 0.06, 1.3), normal=(0, 1, 0), size=(1.2, 1.0), transmittance=0.7)

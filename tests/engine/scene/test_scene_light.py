@@ -106,14 +106,14 @@ def on_walls(count: int, seed: int) -> np.ndarray:
 
 def irradiance(engine: Engine, scene: RadianceScene, sensors: np.ndarray, *options: str) -> np.ndarray:
     """(sensor, band) irradiance of all passes by one plain rtrace each."""
-    total = np.zeros((len(sensors), len(scene.bands)))
+    total = np.zeros((len(sensors), len(scene.slots)))
     rays = sensors.astype("<f4").tobytes()
     for scene_pass in scene.passes:
         slots = [*scene_pass.group.options, "-co+"] if scene.mode == "native" else []
         run = engine.run("rtrace", [*PLAIN, *options, *slots, scene_pass.octree], folder=scene.folder, stdin=rays)
         rows = float_rows(run, rows=len(sensors), columns=scene_pass.slot_count)
-        total[:, list(scene_pass.bands)] += scene_pass.group.from_engine(rows) / WRITTEN_PER_WATT
-    return total
+        total[:, list(scene_pass.slots)] += scene_pass.group.from_engine(rows) / WRITTEN_PER_WATT
+    return scene.slots.fold(total)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The exported model gives the run's answer with make and Radiance alone."""
 
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -15,6 +16,7 @@ from lidarspectra.geometry.scan import Appearance, Scan, ScanRecord
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Bulb, Panel
 from lidarspectra.material.material_map import Material, MaterialMap
+from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
 from lidarspectra.radiance.engine.engine import Engine, find_engine
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.scene.exported_model import write_workflow
@@ -193,18 +195,29 @@ def test_rad_reads_the_control_files(engine: Engine, points: SensorPoints, tmp_p
     for scene_pass in scene.passes:
         commands = engine.run("rad", ["-n", f"{scene_pass.name}.rif"], folder=folder).output.decode()
         assert "oconv" not in commands  # it takes the octree that make compiled
-        assert "-cs 14 -cw 380 800" in commands
+        assert " ".join(scene_pass.group.options) in commands
         assert scene_pass.octree in commands
 
 
-def test_columns_are_named_and_passes_add_up(engine: Engine, points: SensorPoints, tmp_path: Path) -> None:
+def test_columns_are_named_and_slots_add_up_by_their_shares(
+    engine: Engine, points: SensorPoints, tmp_path: Path
+) -> None:
     scene = two_lamp_scene(tmp_path / "scene", "native", engine)
     folder = write_workflow(scene, points, tmp_path / "model", **ASKED).parent
     names = (folder / "bands.txt").read_text(encoding="utf-8").splitlines()
     assert names[:7] == ["1 x_m", "2 y_m", "3 z_m", "4 nx", "5 ny", "6 nz", "7 E_410"]
     formulas = (folder / "sum.cal").read_text(encoding="utf-8").splitlines()
-    assert formulas[6] == "$7=1e-06*($20+$34);"  # the last slot of each pass, since the engine starts at the long end
-    assert formulas[-1] == "$20=1e-06*($7+$21);"
+    columns = 1.0 + np.arange(6 + sum(scene_pass.slot_count for scene_pass in scene.passes))
+    slots, column = np.zeros(len(scene.slots)), 6
+    for scene_pass in scene.passes:  # the last slot of each pass comes first, since the engine starts at the long end
+        found = columns[column : column + scene_pass.slot_count][::-1]
+        slots[list(scene_pass.slots)] += found[: len(scene_pass.slots)]
+        column += scene_pass.slot_count
+    expected = scene.slots.fold(slots) / WRITTEN_PER_WATT
+    for number, formula in enumerate(formulas[6:], start=7):
+        text = formula.removeprefix(f"${number}=").removesuffix(";")
+        value = eval(re.sub(r"\$(\d+)", lambda match: repr(float(columns[int(match[1]) - 1])), text))
+        assert value == pytest.approx(expected[number - 7])
 
 
 def test_a_scene_without_its_files_is_refused(engine: Engine, points: SensorPoints, tmp_path: Path) -> None:

@@ -107,7 +107,7 @@ def test_materials_have_all_slots_and_compensated_gloss(tmp_path: Path) -> None:
 
 def test_rgb_passes_carry_three_slots_as_colours(tmp_path: Path) -> None:
     scene = small_scene(tmp_path, "rgb")
-    assert [(scene_pass.lamps, scene_pass.bands) for scene_pass in scene.passes] == [
+    assert [(scene_pass.lamps, scene_pass.slots) for scene_pass in scene.passes] == [
         ((0,), (0, 1)), ((0,), (2, 3)), ((1,), (0, 1)), ((1,), (2, 3)),
     ]  # fmt: skip
     assert texts(scene, "pass2.rad") == (

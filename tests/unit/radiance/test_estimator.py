@@ -33,7 +33,7 @@ def component(points: int, kind: str = "once", **more: Any) -> Component:
             group=GROUP, lamp_modifiers=("lamp0", "lamp1"), octree="pass0.oct", bounces=3, lamp_count=2
         ),
         lamps=(0, 1),
-        bands=(0, 1, 2),
+        slots=(0, 1, 2),
         mean=np.zeros((BATCHES, 2, points, 3)),
         **({"samples": np.full(points, 8), "seconds": 1.0, "sampled": 8 * BATCHES * points} | more),
     )
@@ -169,8 +169,9 @@ def test_the_variance_is_that_of_the_sum_over_lamps() -> None:
     part = component(1)
     swing = np.arange(BATCHES, dtype=float)[:, None, None]
     part.mean[:, 0], part.mean[:, 1] = swing, -swing
-    assert np.all(band_variance(part, np.ones((2, 3))) == 0.0)
-    assert band_variance(part, np.array([[1.0] * 3, [0.0] * 3])) == pytest.approx(swing.var(ddof=1) / BATCHES)
+    assert np.all(band_variance(part, np.ones((2, 3)), np.eye(3)) == 0.0)
+    alone = band_variance(part, np.array([[1.0] * 3, [0.0] * 3]), np.eye(3))
+    assert alone == pytest.approx(swing.var(ddof=1) / BATCHES)
 
 
 def test_smoothing_averages_over_the_nearest_points() -> None:

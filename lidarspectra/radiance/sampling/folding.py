@@ -1,0 +1,175 @@
+"""From slots to channels, and to other spectra of the lamps.
+
+A trace finds a coefficient C_s [m⁻²] for every lamp, point and slot. A channel b made of the slots s, whose shares w_s
+add up to 1, has the flux Φ_b = Σ w_s Φ_s and the coefficient
+
+    C_b = Σ w_s C_s Φ_s / Φ_b,
+
+which is the traced lamp's own. For another spectrum Φ' of that lamp the same sum has Φ'_s in place of Φ_s.
+"""
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.radiance.scene.scene_record import RadianceScene
+from lidarspectra.spectra.spectrum import Spectrum
+
+MAX_SPECTRUM_ERROR = 0.01  # of a channel's reflected light: beyond it a relit map says that a new trace is needed
+DARK_CHANNEL = 1e-3  # of a lamp's brightest channel, below which its relative error says nothing
+
+
+def folding(scene: RadianceScene) -> FloatArray:
+    """(lamp, slot, band) weights by which the coefficients of slots add up to those of channels [1]."""
+    return channel_weights(scene.slot_flux, scene.slots.matrix)
+
+
+def channel_weights(flux: FloatArray, matrix: FloatArray) -> FloatArray:
+    """Weights of the slots in each channel's coefficient, w_s Φ_s / Φ_b.
+
+    Parameters
+    ----------
+    flux : (lamp, slot) float
+        [W/nm]
+    matrix : (slot, band) float
+        Shares w_s. [1]
+
+    Returns
+    -------
+    weights : (lamp, slot, band) float
+        The shares alone where a lamp sends nothing into a channel. [1]
+    """
+    weighted = flux[:, :, None] * matrix
+    whole = weighted.sum(axis=1, keepdims=True)
+    return np.where(whole > 0, weighted / np.where(whole > 0, whole, 1.0), matrix)
+
+
+def fold_coefficients(values: NDArray[np.floating], weights: FloatArray) -> NDArray[np.float32]:
+    """(..., lamp, point, band) coefficients of channels from those of slots (..., lamp, point, slot)."""
+    folded: NDArray[np.float32] = np.matmul(values, weights.astype(np.float32))
+    return folded
+
+
+def slot_variables(scene: RadianceScene, coefficient: NDArray[np.floating]) -> dict[str, tuple[object, ...]]:
+    """What relighting with another spectrum needs, as variables of the transport; none where slots are channels.
+
+    Parameters
+    ----------
+    scene : RadianceScene
+    coefficient : (lamp, point, slot) float
+        [m⁻²]
+    """
+    slots = scene.slots
+    if len(slots) == len(slots.channels):
+        return {}
+    return {
+        "slot_coefficient": (
+            ("lamp", "point", "slot"),
+            coefficient.astype(np.float32),
+            {"units": "m-2", "long_name": "spectral irradiance per spectral flux, in the slots that were traced"},
+        ),
+        "slot_flux": (
+            ("lamp", "slot"),
+            scene.slot_flux,
+            {"units": "W nm-1", "long_name": "spectral radiant flux of the lamp in each slot"},
+        ),
+        "slot_share": ("slot", slots.share, {"units": "1", "long_name": "share of its channel's response"}),
+        "slot_channel": ("slot", slots.channel, {"long_name": "channel that the slot is a part of"}),
+        "slot_weights": (
+            ("slot", "wavelength"),
+            slots.bands.weights,
+            {"units": "1", "long_name": "quadrature weights of the slot's response"},
+        ),
+        "slot_reflectance": (
+            ("lamp", "slot"),
+            scene.slot_reflectance,
+            {"units": "1", "long_name": "the room's mean reflectance as the lamp's light weighs it in the slot"},
+        ),
+        "mean_reflectance": (
+            "wavelength",
+            slots.mean_reflectance,
+            {"units": "1", "long_name": "mean reflectance of the room's area"},
+        ),
+    }
+
+
+def with_spectrum(transport: xr.Dataset, lamp: str, flux: Spectrum) -> xr.Dataset:
+    """The transport for another spectrum of one lamp.
+
+    Parameters
+    ----------
+    transport : xarray.Dataset
+        With the slots' coefficients where channels were cut.
+    lamp : str
+        Its name.
+    flux : Spectrum
+        Its new spectral flux. [W/nm]
+
+    Returns
+    -------
+    changed : xarray.Dataset
+        Its coefficients, their errors and batches changed in proportion; as it was where each channel is one slot.
+    """
+    if "slot_coefficient" not in transport:
+        return transport
+    row = [str(name) for name in transport["lamp"].to_numpy()].index(lamp)
+    grid = transport["wavelength"].to_numpy()
+    sent = transport["slot_weights"].transpose("slot", "wavelength").to_numpy() @ flux.at(grid, outside="zero")
+    slots = transport["slot_coefficient"].transpose("lamp", "point", "slot").to_numpy()[row]
+    new = slots @ channel_weights(sent[None], _matrix(transport))[0]
+    changed = transport.copy()
+    old = transport["coefficient"].transpose("lamp", "point", "band").to_numpy()[row]
+    ratio = np.where(old > 0, new / np.where(old > 0, old, 1.0), 1.0)
+    for name in ("coefficient", "coefficient_se", "coefficient_batches"):
+        if name in transport:
+            dims = [dim for dim in ("lamp", "batch", "point", "band") if dim in transport[name].dims]
+            values = transport[name].transpose(*dims).to_numpy().copy()
+            values[row] *= ratio
+            if name == "coefficient":
+                values[row] = new
+            changed[name] = (dims, values, transport[name].attrs)
+            changed[name] = changed[name].transpose(*transport[name].dims)
+    return changed
+
+
+def spectrum_error(transport: xr.Dataset, lamp: str, flux: Spectrum) -> FloatArray:
+    """Foretold relative error of a channel's reflected light when a lamp gets another spectrum without a new trace.
+
+    In an integrating sphere of the room's mean reflectance ρ̄ reflected light goes with ρ̄/(1 - ρ̄): what the slots make
+    of that, with the reflectances that the traced lamp weighed, over the integral at every wavelength.
+
+    Parameters
+    ----------
+    transport : xarray.Dataset
+    lamp : str
+    flux : Spectrum
+        Its new spectral flux. [W/nm]
+
+    Returns
+    -------
+    error : (band,) float
+        Signed; 0 in channels into which it sends next to nothing, and where the transport keeps no slots, since the
+        room's reflectances then hardly change within a channel. [1]
+    """
+    if "slot_coefficient" not in transport:
+        return np.zeros(transport.sizes["band"])
+    row = [str(name) for name in transport["lamp"].to_numpy()].index(lamp)
+    weights = transport["slot_weights"].transpose("slot", "wavelength").to_numpy()
+    power = flux.at(transport["wavelength"].to_numpy(), outside="zero")
+    mean = transport["mean_reflectance"].to_numpy()
+    held = transport["slot_reflectance"].transpose("lamp", "slot").to_numpy()[row]
+    matrix = _matrix(transport)
+    truth = (weights @ (power * mean / (1.0 - mean))) @ matrix
+    found = ((weights @ power) * held / (1.0 - held)) @ matrix
+    sent = (weights @ power) @ matrix
+    lit = (sent > DARK_CHANNEL * sent.max(initial=0.0)) & (truth > 0)
+    return np.where(lit, found / np.where(lit, truth, 1.0) - 1.0, 0.0)
+
+
+def _matrix(transport: xr.Dataset) -> FloatArray:
+    """(slot, band) shares."""
+    channel = transport["slot_channel"].to_numpy()
+    matrix = np.zeros((channel.size, transport.sizes["band"]))
+    matrix[np.arange(channel.size), channel] = transport["slot_share"].to_numpy()
+    return matrix
