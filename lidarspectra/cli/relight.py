@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarspectra.cli.terminal import console, say, tell
+from lidarspectra.cli.terminal import console, print_note, say
 
 if TYPE_CHECKING:
     from lidarspectra.workflow.relighting import LampOrder
@@ -38,7 +38,7 @@ def relight(
         say(str(path))
     foretold = float(light.attrs[SPECTRUM_ERROR])
     if foretold > MAX_SPECTRUM_ERROR:
-        tell(
+        print_note(
             f"With this spectrum the reflected light of one channel may be off by {100 * foretold:.1f} %: within that "
             "channel the lamp's light lies elsewhere than that of the spectrum that was traced, and the room's colours "
             "change there. Give the lamp this spectrum in the run file and run it again for the exact map."

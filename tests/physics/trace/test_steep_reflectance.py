@@ -49,7 +49,7 @@ def points(sensors):
 @pytest.mark.parametrize("name", LAMPS)
 def test_an_all_orange_room_is_right_in_its_worst_channel(rooms, sensors, section, name: str) -> None:
     lamp = LAMPS[name]
-    found = spectral_map(trace(sphere(rooms, lamp, ORANGE), points(sensors), section("ultra", "fine"), seed=1))
+    found = spectral_map(trace(sphere(rooms, lamp, ORANGE), points(sensors), **section("ultra", "fine"), seed=1))
     expected = in_sphere(lamp, ORANGE, BOUNCES["ultra"])
     lit = expected > 1e-3 * expected.max()
     mean = found["irradiance"].mean("point").to_numpy()
@@ -63,7 +63,7 @@ def test_an_all_orange_room_is_right_in_its_worst_channel(rooms, sensors, sectio
 def in_wood(tmp_path_factory, sensors, section):
     """A sphere of wood as traced under a white LED, and the ratio of that light to its closed form."""
     rooms = Rooms(tmp_path_factory.mktemp("wood"))
-    transport = trace(sphere(rooms, LAMPS["white LED"], WOOD), points(sensors), section("ultra", "fine"), seed=1)
+    transport = trace(sphere(rooms, LAMPS["white LED"], WOOD), points(sensors), **section("ultra", "fine"), seed=1)
     expected = in_sphere(LAMPS["white LED"], WOOD, BOUNCES["ultra"])
     return transport, spectral_map(transport)["irradiance"].mean("point").to_numpy() / expected
 
