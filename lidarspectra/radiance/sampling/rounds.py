@@ -275,7 +275,8 @@ def survey(
         total = np.einsum("plb,lb->pb", group.from_engine(values[: len(found)]), _flux_ratio(scene, component))
         slots = np.broadcast_to(found.reflectance, (len(found), group.slot_count))
         tail = found.truncated(total, group.from_engine(slots), request.bounces)
-        truncation[:, component.bands] += sensors.receptor.measure_sr / np.pi * tail[found.nearest_watcher(sensors)]
+        missing = sensors.receptor.measure_sr / np.pi * tail[found.nearest_watcher(sensors)]
+        truncation += missing @ scene.slots.matrix[list(component.slots)]
         log.commands.add(run.command)
         log.rays += count
     return truncation
