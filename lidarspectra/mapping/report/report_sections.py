@@ -156,6 +156,11 @@ def accuracy_section(report: ReportInput, writer: ReportWriter) -> str:
     if "truncated_share" in attrs:
         rows["light beyond the last reflection"] = (
             f"about {float(attrs['truncated_share']):.2%} of the mean irradiance in the worst channel, which is missing"
+            + (
+                ", more than the target"
+                if target is not None and float(attrs["truncated_share"]) > float(target)
+                else ""
+            )
         )
     if "seconds" in attrs:
         rows["tracing time"] = f"{float(attrs['seconds']):.1f} s"
