@@ -5,6 +5,9 @@ behind it, through a pane of transmittance T (`sky.pane_transmittance`); the flu
 
     Φ = A ∫ L(ω) T(θ) cosθ dω.
 
+L is tabulated by direction, with a step at the horizon; how T changes with the angle is a formula, for Radiance too,
+since a table with its two altitudes below the horizon would draw a straight line from the horizon to the nadir.
+
 The sun is a source of 0.533 degrees at infinity. Its rays reach the room only through the windows: the scan is put in
 a black box, whose walls let a ray through where its line meets a window, and the mesh within the windows is taken out.
 Its flux is Φ = E_n Σ A T(θ) cosθ over the windows. In its pass the windows themselves are left out, so as not to stand
@@ -32,10 +35,12 @@ from lidarspectra.radiance.scene.primitives import Color
 from lidarspectra.radiance.scene.sky import (
     ALTITUDES_DEG,
     AZIMUTHS_DEG,
+    PANE_FACTOR_TEXT,
     SKY_WAVELENGTHS_NM,
     SUN_ANGLE_DEG,
     Sky,
     directions,
+    pane_factor,
     pane_transmittance,
     sky_spectrum,
 )
@@ -101,8 +106,7 @@ def _window_lamp(sky: Sky, window: Window) -> Lamp | None:
             expected="a transmittance from 0 to 1", found=f"{window.transmittance}", where=f"window '{window.name}'"
         )
     outward = -np.array(window.normal, dtype=np.float64) / max(float(np.linalg.norm(window.normal)), 1e-300)
-    cosines = directions(AZIMUTHS_DEG, ALTITUDES_DEG) @ outward
-    incoming = sky.radiance * pane_transmittance(cosines, window.transmittance)[..., None]
+    incoming = sky.radiance * window.transmittance
     flux = window.size[0] * window.size[1] * _flux_density(incoming, outward)
     if flux.max() <= 0:
         return None  # night, or a shuttered window
@@ -117,14 +121,15 @@ def _window_lamp(sky: Sky, window: Window) -> Lamp | None:
 
 
 def _flux_density(incoming: FloatArray, outward: FloatArray) -> FloatArray:
-    """(wavelength,) ∫ L cosθ dω over the outer half [W/m²/nm], on a degree's grid."""
+    """(wavelength,) ∫ L T(θ)/T(0) cosθ dω over the outer half [W/m²/nm], on a degree's grid."""
     azimuths = np.arange(0.5 * FLUX_STEP_DEG, 360.0, FLUX_STEP_DEG)
     altitudes = np.arange(-90.0 + 0.5 * FLUX_STEP_DEG, 90.0, FLUX_STEP_DEG)
     table = RegularGridInterpolator((AZIMUTHS_DEG, ALTITUDES_DEG), incoming)
     grid = np.stack(np.meshgrid(azimuths, altitudes, indexing="ij"), axis=-1)
     solid_angles = np.cos(np.radians(altitudes)) * math.radians(FLUX_STEP_DEG) ** 2
-    cosines = np.clip(directions(azimuths, altitudes) @ outward, 0.0, None) * solid_angles
-    return np.asarray(np.einsum("ahw,ah->w", table(grid), cosines), dtype=np.float64)
+    cosines = directions(azimuths, altitudes) @ outward
+    weights = np.clip(cosines, 0.0, None) * pane_factor(cosines) * solid_angles
+    return np.asarray(np.einsum("ahw,ah->w", table(grid), weights))
 
 
 def _sun_lamp(sky: Sky, windows: Sequence[Window]) -> Lamp | None:
@@ -175,6 +180,8 @@ def _incoming(lamp: Lamp) -> FloatArray:
 
 def sky_data_texts(lamp: Lamp, bands: BandSet, group: BandGroup) -> tuple[str, ...]:
     """Radiance data of a window: radiance by direction over the flux that it makes [1/(m² sr)], in each slot.
+
+    It is the radiance at normal incidence: `window_text` adds how the pane passes other angles.
 
     Parameters
     ----------
@@ -240,7 +247,9 @@ def window_text(name: str, lamp: Lamp, flux: Color, files: Sequence[str]) -> str
         text = primitives.primitive("void", "colordata", pattern, words=["noop"] * 3 + words + [".", *angles])
     else:
         text = primitives.primitive("void", "specdata", pattern, words=["noop", *words, ".", *angles])
-    return text + primitives.light(name, flux, modifier=pattern) + window_shape_text(name, lamp)
+    pane = f"{name}_pane"
+    text += primitives.primitive(pattern, "brightfunc", pane, words=[PANE_FACTOR_TEXT, "."])
+    return text + primitives.light(name, flux, modifier=pane) + window_shape_text(name, lamp)
 
 
 def window_shape_text(name: str, lamp: Lamp) -> str:

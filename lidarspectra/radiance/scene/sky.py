@@ -1,9 +1,15 @@
-"""Daylight: the sky's spectrum by direction and the sun's, for a place and time, by Radiance's genssky.
+"""Daylight: the sky's spectrum by direction and the sun's, for a place and time, by Radiance's genssky and SPECTRL2.
 
 genssky solves the scattering of sunlight in air and aerosol (Rayleigh and Mie) in 20 bins of 20 nm from 380 to 780 nm.
 Its numbers are W/m²/sr over that whole range, shared out evenly: a bin of value v holds v/400 W/m²/sr/nm. The chain was
 checked against gensky's CIE skies: see `tests/engine`. What a phone's scan cannot show, houses opposite and trees, is
 not there; below the horizon lies an even ground.
+
+The clear sky's and sun's strength in each bin is that of SPECTRL2 (`clear_sky`); how it spreads is genssky's.
+
+A sky with cloud cover c is (1 - c) of the clear sky and its sun, and c of the overcast one. Of the overcast sky genssky
+gives the zenith; its spread is the CIE standard overcast sky, L(γ) = L_z (1 + 2 sin γ)/3 (ISO 15469:2004, type 16).
+genssky's own, like gensky's, blends into the ground near the horizon: .53 of the zenith at the horizon instead of .33.
 
 The scene's x and y are turned to east and north by `north_deg`. Night, from the end of civil twilight on, is dark, and
 makes no lamp: genssky's tables end at a sun 11.5 degrees below the horizon, so that its darkest night still has 5 lx.
@@ -13,7 +19,7 @@ import math
 import re
 import shutil
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -22,6 +28,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import EngineError, LampError
 from lidarspectra.radiance.engine.engine import Engine, EngineRun, float_rows
+from lidarspectra.radiance.scene.clear_sky import scaling, spectrl2_light
 from lidarspectra.spectra.spectrum import Spectrum
 
 SKY_WAVELENGTHS_NM = np.arange(390.0, 771.0, 20.0)  # [nm] centres of genssky's bins
@@ -34,7 +41,10 @@ ALTITUDES_DEG = np.concatenate([[-90.0, -0.01], np.arange(0.01, 10.0, 2.5), np.a
 NIGHT_DEG = -6.0  # [deg] sun's altitude at the end of civil twilight; a clear sky then gives 3 lx outdoors
 SKY_FILE = "sky"
 PICTURE_FILE = f"{SKY_FILE}_sky.hsr"  # as genssky names it
+OCTREE_FILE = "sky.oct"
 TABLES_FOLDER = "atmos_data"  # as genssky names it
+PICTURE_WIDTH = 512  # [pixel] genssky's picture is shifted by up to half a pixel: .35 degrees; its own 64 make it 2.8
+HEMISPHERE_STEP_DEG = 0.5  # [deg] of the integral over the sky
 _GLOW = "\nskyfunc glow skyglow\n0\n0\n4 1 1 1 0\n\nskyglow source skydome\n0\n0\n4 0 0 1 180\n"
 
 
@@ -121,7 +131,7 @@ class Sky:
 
 
 def compute_sky(daylight: Daylight, folder: Path, engine: Engine, *, atmosphere: Path) -> Sky:
-    """Ask genssky for the sky and sample it.
+    """The sky of a place and time.
 
     Parameters
     ----------
@@ -146,24 +156,54 @@ def compute_sky(daylight: Daylight, folder: Path, engine: Engine, *, atmosphere:
     shape = (AZIMUTHS_DEG.size, ALTITUDES_DEG.size, SKY_WAVELENGTHS_NM.size)
     if sun_altitude_deg(daylight.time, daylight.latitude_deg, daylight.longitude_deg) < NIGHT_DEG:
         return Sky(radiance=np.zeros(shape), sun_direction=None, sun_irradiance=np.zeros(shape[2]))
-    folder.mkdir(parents=True, exist_ok=True)
-    run = _run_genssky(daylight, folder, engine, atmosphere)
-    text = run.output.decode("utf-8", errors="replace")
-    start = text.find("void specpict")
-    if start < 0 or not (folder / PICTURE_FILE).is_file():
-        raise EngineError(expected="a sky from genssky", found=run.stderr or text[-200:], where=run.command)
-    # The picture is named without its folder; the sun's disc is left out: it is a source of its own.
-    scene = re.sub(r"noop .*_sky\.hsr", f"noop {PICTURE_FILE}", text[start:], count=1) + _GLOW
-    (folder / "sky.rad").write_text(scene, encoding="utf-8", newline="\n")
-    (folder / "sky.oct").write_bytes(engine.run("oconv", ["sky.rad"], folder=folder).output)
-    turn = math.radians(daylight.north_deg)
     above = ALTITUDES_DEG > 0
+    turn = math.radians(daylight.north_deg)
     radiance = np.zeros(shape)
-    radiance[:, above] = _sample(engine, folder, ALTITUDES_DEG[above], turn)
-    direction, irradiance = _sun(text, turn)
+    direction, irradiance, run = None, np.zeros(shape[2]), None
+    if daylight.cloud_cover > 0:
+        run = _ask(replace(daylight, cloud_cover=1.0), folder / "overcast", engine, atmosphere)
+        zenith = _sample(engine, folder / "overcast", np.array([90.0]), turn).mean(axis=(0, 1))
+        radiance[:, above] = daylight.cloud_cover * cie_overcast(ALTITUDES_DEG[above])[:, None] * zenith
+    if daylight.cloud_cover < 1:
+        clear = genssky_clear_sky(daylight, folder / "clear", engine, atmosphere=atmosphere)
+        sun_only, sky_only, altitude = spectrl2_light(daylight)
+        of_sky = replace(clear, sun_direction=None).horizontal_irradiance
+        radiance += (1.0 - daylight.cloud_cover) * clear.radiance * scaling(sky_only, of_sky, altitude)
+        direction, run = clear.sun_direction, clear.run
+        irradiance = (1.0 - daylight.cloud_cover) * clear.sun_irradiance
+        irradiance = irradiance * scaling(sun_only, clear.sun_irradiance, altitude)
     sky = Sky(radiance=radiance, sun_direction=direction, sun_irradiance=irradiance, run=run)
     radiance[:, ~above] = daylight.ground_reflectance / math.pi * sky.horizontal_irradiance
     return Sky(radiance=radiance, sun_direction=direction, sun_irradiance=irradiance, run=run)
+
+
+def genssky_clear_sky(daylight: Daylight, folder: Path, engine: Engine, *, atmosphere: Path) -> Sky:
+    """The clear sky as genssky has it, without cloud and with nothing below the horizon; see `compute_sky`."""
+    run = _ask(replace(daylight, cloud_cover=0.0), folder, engine, atmosphere)
+    turn, above = math.radians(daylight.north_deg), ALTITUDES_DEG > 0
+    radiance = np.zeros((AZIMUTHS_DEG.size, ALTITUDES_DEG.size, SKY_WAVELENGTHS_NM.size))
+    radiance[:, above] = _sample(engine, folder, ALTITUDES_DEG[above], turn)
+    direction, irradiance = _sun(run.output.decode("utf-8", errors="replace"), turn)
+    return Sky(radiance=radiance, sun_direction=direction, sun_irradiance=irradiance, run=run)
+
+
+def cie_overcast(altitudes_deg: FloatArray) -> FloatArray:
+    """Luminance of the CIE standard overcast sky as a fraction of the zenith's, (1 + 2 sin γ)/3.
+
+    Parameters
+    ----------
+    altitudes_deg : (...) float
+        γ above the horizon. [deg]
+
+    Returns
+    -------
+    fraction : (...) float
+
+    References
+    ----------
+    ISO 15469:2004 (CIE S 011/E:2003), Spatial distribution of daylight, type 16.
+    """
+    return np.asarray((1.0 + 2.0 * np.sin(np.radians(altitudes_deg))) / 3.0)
 
 
 def sun_altitude_deg(time: datetime, latitude_deg: float, longitude_deg: float) -> float:
@@ -186,6 +226,21 @@ def sun_altitude_deg(time: datetime, latitude_deg: float, longitude_deg: float) 
 
     found = pvlib.solarposition.get_solarposition(pd.DatetimeIndex([time]), latitude_deg, longitude_deg)
     return float(found["elevation"].iloc[0])
+
+
+def _ask(daylight: Daylight, folder: Path, engine: Engine, atmosphere: Path) -> EngineRun:
+    """Ask genssky for a clear or overcast sky; the folder then holds `OCTREE_FILE`, the sky without the sun."""
+    folder.mkdir(parents=True, exist_ok=True)
+    run = _run_genssky(daylight, folder, engine, atmosphere)
+    text = run.output.decode("utf-8", errors="replace")
+    start = text.find("void specpict")
+    if start < 0 or not (folder / PICTURE_FILE).is_file():
+        raise EngineError(expected="a sky from genssky", found=run.stderr or text[-200:], where=run.command)
+    # The picture is named without its folder; the sun's disc is left out: it is a source of its own.
+    scene = re.sub(r"noop .*_sky\.hsr", f"noop {PICTURE_FILE}", text[start:], count=1) + _GLOW
+    (folder / "sky.rad").write_text(scene, encoding="utf-8", newline="\n")
+    (folder / OCTREE_FILE).write_bytes(engine.run("oconv", ["sky.rad"], folder=folder).output)
+    return run
 
 
 def _run_genssky(daylight: Daylight, folder: Path, engine: Engine, atmosphere: Path) -> EngineRun:
@@ -227,6 +282,7 @@ def _arguments(daylight: Daylight, atmosphere: Path) -> list[str]:
         *("-a", f"{daylight.latitude_deg:.6f}", "-o", f"{-daylight.longitude_deg:.6f}", "-m", f"{-15.0 * hours:.6f}"),
         *("-d", f"{daylight.aerosol_optical_depth:.2f}", "-c", f"{daylight.cloud_cover:.3f}"),
         *("-g", f"{daylight.ground_reflectance:.3f}", "-n", "2", "-p", str(atmosphere), "-f", SKY_FILE),
+        *("-r", str(PICTURE_WIDTH)),
     ]
 
 
@@ -239,7 +295,7 @@ def _sample(engine: Engine, folder: Path, altitudes_deg: FloatArray, turn: float
         axis=-1,
     ).reshape(-1, 3)
     rays = np.concatenate([np.zeros_like(outward), outward], axis=1).astype("<f4").tobytes()
-    options = ["-h-", "-fff", "-ab", "0", "-cs", str(SKY_WAVELENGTHS_NM.size), "-cw", "380", "780", "-co+", "sky.oct"]
+    options = ["-h-", "-fff", "-ab", "0", "-cs", str(SKY_WAVELENGTHS_NM.size), "-cw", "380", "780", "-co+", OCTREE_FILE]
     run = engine.run("rtrace", options, folder=folder, stdin=rays)
     values = float_rows(run, rows=len(outward), columns=SKY_WAVELENGTHS_NM.size)[:, ::-1] / SKY_SPAN_NM
     return np.maximum(values, 0.0).reshape(*azimuth.shape, -1)
@@ -265,34 +321,40 @@ def _sun(text: str, turn: float) -> tuple[FloatArray | None, FloatArray]:
 
 
 def _hemisphere(radiance: FloatArray, altitudes_deg: FloatArray) -> FloatArray:
-    """(wavelength,) ∫ L sin(altitude) dω over the upper half, trapezoidal on the grid."""
-    altitude = np.radians(altitudes_deg)
+    """(wavelength,) ∫ L sin(altitude) dω over the upper half, L linear between the grid's directions."""
     rings = np.trapezoid(radiance, np.radians(AZIMUTHS_DEG), axis=0)
-    weights = (np.sin(altitude) * np.cos(altitude))[:, None]
-    return np.asarray(np.trapezoid(rings * weights, altitude, axis=0))
+    fine = np.arange(0.5 * HEMISPHERE_STEP_DEG, 90.0, HEMISPHERE_STEP_DEG)
+    weights = np.sin(np.radians(fine)) * np.cos(np.radians(fine)) * math.radians(HEMISPHERE_STEP_DEG)
+    return np.array([weights @ np.interp(fine, altitudes_deg, ring) for ring in rings.T])
 
 
-def pane_transmittance(cosines: FloatArray, at_normal: float) -> FloatArray:
-    """Transmittance of a window by angle of incidence, T(θ) = T(0) min(1, 1.018 cosθ (1 + sin³θ)).
+def pane_factor(cosines: FloatArray) -> FloatArray:
+    """Transmittance of a pane by angle of incidence over that at normal incidence, min(1, 1.018 cosθ (1 + sin³θ)).
 
     Parameters
     ----------
     cosines : (...) float
         cosθ; 0 or below means from the other side, where nothing comes in.
-    at_normal : float
-        T(0), of glass and frame together. [0-1]
 
     Returns
     -------
-    transmittance : (...) float
+    factor : (...) float
 
     References
     ----------
     Rivero, Natural lighting: the calculation of the direct daylight factor, 1958 (for one pane of clear glass).
     """
     cosine = np.clip(cosines, 0.0, 1.0)
-    ratio = 1.018 * cosine * (1.0 + (1.0 - cosine**2) ** 1.5)
-    return np.asarray(at_normal * np.minimum(ratio, 1.0), dtype=np.float64)
+    return np.minimum(1.018 * cosine * (1.0 + (1.0 - cosine**2) ** 1.5), 1.0)
+
+
+PANE_FACTOR_TEXT = "if(Rdot,min(1.018*Rdot*(1+max(1-Rdot*Rdot,0)^1.5),1),0)"
+"""`pane_factor` for Radiance, of a ray that meets a window from the room."""
+
+
+def pane_transmittance(cosines: FloatArray, at_normal: float) -> FloatArray:
+    """Transmittance T(θ) of a window: that at normal incidence, of glass and frame together, times `pane_factor`."""
+    return at_normal * pane_factor(cosines)
 
 
 def directions(azimuths_deg: FloatArray, altitudes_deg: FloatArray) -> FloatArray:
