@@ -65,7 +65,7 @@ def parse_factors(words: list[str]) -> dict[str, float]:
     Raises
     ------
     typer.BadParameter
-        If a word is not of that form, or its factor is not a number of 0 or more.
+        If it is none, or the factor no number from 0 to 1.
     """
     factors = {}
     for word in words:
@@ -74,7 +74,7 @@ def parse_factors(words: list[str]) -> dict[str, float]:
             factor = float(text)
         except ValueError:
             factor = -1.0
-        if not name or not 0.0 <= factor < float("inf"):
-            raise typer.BadParameter(f"'{word}' is not LAMP=FACTOR with a factor of 0 or more")
+        if not name or not 0.0 <= factor <= 1.0:
+            raise typer.BadParameter(f"'{word}' is not LAMP=FACTOR with a factor from 0 to 1")
         factors[name] = factor
     return factors

@@ -87,4 +87,9 @@ def _number(option: str, text: str) -> float:
         value = -1.0
     if not 0 <= value < float("inf"):
         raise typer.BadParameter(f"{option} needs a number of 0 or more, not '{text}'")
+    if option == "--dim" and value > 1:
+        raise typer.BadParameter(
+            f"--dim needs a fraction from 0 to 1, as in the run file, not '{text}': 0.4 dims to 40 %. "
+            "For more light than was traced give --lumens"
+        )
     return value

@@ -201,7 +201,8 @@ class Window(_Rectangular):
     length, width : float
         [m]
     incoming : (azimuth, altitude, wavelength) float or None
-        Radiance that its pane lets in, on `radiance.scene.sky`'s grid; a Lambertian window without it. [W/m²/sr/nm]
+        Radiance of what lies behind its pane times the transmittance at normal incidence, on `radiance.scene.sky`'s
+        grid; a Lambertian window without it. [W/m²/sr/nm]
     """
 
     incoming: FloatArray | None = None

@@ -256,7 +256,7 @@ def database_material(
 
 
 def _file_material(path: Path, name: str) -> Material:
-    spectrum = read_spectrum_file(path).spectrum
+    spectrum = read_spectrum_file(path, black_allowed=True).spectrum
     if spectrum.values.max() > MAX_REFLECTANCE:
         raise DatabaseError(
             expected=f"a reflectance of at most {MAX_REFLECTANCE}, as a fraction",

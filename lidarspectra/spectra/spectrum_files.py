@@ -184,7 +184,7 @@ def write_table(path: Path, rows: Sequence[TableRow]) -> None:
     write_whole(path, text.getvalue())
 
 
-def read_spectrum_file(path: Path) -> SpectrumFile:
+def read_spectrum_file(path: Path, *, black_allowed: bool = False) -> SpectrumFile:
     """Read a user's spectrum: two columns, wavelength [nm] and value.
 
     Delimiter (comma, semicolon, tab, spaces) and header are found out; lines that start with '#' are skipped; a
@@ -194,6 +194,8 @@ def read_spectrum_file(path: Path) -> SpectrumFile:
     ----------
     path : Path
         A text file in UTF-8.
+    black_allowed : bool
+        Whether zero at all wavelengths is a spectrum: a black surface's reflectance is, a lamp's light is not.
 
     Returns
     -------
@@ -229,10 +231,10 @@ def read_spectrum_file(path: Path) -> SpectrumFile:
         if len(cells) <= max(x, y):
             raise DatabaseError(expected="a wavelength and a value", found=f"{len(cells)} cell(s)", where=where)
         points.append((finite_number(cells[x], where=where), finite_number(cells[y], where=where), number))
-    return _checked(points, heading=header[y] if len(header) > y else "", path=path)
+    return _checked(points, heading=header[y] if len(header) > y else "", path=path, black_allowed=black_allowed)
 
 
-def _checked(points: list[tuple[float, float, int]], *, heading: str, path: Path) -> SpectrumFile:
+def _checked(points: list[tuple[float, float, int]], *, heading: str, path: Path, black_allowed: bool) -> SpectrumFile:
     """Order the points, find the unit, and refuse values that no lamp or surface can have."""
     notes = []
     ordered = sorted(points)
@@ -256,9 +258,10 @@ def _checked(points: list[tuple[float, float, int]], *, heading: str, path: Path
             todo="Multiply micrometres by 1000; the first column is the wavelength.",
         )
     lowest = int(values.argmin())
-    if values.max() <= 0 or values[lowest] < -NOISE_BELOW_ZERO * values.max():
+    is_dark = not values.any() and not black_allowed
+    if is_dark or values[lowest] < -NOISE_BELOW_ZERO * values.max():
         raise DatabaseError(
-            expected="values that are nowhere negative and somewhere positive",
+            expected="values that are nowhere negative" + ("" if black_allowed else " and somewhere positive"),
             found=f"{values[lowest]:g} to {values.max():g}",
             where=f"{path}, line {ordered[lowest][2]}",
         )

@@ -24,10 +24,12 @@ from lidarspectra.mapping.localization.traced_fingerprints import (
     TARGET,
     FingerprintRequest,
     PlacedPerson,
+    person_obstacle,
     trace_fingerprints,
 )
 from lidarspectra.progress import Progress, silent
 from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.databases import load_reflectances
 from lidarspectra.workflow.inputs import read_inputs
 from lidarspectra.workflow.pipeline import Listener, run
@@ -36,6 +38,7 @@ from lidarspectra.workflow.workspace import made_folder
 
 FOLDER = "fingerprints"
 PARTS_FOLDER = "parts"
+REACH_M = 1.2  # [m] in plan from somebody's place, beyond which no part of the body is in any posture
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +127,7 @@ def fingerprint_room(
     inputs = read_inputs(run_file, workers=workers, cluster=cluster)
     free = FreeSpace(summary.scan, summary.room)
     points = sensor_points(summary.scan, summary.room, inputs.run_file.sensors, folder=inputs.base, free=free)
-    positions, notes = _positions(order, free, summary.room.floor_z)
+    positions, notes = _positions(order, free, summary.room.floor_z, points)
     out = made_folder(summary.folder / FOLDER)
     with trace_engine(cluster) as engine:
         table = trace_fingerprints(
@@ -172,7 +175,50 @@ def place_people(positions: Positions, order: FingerprintOrder) -> tuple[PlacedP
     )
 
 
-def _positions(order: FingerprintOrder, free: FreeSpace, floor_z: float) -> tuple[Positions, tuple[str, ...]]:
+def clear_of_sensors(
+    positions: Positions, order: FingerprintOrder, points: SensorPoints
+) -> tuple[Positions, tuple[str, ...]]:
+    """The positions at which nobody who is drawn has a sensor inside of the body, and a note of those left out.
+
+    Who is drawn hangs on a position's number, so that the rest is numbered and drawn anew until all are clear.
+
+    Raises
+    ------
+    SensorError
+        If no position is left.
+    """
+    library = load_reflectances()
+    first = len(positions.names)
+    while positions.names:
+        near = np.linalg.norm(positions.places_m[:, None, :2] - points.positions[None, :, :2], axis=2) < REACH_M
+        inside = np.zeros(len(positions.names), dtype=bool)
+        for number, placed in enumerate(place_people(positions, order)):
+            index = number // order.draws
+            sensors = points.positions[near[index]]
+            if len(sensors) and not inside[index]:
+                inside[index] = bool(person_obstacle(placed, library).holds(sensors).any())
+        if not inside.any():
+            break
+        kept = positions.places_m[~inside]
+        positions = Positions(names=tuple(f"p{number}" for number in range(1, len(kept) + 1)), places_m=kept)
+    if not positions.names:
+        raise SensorError(
+            expected="positions where no sensor lies inside of whoever stands there",
+            found=f"none of the grid's {first}",
+            where="--grid",
+            todo="Choose another spacing, or give positions in a file.",
+        )
+    left_out = first - len(positions.names)
+    note = (
+        f"{left_out} of the grid's {first} positions were left out: a sensor would lie inside of somebody there. "
+        "Give positions in a file if you need these."
+    )
+    return positions, (note,) if left_out else ()
+
+
+def _positions(
+    order: FingerprintOrder, free: FreeSpace, floor_z: float, points: SensorPoints
+) -> tuple[Positions, tuple[str, ...]]:
     """The positions, and a note on those where an object is in the way."""
     if order.positions is None:
         if order.grid_m is None:
@@ -182,7 +228,7 @@ def _positions(order: FingerprintOrder, free: FreeSpace, floor_z: float) -> tupl
                 where="fingerprints",
                 todo="Give a file of positions, or the spacing of a grid.",
             )
-        return grid_positions(free, order.grid_m), ()
+        return clear_of_sensors(grid_positions(free, order.grid_m), order, points)
     positions = read_positions(order.positions, floor_z=floor_z)
     outside = np.flatnonzero(outside_room(free, positions.places_m))
     if outside.size:

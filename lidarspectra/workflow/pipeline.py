@@ -28,6 +28,7 @@ from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.room import Room
 from lidarspectra.workflow import stages
 from lidarspectra.workflow.inputs import RUN_FILE_MEANT, Inputs, read_inputs
+from lidarspectra.workflow.lamp_places import check_lamp_places
 from lidarspectra.workflow.lamps_of_run import ScannedRoom
 from lidarspectra.workflow.workspace import (
     STAGES,
@@ -266,6 +267,7 @@ def walk(chain: Link, inputs: Inputs) -> None:
     """Follow Figure 2, until the chain says that it is far enough."""
     try:
         scan = chain(stages.scan_stage(inputs))
+        check_lamp_places(inputs.room, scan.value.scan.bounds)
         views = chain(stages.views_stage(inputs, scan))
         materials = chain(stages.materials_stage(inputs, scan, views))
         scene = chain(stages.scene_stage(inputs, scan, materials))

@@ -43,7 +43,7 @@ class LampOrder:
     luminous_flux_lm : float or None
         New flux; None keeps the lumens, or takes those of a spectrum in W/nm. [lm]
     dim : float
-        Factor on the flux, 0 or more. [1]
+        Factor on the flux. [0-1]
     """
 
     lamp: str

@@ -342,6 +342,15 @@ def _trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, .
             f"{buried} of {len(points)} sensor points are buried in furniture or walls: their values are meaningless, "
             "and they are marked on the maps. Move them into free air if you need them."
         )
+    coefficients = transport["coefficient"].to_numpy()
+    dark = [
+        f"'{name}'" for name, values in zip(transport["lamp"].to_numpy(), coefficients, strict=True) if not values.any()
+    ]
+    if dark:
+        warnings.append(
+            f"No light of {', '.join(dark)} reaches any sensor point: it may lie inside a wall or furniture, or behind "
+            "one. Look at the floor plan in the report, and correct its place."
+        )
     achieved, target = transport.attrs["achieved_relative_se"], transport.attrs["target_relative_se"]
     if achieved > target:
         warnings.append(

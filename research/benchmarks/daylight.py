@@ -100,7 +100,7 @@ def _scattering_cosines(by_molecule: np.ndarray, generator: np.random.Generator)
     rayleigh = np.cbrt(root + wide) + np.cbrt(root - wide)
     part = (1.0 - ASYMMETRY**2) / (1.0 - ASYMMETRY + 2.0 * ASYMMETRY * drawn)
     aerosol = (1.0 + ASYMMETRY**2 - part**2) / (2.0 * ASYMMETRY)
-    return np.clip(np.where(by_molecule, rayleigh, aerosol), -1.0, 1.0)
+    return np.asarray(np.clip(np.where(by_molecule, rayleigh, aerosol), -1.0, 1.0))
 
 
 def _turned(direction: FloatArray, cosine: FloatArray, generator: np.random.Generator) -> FloatArray:

@@ -117,10 +117,14 @@ def make_surface(mitsuba: Mitsuba, *, custom: Custom, is_glossy: bool) -> Any:
             return value * cosine & (active & (cosine > 0)), dr.select(cosine > 0, density, 0)
 
         def _sides(self, si: Any) -> Any:
-            """Incoming direction and the face's own normal in the frame of the shading normal, turned to its side."""
+            """Incoming direction and the face's own normal, towards the viewer's side, in that side's frame.
+
+            From behind the frame of the shading normal is turned over, every vector with it: the face's own normal
+            lies on the viewer's side of a frame so turned as it is written, and its turned copy on the other.
+            """
             plane = si.to_local(si.n)
             side = dr.select(dr.dot(plane, si.wi) >= 0, mi.Float(1), mi.Float(-1))
-            return side * si.wi, side * plane, side
+            return side * si.wi, plane, side
 
         def to_string(self) -> str:
             return f"RoomSurface[{custom}]"

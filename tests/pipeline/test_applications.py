@@ -119,6 +119,7 @@ def test_commands_refuse_what_they_cannot_do(tmp_path: Path) -> None:
     for words in (
         ("photocurrent", "run", "--cell", "silicon", "--hours", "8-18", "--schedule", "day.csv"),
         ("photometry", "run", "--dim", "lamp"),
+        ("photometry", "run", "--dim", "lamp=40"),
         ("photometry", "run", "--dim", "lamp=0.5", "--measured", "measured.csv"),
         ("cells", "predict", "measured.csv", "--cell", "silicon", "--lamps", "candle"),
     ):

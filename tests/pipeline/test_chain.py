@@ -14,6 +14,8 @@ from typer.testing import CliRunner
 from lidarspectra.cli.app import app
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.progress import Progress, silent
+from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.workflow import stages
 from lidarspectra.workflow.pipeline import plan, run
 from lidarspectra.workflow.workspace import STAGES, StageName, StageResult
 
@@ -125,14 +127,45 @@ def test_relighting_is_the_sum_of_its_lamps(finished: Path, tmp_path: Path) -> N
 
 
 def test_a_relit_room_is_written_beside_the_run(finished: Path, tmp_path: Path) -> None:
+    from lidarspectra.workflow.relighting import LampOrder, relight_run
+
     words = ["relight", str(finished.with_suffix(".run")), "--out", str(tmp_path / "relit")]
     answer = CliRunner().invoke(app, [*words, "--lamp", "warm", "--spectrum", "FL11", "--dim", "0.4"])
     assert answer.exit_code == 0, answer.output
     assert (tmp_path / "relit" / "map.nc").is_file()
     answer = CliRunner().invoke(app, [*words, "--dim", "0.4"])
     assert answer.exit_code == 2
+    answer = CliRunner().invoke(app, [*words, "--lamp", "warm", "--dim", "40"])
+    assert answer.exit_code == 2  # the run file refuses it, too
+    assert "from 0 to 1" in " ".join(answer.output.replace("│", " ").split())
+    with pytest.raises(LidarSpectraError, match="from 0 to 1"):
+        relight_run(finished.with_suffix(".run"), [LampOrder(lamp="warm", dim=40.0)], base=tmp_path)
     answer = CliRunner().invoke(app, [*words, "--lamp", "nobody"])
     assert isinstance(answer.exception, LidarSpectraError)
+
+
+@pytest.mark.parametrize("last", ["views", "scene"])
+def test_a_lamp_outside_of_the_scan_is_refused_once_the_scan_is_there(
+    tmp_path: Path, write_room: RoomWriter, room_text: str, last: str
+) -> None:
+    """It would light nothing, and the map of zeros would have no error."""
+    run_file = write_room(tmp_path, room_text.replace("[0.6, 1.6, 1.9]", "[0.6, 6.1, 1.9]"))
+    with pytest.raises(LidarSpectraError, match=r"'warm' at \(0.60, 6.10, 1.90\) m") as refused:
+        run(run_file, last=last)
+    assert "y from 0.00 to 2.00 m" in str(refused.value)
+    assert [path.name for path in run_file.with_suffix(".run").glob("?-*")] == ["1-scan"]
+
+
+def test_a_lamp_that_lights_no_point_is_named() -> None:
+    transport = xr.Dataset(
+        {"coefficient": (("lamp", "point", "band"), np.array([[[0.0, 0.0]], [[0.0, 1.0]]]))},
+        coords={"lamp": ["hidden", "seen"]},
+        attrs={"achieved_relative_se": 0.0, "target_relative_se": 0.01},
+    )
+    points = SensorPoints(positions=[[0, 0, 0]], normals=[[0, 0, 1]], buried=[False])
+    (warning,) = stages._trace_warnings(transport, points)
+    assert "'hidden'" in warning
+    assert "'seen'" not in warning
 
 
 def test_one_stage_s_command_stops_there(tmp_path: Path, write_room: RoomWriter) -> None:

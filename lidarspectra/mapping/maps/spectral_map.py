@@ -88,19 +88,19 @@ class LampChange:
     flux : Spectrum or (band,) float or None
         Its new spectral radiant flux, or that flux in every band; None keeps the traced one. [W/nm]
     dim : float
-        Factor on that flux, >= 0; 0 switches the lamp off. [1]
+        Factor on that flux; 0 switches the lamp off, 1 is as traced. [0-1]
     """
 
     flux: Spectrum | FloatArray | None = None
     dim: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.dim) and self.dim >= 0):
+        if not 0 <= self.dim <= 1:
             raise MapError(
-                expected="a dim factor of 0 or more",
+                expected="a dim factor from 0 to 1, as in the run file",
                 found=f"{self.dim}",
                 where="lamp change",
-                todo="Give 0 to switch the lamp off, 1 to leave it as traced.",
+                todo="Give a fraction: 0.4 for 40 %. For more light than was traced give the new flux.",
             )
 
 

@@ -218,6 +218,44 @@ def test_a_closed_room_keeps_its_light(custom: str) -> None:
 
 @BY_ITS_ERROR
 @needs_llvm
+@pytest.mark.parametrize("custom", ["textbook", "radiance"])
+def test_no_light_comes_into_a_closed_wardrobe_seen_from_behind(custom: str) -> None:
+    """Its faces look inward, so that the room's light meets their backs."""
+    shell, wardrobe = (
+        trimesh.creation.box(bounds=[[-1, -1, 0], [1, 1, 2]]),
+        trimesh.creation.box(bounds=[[-0.8, -0.8, 0.2], [-0.2, -0.2, 1.8]]),
+    )
+    shell.invert()
+    wardrobe.invert()
+    scan = scan_of(trimesh.util.concatenate([shell, wardrobe]))
+    points = sensors([(-0.5, -0.5, 0.3), (-0.4, -0.6, 1.0), (0.5, 0.5, 0.3)])
+    source = lamp("panel", (0.5, 0.3), center=(0.4, 0.2, 1.9))
+    reference = reference_irradiance(scan, materials(scan, surface(0.7)), [source], BANDS, points, custom=custom)
+    assert reference.irradiance[:2].max() == 0.0
+    assert reference.irradiance[2].min() > 0.0
+
+
+@needs_llvm
+@pytest.mark.parametrize("custom", ["textbook", "radiance"])
+def test_a_closed_room_of_back_faces_keeps_its_light(custom: str) -> None:
+    """The cube's faces look outward; a wall's middle gets the same light as from faces that look inward."""
+    found = []
+    for turned in (False, True):
+        cube = trimesh.creation.box(extents=(2, 2, 2))
+        if turned:
+            cube.invert()
+        scan = scan_of(cube)
+        source = lamp("bulb", (0.1,), center=(0, 0, 0))
+        reference = reference_irradiance(
+            scan, materials(scan, surface(0.6)), [source], BANDS, sensors((0, 0, -0.999)), custom=custom
+        )
+        found.append((reference.irradiance, reference.standard_error))
+    (outward, error), (inward, other) = found
+    assert np.all(np.abs(outward - inward) < 8.0 * np.hypot(error, other))
+    assert np.all(error < 0.01 * outward)
+
+
+@needs_llvm
 def test_both_engines_agree_in_a_furnished_room(tmp_path: Path) -> None:
     check_agreement(*room(), tmp_path)
 

@@ -87,6 +87,13 @@ def test_what_is_no_spectrum_is_refused_with_its_place(tmp_path, text, words):
         read_spectrum_file(written(tmp_path, text))
 
 
+def test_zero_everywhere_is_a_black_surface_but_no_light(tmp_path):
+    path = written(tmp_path, "400,0\n410,0\n")
+    assert read_spectrum_file(path, black_allowed=True).spectrum.values.tolist() == [0, 0]
+    with pytest.raises(DatabaseError, match="nowhere negative"):
+        read_spectrum_file(written(tmp_path, "400,0\n410,-1\n"), black_allowed=True)
+
+
 def test_a_missing_file_is_our_error(tmp_path):
     with pytest.raises(DatabaseError, match="nothing-here"):
         read_spectrum_file(tmp_path / "nothing-here.csv")
