@@ -74,6 +74,13 @@ def light_of_run(run: str | PathLike[str], dims: Mapping[str, float] | None = No
     for name in dims or {}:
         if name not in names:
             raise MapError(expected=f"one of the run's lamps ({', '.join(names)})", found=f"'{name}'", where="dimming")
+        if not 0 <= (dims or {})[name] <= 1:
+            raise MapError(
+                expected="a dim factor from 0 to 1, as in the run file",
+                found=f"{(dims or {})[name]:g}",
+                where=f"lamp '{name}'",
+                todo="Give a fraction: 0.4 for 40 %.",
+            )
     return RunLight(
         light=light_of_lamps(transport, {lamp.name: lamp.flux for lamp in load_lamps(scene)}, dims),
         places=transport,

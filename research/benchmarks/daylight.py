@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from platformdirs import user_cache_path
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.radiance.engine.engine import find_engine
 from lidarspectra.radiance.scene.clear_sky import ANGSTROM_EXPONENT, BIN_NM, spectrl2_light
 from lidarspectra.radiance.scene.sky import (
@@ -92,7 +92,7 @@ def atmosphere_light(
     return sky / photons, sun / photons
 
 
-def _scattering_cosines(by_molecule: np.ndarray, generator: np.random.Generator) -> FloatArray:
+def _scattering_cosines(by_molecule: BoolArray, generator: np.random.Generator) -> FloatArray:
     """Cosine of the angle of each scattering, drawn from its phase function by inversion."""
     drawn = generator.random(by_molecule.size)
     root = 2.0 * (2.0 * drawn - 1.0)
@@ -100,7 +100,7 @@ def _scattering_cosines(by_molecule: np.ndarray, generator: np.random.Generator)
     rayleigh = np.cbrt(root + wide) + np.cbrt(root - wide)
     part = (1.0 - ASYMMETRY**2) / (1.0 - ASYMMETRY + 2.0 * ASYMMETRY * drawn)
     aerosol = (1.0 + ASYMMETRY**2 - part**2) / (2.0 * ASYMMETRY)
-    return np.asarray(np.clip(np.where(by_molecule, rayleigh, aerosol), -1.0, 1.0))
+    return np.clip(np.where(by_molecule, rayleigh, aerosol), -1.0, 1.0)
 
 
 def _turned(direction: FloatArray, cosine: FloatArray, generator: np.random.Generator) -> FloatArray:
@@ -111,7 +111,8 @@ def _turned(direction: FloatArray, cosine: FloatArray, generator: np.random.Gene
     second = np.cross(direction, first)
     turn, sine = 2.0 * np.pi * generator.random(cosine.size), np.sqrt(1.0 - cosine**2)
     aside = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
-    return cosine[:, None] * direction + sine[:, None] * aside
+    turned: FloatArray = np.asarray(cosine[:, None] * direction + sine[:, None] * aside, dtype=np.float64)
+    return turned
 
 
 def sky_part(sky: Sky) -> FloatArray:
