@@ -34,9 +34,8 @@ def check_lamp_places(room: RunFile, bounds: FloatArray) -> None:
         if np.any(np.array(center) < bounds[0] - OUTSIDE_M) or np.any(np.array(center) > bounds[1] + OUTSIDE_M)
     ]
     if outside:
-        box = ", ".join(
-            f"{axis} from {low:.2f} to {high:.2f} m" for axis, low, high in zip("xyz", *bounds, strict=True)
-        )
+        box_m = np.round(bounds, 2) + 0.0  # no "-0.00"
+        box = ", ".join(f"{axis} from {low:.2f} to {high:.2f} m" for axis, low, high in zip("xyz", *box_m, strict=True))
         raise LampError(
             expected=f"lamps and windows within the scan, {box}",
             found="outside of it: " + ", ".join(outside),

@@ -267,7 +267,7 @@ def walk(chain: Link, inputs: Inputs) -> None:
     """Follow Figure 2, until the chain says that it is far enough."""
     try:
         scan = chain(stages.scan_stage(inputs))
-        check_lamp_places(inputs.room, scan.value.scan.bounds)
+        check_lamp_places(inputs.run_file, scan.value.scan.bounds)
         views = chain(stages.views_stage(inputs, scan))
         materials = chain(stages.materials_stage(inputs, scan, views))
         scene = chain(stages.scene_stage(inputs, scan, materials))
