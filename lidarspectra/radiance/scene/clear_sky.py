@@ -9,14 +9,12 @@ also has the absorption by ozone, oxygen and water. With the sun lower than 5 de
 holds, the scaling fades, and from the horizon down (twilight) genssky's numbers stand as they are.
 """
 
-from typing import TYPE_CHECKING
+from datetime import datetime
+from typing import Protocol
 
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from lidarspectra.radiance.scene.sky import Daylight
 
 OZONE_ATM_CM = 0.31  # [atm-cm] SPECTRL2's examples; a tenth more takes .7 % of the sun at 610 nm
 WATER_CM = 1.42  # [cm] of the standard spectrum ASTM G173; water absorbs little below 780 nm
@@ -27,12 +25,36 @@ BIN_NM = 20.0  # [nm]
 FIRST_NM, LAST_NM = 380.0, 780.0  # [nm] genssky's range
 
 
-def spectrl2_light(daylight: "Daylight") -> tuple[FloatArray, FloatArray, float]:
+class ClearDay(Protocol):
+    """Place, time, air and ground, as `sky.Daylight` has them."""
+
+    @property
+    def latitude_deg(self) -> float:
+        """North is positive [deg]."""
+
+    @property
+    def longitude_deg(self) -> float:
+        """East is positive [deg]."""
+
+    @property
+    def time(self) -> datetime:
+        """With its offset from UTC."""
+
+    @property
+    def aerosol_optical_depth(self) -> float:
+        """At 550 nm [1]."""
+
+    @property
+    def ground_reflectance(self) -> float:
+        """At all wavelengths [0-1]."""
+
+
+def spectrl2_light(daylight: ClearDay) -> tuple[FloatArray, FloatArray, float]:
     """Clear-sky light by SPECTRL2 in genssky's bins.
 
     Parameters
     ----------
-    daylight : Daylight
+    daylight : ClearDay
         Its cloud cover is not looked at.
 
     Returns
