@@ -160,7 +160,7 @@ def test_a_lamp_that_lights_no_point_is_named() -> None:
     transport = xr.Dataset(
         {"coefficient": (("lamp", "point", "band"), np.array([[[0.0, 0.0]], [[0.0, 1.0]]]))},
         coords={"lamp": ["hidden", "seen"]},
-        attrs={"achieved_relative_se": 0.0, "target_relative_se": 0.01},
+        attrs={"achieved_relative_se": 0.0, "target_relative_se": 0.01, "truncated_share": 0.0},
     )
     points = SensorPoints(positions=[[0, 0, 0]], normals=[[0, 0, 1]], buried=[False])
     (warning,) = stages._trace_warnings(transport, points)
