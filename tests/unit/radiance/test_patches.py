@@ -28,6 +28,7 @@ def surfaces(*walls: tuple[float, float, float, float]) -> Surfaces:
         for y0, y1, z0, z1 in walls
     ]
     whole = trimesh.util.concatenate([mesh, *sheets])
+    assert isinstance(whole, trimesh.Trimesh)
     scan = bare_scan(np.array(whole.vertices), np.array(whole.faces))
     return Surfaces(
         caster=RayCaster(scan),
