@@ -1,7 +1,9 @@
 """The exact arguments that the engine is run with: a change of any is a change of method."""
 
+import pytest
+
 from lidarspectra.radiance.engine.bands import band_groups
-from lidarspectra.radiance.engine.options import BOUNCES, PassOptions, plain_arguments
+from lidarspectra.radiance.engine.options import BOUNCES, PassOptions, first_round_sizes, plain_arguments
 
 NATIVE = PassOptions(
     group=band_groups(14, "native")[0],
@@ -54,3 +56,11 @@ def test_a_plain_run_for_stock_radiance() -> None:
 
 def test_accuracies_are_the_papers_reflections() -> None:
     assert BOUNCES == {"low": 2, "medium": 8, "high": 14, "ultra": 20}
+
+
+@pytest.mark.parametrize(
+    ("target", "sizes"),
+    [(0.2, (5, 34)), (0.05, (5, 34)), (0.03, (13, 89)), (0.02, (13, 89)), (0.01, (34, 233)), (0.001, (34, 233))],
+)
+def test_a_finer_target_starts_with_no_fewer_paths(target: float, sizes: tuple[int, int]) -> None:
+    assert first_round_sizes(target) == sizes

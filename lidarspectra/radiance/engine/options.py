@@ -25,7 +25,6 @@ Noise = Literal["draft", "standard", "fine"]
 
 BOUNCES: dict[Accuracy, int] = {"low": 2, "medium": 8, "high": 14, "ultra": 20}  # [1] paper, Section 4.1
 ALL_BOUNCES = 2_000  # [1] of 'all', where paths end by Russian roulette alone: .99 to this power is 2e-9
-RELATIVE_STANDARD_ERROR: dict[Noise, float] = {"draft": 0.03, "standard": 0.01, "fine": 0.005}  # [1] of the mean
 PATH_WEIGHT = 0.4  # [1] -lw: below it a path lives by lot; .3 to .5 gave the least noise for a second of work
 REFLECTED_LAMP_PART = 0.3  # [1] -ds for lamps as seen from reflecting surfaces: cut only where they are close
 SPECULAR_REFLECTIONS = 20  # [1] mirror-like reflections that a path may have besides the diffuse ones
@@ -38,6 +37,50 @@ LAMP_PARTS = (
 COARSEST_LAMP_PART = 0.4  # [1] -ds beyond the last
 
 
+@dataclass(frozen=True, kw_only=True)
+class NoiseLevel:
+    """All that a setting of noise decides.
+
+    Parameters
+    ----------
+    relative_se : float
+        Standard error to come down to, of the mean irradiance. [1]
+    first_from : float
+        Least target that starts with a first round of these sizes. [1]
+    first_paths : int
+        Directions a point and batch of the first round.
+    first_pooled : int
+        Paths a batch of the first round that all points share.
+    plain_divisions : int
+        First rays of a sensor (`-ad`) in one plain run of the engine.
+    exported_repeats : int
+        Times that the exported model traces each sensor with the divisions of 'draft'; the mean's noise comes near
+        the run's.
+    """
+
+    relative_se: float
+    first_from: float
+    first_paths: int
+    first_pooled: int
+    plain_divisions: int
+    exported_repeats: int
+
+
+NOISE_LEVELS: dict[Noise, NoiseLevel] = {
+    "draft": NoiseLevel(
+        relative_se=0.03, first_from=0.02, first_paths=13, first_pooled=89, plain_divisions=256, exported_repeats=2
+    ),
+    "standard": NoiseLevel(
+        relative_se=0.01, first_from=0.0075, first_paths=34, first_pooled=233, plain_divisions=1024, exported_repeats=8
+    ),
+    "fine": NoiseLevel(
+        relative_se=0.005, first_from=0.0, first_paths=34, first_pooled=233, plain_divisions=4096, exported_repeats=32
+    ),
+}
+QUICK_TARGET = 0.05  # coarser than 'draft', as textures are baked with: from here on the first round is smaller still
+QUICK_FIRST = (5, 34)  # first_paths and first_pooled of it
+
+
 def bounces_of(accuracy: Accuracy) -> int:
     """Most reflections of an accuracy [1]; raises ArgumentError where there is no such word."""
     return ALL_BOUNCES if one_of(accuracy, (*BOUNCES, "all"), name="accuracy") == "all" else BOUNCES[accuracy]
@@ -48,9 +91,17 @@ def reflections_in_words(accuracy: Accuracy) -> str:
     return "all reflections" if accuracy == "all" else f"at most {bounces_of(accuracy)} reflections"
 
 
-def noise_target(noise: Noise) -> float:
-    """Standard error that a noise setting aims at, of the mean irradiance [1]; raises ArgumentError as above."""
-    return RELATIVE_STANDARD_ERROR[one_of(noise, tuple(RELATIVE_STANDARD_ERROR), name="noise")]
+def noise_level(noise: Noise) -> NoiseLevel:
+    """What a noise setting decides; raises ArgumentError as above."""
+    return NOISE_LEVELS[one_of(noise, tuple(NOISE_LEVELS), name="noise")]
+
+
+def first_round_sizes(target: float) -> tuple[int, int]:
+    """Directions a point, and paths that all points share, of a batch of the first round for a target [1]."""
+    if target >= QUICK_TARGET:
+        return QUICK_FIRST
+    level = next(level for level in NOISE_LEVELS.values() if target >= level.first_from)
+    return level.first_paths, level.first_pooled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +233,7 @@ def plain_arguments(
     arguments : list of str
         Without files, formats and slots.
     """
-    divisions = {"draft": 256, "standard": 1024, "fine": 4096}[noise]
+    divisions = NOISE_LEVELS[noise].plain_divisions
     modifiers = [word for name in lamp_modifiers for word in ("-m", name)]
     return [
         *("-I+", *SHARED_OPTIONS, "-dj", "1", "-ds", f"{lamp_part(lamp_count):g}"),

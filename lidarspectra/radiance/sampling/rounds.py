@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.engine.engine import Engine, EngineJob, float_rows
-from lidarspectra.radiance.engine.options import PassOptions
+from lidarspectra.radiance.engine.options import PassOptions, first_round_sizes
 from lidarspectra.radiance.sampling.arrivals import Surfaces
 from lidarspectra.radiance.sampling.estimator import (
     BATCHES,
@@ -32,8 +32,6 @@ from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 
-FIRST_PATHS = ((0.05, 5), (0.02, 13), (0.0, 34))  # (target at least, rays a point and batch) of the first round
-FIRST_POOLED = ((0.05, 34), (0.02, 89), (0.0, 233))  # (target at least, paths a batch that all points share)
 MAX_ROUNDS = 8  # [1] two or three do
 MAX_PATHS_PER_POINT = 2**18  # [1] on average over a block, each pass; a quarter of a minute of one core
 RAYS_PER_JOB = (2**15, 2**17)  # [1] fewest and most rays given to a child process: 6 MB, a few seconds
@@ -287,9 +285,7 @@ def _first(components: Sequence[Component], request: Request) -> list[IntArray]:
 
     The set is the smaller, the more passes add up to the light of the same bands.
     """
-    paths, pooled = (
-        next(count for least, count in table if request.target >= least) for table in (FIRST_PATHS, FIRST_POOLED)
-    )
+    paths, pooled = first_round_sizes(request.target)
     wanted = []
     for component in components:
         most = (pooled if component.kind == "often" else paths) / component.sharers

@@ -23,7 +23,7 @@ from lidarspectra.arguments import instance_of
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.engine.engine import Engine, find_engine
-from lidarspectra.radiance.engine.options import Accuracy, Noise, bounces_of, noise_target
+from lidarspectra.radiance.engine.options import Accuracy, Noise, bounces_of, noise_level
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
 from lidarspectra.radiance.sampling.estimator import BATCHES
 from lidarspectra.radiance.sampling.folding import fold_coefficients, folding
@@ -97,7 +97,7 @@ def trace(
     instance_of(points, SensorPoints, name="points", todo="Write SensorPoints(positions=...).")
     request = Request(
         bounces=bounces_of(accuracy),
-        target=noise_target(noise),
+        target=noise_level(noise).relative_se,
         workers=workers or available_cores(),
         receptor=cosine_receptor() if receptor is None else receptor,
         engine=find_engine() if engine is None else engine,

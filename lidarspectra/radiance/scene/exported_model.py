@@ -17,7 +17,7 @@ from lidarspectra.errors import SceneError
 from lidarspectra.io.files import writing
 from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
 from lidarspectra.radiance.engine.engine import Engine, find_engine
-from lidarspectra.radiance.engine.options import Accuracy, Noise, plain_arguments
+from lidarspectra.radiance.engine.options import Accuracy, Noise, noise_level, plain_arguments
 from lidarspectra.radiance.scene.lamp_text import candela_file
 from lidarspectra.radiance.scene.scene_record import LAMPS_FILE, RadianceScene, ScenePass
 from lidarspectra.room.sensor_points import SensorPoints
@@ -28,8 +28,6 @@ TRACE_OPTIONS_FILE = "trace.opt"
 REPEAT_FILE = "repeat.fmt"
 ANSWER_FILE = "irradiance.txt"
 FUNCTION_FILES = ("rayinit.cal", "source.cal")  # read by every program, and for the intensity tables of 'ies' lamps
-REPEATS: dict[Noise, int] = {"draft": 2, "standard": 8, "fine": 32}
-"""[1] Times that each sensor is traced with 256 rays; the mean's noise comes near the run's."""
 PICTURE_EYE_HEIGHT_M = 1.6  # [m] of the view that `rad` is given
 
 
@@ -97,10 +95,10 @@ def _texts(scene: RadianceScene, points: SensorPoints, accuracy: Accuracy, noise
     texts = {
         POINTS_FILE: _points_text(points),
         TRACE_OPTIONS_FILE: " ".join(options) + "\n",
-        REPEAT_FILE: "${$1} ${$2} ${$3} ${$4} ${$5} ${$6}\n" * REPEATS[noise],
+        REPEAT_FILE: "${$1} ${$2} ${$3} ${$4} ${$5} ${$6}\n" * noise_level(noise).exported_repeats,
         "sum.cal": _sum_text(scene),
         "bands.txt": _bands_text(scene),
-        MAKEFILE: _makefile_text(scene, len(points), REPEATS[noise]),
+        MAKEFILE: _makefile_text(scene, len(points), noise_level(noise).exported_repeats),
     }
     for scene_pass in scene.passes:
         slots = [*scene_pass.group.options, "-co+"] if scene.mode == "native" else []

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import xarray as xr
 
 from lidarspectra.errors import EngineError
 from lidarspectra.radiance.engine.engine import find_engine, float_rows
-from lidarspectra.radiance.engine.options import RELATIVE_STANDARD_ERROR
+from lidarspectra.radiance.engine.options import NOISE_LEVELS
 from lidarspectra.radiance.sampling import rounds
 from lidarspectra.radiance.sampling import trace as trace_module
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
@@ -84,7 +85,7 @@ def test_two_standard_errors_cover_the_truth_for_95_percent_of_point_channels(of
 def test_the_error_is_what_the_noise_setting_names(office, places, section, noise: str) -> None:
     scene = office()
     transport = trace(scene, places, **section("medium", noise), seed=1)
-    target = RELATIVE_STANDARD_ERROR[noise]
+    target = NOISE_LEVELS[noise].relative_se
     light, error = irradiance(transport), transport["irradiance_se"].to_numpy()
     assert transport.attrs["achieved_relative_se"] <= target
     assert transport.attrs["achieved_relative_se"] == pytest.approx(relative_rms(error, light), rel=1e-3)
@@ -221,7 +222,9 @@ def test_a_block_of_one_round_fills_its_share_of_the_progress_once_one_was_seen(
     office, places, section, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(trace_module, "MAX_BLOCK_POINTS", 10)
-    monkeypatch.setitem(RELATIVE_STANDARD_ERROR, "draft", 0.2)  # one round is surely enough
+    monkeypatch.setitem(
+        NOISE_LEVELS, "draft", replace(NOISE_LEVELS["draft"], relative_se=0.2)
+    )  # one round is surely enough
     told: list[tuple[float, str]] = []
     transport = trace(
         office(), places, **section("low", "draft"), seed=1, progress=lambda share, words: told.append((share, words))
@@ -261,7 +264,7 @@ def test_a_panel_cut_into_24_lamps_gives_the_light_of_the_whole(rooms, places, s
     assert transport.attrs["achieved_relative_se"] <= transport.attrs["target_relative_se"]
     assert np.all(np.abs(difference) < 8.0 * both)  # as for blocks: the tails of a t of seven degrees are long
     assert np.mean(np.abs(difference) < 2.0 * both) > 0.7  # 92 to 100 % in sixteen repeats
-    assert np.abs(difference.mean(axis=0) / light.mean(axis=0)).max() < 2.0 * RELATIVE_STANDARD_ERROR[noise]
+    assert np.abs(difference.mean(axis=0) / light.mean(axis=0)).max() < 2.0 * NOISE_LEVELS[noise].relative_se
 
 
 def test_a_target_out_of_reach_is_said(office, places, section, monkeypatch: pytest.MonkeyPatch) -> None:
