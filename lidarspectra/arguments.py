@@ -7,7 +7,7 @@ from typing import TypeVar, cast
 
 from lidarspectra.errors import ArgumentError
 
-LONGEST_SHOWN = 60  # [1] characters of a value that an error shows
+LONGEST_SHOWN = 60  # characters of a value that an error shows
 Wanted = TypeVar("Wanted")
 Choice = TypeVar("Choice", bound=str)
 

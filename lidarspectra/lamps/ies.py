@@ -22,7 +22,7 @@ NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,2})?")  # finite, and
 LARGEST_NUMBER = 1e12  # [1] of a file: four are multiplied for a candela value
 METRES_PER_FOOT = 0.3048  # [m/ft] international foot
 MAX_BYTES = 20_000_000  # [B] a table of 720 x 360 directions has 2 MB
-MAX_ANGLES = 1000  # [1] of either kind; goniometers step by half a degree at the finest
+MAX_ANGLES = 1000  # of either kind; goniometers step by half a degree at the finest
 POINT_DIAMETER_M = 0.1  # [m] of a luminaire whose file gives no opening
 
 

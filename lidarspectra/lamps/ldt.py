@@ -19,12 +19,12 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LampError
 
 MAX_BYTES = 5_000_000  # [B] 721 planes of 361 angles have 2 MB
-MAX_PLANES, MAX_ANGLES = 721, 361  # [1] half a degree each way, the finest that the format foresees
+MAX_PLANES, MAX_ANGLES = 721, 361  # half a degree each way, the finest that the format foresees
 MAX_CANDELA = 1e12  # [cd] a lighthouse has 1e7
-LINE_OF_PLANES, LINE_OF_ANGLES = 3, 5  # [1] counted from 0
-FIRST_SIZE, SIZES_BEFORE_SETS = 12, 13  # [1] line of the first size, counted from 0; sizes and factors up to the sets
-HEAD_LINES = 200  # [1] that are looked at
-MAX_SETS = 20  # [1] the format's own limit
+LINE_OF_PLANES, LINE_OF_ANGLES = 3, 5  # counted from 0
+FIRST_SIZE, SIZES_BEFORE_SETS = 12, 13  # line of the first size, counted from 0; sizes and factors up to the sets
+HEAD_LINES = 200  # that are looked at
+MAX_SETS = 20  # the format's own limit
 LM_PER_KLM = 1000.0  # [1]
 MM_PER_M = 1000.0  # [1]
 AXIAL = 1  # symmetry indicator: the same in all planes

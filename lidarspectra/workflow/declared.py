@@ -1,7 +1,7 @@
 """What a stage declares that it reads: keys of the run file, the files they name, databases, and stages before it.
 
-A stage is given what it declared and nothing else: another key of the run file raises an error. Its freshness is
-derived from the same declaration, so that a stage cannot depend on what does not make it stale.
+A stage is given what it declared and nothing else: reading another key of the run file raises an error. Its freshness
+is derived from the same declaration, so a stage cannot depend on anything that does not make it stale.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -26,15 +26,15 @@ COMPANION_SUFFIXES = (
 
 
 class DeclaredSection:
-    """A section of the run file of which some keys may be read; any other raises an UndeclaredError.
+    """View of a run file section that allows only declared keys; any other raises an UndeclaredError.
 
     Parameters
     ----------
     section : Section
     keys : frozenset of str
-        That may be read, with dots from the run file down; a section's key stands for all that is in it.
+        Full dotted names of the keys that may be read; a section's name covers all its keys.
     name : str
-        Of this section, with its dots; empty for the run file.
+        Full dotted name of this section; empty for the run file itself.
     """
 
     __slots__ = ("_keys", "_name", "_section")
@@ -51,24 +51,25 @@ class DeclaredSection:
             return None if value is None else DeclaredSection(value, self._keys, name)
         raise UndeclaredError(
             expected="a key of the run file that the stage declared",
-            found="another one",
+            found="one that it did not declare",
             where=name,
-            todo="Name it in what the stage declares (workflow/stages.py): a change of it must make the stage again.",
+            todo="Add it to the stage's declaration in workflow/stages.py, so that changing it makes the stage stale.",
         )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Declared:
-    """What a stage is given: the run file as far as it declared that it reads it.
+    """Inputs of a stage: the declared part of the run file, and the hash inputs of its freshness.
 
     Parameters
     ----------
     run_file : RunFile
-        In truth a `DeclaredSection` of it.
+        At run time a `DeclaredSection` of it.
     base : Path
         The run file's folder, where relative file names start.
     settings : dict
-        All that the stage depends on, as JSON values: `run_file` (its keys), `files`, `databases`, `model`, `stages`.
+        Everything that the stage depends on, as JSON values: `run_file` (its keys), `files`, `databases`, `model`,
+        `stages`.
     """
 
     run_file: RunFile
@@ -92,14 +93,14 @@ def declare(
     base : Path
         Its folder.
     keys : str
-        Of the run file, with dots ("trace.noise"); a section's name stands for all its keys. Files that they name are
-        read too.
+        Dotted names ("trace.noise"); a section's name covers all its keys. Files that these keys name are hashed
+        too.
     databases : iterable of str
         Kinds of databases.
     stages : iterable of StageResult
         Before it.
     others : mapping, optional
-        What else its result depends on, as JSON values.
+        Other dependencies of its result, as JSON values.
 
     Returns
     -------
@@ -128,12 +129,12 @@ def declare(
 
 
 def database_hashes(kind: str) -> dict[str, str]:
-    """SHA-256 of every database file of a kind, as it is now and not as the manifest has it."""
+    """SHA-256 of every database file of a kind, computed from the file rather than taken from the manifest."""
     return {f"{file.database}/{file.path.name}": hash_file(file.path) for file in list_databases() if file.kind == kind}
 
 
 def _covers(keys: Iterable[str], name: str) -> bool:
-    """Whether a key is among those that are declared, or in a section that is."""
+    """Whether a key, or a section that holds it, is declared."""
     return any(name == key or name.startswith(f"{key}.") for key in keys)
 
 
@@ -151,14 +152,14 @@ def _json(value: Any) -> Any:
 
 
 def _hashes(base: Path, names: Iterable[str | None]) -> dict[str, str]:
-    """SHA-256 of files; one that is not there has none and is refused where it is read."""
+    """SHA-256 of files; a missing file is skipped here and refused where it is read."""
     return {name: hash_file(base / name) for name in names if name is not None and (base / name).is_file()}
 
 
 def _scan_files(name: str, base: Path) -> Iterable[str]:
     """The scan's file and, for formats of several files, those beside it that it may read.
 
-    Which of them it does read is known only after parsing it; one too many costs a needless new run at worst.
+    Which of them it reads is known only after parsing it; a file too many at worst costs a needless run.
     """
     file = base / name
     if not file.is_file() or file.suffix.lower() not in MULTI_FILE_FORMATS:
@@ -168,12 +169,12 @@ def _scan_files(name: str, base: Path) -> Iterable[str]:
 
 
 def _assignment_files(name: str, base: Path) -> Iterable[str]:
-    """The file of assignments, and the spectra that it points to."""
+    """The file of assignments, and the spectra that it names."""
     return (name, *(str(Path(name).parent / spectrum) for spectrum in spectrum_files(base / name)))
 
 
 def _lamp_files(lamps: tuple[LampSection, ...], base: Path) -> Iterable[str | None]:
-    """Photometry and spectra."""
+    """Luminaire files and spectra of lamps."""
     return (*(lamp.file for lamp in lamps), *(lamp.spectrum for lamp in lamps))
 
 
@@ -197,4 +198,4 @@ FILES: Mapping[str, Callable[[Any, Path], Iterable[str | None]]] = {
     "sensors.receptor": _itself,
     "cells": lambda sections, base: [section.cell for section in sections],
 }
-"""Which keys of the run file may name files, and which files those are."""
+"""Keys of the run file that may name files, each with the function that lists them."""

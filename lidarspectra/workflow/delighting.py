@@ -49,12 +49,12 @@ from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, tri
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra.spectrum import Spectrum
 
-SAMPLES = 6_000  # [1] points at which light is asked for; 3,000 give reflectances that differ by 1 %
-RAYS = 128  # [1] directions of a sample in which other surfaces are looked at
+SAMPLES = 6_000  # points at which light is asked for; 3,000 give reflectances that differ by 1 %
+RAYS = 128  # directions of a sample in which other surfaces are looked at
 LIFT_M = 0.02  # [m] samples stand so far off the mesh, clear of its noise
-SMOOTH_FACES = 24  # [1] faces whose normals are averaged: a phone's small triangles are tilted by its noise
+SMOOTH_FACES = 24  # faces whose normals are averaged: a phone's small triangles are tilted by its noise
 SMOOTH_COSINE = 0.7  # [1] faces turned away more than this are another surface
-EDGE_NEIGHBORS = 7  # [1] samples, the nearest included, by which the edge of a shadow is known
+EDGE_NEIGHBORS = 7  # samples, the nearest included, by which the edge of a shadow is known
 INDIRECT = 0.5  # [1] reflected light over the mean direct light, about
 ALMOST_ONE = 1.0 - 1e-9  # [1] tells a lamp that is seen from below from one whose beam is known
 LAMP_GLOW_M = 0.12  # [m] bright faces so near to a known lamp show it
@@ -62,8 +62,8 @@ CLIPPED, DARK = 0.97, 0.012  # [1] brightest and darkest channels of a sample th
 CEILING_DEPTH_M = 0.15  # [m] below the ceiling's plane, that still counts as ceiling
 CEILING_CONFIDENCE = 0.3  # [1] share of the plan with a ceiling from which there is one
 NEUTRAL = 0.12  # [1] largest spread of a white ceiling's reflectance over the three channels
-ROUNDS = 3  # [1] of grouping by hue and fitting: the first groups by hues that the light still tints
-NEIGHBORS = 8  # [1] samples whose light a face takes
+ROUNDS = 3  # of grouping by hue and fitting: the first groups by hues that the light still tints
+NEIGHBORS = 8  # samples whose light a face takes
 NORMAL_WEIGHT_M = 0.5  # [m] distance that a turn of one radian counts for
 SOFTEN_M = 0.05  # [m] softens the weight of the nearest sample
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
@@ -71,7 +71,7 @@ LIGHT_REFLECTANCE = 0.65  # [1] from which surfaces in buildings are mostly whit
 MIN_WHITE = 0.75  # [1] reflectance from which a surface is called white
 WHITE_SHARE = 0.05  # [1] of the scan's area beyond the bright end, from which a reader should know
 STRAY_LIGHT = 0.02  # [1] of white that a texture shows from beside: edges are rounded, frames blended, lenses glare
-MIN_WITNESSES = 16  # [1] independent places, over twice the unknowns; fewer tell nothing
+MIN_WITNESSES = 16  # independent places, over twice the unknowns; fewer tell nothing
 MIN_EXPLAINED = 0.3  # [1] share of the scatter within surfaces that the lamps' light must explain
 MIN_DIRECT = 0.15  # [1] of all light in a closed room of mean reflectance 0.85: white on all sides
 MAX_UNCERTAIN = 0.5  # [1] standard deviation of log k

@@ -1,4 +1,4 @@
-"""What `lidarspectra doctor` looks at: the engine, its spectral ability, the machine, the libraries."""
+"""Checks of `lidarspectra doctor`: the engine, its spectral samples per pass, the machine, the libraries."""
 
 import os
 import re
@@ -23,18 +23,18 @@ MIN_DISK_GIB = 1.0  # [GiB] a run folder of a large scan
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One thing that was looked at.
+    """Result of one check.
 
     Parameters
     ----------
     subject : str
-        What.
+        What was checked.
     value : str
         What was found.
     good : bool
-        Whether it is as it should be.
+        Whether a run can work with it.
     todo : str
-        What to do where it is not.
+        How to mend it where not.
     """
 
     subject: str
@@ -44,12 +44,12 @@ class Finding:
 
 
 def examine() -> tuple[Finding, ...]:
-    """Look at everything that a run needs.
+    """Check everything that a run needs.
 
     Returns
     -------
     findings : tuple of Finding
-        The faults among them have `good` false and say what to do.
+        Faults have `good` False and a `todo`.
     """
     return (*_engine(), *_machine(), *_libraries(), *_extras())
 
@@ -61,8 +61,12 @@ def _engine() -> Iterator[Finding]:
         yield Finding(subject="engine", value=str(error), good=False, todo=INSTALL_ADVICE)
         return
     info = engine_info(engine)
-    yield Finding(subject="engine", value=info.version or "does not answer", good=bool(info.version), todo=info.fault)
-    yield Finding(subject="pyradiance", value=info.package_version or "not installed; programs from elsewhere")
+    yield Finding(
+        subject="engine", value=info.version or "its version cannot be read", good=bool(info.version), todo=info.fault
+    )
+    yield Finding(
+        subject="pyradiance", value=info.package_version or "not installed; the programs on the search path are used"
+    )
     yield Finding(subject="programs", value=str(info.programs))
     yield Finding(subject="RAYPATH", value=f".{os.pathsep}{info.library}")
     yield Finding(
@@ -78,14 +82,15 @@ def _machine() -> Iterator[Finding]:
         subject="Python",
         value=f"{sys.version.split()[0]} ({sys.executable})",
         good=sys.version_info >= (3, 11),
-        todo="Python 3.11 or later is needed.",
+        todo="Install Python 3.11 or later, and the package in it.",
     )
     memory = psutil.virtual_memory()
     yield Finding(
         subject="cores, memory",
         value=f"{os.cpu_count()} cores, {memory.available / 2**30:.1f} of {memory.total / 2**30:.1f} GiB free",
         good=memory.available / 2**30 >= MIN_MEMORY_GIB,
-        todo=f"Large scans want {MIN_MEMORY_GIB:.0f} GiB free; max_faces under [scan] makes a scan smaller.",
+        todo=f"Large scans need {MIN_MEMORY_GIB:.0f} GiB of free memory. End other programs, or set max_faces "
+        "under [scan] to decimate the mesh.",
     )
     for subject, folder in (("disk, this folder", Path.cwd()), ("disk, temporary", Path(tempfile.gettempdir()))):
         free = shutil.disk_usage(folder).free / 2**30
@@ -99,7 +104,7 @@ def _machine() -> Iterator[Finding]:
 
 def _libraries() -> Iterator[Finding]:
     for name in required_libraries():
-        if name == "pyradiance":  # said of the engine, whose programs may come from elsewhere
+        if name == "pyradiance":  # reported with the engine, whose programs may be another installation's
             continue
         found = _version(name)
         yield Finding(subject=name, value=found or "missing", good=bool(found), todo=f"pip install {name}")

@@ -24,28 +24,28 @@ from lidarspectra.room.room import Room, find_room
 from lidarspectra.room.sensor_points import grid_points
 
 SPECTRUM = "LED-B3"  # a white LED of 4100 K, common in offices (CIE 015:2018, illuminant LED-B3)
-SENSOR_HEIGHT_M = 0.3  # [m] the paper's robot carries its sensor about so high
-SENSOR_COUNTS = (176, 100, 50, 25, 10, 5, 1)  # [1] the paper's count, then what smaller rooms hold
-UNSURE = 0.5  # [1] confidence below which the user is asked to look
-SIGNIFICANT_DIGITS = 3  # [1] of an assumed flux: more would pretend
+SENSOR_HEIGHT_M = 0.3  # [m] about the height of the sensor on the paper's robot
+SENSOR_COUNTS = (176, 100, 50, 25, 10, 5, 1)  # the paper's count, then what smaller rooms hold
+UNSURE = 0.5  # [1] confidence below which the user is asked to check
+SIGNIFICANT_DIGITS = 3  # of an assumed flux, which is not known better
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InitSummary:
-    """What was found in a scan and written into a run file.
+    """Findings in a scan, as written into a run file.
 
     Parameters
     ----------
     run_file : Path
         The file written.
     scan : ScanRecord
-        Unit, upward axis and their confidences, and what was repaired to find the room.
+        Unit, upward axis and their confidences, and the repairs.
     room : Room
         Floor, ceiling, walls and outline.
     sensor_count : int
-        Points of the grid proposed.
+        Points of the proposed grid.
     lamps : LampSearch
-        Lamps lit in the texture, and what was bright but is none.
+        Lamps lit in the texture, and bright patches that were rejected.
     has_color : bool
         False for a scan without colour, in which no lamp can be seen.
     """
@@ -82,18 +82,24 @@ class InitSummary:
     def _advice(self) -> Iterator[str]:
         for name, confidence in (("unit", self.scan.unit_confidence), ("up", self.scan.up_confidence)):
             if confidence < UNSURE:
-                yield f"Look at '{name}' under [scan]: it is a guess."
+                yield (
+                    f"'{name}' under [scan] is a guess, and a wrong one spoils all that follows: check it against "
+                    "what you know of the room."
+                )
         if self.room.ceiling_confidence < UNSURE:
             yield (
-                "Most of the ceiling is missing in the scan: light that it should send back is lost there. "
-                "Scan it too, if you can."
+                "Most of the ceiling is missing in the scan: light that it would reflect is lost, so that the map is "
+                "too dark. Scan the ceiling too, if you can."
             )
         if self.room.floor_confidence < UNSURE:
-            yield "Little of the floor was seen: check the room's size above."
+            yield "Little of the floor is in the scan, so that the room's outline may be wrong: check its size above."
         if self.lamps.lamps:
-            yield "Edit the lamps' fluxes and spectrum: a picture tells where a lamp is, not how much it sends."
+            yield (
+                "Edit the lamps' fluxes and spectrum: a picture shows where a lamp is, but not its luminous flux, "
+                "which is assumed."
+            )
         elif not self.has_color:
-            yield "The scan has no colour, so that no lamp can be seen in it: write the lamps into the run file."
+            yield "The scan has no colour, so that no lamp can be found in it: write the lamps into the run file."
         else:
             yield "No lamp is lit in the scan: write the lamps into the run file before you run it."
         yield f"Then: lidarspectra run {self.run_file}"
@@ -102,10 +108,10 @@ class InitSummary:
 def init(
     scan: str | PathLike[str], *, unit: UnitChoice = "auto", up: UpChoice = "auto", progress: Progress = silent
 ) -> RunFile:
-    """Look through a scan and make its run file: unit, axes, room, lamps that are lit in it, and a sensor grid.
+    """Propose a run file for a scan: unit, axes, room, lamps that are lit in it, and a sensor grid.
 
-    What no scan can tell, the lamps' spectra and fluxes, is assumed: look at `run_file.text`, and give what you know by
-    `run_file.changed(...)`, or save it with its comments and edit the text.
+    A scan does not show the lamps' spectra and fluxes, so they are assumed: look at `run_file.text`, and give what you
+    know by `run_file.changed(...)`, or save it with its comments and edit the text.
 
     Parameters
     ----------
@@ -121,7 +127,8 @@ def init(
     Returns
     -------
     run_file : RunFile
-        Its names start at the scan's folder. Without lamps where none is lit in the scan: `run` asks for one.
+        With file names relative to the scan's folder. It has no lamps if none is lit in the scan; `run` then asks for
+        one.
 
     Raises
     ------
@@ -176,7 +183,7 @@ def write_init(scan_path: Path, out_path: Path, *, force: bool = False, progress
 
 
 def _look_through(scan_path: Path, out_path: Path, unit: UnitChoice, up: UpChoice, progress: Progress) -> InitSummary:
-    """What a scan shows, for a run file at a place."""
+    """Findings in a scan, for a run file at `out_path`."""
     raw = read_scan(scan_path, unit=unit, up=up, progress=part_of(progress, 0.0, 0.3))
     scan = repair_scan(raw, flatten=ScanSection(file=scan_path.name).flatten, progress=part_of(progress, 0.3, 0.6))
     progress(0.6, "finding floor, walls and ceiling")
@@ -210,7 +217,7 @@ def _check_place(scan_path: Path, out_path: Path, *, force: bool) -> None:
     if out_path.exists() and not force:
         raise RunFileError(
             expected="no run file there yet",
-            found="one, which may hold your edits",
+            found="a file that may hold your edits",
             where=str(out_path),
             todo="Give another name by --out, or replace it by --force.",
         )
@@ -222,7 +229,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def _file_name(scan_path: Path, out_path: Path) -> str:
-    """The scan's file as the run file names it: relative to it where there is a way, with forward slashes."""
+    """The scan's file as the run file names it: relative if possible, with forward slashes."""
     scan = scan_path.parent.resolve() / scan_path.name
     try:
         return Path(os.path.relpath(scan, out_path.parent.resolve())).as_posix()
@@ -231,7 +238,7 @@ def _file_name(scan_path: Path, out_path: Path) -> str:
 
 
 def _grid_count(scan: Scan, room: Room, free: FreeSpace) -> int:
-    """The largest of the proposed counts that the room has place for."""
+    """The largest of the proposed counts that fits into the room."""
     for count in SENSOR_COUNTS[:-1]:
         try:
             return len(grid_points(scan, room, height=SENSOR_HEIGHT_M, count=count, free=free))
@@ -251,7 +258,7 @@ def _heading(summary: InitSummary, file: str) -> Iterator[str]:
     room = summary.room
     length, width = room.extent_m
     yield f"# Run file for {toml_value(file)}, written by 'lidarspectra init'."
-    yield "# Look through it, edit what you know better, then: lidarspectra run THIS_FILE"
+    yield "# Check it, edit what you know better, then: lidarspectra run THIS_FILE"
     yield "#"
     yield "# What was found, in metres, z up:"
     yield f"#   room      {length:.2f} x {width:.2f} m along its walls, {room.area_m2:.1f} m² of plan"
@@ -281,10 +288,10 @@ def _lamp_lines(summary: InitSummary) -> Iterator[str]:
         yield from _lamp_example(summary)
         return
     exitance = LampsFromScanSection.model_fields["luminous_exitance_lm_m2"].default
-    yield f"# Lit in the scan's texture: {_lamps_in_words(lamps)}. What a picture cannot tell is ASSUMED; please edit:"
+    yield f"# Lit in the scan's texture: {_lamps_in_words(lamps)}. What a picture cannot show is ASSUMED; please edit:"
     yield f"#   luminous_flux_lm   {exitance:,.0f} lm for each m² of lamp, a common panel's; look on the lamp's label"
     yield f'#   spectrum           "{SPECTRUM}", a white LED of about 4100 K; see: lidarspectra databases list'
-    yield "# Centres are put 5.5 cm clear of the mesh, whose noise would shade a lamp. Remove what is no lamp, and add"
+    yield "# Centres are moved 5.5 cm off the mesh, whose noise would shade a lamp. Remove what is no lamp, and add"
     yield "# what is missing: lamps that were off when you scanned are not here."
     for name, lamp in _named(lamps):
         yield ""
@@ -307,7 +314,7 @@ def _lamp_example(summary: InitSummary) -> Iterator[str]:
     x, y = room.outline.mean(axis=0).tolist()
     why = "No lamp is lit in the scan's texture" if summary.has_color else "The scan has no colour to find lamps by"
     yield f"# {why}, so that there is no light yet and 'run' will ask for it."
-    yield "# Take the marks off the lines below and give your lamps' places, sizes, spectra and fluxes."
+    yield "# Uncomment the lines below and give your lamps' places, sizes, spectra and fluxes."
     yield "# [[lamps]]"
     yield '# name = "panel 1"'
     yield '# shape = "panel"  # or disc, strip, bulb, spot, point, ies, window'
@@ -336,7 +343,7 @@ def _other_lines(summary: InitSummary) -> Iterator[str]:
 
 
 def _named(lamps: tuple[LitLamp, ...]) -> Iterator[tuple[str, LitLamp]]:
-    """Lamps with names that tell them apart: the shape and a number."""
+    """Lamps with unique names: the shape and a number."""
     numbers: Counter[str] = Counter()
     for lamp in lamps:
         word = lamp.shape.word

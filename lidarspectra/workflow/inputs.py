@@ -1,4 +1,4 @@
-"""What the user gave: a run file, and how it is to be run."""
+"""The user's inputs: a run file, and the options of the call."""
 
 import shutil
 from collections.abc import Iterable, Mapping
@@ -21,24 +21,24 @@ RUN_FILE_MEANT = "a run file: the name of a TOML file as a str or a Path, or a R
 
 @dataclass(frozen=True, kw_only=True)
 class Inputs:
-    """What the user gave.
+    """A checked run file and the options of the call.
 
     Parameters
     ----------
     run_file : RunFile
-        Checked. A stage sees what it declares of it (`declare`).
+        Checked. A stage sees only the keys that it declares (`declare`).
     base : Path
         Its folder, where relative file names start.
     name : str
         Its name, without ending.
     text : str
-        Its text, for the report.
+        Its text, shown in the report.
     file : Path or None
         The run file; None where it was made in Python.
     workers : int or None
-        Processes side by side, as the call or else the run file says; None is one a core.
+        Parallel processes, from the call or else the run file; None for one per core.
     cluster : str or None
-        Address of a Dask scheduler that traces in place of this machine.
+        Address of a Dask scheduler to trace on; None traces on this machine.
     """
 
     run_file: RunFile
@@ -68,9 +68,9 @@ def read_inputs(
     Raises
     ------
     RunFileError
-        If it does not fit.
+        If it is invalid.
     LidarSpectraError
-        If its report asks for a solar cell that is none.
+        If a solar cell of its report is unknown or its file is invalid.
     """
     file = None
     if not isinstance(run_file, RunFile):

@@ -1,4 +1,4 @@
-"""Lamps and windows must lie within the scan: one outside of it lights nothing, and zeros look like an answer."""
+"""Check that lamps and windows lie within the scan: one outside lights nothing, and the map would be dark."""
 
 from collections.abc import Iterable
 
@@ -8,11 +8,11 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.config import RunFile
 from lidarspectra.errors import LampError
 
-OUTSIDE_M = 0.05  # [m] that a lamp's middle may lie beyond the scan's bounds: a scan's own unevenness
+OUTSIDE_M = 0.05  # [m] tolerance of a lamp's centre beyond the scan's bounds, for the roughness of the mesh
 
 
 def check_lamp_places(room: RunFile, bounds: FloatArray) -> None:
-    """Refuse lamps and windows whose middle lies outside of the scan.
+    """Refuse lamps and windows whose centre lies outside the scan.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def check_lamp_places(room: RunFile, bounds: FloatArray) -> None:
     Raises
     ------
     LampError
-        With the name and place of each such lamp, and the scan's bounds.
+        Naming each such lamp, its centre, and the scan's bounds.
     """
     windows: Iterable[tuple[str, tuple[float, float, float]]] = (
         [(window.name, window.center) for window in room.daylight.windows] if room.daylight else []

@@ -1,4 +1,4 @@
-"""The lamps of a run: named in its run file or lit in the scan, with fluxes read off the walls, and windows by day."""
+"""The lamps of a run: listed in its run file or found lit in the scan (fluxes by de-lighting), and windows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,14 +25,14 @@ SKY_FOLDER = "sky"
 
 @dataclass(frozen=True, kw_only=True)
 class ScannedRoom:
-    """What stage 1 gives: the repaired mesh, and the room that it shows."""
+    """Result of stage 1: the repaired mesh, and the room found in it."""
 
     scan: Scan
     room: Room
 
 
 def lamps_of_run(run_file: RunFile, scanned: ScannedRoom, *, base: Path) -> tuple[Lamp, ...]:
-    """The run file's lamps, or those that are lit in the scan."""
+    """The run file's lamps, or those found lit in the scan's texture."""
     section = run_file.lamps_from_scan
     if section is None:
         return resolve_lamps(run_file.lamps, base)
@@ -86,7 +86,7 @@ def with_estimated_fluxes(lamps: tuple[Lamp, ...], materials_folder: Path) -> tu
 
 
 def daylight_of_run(run_file: RunFile, folder: Path) -> tuple[Lamp, ...]:
-    """What sky and sun make of the windows; nothing at night."""
+    """Windows as lamps lit by sky and sun; none at night."""
     section = run_file.daylight
     if section is None:
         return ()

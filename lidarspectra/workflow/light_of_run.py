@@ -1,4 +1,4 @@
-"""The light of a finished run, and of measured points, as input of the applications."""
+"""Light at the points of a finished run, or measured at points, as input of the applications."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -90,12 +90,12 @@ def light_of_run(run: str | PathLike[str], dims: Mapping[str, float] | None = No
 
 
 def transport_of_run(run: Path) -> xr.Dataset:
-    """What a finished run traced; raises WorkspaceError where its trace is not finished."""
+    """Transport coefficients of a finished run; raises WorkspaceError if its trace is not finished."""
     return load_transport(require_stage(run, "trace") / TRANSPORT_FILE)
 
 
 def plan_of_run(run: Path) -> FloorPlan:
-    """The room of a run from above; raises WorkspaceError where its scan is not finished."""
+    """Floor plan of a run's room; raises WorkspaceError if its scan is not finished."""
     folder = require_stage(run, "scan")
     return floor_plan(load_scan(folder), load_room(folder))
 
@@ -111,7 +111,7 @@ class MeasuredLight:
     places : xarray.Dataset
         Its points.
     notes : tuple of str
-        What was left out.
+        Notes to the user on readings that were left out.
     """
 
     light: PointLight
@@ -154,7 +154,8 @@ def light_of_table(path: Path, bands: BandSet) -> MeasuredLight:
     if not whole.any():
         raise MapError(expected="a reading with a place and a value in every channel", found="none", where=str(path))
     left_out = (
-        f"{int((~whole).sum())} of {len(table)} readings are left out: they lack a place, a channel or its error."
+        f"{int((~whole).sum())} of {len(table)} readings are left out because a position, a channel or its standard "
+        "error is missing. The results are those of the others; fill these gaps in the table to have them all."
     )
     place, irradiance, irradiance_se = np.split(values[whole], [len(PLACE), len(PLACE) + len(channels)], axis=1)
     columns = {name: ("point", place[:, index]) for index, name in enumerate(PLACE)}

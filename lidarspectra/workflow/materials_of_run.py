@@ -1,4 +1,4 @@
-"""The materials that `[materials]` asks for."""
+"""Materials as `[materials]` of the run file requests them."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def materials_of_run(
     face_color: FloatArray | None = None,
     progress: Progress = silent,
 ) -> MaterialMap:
-    """Estimate the materials, give all faces one, or estimate them and then do what a file says.
+    """Estimate the materials and apply a file of assignments, or give all faces one material.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def materials_of_run(
     Raises
     ------
     MaterialError, DatabaseError
-        As `estimate_materials`, and where the file of assignments does not fit or a database is not there.
+        As `estimate_materials`, and if the file of assignments is invalid or a database is missing.
     """
     library = load_reflectances(section.databases, folder)
     if section.method == "default":

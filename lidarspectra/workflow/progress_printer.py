@@ -7,18 +7,18 @@ from typing import TextIO
 from lidarspectra.progress import Progress, remaining_words
 from lidarspectra.workflow.workspace import StageName, StageResult
 
-MIN_STEP = 0.1  # [1] of the whole between two lines with the same words
+MIN_STEP = 0.1  # [1] least progress between two lines with the same message
 
 
 class ProgressPrinter:
-    """Prints how far a function is: give it as `progress`, or to `run` as `listener`.
+    """Print the progress of a function: pass it as `progress`, or to `run` as `listener`.
 
     Parameters
     ----------
     title : str
         Begins each line.
     stream : text file, optional
-        Where the lines go; the standard error by default.
+        Output; standard error by default.
     """
 
     def __init__(self, title: str = "", stream: TextIO | None = None) -> None:
@@ -28,7 +28,7 @@ class ProgressPrinter:
         self._shown: tuple[float, str] = (-1.0, "")
 
     def __call__(self, fraction: float, message: str) -> None:
-        """Print a line where the words are new, or a tenth more is done."""
+        """Print a line if the message is new, or progress rose by `MIN_STEP`."""
         last, words = self._shown
         if message == words and fraction < min(last + MIN_STEP, 1.0):
             return

@@ -1,4 +1,4 @@
-"""New light in a traced room: other spectra, other flux, dimming, in under a second (docs/concepts.md, Eq. 3)."""
+"""Relight a traced room: other spectra, other fluxes, dimming, in under a second (docs/concepts.md, Eq. 3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ from lidarspectra.workflow.workspace import require_stage, writing_run
 
 @dataclass(frozen=True, kw_only=True)
 class LampOrder:
-    """What the user wants of one lamp.
+    """Requested change of one lamp.
 
     Parameters
     ----------
@@ -55,14 +55,14 @@ class LampOrder:
 def relight_run(
     run: str | PathLike[str], orders: Sequence[LampOrder], *, base: str | PathLike[str] = Path()
 ) -> xr.Dataset:
-    """Spectral map of a finished run under other light, without tracing again.
+    """Spectral map of a finished run under changed lamps, without tracing again.
 
     Parameters
     ----------
     run : str or path
         Run folder with a finished trace.
     orders : sequence of LampOrder
-        Lamps that are not named stay as they are.
+        Lamps without one are unchanged.
     base : str or path
         Where relative names of spectrum files start; the current folder by default.
 
@@ -76,7 +76,7 @@ def relight_run(
     WorkspaceError
         If the run has no finished trace.
     LampError, DatabaseError, MapError
-        If a lamp or spectrum is unknown, or the flux cannot be met.
+        If a lamp or spectrum is unknown, or the spectrum cannot be scaled to the flux.
     """
     run, base = path_of(run, name="run"), path_of(base, name="base")
     orders = all_of(orders, LampOrder, name="orders", todo="Write LampOrder(lamp='panel 1', dim=0.5).")
@@ -90,10 +90,15 @@ def relight_run(
                 expected=f"one of the run's lamps ({', '.join(lamps)})",
                 found=f"'{order.lamp}'",
                 where="relighting",
-                todo="A lamp that was not traced needs a new run.",
+                todo="Name one of those, or add the lamp to the run file and run it: only traced lamps can be relit.",
             )
         if order.lamp in changes:
-            raise LampError(expected="each lamp once", found=f"'{order.lamp}' twice", where="relighting")
+            raise LampError(
+                expected="each lamp once",
+                found=f"'{order.lamp}' twice",
+                where="relighting",
+                todo="Give its changes together.",
+            )
         changes[order.lamp] = _change(lamps[order.lamp], order, base)
     return relight(transport, changes, bands=load_scene(scene).bands, lamps=tuple(lamps.values()))
 
@@ -104,16 +109,16 @@ def _change(lamp: Lamp, order: LampOrder, base: Path) -> LampChange:
     if order.spectrum is not None:
         found = lamp_spectrum(order.spectrum, base)
         if wanted_lm is None and not found.absolute:
-            wanted_lm = luminous_flux_lm(flux)  # another tube of the same lumens
+            wanted_lm = luminous_flux_lm(flux)  # as if the tube were replaced by one of the same lumens
         flux = found.spectrum
     if wanted_lm is not None:
         present_lm = luminous_flux_lm(flux)
         if present_lm <= 0:
             raise LampError(
                 expected=f"a spectrum that can be scaled to {wanted_lm:g} lm",
-                found="one that the eye does not see",
+                found="one without visible light",
                 where=f"lamp '{order.lamp}'",
-                todo="Give a spectrum file in W/nm, which needs no lumens.",
+                todo="Give a spectrum file in W/nm, which is absolute and needs no luminous flux.",
             )
         flux = flux.scaled(wanted_lm / present_lm)
     return LampChange(flux=flux, dim=order.dim)

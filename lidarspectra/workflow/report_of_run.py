@@ -1,4 +1,4 @@
-"""What the report page tells of a run: gathered from its stages."""
+"""Gather the content of the report page from the stages of a run."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,12 +22,12 @@ from lidarspectra.workflow.lamps_of_run import ScannedRoom
 from lidarspectra.workflow.report_applications import report_applications
 from lidarspectra.workflow.workspace import StageResult, versions
 
-SHOWN_VIEWS = 6  # [1] all that v0 sees
+SHOWN_VIEWS = 6  # the first six are the cube faces around the first viewpoint
 
 
 @dataclass(frozen=True, kw_only=True)
 class StagesBefore:
-    """The stages that the report tells of."""
+    """Results of all stages before the report."""
 
     scan: StageResult[ScannedRoom]
     views: StageResult[ViewSet]
@@ -38,7 +38,7 @@ class StagesBefore:
 
     @property
     def all(self) -> tuple[StageResult[Any], ...]:
-        """In their order."""
+        """All of them, in the order of the run."""
         return (self.scan, self.views, self.materials, self.scene, self.transport, self.spectral_map)
 
 
@@ -52,7 +52,7 @@ def report_of_run(
     reading: Progress,
     applying: Progress,
 ) -> ReportInput:
-    """Gather what a report tells.
+    """Gather the content of a report.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def report_of_run(
     before : StagesBefore
     title : str
     run_file_text : str
-        Shown as it is.
+        Shown verbatim.
     trace_seed : int
     reading, applying : Progress
         Of the stages' results, and of people, plants and cells.
@@ -111,7 +111,7 @@ def report_of_run(
 
 
 def material_pictures(scan: Scan, views: ViewSet, materials: MaterialMap) -> MaterialPictures:
-    """The first six views before and after segmentation, and the materials' colours with and without the light."""
+    """The first six views before and after segmentation, and the materials' colours before and after de-lighting."""
     areas = materials.areas(scan.areas)
     listed = materials.materials
     code = material_code(tuple(m.name for m in listed), tuple(m.category for m in listed), areas)

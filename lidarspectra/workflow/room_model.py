@@ -30,9 +30,9 @@ from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
 DEVICE = "as7265x-14"
-FLATNESS_M = 1e-3  # [m] a polygon's corners lie so close to one plane
-EVEN_RANGE_NM = (300.0, 1100.0)  # [nm] where a reflectance that is one number holds
-SCENE_SHARE = 0.1  # [1] of the time; the rest is the trace
+FLATNESS_M = 1e-3  # [m] largest distance of a polygon's corners from its plane
+EVEN_RANGE_NM = (300.0, 1100.0)  # [nm] range of a reflectance given as one number
+SCENE_SHARE = 0.1  # [1] of the time, for writing the scene; the rest is the trace
 Reflectance = float | str | Spectrum | Material
 
 
@@ -69,14 +69,16 @@ class Surface:
         else:
             faces = int_array(self.faces, name=f"{where} faces", shape=(None, 3))
         if faces.size == 0 or faces.min() < 0 or faces.max() >= len(corners):
-            raise ArrayError(expected="faces whose corners are among the vertices", found="others", where=where)
+            raise ArrayError(
+                expected="faces whose corners are among the vertices", found="indices beyond them", where=where
+            )
         object.__setattr__(self, "corners", corners)
         object.__setattr__(self, "faces", faces)
         object.__setattr__(self, "reflectance", _material(self.reflectance, self.name, where))
 
     @property
     def material(self) -> Material:
-        """What the surface is made of."""
+        """The surface's material."""
         assert isinstance(self.reflectance, Material)  # since __post_init__
         return self.reflectance
 
@@ -161,7 +163,7 @@ class RoomModel:
 
     @cached_property
     def room(self) -> Room:
-        """Floor, ceiling, walls and outline, as they are found in the mesh."""
+        """Floor, ceiling, walls and outline, as found in the mesh."""
         return find_room(self.scan)
 
     @cached_property
@@ -186,20 +188,20 @@ class RoomModel:
         margin: float = 0.1,
         normal: ArrayLike = UP,
     ) -> SensorPoints:
-        """Sensors on a level grid in the room's air.
+        """Sensors on a horizontal grid in the room's free space.
 
         Parameters
         ----------
         height : float
             Above the floor. [m]
         spacing : float, optional
-            From one to the next; give it or `count`. [m]
+            Distance between neighbours; give this or `count`. [m]
         count : int, optional
             How many.
         margin : float
             Least distance from walls and furniture. [m]
         normal : (3,) float
-            Direction that they look in; up by default.
+            Direction that they face; up by default.
 
         Returns
         -------
@@ -210,7 +212,7 @@ class RoomModel:
         ScanError
             If the surfaces show no room.
         SensorError
-            If the plane has no room for them.
+            If they do not fit on the plane.
         """
         return grid_points(
             self.scan, self.room, height=height, spacing=spacing, count=count, margin=margin, normal=normal
@@ -229,12 +231,12 @@ class RoomModel:
         receptor: Receptor | None = None,
         progress: Progress = silent,
     ) -> xr.Dataset:
-        """Trace every lamp's light to the sensors, for maps and for relighting.
+        """Trace the transport coefficients of every lamp at the sensors, for maps and for relighting.
 
         Parameters
         ----------
         lamps : sequence of Lamp
-            Each with a name of its own (`make_lamp`).
+            Each with a unique name (`make_lamp`).
         points : SensorPoints
         bands : BandSet or str
             Channels, or a device's name.
@@ -251,7 +253,7 @@ class RoomModel:
         LampError
             If there is no lamp, or two have one name.
         ArgumentError, SceneError, EngineError
-            If something else was given; as `write_scene` and `trace`.
+            If an argument has the wrong type; as `write_scene` and `trace`.
         """
         lit = _checked_lamps(lamps)
         instance_of(points, SensorPoints, name="points", todo="model.grid(spacing=0.5) or SensorPoints(positions=...).")
@@ -283,7 +285,7 @@ class RoomModel:
         workers: int | None = None,
         progress: Progress = silent,
     ) -> xr.Dataset:
-        """The light that lamps make at sensors: a spectral map, with illuminance [lx] beside the channels.
+        """Spectral map at sensors: irradiance in every channel, and illuminance [lx].
 
         Parameters
         ----------
@@ -319,23 +321,25 @@ def _faces(surface: Surface) -> IntArray:
 
 
 def _checked_lamps(lamps: Sequence[Lamp]) -> tuple[Lamp, ...]:
-    found = all_of(lamps, Lamp, name="lamps", todo="make_lamp makes one.")
+    found = all_of(lamps, Lamp, name="lamps", todo="Make each with make_lamp(...).")
     if not found:
-        raise LampError(expected="one or more lamps", found="none", where="lamps", todo="A dark room has no map.")
+        raise LampError(
+            expected="one or more lamps", found="none", where="lamps", todo="Add a lamp: without light there is no map."
+        )
     names = [lamp.name for lamp in found]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise LampError(
-            expected="a name of its own for each lamp",
+            expected="a unique name for each lamp",
             found=f"two lamps '{twice[0]}'",
             where="lamps",
-            todo="make_lamp takes a name=...; relighting tells lamps apart by it.",
+            todo="Give each make_lamp(...) its own name=...; relighting refers to lamps by name.",
         )
     return found
 
 
 def _check_polygon(corners: FloatArray, where: str) -> None:
-    """Refuse what a fan of triangles would not fill: a bent, a concave or a crossed polygon."""
+    """Refuse polygons that a fan of triangles does not fill: bent, concave or self-crossing ones."""
     edges = np.roll(corners, -1, axis=0) - corners
     turns = np.cross(edges, np.roll(edges, -1, axis=0))
     area = np.cross(corners - corners[0], np.roll(corners, -1, axis=0) - corners[0]).sum(axis=0)

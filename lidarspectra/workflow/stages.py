@@ -66,11 +66,11 @@ LAMP_KEYS = ("lamps", "lamps_from_scan")
 SENSOR_KEYS = ("sensors.grid", "sensors.points", "sensors.field_of_view_deg", "sensors.receptor", "sensors.lift")
 # Shares of a stage's time, on a first run; `workspace` corrects them by what the last run took.
 SCAN_SHARES = (0.1, 0.65, 0.1, 0.15)  # reading, repairing, finding the room, saving
-VIEWS_SHARES = (0.01, 0.83, 0.16)  # reading, looking around, saving
-DELIGHTING_SHARE, MATERIALS_SHARES = 0.3, (0.62, 0.08)  # de-lighting where it is asked for; estimating, saving
-SCENE_SHARES = (0.05, 0.85, 0.1)  # finding lamps, writing, looking for lamps in walls
+VIEWS_SHARES = (0.01, 0.83, 0.16)  # reading, rendering views, saving
+DELIGHTING_SHARE, MATERIALS_SHARES = 0.3, (0.62, 0.08)  # de-lighting (if enabled); estimating, saving
+SCENE_SHARES = (0.05, 0.85, 0.1)  # finding lamps, writing, checking for lamps inside walls
 TRACE_SHARES = (0.18, 0.75, 0.07)  # placing the sensors, tracing, saving
-READING_SHARE, APPLYING_SHARE, PAGE_SHARE = 0.03, 0.5, 0.97  # of the report; applications where they are asked for
+READING_SHARE, APPLYING_SHARE, PAGE_SHARE = 0.03, 0.5, 0.97  # of the report; applications only if the run file has any
 TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays by the clock: runs agree within noise
 
 
@@ -112,7 +112,7 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
 
 
 def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet]:
-    """Stage 2: look around until the surfaces are covered (Algorithm 1, CaptureImage and Viewpoint Update)."""
+    """Stage 2: render views until they cover the surfaces (Algorithm 1, CaptureImage and Viewpoint Update)."""
     given = inputs.declare("materials.coverage", stages=(scan,))
     coverage = given.run_file.materials.coverage
 
@@ -130,7 +130,8 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
             f"{100 * views.point_coverage:.1f} % of the points",
             warnings=(
                 f"The views cover less than the wanted {100 * coverage:.0f} % of the surfaces: {views.stopped}. "
-                "Surfaces that no view saw take the material of their neighbours.",
+                "Surfaces that no view saw take the material of their neighbours; if they matter, scan them again from "
+                "closer, or assign their materials in a file ([materials] file).",
             )
             if short
             else (),
@@ -142,7 +143,7 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
 def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: StageResult[ViewSet]) -> Stage[MaterialMap]:
     """Stage 3: a reflectance spectrum for every face (Algorithm 1, DM and RPP)."""
     section = inputs.declare(*MATERIALS_KEYS).run_file.materials
-    delight = section.delight and section.method != "default"  # that one does without the scan's colours
+    delight = section.delight and section.method != "default"  # which does not use the scan's colours
     given = inputs.declare(
         *MATERIALS_KEYS,
         *(LAMP_KEYS if delight else ()),
@@ -286,7 +287,7 @@ def report_stage(
     transport: StageResult[xr.Dataset],
     light_map: StageResult[xr.Dataset],
 ) -> Stage[Path]:
-    """Stage 7: figures, tables and one page that tells of all the others."""
+    """Stage 7: figures, tables and one page about all the others."""
     before = StagesBefore(
         scan=scan, views=views, materials=materials, scene=scene, transport=transport, spectral_map=light_map
     )
@@ -296,7 +297,10 @@ def report_stage(
         "cells",
         databases=("cells",) if cells else (),
         stages=before.all,
-        others={"title": inputs.name, "run_file_text": inputs.text},  # shown as they are: any change of them
+        others={
+            "title": inputs.name,
+            "run_file_text": inputs.text,
+        },  # shown verbatim, so any change makes the page stale
     )
 
     def make(folder: Path, progress: Progress) -> Notes:
@@ -318,7 +322,7 @@ def report_stage(
 
 
 def _without_light(given: Declared, scanned: ScannedRoom, progress: Progress) -> Delighting:
-    """The scan's colours without the light of the lamps that were lit when it was scanned."""
+    """De-light the scan's colours, given the lamps that were lit when it was scanned."""
     lamps = lamps_of_run(given.run_file, scanned, base=given.base)
     found = given.run_file.lamps_from_scan
     stated = found is None or found.fluxes == "area"
@@ -355,8 +359,9 @@ def _trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, .
     if achieved > target:
         warnings.append(
             f"The standard error of the simulation is {100 * achieved:.1f} % of the mean, above the target of "
-            f"{100 * target:.1f} %, when the budget of rays was used up. The map is right within these larger error "
-            "bars; the report's map of the standard error shows where they are large."
+            f"{100 * target:.1f} %, because the ray budget was used up. The map is right within these larger error "
+            "bars; the report's map of the standard error shows where they are large. Move sensor points "
+            "there that lie close to a lamp or a mirror, or write a coarser noise in [trace]."
         )
     truncated = transport.attrs["truncated_share"]
     if truncated > target:

@@ -1,9 +1,9 @@
-"""The run folder: one sub-folder a stage, each whole or absent, each knowing what it was made from.
+"""The run folder: one sub-folder per stage, each complete or absent, each with a record of what it was made from.
 
-A stage is made in a folder of its own beside the final one and renamed when it is whole, so that a run that was
-cut leaves nothing that a later run would trust. What a stage was made from is one hash: its settings, the files
-that it read, and the contents of the stages before it. A stage whose hash did not change is not made again; a
-file that the user edited inside a stage folder is kept, and changes the hash of the stages after it.
+A stage is written to a temporary folder beside the final one and renamed when complete, so that an interrupted run
+leaves nothing that a later run would trust. One hash identifies its inputs: its settings, the files that it read,
+and the contents of the stages before it. A stage whose hash did not change is not made again; a file that the user
+edited inside a stage folder is kept, and changes the hash of the stages after it.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ STAGES: tuple[StageName, ...] = get_args(StageName)
 RECORD_FILE = "stage.json"
 LOCK_FILE = "run.lock"
 MARKER_FILE = "lidarspectra-run.json"
-FORMAT = 1  # of the run folder; a change of it makes every stage stale
+FORMAT = 1  # version of the run folder; changing it makes every stage stale
 
 Result = TypeVar("Result")
 Made_co = TypeVar("Made_co", covariant=True)
@@ -41,14 +41,14 @@ Maker = Callable[[Path, Progress], "Notes"]
 
 @dataclass(frozen=True, kw_only=True)
 class Notes:
-    """What a stage has to say when it is done.
+    """Summary and warnings of a finished stage.
 
     Parameters
     ----------
     summary : str
         One line for the summary table.
     warnings : tuple of str
-        Where the answer is right but the reader should know something.
+        Full sentences for the user where the result is right but has a limit.
     """
 
     summary: str
@@ -64,9 +64,9 @@ class StageRecord:
     stage : str
         Its name.
     key : str
-        Hash of all that went in.
+        Hash of all inputs.
     settings : dict
-        The part of the run file and the hashes that the key was made of.
+        The part of the run file and the hashes that the key was computed from.
     finished : str
         UTC time, ISO 8601.
     seconds : float
@@ -76,12 +76,12 @@ class StageRecord:
     summary, warnings
         See `Notes`.
     outputs : dict of str to str
-        SHA-256 of every file of the stage when it was made.
+        SHA-256 of every file of the stage when it was finished.
     versions : dict of str to str
-        Of this package, Python, the system and the libraries that numbers depend on.
+        Of this package, Python, the system and the libraries that results depend on.
     pace : tuple of (float, float)
-        When each part of it was done, by which the next run tells its remaining time; see `lidarspectra.progress`.
-        Older records have none. [0-1]
+        Share of the time passed at each share of the work, from which the next run estimates its remaining time; see
+        `lidarspectra.progress`. Older records have none. [0-1]
     """
 
     stage: str
@@ -99,20 +99,20 @@ class StageRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class RunRequest:
-    """What a run was asked for; kept in the run folder, so that it can be asked for again.
+    """The request of a run; kept in the run folder, so that the run can be repeated.
 
     Parameters
     ----------
     name : str
         File name of the run file.
     folder : str
-        Its folder, from the run folder where that is possible: both may move together.
+        Its folder, relative to the run folder if possible, so that both may be moved together.
     sha256 : str
         Of the run file.
     text : str
         The run file.
     seed : int
-        Of all that is drawn by lot.
+        Of all random numbers.
     """
 
     name: str
@@ -124,18 +124,18 @@ class RunRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class Stage(Generic[Result]):
-    """A stage as the run folder needs to know it.
+    """Definition of a stage: its name, its dependencies, and how it is made and loaded.
 
     Parameters
     ----------
     name : str
         One of `STAGES`.
     settings : mapping
-        All that the stage depends on, as JSON values; see `hash_files` for files.
+        Everything that the stage depends on, as JSON values; see `hash_files` for files.
     make : callable
-        Given an empty folder and a progress; writes the stage's files there and returns its notes.
+        Takes an empty folder and a progress; writes the stage's files there and returns its notes.
     load : callable
-        Given the finished folder; returns the result.
+        Takes the finished folder; returns the result.
     """
 
     name: StageName
@@ -145,7 +145,7 @@ class Stage(Generic[Result]):
 
 
 class StageResult(Generic[Made_co]):
-    """A finished stage: its record, its folder, and its result, loaded when first asked for."""
+    """A finished stage: its record, its folder, and its result, loaded on first access."""
 
     def __init__(self, record: StageRecord, folder: Path, load: Callable[[Path], Made_co], *, fresh: bool) -> None:
         self.record = record
@@ -165,22 +165,22 @@ class StageResult(Generic[Made_co]):
         return self._value
 
     def contents(self) -> dict[str, str]:
-        """SHA-256 of every file of the stage as it is now: what the next stages depend on."""
+        """SHA-256 of every file of the stage as it is now; later stages depend on these."""
         return hash_files(self.folder)
 
 
 class Workspace:
-    """An open run folder, held by one run at a time; use it in a `with` statement.
+    """An open run folder, locked by one run at a time; use it in a `with` statement.
 
     Parameters
     ----------
     folder : Path
-        Made if absent. One that holds other things than a run is refused.
+        Created if absent. One that holds anything but a run is refused.
 
     Raises
     ------
     WorkspaceError
-        If the folder cannot be written, is no run folder, or another run holds it.
+        If the folder cannot be written, is no run folder, or is locked by another run.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -201,7 +201,7 @@ class Workspace:
         self._lock.release()
 
     def keep_request(self, request: RunRequest) -> None:
-        """Write down what this run is asked for, in place of what the last was."""
+        """Store the request of this run, in place of the last one's."""
         with writing_run(self.folder):
             write_json(self.folder / MARKER_FILE, {**_marker(), "run_file": asdict(request)})
 
@@ -210,21 +210,20 @@ class Workspace:
         return stage_folder(self.folder, stage)
 
     def is_fresh(self, stage: Stage[Result]) -> bool:
-        """Whether the folder holds the stage, made from all that it depends on as that is now."""
+        """Whether the folder holds the stage, made from its present inputs."""
         record = read_record(self.stage_folder(stage.name))
         return record is not None and record.key == stage_key(stage)
 
     def run_stage(self, stage: Stage[Result], *, progress: Progress, force: bool = False) -> StageResult[Result]:
-        """Make a stage, or take it from the folder where nothing that it depends on has changed.
+        """Make a stage, or load it from the folder if none of its inputs has changed.
 
         Parameters
         ----------
         stage : Stage
-            What to make, how, and from what.
         progress : callable
             See `lidarspectra.progress`.
         force : bool
-            Make it even if it is fresh.
+            Make it even if it is up to date.
 
         Returns
         -------
@@ -270,17 +269,17 @@ class Workspace:
                 partial.rename(folder)
         except MemoryError as cause:
             raise WorkspaceError(
-                expected=f"memory enough for the stage '{stage.name}'",
+                expected=f"enough memory for the stage '{stage.name}'",
                 found=f"none left ({cause})" if str(cause) else "none left",
                 where=str(self.folder),
-                todo="End other programs, or make less: [scan] max_faces, a smaller texture, fewer points.",
+                todo="End other programs, or reduce the problem: max_faces in [scan], a smaller texture, fewer points.",
             ) from cause
         finally:
-            shutil.rmtree(partial, ignore_errors=True)  # of a stage that failed; what stays is swept by the next run
+            shutil.rmtree(partial, ignore_errors=True)  # of a failed stage; leftovers are removed by the next run
         return record
 
     def _claim(self) -> None:
-        """Refuse a folder that holds other people's files; mark an empty one as a run."""
+        """Refuse a folder that holds other files; mark an empty one as a run."""
         marker = self.folder / MARKER_FILE
         if marker.exists():
             return
@@ -288,14 +287,14 @@ class Workspace:
         if strangers:
             raise WorkspaceError(
                 expected="an empty folder or an earlier run",
-                found=f"a folder with other things in it ({', '.join(strangers[:3])})",
+                found=f"a folder with other files in it ({', '.join(strangers[:3])})",
                 where=str(self.folder),
                 todo="Name another folder with --out.",
             )
         write_json(marker, _marker())
 
     def _hold(self) -> None:
-        """Refuse a folder that another run is writing; keep others out while this one lasts."""
+        """Lock the folder for this run; refuse it if another run is writing to it."""
         if not self._lock.take():
             raise WorkspaceError(
                 expected="a run folder that no other run is writing",
@@ -305,7 +304,7 @@ class Workspace:
             )
 
     def _sweep(self) -> None:
-        """Remove what a cut run left behind."""
+        """Remove the leftovers of an interrupted run."""
         for stage in STAGES:
             folder = self.stage_folder(stage)
             _remove(folder.with_name(f"{folder.name}.partial"))
@@ -317,7 +316,7 @@ def stage_folder(run: Path, stage: StageName) -> Path:
 
 
 def parse_record(folder: Path) -> StageRecord | None:
-    """The record of a stage whether or not its files are there, or None where it cannot be read."""
+    """The record of a stage, whether or not its files are present; None if it cannot be read."""
     try:
         fields = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
         record = StageRecord(**{**fields, "warnings": tuple(fields["warnings"]), "pace": _pace(fields)})
@@ -330,13 +329,13 @@ def parse_record(folder: Path) -> StageRecord | None:
 
 
 def _pace(fields: dict[str, Any]) -> Pace:
-    """The pace in a record; none where an older package wrote it or it cannot be read: only the bar would miss it."""
+    """The pace in a record; empty in older or unreadable ones, since only the progress bar uses it."""
     found = fields.get("pace", ())
     return tuple((float(done), float(passed)) for done, passed in found) if is_pace(found) else ()
 
 
 def read_record(folder: Path) -> StageRecord | None:
-    """The record of a finished stage, or None where the folder holds none that can be read."""
+    """The record of a finished stage; None if the folder holds no readable record or lacks files."""
     record = parse_record(folder)
     if record is None or not all((folder / name).is_file() for name in record.outputs):
         return None
@@ -344,12 +343,12 @@ def read_record(folder: Path) -> StageRecord | None:
 
 
 def read_request(run: Path) -> RunRequest | None:
-    """What a run was asked for; None where it does not say, as older ones do not.
+    """The request of a run; None in run folders of older versions, which do not store it.
 
     Raises
     ------
     WorkspaceError
-        If the folder is no run.
+        If it is no run folder.
     """
     marker = run / MARKER_FILE
     try:
@@ -358,7 +357,7 @@ def read_request(run: Path) -> RunRequest | None:
     except OSError as cause:
         raise WorkspaceError(
             expected="a run folder",
-            found=f"no {MARKER_FILE} that can be read",
+            found=f"no readable {MARKER_FILE}",
             where=str(run),
             todo="Name the folder that 'lidarspectra run' made, NAME.run beside NAME.toml by default.",
         ) from cause
@@ -372,7 +371,7 @@ def require_stage(run: Path, stage: StageName) -> Path:
     Raises
     ------
     WorkspaceError
-        If the run has no such stage, or it was cut.
+        If the run has no such stage, or it was interrupted.
     """
     folder = stage_folder(run, stage)
     if read_record(folder) is None:
@@ -386,18 +385,18 @@ def require_stage(run: Path, stage: StageName) -> Path:
 
 
 def hash_files(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file under a folder but its stage record, by its path with forward slashes."""
+    """SHA-256 of every file under a folder except its stage record, by its path with forward slashes."""
     names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     return {name: hash_file(folder / name) for name in names if name != RECORD_FILE}
 
 
 def write_json(path: Path, value: object) -> None:
-    """Write a value as readable JSON text, strictly (no NaN), whole or not at all."""
+    """Write a value as indented, strict JSON (no NaN), atomically."""
     write_whole(path, json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def versions() -> dict[str, str]:
-    """Versions of this package, Python, the system, and the libraries that numbers depend on."""
+    """Versions of this package, Python, the system, and the libraries that results depend on."""
     libraries = ("pyradiance", "numpy", "scipy", "trimesh", "embreex", "pymeshlab", "colour-science", "scikit-learn")
     return {
         "lidarspectra": version("lidarspectra"),
@@ -408,12 +407,12 @@ def versions() -> dict[str, str]:
 
 
 def record_key(record: StageRecord) -> str:
-    """The key that a record's settings have; `record.key`, unless one of the two was changed."""
+    """The key computed from a record's settings; differs from `record.key` only if one of the two was edited."""
     return _hash_of(record.stage, record.settings, record.versions.get("lidarspectra", ""))
 
 
 def stage_key(stage: Stage[Result]) -> str:
-    """Hash of all that a stage depends on, as it is now."""
+    """Hash of everything that a stage depends on, as it is now."""
     return _hash_of(stage.name, stage.settings, version("lidarspectra"))
 
 
@@ -433,7 +432,7 @@ def _remove(folder: Path) -> None:
 
 
 def made_folder(folder: Path) -> Path:
-    """A folder for results, made if absent; raises WorkspaceError where it cannot be."""
+    """A folder for results, created if absent; raises WorkspaceError if it cannot be."""
     with writing_run(folder):
         folder.mkdir(parents=True, exist_ok=True)
     return folder

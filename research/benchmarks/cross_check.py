@@ -55,9 +55,9 @@ SCENES = ("office", "box", "apartment")
 GOALS = {"standard": 1.3, "fine": 0.7}  # [%] NRMSE
 BIAS_GOAL = 0.2  # [%]
 CELLS = {"office": 32, "box": 20, "apartment": 72}  # [1] fewer points, more paths for each
-REPEATS = 16  # [1] their spread is the reference's error
-QUICK_REPEATS = 8  # [1]
-LAMP_SAMPLES = 256  # [1] points on each lamp that a sensor point looks at
+REPEATS = 16  # their spread is the reference's error
+QUICK_REPEATS = 8
+LAMP_SAMPLES = 256  # points on each lamp that a sensor point looks at
 PENUMBRA = (0.02, 0.98)  # [1] share of a lamp that is seen
 SEED = 7
 

@@ -43,7 +43,7 @@ HOURS_UTC = (11, 15, 17, 18)  # [h] of 21 June
 JUDGED_NM = (390.0, 450.0, 550.0, 670.0)  # [nm]
 PHOTONS = 100_000  # the sky's share comes out within 1 %
 SCATTERING_ALBEDO, ASYMMETRY = 0.92, 0.65  # [1] of continental aerosol in the visible
-MAX_EVENTS = 200  # [1] scatterings and reflections of a photon; after 60 less than 1e-6 of them are left
+MAX_EVENTS = 200  # scatterings and reflections of a photon; after 60 less than 1e-6 of them are left
 
 
 def atmosphere_light(

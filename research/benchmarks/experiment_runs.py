@@ -33,8 +33,8 @@ from research.experiments.variants import changed, fixed_points, write_run_file
 from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import TrueRoom, true_room
 
-THINNING = 4  # [1] every fourth point tells a median as well, where there are many
-MANY_POINTS = 60  # [1]
+THINNING = 4  # every fourth point tells a median as well, where there are many
+MANY_POINTS = 60
 TRACE_SEED = 23
 
 

@@ -81,7 +81,7 @@ PAPER_M = {  # [m] Table 4: measured there, in rooms of the authors
 FIGURE_15_SENSORS, FIGURE_15_NM = 15, 560.0
 CHANGED_SCENE, LATER = "apartment", "apartment-later"
 SCAN_SEED = 1
-LOTS = 4  # [1] sets of sensors by lot
+LOTS = 4  # sets of sensors by lot
 
 
 def table_4(arguments: argparse.Namespace) -> None:

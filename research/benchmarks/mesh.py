@@ -31,8 +31,8 @@ from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import TrueRoom, true_room
 
 LEGS = "/legs"  # [1] how the plan's parts name them
-SURFACE_POINTS = 1_500_000  # [1] of the true surface, among which the nearest face is looked for: 5 mm apart
-CANDIDATES = 6  # [1] points whose faces are tried
+SURFACE_POINTS = 1_500_000  # of the true surface, among which the nearest face is looked for: 5 mm apart
+CANDIDATES = 6  # points whose faces are tried
 SEED = 5
 
 

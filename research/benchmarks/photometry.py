@@ -30,7 +30,7 @@ from lidarspectra.spectra.spectrum import BandSet, Spectrum
 DEVICES = ("as7265x-14", "as7265x-18", "full-spectrum")
 METHODS: tuple[Method, ...] = ("lines", "learned", "lamps")
 COLOR_DEVICES = ("as7265x-14", "full-spectrum")
-COLOR_EVERY = 31  # [1] of the ensemble: colour rendering takes 50 ms a spectrum
+COLOR_EVERY = 31  # of the ensemble: colour rendering takes 50 ms a spectrum
 
 
 def integral_table(ensemble: IndoorSpectra, device: str) -> Table:

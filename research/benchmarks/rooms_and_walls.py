@@ -48,8 +48,8 @@ BANDS = uniform_bands(400.0, 700.0, 3)
 RANGE_NM = np.array([380.0, 780.0])
 DARK = 1e-6  # [1] of a lamp that only stands in the light's way of the other: Mitsuba's lamps are never quite out
 REFERENCE_CELLS = {"ajar": 128}  # [1] where light comes through a slit
-DEFAULT_CELLS = 64  # [1] others
-REFERENCE_REPEATS = 8  # [1]
+DEFAULT_CELLS = 64  # others
+REFERENCE_REPEATS = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

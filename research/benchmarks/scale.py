@@ -42,7 +42,7 @@ from research.benchmarks.processor_time import processor_seconds
 HALL_M = (12.0, 9.0, 3.0)
 CELL_M = 0.03  # [m] edge of the mesh's squares, two triangles each
 TABLE_M = (1.2, 0.6, 0.75)
-TABLES = (9, 3)  # [1] along and across
+TABLES = (9, 3)  # along and across
 TABLE_GAP_M = 0.09  # [m] below a table, so that it and the floor are two surfaces
 NOISE_M = 0.003  # [m] of a LiDAR, along the surface's normal
 TEXTURE_PX = 8192

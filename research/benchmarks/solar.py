@@ -44,9 +44,9 @@ from research.experiments.variants import changed, fixed_points, write_run_file
 
 CELLS = ("organic-green", "organic-blue")  # the robot's first and second
 CIRCUIT = CellCircuit(reference_volt=1.1, shunt_ohm=10.0, area_cm2=36.0, amplification=20.0)
-READINGS = 10  # [1] at every point
+READINGS = 10  # at every point
 SEED = 7
-DRAWN = 200  # [1] cells of each kind
+DRAWN = 200  # cells of each kind
 EARLIER = (0.3, 0.5, 0.7)  # [1] of the log
 MATERIALS = {"estimated materials": "estimate", "one material, white plastic": "default"}
 

@@ -36,12 +36,12 @@ from research.benchmarks.trace_rooms import coarse_room, office_room, some_point
 from research.second_opinion import reference_irradiance
 
 TARGETS = (0.01, 0.005)  # [1] NRMSE that times are scaled to
-RUNS = 3  # [1] of ours and of Mitsuba; the errors of one run's sensors go together, so that one tells little
-MITSUBA_CELLS = (20, 40)  # [1] along a square's edge: about 1 % and 0.5 %
-MANY_POINTS = 100_000  # [1] traced for their memory
+RUNS = 3  # of ours and of Mitsuba; the errors of one run's sensors go together, so that one tells little
+MITSUBA_CELLS = (20, 40)  # along a square's edge: about 1 % and 0.5 %
+MANY_POINTS = 100_000  # traced for their memory
 CACHE_OPTIONS = "-ab 8 -aa .1 -ar 256 -ad 1024 -as 512 -dj 0 -ds .2 -dt .05 -dc .75 -lr 8 -lw 1e-4"
 """Near what `rad` takes for QUALITY = HIGH, VARIABILITY = HIGH; eight reflections, since twenty take an hour."""
-CACHE_POINTS = 8  # [1] a lower bound: the cache is filled for so few sensors only
+CACHE_POINTS = 8  # a lower bound: the cache is filled for so few sensors only
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,12 +30,12 @@ from research.benchmarks.processor_time import engine_seconds
 from research.benchmarks.trace_rooms import write_room
 from research.benchmarks.true_faces import materials_on, nearest_faces
 
-BOUNCES = 20  # [1]
-RAYS = 55  # [1] of a sensor in a set
-SETS = 8  # [1] independent, whose spread is the error
-PATHS = 377  # [1] pooled ones in a set
-PLAIN_STEP = 16  # [1] every so many-th sensor is traced by one plain pass, which takes long
-DECIMATED = 5_000  # [1] triangles
+BOUNCES = 20
+RAYS = 55  # of a sensor in a set
+SETS = 8  # independent, whose spread is the error
+PATHS = 377  # pooled ones in a set
+PLAIN_STEP = 16  # every so many-th sensor is traced by one plain pass, which takes long
+DECIMATED = 5_000  # triangles
 
 
 @dataclass(frozen=True, kw_only=True)

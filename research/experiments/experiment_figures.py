@@ -28,8 +28,8 @@ from research.experiments.accuracy import MapDeviation
 from research.experiments.microbenchmarks import Cloths, InverseSquare, Superposition
 from research.experiments.sensitivity import Influence
 
-SHOWN_DISTANCES = 5  # [1] spectra of Figure 8, left
-SHOWN_CHANNELS = 4  # [1] lines of Figure 8, right
+SHOWN_DISTANCES = 5  # spectra of Figure 8, left
+SHOWN_CHANNELS = 4  # lines of Figure 8, right
 
 
 @styled

@@ -25,9 +25,9 @@ from lidarspectra.mapping.maps.metrics import compare_maps
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, Spectrum, gaussian_bands
 from research.experiments.true_light_file import StoredLight
 
-READINGS = 10  # [1] averaged at every point: ten seconds of the robot's 1 Hz
+READINGS = 10  # averaged at every point: ten seconds of the robot's 1 Hz
 HOURS = 3.0  # [h] a session; the sensor was calibrated before it
-LAMP_READINGS = 30  # [1] averaged under the reference lamp
+LAMP_READINGS = 30  # averaged under the reference lamp
 SEED = 3  # of sensors, cells and noise
 CIRCUITS = {
     "a shunt alone": CellCircuit(reference_volt=1.1, shunt_ohm=100.0, area_cm2=PAPER_CELL_AREA_CM2),

@@ -24,7 +24,7 @@ from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.spectrum import BandSet, Spectrum, sensor_bands
 
 CHANNELS = "as7265x-14"
-DISTANCES = 100  # [1] of Figure 8
+DISTANCES = 100  # of Figure 8
 FIRST_DISTANCE_M, DISTANCE_STEP_M = 0.30, 0.001  # [m] one measurement every 0.1 cm (paper, Section 3.2)
 REFLECTOR_M = 0.095  # [m] diameter of a BR30 lamp: 30/8 inch
 BULB_M = 0.06  # [m] diameter of a common bulb
@@ -33,7 +33,7 @@ SENSOR_AWAY_M = 0.35  # [m] from the middle between them
 INTENSITY_RATIO = 0.297  # [1] of the second lamp to the first
 CLOTH_M, CLOTH_AWAY_M = 1.0, 0.5  # [m] edge of the cloth of Figure 11, and its distance from the lamp
 BEHIND_M, BESIDE_M = 0.10, 0.30  # [m] where the sensor stands, seen from the lamp, so that the lamp hides no cloth
-CLOTH_CELLS = 200  # [1] along each edge, for the integral: 5 mm
+CLOTH_CELLS = 200  # along each edge, for the integral: 5 mm
 SURROUNDINGS_M = 3.0  # [m] half an edge of the box around
 SEED = 5
 

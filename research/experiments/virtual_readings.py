@@ -18,7 +18,7 @@ from lidarspectra.hardware.virtual.spectral_sensor import best_settings, counts_
 from lidarspectra.mapping.localization.fingerprint_table import make_fingerprints, quantity_of
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, gaussian_bands
 
-EMPTY_READINGS = 60  # [1] of the empty room, whose mean is its reading: a minute at one a second
+EMPTY_READINGS = 60  # of the empty room, whose mean is its reading: a minute at one a second
 BAND_TOLERANCE_NM = 1.0  # [nm] by which a channel is known again
 
 

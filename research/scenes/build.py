@@ -57,10 +57,10 @@ from research.virtual_rooms.true_room import TrueRoom, true_room
 
 SCENES = Path(__file__).parents[2] / "scenes"
 VISIBLE_NM = (380.0, 780.0)  # [nm] what the camera sees
-BAND_COUNT = 20  # [1] one pass, and 20 nm resolve every colour-matching function
+BAND_COUNT = 20  # one pass, and 20 nm resolve every colour-matching function
 WAVELENGTH_STEP_NM = 5.0  # [nm] of the light that the camera is given
 ASSIGNMENTS, WALLS = "assignments.csv", "walls.csv"
-POINTS_ALONG = 10  # [1] sensor points along each edge of an exact box: their mean is 0.3 % above the walls' (6: 0.7 %)
+POINTS_ALONG = 10  # sensor points along each edge of an exact box: their mean is 0.3 % above the walls' (6: 0.7 %)
 LIFT_M = 1e-3  # [m] light is asked for just off the surface
 LIGHT_RELATIVE_SE = 0.02  # [1] of the mean at a point: far below what exposure varies by in a phone's texture
 

@@ -39,8 +39,8 @@ from research.virtual_rooms.true_room import TrueRoom, true_room
 
 SCENES = Path(__file__).parents[2] / "scenes"
 SEED = 11
-CELLS = 24  # [1] a side: 576 paths a point in each of the repeats
-REPEATS = 12  # [1]
+CELLS = 24  # a side: 576 paths a point in each of the repeats
+REPEATS = 12
 
 
 def second_opinion(room: TrueRoom, lamps: Sequence[Lamp], light: TrueLight, channels: BandSet) -> SecondOpinion:

@@ -30,7 +30,7 @@ from research.second_opinion.plugins import Custom
 from research.second_opinion.variants import SLOTS, Mitsuba, find_mitsuba
 
 SENSOR_OFFSET_M = 1e-4  # [m] rays start so far along the sensor's normal, as Radiance's do
-MAX_RAYS = 2**20  # [1] at once: about 1 GB
+MAX_RAYS = 2**20  # at once: about 1 GB
 ALL_REFLECTIONS = -1  # Mitsuba's word for paths of any length
 
 

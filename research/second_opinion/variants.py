@@ -16,8 +16,8 @@ from lidarspectra.errors import EngineError
 logger = logging.getLogger(__name__)
 
 FAST, PLAIN = "llvm_ad_rgb", "scalar_rgb"
-SLOTS = 3  # [1] that an rgb variant carries
-MIN_LLVM = 17  # [1] 14 to 16 end the process on Mitsuba 3.9's kernels ("Cannot select: fmaximum"); 19 was tried
+SLOTS = 3  # that an rgb variant carries
+MIN_LLVM = 17  # 14 to 16 end the process on Mitsuba 3.9's kernels ("Cannot select: fmaximum"); 19 was tried
 GET_LLVM = (
     f"Install LLVM's shared library, version {MIN_LLVM} or later (Debian: apt-get install libllvm19; macOS: brew "
     "install llvm; Windows: the LLVM installer), or name it in the environment variable DRJIT_LIBLLVM_PATH."

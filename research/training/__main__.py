@@ -25,10 +25,10 @@ from research.training.pictures import Picture
 from research.training.scores import Judgement, card_text, probabilities, score
 from research.training.surface_statistics import save_statistics
 
-TEST_LOOKS = 4  # [1] phone pictures of each held-out one
-LOOKS, ROOM_LOOKS = 12, 3  # [1] of each picture of a material that the heads learn from, and of each crop of a room
-PATTERN_PICTURES = 3000  # [1] phone pictures that patterns are learned from
-BASELINE_LOOKS = 5  # [1] phone pictures of each that the baseline learns from
+TEST_LOOKS = 4  # phone pictures of each held-out one
+LOOKS, ROOM_LOOKS = 12, 3  # of each picture of a material that the heads learn from, and of each crop of a room
+PATTERN_PICTURES = 3000  # phone pictures that patterns are learned from
+BASELINE_LOOKS = 5  # phone pictures of each that the baseline learns from
 MODEL_FILE, CARD_FILE = "materials.onnx", "materials.toml"
 
 

@@ -12,7 +12,7 @@ from onnx import TensorProto, helper, numpy_helper
 from lidarspectra.arrays import FloatArray
 
 OPSET, IR_VERSION = 17, 8  # ONNX 1.12; any onnxruntime since 2022 reads it
-HALF_FROM = 5000  # [1] numbers of a constant, from which they are kept as half floats
+HALF_FROM = 5000  # numbers of a constant, from which they are kept as half floats
 
 
 class Graph:

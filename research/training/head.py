@@ -20,11 +20,11 @@ from research.training.model_input import model_input
 from research.training.pictures import CLASSES, Picture
 from research.training.scores import score
 
-TOGETHER = 16  # [1] pictures in one run of the model
+TOGETHER = 16  # pictures in one run of the model
 HEADS = 1
-HIDDEN = 512  # [1] units of each
+HIDDEN = 512  # units of each
 STEPS = 4000
-BATCH = 512  # [1] places
+BATCH = 512  # places
 RATE, WEIGHT_DECAY = 2e-3, 1e-2  # [1] of AdamW under one cosine
 DROPOUT, HIDDEN_DROPOUT = 0.3, 0.5  # [1] of features and of hidden units, while training
 MIXING = 0.3  # [1] of the beta distribution by which two places are mixed (Zhang et al. 2018, mixup)

@@ -14,14 +14,14 @@ from lidarspectra.arrays import ByteArray, FloatArray
 from research.training.model_input import model_input
 from research.training.surface_statistics import OPPONENT
 
-RESOLUTIONS = 3  # [1] each half the one before
-PATTERNS = 48  # [1] of each resolution
+RESOLUTIONS = 3  # each half the one before
+PATTERNS = 48  # of each resolution
 SIZE_PX = 5  # [px]
-PATCHES = 10  # [1] of each picture
-ROUNDS = 15  # [1] of K-means; patterns change little after 10
+PATCHES = 10  # of each picture
+ROUNDS = 15  # of K-means; patterns change little after 10
 MIN_CONTRAST = 0.05  # [1] added to a patch's deviation: what is flatter than that is noise
 MIN_VARIANCE = 0.05  # [1] added to variances before whitening, against patterns of noise
-FEWEST = 4  # [1] patches of a pattern; others start anew
+FEWEST = 4  # patches of a pattern; others start anew
 
 
 def learn_patterns(pictures: ByteArray, generator: np.random.Generator) -> FloatArray:

@@ -30,19 +30,19 @@ PLAIN = {
 }  # fmt: skip  # [1] share of a class's surfaces in rooms on which a phone sees no texture; a judgement of ours
 GRAIN = (0.0, 0.02)  # [1] of a plain surface's brightness, as scans show it
 LOW_M, HIGH_M = (2.5, 2.5, 2.3), (8.0, 6.0, 3.2)  # [m] sides of a room
-FURNITURE = (6, 16)  # [1] boxes
+FURNITURE = (6, 16)  # boxes
 SMALLEST_M, LARGEST_M = (0.15, 0.03, 0.15), (2.0, 0.9, 2.0)  # [m] sides of a box
 ON_FLOOR, ON_WALL = 0.6, 0.2  # [1] shares of the boxes; the rest hang free, as table tops do
-LAMPS = (1, 5)  # [1]
+LAMPS = (1, 5)
 AMBIENT = (0.15, 0.6)  # [1] share of light that comes from everywhere
 TEXTURE_PX_PER_M = (60.0, 400.0)  # [px/m] of a material's picture
 VIEW_PX, FIELD_DEG = 384, (60.0, 100.0)  # [px], [deg]
-FINER = 2  # [1] rays a pixel along each side
+FINER = 2  # rays a pixel along each side
 EYE_M = 0.3  # [m] least distance of the camera and the lamps from walls
 LIFT_M = 1e-3  # [m] shadow and mirrored rays start just off the surface
 BRIGHT_SHARE, BRIGHT = 0.95, 0.8  # [1] quantile of a view's light, and what it becomes; `phone.developed` exposes anew
-CROPS = 20  # [1] of each view
-VIEWS = 2  # [1] of each room
+CROPS = 20  # of each view
+VIEWS = 2  # of each room
 MIN_PX = 300  # [px] of a surface in a view, for a crop of it
 CROP_PX = 128  # [px]
 

@@ -14,9 +14,9 @@ from research.training.pictures import CLASSES, Picture
 from research.training.surface_statistics import STRIDE_PX
 
 INPUT_PX = 128  # [px] about what one cell sees
-EDGE_PLACES = 2  # [1] rows and columns of predictions that look beyond the picture's edge, and are left out
-TOP = 3  # [1] classes among which the right one is counted as well
-DRAWS = 2000  # [1] of the bootstrap: its 95 % limits then waver by a tenth of a point
+EDGE_PLACES = 2  # rows and columns of predictions that look beyond the picture's edge, and are left out
+TOP = 3  # classes among which the right one is counted as well
+DRAWS = 2000  # of the bootstrap: its 95 % limits then waver by a tenth of a point
 ORIGINS = ("tile", "photo", "drawn", "room")
 
 

@@ -14,8 +14,8 @@ TEST_LOOKS, BASELINE_LOOKS, LOOKS, PATTERNS, ROOMS, ROOM_LOOKS, TEST_ROOMS, TEST
     SEED + number for number in range(1, 9)
 )
 VALIDATION = SEED + 10
-DRAWN = 96  # [1] materials of each drawn class
-TRAINING_ROOM_COUNT, TEST_ROOM_COUNT = 120, 24  # [1]
+DRAWN = 96  # materials of each drawn class
+TRAINING_ROOM_COUNT, TEST_ROOM_COUNT = 120, 24
 
 
 def read_split(textures: Path) -> tuple[list[Picture], list[Picture]]:

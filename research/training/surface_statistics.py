@@ -19,9 +19,9 @@ from research.training.graph import Graph
 OPPONENT = np.array([[1, 1, 1], [1, -1, 0], [0.5, 0.5, -1]]) / np.array(
     [[3.0], [2.0], [2.0]]
 )  # light, red-green, yellow-blue
-LEVELS = 4  # [1] resolutions, each half the one before
+LEVELS = 4  # resolutions, each half the one before
 EDGE_STEPS = (0.1, 0.3, 0.8)  # [1] of the soft histograms of gradients; the image's values spread by about 1
-COLOR_LEVEL = 1  # [1] resolution at which colours are counted
+COLOR_LEVEL = 1  # resolution at which colours are counted
 LIGHT_STEPS = (-1.6, -1.0, -0.5, 0.0, 0.5, 1.0, 1.6)  # [1] of lightness
 TINT_STEPS = (-0.6, -0.2, 0.0, 0.2, 0.6)  # [1] of the two opponent colours
 PATTERN_STEPS = (0.6, 1.8, 4.0)  # [1] of the responses to patterns, which are 1 in the mean

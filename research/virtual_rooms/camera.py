@@ -24,13 +24,13 @@ from research.virtual_rooms.phone import ScannedShape
 from research.virtual_rooms.room_plan import CameraSection
 from research.virtual_rooms.true_room import TrueRoom
 
-NEIGHBOURS = 12  # [1] light points that a plane is fitted to, against the noise of traced light
+NEIGHBOURS = 12  # light points that a plane is fitted to, against the noise of traced light
 SIDE_WEIGHT_M = 1.0  # [m] that a normal turned by a radian counts for: a board's two sides have nothing in common
 STEADINESS = 1e-2  # [1] of a plane's slopes, which neighbours in a row do not tell
 PLANE_RANGE = (0.5, 2.0)  # [1] of the least and the most light around, beyond which a plane is not believed
-GRAIN_WAVES = 14  # [1] plane waves that make up a pattern
+GRAIN_WAVES = 14  # plane waves that make up a pattern
 LAMP_RADIANCE = 20.0  # [1] over the exposure's white: a panel of 3000 cd/m² over a white wall of 100
-TEXELS_AT_ONCE = 1_000_000  # [1] bounds memory
+TEXELS_AT_ONCE = 1_000_000  # bounds memory
 
 DirectLight = Callable[[FloatArray, FloatArray], FloatArray]
 """From (n, 3) positions on the true surface [m] and normals there to (n, wavelength) light straight from the lamps."""

@@ -29,11 +29,11 @@ from lidarspectra.geometry.zero_surface import zero_surface
 from research.virtual_rooms.room_plan import PhoneSection
 from research.virtual_rooms.true_room import TrueRoom, depth_in_air
 
-REMESH_ITERATIONS = 5  # [1] lengths have settled by then
+REMESH_ITERATIONS = 5  # lengths have settled by then
 FEATURE_DEG = 30.0  # [deg] edges sharper than this are kept by remeshing
-SMALLEST_PIECE_FACES = 60  # [1] a phone drops crumbs of surface
-DRIFT_WAVES = 6  # [1] plane waves that make up the drift
-PATH_POINTS = 12  # [1] where the phone looked from, along the user's walk around the room
+SMALLEST_PIECE_FACES = 60  # a phone drops crumbs of surface
+DRIFT_WAVES = 6  # plane waves that make up the drift
+PATH_POINTS = 12  # where the phone looked from, along the user's walk around the room
 PATH_HEIGHT_M = 1.5  # [m] a phone held before the chest
 HIDDEN_WEIGHT = 12.0  # [1] how much likelier a hole is where the phone did not look
 

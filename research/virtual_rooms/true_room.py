@@ -29,7 +29,7 @@ from research.virtual_rooms.room_plan import (
     TrueMaterial,
 )
 
-CYLINDER_SIDES = 16  # [1] as round as a centimetre's noise lets one see
+CYLINDER_SIDES = 16  # as round as a centimetre's noise lets one see
 OVERLAP_M = 0.01  # [m] legs reach so far into floor and top, so that no two faces coincide
 ON_SURFACE_M = 1e-6  # [m] a boolean's new corners are off their planes by rounding only
 LOOK_AHEAD_M = 0.08  # [m] a scan's surface is that close to the true one, else the nearest true point is taken

@@ -198,7 +198,7 @@ def test_a_fault_within_a_stage_leaves_whole_stages(
     with pytest.raises(raised) as caught:
         run(run_file, last="map", listener=Striker(stage, fault))
     if isinstance(fault, MemoryError):
-        assert f"memory enough for the stage '{stage}'" in str(caught.value)
+        assert f"enough memory for the stage '{stage}'" in str(caught.value)
     assert_whole(run_file, stage)
 
 

@@ -24,8 +24,8 @@ from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
 Mode = Literal["native", "rgb"]
 
-MIN_SLOTS = 3  # [1] rtrace refuses fewer: "unsupported spectral sampling"
-RGB_SLOTS = 3  # [1] what Radiance carries without `-cs`
+MIN_SLOTS = 3  # rtrace refuses fewer: "unsupported spectral sampling"
+RGB_SLOTS = 3  # what Radiance carries without `-cs`
 FIRST_EDGE_NM = 380  # [nm] Radiance's own short end; its partition at 480 and 588 nm must lie inside
 MIN_SPAN_NM = 400  # [nm] Radiance's own span, 380 to 780 nm; the slots' edges cover at least that
 LAMP_FLOOR = 1e-6  # [1] of a lamp's peak in every slot: Radiance drops lamps that are dark in the three it ranks by

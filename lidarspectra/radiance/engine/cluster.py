@@ -17,7 +17,7 @@ from lidarspectra.errors import EngineError
 from lidarspectra.radiance.engine.engine import Engine, EngineJob, EngineRun, find_engine
 
 SCENE_SUFFIXES = (".oct", ".rtm", ".dat", ".cal")  # what rtrace and rcontrib read
-RETRIES = 5  # [1] times that a job is given to another worker before it counts as failed
+RETRIES = 5  # times that a job is given to another worker before it counts as failed
 CONNECT_TIMEOUT = "20s"
 
 _folders: dict[str, Path] = {}  # on a worker: where it put each scene, by the scene's hash

@@ -28,7 +28,7 @@ logger = logging.getLogger(__name__)
 
 PROGRAMS = ("oconv", "obj2mesh", "rtrace", "rcontrib", "genssky", "getinfo", "rad")
 """What the package and the models that it exports call."""
-MAX_SPECTRAL_SLOTS = 24  # [1] MAXCSAMP of Radiance 6.0a as pyradiance builds it: rtrace refuses -cs 25
+MAX_SPECTRAL_SLOTS = 24  # MAXCSAMP of Radiance 6.0a as pyradiance builds it: rtrace refuses -cs 25
 INSTALL_ADVICE = "Install the engine with 'pip install pyradiance' (1.3.1 or later), then ask 'lidarspectra doctor'."
 _COMPLAINT_SHOWN = 600  # [characters] of a program's complaint that an error repeats
 _KEPT_VARIABLES = ("SYSTEMROOT", "WINDIR", "TMPDIR", "TEMP", "TMP")  # without them Windows starts no program

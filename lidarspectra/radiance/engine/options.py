@@ -24,10 +24,10 @@ Accuracy = Literal["low", "medium", "high", "ultra", "all"]
 Noise = Literal["draft", "standard", "fine"]
 
 BOUNCES: dict[Accuracy, int] = {"low": 2, "medium": 8, "high": 14, "ultra": 20}  # [1] paper, Section 4.1
-ALL_BOUNCES = 2_000  # [1] of 'all', where paths end by Russian roulette alone: .99 to this power is 2e-9
+ALL_BOUNCES = 2_000  # of 'all', where paths end by Russian roulette alone: .99 to this power is 2e-9
 PATH_WEIGHT = 0.4  # [1] -lw: below it a path lives by lot; .3 to .5 gave the least noise for a second of work
 REFLECTED_LAMP_PART = 0.3  # [1] -ds for lamps as seen from reflecting surfaces: cut only where they are close
-SPECULAR_REFLECTIONS = 20  # [1] mirror-like reflections that a path may have besides the diffuse ones
+SPECULAR_REFLECTIONS = 20  # mirror-like reflections that a path may have besides the diffuse ones
 SPECULAR_THRESHOLD = 0.01  # [1] -st: a gloss weaker than this is added to the diffuse part
 LAMP_PARTS = (
     (4, 0.05),

@@ -30,7 +30,7 @@ FIELDS = "~wLodWV"
 """What rtrace is asked to tell of every ray (`-oT` and these)."""
 _MARK = (0x7E, 0x09)  # "~\t"
 _TAB = 0x09
-_HEAD = 8  # [1] numbers before W: w, L, o, d
+_HEAD = 8  # numbers before W: w, L, o, d
 WEIGHT_TOLERANCE = 1e-3  # [1] of single precision over a dozen factors; a shadow ray is as near to it once in 1000
 
 

@@ -43,11 +43,11 @@ from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass
 from lidarspectra.room.sensor_points import SensorPoints
 
-WALKS_PER_JOB = 8192  # [1] their trees take some 30 MB
-RECORDS_PER_JOB = 2**17  # [1] shadow rays of sensors, at the most parts that a lamp is cut into
-MAX_LAMP_PARTS = 64  # [1] MAXSPART of Radiance
-MAX_BURN = 64  # [1] rays thrown away at the start of a job: jobs of one second use the engine's numbers shifted
-RAYS_PER_JOB = 2**15  # [1] radiances along rays
+WALKS_PER_JOB = 8192  # their trees take some 30 MB
+RECORDS_PER_JOB = 2**17  # shadow rays of sensors, at the most parts that a lamp is cut into
+MAX_LAMP_PARTS = 64  # MAXSPART of Radiance
+MAX_BURN = 64  # rays thrown away at the start of a job: jobs of one second use the engine's numbers shifted
+RAYS_PER_JOB = 2**15  # radiances along rays
 
 
 @dataclass(frozen=True, kw_only=True)

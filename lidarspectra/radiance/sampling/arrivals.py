@@ -1,4 +1,4 @@
-"""Where sensors' rays arrive: on which surface of the room, and what is known of how it reflects."""
+"""First hits ("arrivals") of the sensors' rays: on which surface of the room, and how it reflects."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ from lidarspectra.radiance.scene.scene_record import LAMPS_FILE
 
 CELL_SHARE = 1.0 / 8.0  # [1] of the room's diagonal: longest side of a cell, 0.6 m in a room of 3 m x 3 m
 MAX_CELL_M = 0.75  # [m] but no longer than this
-MAX_BOXES = 6_000  # [1] about so many boxes of half a cell's side cover all surfaces, or cells are longer
-MAX_POOLED_GLOSS = 0.1  # [1] specularity above which what leaves a surface depends on who looks
-MARGIN_M = 1e-3  # [m] lamps are taken for so much larger: a path that may end on one is left to the engine
-_SIDES = 6  # [1] a face's side is told by the axis that its normal is nearest to
+MAX_BOXES = 6_000  # about the most boxes of half a cell's side that cover all surfaces; else cells are larger
+MAX_POOLED_GLOSS = 0.1  # [1] specularity above which a surface's radiance depends too much on the direction of view
+MARGIN_M = 1e-3  # [m] by which lamps are enlarged, so that a path that may end on one is traced by the engine
+_SIDES = 6  # a face's side is the axis direction nearest to its normal
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 _CUBE = np.concatenate(
     [
@@ -34,14 +34,14 @@ _CUBE = np.concatenate(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scattering:
-    """How the materials of a pass reflect; the last one stands for lamps.
+    """Reflection of the materials of a pass; the last row stands for lamps.
 
     Parameters
     ----------
     is_matt : (material,) bool
-        Whether it sends what it reflects in all directions alike, or nearly.
+        Whether it reflects equally in all directions, or nearly.
     is_diffuse : (material,) bool
-        Whether exactly, and opaque: then its reflectance says all.
+        Whether it is exactly Lambertian and opaque, so that its reflectance is sufficient.
     reflectance : (material, slot) float
         In the engine's order; 0 for those that are not diffuse. [0-1]
     """
@@ -53,14 +53,14 @@ class Scattering:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Arrivals:
-    """Where rays arrive.
+    """First hits of rays.
 
     Parameters
     ----------
     places : (ray, 3) float
         [m]
     normals : (ray, 3) float
-        Of the faces, towards where the rays came from.
+        Of the faces, on the side of the rays' origins.
     material : (ray,) int
         -1 where a ray met nothing.
     kind : (ray,) int
@@ -74,13 +74,13 @@ class Arrivals:
     kind: IntArray
 
     def take(self, rays: IntArray) -> "Arrivals":
-        """Some of them."""
+        """A selection of them."""
         return Arrivals(
             places=self.places[rays], normals=self.normals[rays], material=self.material[rays], kind=self.kind[rays]
         )
 
     def joined(self, other: "Arrivals") -> "Arrivals":
-        """These and others."""
+        """Both joined."""
         return Arrivals(
             places=np.concatenate([self.places, other.places]),
             normals=np.concatenate([self.normals, other.normals]),
@@ -91,7 +91,7 @@ class Arrivals:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Surfaces:
-    """The surfaces of a pass, to look where rays arrive.
+    """The surfaces of a pass, for finding first hits.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class Surfaces:
     cell_m : float
         Longest side of a cell. [m]
     bounds : (2, 3) float
-        Lowest and highest corner of all that rays can meet. [m]
+        Lowest and highest corner of all surfaces and lamps. [m]
     """
 
     caster: RayCaster
@@ -111,30 +111,30 @@ class Surfaces:
     bounds: FloatArray
 
     def box(self, places: FloatArray) -> IntArray:
-        """(place, 3) numbers of the boxes, of half a cell's side, that places lie in."""
+        """(place, 3) indices of the boxes, of half a cell's side, that places lie in."""
         last = np.floor(np.ptp(self.bounds, axis=0) / (0.5 * self.cell_m)).astype(np.int64)
         boxes: IntArray = np.floor((places - self.bounds[0]) / (0.5 * self.cell_m)).astype(np.int64)
         return boxes.clip(0, last)
 
     def key(self, arrivals: Arrivals) -> IntArray:
-        """(ray,) a number for each box and kind."""
+        """(ray,) unique number of each arrival's box and kind."""
         across, deep, high = np.floor(np.ptp(self.bounds, axis=0) / (0.5 * self.cell_m)).astype(np.int64) + 1
         x, y, z = self.box(arrivals.places).T
         key: IntArray = ((arrivals.kind * across + x) * deep + y) * high + z
         return key
 
     def can_share(self, arrivals: Arrivals) -> BoolArray:
-        """(ray,) whether it arrived on a surface of the room that is matt."""
+        """(ray,) whether it arrived on a matt surface of the room."""
         shares: BoolArray = ~self.are_dark(arrivals) & self.scattering.is_matt[arrivals.material]
         return shares
 
     def are_dark(self, arrivals: Arrivals) -> BoolArray:
-        """(ray,) whether it met nothing, or a lamp, from which no path goes on."""
+        """(ray,) whether it met nothing or a lamp, where paths end."""
         dark: BoolArray = (arrivals.material < 0) | (arrivals.material == self.scattering.is_matt.size - 1)
         return dark
 
     def arrivals(self, rays: FloatArray) -> Arrivals:
-        """Where rays (ray, 6) arrive."""
+        """First hits of rays (ray, 6)."""
         origins, directions = rays[:, :3], rays[:, 3:]
         hits = self.caster.nearest(origins, directions)
         places = origins + np.where(hits.met, hits.distance, 0.0)[:, None] * directions
@@ -182,7 +182,7 @@ def load_surfaces(scene: RadianceScene) -> dict[str, Surfaces]:
 
 
 def _surfaces(mesh: Path, materials: Path, lamps: FloatArray) -> Surfaces:
-    """Of a mesh, and of (triangle, 3, 3) lamps, which stand for one material more, of which nothing is known."""
+    """Surfaces of a mesh and of (triangle, 3, 3) lamps, which have one further material, of unknown reflection."""
     scan, face_material, names = read_mesh_text(mesh)
     corners = np.arange(3 * len(lamps)).reshape(-1, 3)
     whole = bare_scan(
@@ -205,7 +205,7 @@ def cell_side_m(scan: Scan) -> float:
 
 
 def _triangles(primitive: Primitive) -> FloatArray:
-    """(triangle, 3, 3) corners [m] of what covers a polygon, ring or sphere, a little larger; none of anything else."""
+    """(triangle, 3, 3) corners [m] that enclose a polygon, ring or sphere by a margin; none for other primitives."""
     numbers = np.array(primitive.numbers)
     if primitive.kind == "polygon":
         corners = numbers.reshape(-1, 3)
@@ -221,7 +221,7 @@ def _triangles(primitive: Primitive) -> FloatArray:
 
 
 def read_scattering(names: Sequence[str], path: Path) -> Scattering:
-    """How the named materials of a scene file reflect.
+    """Reflection of the named materials of a scene file.
 
     Parameters
     ----------
@@ -237,11 +237,13 @@ def read_scattering(names: Sequence[str], path: Path) -> Scattering:
     Raises
     ------
     SceneError
-        If the file cannot be read or a material is not in it.
+        If the file cannot be read or lacks a material.
     """
     patterns, plastics, others = {"void": np.ones(1)}, {}, set()
     for each in read_primitives(path):
-        if each.kind == "spectrum":  # its ends, then its samples from the short end; the engine answers from the long
+        if (
+            each.kind == "spectrum"
+        ):  # its range, then samples by rising wavelength; results of the engine fall in wavelength
             patterns[each.name] = np.array(each.numbers[:1:-1])
         elif each.kind == "plastic" and each.modifier in patterns:
             color = np.array(each.numbers[:3] if each.modifier == "void" else each.numbers[:1])
@@ -254,7 +256,7 @@ def read_scattering(names: Sequence[str], path: Path) -> Scattering:
             expected="all materials of the mesh",
             found=f"no {missing[0]}",
             where=str(path),
-            todo="Make the scene again.",
+            todo="Write the scene again: lidarspectra run ROOM.toml --from scene.",
         )
     gloss = np.array([plastics[name][1] if name in plastics else np.inf for name in names] + [np.inf])
     slots = max((color.size for color, _ in plastics.values()), default=1)
@@ -262,5 +264,5 @@ def read_scattering(names: Sequence[str], path: Path) -> Scattering:
     for row in np.flatnonzero(gloss == 0.0):
         reflectance[row] = plastics[names[int(row)]][0]
     is_matt = gloss <= MAX_POOLED_GLOSS
-    is_matt[-1] = True  # no path goes on from a lamp, whoever looks at it
+    is_matt[-1] = True  # paths end on lamps, from any direction
     return Scattering(is_matt=is_matt, is_diffuse=gloss == 0.0, reflectance=reflectance)

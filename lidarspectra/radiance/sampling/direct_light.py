@@ -22,10 +22,10 @@ from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass, write_sc
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
 
 GREY_NM = (400.0, 700.0)  # [nm] any range does
-GREY_BANDS = 3  # [1] fewest that a pass carries
+GREY_BANDS = 3  # fewest that a pass carries
 LAMP_PART = 0.2  # [1] -ds: a 0.6 m panel at 2.3 m is cut into 4 parts
-REPEATS = 6  # [1] jittered looks at each lamp part: the shade of a lamp's edge comes out within 10 %
-POINTS_PER_JOB = 2_000  # [1]
+REPEATS = 6  # jittered looks at each lamp part: the shade of a lamp's edge comes out within 10 %
+POINTS_PER_JOB = 2_000
 # After SHARED_OPTIONS, in place of -u+: the same numbers in every run, so that materials come out alike to the bit.
 # They are stratified, too, and no path is followed whose corners would err alike.
 REPEATABLE = ("-u-",)

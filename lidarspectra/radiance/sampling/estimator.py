@@ -25,13 +25,13 @@ from lidarspectra.radiance.sampling.pooling import Leg, PooledPaths, Sharing, dr
 from lidarspectra.radiance.sampling.receptors import FIBONACCI
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
-BATCHES = 8  # [1] enough to tell a spread by, few enough for large sets of directions
-NEIGHBOURS = 9  # [1] points whose variances are averaged to share out work
+BATCHES = 8  # enough to tell a spread by, few enough for large sets of directions
+NEIGHBOURS = 9  # points whose variances are averaged to share out work
 _REPEATS = tuple(4**power for power in range(7))  # [1] shadow-ray repeats a batch; each number is a job of its own
 _DIRECTIONS = FIBONACCI[::2]  # [1] of 'once' and 'view' a batch; the same
 _FEW_DIRECTIONS = (1, 2, *_DIRECTIONS)  # [1] where at least so many passes share a band's light as make up the fewest
-_MAX_BURN_RECORDS = 8  # [1] results thrown away at the start of a job, so that jobs use the engine's numbers shifted
-_MAX_BURN_RAYS = 64  # [1] the same for the paths that sensors share
+_MAX_BURN_RECORDS = 8  # results thrown away at the start of a job, so that jobs use the engine's numbers shifted
+_MAX_BURN_RAYS = 64  # the same for the paths that sensors share
 
 Kind = Literal["direct", "once", "often", "view"]
 

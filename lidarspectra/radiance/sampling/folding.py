@@ -16,8 +16,8 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.radiance.scene.scene_record import RadianceScene
 from lidarspectra.spectra.spectrum import Spectrum
 
-MAX_SPECTRUM_ERROR = 0.01  # of a channel's reflected light: beyond it a relit map says that a new trace is needed
-DARK_CHANNEL = 1e-3  # of a lamp's brightest channel, below which its relative error says nothing
+MAX_SPECTRUM_ERROR = 0.01  # [1] of a channel's reflected light; above it relighting warns that a new trace is needed
+DARK_CHANNEL = 1e-3  # [1] of a lamp's brightest channel; relative errors below it are meaningless
 
 
 def folding(scene: RadianceScene) -> FloatArray:
@@ -38,7 +38,7 @@ def channel_weights(flux: FloatArray, matrix: FloatArray) -> FloatArray:
     Returns
     -------
     weights : (lamp, slot, band) float
-        The shares alone where a lamp sends nothing into a channel. [1]
+        The shares alone where a lamp emits nothing in a channel. [1]
     """
     weighted = flux[:, :, None] * matrix
     whole = weighted.sum(axis=1, keepdims=True)
@@ -52,7 +52,7 @@ def fold_coefficients(values: NDArray[np.floating], weights: FloatArray) -> NDAr
 
 
 def slot_variables(scene: RadianceScene, coefficient: NDArray[np.floating]) -> dict[str, tuple[object, ...]]:
-    """What relighting with another spectrum needs, as variables of the transport; none where slots are channels.
+    """Variables of the transport for relighting with another spectrum; none where each channel is one slot.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def with_spectrum(transport: xr.Dataset, lamp: str, flux: Spectrum) -> xr.Datase
     Parameters
     ----------
     transport : xarray.Dataset
-        With the slots' coefficients where channels were cut.
+        With the slots' coefficients where channels were split into slots.
     lamp : str
         Its name.
     flux : Spectrum
@@ -109,7 +109,7 @@ def with_spectrum(transport: xr.Dataset, lamp: str, flux: Spectrum) -> xr.Datase
     Returns
     -------
     changed : xarray.Dataset
-        Its coefficients, their errors and batches changed in proportion; as it was where each channel is one slot.
+        With its coefficients, errors and batches scaled; unchanged where each channel is one slot.
     """
     if "slot_coefficient" not in transport:
         return transport
@@ -134,10 +134,11 @@ def with_spectrum(transport: xr.Dataset, lamp: str, flux: Spectrum) -> xr.Datase
 
 
 def spectrum_error(transport: xr.Dataset, lamp: str, flux: Spectrum) -> FloatArray:
-    """Foretold relative error of a channel's reflected light when a lamp gets another spectrum without a new trace.
+    """Predicted relative error of a channel's reflected light if a lamp is relit with another spectrum.
 
-    In an integrating sphere of the room's mean reflectance ρ̄ reflected light goes with ρ̄/(1 - ρ̄): what the slots make
-    of that, with the reflectances that the traced lamp weighed, over the integral at every wavelength.
+    In an integrating sphere of the room's mean reflectance ρ̄ reflected light is proportional to ρ̄/(1 - ρ̄). The error
+    compares its value from the slots, whose reflectances are weighted by the traced lamp's spectrum, with the integral
+    over wavelength.
 
     Parameters
     ----------
@@ -149,8 +150,8 @@ def spectrum_error(transport: xr.Dataset, lamp: str, flux: Spectrum) -> FloatArr
     Returns
     -------
     error : (band,) float
-        Signed; 0 in channels into which it sends next to nothing, and where the transport keeps no slots, since the
-        room's reflectances then hardly change within a channel. [1]
+        Signed; 0 in channels that the lamp hardly lights, and without stored slots, since the room's reflectances
+        then hardly change within a channel. [1]
     """
     if "slot_coefficient" not in transport:
         return np.zeros(transport.sizes["band"])

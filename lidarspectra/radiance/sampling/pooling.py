@@ -1,22 +1,22 @@
-"""Light reflected more than once, pooled: what one sensor's paths find on a patch of wall serves all that look at it.
+"""Light reflected more than once, by pooled paths: all sensors that see a patch of wall share the paths sampled there.
 
-Such light has lost its shadows: on a patch of half a metre it hardly changes, yet a single path knows it no better
-than to a factor of two. So every sensor sends many rays that only look where they arrive (cheap), the arrivals of all
-sensors are sorted into small cells of one material and one side of the room, and few paths a cell, drawn by lot from
-its arrivals, measure the light for all of them:
+Such light varies slowly: over a patch of half a metre it hardly changes, yet the estimate of a single path is off by a
+factor of two. So every sensor sends many rays of which only the first hit is computed (cheap), the hits ("arrivals") of
+all sensors are sorted into small cells of one material and one side of the room, and a few paths per cell, drawn at
+random from its arrivals, estimate the light for all of them:
 
     M(x) = ∫R dω / n Σ_rays m(cell of the ray),   m(cell) = mean of m(y) over its drawn arrivals y
 
-What leaves a matt surface of reflectance ρ is known from the light that comes to it, so that the path goes on from y
-along a ray drawn in proportion to the cosine there; these rays of a cell, and of the whole room, lie evenly (on the
-sequence of Roberts). A surface with some gloss is left to the engine, along the sensor's own ray:
+The radiance of a Lambertian surface of reflectance ρ follows from its irradiance, so the path continues from y along a
+ray sampled in proportion to the cosine; over a cell, and over the whole room, these rays form a low-discrepancy
+sequence (Roberts). For a glossy surface the engine traces the sensor's own ray:
 
     m(y) = ρ(y) L(y, ω), L being the light reflected once or more;   or   whole path - first reflection
 
-A cell's drawn arrivals are a fair sample of all. So the sum over all sensors is unbiased whatever the cells are,
-and one sensor alone is sampled exactly as by independent paths. Light is only moved between sensors that look at the
-same cell, by its change across the cell; and cells shrink as more rays are asked for. Bright cells get more of the
-paths than dark ones. Measured in docs/performance.md.
+A cell's drawn arrivals are an unbiased sample of all of them. So the sum over all sensors is unbiased whatever the
+cells are, and a single sensor is sampled as by independent paths. The error of one sensor among many is bounded by the
+variation of light across a cell, and cells shrink as more rays are requested. Bright cells get more paths than dark
+ones. Measured in docs/performance.md.
 
 References
 ----------
@@ -37,12 +37,19 @@ from lidarspectra.radiance.sampling.patches import Patches
 from lidarspectra.radiance.sampling.receptors import FIBONACCI, cosine_directions
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 
-PATHS_PER_CELL = 16  # [1] few, and a ray's own noise remains; many, and cells are coarse
-MIN_LOOKS = 8  # [1] rays a sensor sends in a batch, at least, in all passes of a band together
-PATHS_PER_LOOK = 24  # [1] drawn paths for each ray of a sensor: more rays are dear, fewer are noisy
-REST_WEIGHT = 0.2  # [1] as `PATH_WEIGHT`, of paths that go on: their first reflection, by a half or so, is behind them
-_LOOKS = (1, 2, 3, *FIBONACCI)  # [1] rays of a sensor; less than five are no lattice, and do where many passes add up
-_CURVE_BITS = 6  # [1] steps along each side of a box, as a power of two: 1 cm
+PATHS_PER_CELL = 16  # bias against variance: more paths per cell make cells larger, fewer leave the noise of each
+MIN_LOOKS = 8  # least rays per sensor and batch, in all passes of a band together
+PATHS_PER_LOOK = 24  # drawn paths for each ray of a sensor: cost against variance
+REST_WEIGHT = (
+    0.2  # [1] as `PATH_WEIGHT`, for continued paths, whose first reflection (about one half) is already counted
+)
+_LOOKS = (
+    1,
+    2,
+    3,
+    *FIBONACCI,
+)  # numbers of rays; below 5 they are no Fibonacci lattice, but suffice where many passes add up
+_CURVE_BITS = 6  # 2^6 steps along each side of a box, of about 1 cm
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])  # [1] 1/g and 1/g², g³ = g + 1 (Roberts 2018)
 
 
@@ -63,17 +70,18 @@ class Sharing:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Leg:
-    """Rays that the engine follows for some of the drawn paths.
+    """Rays to be traced by the engine for some of the drawn paths.
 
     Parameters
     ----------
     reach : str
-        'rest' of paths that go on from a diffuse surface; 'whole' paths from the sensor, or their 'first' reflection.
+        'rest': continued from a diffuse surface; 'whole': from the sensor; 'first': up to the
+        first reflection only.
     rays : (ray, 6) float
     path : (ray,) int
-        Each once.
+        Path of each ray; each path occurs once.
     weight : (ray, slot) or (ray, 1) float
-        What an answer counts. [1]
+        Factor on the engine's result. [1]
     """
 
     reach: Literal["rest", "whole", "first"]
@@ -82,7 +90,7 @@ class Leg:
     weight: FloatArray
 
     def arguments(self, options: PassOptions, bounces: int) -> tuple[str, ...]:
-        """Of the engine, where light at the sensor has been reflected so often at most."""
+        """Arguments of rcontrib for light at the sensor after at most `bounces` reflections."""
         if self.reach == "rest":
             return options.gather_arguments(1, bounces=bounces - 1, lamps_visible=False, path_weight=REST_WEIGHT)
         return options.gather_arguments(1, bounces=bounces if self.reach == "whole" else 1, lamps_visible=False)
@@ -90,20 +98,20 @@ class Leg:
 
 @dataclass(kw_only=True, eq=False)
 class PooledPaths:
-    """The paths drawn for one round, and whom they count for.
+    """The paths drawn for one round, and the weights by which sensors share them.
 
     Parameters
     ----------
     legs : tuple of Leg
-        What the engine is asked.
+        Rays for the engine.
     cell : (path,) int
         Cell of each path, numbered through all batches.
     shares : tuple of sparse (sensor, cell)
         Per batch, the share of a sensor's rays that arrive in each cell.
     found : (path, value) float
-        What each path brings, as answers come in.
+        Estimate of each path, summed over its legs.
     missing : int
-        Rays still to be answered.
+        Rays without a result so far.
     """
 
     legs: tuple[Leg, ...]
@@ -113,14 +121,14 @@ class PooledPaths:
     missing: int
 
     def take(self, leg: Leg, part: slice, values: FloatArray) -> None:
-        """Take in the (ray, lamp x slot) answers for some rays of a leg."""
+        """Add the engine's (ray, lamp x slot) results for some rays of a leg."""
         weight = leg.weight[part]
         counted = values.reshape(len(values), -1, weight.shape[1]) * weight[:, None]
         self.found[leg.path[part]] += counted.reshape(values.shape)
         self.missing -= len(values)
 
     def estimates(self) -> FloatArray:
-        """(batch, sensor, value) mean over each sensor's rays of what was found in their cells."""
+        """(batch, sensor, value) mean over each sensor's rays of the estimates of their cells."""
         order = np.argsort(self.cell, kind="stable")
         count = np.bincount(self.cell)
         firsts = np.cumsum(count) - count
@@ -139,23 +147,23 @@ def draw_pooled_paths(
     sharers: int = 1,
     sharing: Sharing | None = None,
 ) -> PooledPaths:
-    """Look where sensors' rays arrive, and draw the paths to be followed.
+    """Find the first hits of the sensors' rays, and draw the paths to be traced.
 
     Parameters
     ----------
     surfaces : Surfaces
     sensors : Sensors
     paths : int
-        About so many are drawn in each batch, for all sensors together.
+        About how many are drawn per batch, for all sensors together.
     batches : int
         Independent sets.
     values : int
-        Numbers that the engine answers a ray with.
+        Values in the engine's result for a ray.
     generator : numpy.random.Generator
     sharers : int
-        Passes whose light adds up, each with looks of its own.
+        Number of passes whose light adds up, each with its own sensor rays.
     sharing : Sharing, optional
-        Who may share a path; if left out, all whose rays arrive in the same box on a surface of the same kind.
+        Which sensors may share a path; by default all whose rays arrive in one box on one kind of surface.
 
     Returns
     -------
@@ -168,7 +176,7 @@ def draw_pooled_paths(
     cells: list[IntArray] = []
     arrived: list[IntArray] = []
     total = drawn = 0
-    for _ in range(batches):  # one after the other: a million rays are 100 MB
+    for _ in range(batches):  # one at a time to bound memory: a million rays take 100 MB
         rays = sensors.draw_rays(np.arange(count), sets=1, count=looks, generator=generator).reshape(-1, 6)
         arrivals = surfaces.arrivals(rays)
         most = max(1, PATHS_PER_CELL * len(rays) // paths)
@@ -193,7 +201,7 @@ def draw_pooled_paths(
 
 
 def _kinds(surfaces: Surfaces, arrivals: Arrivals, sensor: IntArray, sharing: Sharing | None) -> IntArray:
-    """(ray,) numbers of which only the same share a cell: of a group of patches, or of a sensor and kind of surface."""
+    """(ray,) labels; rays share a cell only under one label: a group of patches, or a sensor and kind of surface."""
     kinds = 1 + int(arrivals.kind.max(initial=0))
     can_share = surfaces.can_share(arrivals)
     shared, groups = arrivals.kind, 0
@@ -206,16 +214,16 @@ def _kinds(surfaces: Surfaces, arrivals: Arrivals, sensor: IntArray, sharing: Sh
 
 
 def _looks(paths: int, sensors: int, sharers: int) -> int:
-    """Rays a sensor sends in a batch: enough that their own noise is no more than the drawn paths'."""
+    """Rays per sensor and batch: enough for their variance not to exceed that of the drawn paths."""
     wanted = max(MIN_LOOKS / sharers, paths / PATHS_PER_LOOK, paths / sensors)
     return next((count for count in _LOOKS if count >= wanted), _LOOKS[-1])
 
 
 def _worth(scattering: Scattering, material: IntArray) -> FloatArray:
-    """(ray,) how much a path from an arrival is worth [1].
+    """(ray,) relative number of paths to draw from an arrival [1].
 
-    As the root of the surface's mean reflectance, where it is known: its light is in proportion to it, but what is
-    dark in the mean may be bright in one band.
+    The square root of the surface's mean reflectance if known: its light is proportional to the reflectance, but a
+    surface that is dark in the mean may be bright in one band.
     """
     worth = np.sqrt(np.where(scattering.is_diffuse, scattering.reflectance.mean(axis=1), 1.0))
     return np.where(material >= 0, worth[material], 1.0)
@@ -230,7 +238,7 @@ def _legs(
     first_path: int,
     generator: np.random.Generator,
 ) -> list[Leg]:
-    """What to ask the engine for chosen rays, which stand in the order of their cells."""
+    """Engine rays for the chosen arrivals, which are in the order of their cells."""
     path = first_path + np.arange(len(chosen))
     material = arrivals.material[chosen]
     goes_on = (material >= 0) & scattering.is_diffuse[material]
@@ -248,7 +256,7 @@ def _legs(
 
 
 def _joined(legs: Sequence[Sequence[Leg]]) -> tuple[Leg, ...]:
-    """The legs of all batches, those of one reach together; none that has no rays."""
+    """Legs of all batches, joined by reach; empty ones are dropped."""
     joined = [
         Leg(
             reach=alike[0].reach,
@@ -264,7 +272,7 @@ def _joined(legs: Sequence[Sequence[Leg]]) -> tuple[Leg, ...]:
 def sort_into_cells(
     places: FloatArray, kind: IntArray, *, most: int, longest_m: float, origin: FloatArray | None = None
 ) -> IntArray:
-    """Sort points into cells of neighbours of one kind: boxes of a grid, cut along the Z-order curve where too full.
+    """Sort points into cells of neighbours of one kind: grid boxes, divided along the Z-order curve if too full.
 
     Parameters
     ----------
@@ -273,7 +281,7 @@ def sort_into_cells(
     kind : (point,) int
         Points of different kinds never share a cell.
     most : int
-        Points in a cell.
+        Largest number of points in a cell.
     longest_m : float
         Side of the boxes. [m]
     origin : (3,) float, optional
@@ -282,7 +290,7 @@ def sort_into_cells(
     Returns
     -------
     cell : (point,) int
-        From 0, each used.
+        Labels from 0, without gaps.
 
     References
     ----------
@@ -307,7 +315,7 @@ def sort_into_cells(
 
 
 def _along_curve(steps: IntArray) -> IntArray:
-    """(point,) place along the Z-order curve of (point, 3) steps along the axes: their bits in turn."""
+    """(point,) Morton code of (point, 3) steps along the axes: their bits interleaved."""
     place = np.zeros(len(steps), dtype=np.int64)
     for bit in range(_CURVE_BITS):
         for axis in range(3):
@@ -316,7 +324,7 @@ def _along_curve(steps: IntArray) -> IntArray:
 
 
 def _draw(cell: IntArray, worth: FloatArray, paths: int, generator: np.random.Generator) -> IntArray:
-    """Numbers of points drawn by lot, in the order of their cells: at least one of each cell, more of worthy ones."""
+    """Indices of randomly drawn points, ordered by cell: at least one per cell, in proportion to the cell's worth."""
     sizes = np.bincount(cell)
     worths = np.bincount(cell, weights=worth)
     wanted = np.rint(worths * (paths / max(worths.sum(), 1e-9)))

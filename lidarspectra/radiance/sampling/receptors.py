@@ -24,7 +24,7 @@ from lidarspectra.errors import ArrayError, SensorError
 
 FIBONACCI = (5, 8, 13, 21, 34, 55, 89, 144, 233, 377, 610, 987, 1597, 2584, 4181, 6765)
 """Directions in a set: the numbers for which a two-dimensional lattice is best."""
-_CURVE_STEPS = 4096  # [1] intervals of the inverted response curve; the error of a sine between them is below 1e-7
+_CURVE_STEPS = 4096  # intervals of the inverted response curve; the error of a sine between them is below 1e-7
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,4 +1,4 @@
-"""Rounds of sampling: one block of points, sampled until its error is down to the target or the budget is spent."""
+"""Adaptive sampling of one block of points, in rounds, until its error meets the target or the budget is spent."""
 
 import time
 from collections import deque
@@ -32,25 +32,25 @@ from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 
-MAX_ROUNDS = 8  # [1] two or three do
-MAX_PATHS_PER_POINT = 2**18  # [1] on average over a block, each pass; a quarter of a minute of one core
-RAYS_PER_JOB = (2**15, 2**17)  # [1] fewest and most rays given to a child process: 6 MB, a few seconds
-CLOCK_LAG_S = 0.05  # [s] the engine asks a clock that is moved on by ticks, of 16 ms at the longest, behind our own
-AIM = 0.85  # [1] of the target variance that a round aims at: its prediction is uncertain
-FIRST_ROUND = 0.2  # [1] of the first block's progress: only what it finds tells how much the next one has to do
-SECOND_ROUND = 0.95  # [1] of it when that one is done; mostly it was the last
+MAX_ROUNDS = 8  # 2 or 3 usually suffice
+MAX_PATHS_PER_POINT = 2**18  # mean over a block, per pass; about 15 s of one core
+RAYS_PER_JOB = (2**15, 2**17)  # least and most rays per engine process: at most 6 MB and a few seconds
+CLOCK_LAG_S = 0.05  # [s] more than the resolution (at most 16 ms) of the clock that seeds the engine
+AIM = 0.85  # [1] share of the target variance that a round aims at, as its prediction is uncertain
+FIRST_ROUND = 0.2  # [1] of the first block's progress, since the work left is known only after it
+SECOND_ROUND = 0.95  # [1] of the progress after the second round, which is usually the last
 
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What is wanted of all blocks.
+    """Settings common to all blocks.
 
     Parameters
     ----------
     bounces : int
-        Most diffuse reflections.
+        Largest number of diffuse reflections.
     target : float
-        Standard error to come down to, of the mean irradiance. [1]
+        Target of the standard error, relative to the mean irradiance. [1]
     workers : int
         Processes.
     receptor : Receptor
@@ -69,16 +69,16 @@ class Request:
 
 @dataclass(kw_only=True)
 class Log:
-    """What was run, over all blocks.
+    """Record of the engine's work, over all blocks.
 
     Parameters
     ----------
     commands : set of str
         Every different command line.
     rays : int
-        Sensors and directions that the engine was given.
+        Rays given to the engine.
     direct_second : int
-        Second of the clock by which the last shadow rays were drawn.
+        Clock second that seeded the last shadow rays. [s]
     """
 
     commands: set[str] = field(default_factory=set)
@@ -88,7 +88,7 @@ class Log:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockResult:
-    """What was found for a block.
+    """Estimate for one block.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class BlockResult:
     irradiance_se : (point, band) float
         Standard error of the sum over lamps. [W/m²/nm]
     truncation : (point, band) float
-        About how much of that sum is missing, because it was reflected more often than is followed. [W/m²/nm]
+        Estimated light missing from that sum beyond the last reflection traced. [W/m²/nm]
     first_round : float
         Share of the engine's time that the first round took. [0-1]
     """
@@ -120,7 +120,7 @@ def estimate_block(
     progress: Progress,
     first_round: float = FIRST_ROUND,
 ) -> BlockResult:
-    """Sample a block of points until its error is down to the target or the budget is spent.
+    """Sample a block of points until its error meets the target or the budget is spent.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def estimate_block(
     generator : numpy.random.Generator
         For directions.
     log : Log
-        Added to.
+        Updated.
     progress : Progress
     first_round : float
         Share of the block's time that its first round is expected to take. [0-1]
@@ -146,7 +146,7 @@ def estimate_block(
     Raises
     ------
     EngineError
-        If a program fails or answers with something that is no answer.
+        If a program fails, or gives too few values or non-finite ones.
     """
     components = _components(scene, request, counted.size)
     truncation = survey(components, sensors, scene, request, generator=generator, log=log)
@@ -183,7 +183,7 @@ def _spent_s(components: Sequence[Component]) -> float:
 
 
 def share_done(components: Sequence[Component], wanted: Sequence[IntArray]) -> float:
-    """Share of the engine's time that is spent when these samples are still wanted, at the price of those taken [1]."""
+    """Share of the engine's time spent so far if these samples are still to come, at the measured cost [1]."""
     spent_s = _spent_s(components)
     missing_s = sum(
         BATCHES * float(more.sum()) * component.price for component, more in zip(components, wanted, strict=True)
@@ -235,14 +235,12 @@ def survey(
     generator: np.random.Generator,
     log: Log,
 ) -> FloatArray:
-    """Make a rough map of every lamp's light on the surfaces that sensors look at.
-
-    It tells where sensors may share paths, which is put into the components.
+    """Estimate every lamp's light roughly on the surfaces that sensors see, and set which sensors may share paths.
 
     Returns
     -------
     truncation : (point, band) float
-        About how much light by all lamps has been reflected more often than is followed. [W/m²/nm]
+        Estimated light of all lamps beyond the last reflection traced. [W/m²/nm]
     """
     some = [component for component in components if component.surfaces is not None]
     truncation = np.zeros((len(sensors.positions), len(scene.bands)))
@@ -265,7 +263,7 @@ def survey(
         group, count = component.options.group, len(found) + len(found.watchers)
         values = float_rows(run, rows=count, columns=len(component.lamps) * group.slot_count)
         values = values.reshape(count, -1, group.slot_count)
-        if component.kind == "often" and count > 1:  # a lone sensor has nobody to share with
+        if component.kind == "often" and count > 1:  # a single sensor has none to share with
             direct = values.mean(axis=2).T
             component.sharing = Sharing(
                 patches=found, group=found.groups(direct[:, : len(found)], direct[:, len(found) :])
@@ -281,9 +279,9 @@ def survey(
 
 
 def _first(components: Sequence[Component], request: Request) -> list[IntArray]:
-    """Samples of the first round: one jittered look at the lamps a batch, and a small set of directions.
+    """Samples of the first round: one stratified shadow ray set per batch, and a small set of directions.
 
-    The set is the smaller, the more passes add up to the light of the same bands.
+    The more passes add up to the light of the same bands, the smaller is the set.
     """
     paths, pooled = first_round_sizes(request.target)
     wanted = []
@@ -308,8 +306,8 @@ def _sample(
     log: Log,
     progress: Progress,
 ) -> None:
-    """Take the samples that each point of each component wants."""
-    rays = BATCHES * sum(int(more.sum()) for more in wanted)  # about: of shared paths, cells take what they need
+    """Take the requested samples of each point of each component."""
+    rays = BATCHES * sum(int(more.sum()) for more in wanted)  # about: shared paths depend on the cells
     fewest, most = RAYS_PER_JOB
     chunk = min(max(rays // (2 * request.workers), fewest), most)
     waiting: deque[Task] = deque()
@@ -334,9 +332,9 @@ def _sample(
 
 
 def _await_second_after(second: int) -> None:
-    """Wait, at most a second, until every clock shows a later one: the engine takes its seed from it.
+    """Wait, at most a second, until the clock second that seeds the engine has passed.
 
-    A clock that was set back shows a second of its own, and is not waited for.
+    A clock that was set back shows another second already and needs no waiting.
     """
     while second - 1 <= int(time.time() - CLOCK_LAG_S) <= second:
         time.sleep(min(max(0.0, second + 1 + CLOCK_LAG_S - time.time()), 1.0))
@@ -376,7 +374,7 @@ def _missing(
     means: FloatArray,
     target: float,
 ) -> list[IntArray]:
-    """Samples that each component's points still want, passes of the same slots sharing one budget."""
+    """Samples that each component's points still need, passes of the same slots sharing one budget."""
     wanted = [np.zeros(component.samples.size, dtype=np.int64) for component in components]
     for slots in sorted({component.slots for component in components}):
         members = [index for index, component in enumerate(components) if component.slots == slots]
@@ -394,7 +392,7 @@ def _missing(
         if sum(float(variance.sum()) for variance in variances) <= 0:
             continue
         aim = AIM * target**2 * counted.sum() / counted.size
-        for _ in range(MAX_ROUNDS):  # the step to the next size of a set may be longer than what is missing
+        for _ in range(MAX_ROUNDS):  # the step to the next size of a set may exceed what is missing
             sharers = [components[index] for index in members]
             shares = wanted_samples(sharers, variances, points=counted.size, target=aim)
             if any(share.any() for share in shares):

@@ -1,4 +1,4 @@
-"""The rays that sensors send out."""
+"""Sampling of the rays that leave the sensors."""
 
 from dataclasses import dataclass, field
 
@@ -7,7 +7,9 @@ import numpy as np
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.radiance.sampling.receptors import Receptor, draw_directions
 
-SENSOR_OFFSET_M = 1e-4  # [m] rays start so far along the normal, as `rtrace -I` does, clear of the sensor's own surface
+SENSOR_OFFSET_M = (
+    1e-4  # [m] offset of ray origins along the normal, as in `rtrace -I`, clear of the sensor's own surface
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -37,8 +37,8 @@ from lidarspectra.room.sensor_points import SensorPoints
 
 BLOCK_BYTES = 3 * 2**29  # [byte] of what is kept of a block: with many lamps small ones are mostly starts of the engine
 BYTES_PER_VALUE = 16  # [byte] of a batch, lamp, point and band: three components and their sum, in single precision
-MAX_BLOCK_POINTS = 20_000  # [1]
-SCALE_POINTS = 256  # [1] points that tell the mean irradiance, where there is more than one block
+MAX_BLOCK_POINTS = 20_000
+SCALE_POINTS = 256  # points that tell the mean irradiance, where there is more than one block
 
 
 def trace(

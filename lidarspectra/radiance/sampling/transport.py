@@ -32,7 +32,7 @@ from lidarspectra.room.sensor_points import SensorPoints
 
 SCHEMA = "lidarspectra transport 1"
 TRANSPORT_FILE = "transport.nc"  # in the folder of a run's trace stage
-KEPT_BATCH_VALUES = 8_000_000  # [1] batches of more values (32 MB) than this are not kept
+KEPT_BATCH_VALUES = 8_000_000  # batches of more values (32 MB) than this are not kept
 _VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {  # name: (dims, unit, long name)
     "coefficient": (("lamp", "point", "band"), "m-2", "spectral irradiance per spectral flux of the lamp"),
     "coefficient_se": (("lamp", "point", "band"), "m-2", "standard error of the coefficient"),

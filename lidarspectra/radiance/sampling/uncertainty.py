@@ -16,9 +16,9 @@ from scipy.stats import norm, t
 from lidarspectra.arrays import FloatArray
 
 COVERAGE_FACTOR = 2.0  # [1] the reported error times this covers as a normal distribution does: 95.45 %
-MIN_TO_POOL = 8  # [1] variances below which their scatter says too little to borrow
+MIN_TO_POOL = 8  # variances below which their scatter says too little to borrow
 SINGLE_PRECISION = 1e-7  # [1] relative; the engine answers in it, and a spread below it is rounding, not noise
-_NEWTON_STEPS = 50  # [1] converges in under ten
+_NEWTON_STEPS = 50  # converges in under ten
 
 
 @dataclass(frozen=True, kw_only=True)

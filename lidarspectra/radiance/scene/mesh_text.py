@@ -20,11 +20,11 @@ from lidarspectra.errors import ArrayError, SceneError
 from lidarspectra.geometry.scan import Scan, bare_scan
 
 CREASE_DEG = 40.0  # [deg] above it two neighbouring faces are two surfaces
-SMOOTHING_ROUNDS = 2  # [1] of face normals, before they are averaged; three do not help more
+SMOOTHING_ROUNDS = 2  # of face normals, before they are averaged; three do not help more
 SMOOTHING_REACH = 1.5  # [1] crease of the smoothing over that of the averaging
 MAX_CREASE_DEG = 85.0  # [deg] the smoothing must not go round a right angle
 SAME_VERTEX_M = 1e-5  # [m] texture seams double vertices; nearer than this they are one
-NORMAL_STEPS = 1000  # [1] normals are rounded to 1/1000, 0.06 degrees, so that equal ones are written once
+NORMAL_STEPS = 1000  # normals are rounded to 1/1000, 0.06 degrees, so that equal ones are written once
 
 
 def corner_normals(scan: Scan, *, crease_deg: float = CREASE_DEG) -> FloatArray:

@@ -11,7 +11,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.room.free_space import sphere_directions
 
 CLEARANCE_M = 0.05  # [m] a gap of 1 cm to a ceiling with 2 cm of noise takes 30 % of a panel's light
-DIRECTION_COUNT = 96  # [1] rays from each place on a lamp
+DIRECTION_COUNT = 96  # rays from each place on a lamp
 GRAZING = 0.1  # cosine of directions so flat along a lamp that they do not count
 ROUND_OFF_M = 1e-3  # [m] tolerance, so that a lamp exactly at the clearance draws no note
 MOST = 0.5  # [1] share of rays that must meet the back of a surface for a lamp to count as behind it

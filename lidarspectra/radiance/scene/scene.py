@@ -62,7 +62,7 @@ from lidarspectra.radiance.scene.surfaces import surface_slots, surface_text
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
 WRITING_SHARE, COMPILING_SHARE, OCTREE_SHARE = 1.0, 0.5, 0.05  # of the time: the mesh's text; a pass's mesh, octree
-LAMPS_PER_PASS = 4  # [1] a path asks every lamp of its pass for light: 64 lamps in one pass took 13 times 4 lamps' time
+LAMPS_PER_PASS = 4  # a path asks every lamp of its pass for light: 64 lamps in one pass took 13 times 4 lamps' time
 
 
 def write_scene(

@@ -109,7 +109,7 @@ def test_what_is_no_lamp_no_surface_and_no_point_is_told_by_name() -> None:
     room = ls.RoomModel.from_box(3.0, 3.0, 3.0)
     lamp = ls.make_lamp("bulb", (1.5, 1.5, 1.5), spectrum="A", luminous_flux_lm=1000)
     points = ls.SensorPoints(positions=[(1, 1, 1)])
-    with pytest.raises(ls.ArgumentError, match=r"lamps\[0\]: expected a Lamp, found a dict.* make_lamp makes one"):
+    with pytest.raises(ls.ArgumentError, match=r"lamps\[0\]: expected a Lamp, found a dict.* Make each with make_lamp"):
         room.light([{"shape": "bulb"}], points)  # type: ignore[list-item]
     with pytest.raises(ls.ArgumentError, match=r"lamps: expected a list of Lamp, found a single Lamp"):
         room.light(lamp, points)  # type: ignore[arg-type]
