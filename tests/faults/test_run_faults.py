@@ -295,8 +295,8 @@ def test_an_octree_that_was_cut_off_is_no_dark_room(cut_before: Callable[[StageN
 def test_a_clock_that_is_set_back_does_not_hold_a_run_up(monkeypatch: pytest.MonkeyPatch) -> None:
     now = time.time()
     slept: list[float] = []
-    monkeypatch.setattr(rounds.time, "time", lambda: now - 3600.0)
-    monkeypatch.setattr(rounds.time, "sleep", slept.append)
+    monkeypatch.setattr(time, "time", lambda: now - 3600.0)
+    monkeypatch.setattr(time, "sleep", slept.append)
     rounds._await_second_after(int(now))
     assert sum(slept) <= 1.0
 

@@ -11,10 +11,11 @@ from typer.testing import CliRunner
 
 from lidarspectra.cli.app import app
 from lidarspectra.errors import WorkspaceError
+from lidarspectra.spectra.databases import list_databases
 from lidarspectra.workflow import verify as verify_module
 from lidarspectra.workflow.pipeline import run
 from lidarspectra.workflow.verify import verify_run
-from lidarspectra.workflow.workspace import MARKER_FILE, RECORD_FILE, hash_files, read_request
+from lidarspectra.workflow.workspace import MARKER_FILE, RECORD_FILE, hash_files, read_request, versions
 
 RoomWriter = Callable[..., Path]
 DETERMINISTIC = ("1-scan", "2-views", "3-materials", "4-scene", "5-trace/model")
@@ -80,7 +81,7 @@ def test_what_changed_is_named(moved: Path) -> None:
 def test_a_changed_database_is_named(moved: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     other = tmp_path / "other.csv"
     other.write_text("other", encoding="utf-8")
-    files = verify_module.list_databases()
+    files = list_databases()
     changed = [replace(files[0], path=other.rename(tmp_path / files[0].path.name)), *files[1:]]
     monkeypatch.setattr(verify_module, "list_databases", lambda: changed)
     name = f"{files[0].database}/{files[0].path.name}"
@@ -109,7 +110,7 @@ def test_a_stage_made_from_other_results_than_those_there_is_told(moved: Path) -
 
 
 def test_other_versions_are_noted(moved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    here = verify_module.versions()
+    here = versions()
     monkeypatch.setattr(verify_module, "versions", lambda: {**here, "numpy": "9.9"})
     verification = verify_run(moved)
     assert verification.differences == ()

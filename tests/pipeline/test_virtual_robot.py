@@ -69,7 +69,7 @@ def test_a_rehearsed_day_gives_the_map_that_it_was_made_from(office_map: Path, t
     simulated = pd.read_csv(office_map)
     assert len(measured) > 150  # of 176: gaps of some seconds take a location each
     nearest = [
-        int(((simulated[["x", "y", "z"]] - row) ** 2).sum(axis=1).idxmin())
+        int(((simulated[["x", "y", "z"]] - row) ** 2).sum(axis=1).to_numpy().argmin())
         for row in measured[["x", "y", "z"]].to_numpy()
     ]
     comparison = compare_maps(simulated[ENERGY].to_numpy()[nearest], measured[ENERGY].to_numpy())

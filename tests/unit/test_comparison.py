@@ -119,7 +119,7 @@ def test_uw_per_cm2_and_counts_are_the_same_light_in_other_words(run: Path, tmp_
 
 def test_counts_without_settings_are_refused_until_a_scale_is_fitted(run: Path, tmp_path: Path) -> None:
     table = pd.read_csv(readings(tmp_path, factor=250.0))
-    table.columns = [name.replace("E_", "") for name in table]
+    table.columns = [str(name).replace("E_", "") for name in table]
     table.to_csv(tmp_path / "counts.csv", index=False)
     with pytest.raises(MapError, match="integration_ms"):
         evaluate_run(run, tmp_path / "counts.csv", unit="counts")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from PIL.JpegImagePlugin import JpegImageFile
 
 from research.virtual_rooms.glb_file import write_glb
 
@@ -38,6 +39,6 @@ def test_the_image_inside_is_our_jpeg_in_full_colour_resolution(tmp_path: Path) 
     assert struct.unpack("<I", data[8:12])[0] == len(data)
     start = data.index(b"\xff\xd8\xff")
     with Image.open(io.BytesIO(data[start:])) as image:
-        assert image.format == "JPEG"
+        assert isinstance(image, JpegImageFile)
         assert image.size == (32, 32)
         assert {component[1:3] for component in image.layer} == {(1, 1)}  # no channel is subsampled

@@ -10,6 +10,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.config import read_run_file
 from lidarspectra.errors import PlanError
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.radiance.engine.bands import lamp_band_flux
 from lidarspectra.spectra.spectrum import uniform_bands
 from lidarspectra.workflow.lamps_of_run import resolve_lamps
 from research.scenes import build
@@ -96,6 +97,8 @@ def test_a_build_writes_scan_run_file_and_truth_and_its_shape_follows_from_the_s
     # The shelf keeps the lamp from the floor under it: encoded values below four fifths, half in linear light.
     assert np.all(under < 0.8 * beside)
     again = trimesh.load_scene(build.build(cabin, seed=3).file, process=False).to_geometry()
+    assert isinstance(first, trimesh.Trimesh)
+    assert isinstance(again, trimesh.Trimesh)
     assert np.array_equal(first.vertices, again.vertices)
     assert np.array_equal(first.faces, again.faces)
 
@@ -103,7 +106,7 @@ def test_a_build_writes_scan_run_file_and_truth_and_its_shape_follows_from_the_s
 def test_light_within_a_band_has_the_shape_of_the_lamps_that_send_it(cabin: Path) -> None:
     lamps: tuple[Lamp, ...] = resolve_lamps(read_plan(cabin / "plan.toml").file.lamps, cabin)
     bands = uniform_bands(380.0, 780.0, 20)
-    flux = build.lamp_band_flux([lamp.flux for lamp in lamps], bands)
+    flux = lamp_band_flux([lamp.flux for lamp in lamps], bands)
     wavelengths = np.arange(400.0, 760.0, 5.0)
     shone = build.spectral_irradiance(0.25 * flux, lamps, bands, wavelengths)
     np.testing.assert_allclose(shone[0], 0.25 * lamps[0].flux.at(wavelengths, outside="zero"), rtol=1e-9)

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from lidarspectra.config import read_run_file
-from lidarspectra.spectra.spectrum_files import read_table
+from lidarspectra.spectra.spectrum_files import read_table, write_table
 from research.scenes import build, reflectances
 from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import true_room
@@ -120,7 +120,7 @@ def test_the_large_office_has_108_m2_3_strips_and_27_sensors_in_the_air(project:
 
 
 def test_the_table_of_reflectances_is_what_its_script_writes(project: Path, tmp_path: Path) -> None:
-    reflectances.write_table(tmp_path / "again.csv", reflectances.rows())
+    write_table(tmp_path / "again.csv", reflectances.rows())
     assert (tmp_path / "again.csv").read_bytes() == (project / "scenes" / "reflectances.csv").read_bytes()
 
 

@@ -3,6 +3,7 @@
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import psutil
@@ -12,6 +13,9 @@ from lidarspectra.errors import EngineError
 from lidarspectra.radiance.engine.cluster import ClusterEngine, cluster_engine
 from lidarspectra.radiance.engine.engine import EngineJob, find_engine, float_rows
 from lidarspectra.radiance.engine.octree import compile_octree
+
+if TYPE_CHECKING:
+    from distributed import LocalCluster
 
 BY_WORKERS = pytest.mark.chance("starts worker processes, which must answer before Dask gives them up")
 
@@ -44,7 +48,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def cluster() -> Iterator["distributed.LocalCluster"]:
+def cluster() -> Iterator["LocalCluster"]:
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
     ) as workers:
@@ -71,14 +75,14 @@ def expected(scene: Path) -> list[float]:
 
 
 @BY_WORKERS
-def test_a_cluster_gives_the_same_answers_in_the_same_order(cluster: "distributed.LocalCluster", scene: Path) -> None:
+def test_a_cluster_gives_the_same_answers_in_the_same_order(cluster: "LocalCluster", scene: Path) -> None:
     with cluster_engine(cluster.scheduler_address) as engine:
         # The same program on the same rays: bit for bit.
         assert answers(engine, scene) == expected(scene)
 
 
 @BY_WORKERS
-def test_a_killed_worker_loses_nothing(cluster: "distributed.LocalCluster", scene: Path) -> None:
+def test_a_killed_worker_loses_nothing(cluster: "LocalCluster", scene: Path) -> None:
     with cluster_engine(cluster.scheduler_address) as engine:
         runs = engine.run_jobs(jobs(scene, repeats=200_000), workers=1)
         found = [float_rows(next(runs), rows=200_000, columns=3)[0, 0]]
@@ -96,7 +100,7 @@ def _process() -> int:
 
 
 @BY_WORKERS
-def test_a_fault_on_a_worker_is_our_error(cluster: "distributed.LocalCluster", scene: Path) -> None:
+def test_a_fault_on_a_worker_is_our_error(cluster: "LocalCluster", scene: Path) -> None:
     job = EngineJob(program="rtrace", arguments=("nothing.oct",), folder=scene)
     with cluster_engine(cluster.scheduler_address) as engine, pytest.raises(EngineError, match=r"nothing\.oct"):
         list(engine.run_jobs([job], workers=1))

@@ -15,7 +15,7 @@ from lidarspectra.radiance.engine.options import NOISE_LEVELS
 from lidarspectra.radiance.sampling import rounds
 from lidarspectra.radiance.sampling import trace as trace_module
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
-from lidarspectra.radiance.sampling.estimator import BATCHES
+from lidarspectra.radiance.sampling.estimator import BATCHES, take_answer
 from lidarspectra.radiance.sampling.receptors import cone_receptor, cosine_receptor
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 from lidarspectra.radiance.sampling.trace import trace, trace_irradiance
@@ -125,7 +125,7 @@ def test_rounds_of_shadow_rays_never_repeat_one_another(rooms, places, monkeypat
     lamps = [rooms.lamp("panel", (x, 1.5, 2.9), (0.4, 0.4), name=f"lamp {x}") for x in (0.5, 1.5, 2.5)]
     scene = rooms.scene(lamps, [(rooms.room(3.0), 0.5)])
     seen = []
-    take = rounds.take_answer
+    take = take_answer
 
     def watch(task, run, sensors) -> None:
         if task.component.kind == "direct":

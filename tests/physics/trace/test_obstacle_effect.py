@@ -173,6 +173,7 @@ def test_gloss_and_glass_are_no_exception(rooms, sensors, effects, tmp_path: Pat
 
     def scene(count: int) -> RadianceScene:
         mesh = trimesh.util.concatenate([part for part, _ in parts[:count]])
+        assert isinstance(mesh, trimesh.Trimesh)
         faces = np.concatenate([np.full(len(part.faces), index) for index, (part, _) in enumerate(parts[:count])])
         materials = MaterialMap(
             materials=tuple(material for _, material in parts[:count]),

@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.container import ErrorbarContainer
 from PIL import Image
 
 from lidarspectra.errors import MapError
@@ -80,7 +81,7 @@ def test_panels_show_the_numbers_of_their_own_band(make_transport, plan):
 @pytest.mark.parametrize(("count", "dots"), [(2500, 2500), (2601, 0)])
 def test_so_many_points_that_they_would_cover_the_map_are_not_drawn_on_it(make_transport, plan, count, dots):
     figure = maps_figure(spectral_map(make_transport(points=count)).isel(band=[0]), plan)
-    assert sum(len(drawn.get_offsets()) for axes in figure.axes[:1] for drawn in axes.collections) == dots
+    assert sum(np.shape(drawn.get_offsets())[0] for axes in figure.axes[:1] for drawn in axes.collections) == dots
     assert figure.axes[0].images
     (legend,) = figure.legends
     assert ("sensor" in [text.get_text() for text in legend.get_texts()]) == (dots > 0)
@@ -274,7 +275,9 @@ def test_error_bars_are_two_standard_errors(make_transport):
     one_map = spectral_map(make_transport())
     points = choose_points(one_map)
     figure = spectra_figure(one_map, points)
-    bars = figure.axes[0].containers[0].lines[2][0].get_segments()
+    (drawn,) = figure.axes[0].containers[:1]
+    assert isinstance(drawn, ErrorbarContainer)
+    bars = drawn.lines[2][0].get_segments()
     half = [0.5 * (top[1] - bottom[1]) for bottom, top in bars]
     np.testing.assert_allclose(half, 2e3 * one_map["irradiance_se"].to_numpy()[points[0].index], rtol=1e-9)  # in mW
 

@@ -70,7 +70,7 @@ def open_page(browser):
         page.goto(file.as_uri())
         return page
 
-    open_it.wrong = wrong
+    open_it.wrong = wrong  # type: ignore[attr-defined]
     yield open_it
     for window in windows:
         window.close()

@@ -86,7 +86,7 @@ def test_single_faces_can_be_assigned(estimated, tmp_path):
 def test_the_file_that_a_run_writes_changes_nothing_as_it_is_and_can_be_edited(room, estimated, tmp_path):
     save_materials(estimated, tmp_path, face_areas=room[0].areas)
     section = MaterialsSection(method="file", file="materials.csv", model="none")
-    same = materials_of_run(*room, section, folder=tmp_path)
+    same = materials_of_run(room[0], room[1], section, folder=tmp_path)
     for one, other in zip(same.materials, estimated.materials, strict=True):
         assert np.array_equal(one.reflectance.values, other.reflectance.values)
     with (tmp_path / "materials.csv").open(encoding="utf-8", newline="") as file:
@@ -94,7 +94,7 @@ def test_the_file_that_a_run_writes_changes_nothing_as_it_is_and_can_be_edited(r
     rows[1][rows[0].index("reflectance")] = "builtin:wooden-cabinet"
     with (tmp_path / "materials.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerows(rows)
-    edited = materials_of_run(*room, section, folder=tmp_path)
+    edited = materials_of_run(room[0], room[1], section, folder=tmp_path)
     assert edited.materials[0].source == "builtin:wooden-cabinet"
     assert edited.materials[1].provenance == "recovered"
 
@@ -131,7 +131,7 @@ def test_percent_in_a_spectrum_file_is_refused(estimated, tmp_path):
 def test_a_missing_file_of_assignments_is_our_error(room, tmp_path):
     section = MaterialsSection(method="file", file="nothing.csv")
     with pytest.raises(MaterialError, match=r"nothing\.csv"):
-        materials_of_run(*room, section, folder=tmp_path)
+        materials_of_run(room[0], room[1], section, folder=tmp_path)
 
 
 def test_one_surface_for_all_keeps_the_groups(estimated, tmp_path):

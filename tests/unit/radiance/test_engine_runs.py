@@ -5,6 +5,7 @@ import pickle
 import sys
 import threading
 import time
+from collections.abc import Generator
 from pathlib import Path
 
 import numpy as np
@@ -122,6 +123,7 @@ def test_jobs_are_drawn_as_they_are_needed(tmp_path: Path) -> None:
     runs = engine.run_jobs(jobs(), workers=2)
     next(runs)
     assert len(drawn) < 10
+    assert isinstance(runs, Generator)
     runs.close()
 
 
@@ -161,6 +163,7 @@ def test_one_callers_end_leaves_anothers_children_alone(tmp_path: Path) -> None:
     thread.start()
     runs = engine.run_jobs([EngineJob(program="rtrace", arguments=("0",), folder=tmp_path)] * 8, workers=2)
     next(runs)
+    assert isinstance(runs, Generator)
     runs.close()
     thread.join()
     assert answers == [b"done"]

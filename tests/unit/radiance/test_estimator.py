@@ -187,7 +187,7 @@ def test_the_share_that_is_done_counts_what_is_wanted_at_the_price_of_what_was_t
     cheap, dear = component(10, "direct", seconds=1.0), component(10, seconds=3.0)
     as_many = [np.full(10, 8), np.full(10, 8)]  # as were taken so far
     assert share_done([cheap, dear], as_many) == pytest.approx(0.5)
-    assert share_done([cheap, dear], [np.full(10, 8), np.zeros(10)]) == pytest.approx(4.0 / 5.0)
+    assert share_done([cheap, dear], [np.full(10, 8), np.zeros(10, dtype=np.int64)]) == pytest.approx(4.0 / 5.0)
 
 
 def test_where_many_passes_add_up_a_single_direction_of_each_may_do() -> None:

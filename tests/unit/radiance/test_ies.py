@@ -103,7 +103,7 @@ def test_feet_multipliers_and_tilt_tables_are_taken_in() -> None:
     ("opening", "expected"),
     [((0.3, 1.2, 0.0), (1.2, 0.3)), ((-0.2, -0.2, 0.0), (0.2,)), ((-0.2, 0.0, 0.1), (0.2,)), ((0, 0, 0), (0.1,))],
 )
-def test_openings_are_rectangles_discs_or_small(opening: tuple, expected: tuple) -> None:
+def test_openings_are_rectangles_discs_or_small(opening: tuple[float, ...], expected: tuple[float, ...]) -> None:
     assert (
         read_ies(ies_text(np.zeros(1), THETA, np.ones((1, THETA.size)), opening=opening), where="t").opening_m
         == expected

@@ -8,6 +8,7 @@ from lidarspectra.errors import LampError
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.patterns import beam_exponent
 from lidarspectra.lamps.shapes import shape_of
+from lidarspectra.lamps.surfaces import Rectangle
 from lidarspectra.radiance.scene.lamp_text import lamp_geometry_text
 from lidarspectra.spectra.spectrum import Spectrum
 
@@ -74,7 +75,9 @@ def test_diffuse_lamps_send_flux_over_pi_area(shape: str, size: tuple[float, ...
 @pytest.mark.parametrize("rotation", [0.0, 30.0, 90.0, -200.0])
 def test_a_rectangle_faces_its_normal_with_its_own_size(normal: tuple[float, ...], rotation: float) -> None:
     panel = lamp(normal=np.array(normal, dtype=float), rotation_deg=rotation)
-    corners = panel.surfaces[0].corners()
+    (surface,) = panel.surfaces
+    assert isinstance(surface, Rectangle)
+    corners = surface.corners()
     edges = np.roll(corners, -1, axis=0) - corners
     np.testing.assert_allclose(np.linalg.norm(edges, axis=1), [0.6, 0.3, 0.6, 0.3], rtol=1e-12)
     np.testing.assert_allclose(np.cross(edges[0], edges[1]), 0.18 * panel.normal, atol=1e-12)  # counter-clockwise

@@ -77,6 +77,7 @@ def room_of(height_m: float) -> Room:
 
 def scan_of(*parts: trimesh.Trimesh) -> Scan:
     mesh = trimesh.util.concatenate([part.subdivide_to_size(0.3) for part in parts])
+    assert isinstance(mesh, trimesh.Trimesh)
     return bare_scan(mesh.vertices, mesh.faces)
 
 

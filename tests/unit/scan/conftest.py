@@ -27,7 +27,9 @@ def furnished_room() -> trimesh.Trimesh:
     table = _solid((1.4, 0.7, 0.05), (0.3, 0.2, 0.72), 0.3)
     cupboard = _solid((0.4, 1.2, 1.0), (-1.7, 0.5, 0.52), 0.4)
     stool = _solid((0.4, 0.4, 0.45), (1.0, -1.0, 0.24), 0.3)
-    return trimesh.util.concatenate([shell, table, cupboard, stool])
+    room = trimesh.util.concatenate([shell, table, cupboard, stool])
+    assert isinstance(room, trimesh.Trimesh)
+    return room
 
 
 @pytest.fixture

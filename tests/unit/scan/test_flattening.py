@@ -106,6 +106,7 @@ def test_a_thin_leg_and_a_ball_stay_as_they_were_scanned(room: Scan, plain_scan:
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.12)
     ball.apply_translation([-0.5, -0.3, 0.1])
     thing = trimesh.util.concatenate([leg, ball])
+    assert isinstance(thing, trimesh.Trimesh)
     count = len(room.vertices)
     scan = plain_scan(
         np.vstack([room.vertices, np.asarray(thing.vertices)]),

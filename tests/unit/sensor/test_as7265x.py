@@ -36,7 +36,7 @@ def test_the_uart_sends_die_by_die_and_is_put_by_wavelength() -> None:
 
 
 def test_each_die_has_six_channels() -> None:
-    assert [int((die == DIE_INDEX).sum()) for die in range(len(DIES))] == [6, 6, 6]
+    assert [np.count_nonzero(die == DIE_INDEX) for die in range(len(DIES))] == [6, 6, 6]
     assert DIES[DIE_INDEX[CHANNEL_LABELS.index("610")]] == "AS72651"
     assert DIES[DIE_INDEX[CHANNEL_LABELS.index("585")]] == "AS72652"
 

@@ -157,7 +157,7 @@ def test_a_sketch_builds_for_the_uno_and_fits(name: str, firmware: Path, tmp_pat
     defines = ("F_CPU=16000000L", "ARDUINO=10819", "ARDUINO_AVR_UNO", "ARDUINO_ARCH_AVR", "DECIMAL_DIG=__DECIMAL_DIG__")
     common = ["-mmcu=atmega328p", "-Os", "-ffunction-sections", "-fdata-sections", f"-I{firmware / name}"]
     common += [f"-I{CORE / folder}" for folder in folders] + [f"-D{define}" for define in defines]
-    objects = []
+    objects: list[Path] = []
     for path in [source, *(CORE / "cores/arduino").glob("*.c*"), *(CORE / "libraries/Wire/src").rglob("*.c*")]:
         objects.append(tmp_path / f"{len(objects)}.o")
         is_c = path.suffix == ".c"

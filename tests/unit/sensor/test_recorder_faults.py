@@ -106,7 +106,7 @@ def test_the_modules_gain_is_never_wrong(seed: int, tmp_path: Path) -> None:
     """A reading says gain 16 only if the module measured it so, however often it restarts."""
     plan = FaultPlan(kinds=("reset", "pause", "disconnect", "cut"), rate=0.06, seed=seed)
     _, wire, rows = run(AtModule(seed=seed), plan, tmp_path / "log.csv")
-    settings = {}
+    settings: dict[tuple[int, ...], set[tuple[int, int]]] = {}
     for sent in wire.sent:
         settings.setdefault(sent.name[2], set()).add(sent.name[3:5])
     for row in of_kind(rows, "reading"):

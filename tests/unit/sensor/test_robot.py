@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -295,7 +296,7 @@ def write_bag(folder: Path, kind: str, storage: str) -> None:
             writer.write(connection, round(t * 1e9), store.serialize_cdr(message, kind))
 
 
-def odometry(make: dict[str, type], header: object, pose: object) -> object:
+def odometry(make: dict[str, type], header: object, pose: object) -> Any:
     zero = make["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
     twist = make["geometry_msgs/msg/Twist"](linear=zero, angular=zero)
     covered = make["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=np.zeros(36))
