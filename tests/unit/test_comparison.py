@@ -71,7 +71,7 @@ def test_a_reading_without_light_in_a_channel_is_left_out_and_said(run: Path, tm
     table.to_csv(path, index=False)
     found = evaluate_run(run, path)
     assert found.comparisons[0].points == 9
-    assert "2 readings have a channel that read nothing" in found.notes[1]
+    assert "2 readings are left out, since a channel read zero" in found.notes[1]
 
 
 def test_a_tenth_more_is_a_tenth_off_until_it_is_fitted(run: Path, tmp_path: Path) -> None:

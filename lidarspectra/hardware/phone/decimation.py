@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry.meshlab import load_pymeshlab
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Appearance, Scan
 from lidarspectra.geometry.triangles import triangle_crosses
@@ -75,7 +76,7 @@ def decimate(scan: Scan, max_faces: int, *, progress: Progress = silent) -> Scan
 
 def _collapsed(scan: Scan, max_faces: int) -> tuple[FloatArray, IntArray]:
     try:
-        import pymeshlab  # here: it needs libGL, and only decimation needs it
+        pymeshlab = load_pymeshlab()
     except ImportError as cause:
         raise ScanError(
             expected="pymeshlab, which decimation needs",

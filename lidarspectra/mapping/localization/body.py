@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArrayError, MapError
+from lidarspectra.geometry.meshlab import load_pymeshlab
 from lidarspectra.geometry.zero_surface import zero_surface
 
 Posture = Literal["standing", "walking", "reading", "sitting"]
@@ -148,7 +149,7 @@ def _parts(limbs: list[_Limb], centers: FloatArray) -> IntArray:
 
 def _thinned(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     try:
-        import pymeshlab  # here: it needs libGL, and only people in fingerprints need it
+        pymeshlab = load_pymeshlab()
     except ImportError as cause:
         raise MapError(
             expected="pymeshlab, which decimates the mesh of a body",
