@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from lidarspectra.material.estimate import estimate_materials, one_material
     from lidarspectra.material.material_map import Material, MaterialMap
     from lidarspectra.material.viewpoints import render_views
+    from lidarspectra.radiance.sampling.plain_rtrace import trace_plain
     from lidarspectra.radiance.sampling.trace import trace
     from lidarspectra.radiance.scene.scene import write_scene
     from lidarspectra.radiance.scene.scene_record import RadianceScene
@@ -129,6 +130,7 @@ _HOMES = {
     "spectral_map": "mapping.maps.spectral_map",
     "trace": "radiance.sampling.trace",
     "trace_fingerprints": "mapping.localization.traced_fingerprints",
+    "trace_plain": "radiance.sampling.plain_rtrace",
     "train_locator": "mapping.localization.location_model",
     "write_scene": "radiance.scene.scene",
 }
@@ -200,6 +202,7 @@ __all__ = [
     "spectral_map",
     "trace",
     "trace_fingerprints",
+    "trace_plain",
     "train_locator",
     "write_scene",
 ]

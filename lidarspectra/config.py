@@ -195,6 +195,8 @@ class TraceSection(Section):
     accuracy: Literal["low", "medium", "high", "ultra", "all"] = "high"
     noise: Literal["draft", "standard", "fine"] = "standard"
     mode: Literal["native", "rgb"] = "native"
+    method: Literal["adaptive", "rtrace"] = "adaptive"
+    """'adaptive' samples where the noise is; 'rtrace' runs plain rtrace, as the exported model's Makefile does."""
     workers: Annotated[int, Field(ge=1, le=1024)] | None = None
     """Processes; None is one a core."""
 
@@ -281,6 +283,16 @@ class RunFile(Section):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"two lamps have the name {twice[0]!r}; names tell lamps apart in relighting")
+        return self
+
+    @model_validator(mode="after")
+    def _receptor_with_method(self) -> Self:
+        given = [name for name in ("receptor", "field_of_view_deg") if getattr(self.sensors, name) is not None]
+        if self.trace.method == "rtrace" and given:
+            raise ValueError(
+                f"[trace] method = 'rtrace' has the cosine receptor alone: leave out {given[0]} under [sensors], "
+                "or trace with method = 'adaptive'"
+            )
         return self
 
     @property

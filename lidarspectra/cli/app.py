@@ -311,7 +311,7 @@ def verify(
 
 @app.command()
 def doctor() -> None:
-    """Check the Radiance programs and the libraries, and say how to mend what is wrong."""
+    """Check the Radiance programs, the light of a test room and the libraries, and say how to mend what is wrong."""
     from lidarspectra.workflow.doctor import examine
 
     findings = examine()

@@ -1,4 +1,4 @@
-"""Checks of `lidarspectra doctor`: the engine, its spectral samples per pass, the machine, the libraries."""
+"""Checks of `lidarspectra doctor`: engine, spectral samples per pass, a test room's light, machine, libraries."""
 
 import os
 import re
@@ -12,8 +12,9 @@ from pathlib import Path
 
 import psutil
 
-from lidarspectra.errors import EngineError
-from lidarspectra.radiance.engine.engine import INSTALL_ADVICE, MAX_SPECTRAL_SLOTS, engine_info, find_engine
+from lidarspectra.errors import EngineError, LidarSpectraError
+from lidarspectra.radiance.engine.engine import INSTALL_ADVICE, MAX_SPECTRAL_SLOTS, Engine, engine_info, find_engine
+from lidarspectra.workflow.method_check import check_methods
 
 PACKAGE = "lidarspectra"
 DEVELOPER_EXTRAS = ("docs", "test")
@@ -74,6 +75,25 @@ def _engine() -> Iterator[Finding]:
         value=f"{info.slots} a pass" if info.slots else info.fault,
         good=info.slots == MAX_SPECTRAL_SLOTS,
         todo='Set mode = "rgb" under [trace], which any Radiance runs, or install pyradiance 1.3.1 or later.',
+    )
+    if info.slots == MAX_SPECTRAL_SLOTS:
+        yield _methods(engine)
+
+
+def _methods(engine: Engine) -> Finding:
+    """Both methods to trace, in a small room."""
+    subject = "light of a test room"
+    try:
+        check = check_methods(engine)
+    except LidarSpectraError as error:
+        return Finding(subject=subject, value=str(error), good=False, todo=INSTALL_ADVICE)
+    return Finding(
+        subject=subject,
+        value=f"plain rtrace against the adaptive method: {100 * check.difference:+.2f} % "
+        f"(standard error {100 * check.standard_error:.2f} %)",
+        good=check.agrees,
+        todo="Run the command again. If they differ again, do not trust maps from this machine and report it: "
+        "one of the two methods is wrong.",
     )
 
 

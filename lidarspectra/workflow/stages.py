@@ -32,11 +32,12 @@ from lidarspectra.material.views import ViewSet, load_views, save_views
 from lidarspectra.progress import Progress, shares
 from lidarspectra.radiance.engine.engine import find_engine
 from lidarspectra.radiance.engine.options import reflections_in_words
+from lidarspectra.radiance.sampling.plain_rtrace import trace_plain
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport, save_transport
 from lidarspectra.radiance.scene.exported_model import write_workflow
 from lidarspectra.radiance.scene.placement import placement_notes
-from lidarspectra.radiance.scene.scene import RadianceScene, load_scene, write_scene
+from lidarspectra.radiance.scene.scene import LAMPS_PER_PASS, RadianceScene, load_scene, write_scene
 from lidarspectra.room.room import find_room, load_room, save_room
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.sensor_files import find_bands
@@ -182,7 +183,9 @@ def scene_stage(
 ) -> Stage[RadianceScene]:
     """Stage 4: the room as a Radiance model, with its lamps' spectra (paper, Section 3.1)."""
     given = inputs.declare(
-        *LAMP_KEYS, "daylight", "sensors.device", "trace.mode", databases=("lamps",), stages=(scan, materials)
+        *(*LAMP_KEYS, "daylight", "sensors.device", "trace.mode", "trace.method"),
+        databases=("lamps",),
+        stages=(scan, materials),
     )
     run_file = given.run_file
 
@@ -200,6 +203,7 @@ def scene_stage(
             bands,
             folder,
             mode=run_file.trace.mode,
+            lamps_per_pass=1 if run_file.trace.method == "rtrace" else LAMPS_PER_PASS,
             engine=find_engine(),
             progress=writing,
         )
@@ -217,7 +221,7 @@ def scene_stage(
 
 def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResult[RadianceScene]) -> Stage[xr.Dataset]:
     """Stage 5: every lamp's light at every sensor point, with its standard error (paper, Sections 2.4.4 and 3.1)."""
-    given = inputs.declare(*SENSOR_KEYS, "trace.accuracy", "trace.noise", stages=(scan, scene))
+    given = inputs.declare(*SENSOR_KEYS, "trace.accuracy", "trace.noise", "trace.method", stages=(scan, scene))
     sensors, section = given.run_file.sensors, given.run_file.trace
 
     def make(folder: Path, progress: Progress) -> Notes:
@@ -226,25 +230,37 @@ def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResu
         points = sensor_points(scan.value.scan, scan.value.room, sensors, folder=given.base)
         receptor = receptor_of_run(sensors, given.base)
         with trace_engine(inputs.cluster) as engine:
-            transport = trace(
-                scene.value,
-                points,
-                accuracy=section.accuracy,
-                noise=section.noise,
-                seed=TRACE_SEED,
-                workers=inputs.workers,
-                receptor=receptor,
-                engine=engine,
-                progress=tracing,
-            )
+            if section.method == "rtrace":  # with the cosine receptor: the run file refuses any other
+                transport = trace_plain(
+                    scene.value,
+                    points,
+                    accuracy=section.accuracy,
+                    noise=section.noise,
+                    workers=inputs.workers,
+                    engine=engine,
+                    progress=tracing,
+                )
+            else:
+                transport = trace(
+                    scene.value,
+                    points,
+                    accuracy=section.accuracy,
+                    noise=section.noise,
+                    seed=TRACE_SEED,
+                    workers=inputs.workers,
+                    receptor=receptor,
+                    engine=engine,
+                    progress=tracing,
+                )
         saving(0.0, "saving")
         save_transport(transport, folder / TRANSPORT_FILE)
         write_workflow(scene.value, points, folder / MODEL_FOLDER, accuracy=section.accuracy, noise=section.noise)
         return Notes(
-            summary=f"{len(points)} points, {reflections_in_words(section.accuracy)}; "
+            summary=f"{len(points)} points, {reflections_in_words(section.accuracy)}"
+            f"{', by plain runs of rtrace' if section.method == 'rtrace' else ''}; "
             f"standard error {100 * transport.attrs['achieved_relative_se']:.2f} % of the mean "
             f"(wanted {100 * transport.attrs['target_relative_se']:.1f} %), "
-            f"{transport.attrs['truncated_share']:.2%} left out beyond the last reflection",
+            f"{_truncation_in_words(transport)}",
             warnings=_trace_warnings(transport, points),
         )
 
@@ -338,6 +354,13 @@ def _materials_notes(materials: MaterialMap, face_areas: FloatArray, unlit: Deli
     )
 
 
+def _truncation_in_words(transport: xr.Dataset) -> str:
+    """What is missing beyond the last reflection, where the method estimates it."""
+    if "truncated_share" in transport.attrs:
+        return f"{transport.attrs['truncated_share']:.2%} left out beyond the last reflection"
+    return "what was left out beyond the last reflection is not estimated"
+
+
 def _trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, ...]:
     warnings = []
     buried = int(points.buried.sum())
@@ -357,13 +380,18 @@ def _trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, .
         )
     achieved, target = transport.attrs["achieved_relative_se"], transport.attrs["target_relative_se"]
     if achieved > target:
+        if transport.attrs.get("method") == "rtrace":
+            reason = "because plain rtrace takes a fixed number of rays"
+            todo = 'Write a finer noise, or method = "adaptive", in [trace].'
+        else:
+            reason = "because the ray budget was used up"
+            todo = "Move sensor points there that lie close to a lamp or a mirror, or write a coarser noise in [trace]."
         warnings.append(
             f"The standard error of the simulation is {100 * achieved:.1f} % of the mean, above the target of "
-            f"{100 * target:.1f} %, because the ray budget was used up. The map is right within these larger error "
-            "bars; the report's map of the standard error shows where they are large. Move sensor points "
-            "there that lie close to a lamp or a mirror, or write a coarser noise in [trace]."
+            f"{100 * target:.1f} %, {reason}. The map is right within these larger error "
+            f"bars; the report's map of the standard error shows where they are large. {todo}"
         )
-    truncated = transport.attrs["truncated_share"]
+    truncated = transport.attrs.get("truncated_share", 0.0)  # plain rtrace does not know it
     if truncated > target:
         warnings.append(
             f"About {100 * truncated:.2g} % of the mean irradiance is missing in the worst channel, because light is "

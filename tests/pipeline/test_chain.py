@@ -173,3 +173,18 @@ def test_one_stage_s_command_stops_there(tmp_path: Path, write_room: RoomWriter)
     answer = CliRunner().invoke(app, ["scan", str(run_file)])
     assert answer.exit_code == 0, answer.output
     assert [path.name for path in sorted(run_file.with_suffix(".run").iterdir())] == ["1-scan", "lidarspectra-run.json"]
+
+
+def test_a_run_by_plain_rtrace_goes_to_its_map_and_is_relit(
+    tmp_path: Path, write_room: RoomWriter, room_text: str
+) -> None:
+    from lidarspectra.workflow.relighting import LampOrder, relight_run
+
+    text = room_text.replace("[trace]", '[trace]\nmethod = "rtrace"').replace("coverage = 0.5", 'method = "default"')
+    run_file = write_room(tmp_path, text)
+    summary = run(run_file, last="map")
+    transport = summary.transport
+    assert (transport.attrs["method"], "truncation" in transport) == ("rtrace", False)
+    assert "by plain runs of rtrace" in {each.stage: each for each in summary.records}["trace"].summary
+    relit = relight_run(run_file.with_suffix(".run"), [LampOrder(lamp="warm", dim=0.0)], base=tmp_path)
+    assert float(relit["irradiance"].min()) > 0

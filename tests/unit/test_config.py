@@ -65,6 +65,14 @@ def test_lamps_that_contradict_themselves_are_refused(change: str, words: str) -
         parse(MINIMAL + change + "\n")
 
 
+@pytest.mark.parametrize("key", ['receptor = "dome.csv"', "field_of_view_deg = 30"])
+def test_plain_rtrace_is_refused_for_a_sensor_that_it_does_not_have(key: str) -> None:
+    text = f"{MINIMAL}[sensors]\n{key}\ngrid.count = 4\n[trace]\nmethod = "
+    with pytest.raises(RunFileError, match=f"leave out {key.partition(' ')[0]}"):
+        parse(f'{text}"rtrace"')
+    parse(f'{text}"adaptive"')
+
+
 def test_not_a_number_is_refused_where_toml_allows_it() -> None:
     with pytest.raises(RunFileError, match="finite"):
         parse(MINIMAL.replace("0.9, 1.5", "nan, 1.5"))

@@ -76,6 +76,7 @@ FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits
     "sensors.device": STAGES[3:],
     "trace": STAGES[4:],
     "trace.mode": STAGES[3:],
+    "trace.method": STAGES[3:],  # plain rtrace wants a pass for each lamp
     "trace.workers": STAGES[6:],  # the same numbers, but the page shows the run file
     "people_and_plants": STAGES[6:],
     "cells": STAGES[6:],
@@ -147,6 +148,8 @@ def others(key: str, value: Any) -> Iterator[Any]:
         yield value + "2"
     elif key in OTHER_WORDS:
         yield OTHER_WORDS[key]
+        if key == "method":
+            yield "rtrace"  # of the trace, which has no default one
     yield from (None, 0.5, 2, [0.5, 0.5])
 
 

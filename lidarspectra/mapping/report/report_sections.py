@@ -148,7 +148,9 @@ def accuracy_section(report: ReportInput, writer: ReportWriter) -> str:
     attrs = report.transport.attrs
     target = attrs.get("target_relative_se")
     followed = "all" if attrs.get("accuracy") == "all" else f"at most {attrs.get('bounces', 'an unknown number of')}"
+    plain = attrs.get("method") == "rtrace"
     rows = {
+        "method": "plain runs of rtrace" if plain else "adaptive sampling",
         "accuracy": f"{attrs.get('accuracy', 'not recorded')}, {followed} reflections",
         "noise": f"{attrs.get('noise', 'not recorded')}; {_target_words(report)}",
         "achieved standard error": f"{_achieved_percent(report):.2g} % of the mean irradiance",
@@ -162,6 +164,8 @@ def accuracy_section(report: ReportInput, writer: ReportWriter) -> str:
                 else ""
             )
         )
+    elif plain:
+        rows["light beyond the last reflection"] = "missing, and not estimated by plain runs of rtrace"
     if "seconds" in attrs:
         rows["tracing time"] = f"{float(attrs['seconds']):.1f} s"
     caption = (

@@ -35,6 +35,7 @@ from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
 
+METHOD = "adaptive"
 BLOCK_BYTES = 3 * 2**29  # [byte] of what is kept of a block: with many lamps small ones are mostly starts of the engine
 BYTES_PER_VALUE = 16  # [byte] of a batch, lamp, point and band: three components and their sum, in single precision
 MAX_BLOCK_POINTS = 20_000
@@ -83,8 +84,8 @@ def trace(
     transport : xarray.Dataset
         See `transport`. Attributes say what was asked for and reached: target_relative_se, achieved_relative_se,
         truncated_share (light that was reflected more often than is followed, of the mean irradiance in the worst
-        band), target_met (0 or 1: neither is above the target), accuracy, bounces, noise, seconds, rays, engine
-        commands.
+        band), target_met (0 or 1: neither is above the target), method ('adaptive'), accuracy, bounces, noise,
+        seconds, rays, engine commands.
 
     Raises
     ------
@@ -103,7 +104,7 @@ def trace(
         engine=find_engine() if engine is None else engine,
     )
     transport = _trace(scene, points, request, seed=seed, progress=progress)
-    transport.attrs.update(accuracy=accuracy, noise=noise)
+    transport.attrs.update(method=METHOD, accuracy=accuracy, noise=noise)
     return transport
 
 

@@ -76,6 +76,7 @@ def write_scene(
     engine: Engine | None = None,
     crease_deg: float = CREASE_DEG,
     fine_slots: bool = True,
+    lamps_per_pass: int = LAMPS_PER_PASS,
     progress: Progress = silent,
 ) -> RadianceScene:
     """Write a room as a Radiance scene and compile it.
@@ -100,6 +101,8 @@ def write_scene(
         Faces that meet at less than this are shaded as one smooth surface. [deg]
     fine_slots : bool
         Cut channels in parts where lamps and surfaces need it (`slots`); direct light alone does without.
+    lamps_per_pass : int
+        Most lamps that one octree lights; 1 for `plain_rtrace`, which does not tell lamps apart.
     progress : Progress, optional
         Told as passes are compiled.
 
@@ -124,7 +127,7 @@ def write_scene(
     flux = np.array([slots.bands.band_values(lamp.flux, outside="zero") for lamp in lamps])
     room = _Room(folder, lamps, modifiers, slots.bands, WRITTEN_PER_WATT * with_floor(flux), _bounds(scan, lamps))
     names = tuple(f"m{index}" for index in range(len(materials.materials)))
-    plans = _plan_passes(lamps, slots, mode)
+    plans = _plan_passes(lamps, slots, mode, lamps_per_pass)
     writing, *compiling = shares(progress, _shares([planned for _, planned in plans]))
     writing(0.0, "writing the mesh")
     _write_shapes(room)
@@ -228,14 +231,16 @@ def _slot_reflectance(lamps: Sequence[Lamp], slots: Slots) -> FloatArray:
     return found
 
 
-def _plan_passes(lamps: Sequence[Lamp], slots: Slots, mode: Mode) -> list[tuple[SpectralGroup, ScenePass]]:
+def _plan_passes(
+    lamps: Sequence[Lamp], slots: Slots, mode: Mode, lamps_per_pass: int
+) -> list[tuple[SpectralGroup, ScenePass]]:
     """Passes of every spectral group, band group, and handful of lamps; those of one group share their surfaces."""
     plans: list[tuple[SpectralGroup, ScenePass]] = []
     for light in _groups(lamps, slots.channels):
         for group in band_groups(len(slots), mode):
             surfaces = f"pass{len(plans)}"
-            for start in range(0, len(light.lamps), LAMPS_PER_PASS):
-                part = light.lamps[start : start + LAMPS_PER_PASS]
+            for start in range(0, len(light.lamps), lamps_per_pass):
+                part = light.lamps[start : start + lamps_per_pass]
                 plans.append((light, ScenePass(name=f"pass{len(plans)}", lamps=part, group=group, surfaces=surfaces)))
     return plans
 

@@ -18,6 +18,7 @@ from lidarspectra.lamps.shapes import Bulb, Panel
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
 from lidarspectra.radiance.engine.engine import Engine, find_engine
+from lidarspectra.radiance.sampling.plain_rtrace import trace_plain
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.scene.exported_model import write_workflow
 from lidarspectra.radiance.scene.scene import RadianceScene, write_scene
@@ -39,7 +40,7 @@ def points() -> SensorPoints:
     return SensorPoints(positions=spots, normals=normals, buried=np.zeros(4, dtype=bool))
 
 
-def two_lamp_scene(folder: Path, mode: str, engine: Engine) -> RadianceScene:
+def two_lamp_scene(folder: Path, mode: str, engine: Engine, *, alike: bool = False, **options: Any) -> RadianceScene:
     """A coloured cube with two lamps of different spectra: several passes in either mode."""
     box = trimesh.creation.box(extents=(2.0, 2.0, 2.0))
     box.invert()
@@ -64,11 +65,12 @@ def two_lamp_scene(folder: Path, mode: str, engine: Engine) -> RadianceScene:
     down = np.array([0.0, 0.0, -1.0])
     warm = Spectrum(wavelengths_nm=[380.0, 780.0], values=[0.01, 0.05])
     line = Spectrum(wavelengths_nm=[380.0, 540.0, 545.0, 550.0, 780.0], values=[0.01, 0.01, 0.3, 0.01, 0.01])
+    second = warm if alike else line
     lamps = [
         Lamp(name="warm", shape=Panel(0.4, 0.4), center=np.array([1.0, 1.0, 1.9]), normal=down, flux=warm),
-        Lamp(name="line", shape=Bulb(0.05), center=np.array([0.4, 1.5, 1.2]), normal=down, flux=line),
+        Lamp(name="line", shape=Bulb(0.05), center=np.array([0.4, 1.5, 1.2]), normal=down, flux=second),
     ]
-    return write_scene(scan, materials, lamps, sensor_bands("as7265x-14"), folder, mode=mode, engine=engine)
+    return write_scene(scan, materials, lamps, sensor_bands("as7265x-14"), folder, mode=mode, engine=engine, **options)
 
 
 def stock(engine: Engine) -> dict[str, str]:
@@ -225,3 +227,58 @@ def test_a_scene_without_its_files_is_refused(engine: Engine, points: SensorPoin
     (tmp_path / "scene" / "room.obj").unlink()
     with pytest.raises(SceneError, match="scene stage"):
         write_workflow(scene, points, tmp_path / "model", **ASKED)
+
+
+@pytest.mark.parametrize("mode", ["native", "rgb"])
+def test_plain_rtrace_asks_the_engine_what_the_makefile_asks(
+    tmp_path: Path, engine: Engine, points: SensorPoints, mode: str
+) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", mode, engine)
+    transport = trace_plain(scene, points, accuracy="low", noise="draft", engine=engine)
+    model = tmp_path / "model"
+    write_workflow(scene, points, model, accuracy="low", noise="draft", engine=engine)
+    rules = [line.split() for line in (model / "Makefile").read_text().splitlines() if line.startswith("\trtrace")]
+    asked = [line.split() for line in transport.attrs["commands"].splitlines()]
+    assert len(rules) == len(asked) == len(scene.passes)
+    for rule, words in zip(rules, asked, strict=True):
+        program, _, shared, slots, octree, *_ = rule
+        files = [(model / name.removeprefix("@")).read_text().split() for name in (shared, slots)]
+        assert [program, *files[0], *files[1], octree] == [word for word in words if word not in ("-h-", "-fdf")]
+
+
+@pytest.mark.chance("two runs of the engine, seeded by the clock, within five of their combined errors")
+@pytest.mark.parametrize("mode", ["native", "rgb"])
+def test_plain_rtrace_and_trace_agree_lamp_by_lamp(
+    tmp_path: Path, engine: Engine, points: SensorPoints, mode: str
+) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", mode, engine, alike=True, lamps_per_pass=1)
+    assert all(len(each.lamps) == 1 for each in scene.passes)
+    assert len(scene.slots) > len(scene.bands)  # else nothing is folded
+    plain = trace_plain(scene, points, **ASKED, engine=engine)
+    adaptive = trace(scene, points, **ASKED, seed=2, engine=engine)
+    assert (plain.attrs["method"], plain.attrs["bounces"]) == ("rtrace", 8)
+    difference = abs(plain["coefficient"] - adaptive["coefficient"])
+    error = np.hypot(plain["coefficient_se"], adaptive["coefficient_se"])
+    assert float((difference / error).max()) < 5.0
+    assert float((error / adaptive["coefficient"]).median()) < 0.05  # else the above would hold of anything
+
+
+@pytest.mark.chance("two runs of the engine, seeded by the clock, within five of their combined errors")
+@needs_make
+def test_plain_rtrace_and_make_give_one_irradiance(tmp_path: Path, engine: Engine, points: SensorPoints) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine, alike=True, lamps_per_pass=1)
+    folder = write_workflow(scene, points, tmp_path / "model", **ASKED).parent
+    made = answer(folder, engine)[:, 6:]
+    plain = trace_plain(scene, points, **ASKED, engine=engine)
+    irradiance = (plain["coefficient"] * plain["flux"]).sum("lamp").transpose("point", "band").to_numpy()
+    error = np.sqrt(2.0) * plain["irradiance_se"].transpose("point", "band").to_numpy()  # both do the same work
+    assert np.abs((made - irradiance) / error).max() < 5.0
+    assert np.median(error / irradiance) < 0.02  # else the above would hold of anything
+
+
+def test_plain_rtrace_refuses_lamps_that_it_cannot_tell_apart(
+    tmp_path: Path, engine: Engine, points: SensorPoints
+) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine, alike=True)
+    with pytest.raises(SceneError, match="'warm', 'line' in pass0"):
+        trace_plain(scene, points, engine=engine)
