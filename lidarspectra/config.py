@@ -194,11 +194,22 @@ class TraceSection(Section):
 
     accuracy: Literal["low", "medium", "high", "ultra", "all"] = "high"
     noise: Literal["draft", "standard", "fine"] = "standard"
+    noise_of: Literal["mean", "point"] = "mean"
+    """Whether the target holds for the mean irradiance, or at each point for its own light."""
     mode: Literal["native", "rgb"] = "native"
     method: Literal["adaptive", "rtrace"] = "adaptive"
     """'adaptive' samples where the noise is; 'rtrace' runs plain rtrace, as the exported model's Makefile does."""
     workers: Annotated[int, Field(ge=1, le=1024)] | None = None
     """Processes; None is one a core."""
+
+    @model_validator(mode="after")
+    def _target_with_method(self) -> Self:
+        if self.method == "rtrace" and self.noise_of == "point":
+            raise ValueError(
+                "method = 'rtrace' takes a fixed number of rays and comes down to no target: leave out noise_of, "
+                "or trace with method = 'adaptive'"
+            )
+        return self
 
 
 class PeopleAndPlantsSection(Section):

@@ -168,6 +168,20 @@ def test_a_lamp_that_lights_no_point_is_named() -> None:
     assert "'seen'" not in warning
 
 
+def test_points_that_missed_a_target_of_their_own_are_counted() -> None:
+    transport = xr.Dataset(
+        {
+            "coefficient": (("lamp", "point", "band"), np.ones((1, 3, 1))),
+            "missed_target": ("point", np.array([True, False, True])),
+        },
+        coords={"lamp": ["seen"]},
+        attrs={"achieved_relative_se": 0.001, "target_relative_se": 0.01, "truncated_share": 0.0},
+    )
+    points = SensorPoints(positions=np.zeros((3, 3)), normals=np.tile([0, 0, 1], (3, 1)), buried=np.zeros(3, bool))
+    (warning,) = stages._trace_warnings(transport, points)
+    assert "At 2 of 3 sensor points the standard error is above 1.0 % of the light there" in warning
+
+
 def test_one_stage_s_command_stops_there(tmp_path: Path, write_room: RoomWriter) -> None:
     run_file = write_room(tmp_path)
     answer = CliRunner().invoke(app, ["scan", str(run_file)])

@@ -73,6 +73,11 @@ def test_plain_rtrace_is_refused_for_a_sensor_that_it_does_not_have(key: str) ->
     parse(f'{text}"adaptive"')
 
 
+def test_plain_rtrace_is_refused_for_a_target_at_each_point() -> None:
+    with pytest.raises(RunFileError, match="comes down to no target"):
+        parse(MINIMAL + '\n[trace]\nmethod = "rtrace"\nnoise_of = "point"\n')
+
+
 def test_not_a_number_is_refused_where_toml_allows_it() -> None:
     with pytest.raises(RunFileError, match="finite"):
         parse(MINIMAL.replace("0.9, 1.5", "nan, 1.5"))

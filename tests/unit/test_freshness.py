@@ -132,7 +132,8 @@ def leaves(value: Any, at: tuple[str | int, ...] = ()) -> Iterator[tuple[str | i
 OTHER_WORDS = {
     "shape": "disc", "size": [0.4, 0.4], "unit": "cm", "up": "+z", "fluxes": "area", "method": "default",
     "model": "none", "matching": "nearest", "databases": ["builtin", "mine"], "accuracy": "low", "noise": "fine",
-    "mode": "rgb", "hours": "9-18", "time": "2026-06-21T13:00:00+02:00", "file": "another", "workers": 3,
+    "noise_of": "point", "mode": "rgb", "hours": "9-18", "time": "2026-06-21T13:00:00+02:00", "file": "another",
+    "workers": 3,
 }  # fmt: skip
 
 

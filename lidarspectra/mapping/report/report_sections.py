@@ -35,6 +35,7 @@ from lidarspectra.mapping.report.room_view import MAX_FACES, MAX_POINTS
 MAX_POINT_ROWS = 500  # rows of the table of points in the page; the file has all
 TESTED_POINTS = 64  # left out in turn, enough for a median within 10 %
 MAX_VIEWS = 12  # pictures in the page
+MAX_MISSED_NAMED = 8  # points above a target of their own that the page names
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -155,6 +156,8 @@ def accuracy_section(report: ReportInput, writer: ReportWriter) -> str:
         "noise": f"{attrs.get('noise', 'not recorded')}; {_target_words(report)}",
         "achieved standard error": f"{_achieved_percent(report):.2g} % of the mean irradiance",
     }
+    if "missed_target" in report.transport:
+        rows["points above the target"] = _missed_words(report)
     if "truncated_share" in attrs:
         rows["light beyond the last reflection"] = (
             f"about {float(attrs['truncated_share']):.2%} of the mean irradiance in the worst channel, which is missing"
@@ -300,8 +303,28 @@ def _target_words(report: ReportInput) -> str:
     target = report.transport.attrs.get("target_relative_se")
     if target is None:
         return "no target given"
-    met = _achieved_percent(report) <= 100.0 * float(target)
-    return f"target {100.0 * float(target):g} %, {'met' if met else 'not met'}"
+    if "missed_target" in report.transport:
+        met, of = not report.transport["missed_target"].any(), " of each point's own light"
+    else:
+        met, of = _achieved_percent(report) <= 100.0 * float(target), ""
+    return f"target {100.0 * float(target):g} %{of}, {'met' if met else 'not met'}"
+
+
+def _missed_words(report: ReportInput) -> str:
+    """How many points missed a target that was asked of each, and where the first of them are."""
+    missed = np.flatnonzero(report.transport["missed_target"].to_numpy())
+    if not missed.size:
+        return f"none of {report.transport.sizes['point']}"
+    places = np.stack([report.transport[axis].to_numpy()[missed[:MAX_MISSED_NAMED]] for axis in "xyz"], axis=1)
+    named = ", ".join(
+        f"{number} at ({x:.2f}, {y:.2f}, {z:.2f}) m" for number, (x, y, z) in zip(missed, places, strict=False)
+    )
+    more = missed.size - MAX_MISSED_NAMED
+    return (
+        f"{missed.size} of {report.transport.sizes['point']}, numbered from 0: {named}"
+        + (f", and {more} more (missed_target in transport.nc)" if more > 0 else "")
+        + ". Their values are right within their error bars."
+    )
 
 
 def _interpolation_words(dataset: xr.Dataset) -> str:

@@ -22,7 +22,9 @@ from lidarspectra.radiance.engine.bands import BandGroup
 
 Accuracy = Literal["low", "medium", "high", "ultra", "all"]
 Noise = Literal["draft", "standard", "fine"]
+NoiseOf = Literal["mean", "point"]
 
+NOISES_OF: tuple[NoiseOf, ...] = ("mean", "point")
 BOUNCES: dict[Accuracy, int] = {"low": 2, "medium": 8, "high": 14, "ultra": 20}  # [1] paper, Section 4.1
 ALL_BOUNCES = 2_000  # of 'all', where paths end by Russian roulette alone: .99 to this power is 2e-9
 PATH_WEIGHT = 0.4  # [1] -lw: below it a path lives by lot; .3 to .5 gave the least noise for a second of work

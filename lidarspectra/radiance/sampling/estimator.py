@@ -301,10 +301,10 @@ def wanted_samples(
             break
         free &= ~settled
     more = np.split(total - present, np.cumsum([component.samples.size for component in components])[:-1])
-    return [_to_sizes(extra, component.sizes) for extra, component in zip(more, components, strict=True)]
+    return [to_sizes(extra, component.sizes) for extra, component in zip(more, components, strict=True)]
 
 
-def _to_sizes(extra: FloatArray, sizes: Sequence[int]) -> IntArray:
+def to_sizes(extra: FloatArray, sizes: Sequence[int]) -> IntArray:
     """Each number's nearest size, by ratio; 0 below half of the smallest."""
     table = np.asarray(sizes, dtype=np.float64)
     edges = np.sqrt(table[1:] * table[:-1])

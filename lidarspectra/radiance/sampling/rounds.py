@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.engine.engine import Engine, EngineJob, float_rows
-from lidarspectra.radiance.engine.options import PassOptions, first_round_sizes
+from lidarspectra.radiance.engine.options import NoiseOf, PassOptions, first_round_sizes
 from lidarspectra.radiance.sampling.arrivals import Surfaces
 from lidarspectra.radiance.sampling.estimator import (
     BATCHES,
@@ -25,6 +25,7 @@ from lidarspectra.radiance.sampling.estimator import (
     task_job,
     wanted_samples,
 )
+from lidarspectra.radiance.sampling.own_light import own_relative_se, samples_for_each_point
 from lidarspectra.radiance.sampling.patches import Patches, find_patches
 from lidarspectra.radiance.sampling.pooling import Sharing
 from lidarspectra.radiance.sampling.receptors import Receptor
@@ -50,7 +51,9 @@ class Request:
     bounces : int
         Largest number of diffuse reflections.
     target : float
-        Target of the standard error, relative to the mean irradiance. [1]
+        Target of the standard error. [1]
+    noise_of : str
+        What that is relative to: the 'mean' irradiance, or the light of each 'point'.
     workers : int
         Processes.
     receptor : Receptor
@@ -64,6 +67,7 @@ class Request:
     workers: int
     receptor: Receptor
     engine: Engine
+    noise_of: NoiseOf = "mean"
     surfaces: Mapping[str, Surfaces] = field(default_factory=dict)
 
 
@@ -158,12 +162,15 @@ def estimate_block(
         first_s = first_s or _spent_s(components)
         totals = _totals(scene, components)
         error = standard_error(totals)
-        means = totals[:, counted].mean(axis=(0, 1)) if scale is None else scale
-        if not counted.any() or relative_rms(error[counted], means) <= request.target:
-            break
-        if max(component.samples.mean() for component in components) * BATCHES > MAX_PATHS_PER_POINT:
-            break
-        wanted = _missing(scene, components, sensors, counted, means, request.target)
+        if request.noise_of == "point":
+            wanted = _missing_of_points(scene, components, sensors, counted, error, totals.mean(axis=0), request.target)
+        else:
+            means = totals[:, counted].mean(axis=(0, 1)) if scale is None else scale
+            if not counted.any() or relative_rms(error[counted], means) <= request.target:
+                break
+            if max(component.samples.mean() for component in components) * BATCHES > MAX_PATHS_PER_POINT:
+                break
+            wanted = _missing(scene, components, sensors, counted, means, request.target)
         if not any(more.any() for more in wanted):
             break
         start = max(stop, SECOND_ROUND * share_done(components, wanted))
@@ -395,6 +402,47 @@ def _missing(
         for _ in range(MAX_ROUNDS):  # the step to the next size of a set may exceed what is missing
             sharers = [components[index] for index in members]
             shares = wanted_samples(sharers, variances, points=counted.size, target=aim)
+            if any(share.any() for share in shares):
+                break
+            aim *= AIM
+        for index, share in zip(members, shares, strict=True):
+            wanted[index] = share
+    return wanted
+
+
+def _missing_of_points(
+    scene: RadianceScene,
+    components: Sequence[Component],
+    sensors: Sensors,
+    counted: BoolArray,
+    error: FloatArray,
+    light: FloatArray,
+    target: float,
+) -> list[IntArray]:
+    """The same where every point's error has to come down to a share of its own light.
+
+    How a point's variance divides between components is averaged over its neighbours, how large it is in all is told
+    by the error that the target is held against.
+    """
+    wanted = [np.zeros(component.samples.size, dtype=np.int64) for component in components]
+    for slots in sorted({component.slots for component in components}):
+        members = [index for index, component in enumerate(components) if component.slots == slots]
+        matrix = scene.slots.matrix[list(slots)]
+        bands = matrix.sum(axis=0) > 0
+        own = own_relative_se(error[:, bands], light[:, bands])
+        wanting = counted & (own > target)
+        parts = []
+        for index in members:
+            variance = band_variance(components[index], _flux_ratio(scene, components[index]), matrix[:, bands])
+            relative = own_relative_se(np.sqrt(variance), light[:, bands]) ** 2
+            parts.append(smooth_over_neighbours(relative, sensors))
+        whole = np.sum(parts, axis=0)
+        factor = np.divide(own**2, whole, out=np.zeros(own.size), where=wanting & (whole > 0))
+        aim = AIM * target**2
+        for _ in range(MAX_ROUNDS):  # as above
+            shares = samples_for_each_point(
+                [components[index] for index in members], [part * factor for part in parts], target=aim
+            )
             if any(share.any() for share in shares):
                 break
             aim *= AIM

@@ -3,7 +3,8 @@
 Points go in blocks, blocks in rounds. The first round samples every point a little; from its spread the next ones
 take what is still missing where it is cheapest (`rounds`, `estimator`), until the error that the run estimates for
 itself is down to what `noise` names: the root mean square over the points of the standard error, in the worst band, as
-a fraction of the band's mean irradiance. What a bounded budget could not reach is said in the attributes.
+a fraction of the band's mean irradiance; or each point's, as a fraction of its own light (`noise_of`). What a bounded
+budget could not reach is said in the attributes, and of which points.
 
 The engine seeds its own numbers by the clock's second, so that two runs differ within their error; the directions are
 drawn here, from `seed`. Rounds of shadow rays, which take all their numbers from the engine, start in different
@@ -19,14 +20,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from lidarspectra.arguments import instance_of
+from lidarspectra.arguments import instance_of, one_of
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.engine.engine import Engine, find_engine
-from lidarspectra.radiance.engine.options import Accuracy, Noise, bounces_of, noise_level
+from lidarspectra.radiance.engine.options import NOISES_OF, Accuracy, Noise, NoiseOf, bounces_of, noise_level
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
 from lidarspectra.radiance.sampling.estimator import BATCHES
 from lidarspectra.radiance.sampling.folding import fold_coefficients, folding
+from lidarspectra.radiance.sampling.own_light import own_relative_se
 from lidarspectra.radiance.sampling.receptors import Receptor, cosine_receptor
 from lidarspectra.radiance.sampling.rounds import FIRST_ROUND, Log, Request, estimate_block, first_mean, relative_rms
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
@@ -48,6 +50,7 @@ def trace(
     *,
     accuracy: Accuracy = "high",
     noise: Noise = "standard",
+    noise_of: NoiseOf = "mean",
     seed: int = 0,
     workers: int | None = None,
     receptor: Receptor | None = None,
@@ -67,7 +70,12 @@ def trace(
         Most reflections that light is followed for: 'low' 2, 'medium' 8, 'high' 14, 'ultra' 20; 'all' ends paths by
         Russian roulette alone.
     noise : str
-        Target of the standard error, of the mean irradiance: 'draft' 3 %, 'standard' 1 %, 'fine' 0.5 %.
+        Target of the standard error: 'draft' 3 %, 'standard' 1 %, 'fine' 0.5 %.
+    noise_of : str
+        Of what: 'mean' holds the root mean square over all points to the mean irradiance, 'point' each point's to its
+        own light, which takes longer by as much as the room has dark places. A point that a bounded number of paths
+        (`own_light.MAX_OWN_PATHS`) does not bring down to it is true in 'missed_target'; one without any light wants
+        none.
     seed : int
         Of the directions.
     workers : int, optional
@@ -84,13 +92,13 @@ def trace(
     transport : xarray.Dataset
         See `transport`. Attributes say what was asked for and reached: target_relative_se, achieved_relative_se,
         truncated_share (light that was reflected more often than is followed, of the mean irradiance in the worst
-        band), target_met (0 or 1: neither is above the target), method ('adaptive'), accuracy, bounces, noise,
-        seconds, rays, engine commands.
+        band), target_met (0 or 1: neither is above the target, or, of 'point', no point and not the latter), method
+        ('adaptive'), accuracy, bounces, noise, noise_of, seconds, rays, engine commands.
 
     Raises
     ------
     ArgumentError
-        If accuracy or noise is none of these words, or scene or points are something else.
+        If accuracy, noise or noise_of is none of these words, or scene or points are something else.
     EngineError
         If a program is missing, fails, or answers with too few values or non-finite ones.
     """
@@ -99,12 +107,13 @@ def trace(
     request = Request(
         bounces=bounces_of(accuracy),
         target=noise_level(noise).relative_se,
+        noise_of=one_of(noise_of, NOISES_OF, name="noise_of"),
         workers=workers or available_cores(),
         receptor=cosine_receptor() if receptor is None else receptor,
         engine=find_engine() if engine is None else engine,
     )
     transport = _trace(scene, points, request, seed=seed, progress=progress)
-    transport.attrs.update(method=METHOD, accuracy=accuracy, noise=noise)
+    transport.attrs.update(method=METHOD, accuracy=accuracy, noise=noise, noise_of=noise_of)
     return transport
 
 
@@ -179,7 +188,7 @@ def _trace(
     counted = ~points.buried if not points.buried.all() else np.ones(count, dtype=np.bool_)
     blocks = _blocks(scene, count)
     scale = None
-    if len(blocks) > 1:
+    if len(blocks) > 1 and request.noise_of == "mean":
         scale = _scale(scene, points, counted, request, generator=generator, log=log)
     slot_coefficient = np.empty((lamps, count, len(scene.slots)), dtype=np.float32)
     coefficient = np.empty((lamps, count, bands), dtype=np.float32)
@@ -218,6 +227,11 @@ def _trace(
     means = (coefficient[:, counted].mean(axis=1, dtype=np.float64) * scene.flux).sum(axis=0)
     achieved = relative_rms(irradiance_se[counted], means)
     truncated = relative_rms(truncation[counted], means)
+    missed = None
+    if request.noise_of == "point":
+        light = np.einsum("lpb,lb->pb", coefficient, scene.flux, dtype=np.float64)
+        missed = counted & (own_relative_se(irradiance_se, light) > request.target)
+    reached = achieved <= request.target if missed is None else not missed.any()
     return make_transport(
         scene,
         points,
@@ -227,13 +241,14 @@ def _trace(
         irradiance_se=irradiance_se,
         truncation=truncation,
         batches=batches,
+        missed=missed,
         attributes={
             "bounces": request.bounces,
             "mode": scene.mode,
             "target_relative_se": request.target,
             "achieved_relative_se": achieved,
             "truncated_share": truncated,
-            "target_met": int(achieved <= request.target and truncated <= request.target),
+            "target_met": int(reached and truncated <= request.target),
             "seconds": time.perf_counter() - start,
             "rays": log.rays,
             "seed": seed,

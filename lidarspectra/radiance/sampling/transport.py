@@ -9,6 +9,7 @@ A transport is an xarray Dataset with the dims (lamp, point, band):
     irradiance_se        (point, band)               [W m-2 nm-1]  standard error of the sum over lamps with that flux
     truncation           (point, band)               [W m-2 nm-1]  about what is missing of that sum: light that was
                                                                    reflected more often than is followed
+    missed_target        (point,)                               with `noise_of` 'point': its error is above the target
     slot_coefficient, slot_flux, slot_share, slot_channel, slot_weights   the same in finer slots (see `folding`)
     x y z nx ny nz buried (point,), lamp (lamp,), band band_width band_label (band,)
 
@@ -22,7 +23,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import EngineError, WorkspaceError
 from lidarspectra.io.netcdf import check_numbers, read_netcdf, write_netcdf
 from lidarspectra.radiance.sampling.folding import slot_variables
@@ -57,6 +58,7 @@ def make_transport(
     irradiance_se: NDArray[np.floating],
     truncation: NDArray[np.floating] | None = None,
     batches: NDArray[np.floating] | None,
+    missed: BoolArray | None = None,
     attributes: dict[str, str | int | float],
 ) -> xr.Dataset:
     """Put traced numbers into a Dataset with units and coordinates (see the module's text).
@@ -76,6 +78,8 @@ def make_transport(
         [W/m²/nm]
     batches : (batch, lamp, point, band) float or None
         [m⁻²]
+    missed : (point,) bool, optional
+        Points whose error is above a target that was asked of each.
     attributes : dict
         How it was traced.
 
@@ -111,6 +115,9 @@ def make_transport(
     if batches is not None:
         text = "independent estimates of the coefficient"
         variables["coefficient_batches"] = (_BATCHES, batches, {"units": "m-2", "long_name": text})
+    if missed is not None:
+        text = "standard error is above the target, of the point's own light"
+        variables["missed_target"] = ("point", missed, {"long_name": text})
     return xr.Dataset(variables, coordinates, {**attributes, "Conventions": "CF-1.11", "schema": SCHEMA})
 
 

@@ -212,6 +212,21 @@ def test_a_target_that_was_not_reached_is_said_so(report, tmp_path):
     assert "target 1 %, not met" in page.text
 
 
+def test_points_that_missed_a_target_of_their_own_are_named(report, tmp_path):
+    missed = np.zeros(report.transport.sizes["point"], dtype=bool)
+    met = report.transport.assign(missed_target=("point", missed))
+    _, page = _read(write_report(tmp_path / "met", replace(report, transport=met)))
+    assert "target 1 % of each point's own light, met" in page.text
+    assert f"none of {missed.size}" in page.text
+    missed[[3, 5]] = True
+    transport = report.transport.assign(missed_target=("point", missed))
+    _, page = _read(write_report(tmp_path / "missed", replace(report, transport=transport)))
+    assert "target 1 % of each point's own light, not met" in page.text
+    x, y, z = (float(transport[axis][5]) for axis in "xyz")
+    assert f"2 of {missed.size}, numbered from 0: 3 at" in page.text
+    assert f"5 at ({x:.2f}, {y:.2f}, {z:.2f}) m." in page.text
+
+
 def test_progress_ends_at_one(report, tmp_path):
     heard: list[float] = []
     write_report(tmp_path, report, progress=lambda fraction, message: heard.append(fraction))
