@@ -70,7 +70,7 @@ def test_the_six_views_stand_over_what_became_of_them() -> None:
 
 
 def test_a_view_without_its_segmentation_is_refused() -> None:
-    with pytest.raises(MapError, match="as many"):
+    with pytest.raises(MapError, match="same number"):
         segmentation_figure(pictures(5))
 
 

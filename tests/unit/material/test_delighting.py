@@ -78,4 +78,4 @@ def test_a_note_tells_of_a_fit_that_has_not_settled() -> None:
     assert 0 < fit.steps < MAX_STEPS
     assert _unsettled(fit) == ()
     (note,) = _unsettled(replace(fit, steps=MAX_STEPS))
-    assert "not settled" in note
+    assert "did not converge" in note
