@@ -1,16 +1,17 @@
 """The run file: a TOML text into records that check themselves; an unknown key is an error."""
 
-import os
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Literal, Self, TypedDict
+from typing import Annotated, Any, Literal, Self, TypedDict
 
 from pydantic import AwareDatetime, Field, PrivateAttr, model_validator
 
 from lidarspectra.arguments import path_of
 from lidarspectra.errors import RunFileError
+from lidarspectra.io.file_names import from_folder, renamed, renamed_text
 from lidarspectra.io.files import write_whole, writing
 from lidarspectra.io.toml_sections import Section, check_sections, parse_sections
 from lidarspectra.io.toml_text import toml_value
@@ -242,6 +243,8 @@ class _Named(TypedDict):
     page: str
 
 
+FILE_KEYS = ("file", "points", "receptor")  # of the run file: a value is a file's name
+FILE_OR_NAME_KEYS = ("spectrum", "model", "databases", "device", "cell")  # a file's name, or one of a database
 _NAMED: _Named = {"kind": "run file", "error": RunFileError, "page": "docs/run-file.md"}
 
 
@@ -365,7 +368,12 @@ class RunFile(Section):
         return "\n\n".join(blocks) + "\n"
 
     def save(self, path: str | PathLike[str], *, force: bool = False) -> Path:
-        """Write it as TOML, with its comments where it has them; file names are made to start at the new place.
+        """Write it as TOML, with its comments where it has them.
+
+        In another folder every relative file name in it is made to start there: names that can only be files (the
+        scan, IES files, assignments, sensor points, a receptor), and those of spectra, devices, models, databases and
+        cells where such a file is beside this run file. The files themselves stay where they are. Comments are lost
+        where a name is written so that it cannot be replaced in the text, in a string over several lines for instance.
 
         Parameters
         ----------
@@ -391,22 +399,28 @@ class RunFile(Section):
                 where=str(target),
                 todo="Give another name, or force=True.",
             )
-        moved = target.parent.resolve() != self.folder.resolve()
-        text = self.changed(scan={"file": self._file_from(target.parent)}).to_toml() if moved else self.text
-        if moved and self._origin is not None and self._origin.text:
-            old, new = toml_value(self.scan.file), toml_value(self._file_from(target.parent))
-            text = self._origin.text.replace(f"file = {old}", f"file = {new}", 1)
+        text = self.text
+        if target.parent.resolve() != self.folder.resolve():
+            names = self._file_names(target.parent)
+            moved = renamed(self.model_dump(exclude_unset=True), names)
+            commented = "" if self._origin is None else renamed_text(self._origin.text, names)
+            plain = check_sections(RunFile, moved, **_NAMED, where=str(target)).to_toml()
+            text = commented if _says(commented, moved) else plain
         with writing(target, error=RunFileError):
             write_whole(target, text)
         return target
 
-    def _file_from(self, folder: Path) -> str:
-        """The scan's file as a run file in another folder names it."""
-        scan = (self.folder / self.scan.file).resolve()
-        try:
-            return Path(os.path.relpath(scan, folder.resolve())).as_posix()
-        except ValueError:  # on another drive of Windows
-            return scan.as_posix()
+    def _file_names(self, folder: Path) -> dict[tuple[str, str], str]:
+        """Relative file names in it as a run file in another folder says them, by (key, name here)."""
+        rows: list[Section] = [self.scan, self.materials, self.sensors, *self.lamps, *self.cells]
+        rows += [] if self.lamps_from_scan is None else [self.lamps_from_scan]
+        found = {}
+        for key in (*FILE_KEYS, *FILE_OR_NAME_KEYS):
+            given = [getattr(row, key) for row in rows if getattr(row, key, None) is not None]
+            for name in (each for value in given for each in (value if isinstance(value, tuple) else (value,))):
+                if not Path(name).is_absolute() and (key in FILE_KEYS or (self.folder / name).is_file()):
+                    found[key, name] = from_folder(self.folder / name, folder)
+        return found
 
     def __repr__(self) -> str:
         lamps = f"{len(self.lamps)} lamps" if self.lamps else "lamps lit in the scan" if self.lamps_from_scan else ""
@@ -415,6 +429,15 @@ class RunFile(Section):
             f"<RunFile '{self.name}': scan {self.scan.file}, {light}, sensor {self.sensors.device}, "
             f"accuracy {self.trace.accuracy}, noise {self.trace.noise}>"
         )
+
+
+def _says(text: str, content: Any) -> bool:
+    """Whether a text is a run file of these tables."""
+    try:
+        said = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return False
+    return bool(said) and RunFile.model_validate(said) == RunFile.model_validate(content)
 
 
 def require_light(run_file: RunFile) -> RunFile:

@@ -37,7 +37,7 @@ def make_lamp(
     luminous_flux_lm: float | None = None,
     radiant_flux_W: float | None = None,
     file: str | PathLike[str] | None = None,
-    folder: Path = Path(),
+    folder: str | PathLike[str] = Path(),
 ) -> Lamp:
     """Make a lamp with an absolute spectrum.
 
@@ -70,7 +70,7 @@ def make_lamp(
         One of them, or neither where the spectrum is in W/nm: a Spectrum always is unless one is given. [lm], [W]
     file : str or path, optional
         IES LM-63 or EULUMDAT (.ldt) file, for shape 'ies'.
-    folder : Path
+    folder : str or path
         Where relative file names start.
 
     Returns
@@ -98,7 +98,7 @@ def make_lamp(
             found=f"shape '{shape}', beam_angle_deg {beam_angle_deg}",
             where=where,
         )
-    path = None if file is None else folder / path_of(file, name="file")
+    path = None if file is None else path_of(folder, name="folder") / path_of(file, name="file")
     candela_text = None if path is None else _candela_text(path)
     table = None if candela_text is None else read_ies(candela_text, where=str(path))
     sizes = size if size is None else tuple(size) if isinstance(size, Sequence) else (size,)
@@ -185,7 +185,7 @@ def _candela_text(path: Path) -> str:
 
 
 def _source(
-    spectrum: Spectrum | str | PathLike[str] | None, cct_k: float | None, folder: Path, where: str
+    spectrum: Spectrum | str | PathLike[str] | None, cct_k: float | None, folder: str | PathLike[str], where: str
 ) -> tuple[Spectrum, bool]:
     """The spectrum that is meant, and whether it is in W/nm."""
     if (spectrum is None) == (cct_k is None):

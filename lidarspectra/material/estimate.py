@@ -10,12 +10,12 @@ from a (face, 3) array of linear colours, so that one from which the light was d
 """
 
 from dataclasses import replace
-from pathlib import Path
+from os import PathLike
 from typing import get_args
 
 import numpy as np
 
-from lidarspectra.arguments import instance_of, one_of
+from lidarspectra.arguments import instance_of, one_of, path_of
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import DatabaseError, MaterialError
 from lidarspectra.geometry.scan import Scan
@@ -56,7 +56,7 @@ def estimate_materials(
     library: ReflectanceLibrary | None = None,
     default: str = DEFAULT_MATERIAL,
     matching: MatchMethod = "wiener",
-    model: Path | None = SHIPPED_MODEL,
+    model: str | PathLike[str] | None = SHIPPED_MODEL,
     colors: int = 24,
     progress: Progress = silent,
 ) -> MaterialMap:
@@ -77,7 +77,7 @@ def estimate_materials(
         ID of the material of faces without colour, and of those that show a lamp.
     matching : str
         From a colour to a spectrum: 'wiener', estimated over the nearest colours, or 'nearest', as in the paper.
-    model : Path or None
+    model : str, path or None
         Network that tells material classes, an ONNX file with its card beside it; None does without classes.
     colors : int
         Most primary colours that K-means may find, 1 to 200.
@@ -116,7 +116,9 @@ def estimate_materials(
     label, count = find_groups(scan, shown, usable, views.face_seen, most=colors)
     names = (UNKNOWN,) * count
     if count and model is not None:
-        classes = material_classes(scan, views, Classifier(model), room=room, colors=shown, progress=looking)
+        classes = material_classes(
+            scan, views, Classifier(path_of(model, name="model")), room=room, colors=shown, progress=looking
+        )
         label, count, names = split_by_class(label, classes, scan.areas, most=colors)
     finding(0.0, f"{count} segments")
     materials = [

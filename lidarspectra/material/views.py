@@ -93,6 +93,12 @@ class ViewSet:
         object.__setattr__(self, "face_seen", seen)
         object.__setattr__(self, "history", float_array(self.history, name="ViewSet.history", shape=(len(viewpoints),)))
 
+    def __repr__(self) -> str:
+        return (
+            f"<ViewSet: {len(self.views)} views from {len(self.viewpoints)} viewpoints cover "
+            f"{100 * self.area_coverage:.1f} % of the area (wanted {100 * self.threshold:.0f} %)>"
+        )
+
 
 def capture_image(scan: Scan, camera: Camera, *, name: str, caster: RayCaster, samples: int = 2) -> View:
     """Render what a camera sees (Algorithm 1's CaptureImage): nearest face by ray casting, colour from its texture.

@@ -9,10 +9,12 @@ import difflib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
+from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import DatabaseError
 from lidarspectra.io.files import hash_file
@@ -89,7 +91,7 @@ class LampSpectrum:
     notes: tuple[str, ...] = ()
 
 
-def lamp_spectrum(name_or_file: str, base_folder: Path | None = None) -> LampSpectrum:
+def lamp_spectrum(name_or_file: str | PathLike[str], base_folder: str | PathLike[str] | None = None) -> LampSpectrum:
     """Spectrum of a lamp, by its database name or from a file.
 
     Database names come first: built-in ones as they are ('LED-B3', 'FL11', 'A'; capitals do not matter), imported ones
@@ -97,9 +99,9 @@ def lamp_spectrum(name_or_file: str, base_folder: Path | None = None) -> LampSpe
 
     Parameters
     ----------
-    name_or_file : str
+    name_or_file : str or path
         What the run file says.
-    base_folder : Path, optional
+    base_folder : str or path, optional
         Where relative file names start; the run file's folder.
 
     Returns
@@ -111,12 +113,12 @@ def lamp_spectrum(name_or_file: str, base_folder: Path | None = None) -> LampSpe
     DatabaseError
         If there is neither such a name nor such a file, or the file is malformed.
     """
-    wanted = name_or_file.strip()
+    wanted = str(path_of(name_or_file, name="name_or_file", meaning="a spectrum's name, or the name of a file")).strip()
     for name, database, row in _lamp_rows():
         if wanted.casefold() == name.casefold():
             return _database_lamp(name, database, row)
     if Path(wanted).suffix.lower() in FILE_SUFFIXES:
-        path = Path(wanted) if base_folder is None else base_folder / wanted
+        path = Path(base_folder or "", wanted)
         read = read_spectrum_file(path)
         return LampSpectrum(
             name=path.name,
@@ -158,14 +160,16 @@ def _database_lamp(name: str, database: DatabaseFile, row: TableRow) -> LampSpec
     )
 
 
-def load_reflectances(names: Sequence[str] = (BUILTIN,), base_folder: Path | None = None) -> ReflectanceLibrary:
+def load_reflectances(
+    names: Sequence[str] = (BUILTIN,), base_folder: str | PathLike[str] | None = None
+) -> ReflectanceLibrary:
     """Read reflectance databases into one library.
 
     Parameters
     ----------
     names : sequence of str
         'builtin', an imported database ('spectraldb'), or a table file of the user's (.csv; see `spectrum_files`).
-    base_folder : Path, optional
+    base_folder : str or path, optional
         Where relative file names start; the run file's folder.
 
     Returns
@@ -183,7 +187,7 @@ def load_reflectances(names: Sequence[str] = (BUILTIN,), base_folder: Path | Non
     files = [file for file in list_databases() if file.kind == "reflectance"]
     for name in dict.fromkeys(names):
         if name.lower().endswith(".csv"):
-            paths = [(Path(name).stem, Path(name) if base_folder is None else base_folder / name)]
+            paths = [(Path(name).stem, Path(base_folder or "", name))]
         else:
             paths = [(file.database, file.path) for file in files if file.database == name]
         if not paths:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from lidarspectra.arguments import path_of
 from lidarspectra.config import RunFile
 from lidarspectra.errors import SensorError
 from lidarspectra.lamps.lamp_file import load_lamps
@@ -47,7 +48,7 @@ class FingerprintOrder:
 
     Parameters
     ----------
-    positions : Path or None
+    positions : str, path or None
         CSV of names and places (`read_positions`); None takes a grid.
     grid_m : float or None
         Spacing of that grid. [m]
@@ -62,7 +63,7 @@ class FingerprintOrder:
         Of the people, and of the first directions of the walks.
     """
 
-    positions: Path | None = None
+    positions: str | PathLike[str] | None = None
     grid_m: float | None = None
     draws: int = 1
     postures: tuple[Posture, ...] = ("standing",)
@@ -229,7 +230,7 @@ def _positions(
                 todo="Give a file of positions, or the spacing of a grid.",
             )
         return clear_of_sensors(grid_positions(free, order.grid_m), order, points)
-    positions = read_positions(order.positions, floor_z=floor_z)
+    positions = read_positions(path_of(order.positions, name="positions"), floor_z=floor_z)
     outside = np.flatnonzero(outside_room(free, positions.places_m))
     if outside.size:
         named = ", ".join(f"'{positions.names[index]}'" for index in outside[:5])

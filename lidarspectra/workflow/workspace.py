@@ -96,6 +96,9 @@ class StageRecord:
     versions: dict[str, str]
     pace: Pace = ()
 
+    def __repr__(self) -> str:
+        return f"<StageRecord '{self.stage}', finished {self.finished} in {self.seconds:.1f} s: {self.summary}>"
+
 
 @dataclass(frozen=True, kw_only=True)
 class RunRequest:

@@ -7,6 +7,7 @@ import re
 from importlib import resources
 from pathlib import Path
 from types import ModuleType
+from typing import get_args
 
 import pytest
 
@@ -50,6 +51,16 @@ def test_the_docstring_of_a_public_name_has_every_argument(name: str) -> None:
         else set()
     )
     assert set(inspect.signature(item).parameters) - {"self"} <= said
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_public_function_takes_a_files_name_as_text_wherever_it_takes_a_path(name: str) -> None:
+    value = getattr(lidarspectra, name)
+    if not inspect.isfunction(value):
+        return  # records hold a Path
+    for parameter in inspect.signature(value).parameters.values():
+        kinds = get_args(parameter.annotation) or (parameter.annotation,)
+        assert Path not in kinds, f"{name}({parameter.name})"
 
 
 def test_type_checkers_are_told_the_same_homes(project: Path) -> None:

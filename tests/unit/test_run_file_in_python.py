@@ -5,10 +5,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import lidarspectra as ls
 from lidarspectra.config import parse_run_file
+from lidarspectra.material.views import ViewSet
+from lidarspectra.workflow.workspace import StageRecord
 
 LAMP = {"name": "bulb", "shape": "bulb", "center": (1.5, 1.5, 1.5), "spectrum": "A", "luminous_flux_lm": 1000.0}
 
@@ -44,6 +47,40 @@ def test_a_run_file_that_is_saved_elsewhere_finds_its_scan(box: ls.RunFile, tmp_
         box.save(tmp_path / "other" / "room.toml")
     changed = box.changed(trace={"noise": "draft"})
     assert ls.read_run_file(changed.save(str(tmp_path / "other" / "room.toml"), force=True)).trace.noise == "draft"
+
+
+def test_a_run_file_that_is_saved_elsewhere_finds_every_file_that_it_names(box: ls.RunFile, tmp_path: Path) -> None:
+    for name in ("tube.csv", "cell.csv", "a.csv", "b.csv", "points.csv"):
+        (box.folder / name).write_text("any\n")
+    lamps = [LAMP | {"spectrum": "tube.csv"}, LAMP | {"name": "second", "spectrum": "FL11"}]
+    named = box.changed(
+        lamps=lamps,
+        cells=[{"cell": "cell.csv"}, {"cell": "silicon"}],
+        materials={"databases": ["builtin", "a.csv", "b.csv"], "method": "file", "file": "not-there-yet.csv"},
+        sensors={"points": "points.csv", "grid": None},
+    )
+    text = named.to_toml().replace('"tube.csv"', "'tube.csv'  # the label says \"tube.csv\"")
+    (box.folder / "named.toml").write_text(text)
+    (tmp_path / "other").mkdir()
+    there = ls.read_run_file(box.folder / "named.toml")
+    saved = ls.read_run_file(there.save(tmp_path / "other" / "room.toml"))
+    assert '"../box/tube.csv"  # the label says "tube.csv"' in saved.text
+    assert saved.lamps[1].spectrum == "FL11"
+    assert [cell.cell for cell in saved.cells] == ["../box/cell.csv", "silicon"]
+    assert saved.materials.databases == ("builtin", "../box/a.csv", "../box/b.csv")
+    assert saved.materials.file == "../box/not-there-yet.csv"
+    assert saved.sensors.points == "../box/points.csv"
+    back = ls.read_run_file(saved.save(box.folder / "back.toml"))
+    assert back.model_dump() == there.model_dump()
+
+
+def test_a_name_over_several_lines_moves_too_without_the_comments(box: ls.RunFile, tmp_path: Path) -> None:
+    text = box.text.replace(f'file = "{box.scan.file}"', f'file = """\n{box.scan.file}"""', 1)
+    assert text != box.text
+    (box.folder / "long.toml").write_text(text)
+    (tmp_path / "other").mkdir()
+    saved = ls.read_run_file(ls.read_run_file(box.folder / "long.toml").save(tmp_path / "other" / "room.toml"))
+    assert (saved.folder / saved.scan.file).resolve() == (box.folder / box.scan.file).resolve()
 
 
 def test_init_gives_the_text_that_the_command_writes_and_a_run_file_that_runs(tmp_path: Path) -> None:
@@ -90,3 +127,36 @@ def test_records_tell_what_they_hold(box: ls.RunFile) -> None:
     assert re.match(r"<Room: 4\.0\d m x 3\.0\d m, 12\.\d m² of plan, 2\.70 m high", repr(model.room))
     assert "12 faces, 6 materials: floor" in repr(model.materials)
     assert "accuracy" in repr(box)
+    views = ViewSet(
+        views=(),
+        viewpoints=np.zeros((2, 3)),
+        face_seen=np.ones(4),
+        area_coverage=0.964,
+        point_coverage=0.9,
+        threshold=0.95,
+        history=np.array([0.5, 0.964]),
+        stopped="covered",
+    )
+    assert repr(views) == "<ViewSet: 0 views from 2 viewpoints cover 96.4 % of the area (wanted 95 %)>"
+
+
+def test_scenes_and_records_of_stages_tell_what_they_hold_and_a_scene_takes_a_folders_name(tmp_path: Path) -> None:
+    model = ls.RoomModel.from_box(4, 3, 2.7)
+    lamp = ls.make_lamp("bulb", (1, 1, 2), name="desk", spectrum="A", luminous_flux_lm=800)
+    scene = ls.write_scene(model.scan, model.materials, [lamp], ls.sensor_bands("as7265x-14"), str(tmp_path / "scene"))
+    assert re.fullmatch(
+        r"<RadianceScene in .*scene: 1 lamp, 14 channels in \d+ slots, \d+ pass(es)?, mode native>", repr(scene)
+    )
+    record = StageRecord(
+        stage="scan",
+        key="0",
+        settings={},
+        finished="2026-01-02T03:04:05+00:00",
+        seconds=4.5,
+        peak_memory_mib=400.0,
+        summary="54 triangles",
+        warnings=(),
+        outputs={},
+        versions={},
+    )
+    assert repr(record) == "<StageRecord 'scan', finished 2026-01-02T03:04:05+00:00 in 4.5 s: 54 triangles>"

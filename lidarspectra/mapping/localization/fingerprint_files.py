@@ -13,12 +13,14 @@ becomes the table's `empty`. A second file with the columns name, x, y and z has
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT, CHANNEL_LABELS, mask_counts
@@ -65,14 +67,14 @@ class WideColumns:
         return tuple(self.place[sensor, channel] for sensor in self.sensors for channel in self.channels)
 
 
-def read_fingerprints(path: Path, positions: Path | None = None) -> xr.Dataset:
+def read_fingerprints(path: str | PathLike[str], positions: str | PathLike[str] | None = None) -> xr.Dataset:
     """Read fingerprints, traced or measured.
 
     Parameters
     ----------
-    path : Path
+    path : str or path
         NetCDF of `fingerprint_table`, or a wide CSV (see the module's text), which may be packed by gzip.
-    positions : Path, optional
+    positions : str or path, optional
         CSV with the columns name, x, y and, optionally, z [m]; replaces positions in the file.
 
     Returns
@@ -85,9 +87,13 @@ def read_fingerprints(path: Path, positions: Path | None = None) -> xr.Dataset:
     MapError
         If a file cannot be read or has no column names, or a place of the table has no position.
     """
+    path = path_of(path, name="path")
     table = load_fingerprints(path) if path.suffix in NETCDF_SUFFIXES else _read_wide(path)
     table.attrs["source"] = path.name
-    return table if positions is None else with_positions(table, read_positions(positions), where=str(positions))
+    if positions is None:
+        return table
+    places = read_positions(path_of(positions, name="positions"))
+    return with_positions(table, places, where=str(positions))
 
 
 def read_positions(path: Path) -> dict[str, tuple[float, float, float]]:

@@ -10,12 +10,14 @@ and `discriminant.onnx`, which is for devices alone.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from os import PathLike
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import xarray as xr
 
+from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import SensorSettings
@@ -296,12 +298,12 @@ def save_locator(model: LocationModel, folder: Path) -> Path:
     return folder
 
 
-def load_locator(folder: Path) -> LocationModel:
+def load_locator(folder: str | PathLike[str]) -> LocationModel:
     """Read a model that `save_locator` wrote.
 
     Parameters
     ----------
-    folder : Path
+    folder : str or path
         It holds `model.nc` and `network.onnx`.
 
     Returns
@@ -313,6 +315,7 @@ def load_locator(folder: Path) -> LocationModel:
     MapError
         If the folder lacks a file, or they are no model.
     """
+    folder = path_of(folder, name="folder", meaning="the name of a model's folder, as a str or a Path")
     path = folder / MODEL_FILE
     try:
         kept = read_netcdf(path)

@@ -13,12 +13,14 @@ import time
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ArrayError, SensorError
 from lidarspectra.io.files import hash_file
@@ -154,7 +156,7 @@ def trace_fingerprints(
     points: SensorPoints,
     placed: Sequence[PlacedPerson],
     library: ReflectanceLibrary,
-    folder: Path,
+    folder: str | PathLike[str],
     request: FingerprintRequest | None = None,
     *,
     progress: Progress = silent,
@@ -172,7 +174,7 @@ def trace_fingerprints(
         One or more.
     library : ReflectanceLibrary
         With the reflectances of clothes, skin and hair.
-    folder : Path
+    folder : str or path
         Finished parts are stored there, and used again if their inputs have not changed.
     request : FingerprintRequest, optional
     progress : Progress, optional
@@ -194,7 +196,7 @@ def trace_fingerprints(
         raise SensorError(expected="one person or more", found="none", where="fingerprints")
     request = FingerprintRequest() if request is None else request
     start = time.perf_counter()
-    kept = _Kept(folder, _key(scene, points, request))
+    kept = _Kept(path_of(folder, name="folder"), _key(scene, points, request))
     empty, empty_se = _empty(scene, points, request, kept, part_of(progress, 0.0, 0.3))
     keys = [_person_key(each, library) for each in placed]
     missing = [index for index, key in enumerate(keys) if kept.load(key) is None]

@@ -8,12 +8,14 @@ The paper, Eq. 10 and 11, and Figure 18. De Soto, Klein, Beckman 2006, Solar Ene
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from scipy import constants
 
+from lidarspectra.arguments import path_of
 from lidarspectra.errors import DatabaseError
 from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
 from lidarspectra.spectra.database_files import list_databases, table
@@ -131,16 +133,16 @@ def list_cells() -> tuple[Cell, ...]:
     return tuple(_cell(row, file.path) for file in files for row in table(file.path))
 
 
-def find_cell(name_or_file: str, base_folder: Path | None = None) -> Cell:
+def find_cell(name_or_file: str | PathLike[str], base_folder: str | PathLike[str] | None = None) -> Cell:
     """A cell by its database name, or from a file of two columns, wavelength [nm] and quantum efficiency.
 
     Parameters
     ----------
-    name_or_file : str
+    name_or_file : str or path
         'silicon', 'organic-green' ...; a name that ends in .csv, .txt, .tsv or .dat is a file. A file whose values
         exceed 1.5 is taken as per cent. A file whose heading contains 'relative' or 'absorption' has no absolute scale;
         one that contains 'A/W' holds responsivities.
-    base_folder : Path, optional
+    base_folder : str or path, optional
         Where relative file names start.
 
     Raises
@@ -149,11 +151,12 @@ def find_cell(name_or_file: str, base_folder: Path | None = None) -> Cell:
         If there is neither such a name nor such a file, or it is malformed or an absorbance, which is a logarithm.
     """
     known = {cell.name.casefold(): cell for cell in list_cells()}
-    wanted = name_or_file.strip()
+    meaning = "a cell's name, or the name of a file"
+    wanted = str(path_of(name_or_file, name="name_or_file", meaning=meaning)).strip()
     if wanted.casefold() in known:
         return known[wanted.casefold()]
     if Path(wanted).suffix.lower() in FILE_SUFFIXES:
-        return _cell_of_file(Path(wanted) if base_folder is None else base_folder / wanted)
+        return _cell_of_file(Path(base_folder or "", wanted))
     raise DatabaseError(
         expected=f"a cell ({', '.join(cell.name for cell in known.values())}) or a .csv file",
         found=f"'{name_or_file}'",

@@ -13,10 +13,12 @@ pass sees the same obstacles. Adding up the passes' lamps gives the room.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
+from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import SceneError
 from lidarspectra.geometry.scan import Scan
@@ -70,7 +72,7 @@ def write_scene(
     materials: MaterialMap,
     lamps: Sequence[Lamp],
     bands: BandSet,
-    folder: Path,
+    folder: str | PathLike[str],
     *,
     mode: Mode = "native",
     engine: Engine | None = None,
@@ -91,7 +93,7 @@ def write_scene(
         One or more, of different names.
     bands : BandSet
         The sensor's channels.
-    folder : Path
+    folder : str or path
         Made if it is not there; files of earlier scenes in it are replaced.
     mode : 'native' or 'rgb'
         Passes of up to 24 bands, or of 3.
@@ -119,6 +121,7 @@ def write_scene(
         If a surface or lamp cannot be written.
     """
     _check_parts(scan, materials, lamps)
+    folder = path_of(folder, name="folder", meaning="the name of a folder, as a str or a Path")
     engine = find_engine() if engine is None else engine
     folder.mkdir(parents=True, exist_ok=True)
     modifiers = tuple(f"lamp{index}" for index in range(len(lamps)))

@@ -142,6 +142,14 @@ class RadianceScene:
                 where=str(self.folder),
             )
 
+    def __repr__(self) -> str:
+        lamps = "1 lamp" if len(self.lamp_names) == 1 else f"{len(self.lamp_names)} lamps"
+        passes = "1 pass" if len(self.passes) == 1 else f"{len(self.passes)} passes"
+        return (
+            f"<RadianceScene in {self.folder}: {lamps}, {len(self.bands)} channels in {len(self.slots)} slots, "
+            f"{passes}, mode {self.mode}>"
+        )
+
     @property
     def bands(self) -> BandSet:
         """The sensor's channels."""
