@@ -210,7 +210,8 @@ def scene_stage(
         placing(0.0, "places of the lamps")
         notes = placement_notes(lamps, mesh)
         return Notes(
-            summary=f"{len(lamps)} {'lamp' if len(lamps) == 1 else 'lamps'}, {len(materials.value.materials)} materials, "
+            summary=f"{len(lamps)} {'lamp' if len(lamps) == 1 else 'lamps'}, "
+            f"{len(materials.value.materials)} materials, "
             f"{len(scene.passes)} {'pass' if len(scene.passes) == 1 else 'passes'} of up to "
             f"{max(each.slot_count for each in scene.passes)} bands",
             warnings=notes,
