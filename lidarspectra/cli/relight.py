@@ -46,6 +46,8 @@ def relight(
     mean = light["irradiance"].mean("point")
     for band, value in zip(light["band"].to_numpy(), mean.to_numpy(), strict=True):
         console.print(f"{band:5.0f} nm  {value:.4g} W/m²/nm")
+    if "illuminance" in light:
+        console.print(f"mean illuminance {float(light['illuminance'].mean()):.4g} lx")
 
 
 def parse_orders(words: Sequence[str]) -> "tuple[LampOrder, ...]":

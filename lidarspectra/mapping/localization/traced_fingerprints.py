@@ -196,7 +196,8 @@ def trace_fingerprints(
         raise SensorError(expected="one person or more", found="none", where="fingerprints")
     request = FingerprintRequest() if request is None else request
     start = time.perf_counter()
-    kept = _Kept(path_of(folder, name="folder"), _key(scene, points, request))
+    folder = path_of(folder, name="folder")
+    kept = _Kept(folder, _key(scene, points, request))
     empty, empty_se = _empty(scene, points, request, kept, part_of(progress, 0.0, 0.3))
     keys = [_person_key(each, library) for each in placed]
     missing = [index for index, key in enumerate(keys) if kept.load(key) is None]
