@@ -360,7 +360,7 @@ def _materials_notes(materials: MaterialMap, face_areas: FloatArray, unlit: Deli
 def _truncation_in_words(transport: xr.Dataset) -> str:
     """What is missing beyond the last reflection, where the method estimates it."""
     if "truncated_share" in transport.attrs:
-        return f"{transport.attrs['truncated_share']:.2%} left out beyond the last reflection"
+        return f"{100 * transport.attrs['truncated_share']:.2f} % left out beyond the last reflection"
     return "what was left out beyond the last reflection is not estimated"
 
 
