@@ -42,7 +42,7 @@ docs: setup-test
 quick: setup-test
 	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
 
-# What the quick unit tests pass through, file by file (CONTRIBUTING.md says what they do not).
+# What the quick unit tests pass through, file by file.
 coverage: setup-test
 	$(BIN)/python -m pytest -n $(JOBS) -m "not slow" --cov --cov-report=term:skip-covered tests/unit
 
