@@ -1,12 +1,13 @@
 """What a map costs: time to 1 % and 0.5 % error by our trace and by other ways, what each idea buys, how cost grows.
 
-    python -m research.benchmarks.trace [--quick] [--only methods|leads|cache|growth|memory] [--room coarse|office]
+    python -m research.benchmarks.trace [--quick] [--only methods|leads|cache|growth|memory] [--room coarse|office|two]
 
-Two rooms: a furnished one of 3 m x 3 m x 2.7 m of few large triangles, and the package's scanned office; two panels
-each, the 14 channels of the AS7265x, at most 20 reflections. Each method's map is held against Mitsuba's converged one
-(ours, where Mitsuba is not installed), the reference's own variance taken out. Its time is scaled to the wanted NRMSE
-by the law of noise, error ~ time^-1/2. Processor time of all processes together is compared, so that a busy machine or
-another number of cores does not matter. --quick takes 44 sensors, a coarser reference and short tables.
+Three cases: a furnished room of 3 m x 3 m x 2.7 m of few large triangles, and the package's scanned office, under two
+panels each; and two bare rooms with a door between them, a panel in one and the sensors in the other. The 14 channels
+of the AS7265x, at most 20 reflections. Each method's map is held against Mitsuba's converged one (ours, where Mitsuba
+is not installed), the reference's own variance taken out. Its time is scaled to the wanted NRMSE by the law of noise,
+error ~ time^-1/2. Processor time of all processes together is compared, so that a busy machine or another number of
+cores does not matter. --quick takes 44 sensors, a coarser reference and short tables.
 """
 
 import argparse
@@ -32,10 +33,12 @@ from lidarspectra.spectra.spectrum import gaussian_bands
 from research.benchmarks.cross_check import Room
 from research.benchmarks.processor_time import processor_seconds
 from research.benchmarks.trace_leads import print_leads
-from research.benchmarks.trace_rooms import coarse_room, office_room, some_points, write_room
+from research.benchmarks.trace_rooms import ROOMS, coarse_room, office_room, some_points, write_room
 from research.second_opinion import reference_irradiance
 
 TARGETS = (0.01, 0.005)  # [1] NRMSE that times are scaled to
+REFERENCE_CELLS = {"two": 64}  # along a square's edge: little light comes through a door
+DEFAULT_REFERENCE_CELLS = 32
 RUNS = 3  # of ours and of Mitsuba; the errors of one run's sensors go together, so that one tells little
 MITSUBA_CELLS = (20, 40)  # along a square's edge: about 1 % and 0.5 %
 MANY_POINTS = 100_000  # traced for their memory
@@ -84,7 +87,8 @@ class Referee:
     def __init__(self, room: Room, scene: RadianceScene, *, quick: bool) -> None:
         if find_spec("mitsuba") is not None:
             given = (room.scan, room.materials, room.lamps, room.bands, room.points)
-            reference = reference_irradiance(*given, cells=32, repeats=4 if quick else 8, seed=99)
+            cells = REFERENCE_CELLS.get(room.name, DEFAULT_REFERENCE_CELLS)
+            reference = reference_irradiance(*given, cells=cells, repeats=4 if quick else 8, seed=99)
             self.light, self.variance = reference.irradiance, reference.standard_error**2
             return
         runs = [
@@ -269,13 +273,12 @@ def main() -> None:
     parser.add_argument(
         "--only", choices=("methods", "leads", "cache", "growth", "memory"), help="one part of the benchmark"
     )
-    parser.add_argument("--room", choices=("coarse", "office"), help="one of the rooms, for methods and cache")
+    parser.add_argument("--room", choices=tuple(ROOMS), help="one of the rooms, for methods and cache")
     options = parser.parse_args()
     count = 44 if options.quick else 176
     for part in ("methods", "leads", "cache", "growth", "memory") if options.only is None else (options.only,):
         with tempfile.TemporaryDirectory(prefix="lidarspectra-") as name:
-            rooms = [coarse_room(count=count)] if options.room != "office" else []
-            rooms += [office_room(count)] if options.room != "coarse" else []
+            rooms = [make(count) for key, make in ROOMS.items() if options.room in (None, key)]
             if part == "growth":
                 growth(Path(name), quick=options.quick)
             elif part == "memory" and sys.platform != "win32":

@@ -1,5 +1,6 @@
-"""The rooms that the trace is timed in: one of few large triangles, and the package's scanned office."""
+"""The rooms that the trace is timed in: one of few large triangles, the package's scanned office, two with a door."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from lidarspectra.radiance.scene.scene import RadianceScene, write_scene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.spectrum import BandSet, Spectrum, sensor_bands
 from research.benchmarks.cross_check import Room, read_room
+from research.benchmarks.rooms_and_walls import REFLECTANCE, SENSOR_HEIGHT_M, door, grid
 from research.benchmarks.true_faces import materials_on
 
 GRID_NM = np.linspace(350.0, 850.0, 101)
@@ -90,6 +92,38 @@ def office_room(count: int) -> Room:
     room = read_room("office")
     chosen = np.unique(np.linspace(0, len(room.points) - 1, count).round().astype(int))
     return replace(room, points=some_points(room.points, chosen))
+
+
+def two_rooms(count: int) -> Room:
+    """Two rooms with a door between them, a lamp in one and about so many sensors in the other."""
+    unlit = door().room
+    side = round(np.sqrt(count))
+    places = grid((4.1, 0.0), (8.1, 4.0), (side, side), SENSOR_HEIGHT_M)
+    plaster = replace(
+        material("wall"),
+        name="plaster",
+        reflectance=Spectrum(wavelengths_nm=GRID_NM[[0, -1]], values=np.full(2, REFLECTANCE)),
+    )
+    return Room(
+        name="two",
+        scan=unlit.scan,
+        materials=materials_on([plaster], np.zeros(len(unlit.scan.faces), dtype=np.int64)),
+        lamps=(replace(unlit.lamps[0], flux=lamp_spectrum(0.1)),),
+        bands=sensor_bands("as7265x-14"),
+        points=SensorPoints(
+            positions=places,
+            normals=np.tile([0.0, 0.0, 1.0], (len(places), 1)),
+            buried=np.zeros(len(places), np.bool_),
+        ),
+    )
+
+
+ROOMS: dict[str, Callable[[int], Room]] = {
+    "coarse": lambda count: coarse_room(count=count),
+    "office": office_room,
+    "two": two_rooms,
+}
+"""By name, with about so many sensors."""
 
 
 def some_points(points: SensorPoints, chosen: np.ndarray) -> SensorPoints:
