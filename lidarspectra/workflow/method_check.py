@@ -24,7 +24,7 @@ REFLECTANCE = 0.5  # of its walls
 FLUX_W_NM = 0.1  # [W/nm] of its one panel
 RANGE_NM = (380.0, 780.0)
 GRID = 3  # sensors along either side
-AGREEMENT = 5.0  # standard errors, each from 8 batches: chance exceeds it about once in 5,000 times
+AGREEMENT = 5.0  # standard errors, each from 8 batches: chance exceeds it in 1 of 600 to 5,000 times
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -227,6 +227,13 @@ def test_points_that_missed_a_target_of_their_own_are_named(report, tmp_path):
     assert f"5 at ({x:.2f}, {y:.2f}, {z:.2f}) m." in page.text
 
 
+def test_a_run_by_plain_rtrace_says_so_and_that_it_does_not_know_what_is_missing(report, tmp_path):
+    plain = report.transport.drop_vars("truncation", errors="ignore").assign_attrs(method="rtrace")
+    plain.attrs.pop("truncated_share", None)
+    _, page = _read(write_report(tmp_path, replace(report, transport=plain)))
+    assert "missing, and not estimated by plain runs of rtrace" in page.text
+
+
 def test_progress_ends_at_one(report, tmp_path):
     heard: list[float] = []
     write_report(tmp_path, report, progress=lambda fraction, message: heard.append(fraction))
