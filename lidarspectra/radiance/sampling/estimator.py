@@ -11,7 +11,6 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,18 +21,13 @@ from lidarspectra.radiance.engine.engine import EngineJob, EngineRun, float_rows
 from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.sampling.arrivals import Surfaces
 from lidarspectra.radiance.sampling.pooling import Leg, PooledPaths, Sharing, draw_pooled_paths
-from lidarspectra.radiance.sampling.receptors import FIBONACCI
+from lidarspectra.radiance.sampling.samplers import Sampler
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
 BATCHES = 8  # enough to tell a spread by, few enough for large sets of directions
 NEIGHBOURS = 9  # points whose variances are averaged to share out work
-_REPEATS = tuple(4**power for power in range(7))  # [1] shadow-ray repeats a batch; each number is a job of its own
-_DIRECTIONS = FIBONACCI[::2]  # [1] of 'once' and 'view' a batch; the same
-_FEW_DIRECTIONS = (1, 2, *_DIRECTIONS)  # [1] where at least so many passes share a band's light as make up the fewest
 _MAX_BURN_RECORDS = 8  # results thrown away at the start of a job, so that jobs use the engine's numbers shifted
 _MAX_BURN_RAYS = 64  # the same for the paths that sensors share
-
-Kind = Literal["direct", "once", "often", "view"]
 
 
 @dataclass(kw_only=True)
@@ -42,8 +36,8 @@ class Component:
 
     Parameters
     ----------
-    kind : str
-        'direct', reflected 'once' and 'often' are the parts of a cosine receptor; 'view' is all light in another one.
+    sampler : Sampler
+        Which part it is, and how it is sampled.
     options : PassOptions
     lamps, slots : tuple of int
         Which of the scene's they are.
@@ -61,7 +55,7 @@ class Component:
         Engine time so far, and samples over all points and batches: their ratio is the price.
     """
 
-    kind: Kind
+    sampler: Sampler
     options: PassOptions
     lamps: tuple[int, ...]
     slots: tuple[int, ...]
@@ -76,13 +70,12 @@ class Component:
     @property
     def sizes(self) -> tuple[int, ...]:
         """Numbers of samples that one set may have."""
-        directions = _FEW_DIRECTIONS if self.sharers >= FIBONACCI[0] else _DIRECTIONS
-        return {"direct": _REPEATS, "often": FIBONACCI}.get(self.kind, directions)
+        return self.sampler.sizes(self.sharers)
 
     @property
     def bounces(self) -> int:
         """Most reflections of its light, after the sensor."""
-        return 1 if self.kind == "once" else self.options.bounces
+        return self.sampler.bounces(self.options)
 
     @property
     def price(self) -> float:
@@ -91,7 +84,7 @@ class Component:
 
     def add(self, points: IntArray, size: int, estimates: FloatArray) -> None:
         """Take (batch, lamp, point, band) estimates of `size` samples each into the running means."""
-        units = np.zeros(1, dtype=np.int64) if self.kind == "often" else points
+        units = np.zeros(1, dtype=np.int64) if self.sampler.is_shared else points
         share = size / (self.samples[units] + size)
         self.mean[:, :, points] += (estimates - self.mean[:, :, points]) * share[:, None]
         self.samples[units] += size
@@ -135,7 +128,7 @@ def make_tasks(
         Rays that a child process is given, at most, but for a single point's.
     generator : numpy.random.Generator
     """
-    if component.kind == "often" and component.surfaces is not None:
+    if component.sampler.is_shared and component.surfaces is not None:
         if wanted[0] > 0:
             yield from _pooled_tasks(component, component.surfaces, int(wanted[0]), sensors, rays_per_job, generator)
         return
@@ -145,7 +138,7 @@ def make_tasks(
         for part in np.array_split(points, -(-points.size // chunk)):
             # The engine's numbers are ever the same within a second, and jobs on the same ones would err alike.
             burn = int(generator.integers(1, _MAX_BURN_RECORDS + 1))
-            order = generator.permutation(part) if component.kind == "direct" else part
+            order = component.sampler.order(part, generator)
             yield Task(component=component, points=order.astype(np.int64), size=size, burn=burn)
 
 
@@ -182,19 +175,14 @@ def task_job(task: Task, sensors: Sensors, folder: Path, *, generator: np.random
     """The engine job of a task, with its rays drawn."""
     component, size = task.component, task.size
     options = component.options
-    if component.kind == "direct":
-        rays = np.concatenate([sensors.positions[task.points], sensors.normals[task.points]], axis=1)
-        rays = np.repeat(rays, BATCHES * size, axis=0)
-        rays = np.concatenate([np.repeat(rays[:1], task.burn * size, axis=0), rays])
-        arguments = options.direct_arguments(size)
-    elif task.leg is not None:
-        rays = task.leg.rays[task.part]
-        rays = np.concatenate([np.repeat(rays[:1], task.burn, axis=0), rays])
+    if task.leg is not None:
+        drawn, burned = task.leg.rays[task.part], task.burn
         arguments = task.leg.arguments(options, component.bounces)
     else:
-        rays = sensors.draw_rays(task.points, sets=BATCHES, count=size, generator=generator).reshape(-1, 6)
-        rays = np.concatenate([np.repeat(rays[:1], task.burn * size, axis=0), rays])
-        arguments = options.gather_arguments(size, bounces=component.bounces, lamps_visible=component.kind == "view")
+        drawn = component.sampler.rays(sensors, task.points, sets=BATCHES, size=size, generator=generator)
+        burned = task.burn * size
+        arguments = component.sampler.arguments(options, size)
+    rays = np.concatenate([np.repeat(drawn[:1], burned, axis=0), drawn])
     return EngineJob(program="rcontrib", arguments=arguments, folder=folder, stdin=rays.tobytes())
 
 
@@ -218,7 +206,7 @@ def take_answer(task: Task, run: EngineRun, sensors: Sensors) -> None:
     else:
         values = float_rows(run, rows=task.burn + count * BATCHES, columns=lamps * slots)[task.burn :]
         values = values.reshape(count, BATCHES, lamps, slots).transpose(1, 2, 0, 3)
-    scale = 1.0 if component.kind == "direct" else sensors.receptor.measure_sr
+    scale = component.sampler.measure_sr(sensors.receptor)
     component.add(task.points, task.size, scale * group.from_engine(values))
     component.sampled += BATCHES * task.size * (1 if task.pooled is not None else count)
 

@@ -16,7 +16,6 @@ from lidarspectra.radiance.sampling.arrivals import Surfaces
 from lidarspectra.radiance.sampling.estimator import (
     BATCHES,
     Component,
-    Kind,
     Task,
     band_variance,
     make_tasks,
@@ -29,6 +28,7 @@ from lidarspectra.radiance.sampling.own_light import own_relative_se, samples_fo
 from lidarspectra.radiance.sampling.patches import Patches, find_patches
 from lidarspectra.radiance.sampling.pooling import Sharing
 from lidarspectra.radiance.sampling.receptors import Receptor
+from lidarspectra.radiance.sampling.samplers import DIRECT, samplers_of
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
@@ -210,10 +210,9 @@ def first_mean(
 
 
 def _components(scene: RadianceScene, request: Request, count: int) -> list[Component]:
-    kinds: tuple[Kind, ...] = ("direct", "once", "often") if request.receptor.is_cosine else ("view",)
     return [
         Component(
-            kind=kind,
+            sampler=sampler,
             options=PassOptions(
                 group=scene_pass.group,
                 lamp_modifiers=tuple(scene.lamp_modifiers[lamp] for lamp in scene_pass.lamps),
@@ -225,11 +224,11 @@ def _components(scene: RadianceScene, request: Request, count: int) -> list[Comp
             slots=scene_pass.slots,
             mean=np.zeros((BATCHES, len(scene_pass.lamps), count, len(scene_pass.slots)), dtype=np.float32),
             sharers=sum(other.slots == scene_pass.slots for other in scene.passes),
-            samples=np.zeros(1 if kind == "often" else count, dtype=np.int64),
-            surfaces=request.surfaces[scene_pass.name] if kind in ("often", "view") else None,
+            samples=np.zeros(1 if sampler.is_shared else count, dtype=np.int64),
+            surfaces=request.surfaces[scene_pass.name] if sampler.has_patches else None,
         )
         for scene_pass in scene.passes
-        for kind in kinds
+        for sampler in samplers_of(request.receptor)
     ]
 
 
@@ -270,7 +269,7 @@ def survey(
         group, count = component.options.group, len(found) + len(found.watchers)
         values = float_rows(run, rows=count, columns=len(component.lamps) * group.slot_count)
         values = values.reshape(count, -1, group.slot_count)
-        if component.kind == "often" and count > 1:  # a single sensor has none to share with
+        if component.sampler.is_shared and count > 1:  # a single sensor has none to share with
             direct = values.mean(axis=2).T
             component.sharing = Sharing(
                 patches=found, group=found.groups(direct[:, : len(found)], direct[:, len(found) :])
@@ -293,11 +292,8 @@ def _first(components: Sequence[Component], request: Request) -> list[IntArray]:
     paths, pooled = first_round_sizes(request.target)
     wanted = []
     for component in components:
-        most = (pooled if component.kind == "often" else paths) / component.sharers
-        fewest = component.sizes[0]
-        size = (
-            1 if component.kind == "direct" else max(count for count in component.sizes if count <= max(most, fewest))
-        )
+        most = max(component.sampler.first_samples(paths, pooled) / component.sharers, component.sizes[0])
+        size = max(count for count in component.sizes if count <= most)
         wanted.append(np.full(component.samples.size, size, dtype=np.int64))
     return wanted
 
@@ -318,7 +314,7 @@ def _sample(
     fewest, most = RAYS_PER_JOB
     chunk = min(max(rays // (2 * request.workers), fewest), most)
     waiting: deque[Task] = deque()
-    if any(more.any() for component, more in zip(components, wanted, strict=True) if component.kind == "direct"):
+    if any(more.any() for component, more in zip(components, wanted, strict=True) if component.sampler is DIRECT):
         _await_second_after(log.direct_second)
 
     def jobs() -> Iterator[EngineJob]:
@@ -392,7 +388,7 @@ def _missing(
             variance = band_variance(components[index], _flux_ratio(scene, components[index]), matrix[:, lit])
             relative = (variance / means[lit] ** 2).max(axis=1, initial=0.0)
             relative = np.where(counted, relative, 0.0)
-            if components[index].kind == "often":
+            if components[index].sampler.is_shared:
                 variances.append(relative.sum(keepdims=True))
             else:
                 variances.append(smooth_over_neighbours(relative, sensors) * counted)

@@ -17,6 +17,7 @@ from lidarspectra.radiance.sampling import trace as trace_module
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
 from lidarspectra.radiance.sampling.estimator import BATCHES, take_answer
 from lidarspectra.radiance.sampling.receptors import cone_receptor, cosine_receptor
+from lidarspectra.radiance.sampling.samplers import DIRECT
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 from lidarspectra.radiance.sampling.trace import trace, trace_irradiance
 from lidarspectra.radiance.sampling.transport import load_transport, save_transport, standard_error_of_sum
@@ -128,7 +129,7 @@ def test_rounds_of_shadow_rays_never_repeat_one_another(rooms, places, monkeypat
     take = take_answer
 
     def watch(task, run, sensors) -> None:
-        if task.component.kind == "direct":
+        if task.component.sampler is DIRECT:
             values = float_rows(run, rows=task.burn + 36 * BATCHES, columns=3 * 3)[task.burn :]
             seen.append(values.reshape(36, BATCHES, 3, 3)[np.argsort(task.points), :, :, 0])
         take(task, run, sensors)

@@ -44,7 +44,9 @@ def test_shared_paths_give_what_own_paths_give(sensors_in_a_furnished_room) -> N
         surfaces=load_surfaces(scene),
     )
     parts = rounds._components(scene, request, count)
-    wanted = [np.full(part.samples.size, {"direct": 0, "once": PATHS, "often": 1597}[part.kind]) for part in parts]
+    wanted = [
+        np.full(part.samples.size, {"direct": 0, "once": PATHS, "often": 1597}[part.sampler.kind]) for part in parts
+    ]
     shared = np.zeros((BATCHES, 2, count, 3))
     rounds._sample(
         parts, wanted, sensors, scene, request, generator=generator, log=rounds.Log(), progress=lambda *_: None

@@ -19,16 +19,18 @@ from lidarspectra.radiance.sampling.estimator import (
     task_job,
     wanted_samples,
 )
-from lidarspectra.radiance.sampling.receptors import FIBONACCI, cosine_receptor
+from lidarspectra.radiance.sampling.receptors import FIBONACCI, cone_receptor, cosine_receptor
 from lidarspectra.radiance.sampling.rounds import share_done
+from lidarspectra.radiance.sampling.samplers import DIRECT, OFTEN, ONCE, VIEW, Kind, samplers_of
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
+SAMPLERS = {sampler.kind: sampler for sampler in (DIRECT, ONCE, OFTEN, VIEW)}
 GROUP = band_groups(3, "native")[0]
 
 
-def component(points: int, kind: str = "once", **more: Any) -> Component:
+def component(points: int, kind: Kind = "once", **more: Any) -> Component:
     return Component(
-        kind=kind,
+        sampler=SAMPLERS[kind],
         options=PassOptions(
             group=GROUP, lamp_modifiers=("lamp0", "lamp1"), octree="pass0.oct", bounces=3, lamp_count=2
         ),
@@ -150,7 +152,7 @@ def test_a_direct_job_burns_its_first_results() -> None:
 
 
 @pytest.mark.parametrize("kind", ["direct", "once", "view"])
-def test_every_job_throws_results_away_so_that_none_uses_another_s_numbers_in_step(kind: str) -> None:
+def test_every_job_throws_results_away_so_that_none_uses_another_s_numbers_in_step(kind: Kind) -> None:
     # Within a second the engine's numbers are the same for all jobs; a lone sensor's batches then erred alike, and its
     # error bar came out a third too small.
     part, given = component(60, kind), sensors(60)
@@ -196,3 +198,12 @@ def test_where_many_passes_add_up_a_single_direction_of_each_may_do() -> None:
     assert shared.sizes[0] == 1
     assert set(alone.sizes) < set(shared.sizes)
     assert component(4, "often", sharers=16).sizes == FIBONACCI
+
+
+def test_the_samplers_of_a_receptor_make_up_its_light() -> None:
+    options = component(1).options
+    assert [sampler.bounces(options) for sampler in samplers_of(cosine_receptor())] == [3, 1, 3]
+    assert samplers_of(cone_receptor(20.0)) == (VIEW,)
+    assert [sampler.kind for sampler in SAMPLERS.values() if sampler.lamps_visible] == ["view"]
+    assert DIRECT.measure_sr(cosine_receptor()) == 1.0  # the engine's answer is irradiance
+    assert ONCE.measure_sr(cosine_receptor()) == pytest.approx(np.pi)  # a mean radiance

@@ -9,9 +9,11 @@ from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.radiance.engine.bands import band_groups
 from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.sampling import own_light
-from lidarspectra.radiance.sampling.estimator import BATCHES, Component, Kind
+from lidarspectra.radiance.sampling.estimator import BATCHES, Component
 from lidarspectra.radiance.sampling.own_light import own_relative_se, samples_for_each_point
+from lidarspectra.radiance.sampling.samplers import DIRECT, OFTEN, ONCE, VIEW, Kind
 
+SAMPLERS = {sampler.kind: sampler for sampler in (DIRECT, ONCE, OFTEN, VIEW)}
 GROUP = band_groups(3, "native")[0]
 POINTS = 40
 
@@ -19,7 +21,7 @@ POINTS = 40
 def component(kind: Kind, *, samples: int = 34, seconds: float = 1.0) -> Component:
     units = 1 if kind == "often" else POINTS
     return Component(
-        kind=kind,
+        sampler=SAMPLERS[kind],
         options=PassOptions(group=GROUP, lamp_modifiers=("lamp0",), octree="pass0.oct", bounces=3, lamp_count=1),
         lamps=(0,),
         slots=(0, 1, 2),
