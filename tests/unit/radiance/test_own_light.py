@@ -92,3 +92,10 @@ def test_a_hopeless_point_gets_no_more_than_its_budget(monkeypatch: pytest.Monke
     part.samples[0] = 8 * 34
     (wanted,) = samples_for_each_point([part], [variance], target=1.0)
     assert not wanted.any()
+
+
+def test_shared_paths_alone_are_raised_until_the_only_wanting_point_has_enough() -> None:
+    parts = [component("once"), component("often", samples=144)]
+    variances = [np.zeros(POINTS), np.where(np.arange(POINTS) == 3, 8.0, 0.0)]
+    rest = left(parts, variances, samples_for_each_point(parts, variances, target=1.0))
+    assert 1.0 / 1.3 < rest[3] < 1.3  # a step to the nearest size, of 1.6
