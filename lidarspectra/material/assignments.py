@@ -1,4 +1,4 @@
-"""The user's word on materials: a CSV that gives groups of faces, or single faces, a reflectance by its ID.
+"""The user's assignments of materials: a CSV that gives groups of faces, or single faces, a reflectance by its ID.
 
 The `materials.csv` that a run writes is such a file: change the cell `reflectance` of a group to the ID of a database
 ('builtin:white-wall', '00042') or to a spectrum file (.csv, beside the assignments), delete the rows that shall stay as
@@ -129,7 +129,7 @@ def _is_file(reflectance: str) -> bool:
 def assign(
     estimated: MaterialMap, assignments: Assignments, library: ReflectanceLibrary, *, where: Path
 ) -> MaterialMap:
-    """Do what the user says, over what was estimated.
+    """Apply the user's assignments to the estimated materials.
 
     Parameters
     ----------

@@ -1,12 +1,12 @@
-"""Estimate the materials of a scan: MS, DM and RPP of the paper's Algorithm 1, on the views that were chosen.
+"""Estimate the materials of a scan: MS, DM and RPP of the paper's Algorithm 1, on the chosen views.
 
 Each face has a colour; primary colours are found among all faces, and every face takes one of them, by its own colour
-and by what its neighbours take. Each face also has a material class, from a network that looks at all views and from
-where in the room it lies. Faces of one primary colour and one class are a segment, and each segment becomes a material
-by matching its colour to the reflectance databases, surfaces of its class favoured.
+and by what its neighbours take. Each face also gets a material class, from a network's votes in all views and from
+its place in the room. Faces of one primary colour and one class are a segment, and each segment becomes a material
+by matching its colour to the reflectance databases, with a preference for surfaces of its class.
 
-The colour that a phone's texture shows is reflectance times light: nothing here takes the light out. All steps work
-from a (face, 3) array of linear colours, so that one from which the light was divided out can be given in its place.
+The colour that a phone's texture shows is reflectance times light: nothing here removes the light. All steps work
+on a (face, 3) array of linear colours, so that de-lit colours can be given in place of the texture's.
 """
 
 from dataclasses import replace
@@ -37,14 +37,14 @@ from lidarspectra.spectra.databases import load_reflectances
 from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
 
 SEED = 20241104  # of K-means; materials of one scan are the same on every run
-UNSEEN_EVIDENCE = 0.1  # [1] how much the colour of a face counts that no view saw, against one that is seen whole
+UNSEEN_EVIDENCE = 0.1  # [1] weight of the colour of a face that no view saw, relative to one seen whole
 MIN_SHARE = 2e-4  # [1] of the area; smaller groups of faces join the material nearest in colour
 CONFIDENT_DIFFERENCE = 10.0  # [1] CIEDE2000 to the nearest surface at which confidence has fallen to 1/e
 DEFAULT_MATERIAL = "white-plastic"  # ID of a built-in reflectance
 UNKNOWN = "unknown"  # class of a material where none was estimated
 SHARES = (0.08, 0.88, 0.04)  # of the time: grouping by colour, classes, matching
 CLASS_SHARES = (0.97, 0.03)  # of the time of the classes: the views', the faces'
-VISIBLE_BANDS_NM = (400.0, 770.0)  # [nm] what the sensor's first 14 channels see
+VISIBLE_BANDS_NM = (400.0, 770.0)  # [nm] range of the sensor's first 14 channels
 
 
 def estimate_materials(
@@ -70,7 +70,7 @@ def estimate_materials(
     room : Room, optional
         In the scan; without it the classes come from the pictures alone.
     face_color : (face, 3) float, optional
-        Linear sRGB to work from in place of the texture's, with the light taken out for instance. [0-1]
+        Linear sRGB to use in place of the texture's, for instance de-lit. [0-1]
     library : ReflectanceLibrary, optional
         Reflectances that colours are matched to (`load_reflectances`); the built-in ones by default.
     default : str
@@ -80,7 +80,7 @@ def estimate_materials(
     model : str, path or None
         Network that tells material classes, an ONNX file with its card beside it; None does without classes.
     colors : int
-        Most primary colours that K-means may find, 1 to 200.
+        Largest number of primary colours for K-means, 1 to 200.
     progress : callable
         Told how far it is.
 
@@ -92,13 +92,13 @@ def estimate_materials(
     Raises
     ------
     ArgumentError
-        If scan or views are something else, or there is no such matching.
+        If scan or views have the wrong type, or the matching is unknown.
     MaterialError
         If colours and views do not belong to the scan, or the model cannot be read.
     DatabaseError
         If the default material is not there.
     """
-    instance_of(scan, Scan, name="scan", todo="read_scan and repair_scan make one.")
+    instance_of(scan, Scan, name="scan", todo="Make it with read_scan(...) and repair_scan(...).")
     instance_of(views, ViewSet, name="views", todo="render_views makes them.")
     one_of(matching, get_args(MatchMethod), name="matching")
     known = load_reflectances() if library is None else library
@@ -140,7 +140,7 @@ def one_material(
     library: ReflectanceLibrary | None = None,
     views: ViewSet | None = None,
 ) -> MaterialMap:
-    """Give all faces of a scan one material: what is to be compared with an estimate.
+    """Give all faces of a scan one material, as a baseline for an estimate.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def material_classes(
     room : Room or None
         In the scan; None leaves the geometry out.
     colors : (face, 3) float
-        Linear sRGB, by which neighbours agree or do not, and which rules some classes out. [0-1]
+        Linear sRGB; it weights the agreement of neighbours, and excludes some classes. [0-1]
     progress : callable
 
     Returns
@@ -242,7 +242,7 @@ def material_classes(
 def find_groups(
     scan: Scan, colors: FloatArray, usable: BoolArray, seen: FloatArray, *, most: int
 ) -> tuple[IntArray, int]:
-    """Group faces by primary colour, neighbours that look alike held together.
+    """Group faces by primary colour, with a smoothness term for neighbours of similar colour.
 
     Parameters
     ----------
@@ -323,7 +323,7 @@ def _material(
 
 
 def _confidence(match: Match, seen: float) -> float:
-    """Rank from 0 to 1, no probability: how near the library comes, how much was seen, how far it was measured.
+    """Confidence from 0 to 1 (a score, not a probability): colour match, seen share, measured range.
 
     exp(-difference / 10) x (1 + seen) / 2 x share of 400 to 770 nm that was measured.
     """
@@ -335,7 +335,7 @@ def _confidence(match: Match, seen: float) -> float:
 
 
 def _distinct_names(materials: list[Material]) -> list[Material]:
-    """Number the names that repeat."""
+    """Append numbers to repeated names."""
     named, count = [], dict.fromkeys((material.name for material in materials), 0)
     names = [material.name for material in materials]
     for material in materials:

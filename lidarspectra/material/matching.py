@@ -7,9 +7,9 @@ mean m and covariance C; the estimate minimises (z - m)' C^-1 (z - m) under XYZ(
 
     z <- m + C B (B' C B)^-1 [XYZ seen - XYZ(z) + B' (z - m)],        B = d XYZ / d z.
 
-C gets a smooth part of its own, so that colours unlike any neighbour bend the spectrum gently rather than wildly.
-A surface of the right hue that is too light or too dark is a neighbour too, once it is brought to the luminance seen;
-but the more that takes, the farther it counts.
+A smooth covariance is added to C, which regularizes the spectra of colours unlike any neighbour.
+A surface of the right hue that is too light or too dark is a neighbour too, once scaled to the luminance seen; the
+larger the factor, the larger its distance.
 
 Surfaces of the material class that a segment seems to be of are favoured, not demanded: the paper's search within the
 class alone measures worse even where the class is right (6.0 % against 5.7 %), a slight preference measures better.
@@ -45,11 +45,11 @@ SCALING = 8.0  # [1] CIEDE2000 that a neighbour e times too light or dark counts
 # built-in library on spectraldb's surfaces
 CLASS_WEIGHT = 2.0  # [1] of a neighbour of the segment's class: 4.2 to 4.0 % MAPE, and 4.2 where the class is wrong
 CLASS_BONUS = 1.0  # [1] CIEDE2000 that the nearest of the class may be farther: 5.7 to 5.4 % MAPE, 6.0 if it is wrong
-MIN_FOR_STATISTICS = 40  # surfaces; a smaller library has no covariance to speak of
+MIN_FOR_STATISTICS = 40  # surfaces; in a smaller library the covariance is not determined
 SMOOTH_VARIANCE = 0.1  # [1] in logit², of the smooth part that is added to the covariance, and of its level
-SMOOTH_LENGTH_NM = 60.0  # [nm] over which that part is alike
-LOGIT_RANGE = (0.002, 0.985)  # [1] reflectances are brought in here before their logit is taken
-NEWTON_STEPS = 15  # it has settled to 1e-6 after 3 to 8 for colours of surfaces
+SMOOTH_LENGTH_NM = 60.0  # [nm] correlation length of that part
+LOGIT_RANGE = (0.002, 0.985)  # [1] to which reflectances are clipped before their logit
+NEWTON_STEPS = 15  # 3 to 8 suffice for 1e-6 with colours of surfaces
 DARKEST_Y = 1e-4  # [1] of a colour that can be matched: darker than any surface, or no light at all
 
 
@@ -62,7 +62,7 @@ class Match:
     spectrum : Spectrum
         0 to `MAX_REFLECTANCE`. [1]
     uncertainty : Spectrum
-        Standard deviation of it, as the method sees it; does not count that the colour itself may be wrong. [1]
+        Standard deviation by the method; the uncertainty of the colour itself is not included. [1]
     nearest : Reflectance
         The surface nearest in colour.
     difference : float
@@ -108,7 +108,7 @@ def match_color(
     among : (surface,) bool, optional
         Surfaces that may be used; all that are matchable where it is not given.
     favored : (surface,) bool, optional
-        Surfaces of the class that it seems to be of, which are likelier than others of the same colour.
+        Surfaces of the estimated class, which are preferred to others of the same colour.
 
     Returns
     -------
@@ -255,7 +255,7 @@ def constrained_estimate(
         spread = covariance @ slope
         gain = _gain(spread, slope)
         step = mean + gain @ (wanted - values @ weights + slope.T @ (logit - mean)) - logit
-        logit = logit + np.clip(step, -4.0, 4.0)  # a longer step leaves the range where the slope holds
+        logit = logit + np.clip(step, -4.0, 4.0)  # a longer step leaves the range where the linearization holds
         if np.abs(step).max() < 1e-6:
             break
     values = _logistic(logit)

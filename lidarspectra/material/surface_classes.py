@@ -35,7 +35,7 @@ OF_OBJECTS = {"wall": "painted", "ceiling": "painted", "plant": "foliage"}  # wh
 
 
 def surface_class(surface: Reflectance) -> str | None:
-    """Material class of a surface, None where nothing tells it."""
+    """Material class of a surface, None where it is unknown."""
     if surface.category.lower() in CLASS_WORDS:
         return surface.category.lower()
     words = set(re.findall(r"[a-z]+", surface.name.lower()))

@@ -1,4 +1,4 @@
-"""Where to look from: Algorithm 1 of the paper, its loop over viewpoints until the scan is covered.
+"""Choice of viewpoints: Algorithm 1 of the paper, its loop over viewpoints until the scan is covered.
 
     V = {v0}, coverage = {}
     while |coverage| / N < T:
@@ -9,8 +9,8 @@
         Viewpoint Update: add the candidate in free space that sees the most uncovered area
 
 Coverage is docs/concepts.md, Eq. 6. It depends on where the camera stands and not on what the materials are, so the
-loop chooses the views first and the materials are estimated on all of them together. The paper counts points; area is
-counted here as well and decides, because a scan's points crowd where it has detail.
+loop chooses the views first and the materials are estimated on all of them together. The paper counts points; here the
+loop stops by area (points are reported too), because a scan's points are dense where it has detail.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from lidarspectra.room.room import Room, find_room
 CANDIDATE_HEIGHTS = (0.15, 0.35, 0.6, 0.85)  # [1] of the room's height: below tables, above them, over all
 CLEARANCE_M = 0.15  # [m] a camera so close to a surface sees little else
 MAX_CANDIDATES = 240  # bounds the time of the search
-MAX_OF_NEW = 0.8  # [1] of the new area that a viewpoint sees; directions beyond it are not worth their image
+MAX_OF_NEW = 0.8  # [1] of the new area that a viewpoint sees, above which no further direction is rendered
 FIRST_SHARE = 0.5  # of the time: the search made ready, and all six views of the first viewpoint
 SURFACE_GAP = 1e-3  # [1] of a sight line, left out at the surface so that a sample does not hide itself
 
@@ -51,9 +51,9 @@ class ViewSettings:
     sample_spacing_m : float
         Of the points on the surface by which coverage is counted. [m]
     min_cosine : float
-        A surface seen more aslant than this does not count as seen. [1]
+        Least cosine between a surface's normal and the sight line for it to count as seen. [1]
     farthest_m : float
-        Nor does one farther away: a pixel is then wider than some centimetres. [m]
+        Largest distance for a surface to count as seen; beyond it a pixel covers several centimetres. [m]
     max_viewpoints : int
         The loop ends there.
     min_gain : float

@@ -1,7 +1,7 @@
-"""Take the light out of a scan's colours: joins the lamps' direct light (by Radiance) with the picture's own light.
+"""De-light a scan's colours, from the lamps' direct light (by Radiance) and the light between its surfaces.
 
-The method stands in `material.albedo`; here its evidence is gathered (samples of the surfaces, rays between them,
-light from the lamps), and its answer is spread from the samples to all faces.
+`material.albedo` has the method; here its evidence is gathered (samples of the surfaces, form factors between them,
+direct light of the lamps), and its result is interpolated from the samples to all faces.
 """
 
 import tempfile
@@ -49,60 +49,65 @@ from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, tri
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra.spectrum import Spectrum
 
-SAMPLES = 6_000  # points at which light is asked for; 3,000 give reflectances that differ by 1 %
-RAYS = 128  # directions of a sample in which other surfaces are looked at
-LIFT_M = 0.02  # [m] samples stand so far off the mesh, clear of its noise
-SMOOTH_FACES = 24  # faces whose normals are averaged: a phone's small triangles are tilted by its noise
-SMOOTH_COSINE = 0.7  # [1] faces turned away more than this are another surface
-EDGE_NEIGHBORS = 7  # samples, the nearest included, by which the edge of a shadow is known
-INDIRECT = 0.5  # [1] reflected light over the mean direct light, about
-ALMOST_ONE = 1.0 - 1e-9  # [1] tells a lamp that is seen from below from one whose beam is known
-LAMP_GLOW_M = 0.12  # [m] bright faces so near to a known lamp show it
-CLIPPED, DARK = 0.97, 0.012  # [1] brightest and darkest channels of a sample that can be trusted
-CEILING_DEPTH_M = 0.15  # [m] below the ceiling's plane, that still counts as ceiling
-CEILING_CONFIDENCE = 0.3  # [1] share of the plan with a ceiling from which there is one
+SAMPLES = 6_000  # surface points with a light estimate; with 3,000, reflectances differ by 1 %
+RAYS = 128  # rays per sample for the form factors to other surfaces
+LIFT_M = 0.02  # [m] distance of samples from the mesh, clear of its noise
+SMOOTH_FACES = 24  # faces whose normals are averaged, since a phone's noise tilts small triangles
+SMOOTH_COSINE = 0.7  # [1] of the normals, below which faces belong to different surfaces
+EDGE_NEIGHBORS = 7  # nearest samples, itself included, by which the edge of a shadow is detected
+INDIRECT = 0.5  # [1] typical ratio of reflected light to the mean direct light
+ALMOST_ONE = 1.0 - 1e-9  # [1] largest cosine at a lamp of assumed beam; 1 marks lamps of known beam
+LAMP_GLOW_M = 0.12  # [m] largest distance of bright faces from a known lamp that they show
+CLIPPED, DARK = 0.97, 0.012  # [1] limits of a sample's brightest channel for it to be used
+CEILING_DEPTH_M = 0.15  # [m] depth below the ceiling's plane that still counts as ceiling
+CEILING_CONFIDENCE = 0.3  # [1] least share of the plan with a ceiling for it to be used
 NEUTRAL = 0.12  # [1] largest spread of a white ceiling's reflectance over the three channels
-ROUNDS = 3  # of grouping by hue and fitting: the first groups by hues that the light still tints
-NEIGHBORS = 8  # samples whose light a face takes
-NORMAL_WEIGHT_M = 0.5  # [m] distance that a turn of one radian counts for
+ROUNDS = 3  # of grouping by hue and fitting; in the first the hues are still tinted by the light
+NEIGHBORS = 8  # samples from which a face's light is interpolated
+NORMAL_WEIGHT_M = 0.5  # [m] distance equivalent to a turn of one radian
 SOFTEN_M = 0.05  # [m] softens the weight of the nearest sample
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
-LIGHT_REFLECTANCE = 0.65  # [1] from which surfaces in buildings are mostly whites (research/benchmarks/whites.py)
-MIN_WHITE = 0.75  # [1] reflectance from which a surface is called white
-WHITE_SHARE = 0.05  # [1] of the scan's area beyond the bright end, from which a reader should know
-STRAY_LIGHT = 0.02  # [1] of white that a texture shows from beside: edges are rounded, frames blended, lenses glare
-MIN_WITNESSES = 16  # independent places, over twice the unknowns; fewer tell nothing
+LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly white (research/benchmarks/whites.py)
+MIN_WHITE = 0.75  # [1] least reflectance of a surface called white
+WHITE_SHARE = 0.05  # [1] of the scan's area brighter than paint, above which the user is warned
+STRAY_LIGHT = 0.02  # [1] of white, from neighbouring places: edges are rounded, frames blended, lenses glare
+MIN_WITNESSES = 16  # least independent places, over twice the number of unknowns
 MIN_EXPLAINED = 0.3  # [1] share of the scatter within surfaces that the lamps' light must explain
-MIN_DIRECT = 0.15  # [1] of all light in a closed room of mean reflectance 0.85: white on all sides
-MAX_UNCERTAIN = 0.5  # [1] standard deviation of log k
-BEAM_EXPONENT = 0.3  # [1] over that of matt lamps, from which a reader should know
-FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp that is off by more, and surely so, is worth a warning
-OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area
+MIN_DIRECT = 0.15  # [1] share of direct light in a closed room of mean reflectance 0.85, white on all sides
+MAX_UNCERTAIN = 0.5  # [1] largest standard deviation of log k for it to be identifiable
+BEAM_EXPONENT = 0.3  # [1] difference from the Lambertian exponent, above which the user is warned
+FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp whose flux differs by more, significantly, draws a warning
+OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area, above which light of unknown lamps draws a warning
 CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
-SHARES = (0.1, 0.22, 0.13, 0.55, 0.3)  # of the time: colours, direct light, exchange, the fits, those fits once more
-ROUND_SHARES = (0.4, *(0.6 / (ROUNDS - 1),) * (ROUNDS - 1))  # of the fits' time: the first is from several starts
+SHARES = (
+    0.1,
+    0.22,
+    0.13,
+    0.55,
+    0.3,
+)  # of the time: colours, direct light, form factors, the fits, and their repetition if needed
+ROUND_SHARES = (0.4, *(0.6 / (ROUNDS - 1),) * (ROUNDS - 1))  # of the fits' time: the first has several starting points
 SEED = 20240911  # of samples and rays; the same scan gives the same reflectances
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Delighting:
-    """Colours of a scan's faces without the light.
+    """De-lit colours of a scan's faces.
 
     Parameters
     ----------
     face_color : (face, 3) float or None
-        Reflectance in linear sRGB; 1 for faces that show no surface. None where the light could not be taken out.
+        Reflectance in linear sRGB; 1 for faces that show no surface. None if de-lighting was not possible.
     face_deviation : (face, 3) float or None
-        Standard deviation of its logarithm in sharpened cones, as far as it comes from camera and light. [1]
+        Standard deviation of its logarithm in sharpened cones, from the uncertainty of camera and light alone. [1]
     fit : LightFit or None
-        Camera and light, where they could be found.
+        Camera and light; None without a fit.
     words : str
-        What was done, in one line; empty where nothing was.
+        Result in one line; empty without one.
     warnings : tuple of str
-        What a reader should know; why nothing was done.
+        Sentences for the user: limits of the result, or why there is none.
     lamp_fluxes : tuple of LampFlux
-        What the picture says of the lamps' relative fluxes, where they were not stated and the light could be taken
-        out.
+        Estimated relative fluxes of the lamps, if they were not stated and de-lighting was possible.
     """
 
     face_color: FloatArray | None
@@ -148,8 +153,8 @@ def take_light_out(
     lamps : sequence of Lamp
         That were lit when it was scanned. The scale of their fluxes does not matter.
     fluxes_stated : bool
-        Whether the lamps' relative fluxes are known, or only a first guess: then the light pattern on the walls
-        decides.
+        Whether the lamps' relative fluxes are known. If False they are a first guess with a wide prior, and are
+        estimated from the light on the walls.
     engine : Engine, optional
         Default: the one that pyradiance brings.
     workers : int, optional
@@ -181,7 +186,7 @@ def take_light_out(
             scan, lamps, samples.positions, samples.normals, Path(folder),
             engine=engine, workers=workers, progress=lighting,
         )  # fmt: skip
-    exchanging(0.0, "light from surface to surface")
+    exchanging(0.0, "form factors between surfaces")
     unsure = _shadow_edges(samples, coefficients)
     exchange = exchange_matrix(
         RayCaster(scan), len(scan.faces), samples.positions, samples.normals, rays=RAYS, generator=generator
@@ -237,9 +242,9 @@ def take_light_out(
 
 
 def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_areas: FloatArray) -> MaterialMap:
-    """Materials whose uncertainty counts that of the light too: of each, its mean over the material's faces.
+    """Materials whose uncertainty includes that of the light, averaged over each material's faces.
 
-    The light's errors are common to all of a material's faces and do not average out; those of single places do.
+    Errors of the light are common to all of a material's faces and do not average out; errors of single places do.
 
     Parameters
     ----------
@@ -285,7 +290,7 @@ def _fit(
     flux_deviation: FloatArray,
     progress: Progress,
 ) -> tuple[LightFit, LightEvidence, csr_array]:
-    """Fit camera and light, group surfaces by the hue that comes out, and fit again."""
+    """Fit camera and light, group surfaces by the hue that results, and fit again."""
     library, daylight = load_reflectances(), lamp_spectrum("D65").spectrum
     spread = _spread(scan, samples)
     bands = np.stack([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps])
@@ -320,7 +325,7 @@ def _witnesses(evidence: LightEvidence) -> int:
 
 
 def _doubt(fit: LightFit) -> str | None:
-    """Why a fit is not to be believed, if so."""
+    """Why a fit cannot be used; None if it can."""
     if fit.explained < MIN_EXPLAINED:
         return (
             f"the lamps' light explains only {100 * max(fit.explained, 0.0):.0f} % of the brightness differences "
@@ -433,7 +438,7 @@ def _samples(scan: Scan, generator: np.random.Generator) -> _Samples:
 
 
 def _shadow_edges(samples: _Samples, coefficients: FloatArray) -> FloatArray:
-    """(sample,) how much direct light differs among the nearest samples that look the same way, over all light."""
+    """(sample,) standard deviation of direct light among nearest samples of similar normal, over all light."""
     total = coefficients.sum(axis=0)
     total = total / max(float(total.mean()), 1e-30)
     place = np.hstack([samples.positions, NORMAL_WEIGHT_M * samples.normals])
@@ -442,7 +447,7 @@ def _shadow_edges(samples: _Samples, coefficients: FloatArray) -> FloatArray:
 
 
 def _smooth_normals(scan: Scan, face: IntArray) -> FloatArray:
-    """Area-weighted normals of the faces around each of some faces that look much the same way."""
+    """Area-weighted normals of the faces around each given face, of those with a similar normal."""
     count = min(SMOOTH_FACES, len(scan.faces))
     _, near = cKDTree(scan.centers).query(scan.centers[face], k=count)
     near = np.reshape(near, (face.size, count))
@@ -491,7 +496,7 @@ def _ceiling(samples: _Samples, trusted: BoolArray, room: Room) -> BoolArray:
 
 
 def _neutral(ceiling: BoolArray, reflectance: FloatArray) -> BoolArray:
-    """The ceiling, where it came out near neutral: a coloured one is no anchor."""
+    """The ceiling if it is near neutral; a coloured one is no reference for white."""
     if not ceiling.any():
         return ceiling
     color = np.median(reflectance[ceiling], axis=0)
@@ -499,17 +504,17 @@ def _neutral(ceiling: BoolArray, reflectance: FloatArray) -> BoolArray:
 
 
 def _whites(reflectance: FloatArray, ceiling: BoolArray) -> BoolArray:
-    """(sample,) which are light, but for the ceiling: what is known of that one is counted already."""
+    """(sample,) whether it is light and not of the ceiling, whose prior is counted separately."""
     return np.asarray(~ceiling & (cones_of_srgb(reflectance)[:, 1] > LIGHT_REFLECTANCE), dtype=np.bool_)
 
 
 def _unsure(shadow_edges: FloatArray, irradiance: FloatArray) -> FloatArray:
-    """(sample, 3) how unsure the light is: that of shadows' edges, and what strays in over (sample, 3) light."""
+    """(sample, 3) relative uncertainty of the (sample, 3) light: at shadow edges, and by stray light."""
     return np.asarray(np.hypot(shadow_edges, STRAY_LIGHT / irradiance), dtype=np.float64)
 
 
 def _spread(scan: Scan, samples: _Samples) -> csr_array:
-    """(face, sample) weights by which faces take the light of the nearest samples that look the same way."""
+    """(face, sample) weights that interpolate light to faces from the nearest samples of similar normal."""
     place = np.hstack([samples.positions - LIFT_M * samples.normals, NORMAL_WEIGHT_M * samples.normals])
     count = min(NEIGHBORS, len(place))
     distance, near = cKDTree(place).query(np.hstack([scan.centers, NORMAL_WEIGHT_M * scan.normals]), k=count)
@@ -521,18 +526,18 @@ def _spread(scan: Scan, samples: _Samples) -> csr_array:
 
 
 def _beyond_white(shown: FloatArray, irradiance: FloatArray) -> FloatArray:
-    """(face, 3) light that faces send over the (face, 3) that a picture shows, from (face, 3) light on them.
+    """(face, 3) expected radiosity of faces over the (face, 3) that a picture shows, from (face, 3) irradiance E.
 
-    A face that is cut at white in all channels, and so of unknown colour, has at least the reflectance that just
-    reaches white, 1/E, and at most that of fresh paint, ρ. Any between is as likely, and sends (1 + ρE)/2 in the mean.
-    Where E is too little for white (a screen, a window), what is shown stays.
+    A face clipped at white in all channels, and so of unknown colour, has at least the reflectance that just reaches
+    white, 1/E, and at most that of fresh paint, ρ. With a uniform prior between them its mean radiosity is (1 + ρE)/2.
+    Where E is too low for white (a screen, a window), the shown value is kept.
     """
     expected = 0.5 * (1.0 + BRIGHTEST_REFLECTANCE * srgb_of_cones(irradiance))
     return np.where((shown >= CLIPPED).all(axis=1, keepdims=True), np.maximum(expected, 1.0), 1.0)
 
 
 def _face_reflectance(evidence: LightEvidence, fit: LightFit, spread: csr_array) -> FloatArray:
-    """(face, 3) reflectance in linear sRGB: what each face sends over the light of the samples near it."""
+    """(face, 3) reflectance in linear sRGB: radiosity of each face over the irradiance interpolated from samples."""
     light = fit.irradiance if evidence.tint is None else fit.irradiance * evidence.tint
     seen = cones_of_srgb(evidence.face_light(fit.tone))
     return np.clip(srgb_of_cones(seen / np.exp(spread @ np.log(light))), *REFLECTANCE_RANGE)

@@ -1,9 +1,9 @@
-"""How well the light on the walls tells the lamps' relative fluxes: scenes whose lamps are known.
+"""How well the light on the walls determines the lamps' relative fluxes: scenes whose lamps are known.
 
     python -m research.benchmarks.lamp_fluxes [office ... or folders made by research.scenes.build, or scans]
 
-A scene's lamps stand where they are, but all are taken for equally strong; what the picture makes of that is printed
-beside the truth. A scan has no truth: its lit lamps are looked for, and taken by area first.
+A scene's lamps keep their places, but all start with equal fluxes; the estimates are printed beside the truth. A scan
+has no truth: its lit lamps are found, and start with fluxes in proportion to their areas.
 """
 
 import argparse
@@ -29,8 +29,8 @@ from lidarspectra.workflow.lamps_of_run import resolve_lamps
 WHITE_K = 4000.0  # [K] of lamps that are found in a scan
 
 
-def told_by(path: Path, lamps: Sequence[Lamp] | None) -> tuple[LampFlux, ...]:
-    """What a scan tells of lamps, or of those that are lit in it."""
+def estimated_by(path: Path, lamps: Sequence[Lamp] | None) -> tuple[LampFlux, ...]:
+    """Estimated fluxes of given lamps, or of those that are lit in the scan."""
     scan = repair_scan(read_scan(path), flatten=True)
     room = find_room(scan)
     if lamps is None:
@@ -46,7 +46,7 @@ def run_scene(folder: Path) -> None:
     powers = np.array([lamp.flux.integral() for lamp in lamps])
     mean = float(np.exp(np.log(powers).mean()))
     equal = [replace(lamp, flux=lamp.flux.scaled(mean / power)) for lamp, power in zip(lamps, powers, strict=True)]
-    fluxes = told_by(folder / "scan.glb", equal)
+    fluxes = estimated_by(folder / "scan.glb", equal)
     for flux, power in zip(fluxes, powers, strict=True):
         print(f"  {flux.lamp:16s} true {power / mean:5.2f}  {_in_words(flux)}")
     errors = np.array([np.log(flux.factor * mean / power) for flux, power in zip(fluxes, powers, strict=True)])
@@ -69,7 +69,7 @@ def main() -> None:
         if path.is_dir():
             run_scene(path)
         else:
-            for flux in told_by(path, None):
+            for flux in estimated_by(path, None):
                 print(f"  {flux.lamp:16s} {_in_words(flux)}")
 
 

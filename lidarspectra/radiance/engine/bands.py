@@ -1,8 +1,8 @@
-"""Slots: how the channels of a sensor ride through Radiance, exactly.
+"""Slots: the channels of a sensor as spectral samples of Radiance, exactly.
 
-Radiance carries N spectral samples through a pass (`-cs N -cw a b`) and never mixes them. It is told that they are
-wavelengths; here they are opaque slots, one a channel, whatever the channels' spacing and response. A sample comes
-back as it went in when the `spectrum` primitive names the CENTRES of the N bins whose outer EDGES `-cw` names:
+Radiance carries N spectral samples through a pass (`-cs N -cw a b`) and never mixes them. To Radiance they are
+wavelengths; here they are independent slots, one per channel, whatever the channels' spacing and response. A sample
+is returned unchanged if the `spectrum` primitive names the CENTRES of the N bins whose outer EDGES `-cw` names:
 first centre a + w/2, last b - w/2, w = (b - a)/N; on any other wavelengths Radiance resamples.
 
 What a lamp sends in slot b is its band value Φ_b = ∫Φ r_b dλ / ∫ r_b dλ; what a surface reflects there is
@@ -24,8 +24,8 @@ from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
 Mode = Literal["native", "rgb"]
 
-MIN_SLOTS = 3  # rtrace refuses fewer: "unsupported spectral sampling"
-RGB_SLOTS = 3  # what Radiance carries without `-cs`
+MIN_SLOTS = 3  # rtrace rejects fewer: "unsupported spectral sampling"
+RGB_SLOTS = 3  # spectral samples of Radiance without `-cs`
 FIRST_EDGE_NM = 380  # [nm] Radiance's own short end; its partition at 480 and 588 nm must lie inside
 MIN_SPAN_NM = 400  # [nm] Radiance's own span, 380 to 780 nm; the slots' edges cover at least that
 LAMP_FLOOR = 1e-6  # [1] of a lamp's peak in every slot: Radiance drops lamps that are dark in the three it ranks by
@@ -239,7 +239,7 @@ def lamp_band_flux(fluxes: Sequence[Spectrum], bands: BandSet) -> FloatArray:
             expected=f"lamps that send light between {first:.0f} and {last:.0f} nm, which the sensor sees",
             found=f"none from lamp {int(dark[0]) + 1} ({fluxes[int(dark[0])].name or 'no name'})",
             where=f"bands {bands.name}",
-            todo="Choose another spectrum or sensor.",
+            todo="Choose a lamp spectrum or a sensor whose ranges overlap.",
         )
     return flux
 

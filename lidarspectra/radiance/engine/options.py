@@ -27,32 +27,32 @@ NoiseOf = Literal["mean", "point"]
 NOISES_OF: tuple[NoiseOf, ...] = ("mean", "point")
 BOUNCES: dict[Accuracy, int] = {"low": 2, "medium": 8, "high": 14, "ultra": 20}  # [1] paper, Section 4.1
 ALL_BOUNCES = 2_000  # of 'all', where paths end by Russian roulette alone: .99 to this power is 2e-9
-PATH_WEIGHT = 0.4  # [1] -lw: below it a path lives by lot; .3 to .5 gave the least noise for a second of work
-REFLECTED_LAMP_PART = 0.3  # [1] -ds for lamps as seen from reflecting surfaces: cut only where they are close
+PATH_WEIGHT = 0.4  # [1] -lw: Russian roulette below this weight; .3 to .5 gave the least variance for equal time
+REFLECTED_LAMP_PART = 0.3  # [1] -ds for lamps as seen from reflecting surfaces: subdivided only if close
 SPECULAR_REFLECTIONS = 20  # mirror-like reflections that a path may have besides the diffuse ones
 SPECULAR_THRESHOLD = 0.01  # [1] -st: a gloss weaker than this is added to the diffuse part
 LAMP_PARTS = (
     (4, 0.05),
     (16, 0.1),
     (64, 0.2),
-)  # (lamps, -ds) up to so many lamps; many lamps smooth one another's noise
+)  # (largest number of lamps, -ds); with many lamps the noise of each averages out
 COARSEST_LAMP_PART = 0.4  # [1] -ds beyond the last
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseLevel:
-    """All that a setting of noise decides.
+    """Sampling parameters of a noise setting.
 
     Parameters
     ----------
     relative_se : float
-        Standard error to come down to, of the mean irradiance. [1]
+        Target of the standard error, relative to the mean irradiance. [1]
     first_from : float
-        Least target that starts with a first round of these sizes. [1]
+        Smallest target whose first round has these sizes. [1]
     first_paths : int
-        Directions a point and batch of the first round.
+        Directions per point and batch in the first round.
     first_pooled : int
-        Paths a batch of the first round that all points share.
+        Shared paths per batch in the first round.
     plain_divisions : int
         First rays of a sensor (`-ad`) in one plain run of the engine.
     exported_repeats : int
@@ -84,22 +84,22 @@ QUICK_FIRST = (5, 34)  # first_paths and first_pooled of it
 
 
 def bounces_of(accuracy: Accuracy) -> int:
-    """Most reflections of an accuracy [1]; raises ArgumentError where there is no such word."""
+    """Largest number of reflections of an accuracy [1]; raises ArgumentError for an unknown one."""
     return ALL_BOUNCES if one_of(accuracy, (*BOUNCES, "all"), name="accuracy") == "all" else BOUNCES[accuracy]
 
 
 def reflections_in_words(accuracy: Accuracy) -> str:
-    """How far light is followed, for a reader."""
+    """The number of reflections traced, in words for the user."""
     return "all reflections" if accuracy == "all" else f"at most {bounces_of(accuracy)} reflections"
 
 
 def noise_level(noise: Noise) -> NoiseLevel:
-    """What a noise setting decides; raises ArgumentError as above."""
+    """Sampling parameters of a noise setting; raises ArgumentError for an unknown one."""
     return NOISE_LEVELS[one_of(noise, tuple(NOISE_LEVELS), name="noise")]
 
 
 def first_round_sizes(target: float) -> tuple[int, int]:
-    """Directions a point, and paths that all points share, of a batch of the first round for a target [1]."""
+    """Directions per point, and shared paths, in each batch of the first round for a target [1]."""
     if target >= QUICK_TARGET:
         return QUICK_FIRST
     level = next(level for level in NOISE_LEVELS.values() if target >= level.first_from)
@@ -108,18 +108,18 @@ def first_round_sizes(target: float) -> tuple[int, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class PassOptions:
-    """What one pass asks of rcontrib.
+    """Options of rcontrib and rtrace for one pass.
 
     Parameters
     ----------
     group : BandGroup
         Bands and slots.
     lamp_modifiers : tuple of str
-        Lamps whose light is told apart, in the order of the results.
+        Lamps with separate results, in the order of the results.
     octree : str
         File name in the scene folder.
     bounces : int
-        Most diffuse reflections, 1 or more.
+        Largest number of diffuse reflections, 1 or more.
     lamp_count : int
         Lamps in the whole scene.
     """
@@ -136,7 +136,7 @@ class PassOptions:
         return (*self._common(repeats), *options, *self._ending())
 
     def survey_arguments(self) -> tuple[str, ...]:
-        """Arguments for a rough D: sensors in, each looking at the lamps once, cut only where they are close."""
+        """Arguments for a rough D: sensors in, one shadow ray per lamp part, lamps subdivided only if close."""
         options = ("-I+", "-ab", "0", "-dj", "1", "-ds", f"{REFLECTED_LAMP_PART:g}", "-dv+")
         return (*self._common(1), *options, *self._ending())
 
@@ -195,7 +195,7 @@ SHARED_OPTIONS: tuple[str, ...] = (
     *("-u+", "-bv+", "-dt", "0", "-dc", "1", "-dr", "2", "-ss", "1", "-st", f"{SPECULAR_THRESHOLD:g}"),
     *("-aa", "0", "-as", "0", "-av", "0", "0", "0"),
 )
-"""What every run has in common; written out, since the programs' defaults differ."""
+"""Options of every run; written out, since the programs' defaults differ."""
 
 
 def lamp_part(lamp_count: int) -> float:
@@ -208,7 +208,7 @@ def lamp_part(lamp_count: int) -> float:
     Returns
     -------
     ratio : float
-        0.05 cuts a 0.6 m panel at 2.3 m into 64 parts; coarser the more lamps there are, so that work stays sane. [1]
+        0.05 cuts a 0.6 m panel at 2.3 m into 64 parts; coarser with more lamps, which bounds the cost. [1]
     """
     return next((ratio for most, ratio in LAMP_PARTS if lamp_count <= most), COARSEST_LAMP_PART)
 

@@ -1,20 +1,20 @@
 r"""Ray trees: every segment of the paths that rtrace followed, with what it carries.
 
-rtrace can tell of each ray that it follows, shadow rays included (`-oT`). It prints children before their parents,
+rtrace can output every ray that it traces, shadow rays included (`-oT`). It prints children before their parents,
 each record behind as many tabs as the ray has ancestors. Records here are
 
     "~\t"  w  L  ox oy oz  dx dy dz  W..  V..        binary, single precision; W and V have a value a slot
 
-    w   Radiance's weight of the ray, by which it plays Russian roulette. [1]
+    w   Radiance's weight of the ray, on which its Russian roulette depends. [1]
     L   length to where it arrived. [m]
     o d origin [m] and direction
-    W   coefficient: what the path from its first ray to this one makes of radiance that comes along this ray. [1]
-    V   contribution: W times that radiance, all that follows behind it included.
+    W   coefficient: throughput of the path from its first ray to this one, by which radiance along it counts. [1]
+    V   contribution: W times that radiance, that of its descendants included.
 
-Tabs stand before binary records too, so that records are found by their "~\t", of which chance gives others.
-A shadow ray is told by its weight: Radiance gives it its parent's, while any other ray has its parent's times the
-largest of its own coefficients (specular ones too, with one sample each: `-ss 1`). What goes on from a shadow ray
-through glass is one as well.
+Tabs stand before binary records too, so records are found by their "~\t", which data may hold by chance as well.
+A shadow ray is recognized by its weight: Radiance gives it its parent's, while any other ray has its parent's times the
+largest of its own coefficients (specular ones too, with one sample each: `-ss 1`). The continuation of
+a shadow ray through glass is one as well.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from lidarspectra.errors import EngineError
 from lidarspectra.radiance.engine.engine import EngineRun
 
 FIELDS = "~wLodWV"
-"""What rtrace is asked to tell of every ray (`-oT` and these)."""
+"""Output fields of rtrace for every ray (`-oT` and these)."""
 _MARK = (0x7E, 0x09)  # "~\t"
 _TAB = 0x09
 _HEAD = 8  # numbers before W: w, L, o, d
@@ -120,7 +120,7 @@ def read_ray_trees(run: EngineRun, *, trees: int, slots: int) -> RayTrees:
 
 
 def _records(run: EngineRun, slots: int) -> tuple[IntArray, NDArray[np.float32]]:
-    """(record,) ancestors of each ray, and (record, number) what is told of it."""
+    """(record,) number of ancestors of each ray, and its (record, number) fields."""
     output = np.frombuffer(run.output, dtype=np.uint8)
     size = 2 + 4 * (_HEAD + 2 * slots)
     starts = _starts(output, size)
@@ -181,7 +181,7 @@ def _broken(run: EngineRun, *, expected: str, found: str) -> EngineError:
     said = run.stderr[-300:] or "nothing"
     return EngineError(
         expected=expected, found=f"{found}. It said: {said}", where=run.command,
-        todo="Ask 'lidarspectra doctor' whether this engine tells of every ray as Radiance 6.0a does.",
+        todo="Run 'lidarspectra doctor': the engine must write ray trees in the format of Radiance 6.0a.",
     )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
-"""Direct light: what comes to surface points straight from the lamps, lamp by lamp.
+"""Direct irradiance at surface points, lamp by lamp.
 
-A black room sends nothing back, so its light is the direct one; the lamps' shapes and the room's obstacles are those of
-any scene. How a lamp's light spreads is the same at all wavelengths, so that one grey pass serves every spectrum.
+A black room reflects nothing, so all its light is direct; lamps and obstacles are written as in any scene. The
+distribution of a lamp's light is the same at all wavelengths, so one grey pass serves every spectrum.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,13 +21,13 @@ from lidarspectra.radiance.sampling.trace import available_cores
 from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass, write_scene
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
 
-GREY_NM = (400.0, 700.0)  # [nm] any range does
-GREY_BANDS = 3  # fewest that a pass carries
+GREY_NM = (400.0, 700.0)  # [nm] any range is right for a grey spectrum
+GREY_BANDS = 3  # the least number in a pass
 LAMP_PART = 0.2  # [1] -ds: a 0.6 m panel at 2.3 m is cut into 4 parts
-REPEATS = 6  # jittered looks at each lamp part: the shade of a lamp's edge comes out within 10 %
+REPEATS = 6  # shadow rays to random points of each lamp part: penumbrae are right within 10 %
 POINTS_PER_JOB = 2_000
-# After SHARED_OPTIONS, in place of -u+: the same numbers in every run, so that materials come out alike to the bit.
-# They are stratified, too, and no path is followed whose corners would err alike.
+# After SHARED_OPTIONS, overriding -u+: the same random numbers in every run, so that materials are reproducible to the
+# bit. They are stratified, and without reflections their correlation along a path does no harm.
 REPEATABLE = ("-u-",)
 
 
@@ -47,10 +47,10 @@ def direct_coefficients(
     Parameters
     ----------
     scan : Scan
-        What stands in the light's way.
+        Its mesh casts the shadows.
     lamps : sequence of Lamp
     positions : (point, 3) float
-        Just off the surfaces. [m]
+        Slightly off the surfaces. [m]
     normals : (point, 3) float
         Unit vectors.
     folder : Path
@@ -100,7 +100,7 @@ def direct_coefficients(
         values = float_rows(run, rows=count, columns=len(lit) * slots).reshape(count, len(lit), slots)
         written = scene.written_flux[np.ix_(lit, scene_pass.slots)]
         coefficients[lit, part] += (scene_pass.group.from_engine(values) / written).mean(axis=2).T
-        progress(0.4 + 0.6 * number / len(tasks), "light straight from the lamps")
+        progress(0.4 + 0.6 * number / len(tasks), "direct light of the lamps")
     return coefficients
 
 

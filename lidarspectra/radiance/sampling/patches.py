@@ -1,9 +1,9 @@
 """Patches: where on the room's surfaces sensors may share paths, because the light there is the same for all of them.
 
-Paths are shared by sensors whose rays arrive near one another (`pooling`). Near is not enough: the two sides of a wall
-are near, and so are the bright and the dark side of a door's edge. So before any path is drawn, the surfaces that the
-sensors look at are cut into boxes; each box gets a place for every part of it that does not see the others; and the
-light at these places is estimated roughly, lamp by lamp, by a radiosity solution on the places themselves:
+Paths are shared by sensors whose rays arrive near one another (`pooling`). Nearness is not sufficient: the two sides of
+a wall are near, and so are the bright and the dark side of a door's edge. So before any path is drawn, the surfaces
+that the sensors see are divided into boxes; each box gets one place per mutually invisible part of its surfaces; and
+the light at these places is estimated roughly, lamp by lamp, by a radiosity solution on the places themselves:
 
     B = ρ (E_direct + E),   E = W B,   W_pq = share of cosine-distributed rays from place p that arrive at patch q
 
@@ -11,10 +11,10 @@ Rays from all places go in the same directions of a lattice, so that what differ
 Two neighbouring places are alike if no lamp's reflected light E differs between them by more than `MAX_CONTRAST`. An
 arrival shares paths with those on places that are alike, that lie in the same cell of 2 x 2 x 2 boxes, and that see
 one another; where the light is uneven, or an arrival does not see its place, each sensor has paths of its own, and is
-sampled as if no other were there: whatever the light is, such an estimate is unbiased.
+sampled as if alone: such an estimate is unbiased for any distribution of light.
 
-The rough light decides who shares, and tells how much light has been reflected more often than is followed, which is
-stated beside the estimate; it is in no estimate.
+The rough light only determines which sensors share paths, and the light beyond the last reflection traced, which is
+reported beside the estimate; it does not enter the estimate.
 
 References
 ----------
@@ -36,16 +36,16 @@ from lidarspectra.radiance.sampling.receptors import cosine_directions, lattice
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 
 MAX_CONTRAST = 0.3  # [1] between neighbours that share, of the light of the sensors that look there
-FAINT = 1e-4  # [1] of a lamp's mean light at the sensors: less than that is taken for that
+FAINT = 1e-4  # [1] of a lamp's mean light at the sensors: lower limit of the light that contrasts are relative to
 LIFT_M = 0.02  # [m] off the surface where sight is tested: above the roughness of a scanned wall
 LOOKS = 4_000  # sensors' rays that find the places, about
 LOOKS_PER_SENSOR = (8, 144)  # fewest and most
 RAYS_PER_PLACE = 55
-DISCOVERY = 3  # every so many-th of them finds places of the next generation
+DISCOVERY = 3  # every third of them is used to find places of the next generation
 LAYERS = 3  # parts of a box that do not see one another and get a place each; what is seen by none shares nothing
 GENERATIONS = 2  # places seen from the sensors, and from those places
 REFLECTIONS = 12  # of the rough light
-MAX_RATIO = 0.999  # [1] of light reflected once more: walls that reflect all but a thousandth
+MAX_RATIO = 0.999  # [1] upper limit of the ratio of successive reflections
 UNKNOWN_REFLECTANCE = 0.5  # [1] of glossy surfaces
 NORMAL_M = 0.3  # [m] a place whose normal is turned by a radian is as far as one so far away
 
@@ -86,12 +86,12 @@ class Patches:
         return len(self.key)
 
     def groups(self, direct: FloatArray, watched: FloatArray) -> IntArray:
-        """Who may share paths.
+        """Find the groups of places on which sensors may share paths.
 
         Parameters
         ----------
         direct : (lamp, place) float
-            Light straight from each lamp at the places, mean over its slots. [any unit]
+            Direct light of each lamp at the places, mean over its slots. [any unit]
         watched : (lamp, watcher) float
             The same at the sensors. [same]
 
@@ -126,19 +126,19 @@ class Patches:
         return known[self.material]
 
     def truncated(self, direct: FloatArray, reflectance: FloatArray, bounces: int) -> FloatArray:
-        """Light at the watchers that has been reflected more often than is followed.
+        """Light at the watchers beyond the last reflection traced.
 
-        Light reflected k times at the sensor is light reflected k - 1 times at the places, E_k = W ρ E_(k-1). From the
-        last one that is followed on they are taken for a geometric series of the ratio of the last two.
+        Light reflected k times at the sensor is light reflected k - 1 times at the places, E_k = W ρ E_(k-1). Beyond
+        the last one traced they are taken for a geometric series of the ratio of the last two.
 
         Parameters
         ----------
         direct : (place, band) float
-            Light straight from the lamps. [any unit]
+            Direct light of the lamps. [any unit]
         reflectance : (place, band) float
             [0-1]
         bounces : int
-            Most reflections that are followed, 1 or more.
+            Largest number of reflections traced, 1 or more.
 
         Returns
         -------

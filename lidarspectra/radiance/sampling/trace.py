@@ -38,10 +38,10 @@ from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
 
 METHOD = "adaptive"
-BLOCK_BYTES = 3 * 2**29  # [byte] of what is kept of a block: with many lamps small ones are mostly starts of the engine
+BLOCK_BYTES = 3 * 2**29  # [byte] of a block's results; in smaller blocks starting the engine would dominate
 BYTES_PER_VALUE = 16  # [byte] of a batch, lamp, point and band: three components and their sum, in single precision
 MAX_BLOCK_POINTS = 20_000
-SCALE_POINTS = 256  # points that tell the mean irradiance, where there is more than one block
+SCALE_POINTS = 256  # points for the mean irradiance, if there is more than one block
 
 
 def trace(
@@ -59,15 +59,15 @@ def trace(
 ) -> xr.Dataset:
     """Trace all lamps' light to sensor points.
 
-    For light on many surface points with little care for noise, see `trace_irradiance`.
+    For a quick estimate at many surface points, see `trace_irradiance`.
 
     Parameters
     ----------
     scene : RadianceScene
     points : SensorPoints
-        Buried ones are traced too, but the noise target leaves them out.
+        Buried ones are traced too, but do not count for the noise target.
     accuracy : str
-        Most reflections that light is followed for: 'low' 2, 'medium' 8, 'high' 14, 'ultra' 20; 'all' ends paths by
+        Largest number of reflections: 'low' 2, 'medium' 8, 'high' 14, 'ultra' 20; 'all' ends paths by
         Russian roulette alone.
     noise : str
         Target of the standard error: 'draft' 3 %, 'standard' 1 %, 'fine' 0.5 %.
@@ -79,9 +79,9 @@ def trace(
     seed : int
         Of the directions.
     workers : int, optional
-        Processes side by side; one a core by default.
+        Parallel processes; one per core by default.
     receptor : Receptor, optional
-        How the sensor weighs directions; the cosine receptor, which reads irradiance, if left out. With another one
+        Angular response of the sensor; by default the cosine receptor, which reads irradiance. With another one
         'irradiance' is ∫ L R dω.
     engine : Engine, optional
         Default: the one that pyradiance brings.
@@ -102,7 +102,7 @@ def trace(
     EngineError
         If a program is missing, fails, or answers with too few values or non-finite ones.
     """
-    instance_of(scene, RadianceScene, name="scene", todo="write_scene makes one.")
+    instance_of(scene, RadianceScene, name="scene", todo="Make it with write_scene(...).")
     instance_of(points, SensorPoints, name="points", todo="Write SensorPoints(positions=...).")
     request = Request(
         bounces=bounces_of(accuracy),
@@ -130,7 +130,7 @@ def trace_irradiance(
     engine: Engine | None = None,
     progress: Progress = silent,
 ) -> tuple[FloatArray, FloatArray]:
-    """Irradiance on surface points with the lamps as they are, quickly: to bake light into textures, or take it out.
+    """Quick estimate of the irradiance at surface points, to bake light into textures or to remove it from them.
 
     Parameters
     ----------
@@ -140,9 +140,9 @@ def trace_irradiance(
     normals : (point, 3) float
         Towards the room.
     relative_se : float
-        Standard error aimed at, of the mean irradiance; 0.05 takes about a millisecond of one core a point. [1]
+        Target of the standard error, relative to the mean irradiance; 0.05 takes about 1 ms of one core per point. [1]
     accuracy : str
-        Most reflections, as in the run file.
+        Largest number of reflections, as in the run file.
     seed, receptor, workers, engine, progress
         As in `trace`.
 
@@ -214,7 +214,7 @@ def _trace(
             progress=share,
             first_round=first_round,
         )
-        first_round = result.first_round  # the next one's will be about that
+        first_round = result.first_round  # a prediction for the next block
         found = fold_coefficients(result.batches, weights)
         slot_coefficient[:, block] = result.batches.mean(axis=0, dtype=np.float64)
         coefficient[:, block] = found.mean(axis=0, dtype=np.float64)
@@ -258,7 +258,7 @@ def _trace(
 
 
 def _blocks(scene: RadianceScene, count: int) -> list[slice]:
-    """Blocks of about as many points each."""
+    """Blocks of about equal numbers of points."""
     bytes_per_point = BYTES_PER_VALUE * BATCHES * len(scene.lamp_names) * len(scene.slots)
     most = max(1, min(MAX_BLOCK_POINTS, BLOCK_BYTES // bytes_per_point))
     edges = np.linspace(0, count, -(-count // most) + 1).round().astype(np.int64).tolist()

@@ -1,10 +1,10 @@
-"""Standard errors from few repeats, honest all the same.
+"""Standard errors from few repeats, with the stated coverage.
 
 A variance from K = 8 independent repeats is itself uncertain by half of its value, and two standard errors from it
-cover 92 % rather than 95. Hundreds of sensor points each have one, so each borrows from the others: the variances are
-taken to scatter about a trend by a scaled inverse chi-square law, whose width is estimated from their own scatter
-(Smyth 2004), and what borrowing leaves open is covered by Student's t. Points that share paths err together, and a
-hundred of them may know no more than three: their number is counted by the correlation of their repeats.
+cover 92 % rather than 95. Hundreds of sensor points each have one, so the variances are moderated by empirical Bayes:
+their prior is a scaled inverse chi-square law about a trend, whose width is estimated from their own scatter (Smyth
+2004), and Student's t accounts for the remaining uncertainty. Errors of points that share paths are correlated, and a
+hundred such points may hold no more information than three: the effective number follows from that correlation.
 """
 
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ from scipy.stats import norm, t
 from lidarspectra.arrays import FloatArray
 
 COVERAGE_FACTOR = 2.0  # [1] the reported error times this covers as a normal distribution does: 95.45 %
-MIN_TO_POOL = 8  # variances below which their scatter says too little to borrow
-SINGLE_PRECISION = 1e-7  # [1] relative; the engine answers in it, and a spread below it is rounding, not noise
-_NEWTON_STEPS = 50  # converges in under ten
+MIN_TO_POOL = 8  # variances; fewer do not determine the prior
+SINGLE_PRECISION = 1e-7  # [1] relative precision of the engine's results; a smaller spread is rounding, not noise
+_NEWTON_STEPS = 50  # fewer than 10 usually suffice
 
 
 @dataclass(frozen=True, kw_only=True)
 class PooledVariance:
-    """Variances after borrowing.
+    """Moderated variances.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class PooledVariance:
 
 
 def standard_error(repeats: FloatArray) -> FloatArray:
-    """Standard error of the mean of repeats, so widened that two of it cover 95.45 %.
+    """Standard error of the mean of repeats, widened so that two standard errors cover 95.45 %.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def independent_points(repeats: FloatArray) -> float:
 
 
 def pool_variances(variances: FloatArray, levels: FloatArray, *, degrees: float) -> PooledVariance:
-    """Draw variances towards their common trend over the level, as far as their own scatter allows.
+    """Shrink variances towards their common trend over the level, by empirical Bayes.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def pool_variances(variances: FloatArray, levels: FloatArray, *, degrees: float)
     Returns
     -------
     pooled : PooledVariance
-        Zero variances stay zero: what never varied (a dark point) is no evidence about the rest.
+        Zero variances stay zero and are excluded from the prior: they belong to points without light.
     """
     used = (variances > (SINGLE_PRECISION * levels) ** 2) & (levels > 0)
     if np.count_nonzero(used) < MIN_TO_POOL:

@@ -1,4 +1,4 @@
-"""How much light a clear sky and its sun send, by the spectral model SPECTRL2; genssky tells how the sky's is spread.
+"""Spectral irradiance of a clear sky and sun by SPECTRL2, which scales the angular distribution by genssky.
 
 genssky's scattering leaves too little light in the sky and too much in the sun's beam. With an aerosol optical depth of
 .1 its sky has 17 to 25 % less from 380 to 780 nm than SPECTRL2, and up to 39 % less at 390 nm, where light is scattered
@@ -55,7 +55,7 @@ def spectrl2_light(daylight: ClearDay) -> tuple[FloatArray, FloatArray, float]:
     Parameters
     ----------
     daylight : ClearDay
-        Its cloud cover is not looked at.
+        Its cloud cover is ignored.
 
     Returns
     -------

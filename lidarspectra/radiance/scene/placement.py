@@ -1,4 +1,4 @@
-"""Whether every lamp hangs in the room's air, clear of the mesh."""
+"""Check that every lamp is in the room's free space, clear of the mesh."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ CLEARANCE_M = 0.05  # [m] a gap of 1 cm to a ceiling with 2 cm of noise takes 30
 DIRECTION_COUNT = 96  # rays from each place on a lamp
 GRAZING = 0.1  # cosine of directions so flat along a lamp that they do not count
 ROUND_OFF_M = 1e-3  # [m] tolerance, so that a lamp exactly at the clearance draws no note
-MOST = 0.5  # [1] share of rays that must meet the back of a surface for a lamp to count as behind it
+MAX_BACK_SHARE = 0.5  # [1] share of rays that must meet the back of a surface for a lamp to count as behind it
 MAX_NAMED = 6  # lamps named in one note
 FAULTS = {
     "outside": "{lamps} outside the scan, so that light enters the room only through gaps of the mesh. Correct the "
@@ -76,7 +76,7 @@ def _fault(lamp: Lamp, caster: RayCaster, bounds: FloatArray, normals: FloatArra
     hits = caster.nearest(starts, rays)
     behind = ~hits.met
     behind[hits.met] = np.einsum("ij,ij->i", normals[hits.face[hits.met]], rays[hits.met]) > 0
-    if behind.mean() > MOST:
+    if behind.mean() > MAX_BACK_SHARE:
         return "behind", ""
     reach = places[1:] - lamp.center
     if np.any(caster.nearest(np.broadcast_to(lamp.center, reach.shape), reach, max_distance=1.0).met):

@@ -151,7 +151,7 @@ def compute_sky(daylight: Daylight, folder: Path, engine: Engine, *, atmosphere:
     Raises
     ------
     EngineError
-        If genssky fails, or answers with something that is no sky.
+        If genssky fails or its output is no sky.
     """
     shape = (AZIMUTHS_DEG.size, ALTITUDES_DEG.size, SKY_WAVELENGTHS_NM.size)
     if sun_altitude_deg(daylight.time, daylight.latitude_deg, daylight.longitude_deg) < NIGHT_DEG:
