@@ -16,7 +16,7 @@ UNDYED = ("brick", "hair", "skin", "stone", "wood")  # classes whose pigments ar
 CAST = 6.0  # [1] L*a*b* units that a phone's white balance may be off; none of 242 measured surfaces goes so far
 # but one piece of wood
 SPREAD = 4.0  # [1] L*a*b* units, standard deviation beyond that
-LEAST = 0.01  # [1] no colour is sure to be a surface's own
+MIN_LIKELIHOOD = 0.01  # [1] no colour excludes a class for certain
 
 
 def color_likelihood(lab: FloatArray, classes: tuple[str, ...]) -> FloatArray:
@@ -37,7 +37,7 @@ def color_likelihood(lab: FloatArray, classes: tuple[str, ...]) -> FloatArray:
         [0-1]
     """
     beyond = np.nan_to_num(np.maximum(-lab[:, 1:].min(axis=1) - CAST, 0.0))
-    undyed = np.maximum(np.exp(-0.5 * (beyond / SPREAD) ** 2), LEAST)
+    undyed = np.maximum(np.exp(-0.5 * (beyond / SPREAD) ** 2), MIN_LIKELIHOOD)
     likelihood = np.ones((len(lab), len(classes)))
     likelihood[:, [name in UNDYED for name in classes]] = undyed[:, None]
     return likelihood

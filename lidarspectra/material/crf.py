@@ -31,7 +31,7 @@ from scipy.special import softmax
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ArrayError
 
-MIN_PROBABILITY = 1e-4  # [1] of a class; nothing is impossible to a network
+MIN_PROBABILITY = 1e-4  # [1] of a class, lower limit for the network's probabilities
 CELL_OVER_SIGMA = (1.0 / 2.0 + 1.0 / 6.0) ** -0.5  # [1] size of a lattice's cells over the kernel's sigma
 LATTICES = 4  # shifted against one another
 

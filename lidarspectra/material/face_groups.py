@@ -9,8 +9,8 @@ from scipy.special import softmax
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
 
-WELD_M = 1e-4  # [m] corners so close are one: a scan's texture seams double its vertices
-COLOR_SCALE = 8.0  # [1] L*a*b* units over which neighbours stop to agree
+WELD_M = 1e-4  # [m] tolerance for welding corners: texture seams duplicate vertices
+COLOR_SCALE = 8.0  # [1] L*a*b* units, scale on which the weight between neighbours falls
 NORMAL_POWER = 4.0  # [1] of the cosine between normals: 37 degrees halve twice what neighbours agree on
 SPREAD_LAB = 4.0  # [1] L*a*b* units, standard deviation of a surface's colour about its primary colour
 NEIGHBOR_WEIGHT = 2.0  # [1] of all neighbours together, against a face's own colour at one standard deviation
@@ -59,7 +59,7 @@ def face_adjacency(scan: Scan) -> Adjacency:
 
 
 def agreement(adjacency: Adjacency, lab: FloatArray, normals: FloatArray) -> csr_array:
-    """How much faces that adjoin speak for each other: much where colour and normal agree, rows summing to 1 or 0.
+    """Weights between adjoining faces: high where colour and normal agree, rows summing to 1 or 0.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a bright patch shows, and what it must show to pass for a lit lamp."""
+"""Measurements on a bright patch, and the criteria by which it is accepted as a lit lamp."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -12,21 +12,21 @@ from lidarspectra.material.plane_picture import PlanePicture
 
 PlaneKind = Literal["ceiling", "wall"]
 
-SATURATED = 0.9  # [1] linear value of the brightest colour from which a pixel counts as saturated
+SATURATED = 0.9  # [1] linear value of the brightest channel above which a pixel counts as saturated
 RING_GAP_M = 0.02  # [m] blur that is left out between a patch and its surroundings
 RING_M = 0.04  # [m] width of the surroundings that must be darker
-RING_LEVEL = 0.8  # [1] of the patch's luminance, that its surroundings stay below
-RIM_REACH_M = 0.08  # [m] on either side of a patch's edge, where its rim is looked for
+RING_LEVEL = 0.8  # [1] of the patch's luminance, upper limit for its surroundings
+RIM_REACH_M = 0.08  # [m] on either side of a patch's edge, within which its rim is searched
 RIM_LEVELS = (0.4, 0.8)  # [1] between surroundings (0) and patch (1): brightness that belongs to the rim
-RECESS_M = 0.12  # [m] what lies deeper behind its ceiling is a skylight or a hole
-FLUSH_M = 0.12  # [m] what hangs lower has to look like a lamp beyond doubt
-LEVEL_COSINE = 0.7  # [1] between a patch's faces and its plane; glass makes a scan's surface wild
+RECESS_M = 0.12  # [m] largest depth of a lamp behind its ceiling; deeper patches are skylights or holes
+FLUSH_M = 0.12  # [m] below the ceiling; lower patches must meet the stricter criteria of hanging lamps
+LEVEL_COSINE = 0.7  # [1] between a patch's faces and its plane; scans of glass have erratic normals
 LEVEL_M = 0.08  # [m] between the lower and the upper tenth of a patch's heights
 
 
 @dataclass(frozen=True, kw_only=True)
 class Demands:
-    """What a patch must show to pass as a lamp.
+    """Criteria by which a patch is accepted as a lamp.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ HANGING = Demands(
     protrusion_m=0.0,
     gray=0.3,
 )
-# A window, a screen and the mirror image of a lamp lie in or behind their wall; a wall lamp stands out of it.
+# Windows, screens and mirror images of lamps lie in or behind the wall; a wall lamp protrudes.
 ON_WALL = Demands(
     contrast=3.0,
     saturated_share=0.9,
@@ -97,7 +97,7 @@ ON_WALL = Demands(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evidence:
-    """What a patch shows.
+    """Measurements on a patch.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ class Evidence:
         tests = (
             (self.min_side_m >= demands.min_side_m, "too small"),
             (self.area_m2 <= demands.most_area_m2, "too large: a window or a lit surface"),
-            (self.contrast >= demands.contrast, "hardly brighter than what surrounds it"),
+            (self.contrast >= demands.contrast, "hardly brighter than its surroundings"),
             (clipped or self.contrast >= 2.0 * demands.contrast, "not bright enough to be lit"),
             (self.protrusion_m >= demands.protrusion_m, "in or behind its plane: a window, screen or reflection"),
             (level, "not level with its plane: a reflection in glass"),
@@ -191,7 +191,7 @@ def gather_evidence(
         contrast=float(luminance[patch].mean() / max(float(np.median(beside)), 1e-3)) if beside.size else 0.0,
         saturated_share=float((colors.max(axis=1) >= SATURATED).mean()),
         overlap=fit.overlap,
-        # What was not seen beside a patch is a hole, and bounds nothing.
+        # Unseen pixels beside a patch are holes and do not count as a boundary.
         bounded_share=float((usable[ring] & (luminance[ring] <= RING_LEVEL * luminance[patch].mean())).mean()),
         rim_m=_rim_m(picture, luminance, patch, around, core),
         min_side_m=picture.pixel_m * min(fit.size),
@@ -206,7 +206,7 @@ def gather_evidence(
 
 
 def demands_on(kind: PlaneKind, height_m: float) -> Demands:
-    """What a patch of that plane, at that height over it, must show."""
+    """Criteria for a patch of that plane, at that height over it."""
     if kind == "wall":
         return ON_WALL
     return HANGING if height_m > FLUSH_M else ON_CEILING
@@ -222,21 +222,21 @@ def _rim_m(picture: PlanePicture, luminance: FloatArray, patch: BoolArray, aroun
 
 
 def grown(patch: BoolArray, pixels: float) -> BoolArray:
-    """Patch and what lies within so many pixels of it."""
+    """Patch dilated by a number of pixels."""
     size = 2 * max(1, round(pixels)) + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     return cv2.dilate(patch.astype(np.uint8), kernel).astype(np.bool_)
 
 
 def shrunk(patch: BoolArray, pixels: float) -> BoolArray:
-    """What of a patch lies farther than so many pixels from its edge."""
+    """Patch eroded by a number of pixels."""
     size = 2 * max(1, round(pixels)) + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     return cv2.erode(patch.astype(np.uint8), kernel).astype(np.bool_)
 
 
 def opened(patch: BoolArray) -> ByteArray:
-    """A patch without its one-pixel threads, as zeros and ones."""
+    """A patch after morphological opening by one pixel, as zeros and ones."""
     return cv2.morphologyEx(patch.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).astype(np.uint8)
 
 

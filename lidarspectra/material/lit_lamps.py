@@ -33,8 +33,8 @@ from lidarspectra.room.room import Room
 
 MARGIN_M = 0.25  # [m] around a patch in its own picture
 CUT_LEVEL = 0.6  # [1] between surroundings (0) and patch (1): clipping lifts a lamp's blurred rim above the half
-CLEARANCE_M = 0.055  # [m] lamps are put so far clear of the mesh: nearer, its noise shades them
-BUMP_M = 0.15  # [m] what sticks out farther beside a lamp (a sprinkler) does not move the lamp
+CLEARANCE_M = 0.055  # [m] distance of lamps from the mesh, whose noise would shade nearer ones
+BUMP_M = 0.15  # [m] higher bumps beside a lamp (a sprinkler) are ignored for its distance
 SQUARE_ASPECT = 1.05  # [1] length over width below which a panel is square, and its turn known but for 90 degrees
 WORTH_TELLING_M2 = 0.005  # [m²] smaller bright patches are not reported when they are left out
 
@@ -78,14 +78,14 @@ class LitLamp:
 
     @property
     def confidence(self) -> float:
-        """How sure we are, from clipping, contrast and fit [0-1]."""
+        """Confidence, from clipping, contrast and fit of the outline [0-1]."""
         clear = min(1.0, (self.contrast - 1.0) / 1.5)
         return float(np.clip(clear * max(self.saturated_share, 0.5) * min(1.0, self.overlap / 0.85), 0.0, 1.0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BrightPatch:
-    """Something bright that was not taken for a lamp.
+    """A bright patch that was rejected as a lamp.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class BrightPatch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LampSearch:
-    """What a search for lit lamps found.
+    """Result of a search for lit lamps.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def find_lit_lamps(scan: Scan, room: Room, *, caster: RayCaster | None = None) -
 
 
 def search_lit_lamps(scan: Scan, room: Room, *, caster: RayCaster | None = None) -> LampSearch:
-    """Search ceiling and walls for lit lamps, and tell what was left out.
+    """Search ceiling and walls for lit lamps, and list the rejected patches.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def search_lit_lamps(scan: Scan, room: Room, *, caster: RayCaster | None = None)
 
 
 def _judged(survey: Survey, box: tuple[FloatArray, FloatArray]) -> Iterator[LitLamp | BrightPatch]:
-    """Lamps, and what is none, in the box around a seed."""
+    """Lamps and rejected patches in the box around a seed."""
     picture = survey.close_up(box[0] - MARGIN_M, box[1] + MARGIN_M)
     usable = picture.seen & survey.in_room(picture)
     luminance = np.where(usable, picture.luminance, 0.0)
@@ -221,13 +221,13 @@ def _lamp_or_not(
 def _least_turn(fit: OutlineFit) -> float:
     """Of the turns that put a rectangle in the same place, the one from -45 to 45 (square) or to 135 degrees."""
     if len(fit.size) == 1:
-        return 0.0  # a disc looks alike however it is turned
+        return 0.0  # a disc is symmetric
     period = 90.0 if fit.size[0] < SQUARE_ASPECT * fit.size[1] else 180.0
     return float((fit.angle_deg + 45.0) % period - 45.0)
 
 
 def _without_doubles(lamps: list[LitLamp]) -> list[LitLamp]:
-    """Drop lamps that lie on a better one: a seed's margin may hold its neighbour."""
+    """Drop lamps that overlap a better one: a seed's margin may contain its neighbour."""
     kept: list[LitLamp] = []
     for lamp in sorted(lamps, key=lambda each: -each.overlap):
         if all(np.linalg.norm(lamp.center - other.center) > 0.5 * min(other.shape.size) for other in kept):

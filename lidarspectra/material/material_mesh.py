@@ -1,8 +1,8 @@
 """The materials on the mesh, for the eye: PLY and GLB files that Blender and MeshLab open.
 
 Each surface has the colour that its estimated reflectance has in even daylight. The GLB file (metres, y up, as glTF
-wants it) has one material a group, under the group's number and name, so that a click in Blender shows the estimated material
-of a surface; the PLY file (metres, z up) has the same colours at its vertices.
+wants it) has one material a group, under the group's number and name, so that a click in Blender shows a surface's
+estimated material; the PLY file (metres, z up) has the same colours at its vertices.
 """
 
 from collections.abc import Sequence

@@ -1,23 +1,24 @@
-"""What an obstacle does to the light at sensors: the difference that it makes, traced as a difference.
+"""Effect of an obstacle on the light at sensors, by correlated sampling: the difference itself is traced.
 
-Two traces of a room, with somebody in it and without, differ by a few per cent, and their noise by as much. Here the
-paths are shared. Walks from the sensors go through the EMPTY room once, with all their segments and shadow rays told
-(`ray_trees`). A walk that the obstacle does not meet is the same in both rooms and adds nothing. Where it meets one:
+Two traces of a room, with somebody in it and without, differ by a few per cent, and by their noise as much. Here the
+paths are shared. Random walks from the sensors are traced once through the EMPTY room, with all their segments and
+shadow rays recorded (`ray_trees`). A walk that the obstacle does not meet is the same in both rooms and adds nothing.
+Where it meets one:
 
     E' - E = Σ W_j (L'_j - L_j) - Σ V_i
 
-    j   path segments that the obstacle stands across, the first on their walk; W_j is what the walk makes of radiance
-        along j, L_j the radiance that the rest of this walk found, L'_j the radiance along the same ray in the room
-        with the obstacle, by a fresh path. (The ray then ends on the obstacle.)
-    i   shadow rays that reached a lamp, worth V_i, and now end on the obstacle
+    j   path segments that the obstacle stands across, the first on their walk; W_j is the throughput of
+        the walk up to j, L_j the radiance that the rest of this walk found, L'_j the radiance along the same ray in the
+        room with the obstacle, by a fresh path. (The ray then ends on the obstacle.)
+    i   shadow rays that reached a lamp, of contribution V_i, and now end on the obstacle
 
 Each L'_j is an unbiased estimate of the radiance along j in the occupied room with as many reflections as are left to
 the walk, and up to j both rooms have the same walk with the same probability: the difference is unbiased. Nearly
 all walks add nothing, and no noise either; and the same walks serve all obstacles.
 
 Reflections left to a walk are counted by the rays since its start, specular ones and passages through glass included,
-while Radiance counts diffuse reflections alone: behind gloss or glass, L' is cut short by so many. That is what 'low'
-accuracy, with two reflections, may feel; from eight on, what is cut is the ninth and less.
+while Radiance counts diffuse reflections alone: behind gloss or glass, L' is truncated by so many. That may matter with
+'low' accuracy (two reflections); from eight on, only the ninth and later reflections are lost.
 """
 
 from collections import deque
