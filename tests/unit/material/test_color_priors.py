@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lidarspectra.material.color_priors import CAST, LEAST, UNDYED, color_likelihood
+from lidarspectra.material.color_priors import CAST, MIN_LIKELIHOOD, UNDYED, color_likelihood
 
 CLASSES = ("carpet", "painted", "stone", "wood")
 OAK, GREY, BLUE, GREEN = (65.0, 8.0, 25.0), (60.0, 0.0, 0.0), (45.0, 3.0, -17.0), (45.0, -30.0, 20.0)
@@ -27,4 +27,4 @@ def test_a_phones_white_balance_and_an_unknown_colour_rule_nothing_out():
 def test_no_class_is_impossible_and_classes_of_other_models_are_left_as_they_are():
     likelihood = color_likelihood(np.array([(30.0, 80.0, -110.0)]), ("velvet", *UNDYED))
     assert likelihood[0, 0] == 1.0
-    assert np.allclose(likelihood[0, 1:], LEAST)
+    assert np.allclose(likelihood[0, 1:], MIN_LIKELIHOOD)
