@@ -192,18 +192,26 @@ def test_no_engine_is_told_with_how_to_get_it(
 # --- lamps and sensors
 
 
-def test_a_lamp_in_the_wrong_place_is_told_and_the_run_goes_on(
+def test_a_lamp_outside_the_scan_is_refused_before_anything_is_made_of_it(
     command_line: Any, prepared: Path, slow_text: str, tmp_path: Path
 ) -> None:
     run_file = a_copy(prepared, tmp_path / "room")
-    outside = slow_text.replace("[1.2, 1.0, 2.3]", "[9.0, 1.0, 2.3]").replace("[0.6, 1.6, 1.9]", "[0.6, 1.99, 1.9]")
-    run_file.write_text(outside, encoding="utf-8")
+    run_file.write_text(slow_text.replace("[1.2, 1.0, 2.3]", "[9.0, 1.0, 2.3]"), encoding="utf-8")
+    said = paragraph(command_line("scene", run_file))
+    assert 'lamp "one" !rm\' at (9.00, 1.00, 2.30) m' in said
+    assert "Correct 'center'" in said
+
+
+def test_a_lamp_that_sticks_through_a_wall_is_told_and_the_run_goes_on(
+    command_line: Any, prepared: Path, slow_text: str, tmp_path: Path
+) -> None:
+    run_file = a_copy(prepared, tmp_path / "room")
+    run_file.write_text(slow_text.replace("[0.6, 1.6, 1.9]", "[0.6, 1.99, 1.9]"), encoding="utf-8")
     answer = command_line("scene", run_file)
     assert answer.status == 0, answer.stderr
     notes = [line for line in answer.stdout.splitlines() if "note: Lamp" in line]
-    assert len(notes) == 2
-    assert "Lamp 'lamp \"one\" !rm' (at 9.00, 1.00, 2.30 m) is outside the scan" in notes[0]
-    assert re.search("Lamp 'warm' .*surface", notes[1])
+    assert len(notes) == 1
+    assert re.search("Lamp 'warm' .*surface", notes[0])
 
 
 def test_sensors_that_all_lie_outside_are_refused(
