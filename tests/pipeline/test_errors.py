@@ -273,7 +273,7 @@ def cut(run: "subprocess.Popen[str]", how: signal.Signals, *, group: bool) -> tu
 
 def assert_cut_in_words(status: int, said: str) -> None:
     assert status == 1
-    assert said == "Interrupted. Finished stages are kept; the same command resumes after them.\n"
+    assert said == "Interrupted. Finished stages are kept. Give the same command again to continue after them.\n"
 
 
 def states(command_line: Any, run_file: Path) -> dict[str, str]:
