@@ -103,7 +103,7 @@ def test_positions_out_of_the_room_are_refused_and_those_in_the_way_told(room: P
     with pytest.raises(SensorError, match="1 of 2 outside of it, or inside of a wall or pillar: 'out'"):
         ask(room, "", "outside.csv")
     (room.parent / "near.csv").write_text("name,x,y\nwall,0.1,1.4\n", encoding="utf-8")
-    assert "position 'wall' touches something" in ask(room, "", "near.csv")
+    assert "'wall' touches something" in ask(room, "", "near.csv")
 
 
 def test_a_sensor_inside_of_somebody_is_refused(room: Path, told: str) -> None:

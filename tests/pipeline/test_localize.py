@@ -69,7 +69,7 @@ def test_a_model_of_one_night_locates_the_next(folder: Path) -> None:
     assert np.hypot(track["x"] - 1.0, track["y"] - 1.0).max() < 0.7
     told = answer("localize live model two.csv --empty two.csv --frames 3 --method discriminant")
     assert told.count(" p0 ") == 3
-    assert "no fix" in answer("localize live model two.csv --first 1000 --window 1000")
+    assert "No position was found" in answer("localize live model two.csv --first 1000 --window 1000")
 
 
 @pytest.mark.slow
