@@ -12,7 +12,8 @@ from research.experiments.variants import changed, fixed_points, with_flux, with
 @pytest.mark.parametrize("scene", ["office", "apartment", "box", "large-office"])
 def test_a_run_file_comes_back_as_it_was_written(project: Path, tmp_path: Path, scene: str) -> None:
     run_file = read_run_file(project / "scenes" / scene / "room.toml")
-    assert read_run_file(write_run_file(run_file, tmp_path / "room.toml")) == run_file
+    again = read_run_file(write_run_file(run_file, tmp_path / "room.toml"))
+    assert again.model_dump() == run_file.model_dump()  # text and place differ
 
 
 def test_changes_change_their_key_alone(project: Path, tmp_path: Path) -> None:
