@@ -131,7 +131,9 @@ def test_views_of_another_scan_are_refused(room):
 
 
 def test_a_wrong_type_or_word_is_told_by_its_name(room):
-    with pytest.raises(ArgumentError, match=r"scan: expected a Scan, found a str, 'room\.glb'\. Make it with read_scan"):
+    with pytest.raises(
+        ArgumentError, match=r"scan: expected a Scan, found a str, 'room\.glb'\. Make it with read_scan"
+    ):
         estimate_materials("room.glb", room[2])
     with pytest.raises(ArgumentError, match="matching: expected one of 'wiener', 'nearest', found a str, 'closest'"):
         estimate_materials(room[0], room[2], matching="closest")
