@@ -18,6 +18,16 @@ from lidarspectra.spectra.spectrum import Spectrum
 
 MAX_SPECTRUM_ERROR = 0.01  # [1] of a channel's reflected light; above it relighting warns that a new trace is needed
 DARK_CHANNEL = 1e-3  # [1] of a lamp's brightest channel; relative errors below it are meaningless
+SLOT_DIMS: dict[str, tuple[str, ...]] = {
+    "slot_coefficient": ("lamp", "point", "slot"),
+    "slot_flux": ("lamp", "slot"),
+    "slot_share": ("slot",),
+    "slot_channel": ("slot",),
+    "slot_weights": ("slot", "wavelength"),
+    "slot_reflectance": ("lamp", "slot"),
+    "mean_reflectance": ("wavelength",),
+}
+"""The variables of a transport by which it can be given other spectra, and their dims."""
 
 
 def folding(scene: RadianceScene) -> FloatArray:

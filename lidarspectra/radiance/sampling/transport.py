@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import EngineError, WorkspaceError
 from lidarspectra.io.netcdf import check_numbers, read_netcdf, write_netcdf
-from lidarspectra.radiance.sampling.folding import slot_variables
+from lidarspectra.radiance.sampling.folding import SLOT_DIMS, slot_variables
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
@@ -179,6 +179,12 @@ def load_transport(path: Path) -> xr.Dataset:
             check_numbers(transport, "coefficient_batches", _BATCHES)
         if "truncation" in transport:  # not in those of before
             check_numbers(transport, "truncation", _TRUNCATION[0])
+        if "slot_coefficient" in transport:  # all or none: relighting needs them together
+            for name, dims in SLOT_DIMS.items():
+                check_numbers(transport, name, dims)
+            channel = transport["slot_channel"].to_numpy()
+            if channel.dtype.kind not in "iu" or not np.isin(channel, np.arange(transport.sizes["band"])).all():
+                raise ValueError("'slot_channel' that names a channel which is not there")
     except ValueError as cause:
         raise WorkspaceError(
             expected=f"a transport in NetCDF-4 of schema '{SCHEMA}'", found=str(cause), where=str(path), todo=todo

@@ -32,3 +32,43 @@ def test_another_dataset_is_no_transport(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     with pytest.raises(WorkspaceError, match="can be written"):
         save_transport(xr.Dataset({"a": ("x", np.ones(3))}), tmp_path / "none" / "transport.nc")
+
+
+def small_transport() -> xr.Dataset:
+    """One lamp, two points, two channels, of which the second was traced in two slots."""
+    variables: dict[str, tuple[tuple[str, ...], np.ndarray]] = {
+        name: (("lamp", "point", "band"), np.ones((1, 2, 2))) for name in ("coefficient", "coefficient_se")
+    }
+    variables |= {"flux": (("lamp", "band"), np.ones((1, 2))), "irradiance_se": (("point", "band"), np.ones((2, 2)))}
+    variables |= {
+        "slot_coefficient": (("lamp", "point", "slot"), np.ones((1, 2, 3))),
+        "slot_flux": (("lamp", "slot"), np.ones((1, 3))),
+        "slot_share": (("slot",), np.array([1.0, 0.4, 0.6])),
+        "slot_channel": (("slot",), np.array([0, 1, 1])),
+        "slot_weights": (("slot", "wavelength"), np.full((3, 4), 0.25)),
+        "slot_reflectance": (("lamp", "slot"), np.full((1, 3), 0.5)),
+        "mean_reflectance": (("wavelength",), np.full(4, 0.5)),
+    }
+    return xr.Dataset(variables, attrs={"schema": SCHEMA})
+
+
+def test_a_transport_with_its_slots_is_read_back(tmp_path: Path) -> None:
+    path = save_transport(small_transport(), tmp_path / "transport.nc")
+    np.testing.assert_array_equal(load_transport(path)["slot_channel"].to_numpy(), [0, 1, 1])
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [("slot_share", None), ("slot_flux", np.nan), ("slot_coefficient", np.inf), ("slot_channel", 2)],
+)
+def test_damaged_slots_are_said(tmp_path: Path, name: str, damage: float | None) -> None:
+    transport = small_transport()
+    if damage is None:
+        transport = transport.drop_vars(name)
+    else:
+        values = transport[name].to_numpy().copy()
+        values.flat[0] = damage
+        transport[name] = (transport[name].dims, values)
+    path = save_transport(transport, tmp_path / "transport.nc")
+    with pytest.raises(WorkspaceError, match=name):
+        load_transport(path)
