@@ -192,10 +192,14 @@ def _spent_s(components: Sequence[Component]) -> float:
 def share_done(components: Sequence[Component], wanted: Sequence[IntArray]) -> float:
     """Share of the engine's time spent so far if these samples are still to come, at the measured cost [1]."""
     spent_s = _spent_s(components)
-    missing_s = sum(
+    return spent_s / max(spent_s + _expected_s(components, wanted), 1e-9)
+
+
+def _expected_s(components: Sequence[Component], wanted: Sequence[IntArray]) -> float:
+    """Time that the engine will take for these samples, at the measured cost of each component's sample [s]."""
+    return sum(
         BATCHES * float(more.sum()) * component.price for component, more in zip(components, wanted, strict=True)
     )
-    return spent_s / max(spent_s + missing_s, 1e-9)
 
 
 def first_mean(
@@ -323,6 +327,7 @@ def _sample(
                 waiting.append(task)
                 yield task_job(task, sensors, scene.folder, generator=generator)
 
+    spent_s, expected_s = _spent_s(components), _expected_s(components, wanted)
     done = 0
     for run in request.engine.run_jobs(jobs(), workers=request.workers):
         task = waiting.popleft()
@@ -330,7 +335,8 @@ def _sample(
         log.commands.add(run.command)
         done += task.rays
         log.rays += task.rays
-        progress(min(done / rays, 1.0), f"{rays:,} rays")
+        share = (_spent_s(components) - spent_s) / expected_s if spent_s > 0 else done / rays
+        progress(min(share, 1.0), f"{rays:,} rays")
     log.direct_second = int(time.time())
 
 
