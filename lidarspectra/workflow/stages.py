@@ -408,4 +408,12 @@ def _trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, .
             f"followed for {transport.attrs['bounces']} reflections only and the room is bright; that is more than the "
             f'noise of {100 * target:.1f} % that was asked for. Write accuracy = "all" in [trace] to follow all of it.'
         )
+    slot_error = transport.attrs.get("slot_error", 0.0)  # not in the files of earlier versions
+    if slot_error > target:
+        warnings.append(
+            f"Reflectances and lamps change so much within a channel that its reflected light may be about "
+            f"{100 * slot_error:.2g} % wrong in the worst channel, although it was traced in parts; that is more than "
+            f"the noise of {100 * target:.1f} % that was asked for. Give the sensor narrower channels "
+            "([sensors] bands) if that matters."
+        )
     return tuple(warnings)

@@ -3,6 +3,8 @@
 A map is an xarray Dataset with the dims (point, band):
 
     irradiance, irradiance_se   (point, band)  [W m-2 nm-1]  band value, and its standard error
+    truncation                  (point, band)  [W m-2 nm-1]  estimate of the light that is missing, since it was
+                                                             reflected more often than was followed; where it is known
     illuminance, illuminance_se (point,)       [lx]          where the bands cover V(λ) (`visible_bands`)
     x, y, z                     (point,)       [m]
     nx, ny, nz                  (point,)       [1]           direction that the sensor faces
@@ -34,6 +36,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.maps.response_weights import band_weights, lamp_weights
 from lidarspectra.mapping.maps.visible_bands import covers_vision, luminosity
 from lidarspectra.radiance.sampling.folding import spectrum_error, with_spectrum
+from lidarspectra.radiance.sampling.stated_error import stated_error
 from lidarspectra.radiance.sampling.transport import standard_error_of_sum
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
@@ -66,6 +69,7 @@ _VARIABLES = {
 }
 
 
+_TRUNCATION = {"truncation": "estimate of the light that is missing, since it was reflected more often than followed"}
 _ILLUMINANCE = {
     "illuminance": "illuminance",
     "illuminance_se": "standard error of the illuminance, the largest that any correlation of the bands allows",
@@ -149,6 +153,9 @@ def _light_map(transport: xr.Dataset, flux: ArrayLike | None, spectra: Mapping[s
         "irradiance": np.einsum("lpb,lb->pb", coefficient, used),
         "irradiance_se": standard_error_of_sum(transport, used),
     }
+    if "truncation_coefficient" in transport:
+        missing = transport["truncation_coefficient"].transpose("lamp", "point", "band").to_numpy()
+        values["truncation"] = np.einsum("lpb,lb->pb", missing, used)
     centers = transport["band"].to_numpy()
     if not covers_vision(centers):
         return check_map(_dataset(values, transport), where="spectral map")
@@ -244,6 +251,26 @@ def relight(
     _require(transport, _TRANSPORT, where="transport")
     light = _light_map(transport, flux, spectra)
     light.attrs[SPECTRUM_ERROR] = max(errors, default=0.0)
+    return _with_its_own_error(light, transport)
+
+
+def _with_its_own_error(light: xr.Dataset, transport: xr.Dataset) -> xr.Dataset:
+    """A relit map whose attributes state its own error in place of the traced light's."""
+    if "target_relative_se" not in light.attrs:
+        return light
+    for name in ("achieved_relative_se", "truncated_share", "slot_error", "target_met"):
+        light.attrs.pop(name, None)
+    known = transport["slot_error"].to_numpy() if "slot_error" in transport else np.zeros(light.sizes["band"])
+    stated, _ = stated_error(
+        irradiance=light["irradiance"].to_numpy(),
+        irradiance_se=light["irradiance_se"].to_numpy(),
+        truncation=light["truncation"].to_numpy() if "truncation" in light else None,
+        slot_error=np.maximum(known, light.attrs[SPECTRUM_ERROR]),
+        counted=np.isin(np.arange(light.sizes["point"]), kept_points(light)),
+        target=float(light.attrs["target_relative_se"]),
+        each_point=light.attrs.get("noise_of") == "point",
+    )
+    light.attrs.update(stated)
     return light
 
 
@@ -278,6 +305,9 @@ def check_map(dataset: xr.Dataset, *, where: str) -> xr.Dataset:
     wanted = {name: (dim,) for name, (dim, _, _) in _COORDINATES.items()}
     _require(dataset, wanted | dict.fromkeys(_VARIABLES, ("point", "band")), where=where)
     units = {name: unit for name, (_, unit, _) in _COORDINATES.items()} | dict.fromkeys(_VARIABLES, IRRADIANCE_UNIT)
+    if "truncation" in dataset:  # not in the maps of earlier versions, nor of plain rtrace
+        _require(dataset, {"truncation": ("point", "band")}, where=where)
+        units["truncation"] = IRRADIANCE_UNIT
     if _has_illuminance(dataset):
         _require(dataset, dict.fromkeys(_ILLUMINANCE, ("point",)), where=where)
         units |= dict.fromkeys(_ILLUMINANCE, ILLUMINANCE_UNIT)
@@ -324,7 +354,7 @@ def save_map(dataset: xr.Dataset, path: str | PathLike[str]) -> Path:
     """
     path = path_of(path, name="path")
     checked = check_map(dataset, where="map to save")
-    encoding = {name: {"zlib": True, "complevel": 4} for name in (*_VARIABLES, *_ILLUMINANCE) if name in checked}
+    encoding = {name: {"zlib": True, "complevel": 4} for name in checked.data_vars}
     write_netcdf(checked, path, encoding=encoding)
     return path
 
@@ -461,7 +491,8 @@ def _dataset(values: Mapping[str, FloatArray], source: xr.Dataset) -> xr.Dataset
         coords[name] = (dim, source[name].to_numpy(), attrs)
     variables: dict[str, tuple[tuple[str, ...], FloatArray, dict[str, str]]] = {
         name: (("point", "band"), values[name], {"units": IRRADIANCE_UNIT, "long_name": long_name})
-        for name, long_name in _VARIABLES.items()
+        for name, long_name in (_VARIABLES | _TRUNCATION).items()
+        if name in values
     }
     variables |= {
         name: (("point",), values[name], {"units": ILLUMINANCE_UNIT, "long_name": long_name})
@@ -519,10 +550,12 @@ def _check_numbers(dataset: xr.Dataset) -> None:
         )
     if dataset["buried"].dtype != np.bool_:
         raise ArrayError(expected="true or false", found=f"{dataset['buried'].dtype}", where="buried")
-    for name in _VARIABLES:
+    for name in (*_VARIABLES, *(_TRUNCATION if "truncation" in dataset else ())):
         largest = float(np.abs(dataset[name]).max()) if dataset[name].dtype.kind in "fiu" else np.inf
         if largest > LARGEST_VALUE:
             raise ArrayError(expected=f"numbers up to {LARGEST_VALUE:g}", found=f"{largest:g}", where=name)
+    if "truncation" in dataset:
+        float_array(dataset["truncation"].to_numpy(), name="truncation", shape=(points, channels))
     if _has_illuminance(dataset):
         for name in _ILLUMINANCE:
             float_array(dataset[name].to_numpy(), name=name, shape=(points,))

@@ -169,6 +169,10 @@ def accuracy_section(report: ReportInput, writer: ReportWriter) -> str:
         )
     elif plain:
         rows["light beyond the last reflection"] = "missing, and not estimated by plain runs of rtrace"
+    if "slot_error" in attrs:
+        rows["change of reflectances within a channel"] = (
+            f"leaves about {float(attrs['slot_error']):.2%} of the reflected light in the worst channel uncertain"
+        )
     if "seconds" in attrs:
         rows["tracing time"] = f"{float(attrs['seconds']):.1f} s"
     caption = (

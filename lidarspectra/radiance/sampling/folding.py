@@ -131,7 +131,7 @@ def with_spectrum(transport: xr.Dataset, lamp: str, flux: Spectrum) -> xr.Datase
     changed = transport.copy()
     old = transport["coefficient"].transpose("lamp", "point", "band").to_numpy()[row]
     ratio = np.where(old > 0, new / np.where(old > 0, old, 1.0), 1.0)
-    for name in ("coefficient", "coefficient_se", "coefficient_batches"):
+    for name in ("coefficient", "coefficient_se", "coefficient_batches", "truncation_coefficient"):
         if name in transport:
             dims = [dim for dim in ("lamp", "batch", "point", "band") if dim in transport[name].dims]
             values = transport[name].transpose(*dims).to_numpy().copy()

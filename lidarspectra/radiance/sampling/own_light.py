@@ -12,7 +12,6 @@ share, N = sqrt(Σ λ v / price), which are found by fixed-point iteration.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.radiance.sampling.estimator import BATCHES, Component, to_sizes
@@ -21,25 +20,6 @@ MAX_OWN_PATHS = 2**15  # of a point, each pass and component: some seconds of on
 MAX_SHARED_PATHS = 2**18  # of all points together, each pass
 MAX_GROWTH = 16  # of samples in a round: the spread of few of them says too little for more
 STEPS = 60  # of the iteration: a point's excess halves, or better, in each
-
-
-def own_relative_se(error: NDArray[np.floating], light: NDArray[np.floating]) -> FloatArray:
-    """Each point's standard error over its own light, in its worst band.
-
-    Parameters
-    ----------
-    error, light : (point, band) float
-        [W/m²/nm]
-
-    Returns
-    -------
-    relative : (point,) float
-        Bands in which no light was found at a point do not count there. [1]
-    """
-    lit = light > 0
-    relative = np.divide(error, light, out=np.zeros(light.shape), where=lit)
-    worst: FloatArray = relative.max(axis=1, initial=0.0)
-    return worst
 
 
 def samples_for_each_point(

@@ -126,15 +126,15 @@ class Patches:
         return known[self.material]
 
     def truncated(self, direct: FloatArray, reflectance: FloatArray, bounces: int) -> FloatArray:
-        """Light at the watchers beyond the last reflection traced.
+        """Each lamp's light at the watchers beyond the last reflection traced.
 
         Light reflected k times at the sensor is light reflected k - 1 times at the places, E_k = W ρ E_(k-1). Beyond
-        the last one traced they are taken for a geometric series of the ratio of the last two.
+        the last one traced they are taken for a geometric series of the ratio of the last two, all lamps together.
 
         Parameters
         ----------
-        direct : (place, band) float
-            Direct light of the lamps. [any unit]
+        direct : (lamp, place, band) float
+            Direct light. [any unit]
         reflectance : (place, band) float
             [0-1]
         bounces : int
@@ -142,15 +142,19 @@ class Patches:
 
         Returns
         -------
-        truncated : (watcher, band) float
+        truncated : (lamp, watcher, band) float
             [same]
         """
-        before, light = direct, direct
+        lamps, _, bands = direct.shape
+        light = direct.swapaxes(0, 1).reshape(-1, lamps * bands)  # (place, lamp and band)
+        paint = np.tile(reflectance, lamps)
+        before = light
         for _ in range(bounces):
-            before, light = light, self.transfer @ (reflectance * light)
-        ratio = light.sum(axis=0) / np.maximum(before.sum(axis=0), np.finfo(np.float64).tiny)
-        tail: FloatArray = self.looks @ (reflectance * light) / (1.0 - np.minimum(ratio, MAX_RATIO))
-        return tail
+            before, light = light, self.transfer @ (paint * light)
+        whole, last = (each.sum(axis=0).reshape(lamps, bands).sum(axis=0) for each in (before, light))
+        ratio = np.minimum(last / np.maximum(whole, np.finfo(np.float64).tiny), MAX_RATIO)
+        tail: FloatArray = (self.looks @ (paint * light)).reshape(-1, lamps, bands) / (1.0 - ratio)
+        return tail.swapaxes(0, 1)
 
     def nearest_watcher(self, sensors: Sensors) -> IntArray:
         """(point,) row of the watcher that is nearest to each sensor, in place and direction."""

@@ -25,7 +25,7 @@ from lidarspectra.progress import Progress, silent
 from lidarspectra.radiance.engine.engine import Engine, EngineJob, find_engine, float_rows
 from lidarspectra.radiance.engine.options import Accuracy, Noise, bounces_of, noise_level, plain_arguments
 from lidarspectra.radiance.sampling.folding import fold_coefficients, folding
-from lidarspectra.radiance.sampling.rounds import relative_rms
+from lidarspectra.radiance.sampling.stated_error import stated_error
 from lidarspectra.radiance.sampling.trace import available_cores
 from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, make_transport
 from lidarspectra.radiance.sampling.uncertainty import standard_error
@@ -98,7 +98,14 @@ def trace_plain(
     irradiance = np.einsum("klpb,lb->kpb", batches, scene.flux, dtype=np.float64)
     irradiance_se = standard_error(irradiance)
     counted = ~points.buried if not points.buried.all() else np.ones(len(points), dtype=np.bool_)
-    achieved = relative_rms(irradiance_se[counted], irradiance[:, counted].mean(axis=(0, 1)))
+    stated, _ = stated_error(
+        irradiance=irradiance.mean(axis=0),
+        irradiance_se=irradiance_se,
+        truncation=None,
+        slot_error=scene.slots.error,
+        counted=counted,
+        target=target,
+    )
     return make_transport(
         scene,
         points,
@@ -114,8 +121,7 @@ def trace_plain(
             "bounces": bounces,
             "mode": scene.mode,
             "target_relative_se": target,
-            "achieved_relative_se": achieved,
-            "target_met": int(achieved <= target),
+            **stated,
             "seconds": time.perf_counter() - start,
             "rays": repeats * len(points) * len(scene.passes),
             "commands": "\n".join(commands),

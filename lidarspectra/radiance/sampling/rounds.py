@@ -24,12 +24,13 @@ from lidarspectra.radiance.sampling.estimator import (
     task_job,
     wanted_samples,
 )
-from lidarspectra.radiance.sampling.own_light import own_relative_se, samples_for_each_point
+from lidarspectra.radiance.sampling.own_light import samples_for_each_point
 from lidarspectra.radiance.sampling.patches import Patches, find_patches
 from lidarspectra.radiance.sampling.pooling import Sharing
 from lidarspectra.radiance.sampling.receptors import Receptor
 from lidarspectra.radiance.sampling.samplers import DIRECT, samplers_of
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
+from lidarspectra.radiance.sampling.stated_error import own_relative_se, relative_rms
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 
@@ -100,8 +101,8 @@ class BlockResult:
         Independent estimates of the coefficient. [m⁻²]
     irradiance_se : (point, band) float
         Standard error of the sum over lamps. [W/m²/nm]
-    truncation : (point, band) float
-        Estimated light missing from that sum beyond the last reflection traced. [W/m²/nm]
+    truncation : (lamp, point, slot) float
+        Estimated light beyond the last reflection traced, which the coefficient lacks. [m⁻²]
     first_round : float
         Share of the engine's time that the first round took. [0-1]
     """
@@ -249,11 +250,11 @@ def survey(
 
     Returns
     -------
-    truncation : (point, band) float
-        Estimated light of all lamps beyond the last reflection traced. [W/m²/nm]
+    truncation : (lamp, point, slot) float
+        Estimated light beyond the last reflection traced. [m⁻²]
     """
     some = [component for component in components if component.surfaces is not None]
-    truncation = np.zeros((len(sensors.positions), len(scene.bands)))
+    truncation = np.zeros((len(scene.lamp_names), len(sensors.positions), len(scene.slots)))
     known: dict[int, Patches] = {}
     for component in some:
         if id(component.surfaces) not in known:
@@ -278,11 +279,12 @@ def survey(
             component.sharing = Sharing(
                 patches=found, group=found.groups(direct[:, : len(found)], direct[:, len(found) :])
             )
-        total = np.einsum("plb,lb->pb", group.from_engine(values[: len(found)]), _flux_ratio(scene, component))
+        direct_light = group.from_engine(values[: len(found)]).swapaxes(0, 1)  # (lamp, place, slot)
         slots = np.broadcast_to(found.reflectance, (len(found), group.slot_count))
-        tail = found.truncated(total, group.from_engine(slots), request.bounces)
-        missing = sensors.receptor.measure_sr / np.pi * tail[found.nearest_watcher(sensors)]
-        truncation += missing @ scene.slots.matrix[list(component.slots)]
+        tail = found.truncated(direct_light, group.from_engine(slots), request.bounces)
+        missing = sensors.receptor.measure_sr / np.pi * tail[:, found.nearest_watcher(sensors)]
+        where = np.ix_(component.lamps, range(len(sensors.positions)), component.slots)
+        truncation[where] += missing / scene.written_flux[np.ix_(component.lamps, component.slots)][:, None]
         log.commands.add(run.command)
         log.rays += count
     return truncation
@@ -451,10 +453,3 @@ def _missing_of_points(
         for index, share in zip(members, shares, strict=True):
             wanted[index] = share
     return wanted
-
-
-def relative_rms(error: NDArray[np.floating], means: FloatArray) -> float:
-    """Root mean square over points of the error, over the mean irradiance, in the worst band that has light."""
-    lit = means > 0
-    rms = np.sqrt(np.mean(np.square(error, dtype=np.float64), axis=0))
-    return float((rms[lit] / means[lit]).max(initial=0.0))

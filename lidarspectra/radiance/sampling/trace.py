@@ -28,10 +28,10 @@ from lidarspectra.radiance.engine.options import NOISES_OF, Accuracy, Noise, Noi
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
 from lidarspectra.radiance.sampling.estimator import BATCHES
 from lidarspectra.radiance.sampling.folding import fold_coefficients, folding
-from lidarspectra.radiance.sampling.own_light import own_relative_se
 from lidarspectra.radiance.sampling.receptors import Receptor, cosine_receptor
-from lidarspectra.radiance.sampling.rounds import FIRST_ROUND, Log, Request, estimate_block, first_mean, relative_rms
+from lidarspectra.radiance.sampling.rounds import FIRST_ROUND, Log, Request, estimate_block, first_mean
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
+from lidarspectra.radiance.sampling.stated_error import stated_error
 from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, make_transport
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
@@ -91,8 +91,7 @@ def trace(
     -------
     transport : xarray.Dataset
         See `transport`. Attributes say what was asked for and reached: target_relative_se, achieved_relative_se,
-        truncated_share (light that was reflected more often than is followed, of the mean irradiance in the worst
-        band), target_met (0 or 1: neither is above the target, or, of 'point', no point and not the latter), method
+        truncated_share, slot_error and target_met (see `stated_error`), method
         ('adaptive'), accuracy, bounces, noise, noise_of, seconds, rays, engine commands.
 
     Raises
@@ -193,8 +192,8 @@ def _trace(
     slot_coefficient = np.empty((lamps, count, len(scene.slots)), dtype=np.float32)
     coefficient = np.empty((lamps, count, bands), dtype=np.float32)
     coefficient_se = np.empty_like(coefficient)
+    truncation = np.empty_like(coefficient)
     irradiance_se = np.empty((count, bands), dtype=np.float32)
-    truncation = np.empty_like(irradiance_se)
     batches = None
     if BATCHES * coefficient.size <= KEPT_BATCH_VALUES:
         batches = np.empty((BATCHES, *coefficient.shape), dtype=np.float32)
@@ -221,17 +220,18 @@ def _trace(
         for lamp in range(lamps):
             coefficient_se[lamp, block] = standard_error(found[:, lamp].astype(np.float64))
         irradiance_se[block] = result.irradiance_se
-        truncation[block] = result.truncation
+        truncation[:, block] = fold_coefficients(result.truncation, weights)
         if batches is not None:
             batches[:, :, block] = found
-    means = (coefficient[:, counted].mean(axis=1, dtype=np.float64) * scene.flux).sum(axis=0)
-    achieved = relative_rms(irradiance_se[counted], means)
-    truncated = relative_rms(truncation[counted], means)
-    missed = None
-    if request.noise_of == "point":
-        light = np.einsum("lpb,lb->pb", coefficient, scene.flux, dtype=np.float64)
-        missed = counted & (own_relative_se(irradiance_se, light) > request.target)
-    reached = achieved <= request.target if missed is None else not missed.any()
+    stated, missed = stated_error(
+        irradiance=np.einsum("lpb,lb->pb", coefficient, scene.flux, dtype=np.float64),
+        irradiance_se=irradiance_se,
+        truncation=np.einsum("lpb,lb->pb", truncation, scene.flux, dtype=np.float64),
+        slot_error=scene.slots.error,
+        counted=counted,
+        target=request.target,
+        each_point=request.noise_of == "point",
+    )
     return make_transport(
         scene,
         points,
@@ -246,9 +246,7 @@ def _trace(
             "bounces": request.bounces,
             "mode": scene.mode,
             "target_relative_se": request.target,
-            "achieved_relative_se": achieved,
-            "truncated_share": truncated,
-            "target_met": int(reached and truncated <= request.target),
+            **stated,
             "seconds": time.perf_counter() - start,
             "rays": log.rays,
             "seed": seed,

@@ -7,8 +7,11 @@ A transport is an xarray Dataset with the dims (lamp, point, band):
     coefficient_batches  (batch, lamp, point, band)  [m-2]      independent estimates whose mean is `coefficient`
     flux                 (lamp, band)                [W nm-1]   what the lamps were traced with
     irradiance_se        (point, band)               [W m-2 nm-1]  standard error of the sum over lamps with that flux
-    truncation           (point, band)               [W m-2 nm-1]  about what is missing of that sum: light that was
-                                                                   reflected more often than is followed
+    truncation_coefficient (lamp, point, band)       [m-2]      estimate of what the coefficient lacks: light that was
+                                                                reflected more often than is followed
+    truncation           (point, band)               [W m-2 nm-1]  the same of the sum over lamps with that flux
+    slot_error           (band,)                     [1]        predicted relative error of reflected light, from
+                                                                reflectances that change within a slot
     missed_target        (point,)                               with `noise_of` 'point': its error is above the target
     slot_coefficient, slot_flux, slot_share, slot_channel, slot_weights   the same in finer slots (see `folding`)
     x y z nx ny nz buried (point,), lamp (lamp,), band band_width band_label (band,)
@@ -40,11 +43,23 @@ _VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {  # name: (dims, unit
     "flux": (("lamp", "band"), "W nm-1", "spectral radiant flux of the lamp, mean over the channel's response"),
     "irradiance_se": (("point", "band"), "W m-2 nm-1", "standard error of the irradiance by all lamps' flux"),
 }
-_TRUNCATION = (
-    ("point", "band"),
-    "W m-2 nm-1",
-    "estimate of the light by all lamps' flux that was reflected more often than was followed, and is missing",
-)
+_OPTIONAL: dict[str, tuple[tuple[str, ...], str, str]] = {  # not in the files of earlier versions
+    "truncation_coefficient": (
+        ("lamp", "point", "band"),
+        "m-2",
+        "estimate of what the coefficient lacks: light that was reflected more often than was followed",
+    ),
+    "truncation": (
+        ("point", "band"),
+        "W m-2 nm-1",
+        "estimate of the light by all lamps' flux that was reflected more often than was followed, and is missing",
+    ),
+    "slot_error": (
+        ("band",),
+        "1",
+        "predicted relative error of reflected light, from reflectances that change within a slot of the channel",
+    ),
+}
 _BATCHES = ("batch", "lamp", "point", "band")
 
 
@@ -74,8 +89,8 @@ def make_transport(
         The same in the slots that were traced, from which other spectra are made. [m⁻²]
     irradiance_se : (point, band) float
         [W/m²/nm]
-    truncation : (point, band) float, optional
-        [W/m²/nm]
+    truncation : (lamp, point, band) float, optional
+        Estimate of what the coefficient lacks beyond the last reflection traced. [m⁻²]
     batches : (batch, lamp, point, band) float or None
         [m⁻²]
     missed : (point,) bool, optional
@@ -97,15 +112,18 @@ def make_transport(
         "coefficient_se": coefficient_se,
         "flux": scene.flux,
         "irradiance_se": irradiance_se,
+        "slot_error": scene.slots.error,
     }
-    described = dict(_VARIABLES)
     if truncation is not None:
-        values["truncation"], described["truncation"] = truncation, _TRUNCATION
+        values["truncation_coefficient"] = truncation
+        values["truncation"] = np.einsum("lpb,lb->pb", truncation, scene.flux, dtype=np.float64).astype(np.float32)
     for name, array in values.items():
         if not np.isfinite(array).all():
             raise EngineError(expected="finite numbers", found=f"NaN or infinity in {name}", where=str(scene.folder))
     variables: dict[str, tuple[object, ...]] = {
-        name: (dims, values[name], {"units": unit, "long_name": text}) for name, (dims, unit, text) in described.items()
+        name: (dims, values[name], {"units": unit, "long_name": text})
+        for name, (dims, unit, text) in (_VARIABLES | _OPTIONAL).items()
+        if name in values
     }
     coordinates = _coordinates(scene, points)
     if slot_coefficient is not None and (parts := slot_variables(scene, slot_coefficient)):
@@ -177,8 +195,8 @@ def load_transport(path: Path) -> xr.Dataset:
             check_numbers(transport, name, dims)
         if "coefficient_batches" in transport:
             check_numbers(transport, "coefficient_batches", _BATCHES)
-        if "truncation" in transport:  # not in those of before
-            check_numbers(transport, "truncation", _TRUNCATION[0])
+        for name in _OPTIONAL.keys() & transport.keys():
+            check_numbers(transport, name, _OPTIONAL[name][0])
         if "slot_coefficient" in transport:  # all or none: relighting needs them together
             for name, dims in SLOT_DIMS.items():
                 check_numbers(transport, name, dims)

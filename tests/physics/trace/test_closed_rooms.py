@@ -10,6 +10,7 @@ import pytest
 import trimesh
 
 from lidarspectra.errors import ArrayError
+from lidarspectra.mapping.maps.spectral_map import LampChange, relight, spectral_map
 from lidarspectra.radiance.engine.options import BOUNCES
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
@@ -111,6 +112,21 @@ def test_what_is_cut_after_the_last_reflection_is_stated(
     assert transport["truncation"].to_numpy() == pytest.approx(tail, rel=0.05)
     share = tail / in_sphere(reflectance, BOUNCES[accuracy])
     assert transport.attrs["truncated_share"] == pytest.approx(share, rel=0.1)  # the draft's noise besides
+
+
+def test_a_relit_map_states_what_is_cut_of_its_own_light(rooms, sensors, section) -> None:
+    lamps = [rooms.lamp("bulb", (x, 0, 0), BULB_M, name=name) for name, x in (("left", -0.3), ("right", 0.3))]
+    scene = rooms.scene(lamps, [(rooms.ball(1.0), 0.9)])
+    places = sphere_points(6)
+    transport = trace(scene, sensors(places, -places), **section("high", "draft"), seed=1)
+    tail = 0.9 ** (BOUNCES["high"] + 1) / 0.1 / (4 * np.pi)  # from any place in a sphere
+    flux = transport["flux"].sel(lamp="right").to_numpy()
+    light = relight(transport, {"left": LampChange(dim=0.0), "right": LampChange(dim=0.5)})
+    assert light["truncation"].to_numpy() == pytest.approx(np.broadcast_to(0.5 * flux * tail, (6, flux.size)), rel=0.1)
+    both = spectral_map(transport)
+    assert both["truncation"].to_numpy() == pytest.approx(transport["truncation"].to_numpy(), rel=1e-5)
+    # A dimmed lamp takes the share that is missing along: that of the mean irradiance stays.
+    assert light.attrs["truncated_share"] == pytest.approx(both.attrs["truncated_share"], rel=0.15)
 
 
 def test_a_white_room_cut_too_early_misses_its_target_however_little_noise_there_is(rooms, sensors, section) -> None:

@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 from lidarspectra.radiance.sampling import own_light
-from lidarspectra.radiance.sampling.own_light import own_relative_se
+from lidarspectra.radiance.sampling.stated_error import own_relative_se
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.sampling.transport import standard_error_of_sum
 from lidarspectra.radiance.scene.scene import RadianceScene, write_scene

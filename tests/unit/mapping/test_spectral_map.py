@@ -280,3 +280,34 @@ def test_errors_of_lamps_that_share_paths_are_taken_from_their_sum(make_transpor
     assert both.max() < 1e-12  # what one lamp gains the other loses: float rounding is left
     # Alone, 8 batches of a wobble of 1e-3 leave 1e-3/sqrt(8), known within 1/sqrt(2 x 7) a point and far better pooled.
     np.testing.assert_allclose(np.median(one), 1e-3 / np.sqrt(8), rtol=0.15)
+
+
+def test_a_relit_map_states_its_own_error_and_not_the_traced_light_s(make_transport):
+    transport = make_transport(points=12)
+    shape = transport["coefficient"].shape
+    missing = np.zeros(shape)
+    missing[1] = 0.03 * transport["coefficient"].to_numpy()[1]  # of the second lamp's light alone
+    transport["truncation_coefficient"] = (("lamp", "point", "band"), missing, {"units": "m-2"})
+    names = [str(name) for name in transport["lamp"].to_numpy()]
+    first = relight(transport, {names[1]: LampChange(dim=0.0)})
+    second = relight(transport, {names[0]: LampChange(dim=0.0)})
+    assert (first.attrs["truncated_share"], float(first["truncation"].max())) == (0.0, 0.0)
+    assert second.attrs["truncated_share"] == pytest.approx(0.03, rel=0.2)  # rms over points, of the mean
+    assert (first.attrs["achieved_relative_se"] > 0, second.attrs["target_met"]) == (True, 0)
+
+
+def test_a_map_of_an_earlier_trace_that_knew_nothing_of_truncation_has_none(make_transport):
+    transport = make_transport(points=12).assign_attrs(truncated_share=0.5, target_met=0)
+    light = relight(transport, {})
+    assert "truncation" not in light
+    assert "truncated_share" not in light.attrs
+
+
+def test_a_truncation_survives_its_file_and_is_checked_there(make_transport, tmp_path):
+    transport = make_transport(points=12)
+    transport["truncation_coefficient"] = transport["coefficient"] * 0.01
+    light = spectral_map(transport)
+    read = load_map(save_map(light, tmp_path / "map.nc"))
+    assert np.array_equal(read["truncation"], light["truncation"])
+    with pytest.raises(MapError, match="truncation"):
+        save_map(light.assign(truncation=light["truncation"] * np.nan), tmp_path / "map.nc")

@@ -10,8 +10,9 @@ from lidarspectra.radiance.engine.bands import band_groups
 from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.sampling import own_light
 from lidarspectra.radiance.sampling.estimator import BATCHES, Component
-from lidarspectra.radiance.sampling.own_light import own_relative_se, samples_for_each_point
+from lidarspectra.radiance.sampling.own_light import samples_for_each_point
 from lidarspectra.radiance.sampling.samplers import DIRECT, OFTEN, ONCE, VIEW, Kind
+from lidarspectra.radiance.sampling.stated_error import own_relative_se
 
 SAMPLERS = {sampler.kind: sampler for sampler in (DIRECT, ONCE, OFTEN, VIEW)}
 GROUP = band_groups(3, "native")[0]
