@@ -28,15 +28,9 @@ if TYPE_CHECKING:
         PlacedPerson,
         trace_fingerprints,
     )
+    from lidarspectra.mapping.maps.map_files import load_map, save_map, save_map_table
     from lidarspectra.mapping.maps.metrics import compare_maps
-    from lidarspectra.mapping.maps.spectral_map import (
-        LampChange,
-        load_map,
-        relight,
-        save_map,
-        save_map_table,
-        spectral_map,
-    )
+    from lidarspectra.mapping.maps.spectral_map import LampChange, relight, spectral_map
     from lidarspectra.mapping.photometry.illuminance import illuminance
     from lidarspectra.mapping.photometry.people_and_plants import light_at_points
     from lidarspectra.mapping.photometry.point_light import light_of_lamps, light_of_map
@@ -108,7 +102,7 @@ _HOMES = {
     "light_of_run": "workflow.light_of_run",
     "light_quantity": "mapping.photometry.quantities",
     "load_locator": "mapping.localization.location_model",
-    "load_map": "mapping.maps.spectral_map",
+    "load_map": "mapping.maps.map_files",
     "load_reflectances": "spectra.databases",
     "make_lamp": "lamps.make_lamp",
     "one_material": "material.estimate",
@@ -123,8 +117,8 @@ _HOMES = {
     "render_views": "material.viewpoints",
     "repair_scan": "hardware.phone.repair",
     "run": "workflow.pipeline",
-    "save_map": "mapping.maps.spectral_map",
-    "save_map_table": "mapping.maps.spectral_map",
+    "save_map": "mapping.maps.map_files",
+    "save_map_table": "mapping.maps.map_files",
     "scenes_folder": "spectra.databases",
     "sensor_bands": "spectra.spectrum",
     "spectral_map": "mapping.maps.spectral_map",

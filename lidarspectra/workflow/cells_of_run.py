@@ -18,8 +18,8 @@ from lidarspectra.lamps.lamp_file import load_lamps
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.tables import Table, save_table
+from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.maps.point_values import save_points
-from lidarspectra.mapping.maps.spectral_map import kept_points
 from lidarspectra.mapping.photometry.indoor_spectra import indoor_spectra
 from lidarspectra.mapping.photovoltaics.cells import Cell, find_cell
 from lidarspectra.mapping.photovoltaics.current_map import area_of, current_map, currents_table

@@ -24,8 +24,8 @@ from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.map_comparison_figure import map_comparison_figure
 from lidarspectra.mapping.figures.tables import Table, save_table
+from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.mapping.maps.metrics import Comparison, Normalisation, compare_maps
-from lidarspectra.mapping.maps.spectral_map import MAP_FILE, load_map
 from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.room import load_room
 from lidarspectra.workflow.workspace import made_folder, require_stage

@@ -15,14 +15,8 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.map_figures import maps_figure
-from lidarspectra.mapping.maps.spectral_map import (
-    MAP_FILE,
-    MAP_TABLE_FILE,
-    LampChange,
-    relight,
-    save_map,
-    save_map_table,
-)
+from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, save_map, save_map_table
+from lidarspectra.mapping.maps.spectral_map import LampChange, relight
 from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.room import load_room
 from lidarspectra.spectra.databases import lamp_spectrum

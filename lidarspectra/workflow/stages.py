@@ -15,14 +15,8 @@ from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.material_figures import segmentation_figure
-from lidarspectra.mapping.maps.spectral_map import (
-    MAP_FILE,
-    MAP_TABLE_FILE,
-    load_map,
-    save_map,
-    save_map_table,
-    spectral_map,
-)
+from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, load_map, save_map, save_map_table
+from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report.report import PAGE, write_report
 from lidarspectra.material.lamp_fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials

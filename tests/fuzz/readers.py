@@ -656,20 +656,22 @@ def read_a_transport(path: Path) -> object:
 
 
 def map_seeds(folder: Path) -> Iterator[Files]:
-    from lidarspectra.mapping.maps.spectral_map import save_map, spectral_map
+    from lidarspectra.mapping.maps.map_files import save_map
+    from lidarspectra.mapping.maps.spectral_map import spectral_map
 
     save_map(spectral_map(hand_made_transport()), folder / "map.nc")
     yield {"map.nc": (folder / "map.nc").read_bytes()}
 
 
 def read_a_map(path: Path) -> object:
-    from lidarspectra.mapping.maps.spectral_map import load_map
+    from lidarspectra.mapping.maps.map_files import load_map
 
     return load_map(path)
 
 
 def map_table_seeds(folder: Path) -> Iterator[Files]:
-    from lidarspectra.mapping.maps.spectral_map import save_map_table, spectral_map
+    from lidarspectra.mapping.maps.map_files import save_map_table
+    from lidarspectra.mapping.maps.spectral_map import spectral_map
 
     save_map_table(spectral_map(hand_made_transport()), folder / "map.csv")
     yield {"map.csv": (folder / "map.csv").read_bytes()}
@@ -677,7 +679,7 @@ def map_table_seeds(folder: Path) -> Iterator[Files]:
 
 def read_a_map_table(path: Path) -> object:
     from lidarspectra.hardware.robot.reference_files import read_map
-    from lidarspectra.mapping.maps.spectral_map import read_map_table
+    from lidarspectra.mapping.maps.map_files import read_map_table
     from lidarspectra.spectra.spectrum import sensor_bands
 
     read_map(path)

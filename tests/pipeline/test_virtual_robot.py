@@ -16,8 +16,8 @@ from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.sensor.photocell import CellCircuit
 from lidarspectra.hardware.virtual.robot import CLOCK_OFFSET_S, drive_past, rehearse, virtual_responsivity
 from lidarspectra.hardware.virtual.solar_cell import draw_cell
+from lidarspectra.mapping.maps.map_files import read_map_table
 from lidarspectra.mapping.maps.metrics import compare_maps
-from lidarspectra.mapping.maps.spectral_map import read_map_table
 from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 

@@ -24,7 +24,7 @@ from lidarspectra.mapping.figures.figure_style import (
     prefix_of,
     styled,
 )
-from lidarspectra.mapping.maps.spectral_map import check_map
+from lidarspectra.mapping.maps.map_schema import check_map
 from lidarspectra.material.material_map import Material
 from lidarspectra.spectra.colorimetry import hex_color
 

@@ -47,7 +47,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
     legend_handles,
 )
 from lidarspectra.mapping.maps.interpolation import Method, map_planes, plan_places
-from lidarspectra.mapping.maps.spectral_map import check_map, kept_points
+from lidarspectra.mapping.maps.map_schema import check_map, kept_points
 
 ColorScale = Literal["panel", "shared"]
 

@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull, Delaunay, QhullError, cKDTree
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.maps.spectral_map import DIRECTION, IRRADIANCE_UNIT, check_map
+from lidarspectra.mapping.maps.map_schema import DIRECTION, IRRADIANCE_UNIT, check_map
 
 Method = Literal["linear", "cubic", "rbf"]
 Interpolant = Callable[[FloatArray], FloatArray]

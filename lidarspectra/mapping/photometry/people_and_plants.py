@@ -6,8 +6,8 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.mapping.figures.tables import Table
+from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.maps.point_values import places_of
-from lidarspectra.mapping.maps.spectral_map import kept_points
 from lidarspectra.mapping.photometry.channel_estimate import Method, channel_estimate
 from lidarspectra.mapping.photometry.color_quality import COLOR_GRID_NM, color_quality
 from lidarspectra.mapping.photometry.indoor_spectra import IndoorSpectra, indoor_spectra

@@ -15,8 +15,8 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import MapError
+from lidarspectra.mapping.maps.map_schema import check_map
 from lidarspectra.mapping.maps.response_weights import band_hats, band_weights, hats, lamp_weights
-from lidarspectra.mapping.maps.spectral_map import check_map
 from lidarspectra.radiance.sampling.transport import standard_error_of_sum
 from lidarspectra.spectra.spectrum import Spectrum
 

@@ -9,8 +9,8 @@ import xarray as xr
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.figures.tables import Table
+from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.maps.point_values import places_of
-from lidarspectra.mapping.maps.spectral_map import kept_points
 from lidarspectra.mapping.photometry.point_light import light_of_lamps
 from lidarspectra.mapping.photovoltaics.cells import Cell
 from lidarspectra.mapping.photovoltaics.currents import cell_current_density, cut_lamps, maximum_power, power_held

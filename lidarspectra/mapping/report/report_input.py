@@ -11,7 +11,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.channel_figures import ReportView
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.material_figures import MaterialPictures
-from lidarspectra.mapping.maps.spectral_map import check_map
+from lidarspectra.mapping.maps.map_schema import check_map
 from lidarspectra.mapping.report.applications import Application
 from lidarspectra.mapping.report.report_tables import StageRow
 from lidarspectra.mapping.report.room_view import RoomSurfaces

@@ -23,7 +23,7 @@ from lidarspectra.mapping.figures.map_figures import (
 )
 from lidarspectra.mapping.figures.material_figures import light_figure, segmentation_figure
 from lidarspectra.mapping.maps.interpolation import leave_one_out, map_planes
-from lidarspectra.mapping.maps.spectral_map import kept_points
+from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry import covers_vision, illuminance, illuminance_from_map
 from lidarspectra.mapping.report import report_page as html
 from lidarspectra.mapping.report import report_tables as tables

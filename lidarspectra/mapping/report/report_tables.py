@@ -14,7 +14,8 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.channel_figures import ChosenPoint
 from lidarspectra.mapping.figures.map_figures import relative_error
 from lidarspectra.mapping.figures.tables import Table
-from lidarspectra.mapping.maps.spectral_map import kept_points, map_table
+from lidarspectra.mapping.maps.map_files import map_table
+from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.material.material_map import Material
 from lidarspectra.spectra.colorimetry import hex_color
 

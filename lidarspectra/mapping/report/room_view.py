@@ -23,7 +23,7 @@ from lidarspectra.mapping.figures.figure_style import LIGHT_MAP, irradiance_unit
 from lidarspectra.mapping.figures.material_figures import CODE_COLORS, OTHER_COLOR, MaterialCode, material_code
 from lidarspectra.mapping.figures.plan_drawing import color_norm
 from lidarspectra.mapping.maps.interpolation import MIN_POINTS, map_planes, plan_places
-from lidarspectra.mapping.maps.spectral_map import POSITION, kept_points
+from lidarspectra.mapping.maps.map_schema import POSITION, kept_points
 from lidarspectra.material.material_map import Material
 from lidarspectra.material.material_mesh import daylight_colors
 from lidarspectra.spectra.colorimetry import encode_srgb

@@ -8,17 +8,9 @@ import pytest
 import xarray as xr
 
 from lidarspectra.errors import MapError, WorkspaceError
-from lidarspectra.mapping.maps.spectral_map import (
-    LampChange,
-    check_map,
-    load_map,
-    map_table,
-    read_map_table,
-    relight,
-    save_map,
-    save_map_table,
-    spectral_map,
-)
+from lidarspectra.mapping.maps.map_files import load_map, map_table, read_map_table, save_map, save_map_table
+from lidarspectra.mapping.maps.map_schema import check_map
+from lidarspectra.mapping.maps.spectral_map import LampChange, relight, spectral_map
 from lidarspectra.spectra.spectrum import Spectrum, gaussian_bands
 
 
