@@ -59,7 +59,7 @@ class Paced:
     Parameters
     ----------
     progress : Progress
-        Told the corrected fraction.
+        Receives the corrected fraction.
     last : Pace
         Of the same job, earlier; () where there was none.
     """

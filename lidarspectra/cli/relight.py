@@ -36,10 +36,10 @@ def relight(
     light = relight_run(run, orders, base=Path.cwd())
     for path in save_relit(light, folder, run):
         say(str(path))
-    foretold = float(light.attrs[SPECTRUM_ERROR])
-    if foretold > MAX_SPECTRUM_ERROR:
+    predicted = float(light.attrs[SPECTRUM_ERROR])
+    if predicted > MAX_SPECTRUM_ERROR:
         print_note(
-            f"With this spectrum the reflected light of one channel may be off by {100 * foretold:.1f} %: within that "
+            f"With this spectrum the reflected light of one channel may be off by {100 * predicted:.1f} %: within that "
             "channel the lamp's light lies elsewhere than that of the spectrum that was traced, and the room's colours "
             "change there. Give the lamp this spectrum in the run file and run it again for the exact map."
         )

@@ -385,7 +385,7 @@ def fit_light(
     start : (parameter,) float, optional
         Of an earlier fit to the same picture; several starts are tried where it is not given.
     progress : Progress, optional
-        Told at each step.
+        Receives the share that is done, at each step.
 
     Returns
     -------

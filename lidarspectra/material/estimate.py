@@ -82,7 +82,7 @@ def estimate_materials(
     colors : int
         Largest number of primary colours for K-means, 1 to 200.
     progress : callable
-        Told how far it is.
+        Receives the share that is done.
 
     Returns
     -------

@@ -91,7 +91,7 @@ def render_views(
         Completeness threshold T, of the surface area. [0-1]
     settings : ViewSettings, optional
     progress : callable
-        Told how far it is.
+        Receives the share that is done.
 
     Returns
     -------

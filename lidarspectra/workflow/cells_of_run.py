@@ -315,7 +315,7 @@ def ahead_in_log(log: Path, column: int, *, cell: Cell | None, share: float) -> 
 
 
 def fit_log(log: Path, column: int, *, cell: str | None, share: float, base: Path) -> tuple[Table, Table]:
-    """Fit a cell of a log: a table of how well the later part is told, and the curve."""
+    """Fit a cell of a log: a table of how well the later part is predicted, and the curve."""
     known = None if cell is None else find_cell(cell, base)
     result = ahead_in_log(log, column, cell=known, share=share)
     rows = [

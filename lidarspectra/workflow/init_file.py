@@ -122,7 +122,7 @@ def init(
     up : str
         Its upward axis, '+z', '+y', ...; detected by default.
     progress : callable
-        Told how far it is.
+        Receives the share that is done.
 
     Returns
     -------
@@ -158,7 +158,7 @@ def write_init(scan_path: Path, out_path: Path, *, force: bool = False, progress
     force : bool
         Replace a file that is there.
     progress : callable
-        Told how far it is.
+        Receives the share that is done.
 
     Returns
     -------

@@ -179,7 +179,7 @@ class _Plan:
 
 
 class _Chain:
-    """Runs stage after stage in a workspace, from where it is told to where it is told."""
+    """Runs stage after stage in a workspace, from the first stage that was asked for to the last."""
 
     def __init__(self, work: Workspace, first: StageName | None, last: StageName, listener: Listener) -> None:
         self._work = work

@@ -148,7 +148,7 @@ def relight(
 
     Superposition makes dimming exact. A new spectrum is exact but for what each slot assumed of the old one: its
     reflectances are weighted by the lamp that was traced. Slots are cut so fine that lamps of the common kinds are
-    right to about 1 % (`radiance.scene.slots`); the error foretold for this one, as a share of the reflected light in
+    right to about 1 % (`radiance.scene.slots`); the error predicted for this one, as a share of the reflected light in
     the worst channel, is the attribute 'spectrum_error'.
 
     Parameters

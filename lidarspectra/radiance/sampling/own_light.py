@@ -16,7 +16,9 @@ import numpy as np
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.radiance.sampling.estimator import BATCHES, Component, to_sizes
 
-MAX_OWN_PATHS = 2**15  # of a point, each pass and component: some seconds of one core; what that leaves is told
+MAX_OWN_PATHS = (
+    2**15
+)  # of a point, each pass and component: some seconds of one core; the report names the points where that is too few
 MAX_SHARED_PATHS = 2**18  # of all points together, each pass
 MAX_GROWTH = 16  # of samples in a round: the spread of few of them says too little for more
 STEPS = 60  # of the iteration: a point's excess halves, or better, in each

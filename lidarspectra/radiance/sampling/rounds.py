@@ -425,8 +425,8 @@ def _missing_of_points(
 ) -> list[IntArray]:
     """The same where every point's error has to come down to a share of its own light.
 
-    How a point's variance divides between components is averaged over its neighbours, how large it is in all is told
-    by the error that the target is held against.
+    How a point's variance divides between components is averaged over its neighbours, its size comes from
+    the error that the target is held against.
     """
     wanted = [np.zeros(component.samples.size, dtype=np.int64) for component in components]
     for slots in sorted({component.slots for component in components}):

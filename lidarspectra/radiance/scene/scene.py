@@ -106,7 +106,7 @@ def write_scene(
     lamps_per_pass : int
         Most lamps that one octree lights; 1 for `plain_rtrace`, which does not tell lamps apart.
     progress : Progress, optional
-        Told as passes are compiled.
+        Receives the share that is done, as passes are compiled.
 
     Returns
     -------

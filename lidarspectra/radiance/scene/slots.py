@@ -5,7 +5,7 @@ A slot carries one number for all wavelengths of its part s of a channel: the fl
 the mean (Jensen's inequality): a slot comes out too dark by about the variance of ρ within it. And light of another
 spectrum, which relighting sends through the same slots, meets the reflectance that the traced lamp had weighed.
 
-Both errors are foretold here by the light of an integrating sphere with the room's mean reflectance ρ̄(λ),
+Both errors are predicted by the light of an integrating sphere with the room's mean reflectance ρ̄(λ),
 
     h(λ) = ((1 - v) ρ̄ + v ρ_m) / (1 - ρ̄),
 
@@ -56,7 +56,7 @@ class Slots:
     share : (slot,) float
         ∫ r_s dλ over that of its channel; the shares of a channel add up to 1.
     error : (band,) float
-        Foretold error of a channel's reflected light that is left, with the lamps that are traced. [1]
+        Predicted error that is left in a channel's reflected light, with the lamps that are traced. [1]
     mean_reflectance : (wavelength,) float
         Of the room's area, on the grid of the channels' responses. [1]
     """
