@@ -5,12 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from lidarspectra.arguments import all_of, instance_of
+from lidarspectra.arguments import all_of, instance_of, one_of
 from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArgumentError, ArrayError, LampError
 from lidarspectra.geometry.scan import Scan, bare_scan
@@ -19,10 +20,11 @@ from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.material.assignments import database_material
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.progress import Progress, part_of, silent
-from lidarspectra.radiance.engine.options import Accuracy, Noise
+from lidarspectra.radiance.engine.options import Accuracy, Noise, NoiseOf, TraceMethod
+from lidarspectra.radiance.sampling.plain_rtrace import trace_plain
 from lidarspectra.radiance.sampling.receptors import Receptor
 from lidarspectra.radiance.sampling.trace import trace
-from lidarspectra.radiance.scene.scene import write_scene
+from lidarspectra.radiance.scene.scene import LAMPS_PER_PASS, write_scene
 from lidarspectra.room.room import Room, find_room
 from lidarspectra.room.sensor_points import UP, SensorPoints, grid_points
 from lidarspectra.spectra.databases import load_reflectances
@@ -226,6 +228,8 @@ class RoomModel:
         bands: BandSet | str = DEVICE,
         accuracy: Accuracy = "high",
         noise: Noise = "standard",
+        noise_of: NoiseOf = "mean",
+        method: TraceMethod = "adaptive",
         seed: int = 0,
         workers: int | None = None,
         receptor: Receptor | None = None,
@@ -240,8 +244,11 @@ class RoomModel:
         points : SensorPoints
         bands : BandSet or str
             Channels, or a device's name.
-        accuracy, noise, seed, workers, receptor, progress
+        accuracy, noise, noise_of, seed, workers, receptor, progress
             As in `trace`.
+        method : {"adaptive", "rtrace"}
+            Adaptive sampling, or one plain run of rtrace for each band group and lamp (`trace_plain`): it has the
+            cosine receptor alone, no seed, and the noise of a fixed number of rays.
 
         Returns
         -------
@@ -253,24 +260,42 @@ class RoomModel:
         LampError
             If there is no lamp, or two have one name.
         ArgumentError, SceneError, EngineError
-            If an argument has the wrong type; as `write_scene` and `trace`.
+            If an argument has the wrong type, or does not go with the method; as `write_scene` and `trace`.
         """
         lit = _checked_lamps(lamps)
+        plain = one_of(method, get_args(TraceMethod), name="method") == "rtrace"
+        if plain and (receptor is not None or noise_of != "mean"):
+            raise ArgumentError(
+                expected="receptor and noise_of left out, since plain rtrace knows neither",
+                found="a receptor" if receptor is not None else f"noise_of={noise_of!r}",
+                where="method='rtrace'",
+                todo="Leave it out, or trace with method='adaptive'.",
+            )
         instance_of(points, SensorPoints, name="points", todo="model.grid(spacing=0.5) or SensorPoints(positions=...).")
         channels = find_bands(bands, Path()) if isinstance(bands, str) else instance_of(bands, BandSet, name="bands")
         with tempfile.TemporaryDirectory() as folder:
             scene = write_scene(
-                self.scan, self.materials, lit, channels, Path(folder), progress=part_of(progress, 0.0, SCENE_SHARE)
+                self.scan,
+                self.materials,
+                lit,
+                channels,
+                Path(folder),
+                lamps_per_pass=1 if plain else LAMPS_PER_PASS,
+                progress=part_of(progress, 0.0, SCENE_SHARE),
             )
+            tracing = part_of(progress, SCENE_SHARE, 1.0)
+            if plain:
+                return trace_plain(scene, points, accuracy=accuracy, noise=noise, workers=workers, progress=tracing)
             return trace(
                 scene,
                 points,
                 accuracy=accuracy,
                 noise=noise,
+                noise_of=noise_of,
                 seed=seed,
                 workers=workers,
                 receptor=receptor,
-                progress=part_of(progress, SCENE_SHARE, 1.0),
+                progress=tracing,
             )
 
     def light(
@@ -281,6 +306,8 @@ class RoomModel:
         bands: BandSet | str = DEVICE,
         accuracy: Accuracy = "high",
         noise: Noise = "standard",
+        noise_of: NoiseOf = "mean",
+        method: TraceMethod = "adaptive",
         seed: int = 0,
         workers: int | None = None,
         progress: Progress = silent,
@@ -289,7 +316,7 @@ class RoomModel:
 
         Parameters
         ----------
-        lamps, points, bands, accuracy, noise, seed, workers, progress
+        lamps, points, bands, accuracy, noise, noise_of, method, seed, workers, progress
             As in `RoomModel.trace`.
 
         Returns
@@ -303,7 +330,16 @@ class RoomModel:
             As `RoomModel.trace`.
         """
         transport = self.trace(
-            lamps, points, bands=bands, accuracy=accuracy, noise=noise, seed=seed, workers=workers, progress=progress
+            lamps,
+            points,
+            bands=bands,
+            accuracy=accuracy,
+            noise=noise,
+            noise_of=noise_of,
+            method=method,
+            seed=seed,
+            workers=workers,
+            progress=progress,
         )
         return spectral_map(transport, lamps=lamps)
 

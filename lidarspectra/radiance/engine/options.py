@@ -23,6 +23,7 @@ from lidarspectra.radiance.engine.bands import BandGroup
 Accuracy = Literal["low", "medium", "high", "ultra", "all"]
 Noise = Literal["draft", "standard", "fine"]
 NoiseOf = Literal["mean", "point"]
+TraceMethod = Literal["adaptive", "rtrace"]
 
 NOISES_OF: tuple[NoiseOf, ...] = ("mean", "point")
 BOUNCES: dict[Accuracy, int] = {"low": 2, "medium": 8, "high": 14, "ultra": 20}  # [1] paper, Section 4.1

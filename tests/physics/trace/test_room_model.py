@@ -77,6 +77,19 @@ def test_a_closed_box_of_one_reflectance_keeps_its_energy() -> None:
     assert float(light["illuminance"].mean()) == pytest.approx(wanted, rel=0.012)
 
 
+def test_the_room_is_traced_by_plain_rtrace_too_and_by_each_point_s_own_light() -> None:
+    model = ls.RoomModel.from_box(2.0, 2.0, 2.0, floor=0.5, walls=0.5, ceiling=0.5)
+    lamp = ls.make_lamp("panel", (1.0, 1.0, 1.9), size=0.4, spectrum="LED-B3", luminous_flux_lm=1000)
+    points = model.grid(0.5, count=4)
+    adaptive = model.light([lamp], points, accuracy="low", noise_of="point")
+    plain = model.light([lamp], points, accuracy="low", method="rtrace")
+    assert (adaptive.attrs["noise_of"], plain.attrs["method"]) == ("point", "rtrace")
+    error = np.hypot(adaptive["illuminance_se"], plain["illuminance_se"])
+    assert (np.abs(adaptive["illuminance"] - plain["illuminance"]) < 4.0 * error).all()
+    with pytest.raises(ls.ArgumentError, match="noise_of"):
+        model.trace([lamp], points, method="rtrace", noise_of="point")
+
+
 def test_surfaces_are_polygons_and_meshes_with_numbers_names_and_spectra() -> None:
     square = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
     by_number = ls.Surface(corners=square, reflectance=0.3, name="plate")
