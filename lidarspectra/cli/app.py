@@ -1,6 +1,6 @@
 """The command line: one command per stage, and run, demo, init, relight, databases, doctor.
 
-Exit status: 0 done; 1 an error of this package, in one paragraph; 2 a command that was not understood. Libraries that
+Exit status: 0 done; 1 an error, in one paragraph; 2 a command that was not understood. Libraries that
 take long to load are imported inside the commands, so that `--help` answers at once.
 """
 
@@ -23,6 +23,7 @@ from lidarspectra.cli import photocurrent as photocurrent_cli
 from lidarspectra.cli import photometry as photometry_cli
 from lidarspectra.cli import relight as relight_cli
 from lidarspectra.cli import sensor as sensor_cli
+from lidarspectra.cli.last_resort import bug_report
 from lidarspectra.cli.options import ClusterOption, OutOption, RunFileArgument, WorkersOption
 from lidarspectra.cli.terminal import console, messages, print_note, say, shown
 from lidarspectra.errors import LidarSpectraError
@@ -93,6 +94,9 @@ def main() -> None:
         app()
     except LidarSpectraError as error:
         messages.print(Text.assemble(("Error: ", "bold red"), str(error)))
+        sys.exit(1)
+    except Exception as error:  # noqa: BLE001 - the last resort: a user is never left with a traceback
+        messages.print(Text.assemble(("Error: ", "bold red"), bug_report(error)))
         sys.exit(1)
 
 
