@@ -7,6 +7,7 @@ take long to load are imported inside the commands, so that `--help` answers at 
 import signal
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -214,9 +215,16 @@ def _show_summary(summary: "RunSummary") -> None:
 
 
 def _add_stage_command(stage: StageName, text: str) -> None:
-    def command(run_file: RunFileArgument, out: OutOption = None) -> None:
-        _run(run_file, out, last=stage)
+    def here(run_file: RunFileArgument, out: OutOption = None, workers: WorkersOption = None) -> None:
+        _run(run_file, out, last=stage, workers=workers)
 
+    def here_or_there(
+        run_file: RunFileArgument, out: OutOption = None, workers: WorkersOption = None, cluster: ClusterOption = None
+    ) -> None:
+        _run(run_file, out, last=stage, workers=workers, cluster=cluster)
+
+    # A Dask cluster traces: it has nothing to do before.
+    command: Callable[..., None] = here_or_there if STAGES.index(stage) >= STAGES.index("trace") else here
     command.__doc__ = text
     app.command(stage, rich_help_panel="One stage (and those before it that are not up to date)")(command)
 

@@ -13,5 +13,10 @@ WorkersOption = Annotated[
     int | None, typer.Option("--workers", min=1, max=1024, help="Number of processes. Default: one per core.")
 ]
 ClusterOption = Annotated[
-    str | None, typer.Option("--cluster", metavar="tcp://HOST:PORT", help="Trace on the workers of a Dask scheduler.")
+    str | None,
+    typer.Option(
+        "--cluster",
+        metavar="tcp://HOST:PORT",
+        help="Trace on the workers of a Dask scheduler: its address or JSON file.",
+    ),
 ]

@@ -11,7 +11,6 @@ import re
 import resource
 import shutil
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,8 +23,8 @@ import xarray as xr
 
 from lidarspectra.errors import EngineError, LidarSpectraError, SceneError, WorkspaceError
 from lidarspectra.progress import Progress, silent
+from lidarspectra.radiance.engine import seed_clock
 from lidarspectra.radiance.engine.engine import PROGRAMS, Engine, find_engine
-from lidarspectra.radiance.sampling import rounds
 from lidarspectra.workflow import sensing_of_run, stages
 from lidarspectra.workflow.pipeline import plan, run
 from lidarspectra.workflow.workspace import (
@@ -292,12 +291,9 @@ def test_an_octree_that_was_cut_off_is_no_dark_room(cut_before: Callable[[StageN
 # --- clocks, places, databases
 
 
-def test_a_clock_that_is_set_back_does_not_hold_a_run_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = time.time()
+def test_a_clock_that_is_set_back_does_not_hold_a_run_up() -> None:
     slept: list[float] = []
-    monkeypatch.setattr(time, "time", lambda: now - 3600.0)
-    monkeypatch.setattr(time, "sleep", slept.append)
-    rounds._await_second_after(int(now))
+    seed_clock.await_unused([(7_000, 7_002)], now=lambda: 3_400.0, sleep=slept.append)
     assert sum(slept) <= 1.0
 
 

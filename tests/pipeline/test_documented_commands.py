@@ -54,7 +54,7 @@ noise = "draft"
 """
 
 ELSEWHERE = {
-    "lidarspectra run scan.toml --cluster": "tests/engine/cluster",
+    "lidarspectra run scan.toml --cluster": "tests/engine/cluster; test_slurm_recipe.py",
     "lidarspectra sensor check": "needs a sensor; tests/unit/sensor/test_sensor_cli.py",
     "lidarspectra sensor record": "needs a sensor; tests/unit/sensor/test_recorder_ports.py",
     "lidarspectra sensor emulate": "goes on until Ctrl-C; tests/unit/sensor/test_sensor_cli.py",

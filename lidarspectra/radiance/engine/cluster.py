@@ -1,11 +1,15 @@
 """The engine on many machines: jobs go to Dask workers, which need this package and nothing of the run folder.
 
-A job is self-contained: arguments, rays, and the compiled scene, which each worker keeps in a folder of its own. A
-worker that dies loses nothing: its jobs, and the scene that it held, are made again on the others.
+A job is self-contained: arguments, rays, and the compiled scene, which each worker keeps in a folder for as long as the
+run lasts. A worker that dies loses nothing: its jobs, and the scene that it held, are made again on the others.
 """
 
-import hashlib
+import importlib.metadata
+import platform
+import shutil
 import tempfile
+import threading
+import weakref
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -15,12 +19,13 @@ from typing import Any
 
 from lidarspectra.errors import EngineError
 from lidarspectra.radiance.engine.engine import Engine, EngineJob, EngineRun, find_engine
+from lidarspectra.radiance.engine.seed_clock import Seconds
 
 SCENE_SUFFIXES = (".oct", ".rtm", ".dat", ".cal")  # what rtrace and rcontrib read
 RETRIES = 5  # times that a job is given to another worker before it counts as failed
-CONNECT_TIMEOUT = "20s"
-
-_folders: dict[str, Path] = {}  # on a worker: where it put each scene, by the scene's hash
+CONNECT_TIMEOUT_S = 20  # for the scheduler to answer
+WORKERS_TIMEOUT_S = 60  # for a first worker to be there
+PACKAGES = ("lidarspectra", "pyradiance")  # whose versions decide what comes back
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,15 +59,16 @@ class ClusterEngine(Engine):
         Raises
         ------
         EngineError
-            If a job fails on a worker, or the cluster loses it `RETRIES` times.
+            If a job fails on a worker, a worker has another version, or the cluster loses a job `RETRIES` times.
         """
-        scenes: dict[Path, Any] = {}
+        scenes: dict[Path, Any] = {}  # let go when the run is done: then each worker removes its copy
         waiting: deque[Any] = deque()
+        wanted = _versions()
         try:
             for job in jobs:
                 if job.folder not in scenes:
                     # A task and not scattered data: what a dead worker held can then be made again.
-                    scenes[job.folder] = self.client.submit(_same, _scene_files(job.folder), pure=False)
+                    scenes[job.folder] = self.client.submit(SceneCopy, _scene_files(job.folder), pure=False)
                 waiting.append(
                     self.client.submit(
                         _run_there,
@@ -70,6 +76,8 @@ class ClusterEngine(Engine):
                         job.program,
                         job.arguments,
                         job.stdin,
+                        job.unlike,
+                        wanted,
                         pure=False,
                         retries=RETRIES,
                     )
@@ -79,17 +87,49 @@ class ClusterEngine(Engine):
             while waiting:
                 yield _answer(waiting.popleft())
         finally:
-            self.client.cancel(list(waiting))
+            self.client.cancel([*waiting, *scenes.values()])
+
+
+class SceneCopy:
+    """A compiled scene on a worker, in a folder that goes when Dask lets the scene go, or the worker ends.
+
+    Parameters
+    ----------
+    files : dict of str to bytes
+        Content by name, without folders.
+    """
+
+    def __init__(self, files: dict[str, bytes]) -> None:
+        self.files = files
+        self._lock = threading.Lock()
+        self._folder: Path | None = None
+
+    def __reduce__(self) -> tuple[type["SceneCopy"], tuple[dict[str, bytes]]]:
+        """To another worker go the files; the folder stays."""
+        return SceneCopy, (self.files,)
+
+    @property
+    def folder(self) -> Path:
+        """The folder, written when it is first asked for."""
+        with self._lock:  # a worker may have several threads
+            if self._folder is None or not self._folder.is_dir():
+                folder = Path(tempfile.mkdtemp(prefix="lidarspectra-", dir=_worker_folder()))
+                weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+                for name, content in self.files.items():
+                    (folder / Path(name).name).write_bytes(content)
+                self._folder = folder
+            return self._folder
 
 
 @contextmanager
-def cluster_engine(address: str) -> Iterator[ClusterEngine]:
+def cluster_engine(cluster: str) -> Iterator[ClusterEngine]:
     """Connect to a Dask scheduler for the time of a `with` block.
 
     Parameters
     ----------
-    address : str
-        As 'dask scheduler' prints it: 'tcp://HOST:PORT'.
+    cluster : str
+        Its address as 'dask scheduler' prints it, 'tcp://HOST:PORT', or the file that it wrote for
+        'dask scheduler --scheduler-file FILE.json'.
 
     Yields
     ------
@@ -98,7 +138,8 @@ def cluster_engine(address: str) -> Iterator[ClusterEngine]:
     Raises
     ------
     EngineError
-        If the extra 'cluster' is not installed, or no scheduler answers.
+        If the extra 'cluster' is not installed, no scheduler or no worker answers, or a worker lacks this package or
+        has another version of it or of the engine.
     """
     try:
         from distributed import Client
@@ -106,24 +147,71 @@ def cluster_engine(address: str) -> Iterator[ClusterEngine]:
         raise EngineError(
             expected="Dask's 'distributed'",
             found="none",
-            where=f"--cluster {address}",
+            where=f"--cluster {cluster}",
             todo="pip install 'lidarspectra[cluster]', here and on the workers.",
         ) from cause
+    place = {"scheduler_file": cluster} if cluster.endswith(".json") else {"address": cluster}
+    if "scheduler_file" in place and not Path(cluster).is_file():  # Dask would wait for it without end
+        raise EngineError(
+            expected="the file of a Dask scheduler",
+            found="no such file",
+            where=f"--cluster {cluster}",
+            todo=f"Start the scheduler first: dask scheduler --scheduler-file {cluster}",
+        )
     try:
         connect: Any = Client  # Dask has no types
-        client = connect(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as cause:
+        client = connect(**place, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
+    except (OSError, TimeoutError, ValueError, KeyError) as cause:
         raise EngineError(
             expected="a Dask scheduler",
             found=str(cause) or type(cause).__name__,
-            where=f"--cluster {address}",
+            where=f"--cluster {cluster}",
             todo="Start one with 'dask scheduler' and workers with 'dask worker tcp://HOST:PORT'.",
         ) from cause
     engine = find_engine()
     try:
+        _check_workers(client, cluster)
         yield ClusterEngine(programs=engine.programs, library=engine.library, client=client)
     finally:
         client.close()
+
+
+def _check_workers(client: Any, cluster: str) -> None:
+    """Raise an EngineError unless there is a worker, and all have this package and engine."""
+    try:
+        client.wait_for_workers(1, timeout=WORKERS_TIMEOUT_S)
+    except TimeoutError as cause:
+        raise EngineError(
+            expected="a Dask worker",
+            found=f"none in {WORKERS_TIMEOUT_S} s",
+            where=f"--cluster {cluster}",
+            todo="Start one with 'dask worker', by the scheduler's address or file, and give the command again.",
+        ) from cause
+    try:
+        client.run(_agree, _versions())
+    except ImportError as cause:
+        raise EngineError(
+            expected="lidarspectra on every worker",
+            found=str(cause),
+            where=f"--cluster {cluster}",
+            todo="pip install 'lidarspectra[cluster]' in the workers' environment, the same version as here.",
+        ) from cause
+
+
+def _versions() -> dict[str, str]:
+    return {package: importlib.metadata.version(package) for package in PACKAGES}
+
+
+def _agree(wanted: dict[str, str]) -> None:
+    """On a worker: raise an EngineError if it has another version than the machine that asks."""
+    found = _versions()
+    if found != wanted:
+        raise EngineError(
+            expected=", ".join(f"{package} {version}" for package, version in wanted.items()),
+            found=", ".join(f"{package} {version}" for package, version in found.items()),
+            where=f"the Dask worker on {platform.node()}",
+            todo="Install the same versions there as where the run was started, and start the worker again.",
+        )
 
 
 def _scene_files(folder: Path) -> dict[str, bytes]:
@@ -131,29 +219,27 @@ def _scene_files(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in paths}
 
 
-def _same(files: dict[str, bytes]) -> dict[str, bytes]:
-    """On a worker: hold a scene for the jobs that need it."""
-    return files
-
-
-def _run_there(files: dict[str, bytes], program: str, arguments: tuple[str, ...], stdin: bytes) -> EngineRun:
+def _run_there(
+    scene: SceneCopy,
+    program: str,
+    arguments: tuple[str, ...],
+    stdin: bytes,
+    unlike: tuple[Seconds, ...],
+    wanted: dict[str, str],
+) -> EngineRun:
     """On a worker: run one job on a scene."""
-    return find_engine().run(program, arguments, folder=_unpacked(files), stdin=stdin)
+    _agree(wanted)  # this worker may have come after the run began
+    job = EngineJob(program=program, arguments=arguments, folder=scene.folder, stdin=stdin, unlike=unlike)
+    (run,) = find_engine().run_jobs([job], workers=1)
+    return run
 
 
-def _unpacked(files: dict[str, bytes]) -> Path:
-    """On a worker: the folder of a scene, written when it is first asked for."""
-    digest = hashlib.sha256()
-    for name, content in sorted(files.items()):
-        digest.update(name.encode())
-        digest.update(hashlib.sha256(content).digest())
-    key = digest.hexdigest()
-    if key not in _folders or not _folders[key].is_dir():
-        folder = Path(tempfile.mkdtemp(prefix="lidarspectra-"))
-        for name, content in files.items():
-            (folder / Path(name).name).write_bytes(content)
-        _folders[key] = folder
-    return _folders[key]
+def _worker_folder() -> str:
+    """On a worker: its own scratch folder, which Dask removes with it."""
+    from distributed import get_worker
+
+    worker: Any = get_worker
+    return str(worker().local_directory)
 
 
 def _answer(future: Any) -> EngineRun:

@@ -23,6 +23,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import EngineError
+from lidarspectra.radiance.engine.seed_clock import Seconds, await_unused, seconds_between
 
 logger = logging.getLogger(__name__)
 
@@ -50,6 +51,8 @@ class EngineRun:
         Wall time. [s]
     output : bytes
         What it wrote.
+    clock : (int, int)
+        First and last second of its machine's clock in which it may have seeded its random numbers. [s]
     """
 
     argv: tuple[str, ...]
@@ -57,6 +60,7 @@ class EngineRun:
     stderr: str
     seconds: float
     output: bytes = field(repr=False, default=b"")
+    clock: Seconds = (0, 0)
 
     @property
     def command(self) -> str:
@@ -78,12 +82,15 @@ class EngineJob:
         Working folder of the child: scene files are named relative to it.
     stdin : bytes
         What it reads.
+    unlike : tuple of (int, int)
+        Seconds of the clock that seeded jobs whose random numbers it must not repeat: it waits for another. [s]
     """
 
     program: str
     arguments: tuple[str, ...]
     folder: Path
     stdin: bytes = field(repr=False, default=b"")
+    unlike: tuple[Seconds, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -278,7 +285,8 @@ class Engine:
 
     def _run(self, job: EngineJob, children: _Children, *, timeout_s: float | None) -> EngineRun:
         argv = (job.program, *job.arguments)
-        start = time.perf_counter()
+        await_unused(job.unlike)
+        start, clock = time.perf_counter(), time.time()
         try:
             child = children.start(
                 (str(self._path(job.program)), *job.arguments), folder=job.folder, environment=self.environment()
@@ -307,6 +315,7 @@ class Engine:
             stderr=complaint.decode("utf-8", errors="replace").strip(),
             seconds=time.perf_counter() - start,
             output=output,
+            clock=seconds_between(clock, time.time()),
         )
         logger.debug("%s: status %d, %.2f s", run.command, run.status, run.seconds)
         if run.status != 0:

@@ -1,9 +1,8 @@
 """Adaptive sampling of one block of points, in rounds, until its error meets the target or the budget is spent."""
 
-import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.engine.engine import Engine, EngineJob, float_rows
 from lidarspectra.radiance.engine.options import NoiseOf, PassOptions, first_round_sizes
+from lidarspectra.radiance.engine.seed_clock import Seconds, joined
 from lidarspectra.radiance.sampling.arrivals import Surfaces
 from lidarspectra.radiance.sampling.estimator import (
     BATCHES,
@@ -37,7 +37,6 @@ from lidarspectra.radiance.scene.scene import RadianceScene
 MAX_ROUNDS = 8  # 2 or 3 usually suffice
 MAX_PATHS_PER_POINT = 2**18  # mean over a block, per pass; about 15 s of one core
 RAYS_PER_JOB = (2**15, 2**17)  # least and most rays per engine process: at most 6 MB and a few seconds
-CLOCK_LAG_S = 0.05  # [s] more than the resolution (at most 16 ms) of the clock that seeds the engine
 AIM = 0.85  # [1] share of the target variance that a round aims at, as its prediction is uncertain
 FIRST_ROUND = 0.2  # [1] of the first block's progress, since the work left is known only after it
 SECOND_ROUND = 0.95  # [1] of the progress after the second round, which is usually the last
@@ -82,13 +81,13 @@ class Log:
         Every different command line.
     rays : int
         Rays given to the engine.
-    direct_second : int
-        Clock second that seeded the last shadow rays. [s]
+    seeds : tuple of (int, int)
+        Clock seconds that seeded shadow rays. [s]
     """
 
     commands: set[str] = field(default_factory=set)
     rays: int = 0
-    direct_second: int = 0
+    seeds: tuple[Seconds, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -320,14 +319,15 @@ def _sample(
     fewest, most = RAYS_PER_JOB
     chunk = min(max(rays // (2 * request.workers), fewest), most)
     waiting: deque[Task] = deque()
-    if any(more.any() for component, more in zip(components, wanted, strict=True) if component.sampler is DIRECT):
-        _await_second_after(log.direct_second)
+    seeds = list(log.seeds)
 
     def jobs() -> Iterator[EngineJob]:
         for component, more in zip(components, wanted, strict=True):
             for task in make_tasks(component, more, sensors, rays_per_job=chunk, generator=generator):
                 waiting.append(task)
-                yield task_job(task, sensors, scene.folder, generator=generator)
+                job = task_job(task, sensors, scene.folder, generator=generator)
+                # Points on lamps are the engine's own numbers; those of an earlier round would tell nothing new.
+                yield replace(job, unlike=log.seeds) if component.sampler is DIRECT else job
 
     spent_s, expected_s = _spent_s(components), _expected_s(components, wanted)
     done = 0
@@ -335,20 +335,13 @@ def _sample(
         task = waiting.popleft()
         take_answer(task, run, sensors)
         log.commands.add(run.command)
+        if task.component.sampler is DIRECT:
+            seeds.append(run.clock)
         done += task.rays
         log.rays += task.rays
         share = (_spent_s(components) - spent_s) / expected_s if spent_s > 0 else done / rays
         progress(min(share, 1.0), f"{rays:,} rays")
-    log.direct_second = int(time.time())
-
-
-def _await_second_after(second: int) -> None:
-    """Wait, at most a second, until the clock second that seeds the engine has passed.
-
-    A clock that was set back shows another second already and needs no waiting.
-    """
-    while second - 1 <= int(time.time() - CLOCK_LAG_S) <= second:
-        time.sleep(min(max(0.0, second + 1 + CLOCK_LAG_S - time.time()), 1.0))
+    log.seeds = joined(seeds)
 
 
 def _totals(scene: RadianceScene, components: Sequence[Component]) -> FloatArray:

@@ -1,7 +1,10 @@
 """Jobs on a Dask cluster give what they give here, and outlive their workers."""
 
 import contextlib
+import json
+import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,12 +13,13 @@ import psutil
 import pytest
 
 from lidarspectra.errors import EngineError
+from lidarspectra.radiance.engine import cluster as cluster_module
 from lidarspectra.radiance.engine.cluster import ClusterEngine, cluster_engine
 from lidarspectra.radiance.engine.engine import EngineJob, find_engine, float_rows
 from lidarspectra.radiance.engine.octree import compile_octree
 
 if TYPE_CHECKING:
-    from distributed import LocalCluster
+    from distributed import LocalCluster, Worker
 
 BY_WORKERS = pytest.mark.chance("starts worker processes, which must answer before Dask gives them up")
 
@@ -107,6 +111,74 @@ def test_a_fault_on_a_worker_is_our_error(cluster: "LocalCluster", scene: Path) 
 
 
 def test_no_scheduler_is_one_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lidarspectra.radiance.engine.cluster.CONNECT_TIMEOUT", "1s")
+    monkeypatch.setattr(cluster_module, "CONNECT_TIMEOUT_S", 1)
     with pytest.raises(EngineError, match="dask scheduler"), cluster_engine("tcp://127.0.0.1:9"):
         pass
+
+
+def test_no_scheduler_file_is_one_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(EngineError, match="--scheduler-file"), cluster_engine(str(tmp_path / "scheduler.json")):
+        pass
+
+
+@BY_WORKERS
+def test_no_worker_is_one_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster_module, "WORKERS_TIMEOUT_S", 1)
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as workers,
+        pytest.raises(EngineError, match="dask worker"),
+        cluster_engine(workers.scheduler_address),
+    ):
+        pass
+
+
+@BY_WORKERS
+def test_scenes_on_workers_go_when_the_run_is_done(cluster: "LocalCluster", scene: Path) -> None:
+    with cluster_engine(cluster.scheduler_address) as engine:
+        runs = engine.run_jobs(jobs(scene), workers=1)
+        next(runs)
+        assert any(engine.client.run(_scene_folders).values())
+        list(runs)
+        until = time.monotonic() + 20.0  # Dask tells its workers when it comes to it
+        while any(engine.client.run(_scene_folders).values()):
+            assert time.monotonic() < until
+            time.sleep(0.1)
+
+
+def _scene_folders(dask_worker: "Worker") -> list[str]:
+    import gc
+
+    gc.collect()  # the frame of the last task may still hold it
+    return [str(path) for path in Path(dask_worker.local_directory).glob("lidarspectra-*")]
+
+
+@BY_WORKERS
+def test_a_scheduler_file_does_as_well_as_an_address(cluster: "LocalCluster", scene: Path, tmp_path: Path) -> None:
+    file = tmp_path / "scheduler.json"
+    file.write_text(json.dumps({"address": cluster.scheduler_address}), encoding="utf-8")
+    with cluster_engine(str(file)) as engine:
+        assert answers(engine, scene) == expected(scene)
+
+
+@BY_WORKERS
+def test_a_worker_with_another_version_is_refused(
+    cluster: "LocalCluster", scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with cluster_engine(cluster.scheduler_address) as engine:
+        ours = cluster_module._versions()
+        monkeypatch.setattr(cluster_module, "_versions", lambda: ours | {"pyradiance": "0.9"})
+        with pytest.raises(EngineError, match=r"Dask worker.*pyradiance 0\.9"):
+            list(engine.run_jobs(jobs(scene), workers=1))  # a worker that came later
+        with (
+            pytest.raises(EngineError, match=r"Dask worker.*pyradiance 0\.9"),
+            cluster_engine(cluster.scheduler_address),
+        ):
+            pass
+
+
+@BY_WORKERS
+def test_a_worker_waits_for_a_second_of_its_clock_that_seeded_nothing(cluster: "LocalCluster", scene: Path) -> None:
+    now = int(time.time())
+    with cluster_engine(cluster.scheduler_address) as engine:
+        waiting = [replace(job, unlike=((now - 5, now + 2),)) for job in jobs(scene)]
+        assert all(run.clock[0] > now + 2 for run in engine.run_jobs(waiting, workers=1))

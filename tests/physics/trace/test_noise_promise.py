@@ -1,6 +1,5 @@
 """What the trace says of its own error is true: repeats are independent, coverage is as stated, targets are kept."""
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -112,12 +111,6 @@ def test_batches_are_independent(office, places, section) -> None:
         together = (deviation.sum(axis=0) ** 2 - (deviation**2).sum(axis=0)).sum() / 56.0
         found.append(together / (deviation**2).mean(axis=0).sum())
     assert abs(np.mean(found)) < 0.35
-
-
-def test_shadow_rays_of_a_later_round_wait_for_another_second() -> None:
-    now = int(time.time())
-    rounds._await_second_after(now)
-    assert time.time() > now + 1 + 0.016  # the longest tick of a clock, so that the engine sees the later second too
 
 
 def test_rounds_of_shadow_rays_never_repeat_one_another(rooms, places, monkeypatch: pytest.MonkeyPatch) -> None:
