@@ -36,6 +36,8 @@ class ScanSection(Section):
     """Draw vertices onto the planes of walls, tables and other flat things, and straighten their edges."""
     max_faces: Annotated[int, Field(ge=100)] | None = None
     """Decimate to at most so many triangles."""
+    assumed: tuple[Literal["unit", "up"], ...] = ()
+    """Which of them are guesses, not known: said in the notes, the map and the report."""
 
 
 class LampSection(Section):
@@ -57,6 +59,8 @@ class LampSection(Section):
     dim: Fraction = 1.0
     file: str | None = None
     """IES LM-63 or EULUMDAT (.ldt) file, for shape 'ies'."""
+    assumed: bool = False
+    """Its flux and spectrum are guesses, not known: said in the notes, the map and the report."""
 
     @model_validator(mode="after")
     def _one_flux(self) -> Self:
@@ -78,8 +82,8 @@ class LampsFromScanSection(Section):
 
     spectrum: str | None = None
     cct_k: Annotated[float, Field(ge=1000, le=25000)] | None = None
-    luminous_exitance_lm_m2: Positive = 10000.0
-    """Luminous flux each square metre of lamp sends, 10,000 for a common 3600 lm panel of 0.6 m x 0.6 m. [lm/m²]"""
+    luminous_exitance_lm_m2: Positive | None = None
+    """Luminous flux each square metre of lamp sends; None assumes that of common panels. [lm/m²]"""
     fluxes: Literal["walls", "area"] = "walls"
     """Share of each lamp in all light: by the light on the walls where that tells it, or by its area alone."""
 

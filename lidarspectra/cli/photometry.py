@@ -36,6 +36,7 @@ def photometry(
     from lidarspectra.mapping.maps.point_values import save_points
     from lidarspectra.mapping.photometry.figures import quantities_figure
     from lidarspectra.mapping.photometry.people_and_plants import light_at_points, summary_table
+    from lidarspectra.workflow.assumed import assumptions_of_run, result_notes
     from lidarspectra.workflow.light_of_run import light_of_run, light_of_table
     from lidarspectra.workflow.workspace import made_folder
 
@@ -44,7 +45,7 @@ def photometry(
     found = light_of_run(run, parse_factors(dim or []))
     readings = None if measured is None else light_of_table(measured, found.bands)
     light, places = (found.light, found.places) if readings is None else (readings.light, readings.places)
-    notes = () if readings is None else readings.notes
+    notes = readings.notes if readings else result_notes(assumptions_of_run(run))
     quantities = light_at_points(light, places, found.bands)
     table = summary_table(quantities)
     folder = made_folder(out or run / "people-and-plants")

@@ -28,8 +28,10 @@ def relight(
     named stay as they are.
     """
     orders = parse_orders(context.args)
+    from lidarspectra.mapping.maps.assumptions import assumptions_of
     from lidarspectra.mapping.maps.spectral_map import SPECTRUM_ERROR
     from lidarspectra.radiance.sampling.folding import MAX_SPECTRUM_ERROR
+    from lidarspectra.workflow.assumed import result_notes
     from lidarspectra.workflow.relighting import relight_run, save_relit
 
     folder = out or run / "relit"
@@ -43,6 +45,8 @@ def relight(
             "channel the lamp's light lies elsewhere than that of the spectrum that was traced, and the room's colours "
             "change there. Give the lamp this spectrum in the run file and run it again for the exact map."
         )
+    for note in result_notes(assumptions_of(light)):
+        print_note(note)
     mean = light["irradiance"].mean("point")
     for band, value in zip(light["band"].to_numpy(), mean.to_numpy(), strict=True):
         console.print(f"{band:5.0f} nm  {value:.4g} W/m²/nm")

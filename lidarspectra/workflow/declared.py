@@ -2,6 +2,9 @@
 
 A stage is given what it declared and nothing else: reading another key of the run file raises an error. Its freshness
 is derived from the same declaration, so a stage cannot depend on anything that does not make it stale.
+
+The key `assumed` of a section says which of its values are guesses and changes no number, so a section's name does not
+cover it: a stage that tells it declares it by its own name ("lamps.assumed"); others see nothing marked.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -23,6 +26,7 @@ MULTI_FILE_FORMATS = (".obj", ".gltf", ".ply", ".usda", ".usd")
 COMPANION_SUFFIXES = (
     ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".usd", ".usda", ".usdc",
 )  # fmt: skip
+ASSUMED = "assumed"  # key of sections
 
 
 class DeclaredSection:
@@ -32,7 +36,7 @@ class DeclaredSection:
     ----------
     section : Section
     keys : frozenset of str
-        Full dotted names of the keys that may be read; a section's name covers all its keys.
+        Full dotted names of the keys that may be read; a section's name covers all its keys but `assumed`.
     name : str
         Full dotted name of this section; empty for the run file itself.
     """
@@ -46,7 +50,7 @@ class DeclaredSection:
         value = getattr(self._section, key)
         name = f"{self._name}.{key}" if self._name else key
         if name in self._keys:
-            return value
+            return value if f"{name}.{ASSUMED}" in self._keys else _unmarked(value)
         if any(declared.startswith(f"{name}.") for declared in self._keys):
             return None if value is None else DeclaredSection(value, self._keys, name)
         raise UndeclaredError(
@@ -93,8 +97,8 @@ def declare(
     base : Path
         Its folder.
     keys : str
-        Dotted names ("trace.noise"); a section's name covers all its keys. Files that these keys name are hashed
-        too.
+        Dotted names ("trace.noise"); a section's name covers all its keys but `assumed`. Files that these keys name
+        are hashed too.
     databases : iterable of str
         Kinds of databases.
     stages : iterable of StageResult
@@ -141,13 +145,24 @@ def _covers(keys: Iterable[str], name: str) -> bool:
 def _value(run_file: RunFile, key: str) -> Any:
     value: Any = run_file
     for part in key.split("."):
-        value = None if value is None else getattr(value, part)
+        if isinstance(value, tuple):  # [[lamps]]
+            value = tuple(getattr(each, part) for each in value)
+        else:
+            value = None if value is None else getattr(value, part)
     return value
+
+
+def _unmarked(value: Any) -> Any:
+    """A value of the run file with nothing marked as assumed."""
+    if isinstance(value, tuple):
+        return tuple(_unmarked(each) for each in value)
+    field = type(value).model_fields.get(ASSUMED) if isinstance(value, Section) else None
+    return value if field is None else value.model_copy(update={ASSUMED: field.default})
 
 
 def _json(value: Any) -> Any:
     if isinstance(value, Section):
-        return value.model_dump(mode="json")
+        return value.model_dump(mode="json", exclude={ASSUMED})
     return [_json(each) for each in value] if isinstance(value, tuple) else value
 
 

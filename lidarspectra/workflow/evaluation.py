@@ -24,10 +24,12 @@ from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.map_comparison_figure import map_comparison_figure
 from lidarspectra.mapping.figures.tables import Table, save_table
+from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.mapping.maps.metrics import Comparison, Normalisation, compare_maps
 from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.room import load_room
+from lidarspectra.workflow.assumed import result_notes
 from lidarspectra.workflow.workspace import made_folder, require_stage
 
 MIN_POINTS = 3  # fewer do not characterise a map
@@ -149,8 +151,11 @@ def evaluate_run(
         scale=factors,
         table=_comparison_table(comparisons),
         bands=_band_table(synthetic, real, names),
-        notes=_notes(
-            len(table), len(rows), int(complete.sum()), dark, len(labels) - len(kept), factors, scale, within_m
+        notes=(
+            *result_notes(assumptions_of(light)),
+            *_notes(
+                len(table), len(rows), int(complete.sum()), dark, len(labels) - len(kept), factors, scale, within_m
+            ),
         ),
         places=np.stack([light[axis].to_numpy() for axis in "xy"], axis=1)[points[whole]],
         centers_nm=light["band"].to_numpy()[kept],

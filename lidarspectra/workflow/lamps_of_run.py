@@ -11,7 +11,7 @@ from lidarspectra.config import LampSection, RunFile
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamp_spectra import cct_spectrum
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.lamps.make_lamp import lamps_from_lit, make_lamp
+from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2, lamps_from_lit, make_lamp
 from lidarspectra.material.lamp_fluxes import flux_factors, load_lamp_fluxes
 from lidarspectra.material.lit_lamps import find_lit_lamps
 from lidarspectra.radiance.engine.engine import find_engine
@@ -42,7 +42,7 @@ def lamps_of_run(run_file: RunFile, scanned: ScannedRoom, *, base: Path) -> tupl
         else lamp_spectrum(section.spectrum or "", base).spectrum
     )
     found = find_lit_lamps(scanned.scan, scanned.room)
-    return lamps_from_lit(found, spectrum, luminous_exitance_lm_m2=section.luminous_exitance_lm_m2)
+    return lamps_from_lit(found, spectrum, luminous_exitance_lm_m2=section.luminous_exitance_lm_m2 or EXITANCE_LM_M2)
 
 
 def resolve_lamps(sections: Sequence[LampSection], folder: Path) -> tuple[Lamp, ...]:
@@ -69,7 +69,7 @@ def resolve_lamps(sections: Sequence[LampSection], folder: Path) -> tuple[Lamp, 
     lamps = []
     for section in sections:
         if section.dim > 0:
-            lamp = make_lamp(**section.model_dump(exclude={"dim"}), folder=folder)
+            lamp = make_lamp(**section.model_dump(exclude={"dim", "assumed"}), folder=folder)
             lamps.append(replace(lamp, flux=lamp.flux.scaled(section.dim)))
     return tuple(lamps)
 

@@ -272,7 +272,7 @@ def walk(chain: Link, inputs: Inputs) -> None:
         materials = chain(stages.materials_stage(inputs, scan, views))
         scene = chain(stages.scene_stage(inputs, scan, materials))
         transport = chain(stages.trace_stage(inputs, scan, scene))
-        spectral_map = chain(stages.map_stage(inputs, scene, transport))
+        spectral_map = chain(stages.map_stage(inputs, scan, scene, transport))
         chain(stages.report_stage(inputs, scan, views, materials, scene, transport, spectral_map))
     except _Stopped:
         return

@@ -15,11 +15,13 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.map_figures import maps_figure
+from lidarspectra.mapping.maps.assumptions import mark_assumed
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import LampChange, relight
 from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.room import load_room
 from lidarspectra.spectra.databases import lamp_spectrum
+from lidarspectra.workflow.assumed import assumptions_of_run
 from lidarspectra.workflow.light_of_run import transport_of_run
 from lidarspectra.workflow.workspace import require_stage, writing_run
 
@@ -94,7 +96,9 @@ def relight_run(
                 todo="Give its changes together.",
             )
         changes[order.lamp] = _change(lamps[order.lamp], order, base)
-    return relight(transport, changes, bands=load_scene(scene).bands, lamps=tuple(lamps.values()))
+    light = relight(transport, changes, bands=load_scene(scene).bands, lamps=tuple(lamps.values()))
+    given = [order.lamp for order in orders if order.spectrum is not None and order.luminous_flux_lm is not None]
+    return mark_assumed(light, assumptions_of_run(run).without(given))
 
 
 def _change(lamp: Lamp, order: LampOrder, base: Path) -> LampChange:

@@ -4,6 +4,7 @@ A stage first declares what it reads; it is given that, and made again when that
 The order stands in `lidarspectra.workflow.pipeline`; how a stage is kept, in `lidarspectra.workflow.workspace`.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import xarray as xr
@@ -15,6 +16,7 @@ from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.material_figures import segmentation_figure
+from lidarspectra.mapping.maps.assumptions import mark_assumed
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, load_map, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report.report import PAGE, write_report
@@ -35,6 +37,7 @@ from lidarspectra.radiance.scene.scene import LAMPS_PER_PASS, RadianceScene, loa
 from lidarspectra.room.room import find_room, load_room, save_room
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.sensor_files import find_bands
+from lidarspectra.workflow.assumed import assumed_lamps, assumed_of_scan, lamp_notes, scan_notes
 from lidarspectra.workflow.declared import Declared
 from lidarspectra.workflow.delighting import Delighting, take_light_out, with_light_uncertainty
 from lidarspectra.workflow.inputs import Inputs
@@ -71,7 +74,7 @@ TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays b
 
 def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
     """Stage 1: read the phone's mesh, repair it, find the room in it (paper, Section 2.2)."""
-    given = inputs.declare("scan")
+    given = inputs.declare("scan", "scan.assumed")
     section = given.run_file.scan
 
     def make(folder: Path, progress: Progress) -> Notes:
@@ -95,7 +98,7 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
             summary=f"{record.faces_kept} triangles, {record.area_m2:.0f} m²; room {found_room.area_m2:.1f} m² x "
             f"{found_room.height_m:.2f} m; {record.holes_closed} holes closed "
             f"({100 * record.hole_area_m2 / record.area_m2:.1f} % of the area)",
-            warnings=record.notes,
+            warnings=(*record.notes, *scan_notes(section)),
         )
 
     return Stage(
@@ -177,7 +180,7 @@ def scene_stage(
 ) -> Stage[RadianceScene]:
     """Stage 4: the room as a Radiance model, with its lamps' spectra (paper, Section 3.1)."""
     given = inputs.declare(
-        *(*LAMP_KEYS, "daylight", "sensors.device", "trace.mode", "trace.method"),
+        *(*LAMP_KEYS, "lamps.assumed", "daylight", "sensors.device", "trace.mode", "trace.method"),
         databases=("lamps",),
         stages=(scan, materials),
     )
@@ -202,13 +205,13 @@ def scene_stage(
             progress=writing,
         )
         placing(0.0, "places of the lamps")
-        notes = placement_notes(lamps, mesh)
+        assumed = assumed_lamps(run_file, [lamp.name for lamp in lamps])
         return Notes(
             summary=f"{len(lamps)} {'lamp' if len(lamps) == 1 else 'lamps'}, "
             f"{len(materials.value.materials)} materials, "
             f"{len(scene.passes)} {'pass' if len(scene.passes) == 1 else 'passes'} of up to "
             f"{max(each.slot_count for each in scene.passes)} bands",
-            warnings=notes,
+            warnings=(*lamp_notes(assumed, len(lamps)), *placement_notes(lamps, mesh)),
         )
 
     return Stage(name="scene", settings=given.settings, make=make, load=load_scene)
@@ -267,13 +270,22 @@ def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResu
 
 
 def map_stage(
-    inputs: Inputs, scene: StageResult[RadianceScene], transport: StageResult[xr.Dataset]
+    inputs: Inputs,
+    scan: StageResult[ScannedRoom],
+    scene: StageResult[RadianceScene],
+    transport: StageResult[xr.Dataset],
 ) -> Stage[xr.Dataset]:
-    """Stage 6: the spectral map, the sum over lamps (paper, Section 3.3)."""
-    given = inputs.declare(stages=(scene, transport))
+    """Stage 6: the spectral map, the sum over lamps (paper, Section 3.3), and what of it is assumed."""
+    given = inputs.declare(*(*LAMP_KEYS, "lamps.assumed", "daylight", "scan.assumed"), stages=(scan, scene, transport))
+    run_file = given.run_file
 
     def make(folder: Path, progress: Progress) -> Notes:
-        light_map = spectral_map(transport.value, lamps=load_lamps(scene.folder))
+        lamps, scanned = load_lamps(scene.folder), scan.value
+        assumed = replace(
+            assumed_lamps(run_file, [lamp.name for lamp in lamps]),
+            scan=assumed_of_scan(run_file.scan.assumed, scanned.scan.record, scanned.room),
+        )
+        light_map = mark_assumed(spectral_map(transport.value, lamps=lamps), assumed)
         save_map(light_map, folder / MAP_FILE)
         save_map_table(light_map, folder / MAP_TABLE_FILE)
         mean = light_map["irradiance"].mean("point")
@@ -281,6 +293,7 @@ def map_stage(
             summary=f"{light_map.sizes['band']} channels x {light_map.sizes['point']} points; "
             f"mean {float(mean.min()):.3g} to {float(mean.max()):.3g} W/m²/nm"
             + (f", {float(light_map['illuminance'].mean()):.0f} lx" if "illuminance" in light_map else "")
+            + (f"; assumed: {words}" if (words := assumed.in_words()) else "")
         )
 
     return Stage(

@@ -70,6 +70,7 @@ FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits
     "materials": MATERIALS_ON,
     "materials.coverage": STAGES[1:],
     "lamps": MATERIALS_ON,
+    "lamps.assumed": STAGES[3:],  # its note; the scene's files stay as they are
     "lamps_from_scan": MATERIALS_ON,
     "daylight": STAGES[3:],
     "sensors": STAGES[4:],
@@ -133,7 +134,7 @@ OTHER_WORDS = {
     "shape": "disc", "size": [0.4, 0.4], "unit": "cm", "up": "+z", "fluxes": "area", "method": "default",
     "model": "none", "matching": "nearest", "databases": ["builtin", "mine"], "accuracy": "low", "noise": "fine",
     "noise_of": "point", "mode": "rgb", "hours": "9-18", "time": "2026-06-21T13:00:00+02:00", "file": "another",
-    "workers": 3,
+    "workers": 3, "assumed": ["unit"],
 }  # fmt: skip
 
 
@@ -241,6 +242,21 @@ def test_a_stage_reads_no_key_that_it_did_not_declare(tmp_path: Path) -> None:
         seen.model_dump()
     with pytest.raises(AttributeError):
         declare(run_file, tmp_path, "trace.nose")
+
+
+def test_what_is_assumed_is_seen_only_where_it_is_declared_by_name(tmp_path: Path) -> None:
+    marked = {**ROOMS["lamps"], "scan": {"file": "room.glb", "unit": "cm", "assumed": ["unit"]}}
+    marked["lamps"] = [{**LAMP, "assumed": True}, IES]
+    run_file = RunFile.model_validate(marked)
+    without = declare(run_file, tmp_path, "lamps", "scan")
+    assert [lamp.assumed for lamp in without.run_file.lamps] == [False, False]
+    assert without.run_file.scan.assumed == ()
+    assert without.run_file.scan.unit == "cm"
+    assert "assumed" not in str(without.settings)
+    told = declare(run_file, tmp_path, "lamps", "lamps.assumed", "scan.assumed")
+    assert [lamp.assumed for lamp in told.run_file.lamps] == [True, False]
+    assert told.run_file.scan.assumed == ("unit",)
+    assert told.settings["run_file"]["lamps.assumed"] == [True, False]
 
 
 def test_stages_reach_the_run_file_by_what_they_declare_alone() -> None:

@@ -1,0 +1,184 @@
+"""What was guessed is said: in one note, in the map's attribute, and in all that is made of the map."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lidarspectra.config import RunFile
+from lidarspectra.geometry.scan import ScanRecord
+from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, mark_assumed
+from lidarspectra.mapping.maps.map_files import load_map, save_map
+from lidarspectra.mapping.maps.spectral_map import spectral_map
+from lidarspectra.room.room import Room
+from lidarspectra.workflow.assumed import (
+    assumed_lamps,
+    assumed_of_scan,
+    lamp_notes,
+    result_notes,
+    scan_notes,
+)
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
+
+SCAN = {"file": "room.glb"}
+
+
+def run_file(lamps: list[bool], **tables: Any) -> RunFile:
+    """With lamps 'panel 1', ... of which some are assumed."""
+    rows = [
+        {
+            "name": f"panel {number}",
+            "shape": "panel",
+            "center": [number, 1, 2],
+            "size": [0.6, 0.6],
+            "spectrum": "LED-B3",
+            "luminous_flux_lm": 3600,
+            "assumed": assumed,
+        }
+        for number, assumed in enumerate(lamps, start=1)
+    ]
+    return RunFile.model_validate({"scan": SCAN, "lamps": rows, **tables})
+
+
+def record(unit_confidence: float = 1.0, up_confidence: float = 1.0) -> ScanRecord:
+    return ScanRecord(
+        file="room.glb",
+        unit="cm",
+        unit_confidence=unit_confidence,
+        up_axis="+y",
+        up_confidence=up_confidence,
+        faces_read=12,
+        faces_kept=12,
+    )
+
+
+def room(ceiling_confidence: float = 0.9) -> Room:
+    return Room(
+        floor_z=0.0,
+        ceiling_z=2.5,
+        floor_area_m2=12.0,
+        ceiling_area_m2=12.0,
+        floor_confidence=1.0,
+        ceiling_confidence=ceiling_confidence,
+        wall_angle_deg=0.0,
+        wall_confidence=1.0,
+        walls=(),
+        outline=np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]]),
+    )
+
+
+def test_lamps_marked_in_the_run_file_are_named_in_one_note_with_what_to_do() -> None:
+    names = [f"panel {number}" for number in range(1, 10)]
+    assumed = assumed_lamps(run_file([True] * 9), names)
+    assert assumed == Assumptions(lamps=tuple(names))
+    (note,) = lamp_notes(assumed, 9)
+    assert note.startswith("Flux and spectrum of all 9 lamps ('panel 1', 'panel 2'")
+    assert "'panel 6' and 3 more" in note
+    assert "delete 'assumed = true'" in note
+    (note,) = lamp_notes(assumed_lamps(run_file([False, True]), ["panel 1", "panel 2"]), 2)
+    assert note.startswith("Flux and spectrum of 1 of 2 lamps ('panel 2') are guesses")
+    assert lamp_notes(assumed_lamps(run_file([False, False]), ["panel 1", "panel 2"]), 2) == ()
+
+
+def test_lamps_found_in_the_scan_have_an_assumed_flux_until_it_is_given() -> None:
+    found = {"spectrum": "LED-B3"}
+    table = RunFile.model_validate({"scan": SCAN, "lamps_from_scan": found})
+    assumed = assumed_lamps(table, ["lit 1", "lit 2"])
+    assert assumed == Assumptions(fluxes=("lit 1", "lit 2"))
+    assert assumed.of_lamp("lit 1") == "flux"
+    (note,) = lamp_notes(assumed, 2)
+    assert "10,000 lm for each m²" in note
+    assert "luminous_exitance_lm_m2" in note
+    given = RunFile.model_validate({"scan": SCAN, "lamps_from_scan": {**found, "luminous_exitance_lm_m2": 10000}})
+    assert not assumed_lamps(given, ["lit 1", "lit 2"])
+
+
+def test_windows_and_sun_are_not_guesses_of_lamps_in_the_scan() -> None:
+    window = {"name": "south", "center": [0, 0, 1], "size": [1, 1], "normal": [1, 0, 0]}
+    daylight = {"latitude_deg": 48, "longitude_deg": 9, "time": "2026-06-21T12:00:00+02:00", "windows": [window]}
+    table = RunFile.model_validate({"scan": SCAN, "lamps_from_scan": {"cct_k": 3000}, "daylight": daylight})
+    assert assumed_lamps(table, ["lit 1", "south", "sun"]).all_lamps == ("lit 1",)
+
+
+def test_an_assumption_changes_no_light(tmp_path: Path) -> None:
+    marked, plain = (resolve_lamps(run_file([assumed]).lamps, tmp_path)[0] for assumed in (True, False))
+    np.testing.assert_array_equal(marked.flux.values, plain.flux.values)
+
+
+@pytest.mark.parametrize(
+    ("marked", "sure", "ceiling", "expected"),
+    [
+        ((), (1.0, 1.0), 0.9, ()),
+        (("up", "unit"), (1.0, 1.0), 0.9, ("unit", "up")),
+        ((), (0.94, 1.0), 0.9, ("unit",)),
+        (("unit",), (1.0, 0.72), 0.1, ("unit", "up", "ceiling")),
+    ],
+)
+def test_unit_axis_and_ceiling_are_assumed_where_nobody_is_sure(
+    marked: tuple[str, ...], sure: tuple[float, float], ceiling: float, expected: tuple[str, ...]
+) -> None:
+    assert assumed_of_scan(marked, record(*sure), room(ceiling)) == expected
+
+
+def test_a_guessed_unit_is_a_note_of_the_scan() -> None:
+    scan = RunFile.model_validate({"scan": {**SCAN, "unit": "cm", "up": "+z", "assumed": ["unit", "up"]}}).scan
+    (note,) = scan_notes(scan)
+    assert note.startswith('unit = "cm" and up = "+z" under [scan] are guesses')
+    assert "delete 'assumed'" in note
+    assert scan_notes(RunFile.model_validate({"scan": SCAN}).scan) == ()
+
+
+@pytest.mark.parametrize(
+    "assumed",
+    [
+        Assumptions(),
+        Assumptions(lamps=("panel 1", "Büro \"2\", 'links'"), scan=("unit", "ceiling")),
+        Assumptions(fluxes=("lit 1",)),
+    ],
+)
+def test_a_map_carries_what_it_assumes_through_its_file(make_map: Any, tmp_path: Path, assumed: Assumptions) -> None:
+    marked = mark_assumed(make_map, assumed)
+    assert assumptions_of(marked) == assumed
+    assert assumptions_of(load_map(save_map(marked, tmp_path / "map.nc"))) == assumed
+
+
+def test_a_map_that_says_nothing_assumes_nothing(make_map: Any) -> None:
+    assert not assumptions_of(make_map)
+    for odd in ("no JSON", "[]", '{"scan": 3, "flux": [1]}', 4):
+        assert not assumptions_of(make_map.assign_attrs(assumed=odd))
+    assert result_notes(Assumptions()) == ()
+
+
+def test_what_is_computed_from_guesses_says_so() -> None:
+    assumed = Assumptions(lamps=("panel 1", "panel 2"), scan=("unit",))
+    assert assumed.in_words() == "flux and spectrum of 2 lamps, the scan's unit"
+    (note,) = result_notes(assumed)
+    assert assumed.in_words() in note
+    assert assumed.without(["panel 1"]).lamps == ("panel 2",)
+
+
+@pytest.fixture
+def make_map() -> Any:
+    """A small map of one lamp."""
+    import xarray as xr
+
+    shape = ("lamp", "point", "band")
+    point = {name: ("point", np.zeros(2)) for name in ("x", "y", "z", "nx", "ny")}
+    transport = xr.Dataset(
+        {
+            "coefficient": (shape, np.ones((1, 2, 1))),
+            "coefficient_se": (shape, np.zeros((1, 2, 1))),
+            "flux": (("lamp", "band"), np.ones((1, 1))),
+        },
+        coords={
+            "lamp": ["panel 1"],
+            **point,
+            "nz": ("point", np.ones(2)),
+            "buried": ("point", np.zeros(2, dtype=bool)),
+            "band": ("band", [560.0], {"units": "nm"}),
+            "band_width": ("band", [20.0], {"units": "nm"}),
+            "band_label": ("band", ["560"]),
+        },
+    )
+    return spectral_map(transport)
