@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from lidarspectra.room.sensor_points import SensorPoints, grid_points, place_points, read_points
     from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, scenes_folder
     from lidarspectra.spectra.spectrum import BandSet, Spectrum, gaussian_bands, sensor_bands
+    from lidarspectra.workflow.check import RunCheck, check
     from lidarspectra.workflow.evaluation import evaluate_run
     from lidarspectra.workflow.fingerprints import FingerprintOrder, fingerprint_room
     from lidarspectra.workflow.init_file import init
@@ -76,12 +77,14 @@ _HOMES = {
     "RadianceScene": "radiance.scene.scene_record",
     "Room": "room.room",
     "RoomModel": "workflow.room_model",
+    "RunCheck": "workflow.check",
     "RunFile": "config",
     "RunSummary": "workflow.pipeline",
     "Scan": "geometry.scan",
     "SensorPoints": "room.sensor_points",
     "Spectrum": "spectra.spectrum",
     "Surface": "workflow.room_model",
+    "check": "workflow.check",
     "choose_to_locate": "mapping.localization.sensor_places",
     "compare_maps": "mapping.maps.metrics",
     "copy_scene": "workflow.inputs",
@@ -147,6 +150,7 @@ __all__ = [
     "RadianceScene",
     "Room",
     "RoomModel",
+    "RunCheck",
     "RunFile",
     "RunSummary",
     "Scan",
@@ -154,6 +158,7 @@ __all__ = [
     "Spectrum",
     "Surface",
     "__version__",
+    "check",
     "choose_to_locate",
     "compare_maps",
     "copy_scene",

@@ -313,6 +313,13 @@ class RunFile(Section):
             )
         return self
 
+    def __eq__(self, other: object) -> bool:
+        """Whether both say the same, wherever they come from."""
+        return isinstance(other, RunFile) and self.__dict__ == other.__dict__
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.__dict__.values()))
+
     @property
     def folder(self) -> Path:
         """Where relative file names start: the folder that the file was read from, or the current one."""
@@ -444,13 +451,13 @@ def _says(text: str, content: Any) -> bool:
     return bool(said) and RunFile.model_validate(said) == RunFile.model_validate(content)
 
 
-def require_light(run_file: RunFile) -> RunFile:
-    """The same run file; raises RunFileError where it has no light of any kind."""
+def require_light(run_file: RunFile, *, where: str | None = None) -> RunFile:
+    """The same run file; raises RunFileError, which names `where`, if it has no light of any kind."""
     if not run_file.lamps and run_file.lamps_from_scan is None and run_file.daylight is None:
         raise RunFileError(
             expected="one or more [[lamps]], a [lamps_from_scan], or [daylight]",
             found="none of them: a dark room has no map",
-            where=run_file.name,
+            where=run_file.name if where is None else where,
             todo="docs/run-file.md shows a lamp.",
         )
     return run_file
@@ -489,4 +496,4 @@ def read_run_file(path: str | PathLike[str]) -> RunFile:
 
 def parse_run_file(text: str, *, where: str) -> RunFile:
     """Check the text of a run file; `where` names it in errors (see `read_run_file`)."""
-    return require_light(parse_sections(RunFile, text, **_NAMED, where=where))
+    return require_light(parse_sections(RunFile, text, **_NAMED, where=where), where=where)

@@ -26,7 +26,7 @@ from lidarspectra.cli import relight as relight_cli
 from lidarspectra.cli import sensor as sensor_cli
 from lidarspectra.cli.last_resort import bug_report
 from lidarspectra.cli.options import ClusterOption, OutOption, RunFileArgument, WorkersOption
-from lidarspectra.cli.terminal import console, messages, print_note, say, shown
+from lidarspectra.cli.terminal import console, messages, print_error, print_note, say, shown
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.progress import remaining_words
 from lidarspectra.workflow.workspace import STAGES, StageName
@@ -94,7 +94,7 @@ def main() -> None:
     try:
         app()
     except LidarSpectraError as error:
-        messages.print(Text.assemble(("Error: ", "bold red"), str(error)))
+        print_error(error)
         sys.exit(1)
     except Exception as error:  # noqa: BLE001 - the last resort: a user is never left with a traceback
         messages.print(Text.assemble(("Error: ", "bold red"), bug_report(error)))
@@ -128,6 +128,10 @@ class _ConsoleListener:
         self._bar.console.print(Text(f"{number} {record.stage:<10} {took:>8}   {record.summary}"))
         for warning in record.warnings:
             self._bar.console.print(Text.assemble("    ", ("note: ", "yellow"), warning))
+
+    def note(self, words: str) -> None:
+        """Write a sentence that belongs to no stage."""
+        self._bar.console.print(Text.assemble(("note: ", "yellow"), words))
 
 
 def _run(
@@ -176,20 +180,47 @@ def run_command(
     ] = None,
     workers: WorkersOption = None,
     cluster: ClusterOption = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print which stages would run, and run none.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check, print which stages would run, and run none: as 'check' does.")
+    ] = False,
 ) -> None:
     """Make maps and a report from a run file, by all stages that are not up to date."""
     if dry_run:
-        _show_plan(run_file, out, start)
+        _check(run_file, out, first=start, workers=workers, cluster=cluster)
         return
     _show_summary(_run(run_file, out, first=start, workers=workers, cluster=cluster))
 
 
-def _show_plan(run_file: Path, out: Path | None, start: StageName | None) -> None:
-    from lidarspectra.workflow.pipeline import plan
+@app.command("check")
+def check_command(run_file: RunFileArgument, out: OutOption = None) -> None:
+    """Check a run file and all that it names, and make nothing; status 1 if the run could not be made."""
+    _check(run_file, out)
 
-    for stage, state in plan(run_file, out, first=start).items():
-        console.print(Text(f"{STAGES.index(stage) + 1} {stage:<10} {state}"))
+
+def _check(
+    run_file: Path,
+    out: Path | None,
+    *,
+    first: StageName | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+) -> None:
+    from lidarspectra.config import read_run_file
+
+    read_run_file(run_file)  # report a mistake in it before the libraries load, which takes seconds
+    from lidarspectra.workflow.check import check
+
+    found = check(run_file, out, first=first, workers=workers, cluster=cluster)
+    for line in found.lines():
+        say(line)
+    for note in found.notes:
+        print_note(note)
+    for fault in found.faults:
+        print_error(fault)
+    if not found.good:
+        count = "1 fault" if len(found.faults) == 1 else f"{len(found.faults)} faults"
+        say(f"{count}: nothing was made. Correct {found.file}, and check it again.")
+        raise typer.Exit(1)
 
 
 def _show_summary(summary: "RunSummary") -> None:

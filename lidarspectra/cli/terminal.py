@@ -7,6 +7,8 @@ from rich.console import Console, ConsoleDimensions
 from rich.table import Table as ShownTable
 from rich.text import Text
 
+from lidarspectra.errors import LidarSpectraError
+
 if TYPE_CHECKING:
     from lidarspectra.mapping.figures.tables import Table
 
@@ -42,6 +44,11 @@ def say(words: str) -> None:
 def print_note(note: str) -> None:
     """Print a sentence that the user needs in order to judge the numbers."""
     console.print(Text.assemble(("note: ", "yellow"), note), soft_wrap=True)
+
+
+def print_error(error: LidarSpectraError) -> None:
+    """Print an error as one paragraph, where messages go."""
+    messages.print(Text.assemble(("Error: ", "bold red"), str(error)))
 
 
 def shown(table: "Table") -> ShownTable:

@@ -359,6 +359,7 @@ def save_scan(scan: Scan, folder: Path) -> None:
         "images": len(appearance.images),
         "faces": int(scan.faces.shape[0]),
         "color_known": appearance.known,
+        "bounds_m": scan.bounds.tolist(),
         "record": asdict(scan.record),
     }
     with writing(folder, error=ScanError):
@@ -429,6 +430,38 @@ def load_scan(folder: Path) -> Scan:
             where=str(folder),
             todo="Run the scan stage again.",
         ) from cause
+
+
+def load_bounds(folder: Path) -> FloatArray:
+    """Box around a scan that `save_scan` wrote, without reading its mesh.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+
+    Returns
+    -------
+    bounds : (2, 3) float
+        Lowest and highest corner. [m]
+
+    Raises
+    ------
+    ScanError
+        If its record is missing or damaged.
+    """
+    try:
+        about = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
+        if "bounds_m" in about:
+            return float_array(about["bounds_m"], name="bounds_m", shape=(2, 3))
+    except (*_DAMAGE, AttributeError) as cause:
+        raise ScanError(
+            expected="the record of a scan as it was saved",
+            found=f"one that cannot be read ({type(cause).__name__}: {cause})",
+            where=str(folder),
+            todo="Run the scan stage again.",
+        ) from cause
+    return load_scan(folder).bounds  # of a run by an earlier version, whose record has no box
 
 
 def _texture_path(folder: Path, number: int) -> Path:

@@ -166,6 +166,24 @@ def assign(
     return replace(estimated, materials=tuple(materials))
 
 
+def check_assignments(assignments: Assignments, library: ReflectanceLibrary, *, where: Path) -> None:
+    """Look every reflectance and value of a file of assignments up, before there are materials to assign them to.
+
+    Parameters
+    ----------
+    assignments, library, where
+        As in `assign`.
+
+    Raises
+    ------
+    MaterialError
+        If an ID or value is not there or does not fit.
+    """
+    stand_in = database_material(library.rows[0], library, provenance="default", confidence=0.0)
+    for row in assignments.rows:
+        _assigned(row, stand_in, library, where)
+
+
 def _assign_faces(
     estimated: MaterialMap, assignments: Assignments, library: ReflectanceLibrary, where: Path
 ) -> MaterialMap:

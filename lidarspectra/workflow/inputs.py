@@ -13,7 +13,6 @@ from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.files import writing
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.workflow.declared import Declared, declare
-from lidarspectra.workflow.report_applications import check_cells
 from lidarspectra.workflow.workspace import StageResult
 
 RUN_FILE_MEANT = "a run file: the name of a TOML file as a str or a Path, or a RunFile"
@@ -49,6 +48,11 @@ class Inputs:
     workers: int | None = None
     cluster: str | None = None
 
+    @property
+    def file_name(self) -> str:
+        """Name of the run file; that which it would be saved under, where it was made in Python."""
+        return self.file.name if self.file is not None else f"{self.name}.toml"
+
     def declare(
         self,
         *keys: str,
@@ -69,15 +73,12 @@ def read_inputs(
     ------
     RunFileError
         If it is invalid.
-    LidarSpectraError
-        If a solar cell of its report is unknown or its file is invalid.
     """
     file = None
     if not isinstance(run_file, RunFile):
         file = path_of(run_file, name="run_file", meaning=RUN_FILE_MEANT)
         run_file = read_run_file(file)
     checked, base = require_light(run_file), run_file.folder.resolve()
-    check_cells(checked.cells, base=base)
     return Inputs(
         run_file=checked,
         base=base,

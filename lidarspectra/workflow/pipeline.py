@@ -27,9 +27,11 @@ from lidarspectra.progress import Progress, silent
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.room import Room
 from lidarspectra.workflow import stages
+from lidarspectra.workflow.findings import Findings
+from lidarspectra.workflow.input_checks import CheckedInputs, check_inputs
 from lidarspectra.workflow.inputs import RUN_FILE_MEANT, Inputs, read_inputs
-from lidarspectra.workflow.lamp_places import check_lamp_places
 from lidarspectra.workflow.lamps_of_run import ScannedRoom
+from lidarspectra.workflow.scan_checks import ScanExtent, check_in_scan, extent_of_stage, points_of_file
 from lidarspectra.workflow.workspace import (
     STAGES,
     RunRequest,
@@ -54,6 +56,9 @@ class Listener(Protocol):
     def finish(self, result: StageResult[object]) -> None:
         """Called when a stage is finished, or was up to date."""
 
+    def note(self, words: str) -> None:
+        """Called with a sentence that belongs to no stage: what the checks before the run ask about."""
+
 
 class SilentListener:
     """No-op listener; the default."""
@@ -64,6 +69,9 @@ class SilentListener:
 
     def finish(self, result: StageResult[object]) -> None:
         """Ignore the result."""
+
+    def note(self, words: str) -> None:
+        """Ignore the sentence."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,10 +84,13 @@ class RunSummary:
         The run folder.
     results : mapping of str to StageResult
         The stages that were asked for, in order, each with its record and its folder.
+    notes : tuple of str
+        Sentences of the checks before the run, about numbers that are unlikely to be meant.
     """
 
     folder: Path
     results: Mapping[StageName, StageResult[object]]
+    notes: tuple[str, ...] = ()
 
     @property
     def records(self) -> tuple[StageRecord, ...]:
@@ -133,7 +144,8 @@ class RunSummary:
             for name, result in self.results.items()
         }
         rows = [f"  {name:<10}{took[name]:>10}  {result.record.summary}" for name, result in self.results.items()]
-        return "\n".join([f"<RunSummary of {self.folder}>", *rows])
+        notes = [f"  note: {note}" for note in self.notes]
+        return "\n".join([f"<RunSummary of {self.folder}>", *rows, *notes])
 
     def _value(self, stage: StageName, kind: type[Kind]) -> Kind:
         result = self.results.get(stage)
@@ -159,6 +171,9 @@ class Link(Protocol):
     def __call__(self, stage: Stage[Result]) -> StageResult[Result]:
         """Take one stage; raise `_Stopped` where the walk ends."""
 
+    def note(self, words: str) -> None:
+        """Take a sentence for the user."""
+
 
 class _Plan:
     """Looks which stages are fresh, as far as that can be known without making any."""
@@ -177,6 +192,9 @@ class _Plan:
         self.fresh.append(stage.name)
         return StageResult(record, folder, stage.load, fresh=True)
 
+    def note(self, words: str) -> None:
+        """Ignore the sentence: nothing is made."""
+
 
 class _Chain:
     """Runs stage after stage in a workspace, from the first stage that was asked for to the last."""
@@ -187,6 +205,7 @@ class _Chain:
         self._last = last
         self._listener = listener
         self.results: dict[StageName, StageResult[object]] = {}
+        self.notes: list[str] = []
 
     def __call__(self, stage: Stage[Result]) -> StageResult[Result]:
         """Make one stage; raise `_Stopped` after the last."""
@@ -197,6 +216,12 @@ class _Chain:
         if stage.name == self._last:
             raise _Stopped
         return result
+
+    def note(self, words: str) -> None:
+        """Pass a sentence on, once."""
+        if words not in self.notes:
+            self.notes.append(words)
+            self._listener.note(words)
 
 
 def run(
@@ -241,11 +266,41 @@ def run(
     if first is not None:
         one_of(first, STAGES, name="first")
     inputs = read_inputs(run_file, workers=workers, cluster=cluster)
-    with Workspace(_folder(run_file, folder)) as work:
+    folder = folder_of_run(run_file, folder)
+    findings = Findings(file=inputs.file_name)
+    look_through(inputs, folder, findings, first=first)
+    findings.require_none()
+    with Workspace(folder) as work:
         work.keep_request(_request(inputs, work.folder))
         chain = _Chain(work, first, last, listener or SilentListener())
+        for question in findings.questions:
+            chain.note(question)
         walk(chain, inputs)
-        return RunSummary(folder=work.folder, results=chain.results)
+        return RunSummary(folder=work.folder, results=chain.results, notes=tuple(chain.notes))
+
+
+def look_through(inputs: Inputs, folder: Path, findings: Findings, *, first: StageName | None = None) -> CheckedInputs:
+    """Check everything that a run reads, before its first stage (see `input_checks`); nothing is written.
+
+    Parameters
+    ----------
+    inputs : Inputs
+    folder : Path
+        The run folder, which need not be there.
+    findings : Findings
+        Gets the faults and questions.
+    first : str, optional
+        As in `run`.
+
+    Returns
+    -------
+    checked : CheckedInputs
+    """
+    work, stage = Workspace(folder), stages.scan_stage(inputs)
+    known: ScanExtent | None = None
+    if first != "scan" and work.is_fresh(stage):
+        known = extent_of_stage(work.stage_folder("scan"))
+    return check_inputs(inputs, findings, known)
 
 
 def _request(inputs: Inputs, folder: Path) -> RunRequest:
@@ -255,7 +310,7 @@ def _request(inputs: Inputs, folder: Path) -> RunRequest:
     except ValueError:  # on another drive of Windows
         base = inputs.base.as_posix()
     return RunRequest(
-        name=inputs.file.name if inputs.file is not None else f"{inputs.name}.toml",
+        name=inputs.file_name,
         folder=base,
         sha256=hash_file(inputs.file) if inputs.file is not None else hash_text(inputs.text),
         text=inputs.text,
@@ -267,7 +322,8 @@ def walk(chain: Link, inputs: Inputs) -> None:
     """Follow Figure 2, until the chain says that it is far enough."""
     try:
         scan = chain(stages.scan_stage(inputs))
-        check_lamp_places(inputs.run_file, scan.value.scan.bounds)
+        if not scan.was_fresh:
+            _check_in_room(chain, inputs, scan.folder)
         views = chain(stages.views_stage(inputs, scan))
         materials = chain(stages.materials_stage(inputs, scan, views))
         scene = chain(stages.scene_stage(inputs, scan, materials))
@@ -278,6 +334,16 @@ def walk(chain: Link, inputs: Inputs) -> None:
         return
 
 
+def _check_in_room(chain: Link, inputs: Inputs, scan_folder: Path) -> None:
+    """Check lamps and sensors against the repaired scan and its room, as soon as these are known."""
+    findings = Findings(file=inputs.file_name)
+    points = points_of_file(inputs.run_file, inputs.base)
+    check_in_scan(findings, inputs.run_file, extent_of_stage(scan_folder), points)
+    findings.require_none()
+    for question in findings.questions:
+        chain.note(question)
+
+
 def default_folder(run_file: str | PathLike[str] | RunFile) -> Path:
     """NAME.run beside NAME.toml, or beside the scan for a run file that was made in Python."""
     if isinstance(run_file, RunFile):
@@ -285,7 +351,8 @@ def default_folder(run_file: str | PathLike[str] | RunFile) -> Path:
     return path_of(run_file, name="run_file", meaning=RUN_FILE_MEANT).with_suffix(".run")
 
 
-def _folder(run_file: str | PathLike[str] | RunFile, folder: str | PathLike[str] | None) -> Path:
+def folder_of_run(run_file: str | PathLike[str] | RunFile, folder: str | PathLike[str] | None) -> Path:
+    """The run folder that is meant: the one given, or the default one."""
     return default_folder(run_file) if folder is None else path_of(folder, name="folder")
 
 
@@ -309,7 +376,11 @@ def plan(
     states : dict of str to str
         'up to date' or 'to be made', by stage.
     """
-    inputs = read_inputs(run_file)
-    chain = _Plan(_folder(run_file, folder), first)
+    return plan_of(read_inputs(run_file), folder_of_run(run_file, folder), first)
+
+
+def plan_of(inputs: Inputs, folder: Path, first: StageName | None) -> dict[StageName, str]:
+    """The plan of inputs that were read and checked (see `plan`)."""
+    chain = _Plan(folder, first)
     walk(chain, inputs)
     return {stage: "up to date" if stage in chain.fresh else "to be made" for stage in STAGES}

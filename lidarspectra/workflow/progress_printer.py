@@ -48,6 +48,10 @@ class ProgressPrinter:
         for warning in record.warnings:
             self._print(f"  note: {warning}")
 
+    def note(self, words: str) -> None:
+        """Print a sentence that belongs to no stage."""
+        self._print(f"note: {words}")
+
     def __repr__(self) -> str:
         return f"<ProgressPrinter {self._title.removesuffix(': ') or 'without a title'}>"
 

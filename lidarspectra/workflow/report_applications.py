@@ -1,7 +1,7 @@
 """The applications that a run file asks its report for: solar cells, light for people and plants."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,24 +22,23 @@ from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
 
-def check_cells(sections: Sequence[CellSection], *, base: Path) -> None:
-    """Refuse cells that no report could tell of, before anything is traced.
+def check_cell(section: CellSection, *, base: Path) -> None:
+    """Refuse a cell that no report could show, before anything is traced.
 
     Parameters
     ----------
-    sections : sequence of CellSection
-        The run file's cells.
+    section : CellSection
+        Of the run file.
     base : Path
         Where relative file names start.
 
     Raises
     ------
     LidarSpectraError
-        If a cell is unknown, has no area, or its hours are none.
+        If the cell is unknown, has no area, or its hours are none.
     """
-    for section in sections:
-        area_of(find_cell(section.cell, base), _area_m2(section))
-        _shifts(section)
+    area_of(find_cell(section.cell, base), _area_m2(section))
+    _shifts(section)
 
 
 def report_applications(

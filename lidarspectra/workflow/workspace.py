@@ -283,18 +283,9 @@ class Workspace:
 
     def _claim(self) -> None:
         """Refuse a folder that holds other files; mark an empty one as a run."""
-        marker = self.folder / MARKER_FILE
-        if marker.exists():
-            return
-        strangers = sorted(path.name for path in self.folder.iterdir() if path.name != LOCK_FILE)
-        if strangers:
-            raise WorkspaceError(
-                expected="an empty folder or an earlier run",
-                found=f"a folder with other files in it ({', '.join(strangers[:3])})",
-                where=str(self.folder),
-                todo="Name another folder with --out.",
-            )
-        write_json(marker, _marker())
+        refuse_other_folder(self.folder)
+        if not (self.folder / MARKER_FILE).exists():
+            write_json(self.folder / MARKER_FILE, _marker())
 
     def _hold(self) -> None:
         """Lock the folder for this run; refuse it if another run is writing to it."""
@@ -311,6 +302,20 @@ class Workspace:
         for stage in STAGES:
             folder = self.stage_folder(stage)
             _remove(folder.with_name(f"{folder.name}.partial"))
+
+
+def refuse_other_folder(folder: Path) -> None:
+    """Raise a WorkspaceError if a folder holds files, and is no run."""
+    if not folder.is_dir() or (folder / MARKER_FILE).exists():
+        return
+    strangers = sorted(path.name for path in folder.iterdir() if path.name != LOCK_FILE)
+    if strangers:
+        raise WorkspaceError(
+            expected="an empty folder or an earlier run",
+            found=f"a folder with other files in it ({', '.join(strangers[:3])})",
+            where=str(folder),
+            todo="Name another folder with --out.",
+        )
 
 
 def stage_folder(run: Path, stage: StageName) -> Path:

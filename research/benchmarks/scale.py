@@ -299,6 +299,10 @@ class Watch:
 
         return report
 
+    def note(self, words: str) -> None:
+        """Print a sentence that belongs to no stage."""
+        print(f"note: {words}")
+
     def finish(self, result: StageResult[Any]) -> None:
         """Print its line."""
         record = result.record

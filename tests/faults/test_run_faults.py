@@ -173,6 +173,9 @@ class Striker:
     def finish(self, result: StageResult[Any]) -> None:
         pass
 
+    def note(self, words: str) -> None:
+        pass
+
     def _strike(self, fraction: float, message: str) -> None:
         raise self.fault
 

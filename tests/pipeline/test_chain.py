@@ -35,6 +35,9 @@ class Names:
         if not result.was_fresh:
             self.made.append(result.record.stage)
 
+    def note(self, words: str) -> None:
+        pass
+
 
 def made_by(run_file: Path, **options: StageName) -> list[str]:
     names = Names()

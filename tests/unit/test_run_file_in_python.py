@@ -32,6 +32,15 @@ def test_a_change_is_checked_and_leaves_the_other_keys(box: ls.RunFile) -> None:
         box.changed(trase={"noise": "draft"})
 
 
+def test_run_files_that_say_the_same_are_equal_wherever_they_come_from(box: ls.RunFile) -> None:
+    copy = ls.RunFile.model_validate(box.model_dump())
+    assert copy.folder != box.folder
+    assert copy == box
+    assert hash(copy) == hash(box)
+    assert copy != box.changed(trace={"noise": "draft"})
+    assert box != "box"
+
+
 @pytest.mark.parametrize("scene", ["box", "office", "apartment"])
 def test_a_run_file_without_comments_says_the_same(scene: str) -> None:
     read = ls.read_run_file(ls.scenes_folder() / scene / "room.toml")
