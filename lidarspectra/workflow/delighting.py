@@ -44,6 +44,7 @@ from lidarspectra.material.surface_hues import surface_groups
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients
+from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.room.room import Room
 from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
@@ -178,6 +179,8 @@ def take_light_out(
         progress, (*SHARES[:-1], 0.0 if fluxes_stated else SHARES[-1])
     )
     coloring(0.0, "reading colours")
+    clear = clear_lamps(lamps, scan)
+    lamps, scan = clear.lamps, clear.scan
     shown, known = surface_colors(scan)
     generator = np.random.default_rng(SEED)
     samples = _samples(scan, generator)

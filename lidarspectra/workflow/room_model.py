@@ -24,6 +24,7 @@ from lidarspectra.radiance.engine.options import Accuracy, Noise, NoiseOf, Trace
 from lidarspectra.radiance.sampling.plain_rtrace import trace_plain
 from lidarspectra.radiance.sampling.receptors import Receptor
 from lidarspectra.radiance.sampling.trace import trace
+from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.radiance.scene.scene import LAMPS_PER_PASS, write_scene
 from lidarspectra.room.room import Room, find_room
 from lidarspectra.room.sensor_points import UP, SensorPoints, grid_points
@@ -240,7 +241,8 @@ class RoomModel:
         Parameters
         ----------
         lamps : sequence of Lamp
-            Each with a unique name (`make_lamp`).
+            Each with a unique name (`make_lamp`). One that lies in a surface, or up to 10 cm behind it, is moved to
+            just before it, so that all its light reaches the room.
         points : SensorPoints
         bands : BandSet or str
             Channels, or a device's name.
@@ -273,11 +275,12 @@ class RoomModel:
             )
         instance_of(points, SensorPoints, name="points", todo="model.grid(spacing=0.5) or SensorPoints(positions=...).")
         channels = find_bands(bands, Path()) if isinstance(bands, str) else instance_of(bands, BandSet, name="bands")
+        clear = clear_lamps(lit, self.scan)
         with tempfile.TemporaryDirectory() as folder:
             scene = write_scene(
-                self.scan,
+                clear.scan,
                 self.materials,
-                lit,
+                clear.lamps,
                 channels,
                 Path(folder),
                 lamps_per_pass=1 if plain else LAMPS_PER_PASS,

@@ -31,6 +31,7 @@ from lidarspectra.radiance.engine.options import reflections_in_words
 from lidarspectra.radiance.sampling.plain_rtrace import trace_plain
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport, save_transport
+from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.radiance.scene.exported_model import write_workflow
 from lidarspectra.radiance.scene.placement import placement_notes
 from lidarspectra.radiance.scene.scene import LAMPS_PER_PASS, RadianceScene, load_scene, write_scene
@@ -191,8 +192,10 @@ def scene_stage(
         finding(0.0, "lamps")
         named = with_estimated_fluxes(lamps_of_run(run_file, scan.value, base=given.base), materials.folder)
         lamps = (*named, *daylight_of_run(run_file, folder))
+        clear = clear_lamps(lamps, scan.value.scan)
+        lamps, mesh = clear.lamps, clear.scan
         save_lamps(lamps, folder)
-        mesh, bands = scan.value.scan, find_bands(run_file.sensors.device, given.base)
+        bands = find_bands(run_file.sensors.device, given.base)
         scene = write_scene(
             mesh,
             materials.value,
@@ -211,7 +214,7 @@ def scene_stage(
             f"{len(materials.value.materials)} materials, "
             f"{len(scene.passes)} {'pass' if len(scene.passes) == 1 else 'passes'} of up to "
             f"{max(each.slot_count for each in scene.passes)} bands",
-            warnings=(*lamp_notes(assumed, len(lamps)), *placement_notes(lamps, mesh)),
+            warnings=(*lamp_notes(assumed, len(lamps)), *clear.notes, *placement_notes(lamps, mesh)),
         )
 
     return Stage(name="scene", settings=given.settings, make=make, load=load_scene)

@@ -1,4 +1,4 @@
-"""Check that every lamp is in the room's free space, clear of the mesh."""
+"""Check that the light of every lamp reaches the room's free space."""
 
 from collections.abc import Sequence
 
@@ -8,12 +8,13 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.radiance.scene.clearance import hidden_light
 from lidarspectra.room.free_space import sphere_directions
 
-CLEARANCE_M = 0.05  # [m] a gap of 1 cm to a ceiling with 2 cm of noise takes 30 % of a panel's light
 DIRECTION_COUNT = 96  # rays from each place on a lamp
 GRAZING = 0.1  # cosine of directions so flat along a lamp that they do not count
-ROUND_OFF_M = 1e-3  # [m] tolerance, so that a lamp exactly at the clearance draws no note
+ROUND_OFF_M = 1e-3  # [m] tolerance, so that a lamp exactly at the scan's bounds draws no note
+MAX_HIDDEN_SHARE = 0.01  # [1] share of a lamp's light behind near surfaces, above which the user is told
 MAX_BACK_SHARE = 0.5  # [1] share of rays that must meet the back of a surface for a lamp to count as behind it
 MAX_NAMED = 6  # lamps named in one note
 FAULTS = {
@@ -23,8 +24,6 @@ FAULTS = {
     "not reach the room. Move the center into the room's air.",
     "through": "{lamps} partly behind a surface of the scan, so that a part of the light does not reach the room. Move "
     "the center a few centimetres into the room, or correct size and normal.",
-    "close": "{lamps} too close to a surface of the scan, whose roughness shades the light. Move the center until the "
-    f"distance is {100 * CLEARANCE_M:.0f} cm.",
 }
 
 
@@ -32,7 +31,8 @@ def placement_notes(lamps: Sequence[Lamp], scan: Scan) -> tuple[str, ...]:
     """Notes on misplaced lamps, one for all lamps with the same fault; the light is computed with the lamps as given.
 
     A lamp is outside the room when its centre lies beyond the scan's bounds; inside something when most rays that leave
-    it meet the back of a surface first, or nothing; too close when some surface lies within `CLEARANCE_M` of it.
+    it meet the back of a surface first, or nothing; partly behind when near surfaces hide more than `MAX_HIDDEN_SHARE`
+    of its light, or stand between its parts. Lamps that merely touch the scan are cleared before (`clear_lamps`).
 
     Parameters
     ----------
@@ -78,14 +78,12 @@ def _fault(lamp: Lamp, caster: RayCaster, bounds: FloatArray, normals: FloatArra
     behind[hits.met] = np.einsum("ij,ij->i", normals[hits.face[hits.met]], rays[hits.met]) > 0
     if behind.mean() > MAX_BACK_SHARE:
         return "behind", ""
+    hidden = hidden_light(lamp, caster).share
     reach = places[1:] - lamp.center
+    if hidden > MAX_HIDDEN_SHARE:
+        return "through", f" ({100 * hidden:.2g} % of its light)"
     if np.any(caster.nearest(np.broadcast_to(lamp.center, reach.shape), reach, max_distance=1.0).met):
         return "through", ""
-    starts = np.repeat(places, len(directions), axis=0)
-    near = caster.nearest(starts, np.tile(directions, (len(places), 1)), max_distance=CLEARANCE_M).distance.min()
-    near = abs(float(near))  # removes a negative zero
-    if near < CLEARANCE_M - ROUND_OFF_M:
-        return "close", f" ({100 * near:.1f} cm)"
     return None
 
 
