@@ -290,12 +290,27 @@ def init(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="ROOM.toml", help="The run file. Default: SCAN's name with .toml.")
     ] = None,
+    unit: Annotated[
+        Literal["auto", "m", "cm", "mm", "in", "ft"],
+        typer.Option("--unit", help="Unit of the scan's coordinates; 'auto' detects it."),
+    ] = "auto",
+    up: Annotated[
+        Literal["auto", "+x", "-x", "+y", "-y", "+z", "-z"],
+        typer.Option("--up", help="The scan's upward axis; 'auto' detects it."),
+    ] = "auto",
+    height: Annotated[
+        float, typer.Option("--height", metavar="M", min=0.0, help="Of the sensors above the floor (m).")
+    ] = 0.3,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing run file.")] = False,
 ) -> None:
-    """Write a run file for a scan, for you to check and edit: unit, axes, lamps and a sensor grid."""
-    from lidarspectra.workflow.init_file import write_init
+    """Write a run file for a scan, for you to check and edit: unit, axes, lamps and a sensor grid; and draw the plan.
 
-    summary = write_init(scan, out or scan.with_suffix(".toml"), force=force)
+    Where no room is found, it writes a run file with what to fill in, and says why.
+    """
+    from lidarspectra.workflow.init_file import InitChoices, write_init
+
+    choices = InitChoices(unit=unit, up=up, height=height)
+    summary = write_init(scan, out or scan.with_suffix(".toml"), choices=choices, force=force)
     for line in summary.lines():
         say(line)
 

@@ -94,11 +94,15 @@ def test_a_name_over_several_lines_moves_too_without_the_comments(box: ls.RunFil
 
 def test_init_gives_the_text_that_the_command_writes_and_a_run_file_that_runs(tmp_path: Path) -> None:
     scan = ls.copy_scene("box", tmp_path).parent / "scan.ply"
-    made = ls.init(str(scan), unit="m", up="+z")
+    made = ls.init(str(scan), unit="m", up="+z", height=0.7)
+    assert made.sensors.grid is not None
+    assert made.sensors.grid.height == 0.7
     assert "written by 'lidarspectra init'" in made.text
-    assert "no light yet" in repr(made)
+    assert "1 lamps" in repr(made)  # proposed, since none is lit
+    assert made.lamps[0].assumed
+    assert made.scan.assumed == ()
     with pytest.raises(ls.LidarSpectraError, match="a dark room has no map"):
-        ls.run(made)
+        ls.run(made.changed(lamps=[]))
     summary = ls.run(made.changed(lamps=[LAMP]), last="scan")
     assert summary.folder == tmp_path.resolve() / "scan.run"
     assert summary.room.height_m == pytest.approx(3.0, abs=0.02)  # flattening moves a vertex by millimetres

@@ -167,6 +167,13 @@ def save_figure(figure: Figure, folder: Path, name: str) -> tuple[Path, ...]:
     return paths
 
 
+def save_picture(figure: Figure, path: Path) -> Path:
+    """Write a figure as one PNG file; raises MapError if it cannot be written."""
+    with writing(path, error=MapError), house_style():
+        figure.savefig(path, metadata={"Software": None})
+    return path
+
+
 def inline_svg(figure: Figure, *, name: str, label: str) -> str:
     """A figure as an SVG element for an HTML page: text in the page's colours, no names that clash.
 

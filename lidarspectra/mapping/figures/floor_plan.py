@@ -123,14 +123,14 @@ class PanelLayout:
 
 
 def single_plan(
-    plan: FloorPlan, legend_in: float = 0.95
+    plan: FloorPlan, legend_in: float = 0.95, title_in: float = 0.0
 ) -> tuple[Figure, tuple[float, float, float, float], tuple[float, float, float, float]]:
     """A figure of one plan: itself, and the places of the plan and of a colour bar [in]."""
     low, high = plan_extent(plan)
     across, deep = (float(size) for size in high - low)
     scale = min(6.4 / across, 5.2 / deep)
     width, height = across * scale, deep * scale
-    figure = new_figure(0.7 + width + legend_in, 0.6 + height + 0.15)
+    figure = new_figure(0.7 + width + legend_in, 0.6 + height + 0.15 + title_in)
     return figure, (0.6, 0.55, width, height), (0.6 + width + 0.1, 0.55 + 0.05 * height, 0.13, 0.9 * height)
 
 

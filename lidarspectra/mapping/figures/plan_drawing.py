@@ -202,9 +202,10 @@ def draw_panel_legend(figure: Figure, layout: "PanelLayout", handles: list[Line2
     figure.text(layout.LEFT / PAGE_WIDTH_IN, 0.1 / layout.height_in, words.replace("\n", " "), va="bottom")
 
 
-def draw_lamp(axes: Axes, lamp: Lamp, number: int) -> None:
-    """A lamp in its true size from above, with its number."""
+def draw_lamp(axes: Axes, lamp: Lamp, number: int, *, dashed: bool = False) -> None:
+    """A lamp in its true size from above, with its number; with a dashed edge where its light is a guess."""
     look: dict[str, Any] = {"facecolor": LAMP_COLOR, "edgecolor": INK, "linewidth": 0.8, "alpha": 0.75, "zorder": 1.5}
+    look["linestyle"] = "--" if dashed else "-"
     center = lamp.center[:2]
     outline = lamp.outline()[:, :2]
     small = MIN_LAMP_M / max(float(np.ptp(outline, axis=0).max()), 1e-9)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from lidarspectra.config import parse_run_file, read_run_file
-from lidarspectra.errors import RunFileError, ScanError, WorkspaceError
-from lidarspectra.workflow.init_file import write_init
+from lidarspectra.errors import ArgumentError, RunFileError, ScanError, SensorError, WorkspaceError
+from lidarspectra.workflow.init_file import InitChoices, write_init
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +29,14 @@ def lit_room(builder, ceiling, tmp_path_factory):
 def dark_room(builder, ceiling, tmp_path_factory):
     """The same with all lamps off."""
     return _written(builder, ceiling((0.0, 0.0), (4.0, 3.0)).picture, tmp_path_factory.mktemp("dark") / "room.glb")
+
+
+@pytest.fixture(scope="module")
+def odd_room(tmp_path_factory):
+    """A cube in a format that says nothing of its axes: which of them is up, can only be guessed."""
+    import lidarspectra as ls
+
+    return ls.copy_scene("box", tmp_path_factory.mktemp("odd")).parent / "scan.ply"
 
 
 def _written(builder, picture, path):
@@ -61,6 +69,11 @@ def test_the_assumptions_are_marked_in_the_file(lit_room, tmp_path) -> None:
     write_init(lit_room, tmp_path / "room.toml")
     text = (tmp_path / "room.toml").read_text(encoding="utf-8")
     assert text.count("# assumed") == 6
+    assert text.count("assumed = true") == 3
+    run_file = read_run_file(tmp_path / "room.toml")
+    assert all(lamp.assumed for lamp in run_file.lamps)
+    assert run_file.scan.assumed == ()  # a GLB declares unit and axis
+    assert run_file.materials.delight
     assert "10,000 lm for each m²" in text
     assert text.count("% sure") >= 5
 
@@ -91,18 +104,61 @@ def test_the_summary_tells_everything_in_lines(lit_room, tmp_path) -> None:
     assert all("\n" not in line for line in lines)
 
 
-def test_without_lit_lamps_the_file_shows_how_to_write_one(dark_room, tmp_path) -> None:
+def test_without_lit_lamps_a_grid_of_panels_is_proposed_as_assumed(dark_room, tmp_path) -> None:
     summary = write_init(dark_room, tmp_path / "room.toml")
-    text = (tmp_path / "room.toml").read_text(encoding="utf-8")
+    run_file = read_run_file(tmp_path / "room.toml")  # it has light, so that it runs as it is
     assert summary.lamps.lamps == ()
+    assert [lamp.name for lamp in run_file.lamps] == ["panel 1", "panel 2"]  # 4 m x 3 m, one each 2.4 m
+    assert all(lamp.assumed and lamp.luminous_flux_lm == 3600 for lamp in run_file.lamps)
+    assert all(lamp.center[2] == pytest.approx(2.445, abs=0.02) for lamp in run_file.lamps)
+    assert sorted(lamp.center[0] for lamp in run_file.lamps) == pytest.approx([1.0, 3.0], abs=0.05)
+    assert not run_file.materials.delight  # these lamps did not light the scan
     assert any("No lamp is lit" in line for line in summary.lines())
-    with pytest.raises(RunFileError, match=r"\[\[lamps\]\]"):
-        read_run_file(tmp_path / "room.toml")
-    example = text.index("# [[lamps]]")
-    end = text.index("\n\n", example)
-    uncommented = "\n".join(line.removeprefix("# ") for line in text[example:end].splitlines())
-    run_file = parse_run_file(text[:example] + uncommented + text[end:], where="the example")
-    assert run_file.lamps[0].center[2] == pytest.approx(2.44, abs=0.02)
+    assert any("2 panels proposed (assumed)" in line for line in summary.lines())
+
+
+def test_proposed_panels_hang_well(dark_room, tmp_path) -> None:
+    from lidarspectra.hardware.phone.readers import read_scan
+    from lidarspectra.hardware.phone.repair import repair_scan
+    from lidarspectra.radiance.scene.placement import placement_notes
+    from lidarspectra.workflow.lamps_of_run import resolve_lamps
+
+    write_init(dark_room, tmp_path / "room.toml")
+    lamps = resolve_lamps(read_run_file(tmp_path / "room.toml").lamps, tmp_path)
+    assert placement_notes(lamps, repair_scan(read_scan(dark_room))) == ()
+
+
+def test_panels_keep_clear_of_ducts_and_follow_a_turned_room(builder) -> None:
+    from lidarspectra.lamps.lamps import Lamp
+    from lidarspectra.lamps.shapes import Panel
+    from lidarspectra.room.free_space import FreeSpace
+    from lidarspectra.room.room import find_room
+    from lidarspectra.spectra.spectrum import Spectrum
+    from lidarspectra.workflow.proposed_lamps import propose_panels
+
+    room = builder(step_m=0.2)
+    room.box([0, 0, 0], [7.2, 4.8, 2.7], inward=True)
+    room.box([0.8, 1.0, 2.5], [1.6, 1.4, 2.7], leave_out=("top",))  # a duct where the first panel would hang
+    scan = room.scan(turn_deg=30.0)
+    turn = np.radians(30.0)
+    spin = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1.0]])
+    found = find_room(scan)
+    panels = propose_panels(found, FreeSpace(scan, found))
+    places = panels.centers @ spin  # back along the axes
+    assert len(panels) == 6
+    np.testing.assert_allclose(np.unique(places[:, 0].round(1)), [1.2, 3.6, 6.0], atol=0.11)
+    np.testing.assert_allclose(np.sort(places[:, 2]), [2.445, *5 * [2.645]], atol=0.01)
+    assert places[:, 2].argmin() == np.linalg.norm(places[:, :2], axis=1).argmin()  # the one under the duct
+    lamp = Lamp(
+        name="panel",
+        shape=Panel(0.6, 0.6),
+        center=panels.centers[0],
+        normal=np.array([0.0, 0.0, -1.0]),
+        rotation_deg=panels.rotation_deg,
+        flux=Spectrum(wavelengths_nm=[400.0, 700.0], values=[1.0, 1.0]),
+    )
+    sides = np.diff(lamp.outline() @ spin, axis=0)  # each along x or along y, once the room's turn is undone
+    np.testing.assert_allclose(np.abs(sides).min(axis=1), 0.0, atol=0.02)
 
 
 @pytest.mark.parametrize(
@@ -145,6 +201,95 @@ def test_the_scan_itself_is_never_overwritten(dark_room) -> None:
     with pytest.raises(RunFileError, match="the scan itself"):
         write_init(dark_room, dark_room, force=True)
     assert dark_room.read_bytes() == before
+
+
+def test_what_the_user_gives_is_taken_and_not_assumed(odd_room, tmp_path) -> None:
+    guessed = write_init(odd_room, tmp_path / "guessed.toml")
+    assert guessed.assumed_of_scan == ("up",)
+    assert read_run_file(tmp_path / "guessed.toml").scan.assumed == ("up",)
+    assert any("a guess" in line and line.startswith("up ") for line in guessed.lines())
+    choices = InitChoices(unit="m", up="+z", height=0.8)
+    summary = write_init(odd_room, tmp_path / "given.toml", choices=choices)
+    run_file = read_run_file(tmp_path / "given.toml")
+    assert (run_file.scan.unit, run_file.scan.up, run_file.scan.assumed) == ("m", "+z", ())
+    assert run_file.sensors.grid is not None
+    assert run_file.sensors.grid.height == 0.8
+    text = "\n".join(summary.lines())
+    assert "unit      m (given)" in text
+    assert "up        +z (given)" in text
+    assert "points 0.8 m above the floor" in text
+    assert "may be wrong" not in text
+
+
+def test_a_wrong_choice_is_refused_with_what_may_stand_there() -> None:
+    with pytest.raises(ArgumentError, match=r"unit: expected one of 'auto', 'm', .* found a str, 'yd'"):
+        InitChoices(unit="yd")
+    with pytest.raises(ArgumentError, match="height above the floor"):
+        InitChoices(height=float("nan"))
+
+
+def test_no_room_leaves_a_run_file_with_what_to_fill_in(builder, tmp_path) -> None:
+    floor = builder(step_m=0.5)
+    floor.box([0, 0, 0], [4, 3, 0.1], inward=True)
+    floor.write_glb(tmp_path / "floor.glb")
+    with pytest.raises(ScanError, match=r"A run file with what to fill in was written: .*room\.toml"):
+        write_init(tmp_path / "floor.glb", tmp_path / "room.toml", choices=InitChoices(height=0.5))
+    text = (tmp_path / "room.toml").read_text(encoding="utf-8")
+    assert "ft  13.1 x 9.84 x 0.328 m" not in text  # of the file's numbers in feet: 1.22 m
+    assert "#   ft  1.22 x 0.914 x 0.0305 m" in text
+    assert text.count("FILL IN") >= 4
+    example = text.index("# [[lamps]]")
+    end = text.index("\n\n", example)
+    uncommented = "\n".join(line.removeprefix("# ") for line in text[example:end].splitlines())
+    run_file = parse_run_file(text[:example] + uncommented + text[end:], where="filled in")
+    assert run_file.lamps[0].shape == "panel"
+    assert run_file.sensors.grid is not None
+    assert run_file.sensors.grid.height == 0.5
+
+
+def test_a_scan_that_cannot_be_read_leaves_a_run_file_too_but_never_in_place_of_one(tmp_path) -> None:
+    (tmp_path / "cut.glb").write_bytes(b"glTF\x02")
+    with pytest.raises(ScanError, match="was written"):
+        write_init(tmp_path / "cut.glb", tmp_path / "room.toml")
+    assert tomllib.loads((tmp_path / "room.toml").read_text(encoding="utf-8"))["scan"]["file"] == "cut.glb"
+    (tmp_path / "room.toml").write_text("mine", encoding="utf-8")
+    with pytest.raises(ScanError):
+        write_init(tmp_path / "cut.glb", tmp_path / "room.toml", force=True)
+    assert (tmp_path / "room.toml").read_text(encoding="utf-8") == "mine"
+
+
+def test_sensors_that_fit_nowhere_leave_a_run_file_with_all_else(dark_room, tmp_path) -> None:
+    with pytest.raises(SensorError, match=r"was written: .*--height"):
+        write_init(dark_room, tmp_path / "room.toml", choices=InitChoices(height=3.0))
+    run_file = read_run_file(tmp_path / "room.toml")
+    assert len(run_file.lamps) == 2
+    assert "no sensor fits at this height" in (tmp_path / "room.toml").read_text(encoding="utf-8")
+
+
+def test_the_plan_is_drawn_beside_the_run_file_and_named_in_the_last_line(lit_room, tmp_path) -> None:
+    summary = write_init(lit_room, tmp_path / "my.room.toml")
+    picture = tmp_path / "my.room.plan.png"
+    assert summary.picture == picture
+    assert "my.room.plan.png" in summary.lines()[-1]
+    shown = cv2.imread(str(picture))
+    assert shown is not None
+    assert min(shown.shape[:2]) > 500
+    blue, green, red = (shown[..., channel].astype(int) for channel in range(3))
+    assert ((red > 200) & (green > 150) & (blue < 120)).sum() > 1000  # the lamps' yellow
+    assert ((blue > 150) & (red < 60)).sum() > 500  # the sensors' blue
+
+
+def test_a_texture_that_is_not_there_is_named(tmp_path) -> None:
+    lines = ["mtllib room.mtl", "usemtl wall"]
+    corners = [(x, y, z) for x in (0, 4) for y in (0, 2.5) for z in (0, 3)]  # y up
+    lines += [f"v {x} {y} {z}" for x, y, z in corners] + ["vt 0 0"]
+    quads = ((0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5), (0, 2, 3, 1), (4, 5, 7, 6))
+    lines += ["f " + " ".join(f"{corner + 1}/1" for corner in reversed(quad)) for quad in quads]
+    (tmp_path / "room.obj").write_text("\n".join(lines) + "\n")
+    (tmp_path / "room.mtl").write_text("newmtl wall\nmap_Kd lost.jpg\n")
+    summary = write_init(tmp_path / "room.obj", tmp_path / "room.toml")
+    assert any("lost.jpg" in line for line in summary.lines())
+    assert "lost.jpg" in (tmp_path / "room.toml").read_text(encoding="utf-8")
 
 
 def test_a_missing_scan_leaves_no_run_file(tmp_path) -> None:

@@ -1,0 +1,156 @@
+"""What `lidarspectra init` found in a scan, and the lines that it says."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from lidarspectra.errors import SensorError
+from lidarspectra.geometry.scan import ScanRecord
+from lidarspectra.hardware.phone.orientation import METRES_PER_UNIT
+from lidarspectra.material.lit_lamps import LampSearch, LitLamp
+from lidarspectra.room.room import Room
+from lidarspectra.workflow.assumed import CEILING_SHARE, uncertain_of_scan
+from lidarspectra.workflow.proposed_lamps import ProposedPanels
+
+FLOOR_SHARE = 0.5  # [1] of the plan: with less floor in the scan, the outline may be wrong
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InitSummary:
+    """Findings in a scan, as written into a run file.
+
+    Parameters
+    ----------
+    run_file : Path
+        The file written.
+    scan : ScanRecord
+        Unit, upward axis and their confidences, the repairs and the notes.
+    given : tuple of str
+        Of 'unit' and 'up' what the user gave.
+    room : Room
+        Floor, ceiling, walls and outline.
+    sensor_height_m : float
+        Of the proposed grid above the floor. [m]
+    sensor_count : int
+        Points of the proposed grid; 0 if none fits.
+    no_sensor : SensorError or None
+        Why none fits.
+    lamps : LampSearch
+        Lamps lit in the texture, and bright patches that were rejected.
+    panels : ProposedPanels or None
+        Proposed where no lamp is lit.
+    has_color : bool
+        False for a scan without colour, in which no lamp can be seen.
+    picture : Path or None
+        Of the plan, with lamps and points, if it was drawn.
+    """
+
+    run_file: Path
+    scan: ScanRecord
+    given: tuple[str, ...]
+    room: Room
+    sensor_height_m: float
+    sensor_count: int
+    no_sensor: SensorError | None
+    lamps: LampSearch
+    panels: ProposedPanels | None
+    has_color: bool
+    picture: Path | None = None
+
+    @property
+    def assumed_of_scan(self) -> tuple[str, ...]:
+        """Of 'unit' and 'up' what was detected and is not certain."""
+        return tuple(name for name in uncertain_of_scan(self.scan) if name not in self.given)
+
+    def sureness(self, name: str) -> str:
+        """How unit ('unit') or upward axis ('up') is known, in words."""
+        confidence = self.scan.unit_confidence if name == "unit" else self.scan.up_confidence
+        guess = ": a guess" if name in self.assumed_of_scan else ""
+        return "given" if name in self.given else f"{percent(confidence)} sure{guess}"
+
+    def lines(self) -> tuple[str, ...]:
+        """The summary in plain lines, for the command line to show."""
+        return (*self._findings(), *(f"note: {note}" for note in self.scan.notes), *self._advice(), self._last())
+
+    def _findings(self) -> Iterator[str]:
+        room, scan = self.room, self.scan
+        length, width = room.extent_m
+        yield f"unit      {scan.unit} ({self.sureness('unit')})"
+        yield f"up        {scan.up_axis} ({self.sureness('up')})"
+        yield (
+            f"room      {length:.2f} m x {width:.2f} m, {room.area_m2:.1f} m² of floor plan, "
+            f"{room.height_m:.2f} m high, {counted(len(room.walls), 'wall plane')}"
+            + (f", {counted(len(room.other_outlines), 'further room')}" if room.other_outlines else "")
+        )
+        yield (
+            f"surfaces  floor {room.floor_area_m2:.1f} m² ({percent(room.floor_confidence)} of the plan), "
+            f"ceiling {room.ceiling_area_m2:.1f} m² ({percent(room.ceiling_confidence)})"
+        )
+        yield f"sensors   {counted(self.sensor_count, 'point')} {self.sensor_height_m:g} m above the floor"
+        yield f"lamps     {self.lamps_in_words()}"
+        yield f"wrote     {self.run_file}"
+
+    def lamps_in_words(self) -> str:
+        """The lamps by shape, or the panels in their place."""
+        if self.panels is not None:
+            return f"none lit; {counted(len(self.panels), 'panel')} proposed (assumed)"
+        return f"{lamps_in_words(self.lamps.lamps)} (flux and spectrum assumed)"
+
+    def _advice(self) -> Iterator[str]:
+        if self.assumed_of_scan:
+            guesses = {"unit": f"unit = {self.scan.unit}", "up": f"up = {self.scan.up_axis}"}
+            yield (
+                f"{' and '.join(guesses[name] for name in self.assumed_of_scan)} under [scan] may be wrong, and a "
+                "wrong one spoils all that follows: check it against what you know of the room. If it is wrong, give "
+                "it by --unit and --up, with --force; if it is right, delete 'assumed' there."
+            )
+        if "unit" in self.assumed_of_scan:
+            yield f"By unit the room is: {'; '.join(self._sizes())}."
+        if self.room.ceiling_confidence < CEILING_SHARE:
+            yield (
+                "Most of the ceiling is missing in the scan: light that it would reflect is lost, so that the map is "
+                "too dark. Scan the ceiling too, if you can."
+            )
+        if self.room.floor_confidence < FLOOR_SHARE:
+            yield "Little of the floor is in the scan, so that the room's outline may be wrong: check its size above."
+        yield self._lamp_advice()
+
+    def _sizes(self) -> Iterator[str]:
+        length, width = self.room.extent_m
+        for unit, metres in METRES_PER_UNIT.items():
+            factor = metres / METRES_PER_UNIT[self.scan.unit]  # type: ignore[index]  # a record holds a plain str
+            sides = " x ".join(f"{factor * side:.3g}" for side in (length, width, self.room.height_m))
+            yield f"{unit}: {sides} m"
+
+    def _lamp_advice(self) -> str:
+        if self.panels is None:
+            return (
+                "Edit the lamps' fluxes and spectrum, and delete 'assumed' there: a picture shows where a lamp is, but "
+                "not its luminous flux, which is assumed."
+            )
+        why = "No lamp is lit in the scan" if self.has_color else "The scan has no colour in which a lamp could be lit"
+        return (
+            f"{why}: a grid of ceiling panels stands in the run file in place of the room's own lamps, and the map "
+            "will be that of a guess. Replace them by the lamps that hang there."
+        )
+
+    def _last(self) -> str:
+        look = f"Look at the plan in {self.picture}, then: " if self.picture else "Then: "
+        return f"{look}lidarspectra run {self.run_file}"
+
+
+def lamps_in_words(lamps: tuple[LitLamp, ...]) -> str:
+    """Lamps by shape: '1 disc, 2 panels'."""
+    counts = Counter(lamp.shape.word for lamp in lamps)
+    return ", ".join(counted(number, shape) for shape, number in sorted(counts.items()))
+
+
+def counted(number: int, noun: str) -> str:
+    """'1 wall', '2 walls'."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def percent(share: float) -> str:
+    """A share of 1 as '93 %'."""
+    return f"{100 * share:.0f} %"
