@@ -255,7 +255,7 @@ def _draw(looked: _Looked, run_file: RunFile, out_path: Path) -> Path:
 
 def _with_run_file(cause: LidarSpectraError, out_path: Path, again: str) -> LidarSpectraError:
     """The same error with where the run file lies and, if that may help, how to look again."""
-    look = f" Or look again with what you know, for instance: {again}" if again else ""
+    look = f" Or look again with what you know, for instance '{again}'." if again else ""
     return type(cause)(
         expected=cause.expected,
         found=cause.found,
