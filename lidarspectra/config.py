@@ -30,6 +30,12 @@ class ScanSection(Section):
     unit: Literal["auto", "m", "cm", "mm", "in", "ft"] = "auto"
     up: Literal["auto", "+x", "-x", "+y", "-y", "+z", "-z"] = "auto"
     close_holes: bool = True
+    close_ceiling: bool = True
+    """Close a ceiling that was not scanned at the height where the walls end, with the typical reflectance of one."""
+    close_floor: bool = True
+    """The same for a floor."""
+    close: bool = False
+    """Close all that is open, sides and ends too, with a default wall."""
     max_hole_m: Positive = 1.0
     """Longest extent of a hole that is closed; a larger one is left open and reported. [m]"""
     flatten: bool = True
@@ -138,6 +144,8 @@ class MaterialsSection(Section):
     """From a colour to a spectrum: estimated over the nearest colours, or the nearest surface's (paper)."""
     model: Annotated[str, Field(pattern=r"^(builtin|none|.+\.onnx)$")] = "builtin"
     """Network that tells material classes: 'builtin', 'none', or an ONNX file with its card beside it."""
+    names: bool = True
+    """Take the names of parts (wall, door, table) as evidence, and typical reflectances where colours are drawn."""
     colors: Annotated[int, Field(ge=1, le=200)] = 24
     """Most primary colours that K-means may find."""
     coverage: Fraction = 0.95

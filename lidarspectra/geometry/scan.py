@@ -4,18 +4,17 @@ import json
 import zipfile
 import zlib
 from dataclasses import asdict, dataclass, fields, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from lidarspectra.arrays import ByteArray, FloatArray, IntArray, float_array, int_array
+from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArrayError, LidarSpectraError, ScanError
-from lidarspectra.geometry.textures import decode_image, mean_texture_colors, sample_image
+from lidarspectra.geometry.appearance import Appearance as Appearance
+from lidarspectra.geometry.textures import decode_image
 from lidarspectra.geometry.triangles import triangle_areas, triangle_crosses
 from lidarspectra.io.files import writing
-from lidarspectra.spectra.colorimetry import decode_srgb
 
 MESH_FILE = "mesh.npz"
 RECORD_FILE = "scan.json"
@@ -24,119 +23,7 @@ _DAMAGE = (
     OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, LidarSpectraError,
 )  # fmt: skip  # what a damaged JSON, NPZ or PNG makes its reader raise
 _ARRAYS = ("vertices", "faces", "face_image", "corner_uv", "corner_color")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Appearance:
-    """The colour of every face: a texture image with coordinates, or colours at its corners.
-
-    Parameters
-    ----------
-    images : tuple of (height, width, 3) uint8
-        Texture images, sRGB encoded, first row at the top.
-    face_image : (face,) int
-        Which image a face takes its colour from; -1 where it has corner colours instead.
-    corner_uv : (face, 3, 2) float
-        Texture coordinates of each corner, v up (0, 0 is the lower left). [1]
-    corner_color : (face, 3, 3) float
-        sRGB-encoded colour of each corner, used where `face_image` is -1. [0-1]
-    known : bool
-        False where the file held no colour at all (an STL); the corner colours are then a neutral gray.
-    """
-
-    images: tuple[ByteArray, ...]
-    face_image: IntArray
-    corner_uv: FloatArray
-    corner_color: FloatArray
-    known: bool = True
-
-    def __post_init__(self) -> None:
-        face_image = int_array(self.face_image, name="Appearance.face_image", shape=(None,))
-        count = face_image.size
-        uv = float_array(self.corner_uv, name="Appearance.corner_uv", shape=(count, 3, 2))
-        color = float_array(self.corner_color, name="Appearance.corner_color", shape=(count, 3, 3))
-        if count and (face_image.min() < -1 or face_image.max() >= len(self.images)):
-            raise ArrayError(
-                expected=f"image numbers from -1 to {len(self.images) - 1}",
-                found=f"{face_image.min()} to {face_image.max()}",
-                where="Appearance.face_image",
-            )
-        for image in self.images:
-            if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-                raise ArrayError(
-                    expected="(height, width, 3) uint8 images",
-                    found=f"{image.shape} {image.dtype}",
-                    where="Appearance.images",
-                )
-        object.__setattr__(self, "images", tuple(_read_only(image) for image in self.images))
-        object.__setattr__(self, "face_image", face_image)
-        object.__setattr__(self, "corner_uv", uv)
-        object.__setattr__(self, "corner_color", color)
-
-    @property
-    def pixels(self) -> int:
-        """Number of pixels of all images together."""
-        return sum(image.shape[0] * image.shape[1] for image in self.images)
-
-    def sample(self, faces: IntArray, barycentric: FloatArray) -> FloatArray:
-        """Colour at points on faces: bilinear in the texture, linear between corner colours, both in linear light.
-
-        Parameters
-        ----------
-        faces : (n,) int
-            On which face each point lies.
-        barycentric : (n, 3) float
-            Weights of the face's corners. [1]
-
-        Returns
-        -------
-        color : (n, 3) float
-            Linear sRGB. [0-1]
-        """
-        color = np.empty((faces.size, 3))
-        image_numbers = self.face_image[faces]
-        for number in np.unique(image_numbers):
-            chosen = np.flatnonzero(image_numbers == number)
-            corners = faces[chosen]
-            if number >= 0:
-                uv = np.einsum("nk,nkc->nc", barycentric[chosen], self.corner_uv[corners])
-                color[chosen] = sample_image(self.images[number], uv)
-            else:
-                linear = decode_srgb(self.corner_color[corners])
-                color[chosen] = np.einsum("nk,nkc->nc", barycentric[chosen], linear)
-        return color
-
-    def face_colors(self) -> FloatArray:
-        """(face, 3) mean linear sRGB [0-1] of each face: the texture averaged over the face's area."""
-        return self._face_colors
-
-    @cached_property
-    def _face_colors(self) -> FloatArray:
-        colors = np.empty((self.face_image.size, 3))
-        for number in np.unique(self.face_image):
-            chosen = np.flatnonzero(self.face_image == number)
-            if number >= 0:
-                colors[chosen] = mean_texture_colors(self.images[number], self.corner_uv[chosen])
-            else:
-                colors[chosen] = decode_srgb(self.corner_color[chosen]).mean(axis=1)
-        colors.flags.writeable = False
-        return colors
-
-    def select(self, faces: IntArray) -> "Appearance":
-        """The appearance of some faces, (n,) int, in that order; images are shared."""
-        return Appearance(
-            images=self.images,
-            face_image=self.face_image[faces],
-            corner_uv=self.corner_uv[faces],
-            corner_color=self.corner_color[faces],
-            known=self.known,
-        )
-
-
-def _read_only(image: ByteArray) -> ByteArray:
-    view = image.view()
-    view.flags.writeable = False
-    return view
+_PART_ARRAYS = ("color_source", "face_kind")  # not in the folders of earlier versions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,6 +66,10 @@ class ScanRecord:
         Share of the vertices that were moved for that. [0-1]
     moved_rms_m : float
         Root mean square of how far. [m]
+    open_share : float
+        Share of the directions that the room's free space looks in that leave the scan, after closing. [0-1]
+    closed_area_m2 : float
+        Area of ceiling, floor and sides that were not scanned and were closed. [m²]
     notes : tuple of str
         What the user should know, as full sentences.
     """
@@ -204,6 +95,8 @@ class ScanRecord:
     flat_area_share: float = 0.0
     moved_vertex_share: float = 0.0
     moved_rms_m: float = 0.0
+    open_share: float = 0.0
+    closed_area_m2: float = 0.0
     notes: tuple[str, ...] = ()
 
     @property
@@ -360,6 +253,7 @@ def save_scan(scan: Scan, folder: Path) -> None:
         "faces": int(scan.faces.shape[0]),
         "color_known": appearance.known,
         "bounds_m": scan.bounds.tolist(),
+        "kinds": appearance.kinds,
         "record": asdict(scan.record),
     }
     with writing(folder, error=ScanError):
@@ -372,6 +266,8 @@ def save_scan(scan: Scan, folder: Path) -> None:
             face_image=appearance.face_image,
             corner_uv=appearance.corner_uv,
             corner_color=appearance.corner_color,
+            color_source=appearance.sources,
+            face_kind=appearance.face_kinds,
         )
         for number, image in enumerate(appearance.images):
             # Low compression: a fifth of the time for a tenth more bytes.
@@ -405,6 +301,7 @@ def load_scan(folder: Path) -> Scan:
         # Opened here: numpy leaves a file open that turns out to be no archive.
         with (folder / MESH_FILE).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             vertices, faces, face_image, corner_uv, corner_color = (arrays[name] for name in _ARRAYS)
+            parts = {name: arrays[name] for name in _PART_ARRAYS if name in arrays}
         if faces.shape[0] != about["faces"]:
             raise ValueError(f"{faces.shape[0]} faces in place of {about['faces']}")
         images = tuple(
@@ -420,6 +317,8 @@ def load_scan(folder: Path) -> Scan:
                 corner_uv=corner_uv,
                 corner_color=corner_color,
                 known=bool(about["color_known"]),
+                kinds=tuple(about.get("kinds", ())),
+                **parts,
             ),
             record=_with_tuples(record),
         )

@@ -17,6 +17,7 @@ from lidarspectra.spectra.colorimetry import linear_srgb_to_lab
 
 SATURATED = 0.94  # [1] linear; all channels above it: a lamp, its mirror image, or a blown-out highlight (sRGB 248)
 MAX_SATURATED = 0.7  # [1] of a face; what is left of it is the lamp's glow
+TINY_M2 = 1e-12  # [m²] keeps a mean over faces without area defined
 COLOR_SPACING_M = 0.05  # [m] of the points by which saturated parts of a face are found
 OUTLIER_DEVIATIONS = 3.0  # [1] robust standard deviations from the segment's median, in L*, a* or b*
 MIN_DEVIATION = 2.0  # [1] L*a*b* units, floor of the robust deviation: differences below it are not seen
@@ -72,11 +73,15 @@ def surface_colors(scan: Scan) -> tuple[FloatArray, BoolArray]:
     colors : (face, 3) float
         Linear sRGB. [0-1]
     known : (face,) bool
-        False where more than `MAX_SATURATED` of the face is, or the scan has no colour at all.
+        False where more than `MAX_SATURATED` of the face is, or its colour is no photograph's. Such faces get the mean
+        of the photographed ones, as if they were as bright as the rest.
     """
     colors = np.clip(scan.face_colors(), 0.0, 1.0)
-    if not scan.appearance.known:
+    photographed = scan.appearance.photographed
+    if not photographed.any():
         return colors, np.zeros(len(colors), dtype=np.bool_)
+    if not photographed.all():
+        colors[~photographed] = np.average(colors[photographed], axis=0, weights=scan.areas[photographed] + TINY_M2)
     samples = surface_samples(scan, spacing_m=COLOR_SPACING_M)
     light = scan.appearance.sample(samples.face, samples.barycentric)
     lamp = saturated(light)
@@ -88,7 +93,7 @@ def surface_colors(scan: Scan) -> tuple[FloatArray, BoolArray]:
     for channel in range(3):
         total = np.bincount(samples.face[~lamp], weights=light[~lamp, channel], minlength=len(colors))
         colors[partly, channel] = (total / rest)[partly]
-    return colors, (share <= MAX_SATURATED) & ~saturated(colors)
+    return colors, (share <= MAX_SATURATED) & ~saturated(colors) & photographed
 
 
 def inliers(lab: FloatArray, weights: FloatArray) -> BoolArray:

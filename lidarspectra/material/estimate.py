@@ -26,6 +26,7 @@ from lidarspectra.material.face_groups import agreement, face_adjacency, smooth_
 from lidarspectra.material.fusion import FaceClasses, fuse, split_by_class, view_votes
 from lidarspectra.material.matching import Match, MatchMethod, match_color
 from lidarspectra.material.material_map import Material, MaterialMap
+from lidarspectra.material.part_materials import named_prior, typical_materials
 from lidarspectra.material.place_priors import class_prior, find_places
 from lidarspectra.material.segmentation import SHIPPED_MODEL, Classifier
 from lidarspectra.material.surface_classes import favored_surfaces
@@ -74,7 +75,8 @@ def estimate_materials(
     library : ReflectanceLibrary, optional
         Reflectances that colours are matched to (`load_reflectances`); the built-in ones by default.
     default : str
-        ID of the material of faces without colour, and of those that show a lamp.
+        ID of the material of faces without colour and without name, and of those that show a lamp. Faces without
+        colour whose kind the scan names (a wall, a closed ceiling) get the typical reflectance of such things.
     matching : str
         From a colour to a spectrum: 'wiener', estimated over the nearest colours, or 'nearest', as in the paper.
     model : str, path or None
@@ -125,6 +127,10 @@ def estimate_materials(
         _material(group, names[group], shown, label, scan.areas, views.face_seen, known, matching)
         for group in range(count)
     ]
+    typical, kind = typical_materials(scan.appearance, label < 0)
+    materials += typical
+    label = np.where(kind >= 0, count + kind, label)
+    count += len(typical)
     if (label < 0).any():
         label = np.where(label < 0, count, label)
         materials.append(fallback)
@@ -235,7 +241,8 @@ def material_classes(
     neighbors = agreement(adjacency, lab, scan.normals)
     prior = color_likelihood(lab, classifier.classes)
     if room is not None:
-        prior = prior * class_prior(find_places(scan, room, adjacency), classifier.classes)
+        by_place = class_prior(find_places(scan, room, adjacency), classifier.classes)
+        prior = prior * named_prior(scan.appearance, classifier.classes, by_place)
     return fuse(votes, neighbors, prior)
 
 

@@ -7,7 +7,7 @@ Windows, reflections in glass, screens and pools of light fail one of these, and
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -152,9 +152,12 @@ def search_lit_lamps(scan: Scan, room: Room, *, caster: RayCaster | None = None)
     -------
     search : LampSearch
     """
-    if not scan.appearance.known:
+    photographed = scan.appearance.photographed
+    if not photographed.any():
         return LampSearch(lamps=(), left_out=())
     rays = caster or RayCaster(scan)
+    if not photographed.all():  # a white wall that a program drew is no lamp
+        scan = replace(scan, appearance=scan.appearance.darkened(~photographed))
     found: list[LitLamp] = []
     left_out: list[BrightPatch] = []
     for survey in surveys(scan, room, rays):

@@ -95,9 +95,18 @@ class Material:
                     where=f"material '{self.name}'",
                 )
 
+    def at(self, wavelength_nm: float) -> float:
+        """Reflectance at a wavelength [1]; beyond what is known, at the nearest that is."""
+        return float(self.reflectance.at([wavelength_nm], outside="nearest")[0])
+
+    def deviation(self, wavelength_nm: float) -> float:
+        """Standard deviation of the reflectance there [1]; 0 where nothing is known of it."""
+        if self.uncertainty is None:
+            return 0.0
+        return float(self.uncertainty.at([wavelength_nm], outside="nearest")[0])
+
     def __repr__(self) -> str:
-        value = float(self.reflectance.at([555.0], outside="nearest")[0])
-        return f"<Material '{self.name}': reflectance {value:.2f} at 555 nm, {self.kind}, {self.provenance}>"
+        return f"<Material '{self.name}': reflectance {self.at(555.0):.2f} at 555 nm, {self.kind}, {self.provenance}>"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -170,7 +179,19 @@ class MaterialMap:
                 "of the scan is still in them, so that shaded surfaces come out too dark and lit ones too bright. Give "
                 "the lamps that were lit, and set delight = true under [materials]."
             )
+        by_name = [(area, m) for area, m in zip(areas, self.materials, strict=True) if m.source.startswith("typical:")]
+        typical = float(sum(area for area, _ in by_name))
+        if by_name:
+            kinds = ", ".join(
+                f"{m.name.removeprefix('typical ')} {m.at(555.0):.2f} ± {m.deviation(555.0):.2f}" for _, m in by_name
+            )
+            words.append(
+                f"{100 * typical / total:.0f} % of the area has no photographed colour and gets the typical "
+                f"reflectance of what it is by name, which may well be wrong ({kinds}). Assign materials there "
+                '(method = "file" under [materials]) where you know better.'
+            )
         default = float(sum(area for area, m in zip(areas, self.materials, strict=True) if m.provenance == "default"))
+        default -= typical
         if any(estimated) and default > 0:
             words.append(
                 f"{100 * default / total:.1f} % of the area has no colour in the scan and gets the default material. "

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, ByteArray, FloatArray
+from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.room.room_planes import Level, Wall
 
@@ -20,6 +20,8 @@ NARROW_M = 0.3  # [m] bulges and links narrower than this are cracks in the mesh
 TALL_SHARE = 0.7  # share of the room's height from which on an upright plane is a wall and not furniture
 WALL_SLACK_M = 0.06  # [m] a scanned wall's unevenness
 BULGE_DEPTH_M = 0.5  # [m] patches no deeper than this behind a wall are bulges through glass, or window recesses
+ENCLOSED_SHARE = 0.25  # least share of the floor of a model that its walls enclose; less is a closet among open walls
+BRIDGED_M = (0.3, 0.6, 1.2, 2.4)  # [m] gaps between walls that are bridged, the narrowest that encloses a room
 MIN_ROOM_M2 = 1.0  # [m²] smaller patches are no room
 MIN_FLOOR_SHARE = 0.3  # share of a patch's area that must show floor, for it to be a room, or a bulge of one
 SIMPLIFY_M = 0.05  # [m] the outline's corners are kept to within this
@@ -52,13 +54,15 @@ def plan_mask(
     ceilings: tuple[Level, ...],
     top_z: float,
     walls: tuple[Wall, ...] = (),
+    upright: FloatArray | None = None,
 ) -> PlanMask:
     """Find the cells of the plan that lie in the room, furniture included.
 
     Where the scan has a ceiling, a cell belongs to the room if a ray upwards from just below the ceiling meets
     it (furniture does not get in the way there) and a ray downwards falls to furniture or floor: what a scan
-    invents behind glass has no ceiling at that height, or none with a room under it. Without a ceiling, what shows
-    floor or furniture from above is the room.
+    invents behind glass has no ceiling at that height, or none with a room under it. Floor that adjoins such cells,
+    with nothing at all overhead and no wall between, belongs to the room too: its ceiling was not scanned. Without any
+    ceiling, what shows floor or furniture from above is the room.
 
     Parameters
     ----------
@@ -72,6 +76,9 @@ def plan_mask(
         Top of the room. [m]
     walls : tuple of Wall
         Shallow bulges behind a tall one are cut off: a scan bulges through glass.
+    upright : (part, 2) float, optional
+        Where walls are in plan. What they enclose is the room, where there is neither floor nor ceiling, and in models
+        of rooms, whose floor may be a slab that goes beyond the walls. [m]
 
     Returns
     -------
@@ -87,15 +94,20 @@ def plan_mask(
     x, y = np.meshgrid(origin[0] + cell * np.arange(columns), origin[1] + cell * np.arange(rows))
     plan = np.stack([x.ravel(), y.ravel()], axis=1)
     on_floor = _meets(caster, plan, start_z=floor.z + FLOOR_REACH_M, level_z=floor.z).reshape(rows, columns)
+    tall = [wall for wall in walls if wall.top_z - wall.bottom_z >= TALL_SHARE * (top_z - floor.z)]
     if ceilings:
         inside = _meets(caster, plan, start_z=ceilings[0].z - CEILING_REACH_M, level_z=ceilings[0].z)
         inside = (inside & _has_depth(caster, plan, ceiling_z=ceilings[0].z)).reshape(rows, columns)
         for lowered in ceilings[1:]:
             overhead = _meets(caster, plan, start_z=lowered.z - CEILING_REACH_M, level_z=lowered.z)
             inside = inside | (overhead.reshape(rows, columns) & on_floor)
+        inside = inside | _without_ceiling(caster, plan, on_floor, inside, floor_z=floor.z, walls=tall)
     else:
         inside = _open_from_above(caster, plan, floor_z=floor.z, top_z=top_z, bounds=bounds).reshape(rows, columns)
-    tall = [wall for wall in walls if wall.top_z - wall.bottom_z >= TALL_SHARE * (top_z - floor.z)]
+    if upright is not None:
+        wall_cells = np.rint((upright - origin) / cell).astype(np.int64)
+        enclosed = _enclosed(wall_cells, (rows, columns), cell, least=ENCLOSED_SHARE * inside.sum())
+        inside = enclosed if not ceilings and floor.area_m2 == 0.0 else inside & enclosed if enclosed.any() else inside
     for wall in tall:
         inside = inside & ~_bulges(inside, on_floor, plan, wall)
     return PlanMask(inside=_clean(inside, on_floor, cell), origin=origin, cell_m=cell)
@@ -103,10 +115,8 @@ def plan_mask(
 
 def _bulges(inside: BoolArray, on_floor: BoolArray, plan: FloatArray, wall: Wall) -> BoolArray:
     """Cells of shallow patches of floor behind a wall; behind a cabinet's front there is no floor to be seen."""
-    behind = (wall.offset_m - plan @ wall.normal[:2]).reshape(inside.shape)
-    run = plan @ (wall.end - wall.start)
-    low, high = sorted((float(wall.start @ (wall.end - wall.start)), float(wall.end @ (wall.end - wall.start))))
-    beside = ((run >= low) & (run <= high)).reshape(inside.shape)
+    depth, in_run = _behind(plan, wall)
+    behind, beside = depth.reshape(inside.shape), in_run.reshape(inside.shape)
     patches = (inside & beside & (behind > WALL_SLACK_M)).astype(np.uint8)
     count, labels = cv2.connectedComponents(patches, connectivity=4)
     deepest = np.zeros(count)
@@ -116,6 +126,30 @@ def _bulges(inside: BoolArray, on_floor: BoolArray, plan: FloatArray, wall: Wall
     shallow = (deepest <= BULGE_DEPTH_M) & (floor_cells >= MIN_FLOOR_SHARE * cells)
     shallow[0] = False
     return np.asarray(shallow[labels], dtype=np.bool_)
+
+
+def _without_ceiling(
+    caster: RayCaster, plan: FloatArray, on_floor: BoolArray, inside: BoolArray, *, floor_z: float, walls: list[Wall]
+) -> BoolArray:
+    """Cells of floor under nothing at all that adjoin the room; behind one of its walls they may be a mirage."""
+    starts = np.column_stack([plan, np.full(len(plan), floor_z + FLOOR_REACH_M)])
+    bare = on_floor & ~caster.nearest(starts, [0.0, 0.0, 1.0]).met.reshape(on_floor.shape)
+    for wall in walls:
+        behind, beside = _behind(plan, wall)
+        bare &= ~(behind > WALL_SLACK_M).reshape(bare.shape) | ~beside.reshape(bare.shape)
+    count, labels = cv2.connectedComponents((bare | inside).astype(np.uint8), connectivity=4)
+    joined = np.zeros(count, dtype=np.bool_)
+    joined[np.unique(labels[inside])] = True
+    joined[0] = False
+    return np.asarray(bare & joined[labels], dtype=np.bool_)
+
+
+def _behind(plan: FloatArray, wall: Wall) -> tuple[FloatArray, BoolArray]:
+    """How far behind a wall's plane each cell of the plan lies [m], and whether it is within the wall's run."""
+    run = plan @ (wall.end - wall.start)
+    low, high = sorted((float(wall.start @ (wall.end - wall.start)), float(wall.end @ (wall.end - wall.start))))
+    beside = np.asarray((run >= low) & (run <= high), dtype=np.bool_)
+    return np.asarray(wall.offset_m - plan @ wall.normal[:2], dtype=np.float64), beside
 
 
 def _meets(caster: RayCaster, plan: FloatArray, *, start_z: float, level_z: float) -> BoolArray:
@@ -140,6 +174,22 @@ def _open_from_above(
     hits = caster.nearest(np.column_stack([plan, np.full(len(plan), start)]), [0.0, 0.0, -1.0])
     highest = start - hits.distance
     return hits.met & (highest > floor_z - LEVEL_TOLERANCE_M) & (highest < top_z - CEILING_REACH_M)
+
+
+def _enclosed(cells: IntArray, shape: tuple[int, int], cell: float, *, least: float) -> BoolArray:
+    """Cells that (n, 2) cells of walls, (column, row), enclose, gaps bridged; none if that is less than so many."""
+    image = np.zeros(shape, dtype=np.uint8)
+    image[np.clip(cells[:, 1], 0, shape[0] - 1), np.clip(cells[:, 0], 0, shape[1] - 1)] = 1
+    for gap in BRIDGED_M:
+        margin = round(gap / cell) + 1
+        padded = cv2.copyMakeBorder(image, margin, margin, margin, margin, cv2.BORDER_CONSTANT, value=0)
+        # Walls are rows of single cells: closing would leave the gaps between them, whose width a disc just touches.
+        filled = cv2.erode(_filled(cv2.dilate(padded, _disc(gap / cell)).astype(bool)), _disc(gap / cell))
+        filled = filled[margin:-margin, margin:-margin]
+        free = filled.sum() - image.sum()
+        if free >= max(least, MIN_ROOM_M2 / cell**2) and free > image.sum():
+            return filled.astype(bool)
+    return np.zeros(shape, dtype=np.bool_)
 
 
 def _clean(inside: BoolArray, on_floor: BoolArray, cell: float) -> BoolArray:

@@ -1,7 +1,7 @@
 """The room in a scan: floor, ceiling, walls and plan outline, each with a confidence."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,8 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.plan_cells import outlines, plan_mask, signed_area
 from lidarspectra.room.room_planes import (
+    LEVEL_COSINE,
+    LEVEL_HALF_WIDTH_M,
     FaceGeometry,
     Level,
     Wall,
@@ -23,11 +25,17 @@ from lidarspectra.room.room_planes import (
     find_walls,
     main_direction,
     weighted_median,
+    weighted_quantile,
 )
 
 MIN_HEIGHT_M = 1.0  # [m] something lower is furniture or a wrong unit, not a room
 WALL_HEIGHT_SHARE = 0.5  # share of the room's height; a lower upright plane is the front of a cabinet or desk
 WALL_BEYOND_OUTLINE_M = 0.3  # [m] a wall plane farther outside the outline belongs to something else
+UPRIGHT_KINDS = ("wall", "door", "window")  # of named parts
+WALL_END_SHARE = 0.02  # share of upright area above (below) which walls end: what a scan throws beyond them
+MIN_WALLS_M2 = 2.0  # [m²] of upright area from which walls can say where a floor is that was not scanned
+BELOW_FLOOR_SHARE = 0.15  # share of upright area below a level surface, from which that is a table top
+TABLE_M = (0.3, 1.5)  # [m] height of such a surface above where the walls end
 ROOM_FILE = "room.json"
 
 
@@ -53,6 +61,8 @@ class Room:
         Plan of the largest room, counter-clockwise, furniture included. [m]
     other_outlines : tuple of (corner, 2) float
         Further rooms of the same scan, largest first. [m]
+    floor_share : float
+        Share of all floor in the scan that lies within the outlines. [0-1]
     """
 
     floor_z: float
@@ -66,6 +76,7 @@ class Room:
     walls: tuple[Wall, ...]
     outline: FloatArray
     other_outlines: tuple[FloatArray, ...] = ()
+    floor_share: float = 1.0
 
     def __post_init__(self) -> None:
         polygons = (self.outline, *self.other_outlines)
@@ -146,23 +157,34 @@ def find_room(scan: Scan, *, caster: RayCaster | None = None) -> Room:
         If nothing in the scan is level, too little lies over it, or no patch of the plan is a square metre.
     """
     faces = face_geometry(scan)
-    floor = find_floor(faces)
+    upright = _of_kinds(scan, faces, *UPRIGHT_KINDS)
+    floor = _floor_or_bottom_of_walls(find_floor(_of_kinds(scan, faces, "floor")), upright)
     if floor is None:
-        raise _no_room(scan, "no level surface that faces up")
-    ceilings = find_ceilings(faces, floor)
-    top_z = ceilings[0].z if ceilings else _top_of_walls(faces, floor)
+        raise _no_room(scan, "no level surface that faces up, and no walls")
+    ceilings = find_ceilings(_of_kinds(scan, faces, "ceiling"), floor)
+    top_z = ceilings[0].z if ceilings else _top_of_walls(upright, floor)
     if top_z - floor.z < MIN_HEIGHT_M:
         raise _no_room(scan, f"{top_z - floor.z:.2f} m between its floor and its top")
     caster = caster or RayCaster(scan)
-    planes = find_walls(faces, bottom_z=floor.z, top_z=top_z)
+    planes = find_walls(upright, bottom_z=floor.z, top_z=top_z)
     walls = tuple(plane for plane in planes if plane.top_z - plane.bottom_z >= WALL_HEIGHT_SHARE * (top_z - floor.z))
-    mask = plan_mask(caster, scan.bounds, floor=floor, ceilings=ceilings, top_z=top_z, walls=walls)
+    no_floor = floor.area_m2 == 0.0
+    mask = plan_mask(
+        caster,
+        scan.bounds,
+        floor=floor,
+        ceilings=ceilings,
+        top_z=top_z,
+        walls=walls,
+        upright=_wall_cells(scan, upright) if no_floor or "wall" in scan.appearance.kinds else None,
+    )
     polygons = outlines(mask)
     if not polygons:
-        raise _no_room(scan, "no connected square metre of plan under its ceiling")
+        reason = "no level surface that faces up, and no walls around a square metre" if no_floor else ""
+        raise _no_room(scan, reason or "no connected square metre of plan under its ceiling")
     area = sum(signed_area(polygon) for polygon in polygons)
     angle, share = main_direction(faces)
-    return Room(
+    found = Room(
         floor_z=floor.z,
         ceiling_z=top_z,
         floor_area_m2=floor.area_m2,
@@ -175,6 +197,16 @@ def find_room(scan: Scan, *, caster: RayCaster | None = None) -> Room:
         outline=polygons[0],
         other_outlines=polygons[1:],
     )
+    return replace(found, floor_share=_floor_share(found, _of_kinds(scan, faces, "floor")))
+
+
+def _floor_share(room: Room, faces: FaceGeometry) -> float:
+    """Share of all level area at the floor's height that lies within the outlines [0-1]; 1 where there is none."""
+    level = (faces.normals[:, 2] > LEVEL_COSINE) & (np.abs(faces.centers[:, 2] - room.floor_z) < LEVEL_HALF_WIDTH_M)
+    floor = faces.some(level)
+    if not floor.areas.sum() > 0:
+        return 1.0
+    return float(floor.areas[room.in_plan(floor.centers)].sum() / floor.areas.sum())
 
 
 def save_room(room: Room, folder: Path) -> Path:
@@ -190,6 +222,7 @@ def save_room(room: Room, folder: Path) -> Path:
             "ceiling_confidence",
             "wall_angle_deg",
             "wall_confidence",
+            "floor_share",
         )
     }
     record["outlines"] = [polygon.tolist() for polygon in room.outlines]
@@ -239,14 +272,44 @@ def _turn(angle_deg: float) -> FloatArray:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
+def _wall_cells(scan: Scan, faces: FaceGeometry) -> FloatArray:
+    """(part, 2) where upright parts are in plan [m]: of the walls alone, if the file names them."""
+    upright = np.abs(faces.normals[:, 2]) < 0.5
+    names = scan.appearance.kinds
+    if "wall" in names:
+        upright &= np.isin(faces.kinds, [names.index(kind) for kind in UPRIGHT_KINDS if kind in names])
+    return faces.centers[upright, :2]
+
+
+def _of_kinds(scan: Scan, faces: FaceGeometry, *kinds: str) -> FaceGeometry:
+    """Parts of these kinds and unnamed ones, in a file that names its walls; elsewhere all."""
+    names = scan.appearance.kinds
+    if "wall" not in names:
+        return faces
+    return faces.some(np.isin(faces.kinds, [-1, *(names.index(kind) for kind in kinds if kind in names)]))
+
+
+def _floor_or_bottom_of_walls(floor: Level | None, faces: FaceGeometry) -> Level | None:
+    """The floor; where the walls reach clearly below what was found, that is a table, and they end at the floor."""
+    upright = faces.some(np.abs(faces.normals[:, 2]) < 0.5)
+    if upright.areas.sum() < MIN_WALLS_M2:
+        return floor
+    bottom = weighted_quantile(upright.bottoms, upright.areas, WALL_END_SHARE)
+    if floor is None:
+        return Level(z=bottom, area_m2=0.0)
+    below = float(upright.areas[upright.tops < floor.z].sum() / upright.areas.sum())
+    if below > BELOW_FLOOR_SHARE and TABLE_M[0] < floor.z - bottom < TABLE_M[1]:
+        return Level(z=bottom, area_m2=0.0)
+    return floor
+
+
 def _top_of_walls(faces: FaceGeometry, floor: Level) -> float:
     """Height that most upright area stays below: without a ceiling, where the walls end."""
-    upright = np.abs(faces.normals[:, 2]) < 0.5
-    if not upright.any():
+    upright = faces.some(np.abs(faces.normals[:, 2]) < 0.5)
+    if not upright.areas.sum() > 0:
         return floor.z
-    heights, areas = faces.centers[upright, 2], faces.areas[upright]
-    upper = heights > weighted_median(heights, areas)
-    return float(np.quantile(heights[upper], 0.98)) if upper.any() else float(heights.max())
+    upper = upright.some(upright.centers[:, 2] >= weighted_median(upright.centers[:, 2], upright.areas))
+    return weighted_quantile(upper.tops, upper.areas, 1.0 - WALL_END_SHARE)
 
 
 def _walls_around(walls: tuple[Wall, ...], polygons: tuple[FloatArray, ...]) -> tuple[Wall, ...]:

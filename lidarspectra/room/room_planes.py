@@ -1,11 +1,12 @@
 """The planes that make a room: floor, ceilings and walls, found by area in a mesh that has furniture and noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, FloatArray, float_array
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.geometry.textures import subdivision_barycentrics
 
 LEVEL_COSINE = 0.9  # |n_z| of a face that counts as level: 26 degrees leave room for scan noise
 UPRIGHT_COSINE = 0.25  # |n_z| below which a face counts as upright (14.5 degrees)
@@ -15,6 +16,8 @@ FLOOR_SHARE = 0.25  # smallest floor, over the largest level surface: table tops
 SECOND_CEILING_SHARE = 0.15  # smallest lowered part of a ceiling, over the area of the main ceiling
 SECOND_CEILING_M2 = 2.0  # [m²] smaller level surfaces overhead are shelves and lamp housings
 MIN_HEADROOM_M = 1.5  # [m] a level surface lower than this above the floor is furniture, not a ceiling
+COARSE_M = 0.25  # [m] longest side of a face that counts as one part
+MAX_CUTS = 64  # of a side: 16 m of a single triangle; beyond it parts are coarser
 WALL_ANGLE_BIN_DEG = 3.0  # [deg] resolution of wall directions
 WALL_OFFSET_BIN_M = 0.02  # [m] resolution of wall positions
 LEANING_COSINE = 0.5  # |n_z| below which a face may belong to a wall: noise tilts small triangles far
@@ -74,25 +77,58 @@ class Wall:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FaceGeometry:
-    """Geometry of every face, computed once for the plane finders.
+    """Geometry of every face, computed once for the plane finders; a large face counts as several parts.
 
     Parameters
     ----------
-    centers : (face, 3) float
+    centers : (part, 3) float
         [m]
-    normals : (face, 3) float
-    areas : (face,) float
+    normals : (part, 3) float
+    areas : (part,) float
         [m²]
+    tops, bottoms : (part,) float
+        Heights of the highest and lowest corner. [m]
+    kinds : (part,) int
+        What it is part of, a place in the scan's `appearance.kinds`; -1 where the file does not say.
     """
 
     centers: FloatArray
     normals: FloatArray
     areas: FloatArray
+    tops: FloatArray
+    bottoms: FloatArray
+    kinds: IntArray
+
+    def some(self, chosen: BoolArray) -> "FaceGeometry":
+        """Those parts that are chosen, (part,) bool."""
+        return FaceGeometry(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
 
 def face_geometry(scan: Scan) -> FaceGeometry:
-    """Centres, normals and areas of a scan's faces."""
-    return FaceGeometry(centers=scan.centers, normals=scan.normals, areas=scan.areas)
+    """Centres, normals, areas and heights of a scan's faces.
+
+    A face whose longest side is above `COARSE_M` is cut into n² equal parts: models of rooms draw a whole wall as two
+    triangles, whose centres say nothing of where it begins and ends.
+    """
+    corners = scan.corners
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    cuts = np.clip(np.ceil(longest / COARSE_M), 1, MAX_CUTS).astype(np.int64)
+    order, centers = [], []
+    for count in np.unique(cuts):
+        these = np.flatnonzero(cuts == count)
+        weights = subdivision_barycentrics(int(count))
+        order.append(np.repeat(these, len(weights)))
+        centers.append(np.einsum("sc,fcd->fsd", weights, corners[these]).reshape(-1, 3))
+    face, center = np.concatenate(order), np.concatenate(centers)
+    above, below = corners[..., 2].max(axis=1) - scan.centers[:, 2], scan.centers[:, 2] - corners[..., 2].min(axis=1)
+    return FaceGeometry(
+        centers=center,
+        normals=scan.normals[face],
+        areas=(scan.areas / cuts**2)[face],
+        tops=center[:, 2] + (above / cuts)[face],
+        bottoms=center[:, 2] - (below / cuts)[face],
+        kinds=scan.appearance.face_kinds[face],
+    )
 
 
 def find_floor(faces: FaceGeometry) -> Level | None:
@@ -160,9 +196,22 @@ def weighted_median(values: FloatArray, weights: FloatArray) -> float:
     values, weights : (n,) float
         n >= 1, weights not negative.
     """
+    return weighted_quantile(values, weights, 0.5)
+
+
+def weighted_quantile(values: FloatArray, weights: FloatArray, share: float) -> float:
+    """Value below which a share of the weight lies.
+
+    Parameters
+    ----------
+    values, weights : (n,) float
+        n >= 1, weights not negative.
+    share : float
+        [0-1]
+    """
     order = np.argsort(values, kind="stable")
     below = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(below, 0.5 * below[-1])])
+    return float(values[order][np.searchsorted(below, share * below[-1])])
 
 
 def main_direction(faces: FaceGeometry) -> tuple[float, float]:

@@ -72,6 +72,7 @@ LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly whi
 MIN_WHITE = 0.75  # [1] least reflectance of a surface called white
 WHITE_SHARE = 0.05  # [1] of the scan's area brighter than paint, above which the user is warned
 STRAY_LIGHT = 0.02  # [1] of white, from neighbouring places: edges are rounded, frames blended, lenses glare
+MIN_PHOTOGRAPHED = 0.2  # [1] least share of the area whose colour shows light; the rest was drawn by a program
 MIN_WITNESSES = 16  # least independent places, over twice the number of unknowns
 MIN_EXPLAINED = 0.3  # [1] share of the scatter within surfaces that the lamps' light must explain
 MIN_DIRECT = 0.15  # [1] share of direct light in a closed room of mean reflectance 0.85, white on all sides
@@ -171,6 +172,9 @@ def take_light_out(
     SceneError, EngineError
         As the tracing does.
     """
+    photographed = scan.appearance.photographed
+    if scan.appearance.known and scan.areas[photographed].sum() < MIN_PHOTOGRAPHED * scan.areas.sum():
+        return Delighting(face_color=None, face_deviation=None, fit=None, words="")  # colours drawn without light
     if not scan.appearance.known:
         return _left_in("the scan has no colours. Scan again with colour, or assign materials by hand.")
     if not lamps:

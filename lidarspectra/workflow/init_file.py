@@ -18,12 +18,13 @@ from lidarspectra.io.toml_sections import check_sections
 from lidarspectra.material.lit_lamps import search_lit_lamps
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.room.free_space import FreeSpace
-from lidarspectra.room.room import Room, find_room
+from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, grid_points
 from lidarspectra.workflow.assumed import uncertain_of_scan
 from lidarspectra.workflow.init_summary import InitSummary
 from lidarspectra.workflow.init_text import bare_text, run_file_text
 from lidarspectra.workflow.proposed_lamps import propose_panels
+from lidarspectra.workflow.whole_room import whole_room
 
 SENSOR_HEIGHT_M = 0.3  # [m] about the height of the sensor on the paper's robot
 SENSOR_COUNTS = (176, 100, 50, 25, 10, 5, 1)  # the paper's count, then what smaller rooms hold
@@ -198,7 +199,7 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
     scan = repair_scan(raw, flatten=ScanSection(file=scan_path.name).flatten, progress=part_of(progress, 0.3, 0.6))
     progress(0.6, "finding floor, walls and ceiling")
     try:
-        room = find_room(scan)
+        scan, room, _ = whole_room(scan, close_ceiling=True, close_floor=True, close=False)
     except ScanError as cause:
         raise _NoRoom(cause, raw) from cause
     free = FreeSpace(scan, room)

@@ -107,12 +107,12 @@ class InitSummary:
             )
         if "unit" in self.assumed_of_scan:
             yield f"By unit the room is: {'; '.join(self._sizes())}."
-        if self.room.ceiling_confidence < CEILING_SHARE:
+        if 0.0 < self.room.ceiling_confidence < CEILING_SHARE:  # a note says that a ceiling was closed
             yield (
                 "Most of the ceiling is missing in the scan: light that it would reflect is lost, so that the map is "
                 "too dark. Scan the ceiling too, if you can."
             )
-        if self.room.floor_confidence < FLOOR_SHARE:
+        if 0.0 < self.room.floor_confidence < FLOOR_SHARE:
             yield "Little of the floor is in the scan, so that the room's outline may be wrong: check its size above."
         yield self._lamp_advice()
 

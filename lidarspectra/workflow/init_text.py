@@ -12,6 +12,7 @@ from lidarspectra.material.lit_lamps import LitLamp
 from lidarspectra.workflow.assumed import uncertain_of_scan
 from lidarspectra.workflow.init_summary import InitSummary, counted, lamps_in_words, percent
 from lidarspectra.workflow.proposed_lamps import PANEL_M, ProposedPanels
+from lidarspectra.workflow.whole_room import closing_lines
 
 SPECTRUM = "LED-B3"  # a white LED of 4100 K, common in offices (CIE 015:2018, illuminant LED-B3)
 SIGNIFICANT_DIGITS = 3  # of an assumed flux, which is not known better
@@ -125,6 +126,7 @@ def _scan_lines(summary: InitSummary, file: str) -> Iterator[str]:
     yield f"up = {toml_value(scan.up_axis)}  # {_found(summary, 'up')}: the file's upward axis"
     if summary.assumed_of_scan:
         yield f"assumed = {toml_value(list(summary.assumed_of_scan))}  # guesses; delete this line once checked"
+    yield from closing_lines(scan, summary.room)
     yield "# max_hole_m = 1.0  # larger holes of the mesh stay open, and light leaves through them"
 
 

@@ -31,6 +31,12 @@ class ScannedRoom:
     room: Room
 
 
+def without_names(scanned: ScannedRoom) -> ScannedRoom:
+    """The same as if the scan's file named no parts: the colours that it draws them in count."""
+    scan = replace(scanned.scan, appearance=scanned.scan.appearance.without_names())
+    return ScannedRoom(scan=scan, room=scanned.room)
+
+
 def lamps_of_run(run_file: RunFile, scanned: ScannedRoom, *, base: Path) -> tuple[Lamp, ...]:
     """The run file's lamps, or those found lit in the scan's texture."""
     section = run_file.lamps_from_scan

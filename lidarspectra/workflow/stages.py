@@ -35,17 +35,24 @@ from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.radiance.scene.exported_model import write_workflow
 from lidarspectra.radiance.scene.placement import placement_notes
 from lidarspectra.radiance.scene.scene import LAMPS_PER_PASS, RadianceScene, load_scene, write_scene
-from lidarspectra.room.room import find_room, load_room, save_room
+from lidarspectra.room.room import load_room, save_room
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.workflow.assumed import assumed_lamps, assumed_of_scan, lamp_notes, scan_notes
 from lidarspectra.workflow.declared import Declared
 from lidarspectra.workflow.delighting import Delighting, take_light_out, with_light_uncertainty
 from lidarspectra.workflow.inputs import Inputs
-from lidarspectra.workflow.lamps_of_run import ScannedRoom, daylight_of_run, lamps_of_run, with_estimated_fluxes
+from lidarspectra.workflow.lamps_of_run import (
+    ScannedRoom,
+    daylight_of_run,
+    lamps_of_run,
+    with_estimated_fluxes,
+    without_names,
+)
 from lidarspectra.workflow.materials_of_run import materials_of_run
 from lidarspectra.workflow.report_of_run import StagesBefore, material_pictures, report_of_run
 from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
+from lidarspectra.workflow.whole_room import missing_in_words, whole_room
 from lidarspectra.workflow.workspace import Notes, Stage, StageResult
 
 REPORT_PAGE = PAGE
@@ -58,6 +65,7 @@ MATERIALS_KEYS = (
     "materials.databases",
     "materials.matching",
     "materials.model",
+    "materials.names",
     "materials.colors",
     "materials.delight",
 )
@@ -90,7 +98,9 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
             progress=repairing,
         )
         finding(0.0, "finding floor, walls and ceiling")
-        found_room = find_room(scan)
+        scan, found_room, _ = whole_room(
+            scan, close_ceiling=section.close_ceiling, close_floor=section.close_floor, close=section.close
+        )
         saving(0.0, "saving")
         save_scan(scan, folder)
         save_room(found_room, folder)
@@ -98,7 +108,7 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
         return Notes(
             summary=f"{record.faces_kept} triangles, {record.area_m2:.0f} m²; room {found_room.area_m2:.1f} m² x "
             f"{found_room.height_m:.2f} m; {record.holes_closed} holes closed "
-            f"({100 * record.hole_area_m2 / record.area_m2:.1f} % of the area)",
+            f"({100 * record.hole_area_m2 / record.area_m2:.1f} % of the area){missing_in_words(record)}",
             warnings=(*record.notes, *scan_notes(section)),
         )
 
@@ -153,8 +163,9 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
     def make(folder: Path, progress: Progress) -> Notes:
         delighting, estimating, saving = shares(progress, (DELIGHTING_SHARE if delight else 0.0, *MATERIALS_SHARES))
         delighting(0.0, "reading scan and views")
-        mesh, found_room = scan.value.scan, scan.value.room
-        unlit = _without_light(given, scan.value, delighting) if delight else None
+        scanned = scan.value if section.names else without_names(scan.value)
+        mesh, found_room = scanned.scan, scanned.room
+        unlit = _without_light(given, scanned, delighting) if delight else None
         materials = materials_of_run(
             mesh,
             views.value,

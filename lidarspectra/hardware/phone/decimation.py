@@ -9,6 +9,7 @@ Garland and Heckbert, "Surface simplification using quadric error metrics", SIGG
 """
 
 from dataclasses import replace
+from typing import TypedDict
 
 import cv2
 import numpy as np
@@ -116,6 +117,7 @@ def _carried(scan: Scan, vertices: FloatArray, faces: IntArray, progress: Progre
             corner_uv=np.zeros((faces.shape[0], 3, 2)),
             corner_color=color,
             known=old.known,
+            **finder.parts(corners, normals),
         )
         return appearance, "The colours were transferred to the corners of the decimated mesh's triangles."
     size = int(np.clip(64 * np.ceil(np.sqrt(old.pixels) / 64), SMALLEST_ATLAS_PX, LARGEST_ATLAS_PX))
@@ -127,8 +129,17 @@ def _carried(scan: Scan, vertices: FloatArray, faces: IntArray, progress: Progre
         corner_uv=atlas.corner_uv,
         corner_color=np.zeros((faces.shape[0], 3, 3)),
         known=old.known,
+        **finder.parts(corners, normals),
     )
     return appearance, f"A new texture of {size} x {size} pixels was drawn for the decimated mesh."
+
+
+class PartFields(TypedDict):
+    """The fields of an `Appearance` that say where a face's colour is from and what it is part of."""
+
+    color_source: IntArray
+    kinds: tuple[str, ...]
+    face_kind: IntArray
 
 
 class _ColorFinder:
@@ -141,6 +152,16 @@ class _ColorFinder:
 
     def find(self, points: FloatArray, normals: FloatArray) -> FloatArray:
         """(n, 3) linear sRGB of the old surface straight below or above (n, 3) points, else of the nearest face."""
+        return self._appearance.sample(*self._places(points, normals))
+
+    def parts(self, corners: FloatArray, normals: FloatArray) -> PartFields:
+        """What the old surface under the middle of each of (face, 3, 3) new triangles is part of."""
+        face, _ = self._places(corners.mean(axis=1), normals)
+        old = self._appearance
+        return {"color_source": old.sources[face], "kinds": old.kinds, "face_kind": old.face_kinds[face]}
+
+    def _places(self, points: FloatArray, normals: FloatArray) -> tuple[IntArray, FloatArray]:
+        """(n,) face of the old surface under each point, and (n, 3) weights of its corners."""
         front = self._caster.nearest(points, normals, max_distance=REACH_M)
         back = self._caster.nearest(points, -normals, max_distance=REACH_M)
         use_front = front.distance < back.distance
@@ -150,7 +171,7 @@ class _ColorFinder:
         if lost.size:
             face[lost] = self._centers.query(points[lost])[1]
             weights[lost] = 1.0 / 3.0
-        return self._appearance.sample(face, weights)
+        return face, weights
 
 
 def _corner_colors(finder: _ColorFinder, corners: FloatArray, normals: FloatArray) -> FloatArray:

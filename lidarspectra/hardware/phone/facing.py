@@ -2,6 +2,7 @@
 
 Each connected piece is first wound consistently. Then rays from both of its sides vote: on the room's side they meet
 other surfaces at some distance, behind a wall they meet nothing, and inside furniture they meet a surface at once.
+Closed bodies that the file names (a wall, a table) need no vote: their outside looks into the room.
 """
 
 import numpy as np
@@ -85,8 +86,27 @@ def faces_to_turn(scan: Scan) -> BoolArray:
         Faces whose winding must be reversed.
     """
     piece, turned = connected_pieces(scan.faces)
-    votes = _votes(scan, piece, np.where(turned, -1.0, 1.0))
+    sign = np.where(turned, -1.0, 1.0)
+    votes = _votes(scan, piece, sign)
+    volume = _volumes(scan, piece, sign)
+    votes = np.where(volume != 0.0, np.sign(volume), votes)
     return np.asarray(turned ^ (votes < -MIN_MAJORITY)[piece], dtype=np.bool_)
+
+
+def _volumes(scan: Scan, piece: IntArray, sign: FloatArray) -> FloatArray:
+    """(piece,) volume of each closed body that the file names [m³], negative where its faces look inwards; else 0."""
+    named = scan.appearance.face_kinds >= 0
+    count = int(piece.max()) + 1
+    if not named.any():
+        return np.zeros(count)
+    starts, ends = scan.faces.ravel(), np.roll(scan.faces, -1, axis=1).ravel()
+    keys = np.minimum(starts, ends) * (int(scan.faces.max()) + 1) + np.maximum(starts, ends)
+    _, inverse, uses = np.unique(keys, return_inverse=True, return_counts=True)
+    open_face = (uses[inverse.ravel()] != 2).reshape(-1, 3).any(axis=1) | ~named
+    closed = np.bincount(piece, weights=open_face, minlength=count) == 0
+    corners = scan.corners - scan.bounds.mean(axis=0)
+    sixth = sign * np.einsum("fc,fc->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+    return np.asarray(np.where(closed, np.bincount(piece, weights=sixth, minlength=count), 0.0), dtype=np.float64)
 
 
 def _votes(scan: Scan, piece: IntArray, sign: FloatArray) -> FloatArray:

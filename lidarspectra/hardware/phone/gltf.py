@@ -33,10 +33,12 @@ from lidarspectra.hardware.phone.gltf_document import (
     parse_document,
     split_glb,
 )
+from lidarspectra.hardware.phone.part_names import part_kind
 from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh, missing_file_notes
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # 3.6.2.2
+MAX_NAMES = 4  # names above a mesh that may say what it is
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # 3.6.2.2
 
 Factor = tuple[float, float, float]
@@ -101,11 +103,12 @@ class _Reading:
 def _read_document(reading: _Reading) -> RawMesh:
     cached: dict[int, list[MeshPart]] = {}
     parts: list[MeshPart] = []
-    for mesh, matrix in _instances(reading):
+    for shape, (mesh, matrix, names) in enumerate(_instances(reading)):
+        described = item(reading.document.meshes, mesh, "mesh", reading.where)
         if mesh not in cached:
-            primitives = item(reading.document.meshes, mesh, "mesh", reading.where).primitives
-            cached[mesh] = [part for primitive in primitives for part in _primitive(reading, primitive)]
-        parts.extend(_transformed(part, matrix) for part in cached[mesh])
+            cached[mesh] = [part for primitive in described.primitives for part in _primitive(reading, primitive)]
+        kind = part_kind((names[0], described.name, *names[1:]))
+        parts.extend(replace(_transformed(part, matrix), kind=kind, shape=shape) for part in cached[mesh])
     missing = missing_file_notes(reading.folder.missing)
     return RawMesh(
         parts=tuple(parts),
@@ -119,27 +122,28 @@ def _read_document(reading: _Reading) -> RawMesh:
 # --- scene graph
 
 
-def _instances(reading: _Reading) -> list[tuple[int, FloatArray]]:
-    """Meshes of the scene, each with its transform to the scene's root, (4, 4)."""
+def _instances(reading: _Reading) -> list[tuple[int, FloatArray, tuple[str | None, ...]]]:
+    """Meshes of the scene, each with its transform to the root, (4, 4), and the names of its node and those above."""
     document, where = reading.document, reading.where
     if document.scenes:
         roots = item(document.scenes, document.scene or 0, "scene", where).nodes
     else:
         inner = {child for node in document.nodes for child in node.children}
         roots = tuple(index for index in range(len(document.nodes)) if index not in inner)
-    waiting = [(root, np.eye(4)) for root in roots]
+    waiting: list[tuple[int, FloatArray, tuple[str | None, ...]]] = [(root, np.eye(4), ()) for root in roots]
     seen: set[int] = set()
-    found: list[tuple[int, FloatArray]] = []
+    found: list[tuple[int, FloatArray, tuple[str | None, ...]]] = []
     while waiting:
-        index, outer = waiting.pop()
+        index, outer, above = waiting.pop()
         node = item(document.nodes, index, "node", where)
         if index in seen:
             raise damaged("nodes that form a tree", f"node {index} below two others", where)
         seen.add(index)
         matrix = outer @ _node_matrix(node)
+        names = (node.name, *above[: MAX_NAMES - 1])
         if node.mesh is not None:
-            found.append((node.mesh, matrix))
-        waiting.extend((child, matrix) for child in reversed(node.children))
+            found.append((node.mesh, matrix, names))
+        waiting.extend((child, matrix, names) for child in reversed(node.children))
     return found
 
 
@@ -202,7 +206,9 @@ def _primitive(reading: _Reading, primitive: Primitive) -> list[MeshPart]:
         if "COLOR_0" in primitive.attributes:
             reading.notes["Vertex colours were ignored where a surface also has a texture."] = None
         return [MeshPart(vertices=vertices, faces=faces, image=surface.image, corner_uv=corner_uv)]
-    return [MeshPart(vertices=vertices, faces=faces, corner_color=_corner_color(reading, primitive, surface, faces))]
+    color = _corner_color(reading, primitive, surface, faces)
+    flat = "COLOR_0" not in primitive.attributes
+    return [MeshPart(vertices=vertices, faces=faces, corner_color=color, flat_color=flat)]
 
 
 def _triangles(numbers: IntArray, mode: int, where: str) -> IntArray:

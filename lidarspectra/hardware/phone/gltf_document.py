@@ -106,6 +106,7 @@ class MaterialExtensions(Part):
 class Material(Part):
     """A material (5.19)."""
 
+    name: str | None = None
     pbr_metallic_roughness: Pbr = Pbr()
     emissive_texture: TextureInfo | None = None
     extensions: MaterialExtensions = MaterialExtensions()
@@ -150,12 +151,14 @@ class Primitive(Part):
 class Mesh(Part):
     """A mesh (5.23)."""
 
+    name: str | None = None
     primitives: tuple[Primitive, ...]
 
 
 class Node(Part):
     """A node of the scene graph (5.25)."""
 
+    name: str | None = None
     children: tuple[Index, ...] = ()
     mesh: Index | None = None
     matrix: Annotated[tuple[float, ...], Field(min_length=16, max_length=16)] | None = None

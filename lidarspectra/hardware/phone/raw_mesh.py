@@ -3,7 +3,7 @@
 import re
 import struct
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import Literal
 from urllib.parse import unquote
@@ -12,8 +12,9 @@ import numpy as np
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
-from lidarspectra.geometry.scan import Appearance
+from lidarspectra.geometry.appearance import DRAWN, NO_COLOR, PHOTOGRAPHED, Appearance
 from lidarspectra.geometry.textures import check_texture_total, decode_image
+from lidarspectra.hardware.phone.part_names import AIR, ROOM_KIND, counted_kinds
 
 Unit = Literal["m", "cm", "mm", "in", "ft"]
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
@@ -48,6 +49,12 @@ class MeshPart:
         Texture coordinates, v up. [1]
     corner_color : (face, 3, 3) float or None
         sRGB-encoded colours. [0-1]
+    flat_color : bool
+        Whether the colour is the one value of a material, rather than one measured at each corner.
+    kind : str
+        What its name in the file says that it is (`part_names.KIND_WORDS`); empty where it says nothing.
+    shape : int
+        Number of the shape in the file that it belongs to: a shape of several materials has several parts.
     """
 
     vertices: FloatArray
@@ -55,6 +62,9 @@ class MeshPart:
     image: int = -1
     corner_uv: FloatArray | None = None
     corner_color: FloatArray | None = None
+    flat_color: bool = False
+    kind: str = ""
+    shape: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -236,7 +246,8 @@ def join_parts(raw: RawMesh, *, where: str) -> JoinedMesh:
     ScanError
         If there is no triangle, there are too many, a corner names no vertex, or a used position is not finite.
     """
-    parts = [part for part in raw.parts if part.faces.size]
+    named, part_notes = _named_parts(raw.parts)
+    parts = [part for part in named if part.faces.size]
     count = sum(part.faces.shape[0] for part in parts)
     _check_face_count(count, where=where)
     for part in parts:
@@ -250,8 +261,28 @@ def join_parts(raw: RawMesh, *, where: str) -> JoinedMesh:
         vertices=np.concatenate([part.vertices for part in parts])[used].astype(np.float64),
         faces=numbered.reshape(-1, 3).astype(np.int64),
         appearance=appearance,
-        notes=raw.notes + notes,
+        notes=raw.notes + part_notes + notes,
     )
+
+
+def _named_parts(parts: tuple[MeshPart, ...]) -> tuple[tuple[MeshPart, ...], tuple[str, ...]]:
+    """Parts with the kinds that their names say, if the file is a room model, without those that are air; and notes."""
+    if not any(part.kind == ROOM_KIND for part in parts):
+        return tuple(replace(part, kind="") for part in parts), ()
+    solid = tuple(part for part in parts if part.kind != AIR)
+    shapes = {part.shape: part.kind or "unnamed part" for part in solid}
+    notes = [
+        f"The file is a room model with named parts: {counted_kinds(shapes.values())}."
+        " Names count as evidence of materials. Where a named part has no photographed colour it gets the typical"
+        " reflectance of such things; write names = false under [materials] to use the file's own colours."
+    ]
+    openings = len({part.shape for part in parts if part.kind == AIR})
+    if openings:
+        notes.append(
+            f"{openings} openings in walls are drawn as shapes of their own; they were left out, because"
+            " they are air. If the wall behind one is drawn whole, no light passes there."
+        )
+    return solid, tuple(notes)
 
 
 def _check_face_count(count: int, *, where: str) -> None:
@@ -297,7 +328,10 @@ def _join_appearance(parts: list[MeshPart], images: tuple[ByteArray, ...]) -> tu
     face_image = np.full(total, -1, dtype=np.int64)
     corner_uv = np.zeros((total, 3, 2))
     corner_color = np.full((total, 3, 3), NEUTRAL_COLOR)
-    uncolored = start = 0
+    source = np.full(total, PHOTOGRAPHED)
+    kinds = tuple(dict.fromkeys(part.kind for part in parts if part.kind))
+    face_kind = np.full(total, -1, dtype=np.int64)
+    unnamed = uncolored = start = 0
     for part in parts:
         span = slice(start, start + part.faces.shape[0])
         start = span.stop
@@ -307,26 +341,33 @@ def _join_appearance(parts: list[MeshPart], images: tuple[ByteArray, ...]) -> tu
             face_image[span] = part.image
             corner_uv[span] = part.corner_uv
         elif part.corner_color is None:
+            source[span] = NO_COLOR
             uncolored += part.faces.shape[0]
+            unnamed += part.faces.shape[0] if not part.kind else 0
+        elif part.flat_color and part.kind:
+            source[span] = DRAWN
+        if part.kind:
+            face_kind[span] = kinds.index(part.kind)
     sound = (np.abs(corner_uv) <= MAX_COORDINATE).all(axis=(1, 2))  # False for NaN, too
     broken = ~sound | ~np.isfinite(corner_color).all(axis=(1, 2))
     bad = int(broken.sum())
     face_image[broken], corner_uv[broken], corner_color[broken] = -1, 0.0, NEUTRAL_COLOR
+    source[broken] = NO_COLOR
     notes = []
     if bad:
         notes.append(
             f"{bad} triangles have texture coordinates or colours that are not finite numbers, so a neutral gray was"
             " used for them. Export the scan again if this is a large part of the room."
         )
-    if uncolored == total:
+    if uncolored == total and unnamed:
         notes.append(
             "The file has no colour, so all surfaces were given a neutral gray and their materials cannot be estimated"
             " from it. Export the scan with a texture or vertex colours, or assign materials in a file."
         )
-    elif uncolored:
+    elif unnamed:
         notes.append(
-            f"{uncolored} of {total} triangles have no colour, so a neutral gray was used for them; reflectances there"
-            " are guesses. Export the scan with a complete texture if this is a large part of the room."
+            f"{unnamed} of {total} triangles have no colour and no name, so they get the default material; reflectances"
+            " there are guesses. Export the scan with a complete texture if this is a large part of the room."
         )
     appearance = Appearance(
         images=images,
@@ -334,5 +375,8 @@ def _join_appearance(parts: list[MeshPart], images: tuple[ByteArray, ...]) -> tu
         corner_uv=corner_uv,
         corner_color=np.clip(corner_color, 0.0, 1.0),
         known=uncolored < total,
+        color_source=source,
+        kinds=kinds,
+        face_kind=face_kind,
     )
     return appearance, tuple(notes)

@@ -83,7 +83,7 @@ def repair_scan(
     closing(0.0, "closing holes")
     loops, loose_edges = find_loops(scan.faces)
     scan = _closed(scan, loops, loose_edges, max_hole_m if close_holes else 0.0, closing)
-    if flatten:
+    if flatten and not scan.appearance.is_drawn:  # a model's planes are flat, and 3 mm between two of them are meant
         scan = flatten_scan(scan, progress=flattening)
     if max_faces is not None:
         scan = decimate(scan, max_faces, progress=decimating)
@@ -173,6 +173,7 @@ def _closed(scan: Scan, loops: Sequence[Loop], loose_edges: int, max_hole_m: flo
     piece_area = np.bincount(piece, weights=scan.areas)
     fills: list[IntArray] = []
     colors: list[FloatArray] = []
+    beside: list[IntArray] = []
     closed_area = longest_open = 0.0
     closed = left_open = 0
     for done, loop in enumerate(loops):
@@ -192,6 +193,7 @@ def _closed(scan: Scan, loops: Sequence[Loop], loose_edges: int, max_hole_m: flo
         closed_area += area
         fills.append(loop.vertices[triangles])
         colors.append(_rim_colors(scan, loop)[triangles])
+        beside.append(np.full(len(triangles), loop.faces[0]))
     notes = scan.record.notes
     if loose_edges:
         notes += (
@@ -213,7 +215,9 @@ def _closed(scan: Scan, loops: Sequence[Loop], loose_edges: int, max_hole_m: flo
     )
     if not fills:
         return replace(scan, record=record)
-    return _with_faces(replace(scan, record=record), np.concatenate(fills), np.concatenate(colors))
+    return _with_faces(
+        replace(scan, record=record), np.concatenate(fills), np.concatenate(colors), np.concatenate(beside)
+    )
 
 
 def _fill(points: FloatArray) -> IntArray | None:
@@ -226,14 +230,17 @@ def _rim_colors(scan: Scan, loop: Loop) -> FloatArray:
     return encode_srgb(0.5 * (beside + np.roll(beside, 1, axis=0)))
 
 
-def _with_faces(scan: Scan, faces: IntArray, corner_color: FloatArray) -> Scan:
-    old = scan.appearance
+def _with_faces(scan: Scan, faces: IntArray, corner_color: FloatArray, beside: IntArray) -> Scan:
+    """A scan with faces that close holes; each is part of what the face beside it is part of."""
     count = faces.shape[0]
-    appearance = Appearance(
-        images=old.images,
-        face_image=np.concatenate([old.face_image, np.full(count, -1)]),
-        corner_uv=np.concatenate([old.corner_uv, np.zeros((count, 3, 2))]),
-        corner_color=np.concatenate([old.corner_color, corner_color]),
-        known=old.known,
+    added = Appearance(
+        images=(),
+        face_image=np.full(count, -1),
+        corner_uv=np.zeros((count, 3, 2)),
+        corner_color=corner_color,
+        known=scan.appearance.known,
+        color_source=scan.appearance.sources[beside],
+        kinds=scan.appearance.kinds,
+        face_kind=scan.appearance.face_kinds[beside],
     )
-    return replace(scan, faces=np.concatenate([scan.faces, faces]), appearance=appearance)
+    return replace(scan, faces=np.concatenate([scan.faces, faces]), appearance=scan.appearance.with_more(added))

@@ -8,19 +8,23 @@ Pixar, "UsdGeomMesh" and "UsdPreviewSurface Specification" (OpenUSD documentatio
 Specification".
 """
 
+import itertools
+import logging
 import re
 import zipfile
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.textures import check_texture_total, decode_image, tint_image
+from lidarspectra.hardware.phone.part_names import part_kind
 from lidarspectra.hardware.phone.raw_mesh import (
     MAX_FILE_BYTES,
     PARSER_FAULTS,
@@ -38,6 +42,15 @@ from lidarspectra.spectra.colorimetry import encode_srgb
 METRES_OF_UNIT: tuple[tuple[float, Unit], ...] = (
     (1.0, "m"), (0.01, "cm"), (0.001, "mm"), (0.0254, "in"), (0.3048, "ft"),
 )  # fmt: skip
+BOX_CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))  # x slowest
+BOX_FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+     [1, 5, 7], [1, 7, 3]]
+)  # fmt: skip  # counter-clockwise from outside, two triangles a side
+# RoomPlan's walls are .1 mm thick, its doors .5 mm and in the same plane: nothing tells their two sides apart.
+WALL_THICKNESS_M, INSET_THICKNESS_M = 0.01, 0.016  # [m] least; what is set into a wall stands 3 mm before it
+INSETS = ("door", "window")
+_log = logging.getLogger(__name__)
 _UP: dict[str, Axis] = {"Y": "+y", "Z": "+z"}
 _UV_NAMES = ("st", "st0", "UVMap", "map1", "uv")  # primvars that exporters use if the material names none
 _BINARY_MAGIC = b"PXR-USDC"
@@ -65,9 +78,11 @@ class _Reading:
     path: Path
     folder: FileFolder
     time: Usd.TimeCode
+    metres_per_unit: float
     images: list[ByteArray] = field(default_factory=list)
     numbers: dict[tuple[str, tuple[float, float, float]], int] = field(default_factory=dict)
     missing: dict[str, None] = field(default_factory=dict)
+    left_out: Counter[str] = field(default_factory=Counter)
 
 
 def read_usd(path: Path) -> RawMesh:
@@ -91,6 +106,8 @@ def read_usd(path: Path) -> RawMesh:
     where = path.name
     _check_package(path)
     folder = FileFolder(root=path.parent, where=where)
+    # As long as it lives, it takes what the library would otherwise print: one warning a shape in some exports.
+    warnings = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         root = Sdf.Layer.FindOrOpen(str(path))
         if root is None:
@@ -98,13 +115,18 @@ def read_usd(path: Path) -> RawMesh:
         _check_layers(root, path)
         stage = Usd.Stage.Open(root)
         # A scan is static; if positions are animated, the first ones are used.
-        reading = _Reading(path=path, folder=folder, time=Usd.TimeCode.EarliestTime())
-        parts = tuple(part for prim in _mesh_prims(stage) for part in _mesh_parts(reading, prim))
+        metres = float(UsdGeom.GetStageMetersPerUnit(stage))
+        reading = _Reading(path=path, folder=folder, time=Usd.TimeCode.EarliestTime(), metres_per_unit=metres)
+        parts = tuple(
+            part for number, prim in enumerate(_shapes(reading, stage)) for part in _parts(reading, prim, number)
+        )
         declared_unit = _declared_unit(stage)
         up = _UP.get(str(UsdGeom.GetStageUpAxis(stage)))
     except _FAULTS as cause:
         raise malformed(cause, kind="USD", where=where) from cause
-    notes = missing_file_notes(reading.missing)
+    finally:
+        _log_warnings(warnings, where)
+    notes = (*missing_file_notes(reading.missing), *_left_out_notes(reading.left_out))
     return RawMesh(parts=parts, images=tuple(reading.images), unit=declared_unit, up=up, notes=notes)
 
 
@@ -172,10 +194,81 @@ def _declared_unit(stage: Usd.Stage) -> Unit | None:
     return next((unit for size, unit in METRES_OF_UNIT if abs(metres - size) < 1e-3 * size), None)
 
 
-def _mesh_prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+def _log_warnings(warnings: UsdUtils.CoalescingDiagnosticDelegate, where: str) -> None:
+    """Log what the library warned of, each kind of warning once, with how often it came."""
+    counts: Counter[str] = Counter()
+    example: dict[str, str] = {}
+    for warning in warnings.TakeUncoalescedDiagnostics():
+        counts[warning.sourceFunction] += 1
+        example.setdefault(warning.sourceFunction, warning.commentary)
+    for function, count in counts.items():
+        _log.info("%s: the USD library warned %d times like this: %s", where, count, example[function])
+
+
+def _left_out_notes(left_out: Counter[str]) -> tuple[str, ...]:
+    if not left_out:
+        return ()
+    words = ", ".join(f"{count} {name}" for name, count in sorted(left_out.items()))
+    return (
+        f"{left_out.total()} shapes in the file were left out ({words}), because only visible meshes and cubes are"
+        " read. Convert them to meshes in the program that made the file if they reflect light.",
+    )
+
+
+def _shapes(reading: _Reading, stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """Visible meshes and boxes; other shapes are counted."""
     for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
-        if prim.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(prim).ComputeVisibility() != UsdGeom.Tokens.invisible:
+        if not prim.IsA(UsdGeom.Gprim):
+            continue
+        if UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
+            reading.left_out["invisible"] += 1
+        elif prim.IsA(UsdGeom.Mesh) or prim.IsA(UsdGeom.Cube):
             yield prim
+        else:
+            reading.left_out[str(prim.GetTypeName())] += 1
+
+
+def _parts(reading: _Reading, prim: Usd.Prim, number: int) -> Iterator[MeshPart]:
+    """The triangles of a shape, with what its name and its groups' say that it is."""
+    kind = part_kind(_names(prim))
+    found = _box_part(reading, prim, kind) if prim.IsA(UsdGeom.Cube) else _mesh_parts(reading, prim)
+    for part in found:
+        yield replace(part, kind=kind, shape=number)
+
+
+def _thickening(sides: FloatArray, least: float) -> FloatArray:
+    """(3,) factors that make a box's sides at least so long; a side of no length at all stays, and makes a sheet."""
+    return np.maximum(1.0, least / np.where(sides > 0, sides, np.inf))
+
+
+def _names(prim: Usd.Prim) -> Iterator[str]:
+    """A prim's name and those above it; the root's, which names the whole scene, is left out."""
+    while prim and not prim.GetParent().IsPseudoRoot():
+        yield prim.GetName()
+        prim = prim.GetParent()
+
+
+def _box_part(reading: _Reading, prim: Usd.Prim, kind: str) -> Iterator[MeshPart]:
+    """The twelve triangles of a cube, scaled to a box by its transform, as RoomPlan writes walls and furniture."""
+    least = (INSET_THICKNESS_M if kind in INSETS else WALL_THICKNESS_M) / reading.metres_per_unit
+    size = UsdGeom.Cube(prim).GetSizeAttr().Get(reading.time)
+    numbers, faces = BOX_FACES.ravel(), BOX_FACES
+    matrix = _to_world(reading, prim)
+    with np.errstate(invalid="ignore", over="ignore"):  # what is not finite then is refused with the whole mesh
+        half = 0.5 * float(size) * _thickening(np.abs(float(size)) * np.linalg.norm(matrix[:3, :3], axis=1), least)
+        vertices = (half * BOX_CORNERS) @ matrix[:3, :3] + matrix[3, :3]
+    if np.linalg.det(matrix[:3, :3]) < 0:
+        faces = faces[:, ::-1]
+    corners = np.arange(numbers.size).reshape(-1, 3)
+    color = _display_color(reading, prim, corners, numbers, np.arange(len(faces)) // 2)
+    if color is None:
+        color = _flat_color(UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0], len(faces))
+    yield MeshPart(vertices=vertices, faces=faces, corner_color=color, flat_color=True)
+
+
+def _to_world(reading: _Reading, prim: Usd.Prim) -> FloatArray:
+    """(4, 4) for row vectors: position times matrix, as the library has it."""
+    return np.array(UsdGeom.XformCache(reading.time).GetLocalToWorldTransform(prim), dtype=np.float64)
 
 
 def _mesh_parts(reading: _Reading, prim: Usd.Prim) -> Iterator[MeshPart]:
@@ -186,8 +279,7 @@ def _mesh_parts(reading: _Reading, prim: Usd.Prim) -> Iterator[MeshPart]:
     numbers = np.array(mesh.GetFaceVertexIndicesAttr().Get(reading.time) or [], dtype=np.int64)
     if sizes.sum() != numbers.size or (sizes < 0).any():
         raise ValueError(f"faces of {sizes.sum()} corners, but {numbers.size} corner numbers")
-    # Row vectors: position times matrix, as the library has it.
-    matrix = np.array(UsdGeom.XformCache(reading.time).GetLocalToWorldTransform(prim), dtype=np.float64)
+    matrix = _to_world(reading, prim)
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite then is refused with the whole mesh
         vertices = points @ matrix[:3, :3] + matrix[3, :3]
     corners, polygon = _fans(sizes)
@@ -200,17 +292,18 @@ def _mesh_parts(reading: _Reading, prim: Usd.Prim) -> Iterator[MeshPart]:
         texture = _texture(material)
         image = -1 if texture is None else _image_number(reading, texture)
         uv = None if texture is None or image < 0 else _uv(reading, prim, texture, corners, numbers, polygon)
-        color = None
+        color, flat = None, False
         if uv is None:
             color = _display_color(reading, prim, corners, numbers, polygon)
             if color is None and texture is None:
-                color = _flat_color(material, corners.shape[0])
+                color, flat = _flat_color(material, corners.shape[0]), True
         yield MeshPart(
             vertices=vertices,
             faces=numbers[corners][chosen],
             image=image if uv is not None else -1,
             corner_uv=None if uv is None else uv[chosen],
             corner_color=None if color is None else color[chosen],
+            flat_color=flat,
         )
 
 

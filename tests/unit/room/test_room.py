@@ -135,7 +135,7 @@ def test_a_room_in_millimetres_taken_for_metres_is_still_a_room_but_a_tiny_one_i
 def test_an_upright_sheet_has_no_floor(builder) -> None:
     room = builder()
     room.rectangle([0, 0, 0], [3, 0, 0], [0, 0, 2.5])
-    with pytest.raises(ScanError, match="no level surface"):
+    with pytest.raises(ScanError, match="no level surface that faces up, and no walls"):
         find_room(room.scan())
 
 

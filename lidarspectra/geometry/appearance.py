@@ -1,0 +1,213 @@
+"""What a scan's file says of every face: its colour, where that is from, and what the face is part of."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray, float_array, int_array
+from lidarspectra.errors import ArrayError
+from lidarspectra.geometry.textures import mean_texture_colors, sample_image
+from lidarspectra.spectra.colorimetry import decode_srgb
+
+PHOTOGRAPHED, DRAWN, NO_COLOR = 0, 1, 2  # where a face's colour is from: see `Appearance.color_source`
+MAX_PHOTOGRAPHED = 0.2  # share of the faces of a model of a room whose colour is a photograph's
+CLOSED_KINDS = ("closed ceiling", "closed floor", "closed side")  # kinds of parts that close a room; no file has them
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Appearance:
+    """The colour of every face: a texture image with coordinates, or colours at its corners.
+
+    Parameters
+    ----------
+    images : tuple of (height, width, 3) uint8
+        Texture images, sRGB encoded, first row at the top.
+    face_image : (face,) int
+        Which image a face takes its colour from; -1 where it has corner colours instead.
+    corner_uv : (face, 3, 2) float
+        Texture coordinates of each corner, v up (0, 0 is the lower left). [1]
+    corner_color : (face, 3, 3) float
+        sRGB-encoded colour of each corner, used where `face_image` is -1. [0-1]
+    known : bool
+        False where the file held no colour at all (an STL); the corner colours are then a neutral gray.
+    color_source : (face,) int, optional
+        PHOTOGRAPHED, DRAWN (the one flat colour that a program gave a named part, as room models have it) or NO_COLOR
+        (the corner colours are then a neutral gray). By default all are photographed, or none has colour.
+    kinds : tuple of str
+        Kinds of parts that the file names ('wall', 'door', ...), and that `face_kind` counts.
+    face_kind : (face,) int, optional
+        What each face is part of; -1, the default, where the file does not say.
+    """
+
+    images: tuple[ByteArray, ...]
+    face_image: IntArray
+    corner_uv: FloatArray
+    corner_color: FloatArray
+    known: bool = True
+    color_source: IntArray | None = None
+    kinds: tuple[str, ...] = ()
+    face_kind: IntArray | None = None
+
+    def __post_init__(self) -> None:
+        face_image = int_array(self.face_image, name="Appearance.face_image", shape=(None,))
+        count = face_image.size
+        uv = float_array(self.corner_uv, name="Appearance.corner_uv", shape=(count, 3, 2))
+        color = float_array(self.corner_color, name="Appearance.corner_color", shape=(count, 3, 3))
+        if count and (face_image.min() < -1 or face_image.max() >= len(self.images)):
+            raise ArrayError(
+                expected=f"image numbers from -1 to {len(self.images) - 1}",
+                found=f"{face_image.min()} to {face_image.max()}",
+                where="Appearance.face_image",
+            )
+        for image in self.images:
+            if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+                raise ArrayError(
+                    expected="(height, width, 3) uint8 images",
+                    found=f"{image.shape} {image.dtype}",
+                    where="Appearance.images",
+                )
+        if self.color_source is None:
+            source = np.full(count, PHOTOGRAPHED if self.known else NO_COLOR)
+        else:
+            source = int_array(self.color_source, name="Appearance.color_source", shape=(count,))
+        given = np.full(count, -1) if self.face_kind is None else self.face_kind
+        kind = int_array(given, name="Appearance.face_kind", shape=(count,))
+        if count and (kind.min() < -1 or kind.max() >= len(self.kinds)):
+            raise ArrayError(
+                expected=f"kinds of parts from -1 to {len(self.kinds) - 1}",
+                found=f"{kind.min()} to {kind.max()}",
+                where="Appearance.face_kind",
+            )
+        object.__setattr__(self, "color_source", source)
+        object.__setattr__(self, "face_kind", kind)
+        object.__setattr__(self, "images", tuple(_read_only(image) for image in self.images))
+        object.__setattr__(self, "face_image", face_image)
+        object.__setattr__(self, "corner_uv", uv)
+        object.__setattr__(self, "corner_color", color)
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels of all images together."""
+        return sum(image.shape[0] * image.shape[1] for image in self.images)
+
+    def sample(self, faces: IntArray, barycentric: FloatArray) -> FloatArray:
+        """Colour at points on faces: bilinear in the texture, linear between corner colours, both in linear light.
+
+        Parameters
+        ----------
+        faces : (n,) int
+            On which face each point lies.
+        barycentric : (n, 3) float
+            Weights of the face's corners. [1]
+
+        Returns
+        -------
+        color : (n, 3) float
+            Linear sRGB. [0-1]
+        """
+        color = np.empty((faces.size, 3))
+        image_numbers = self.face_image[faces]
+        for number in np.unique(image_numbers):
+            chosen = np.flatnonzero(image_numbers == number)
+            corners = faces[chosen]
+            if number >= 0:
+                uv = np.einsum("nk,nkc->nc", barycentric[chosen], self.corner_uv[corners])
+                color[chosen] = sample_image(self.images[number], uv)
+            else:
+                linear = decode_srgb(self.corner_color[corners])
+                color[chosen] = np.einsum("nk,nkc->nc", barycentric[chosen], linear)
+        return color
+
+    def face_colors(self) -> FloatArray:
+        """(face, 3) mean linear sRGB [0-1] of each face: the texture averaged over the face's area."""
+        return self._face_colors
+
+    @cached_property
+    def _face_colors(self) -> FloatArray:
+        colors = np.empty((self.face_image.size, 3))
+        for number in np.unique(self.face_image):
+            chosen = np.flatnonzero(self.face_image == number)
+            if number >= 0:
+                colors[chosen] = mean_texture_colors(self.images[number], self.corner_uv[chosen])
+            else:
+                colors[chosen] = decode_srgb(self.corner_color[chosen]).mean(axis=1)
+        colors.flags.writeable = False
+        return colors
+
+    def select(self, faces: IntArray) -> "Appearance":
+        """The appearance of some faces, (n,) int, in that order; images are shared."""
+        return Appearance(
+            images=self.images,
+            face_image=self.face_image[faces],
+            corner_uv=self.corner_uv[faces],
+            corner_color=self.corner_color[faces],
+            known=self.known,
+            color_source=self.sources[faces],
+            kinds=self.kinds,
+            face_kind=self.face_kinds[faces],
+        )
+
+    @property
+    def sources(self) -> IntArray:
+        """(face,) where each face's colour is from: PHOTOGRAPHED, DRAWN or NO_COLOR."""
+        assert self.color_source is not None  # set where it is made
+        return self.color_source
+
+    @property
+    def face_kinds(self) -> IntArray:
+        """(face,) what each face is part of, a place in `kinds`; -1 where the file does not say."""
+        assert self.face_kind is not None  # set where it is made
+        return self.face_kind
+
+    @property
+    def photographed(self) -> BoolArray:
+        """(face,) whether a face's colour shows light on a real surface."""
+        return np.asarray(self.sources == PHOTOGRAPHED, dtype=np.bool_)
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether this is a model of a room, with named walls and hardly a photographed colour, rather than a mesh."""
+        return "wall" in self.kinds and float(self.photographed.mean()) < MAX_PHOTOGRAPHED
+
+    def of_kind(self, *kinds: str) -> BoolArray:
+        """(face,) whether the file says that a face is part of one of these kinds of things."""
+        wanted = [place for place, name in enumerate(self.kinds) if name in kinds]
+        return np.isin(self.face_kinds, wanted)
+
+    def without_names(self) -> "Appearance":
+        """The same as if the file named no parts: drawn colours count as colours of surfaces."""
+        return replace(
+            self,
+            color_source=np.where(self.sources == DRAWN, PHOTOGRAPHED, self.sources),
+            face_kind=np.where(self.of_kind(*CLOSED_KINDS), self.face_kinds, -1),
+        )
+
+    def darkened(self, faces: BoolArray) -> "Appearance":
+        """The same with (face,) faces black."""
+        return replace(
+            self,
+            face_image=np.where(faces, -1, self.face_image),
+            corner_color=np.where(faces[:, None, None], 0.0, self.corner_color),
+        )
+
+    def with_more(self, other: "Appearance") -> "Appearance":
+        """The same followed by the faces of another that has no images of its own."""
+        kinds = (*self.kinds, *(name for name in other.kinds if name not in self.kinds))
+        place = np.array([kinds.index(name) for name in other.kinds] + [-1])  # the last is what -1 finds
+        return Appearance(
+            images=self.images,
+            face_image=np.concatenate([self.face_image, other.face_image]),
+            corner_uv=np.concatenate([self.corner_uv, other.corner_uv]),
+            corner_color=np.concatenate([self.corner_color, other.corner_color]),
+            known=self.known,
+            color_source=np.concatenate([self.sources, other.sources]),
+            kinds=kinds,
+            face_kind=np.concatenate([self.face_kinds, place[other.face_kinds]]),
+        )
+
+
+def _read_only(image: ByteArray) -> ByteArray:
+    view = image.view()
+    view.flags.writeable = False
+    return view

@@ -1,0 +1,248 @@
+"""Closing a room whose scan is not whole: a ceiling or floor that is missing, an end or a side that is open.
+
+Around the room found in the scan a shell is thought: its outline, drawn a little outwards, from floor to ceiling. Rays
+from the room's free space that leave the scan meet the shell somewhere; those parts of it are what is missing. A
+missing ceiling or floor is a whole plate of the shell, at the height where the walls end.
+"""
+
+import itertools
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from lidarspectra.geometry.appearance import CLOSED_KINDS, NO_COLOR, Appearance
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.room.free_space import FreeSpace, sphere_directions
+from lidarspectra.room.plan_cells import PlanMask, outlines
+from lidarspectra.room.room import Room
+
+CEILING, FLOOR, SIDE = range(3)  # places in `CLOSED_KINDS`
+PIXEL_M = 0.05  # [m] of the plan that the shell stands around
+CELL_M = 0.25  # [m] of the shell: what is kept of it follows an opening to within this
+BEYOND_M = 0.12  # [m] the shell lies so far outside the outline and the scanned ceiling: behind uneven walls
+OVERLAP_M = 0.2  # [m] a plate goes so far beyond the outline, so that no slit is left at a wall
+NEUTRAL_COLOR = 0.735  # sRGB-encoded; linear 0.5, as for all surfaces without colour
+BRIDGED_M = 0.4  # [m] rooms no farther apart have one shell: what is between them is a wall
+MIN_HITS = 5  # rays that leave by a square of the shell, from which it is closed: fewer are cracks of the mesh
+ROUNDS = 2  # of closing: what the first leaves open is mostly seen past its edges
+TRIED_POINTS = 600
+SEEN_FROM = 150  # points of the room's free space that openings are looked for from
+HEIGHTS = (0.2, 0.5, 0.8)  # of the room's height, at which they lie
+DIRECTIONS = sphere_directions(1024)
+SEED = 20241123  # of their places; the same scan is closed in the same way
+
+
+@dataclass(frozen=True, kw_only=True)
+class Openness:
+    """How open a scan is: shares of the directions that leave it, as its free space sees them on average.
+
+    Parameters
+    ----------
+    up, down, aside : float
+        Through a missing ceiling, floor or side, of all directions. [0-1]
+    closed_ceiling_m2, closed_floor_m2, closed_side_m2 : float
+        Area of what was closed; 0 where nothing was. [m²]
+    """
+
+    up: float = 0.0
+    down: float = 0.0
+    aside: float = 0.0
+    closed_ceiling_m2: float = 0.0
+    closed_floor_m2: float = 0.0
+    closed_side_m2: float = 0.0
+
+    @property
+    def closed_m2(self) -> float:
+        """Area of all that was closed [m²]."""
+        return self.closed_ceiling_m2 + self.closed_floor_m2 + self.closed_side_m2
+
+    @property
+    def total(self) -> float:
+        """Share of all directions that leave the scan [0-1]."""
+        return self.up + self.down + self.aside
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Shell:
+    """Squares, two triangles each, one after the other, whose fronts look into the room.
+
+    Parameters
+    ----------
+    corners : (square, 4, 3) float
+        [m]
+    kind : (square,) int
+        Of `CLOSED_KINDS`.
+    """
+
+    corners: FloatArray
+    kind: IntArray
+
+    def some(self, chosen: BoolArray) -> "_Shell":
+        """Those squares that are chosen, (square,) bool."""
+        return _Shell(corners=self.corners[chosen], kind=self.kind[chosen])
+
+    @property
+    def vertices(self) -> FloatArray:
+        """(4 square, 3) corners, those of each square together [m]."""
+        return self.corners.reshape(-1, 3)
+
+    @property
+    def faces(self) -> IntArray:
+        """(2 square, 3) triangles."""
+        start = 4 * np.arange(len(self.corners))[:, None, None]
+        return np.asarray((start + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3), dtype=np.int64)
+
+
+def close_room(
+    scan: Scan, room: Room, *, ceiling: bool = True, floor: bool = True, sides: bool = False
+) -> tuple[Scan, Openness]:
+    """Close what the scan of a room lacks.
+
+    Parameters
+    ----------
+    scan : Scan
+        Repaired.
+    room : Room
+        In it.
+    ceiling, floor : bool
+        Close a ceiling, or a floor, of which the scan shows nothing, at the height where the walls end.
+    sides : bool
+        Close all that is open as the room's free space sees it: sides, ends, and parts of ceiling and floor.
+
+    Returns
+    -------
+    scan : Scan
+        With faces of the kinds `CLOSED_KINDS`, which have no colour.
+    openness : Openness
+        What is still open then, and the area of what was closed.
+    """
+    points = _free_points(scan, room)
+    plan = _plan_around(room)
+    closed = scan
+    if ceiling and room.ceiling_confidence == 0.0:
+        closed = _with_squares(closed, _plate(plan, room.ceiling_z, CEILING))
+    if floor and room.floor_confidence == 0.0:
+        closed = _with_squares(closed, _plate(plan, room.floor_z, FLOOR))
+    shell = _shell(plan, room)
+    hits = _hits(closed, shell, points)
+    for _ in range(ROUNDS if sides else 0):
+        wanted = hits >= MIN_HITS
+        if not wanted.any():
+            break
+        closed = _with_squares(closed, shell.some(wanted))
+        hits = _hits(closed, shell, points)
+    share = np.bincount(shell.kind, weights=hits, minlength=len(CLOSED_KINDS)) / max(1, len(points) * len(DIRECTIONS))
+    area = [float(closed.areas[closed.appearance.of_kind(kind)].sum()) for kind in CLOSED_KINDS]
+    return closed, Openness(
+        up=float(share[CEILING]),
+        down=float(share[FLOOR]),
+        aside=float(share[SIDE]),
+        closed_ceiling_m2=area[CEILING],
+        closed_floor_m2=area[FLOOR],
+        closed_side_m2=area[SIDE],
+    )
+
+
+def _free_points(scan: Scan, room: Room) -> FloatArray:
+    """(point, 3) places in the room's free space, at `HEIGHTS` [m]; anywhere in its plan if none is free."""
+    generator = np.random.default_rng(SEED)
+    corners = np.concatenate(room.outlines)
+    tried = generator.uniform(corners.min(axis=0), corners.max(axis=0), (TRIED_POINTS, 2))
+    tried = tried[room.in_plan(tried)]
+    height = room.floor_z + room.height_m * np.resize(HEIGHTS, len(tried))
+    points = np.column_stack([tried, height])
+    free = points[FreeSpace(scan, room).inside(points)] if len(points) else points
+    return (free if len(free) else points)[:SEEN_FROM]
+
+
+def _plan_around(room: Room) -> PlanMask:
+    """The plan of all rooms together, grown by `BEYOND_M`; walls and doorways between them belong to it."""
+    corners = np.concatenate(room.outlines)
+    margin = BEYOND_M + OVERLAP_M + BRIDGED_M + 2 * CELL_M
+    origin = corners.min(axis=0) - margin
+    columns, rows = (np.ceil((corners.max(axis=0) + margin - origin) / PIXEL_M).astype(int) + 1).tolist()
+    image = np.zeros((rows, columns), dtype=np.uint8)
+    for outline in room.outlines:
+        cv2.fillPoly(image, [np.rint((outline - origin) / PIXEL_M).astype(np.int32)], 1)
+    image = cv2.morphologyEx(image, cv2.MORPH_CLOSE, _disc(BRIDGED_M))
+    image = cv2.dilate(image, _disc(2 * BEYOND_M))
+    return PlanMask(inside=image.astype(bool), origin=origin, cell_m=PIXEL_M)
+
+
+def _disc(diameter_m: float) -> ByteArray:
+    size = round(diameter_m / PIXEL_M) | 1
+    disc: ByteArray = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)).astype(np.uint8)
+    return disc
+
+
+def _plate(plan: PlanMask, z: float, kind: int) -> _Shell:
+    """Level squares over the plan and a little beyond it."""
+    grown = cv2.dilate(plan.inside.astype(np.uint8), _disc(2 * OVERLAP_M))
+    block = round(CELL_M / PIXEL_M)
+    rows, columns = np.nonzero(cv2.dilate(grown, np.ones((block, block), np.uint8), anchor=(0, 0))[::block, ::block])
+    low = plan.origin + CELL_M * np.column_stack([columns, rows])
+    steps = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])[:: 1 if kind == FLOOR else -1] * CELL_M
+    corners = low[:, None] + steps
+    return _Shell(
+        corners=np.concatenate([corners, np.full((*corners.shape[:2], 1), z)], axis=2), kind=np.full(len(low), kind)
+    )
+
+
+def _shell(plan: PlanMask, room: Room) -> _Shell:
+    """Sides around the plan, from below the floor to above the ceiling, and plates there."""
+    low, high = room.floor_z - BEYOND_M, room.ceiling_z + BEYOND_M
+    heights = np.linspace(low, high, max(2, round((high - low) / CELL_M) + 1))
+    squares = []
+    for polygon in outlines(plan):
+        for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+            count = max(1, round(float(np.linalg.norm(end - start)) / CELL_M))
+            run = start + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - start)
+            squares += [
+                # The outline runs counter-clockwise: this way round a square's front looks inwards.
+                [(*b, bottom), (*a, bottom), (*a, top), (*b, top)]
+                for a, b in itertools.pairwise(run)
+                for bottom, top in itertools.pairwise(heights)
+            ]
+    plates = (_plate(plan, high, CEILING), _plate(plan, low, FLOOR))
+    sides = np.array(squares, dtype=np.float64).reshape(-1, 4, 3)
+    return _Shell(
+        corners=np.concatenate([sides, *(plate.corners for plate in plates)]),
+        kind=np.concatenate([np.full(len(sides), SIDE), *(plate.kind for plate in plates)]),
+    )
+
+
+def _hits(scan: Scan, shell: _Shell, points: FloatArray) -> IntArray:
+    """(square,) rays from the points, to all sides, that leave the scan and meet each square of the shell."""
+    counts = np.zeros(len(shell.kind), dtype=np.int64)
+    if not len(points):
+        return counts
+    inner, outer = RayCaster(scan), RayCaster(bare_scan(shell.vertices, shell.faces))
+    origins, directions = np.repeat(points, len(DIRECTIONS), axis=0), np.tile(DIRECTIONS, (len(points), 1))
+    left = ~inner.nearest(origins, directions).met
+    met = outer.nearest(origins[left], directions[left])
+    np.add.at(counts, met.face[met.met] // 2, 1)
+    return counts
+
+
+def _with_squares(scan: Scan, squares: _Shell) -> Scan:
+    """A scan with squares that close it."""
+    faces = squares.faces + len(scan.vertices)
+    count = len(faces)
+    added = Appearance(
+        images=(),
+        face_image=np.full(count, -1),
+        corner_uv=np.zeros((count, 3, 2)),
+        corner_color=np.full((count, 3, 3), NEUTRAL_COLOR),
+        color_source=np.full(count, NO_COLOR),
+        kinds=CLOSED_KINDS,
+        face_kind=np.repeat(squares.kind, 2),
+    )
+    return replace(
+        scan,
+        vertices=np.concatenate([scan.vertices, squares.vertices]),
+        faces=np.concatenate([scan.faces, faces]),
+        appearance=scan.appearance.with_more(added),
+    )

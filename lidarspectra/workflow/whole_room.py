@@ -1,0 +1,116 @@
+"""The room in a scan, with what the scan lacks closed as `[scan]` of the run file asks, and said."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from lidarspectra.geometry.scan import Scan, ScanRecord
+from lidarspectra.material.part_materials import typical_in_words
+from lidarspectra.room.closing import Openness, close_room
+from lidarspectra.room.room import Room, find_room
+
+WORTH_SAYING = 0.01  # [1] of all directions that leave the scan: less is cracks of the mesh
+OUTSIDE_SHARE = 0.05  # [1] of the scan's floor outside the room, above which that is said
+
+
+def whole_room(scan: Scan, *, close_ceiling: bool, close_floor: bool, close: bool) -> tuple[Scan, Room, Openness]:
+    """Find the room in a scan, and close what is missing.
+
+    Parameters
+    ----------
+    scan : Scan
+        Repaired.
+    close_ceiling, close_floor : bool
+        Close a ceiling, or a floor, that was not scanned.
+    close : bool
+        Close all that is open.
+
+    Returns
+    -------
+    scan : Scan
+        Closed, with what was closed, what is open and what lies outside the room in its record's notes.
+    room : Room
+        As the scan shows it: a ceiling that was closed has the confidence 0.
+    openness : Openness
+
+    Raises
+    ------
+    ScanError
+        If there is no room in the scan.
+    """
+    room = find_room(scan)
+    closed, openness = close_room(scan, room, ceiling=close_ceiling or close, floor=close_floor or close, sides=close)
+    notes = (*scan.record.notes, *_closing_notes(room, openness), *_open_notes(room, openness), *_outside_notes(room))
+    record = replace(
+        closed.record,
+        faces_kept=len(closed.faces),
+        area_m2=float(closed.areas.sum()),
+        open_share=openness.total,
+        closed_area_m2=openness.closed_m2,
+        notes=notes,
+    )
+    return replace(closed, record=record), room, openness
+
+
+def missing_in_words(record: ScanRecord) -> str:
+    """What was closed and what is open, for a summary; empty where the scan is whole."""
+    closed = f"; {record.closed_area_m2:.0f} m² not scanned and closed" if record.closed_area_m2 >= 1.0 else ""
+    return closed + (
+        f"; {_percent(record.open_share)} of directions leave it" if record.open_share > WORTH_SAYING else ""
+    )
+
+
+def closing_lines(record: ScanRecord, room: Room) -> Iterator[str]:
+    """Lines of a run file on what a scan lacks, below `[scan]`."""
+    if room.ceiling_confidence == 0.0:
+        yield "close_ceiling = true  # the scan shows none: closed where the walls end; false if there is none"
+    if room.floor_confidence == 0.0:
+        yield "close_floor = true  # the scan shows none: closed where the walls end; false if there is none"
+    if record.open_share >= WORTH_SAYING:
+        share = _percent(record.open_share)
+        yield f"close = false  # {share} of all directions leave the scan; true closes it there with a default wall"
+
+
+def _closing_notes(room: Room, openness: Openness) -> Iterator[str]:
+    if openness.closed_ceiling_m2 and room.ceiling_confidence == 0.0:
+        yield (
+            f"The scan shows no ceiling. It was closed at the height where the walls end, {room.height_m:.2f} m above "
+            f"the floor, with the typical reflectance of a ceiling ({typical_in_words('closed ceiling')}). Write "
+            "close_ceiling = false under [scan] if there is none."
+        )
+    if openness.closed_floor_m2 and room.floor_confidence == 0.0:
+        yield (
+            f"The scan shows no floor. It was closed where the walls end below, at z = {room.floor_z:.2f} m, "
+            f"with the typical reflectance of a floor ({typical_in_words('closed floor')}). Write "
+            "close_floor = false under [scan] if there is none."
+        )
+    if openness.closed_side_m2 >= 1.0:
+        yield (
+            f"Open sides of the scan were closed by {openness.closed_side_m2:.0f} m² of a default wall "
+            f"({typical_in_words('closed side')}) where the scan ends, as [scan] close asks. The room goes on there in "
+            "truth: points near it are less certain."
+        )
+
+
+def _open_notes(room: Room, openness: Openness) -> Iterator[str]:
+    if openness.total < WORTH_SAYING:
+        return
+    named = (("up", openness.up), ("down", openness.down), ("to the sides", openness.aside))
+    shares = ", ".join(f"{_percent(share)} {name}" for name, share in named if share >= 0.1 * WORTH_SAYING)
+    yield (
+        f"The scan is open: of all directions that the room's free space looks in, {_percent(openness.total)} leave it "
+        f"({shares}). Light that goes there is lost, and the map is too dark for it; the trace says by how much at "
+        "most. Write close = true under [scan] to close it with a default wall, or scan what is missing."
+    )
+
+
+def _outside_notes(room: Room) -> Iterator[str]:
+    if room.floor_share < 1.0 - OUTSIDE_SHARE:
+        yield (
+            f"The room that was found holds {_percent(room.floor_share)} of the floor in the scan; the rest lies "
+            "behind its walls or windows, or in patches below a square metre, and gets no sensor points. Cut it off in "
+            "the scanning app, or scan the way between if it belongs to the room."
+        )
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %" if share < 0.1 else f"{100 * share:.0f} %"

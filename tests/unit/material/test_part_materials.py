@@ -1,0 +1,124 @@
+"""What the name of a part says of its material."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lidarspectra.geometry.appearance import DRAWN, NO_COLOR, PHOTOGRAPHED, Appearance
+from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.estimate import estimate_materials
+from lidarspectra.material.lit_lamps import search_lit_lamps
+from lidarspectra.material.part_materials import NAMED_PRIORS, TYPICAL, named_prior, typical_materials
+from lidarspectra.material.place_priors import KINDS, PRIORS
+from lidarspectra.material.segmentation import SHIPPED_MODEL, Classifier
+from lidarspectra.material.views import ViewSet
+from lidarspectra.room.room import find_room
+from lidarspectra.workflow.delighting import take_light_out
+
+from .conftest import box_scan
+
+
+def named(scan, *, kind: str = "wall", source: int = DRAWN, faces=slice(None)):
+    """A scan of which some faces are part of a kind of thing, and have a colour from a source."""
+    count = len(scan.faces)
+    kinds, sources = np.full(count, -1), np.full(count, PHOTOGRAPHED)
+    kinds[faces], sources[faces] = 0, source
+    appearance = replace(scan.appearance, kinds=(kind,), face_kind=kinds, color_source=sources)
+    return replace(scan, appearance=appearance)
+
+
+def no_views(scan) -> ViewSet:
+    return ViewSet(
+        views=(),
+        viewpoints=np.zeros((0, 3)),
+        face_seen=np.ones(len(scan.faces)),
+        threshold=0.95,
+        area_coverage=1.0,
+        point_coverage=1.0,
+        history=np.zeros(0),
+        stopped="",
+    )
+
+
+@pytest.fixture
+def box():
+    scan, _ = box_scan(4)
+    white = replace(scan.appearance, corner_color=np.ones((len(scan.faces), 3, 3)))
+    return replace(scan, appearance=white)
+
+
+def test_a_drawn_wall_gets_the_typical_reflectance_and_a_photographed_one_its_own(box) -> None:
+    half = np.arange(len(box.faces)) < len(box.faces) // 2
+    scan = named(box, faces=half)
+    darker = replace(scan.appearance, corner_color=np.full((len(box.faces), 3, 3), 0.5))
+    found = estimate_materials(replace(scan, appearance=darker), no_views(scan), model=None)
+    wall = TYPICAL["wall"]
+    for face, material in zip(half, found.face_material, strict=True):
+        assert (found.materials[material].source == "typical:wall") == face
+    typical = next(material for material in found.materials if material.source == "typical:wall")
+    assert typical.at(410.0) == typical.at(760.0) == pytest.approx(wall.reflectance)
+    assert typical.deviation(555.0) == pytest.approx(wall.deviation)
+    said = "\n".join(found.warnings(box.areas))
+    assert "wall 0.65 ± 0.15" in said
+
+
+def test_without_names_the_drawn_colour_counts(box) -> None:
+    grey = replace(box.appearance, corner_color=np.full((len(box.faces), 3, 3), 0.5))
+    scan = named(replace(box, appearance=grey))
+    plain = replace(scan, appearance=scan.appearance.without_names())
+    found = estimate_materials(plain, no_views(plain), model=None)
+    assert not any(material.source.startswith("typical") for material in found.materials)
+    assert found.mean_reflectance(box.areas) == pytest.approx(0.214, abs=0.02)  # sRGB .5 in linear light
+
+
+def test_what_was_closed_keeps_its_kind_without_names(box) -> None:
+    scan = named(box, kind="closed ceiling", source=NO_COLOR)
+    plain = scan.appearance.without_names()
+    materials, number = typical_materials(plain, np.ones(len(box.faces), dtype=bool))
+    assert [material.name for material in materials] == ["typical closed ceiling"]
+    assert (number == 0).all()
+
+
+def test_a_white_wall_that_a_program_drew_is_no_lamp_and_shows_no_light(box) -> None:
+    scan = named(box)
+    assert search_lit_lamps(scan, find_room(scan)).lamps == ()
+    _, known = surface_colors(scan)
+    assert not known.any()
+    found = take_light_out(scan, find_room(scan), ())
+    assert found.face_color is None
+    assert found.warnings == (), "there is no light in a drawn colour that could be left in"
+
+
+def test_the_name_of_a_window_makes_glass_likely_and_leaves_other_faces_alone(box) -> None:
+    scan = named(box, kind="window", source=PHOTOGRAPHED, faces=slice(0, 5))
+    classes = Classifier(SHIPPED_MODEL).classes
+    even = np.full((len(box.faces), len(classes)), 1.0 / len(classes))
+    prior = named_prior(scan.appearance, classes, even)
+    assert prior[0, classes.index("glass")] > 0.5
+    assert prior.sum(axis=1) == pytest.approx(1.0)
+    assert np.array_equal(prior[5:], even[5:])
+
+
+@pytest.mark.parametrize("table", [NAMED_PRIORS, PRIORS])
+def test_priors_leave_something_to_classes_that_they_do_not_name(table) -> None:
+    assert all(0.9 < sum(named.values()) + 0.1 < 1.1 for named in table.values())
+    assert KINDS
+
+
+def test_appearances_joined_keep_their_kinds() -> None:
+    def made(kinds: tuple[str, ...], face_kind: list[int]) -> Appearance:
+        count = len(face_kind)
+        return Appearance(
+            images=(),
+            face_image=np.full(count, -1),
+            corner_uv=np.zeros((count, 3, 2)),
+            corner_color=np.zeros((count, 3, 3)),
+            kinds=kinds,
+            face_kind=np.array(face_kind),
+        )
+
+    both = made(("wall", "door"), [0, 1, -1]).with_more(made(("table", "wall"), [0, 1, -1]))
+    assert [both.kinds[kind] if kind >= 0 else "" for kind in both.face_kinds] == [
+        "wall", "door", "", "table", "wall", "",
+    ]  # fmt: skip

@@ -1,0 +1,142 @@
+"""Models of rooms as phones export them: boxes and parts with names, with a door in the plane of its wall."""
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from lidarspectra.geometry.appearance import DRAWN, PHOTOGRAPHED
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import load_scan, save_scan
+from lidarspectra.hardware.phone.part_names import part_kind
+from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.hardware.phone.repair import repair_scan
+from research.virtual_rooms.model_files import ModelPart, furnished_room, write_named_glb, write_roomplan
+
+pytest.importorskip("pxr", reason="the extra 'usd' is not installed")
+KINDS = {"wall", "floor", "door", "window", "table", "chair", "storage"}
+
+
+def _box(scan, kind: str) -> np.ndarray:
+    return scan.corners[scan.appearance.of_kind(kind)].reshape(-1, 3)
+
+
+@pytest.fixture
+def roomplan(tmp_path: Path) -> Path:
+    path = tmp_path / "room.usdz"
+    write_roomplan(path, furnished_room())
+    return path
+
+
+def test_every_cube_of_a_roomplan_file_is_a_box_in_its_place(roomplan: Path) -> None:
+    scan = read_scan(roomplan)
+    assert set(scan.appearance.kinds) == KINDS
+    table = next(part for part in furnished_room() if part.name == "Table0")
+    corners = _box(scan, "table")
+    assert corners.mean(axis=0) == pytest.approx(table.center, abs=1e-6)
+    assert corners[:, 2].max() == pytest.approx(0.74, abs=1e-6)
+    angle = np.radians(table.turn_deg)
+    turned = (corners - table.center)[:, :2] @ [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    assert np.abs(turned).max(axis=0) == pytest.approx([0.7, 0.35], abs=1e-6)
+    assert "4 walls, 1 chair, 1 door" in scan.record.notes[0]
+
+
+def test_faces_of_boxes_look_out_of_them_whatever_stands_beside(roomplan: Path) -> None:
+    scan = repair_scan(read_scan(roomplan))
+    assert scan.record.flipped_faces == 0
+    for kind in ("table", "chair", "storage"):
+        chosen = scan.appearance.of_kind(kind)
+        outward = scan.centers[chosen] - _box(scan, kind).mean(axis=0)
+        assert (np.einsum("fc,fc->f", outward, scan.normals[chosen]) > 0).all()
+
+
+def test_a_door_in_the_plane_of_its_wall_is_seen_from_both_sides(roomplan: Path) -> None:
+    scan = repair_scan(read_scan(roomplan), flatten=True)
+    hits = RayCaster(scan).nearest([[1.0, 1.0, 1.0], [1.0, -1.0, 1.0]], [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+    assert scan.appearance.of_kind("door")[hits.face].all()
+
+
+def test_a_mirrored_cube_keeps_its_front(tmp_path: Path) -> None:
+    write_roomplan(tmp_path / "a.usdz", [ModelPart(name="Wall0", center=(0, 0, 1), size=(-2.0, 0.2, 2.0))])
+    scan = read_scan(tmp_path / "a.usdz", unit="m", up="+y")
+    assert (np.einsum("fc,fc->f", scan.centers - scan.centers.mean(axis=0), scan.normals) > 0).all()
+
+
+def test_the_usd_library_warns_in_the_log_and_not_on_the_terminal(roomplan: Path, capfd, caplog) -> None:
+    with caplog.at_level(logging.INFO, logger="lidarspectra"):
+        read_scan(roomplan)
+    assert capfd.readouterr().err == ""
+    assert any("USD library warned" in record.getMessage() for record in caplog.records)
+
+
+def test_shapes_that_are_not_read_are_counted(tmp_path: Path) -> None:
+    shapes = (
+        'def Cube "Wall0" {\n double size = 2\n}\ndef Sphere "a" {\n}\ndef Cylinder "b" {\n}\ndef Sphere "c" {\n}\n'
+    )
+    shapes += 'def Cube "d" {\n token visibility = "invisible"\n}\n'
+    (tmp_path / "a.usda").write_text(f'#usda 1.0\n(\n metersPerUnit = 1\n upAxis = "Z"\n)\n{shapes}', encoding="utf-8")
+    scan = read_scan(tmp_path / "a.usda")
+    assert len(scan.faces) == 12
+    assert any("4 shapes in the file were left out (1 Cylinder, 2 Sphere, 1 invisible)" in n for n in scan.record.notes)
+
+
+def test_named_parts_of_a_glb_are_known_and_their_drawn_colour_is_no_photograph(tmp_path: Path) -> None:
+    write_named_glb(tmp_path / "a.glb", furnished_room())
+    scan = read_scan(tmp_path / "a.glb")
+    assert set(scan.appearance.kinds) == KINDS
+    assert (scan.appearance.sources == DRAWN).all()
+    assert (scan.appearance.face_kinds >= 0).all()
+
+
+def test_names_count_only_in_a_file_that_names_walls(tmp_path: Path) -> None:
+    write_named_glb(tmp_path / "a.glb", [part for part in furnished_room() if not part.name.startswith("Wall")])
+    appearance = read_scan(tmp_path / "a.glb", up="+y").appearance
+    assert appearance.kinds == ()
+    assert (appearance.sources == PHOTOGRAPHED).all()
+
+
+def test_an_opening_is_air(tmp_path: Path) -> None:
+    opening = ModelPart(name="Opening0", center=(2.5, 4.0, 1.0), size=(1.0, 0.3, 2.0))
+    write_named_glb(tmp_path / "a.glb", [*furnished_room(), opening])
+    scan = read_scan(tmp_path / "a.glb")
+    assert scan.bounds[1, 1] < 4.1
+    assert any("1 openings in walls" in note for note in scan.record.notes)
+
+
+def test_kinds_survive_repair_decimation_and_the_disk(tmp_path: Path) -> None:
+    write_named_glb(tmp_path / "a.glb", furnished_room())
+    raw = read_scan(tmp_path / "a.glb")
+    fine = trimesh.remesh.subdivide_to_size(raw.vertices, raw.faces, max_edge=0.5, return_index=True)
+    scan = replace(raw, vertices=fine[0], faces=fine[1], appearance=raw.appearance.select(fine[2]))
+    small = repair_scan(scan, max_faces=300)
+    assert len(small.faces) <= 300
+    for kind in ("wall", "floor", "table"):
+        area = scan.areas[scan.appearance.of_kind(kind)].sum()
+        assert small.areas[small.appearance.of_kind(kind)].sum() == pytest.approx(area, rel=0.05)
+    save_scan(small, tmp_path / "kept")
+    back = load_scan(tmp_path / "kept").appearance
+    assert back.kinds == small.appearance.kinds
+    assert np.array_equal(back.face_kinds, small.appearance.face_kinds)
+    assert np.array_equal(back.sources, small.appearance.sources)
+
+
+@pytest.mark.parametrize(
+    ("names", "kind"),
+    [
+        (("Wall12",), "wall"),
+        (("Door2", "Wall_0_grp"), "door"),
+        (("mesh_3", "Wall_0_grp"), "wall"),
+        (("object_4",), "furniture"),
+        (("WallCabinet",), "storage"),
+        (("window_1",), "window"),
+        (("WasherDryer0",), "appliance"),
+        (("TV",), "screen"),
+        (("Wallpaper",), ""),
+        ((None, "Mesh", "Floored"), ""),
+    ],
+)
+def test_a_name_says_what_a_part_is_by_whole_words(names, kind: str) -> None:
+    assert part_kind(names) == kind
