@@ -95,18 +95,8 @@ class Material:
                     where=f"material '{self.name}'",
                 )
 
-    def at(self, wavelength_nm: float) -> float:
-        """Reflectance at a wavelength [1]; beyond what is known, at the nearest that is."""
-        return float(self.reflectance.at([wavelength_nm], outside="nearest")[0])
-
-    def deviation(self, wavelength_nm: float) -> float:
-        """Standard deviation of the reflectance there [1]; 0 where nothing is known of it."""
-        if self.uncertainty is None:
-            return 0.0
-        return float(self.uncertainty.at([wavelength_nm], outside="nearest")[0])
-
     def __repr__(self) -> str:
-        return f"<Material '{self.name}': reflectance {self.at(555.0):.2f} at 555 nm, {self.kind}, {self.provenance}>"
+        return f"<Material '{self.name}': reflectance {_at_555(self.reflectance):.2f} at 555 nm, {self.kind}, {self.provenance}>"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -183,7 +173,8 @@ class MaterialMap:
         typical = float(sum(area for area, _ in by_name))
         if by_name:
             kinds = ", ".join(
-                f"{m.name.removeprefix('typical ')} {m.at(555.0):.2f} ± {m.deviation(555.0):.2f}" for _, m in by_name
+                f"{m.name.removeprefix('typical ')} {_at_555(m.reflectance):.2f} ± {_at_555(m.uncertainty):.2f}"
+                for _, m in by_name
             )
             words.append(
                 f"{100 * typical / total:.0f} % of the area has no photographed colour and gets the typical "
@@ -215,6 +206,11 @@ class MaterialMap:
                 "channels are less certain. Reflectance databases with a wider range can be imported."
             )
         return tuple(words)
+
+
+def _at_555(spectrum: Spectrum | None) -> float:
+    """Value at the peak of V(λ); 0 where there is no spectrum."""
+    return 0.0 if spectrum is None else float(spectrum.at([555.0], outside="nearest")[0])
 
 
 def save_materials(materials: MaterialMap, folder: Path, *, face_areas: FloatArray | None = None) -> None:
