@@ -237,9 +237,13 @@ def _show_summary(summary: "RunSummary") -> None:
     console.print(table)
     if "map" in summary.results:
         console.print()
+        from lidarspectra.mapping.maps.assumptions import assumptions_of
         from lidarspectra.mapping.report.report_tables import bands_table
+        from lidarspectra.workflow.assumed import result_notes
 
         console.print(shown(bands_table(summary.map)))
+        for note in result_notes(assumptions_of(summary.map)):
+            print_note(note)
     if summary.report is not None:
         console.print()
         console.print(Text.assemble("Report: ", (str(summary.report), "bold")), soft_wrap=True)

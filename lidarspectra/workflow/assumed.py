@@ -45,7 +45,7 @@ def uncertain_of_scan(record: ScanRecord) -> tuple[str, ...]:
 
 
 def assumed_of_scan(marked: Sequence[str], record: ScanRecord, room: Room) -> tuple[str, ...]:
-    """Of 'unit', 'up' and 'ceiling' those that are guesses.
+    """Of 'unit', 'up', 'floor' and 'ceiling' those that are guesses.
 
     Parameters
     ----------
@@ -58,6 +58,7 @@ def assumed_of_scan(marked: Sequence[str], record: ScanRecord, room: Room) -> tu
     guesses = {*marked, *uncertain_of_scan(record)}
     return (
         *(name for name in ("unit", "up") if name in guesses),
+        *(("floor",) if room.floor_confidence == 0.0 else ()),
         *(("ceiling",) if room.ceiling_confidence < CEILING_SHARE else ()),
     )
 

@@ -102,6 +102,8 @@ def report_of_run(
         material_pictures=pictures,
         view_notes=before.views.record.summary,
         floor_z_m=found_room.floor_z,
+        floor_share=found_room.floor_confidence,
+        ceiling_share=found_room.ceiling_confidence,
         room_notes=before.scan.record.summary,
         stages=_rows(before.all),
         warnings=tuple(warning for result in before.all for warning in result.record.warnings),

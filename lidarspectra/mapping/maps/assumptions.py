@@ -1,4 +1,4 @@
-"""What a map rests on that is a guess: lamps' fluxes and spectra, and the scan's unit, upward axis and ceiling.
+"""What a map rests on that is a guess: lamps' fluxes and spectra, and the scan's unit, upward axis, floor and ceiling.
 
 A spectral map says so in its attribute `assumed`, a JSON text: {"flux and spectrum": ["panel 1"], "scan": ["unit"]}.
 """
@@ -12,7 +12,7 @@ import xarray as xr
 
 ASSUMED = "assumed"  # attribute of a spectral map
 FLUX_AND_SPECTRUM, FLUX, SCAN = "flux and spectrum", "flux", "scan"  # keys of it
-OF_SCAN = {"unit": "the scan's unit", "up": "the scan's upward axis", "ceiling": "the ceiling"}
+OF_SCAN = {"unit": "the scan's unit", "up": "the scan's upward axis", "floor": "the floor", "ceiling": "the ceiling"}
 MAX_NAMED = 6  # lamps named in one sentence
 
 
@@ -27,7 +27,7 @@ class Assumptions:
     fluxes : tuple of str
         Names of lamps whose flux alone is one.
     scan : tuple of str
-        Of 'unit', 'up' and 'ceiling' those that are guesses.
+        Of 'unit', 'up', 'floor' and 'ceiling' those that are guesses.
     """
 
     lamps: tuple[str, ...] = ()

@@ -50,6 +50,8 @@ class ReportInput:
         Pictures of how the materials were found.
     floor_z_m : float
         Height of the floor in the scan's coordinates. [m]
+    floor_share, ceiling_share : float, optional
+        Of the plan, what of it was scanned. [0-1]
     room_notes : str
         One sentence on the room that was found.
     stages : tuple of StageRow
@@ -77,6 +79,8 @@ class ReportInput:
     view_notes: str = ""
     material_pictures: MaterialPictures | None = None
     floor_z_m: float = 0.0
+    floor_share: float | None = None
+    ceiling_share: float | None = None
     room_notes: str = ""
     stages: tuple[StageRow, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -22,6 +22,7 @@ from lidarspectra.mapping.figures.map_figures import (
     relative_error,
 )
 from lidarspectra.mapping.figures.material_figures import light_figure, segmentation_figure
+from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.interpolation import leave_one_out, map_planes
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry import covers_vision, illuminance, illuminance_from_map
@@ -31,6 +32,7 @@ from lidarspectra.mapping.report.applications import Application
 from lidarspectra.mapping.report.report_input import ReportInput
 from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.mapping.report.room_view import MAX_FACES, MAX_POINTS
+from lidarspectra.mapping.report.trust import trust_card, trust_table
 
 MAX_POINT_ROWS = 500  # rows of the table of points in the page; the file has all
 TESTED_POINTS = 64  # left out in turn, enough for a median within 10 %
@@ -55,27 +57,38 @@ class ReportLight:
 
 
 def summary_section(report: ReportInput, light: ReportLight, writer: ReportWriter) -> str:
-    """Key figures, warnings, and the time of each stage."""
+    """Key figures, what they rest on, warnings, and the time of each stage."""
     dataset = report.spectral_map
+    assumed = assumptions_of(dataset)
+    guessed = ", from an assumed flux" if assumed.all_lamps else ""
     kept = kept_points(dataset)
     mean = dataset["irradiance"].to_numpy()[kept].mean()
     prefix = prefix_of(mean)
     entries = [
         ("Sensor points", f"{dataset.sizes['point']}", _buried_words(dataset)),
         ("Bands", f"{dataset.sizes['band']}", _band_words(dataset)),
-        ("Mean irradiance", f"{mean * prefix.factor:.3g}", f"{irradiance_unit(prefix)}, over points and bands"),
+        (
+            "Mean irradiance",
+            f"{mean * prefix.factor:.3g}",
+            f"{irradiance_unit(prefix)}, over points and bands{guessed}",
+        ),
     ]
     if light.illuminance_lx is not None:
         lux = light.illuminance_lx[kept]
-        entries.append(("Mean illuminance", f"{lux.mean():.0f} lx", f"{lux.min():.0f} to {lux.max():.0f} lx"))
-    entries.append(("Standard error", f"{_achieved_percent(report):.2g} %", _target_words(report)))
-    entries.append(("Lamps", f"{len(report.lamps)}", ""))
+        entries.append(("Mean illuminance", f"{lux.mean():.0f} lx", f"{lux.min():.0f} to {lux.max():.0f} lx{guessed}"))
+    entries.append(trust_card(report))
+    knows = "of the simulation alone, not of what is assumed" if assumed else "of the simulation alone"
+    error = f"{_target_words(report)}; {knows}"
+    entries.append(("Standard error", f"{_achieved_percent(report):.2g} %", error))
+    lamps = f"{len(assumed.all_lamps)} with an assumed flux" if assumed.all_lamps else ""
+    entries.append(("Lamps", f"{len(report.lamps)}", lamps))
     surface = f"on {report.material_areas_m2.sum():.0f} m² of surface"
     entries.append(("Materials", f"{len(report.materials)}", surface))
     stages = writer.table(tables.stages_table(report.stages)) if report.stages else ""
     total = sum(row.seconds for row in report.stages)
     time = html.paragraph(f"All stages together took {total:.0f} s.") if report.stages else ""
-    return html.cards(entries) + html.warning_box(report.warnings) + time + stages
+    trust = writer.table(trust_table(report))
+    return html.cards(entries) + trust + html.warning_box(report.warnings) + time + stages
 
 
 def room_section(report: ReportInput) -> str:
@@ -156,6 +169,8 @@ def accuracy_section(report: ReportInput, writer: ReportWriter) -> str:
         "noise": f"{attrs.get('noise', 'not recorded')}; {_target_words(report)}",
         "achieved standard error": f"{_achieved_percent(report):.2g} % of the mean irradiance",
     }
+    if assumed := assumptions_of(report.spectral_map).in_words():
+        rows["guesses that no standard error knows of"] = assumed
     if "missed_target" in report.transport:
         rows["points above the target"] = _missed_words(report)
     if "truncated_share" in attrs:
@@ -189,7 +204,9 @@ def lamps_section(report: ReportInput, writer: ReportWriter) -> str:
     if report.plan.furniture:
         caption = "The room from above: walls, silhouettes of furniture, sensor points and lamps in their true size."
     figure = writer.figure("plan", plan_figure(report.spectral_map, report.plan, report.lamps), caption)
-    return figure + (writer.table(tables.lamps_table(report.lamps)) if report.lamps else "")
+    return figure + (
+        writer.table(tables.lamps_table(report.lamps, assumptions_of(report.spectral_map))) if report.lamps else ""
+    )
 
 
 def application_section(application: Application, writer: ReportWriter) -> str:

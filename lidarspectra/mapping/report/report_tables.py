@@ -14,6 +14,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.channel_figures import ChosenPoint
 from lidarspectra.mapping.figures.map_figures import relative_error
 from lidarspectra.mapping.figures.tables import Table
+from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of
 from lidarspectra.mapping.maps.map_files import map_table
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.material.material_map import Material
@@ -127,8 +128,8 @@ def materials_table(materials: Sequence[Material], areas_m2: FloatArray, bands: 
     )
 
 
-def lamps_table(lamps: Sequence[Lamp]) -> Table:
-    """Every lamp: position, size, direction, flux."""
+def lamps_table(lamps: Sequence[Lamp], assumed: Assumptions) -> Table:
+    """Every lamp: position, size, direction, flux, and what of its light is assumed."""
     frame = pd.DataFrame(
         {
             "lamp": [f"L{number}" for number in range(1, len(lamps) + 1)],
@@ -140,6 +141,7 @@ def lamps_table(lamps: Sequence[Lamp]) -> Table:
             "spectrum": [lamp.flux.name for lamp in lamps],
             "radiant flux [W]": [lamp.flux.integral() for lamp in lamps],
             "luminous flux [lm]": [luminous_flux_lm(lamp.flux) for lamp in lamps],
+            "assumed": [assumed.of_lamp(lamp.name) or "nothing" for lamp in lamps],
         }
     )
     formats = {"radiant flux [W]": ".3g", "luminous flux [lm]": ".0f"}
@@ -166,7 +168,9 @@ def bands_table(spectral_map: xr.Dataset) -> Table:
     )
     formats = {"band [nm]": "g", "width [nm]": "g", "median SE [%]": ".2f"}
     formats |= dict.fromkeys([name for name in map(str, frame.columns) if "W/m²/nm" in name], ".2e")
-    caption = "Spectral irradiance by band; the standard error (SE) as a share of the band's mean."
+    caption = "Spectral irradiance by band; the standard error (SE) as a share of the band's mean." + _guesses(
+        spectral_map
+    )
     return Table(name="bands", caption=caption, frame=frame, formats=formats)
 
 
@@ -179,7 +183,7 @@ def chosen_points_table(spectral_map: xr.Dataset, points: Sequence[ChosenPoint])
             heading = f"{point.reason} [{unit}]"
             columns[heading] = spectral_map[variable].to_numpy()[point.index]
             formats[heading] = ".3e" if variable == "irradiance" else ".1e"
-    caption = "Spectral irradiance at the chosen points, and its standard error (SE)."
+    caption = "Spectral irradiance at the chosen points, and its standard error (SE)." + _guesses(spectral_map)
     return Table(name="chosen-points", caption=caption, frame=pd.DataFrame(columns), formats=formats)
 
 
@@ -189,8 +193,16 @@ def points_table(spectral_map: xr.Dataset) -> Table:
     frame = whole[[name for name in whole.columns if not name.startswith("SE_")]]
     formats = dict.fromkeys(("x", "y", "z"), ".3f") | dict.fromkeys(("nx", "ny", "nz"), ".2f")
     formats |= dict.fromkeys([name for name in frame.columns if name.startswith("E_")], ".3e")
-    caption = "All points: position [m], direction [1], spectral irradiance E by band [W/m²/nm]."
+    caption = "All points: position [m], direction [1], spectral irradiance E by band [W/m²/nm]." + _guesses(
+        spectral_map
+    )
     return Table(name="points", caption=caption, frame=frame, formats=formats)
+
+
+def _guesses(spectral_map: xr.Dataset) -> str:
+    """A sentence on what of a map is assumed; empty if nothing is."""
+    words = assumptions_of(spectral_map).in_words()
+    return f" Assumed, and in no standard error: {words}." if words else ""
 
 
 def pairs_table(name: str, caption: str, entries: Mapping[str, str]) -> Table:

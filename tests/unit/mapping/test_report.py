@@ -155,7 +155,7 @@ def test_every_figure_lies_beside_the_page_as_png_and_pdf_and_every_table_in_thr
     assert {path.name for path in (whole / "figures").iterdir()} == {
         f"{name}.{kind}" for name in figures for kind in ("png", "pdf")
     }
-    tables = {"stages", "bands", "chosen-points", "lamps", "materials", "scan", "points", "provenance"}
+    tables = {"stages", "bands", "chosen-points", "lamps", "materials", "scan", "points", "provenance", "trust"}
     assert {path.name for path in (whole / "tables").iterdir()} == {
         f"{name}.{kind}" for name in tables for kind in ("csv", "md", "html")
     }

@@ -1,0 +1,215 @@
+"""What a map rests on: what was measured, estimated, given, computed and assumed, and what each does to the map."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2
+from lidarspectra.mapping.figures.tables import Table
+from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of
+from lidarspectra.mapping.maps.map_schema import kept_points
+from lidarspectra.mapping.report.report_input import ReportInput
+
+Known = Literal["measured", "estimated", "given", "computed", "assumed"]
+REFERENCE_NM = 555.0  # [nm] where the reflectances' deviation is taken: the eye is most sensitive there
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrustRow:
+    """One thing that a map rests on.
+
+    Parameters
+    ----------
+    what : str
+        The thing.
+    known : str
+        How it is known.
+    how : str
+        From where, and how surely.
+    effect : str
+        What it does to the map.
+    """
+
+    what: str
+    known: Known
+    how: str
+    effect: str
+
+
+def trust_rows(report: ReportInput) -> tuple[TrustRow, ...]:
+    """Everything that the map of a report rests on, from the scan to the simulation."""
+    assumed = assumptions_of(report.spectral_map)
+    return (
+        *_scan_rows(report, assumed),
+        *_surface_rows(report, assumed),
+        *_material_rows(report),
+        *_lamp_rows(report, assumed),
+        _simulation_row(report),
+    )
+
+
+def trust_table(report: ReportInput) -> Table:
+    """The rows as a table."""
+    rows = trust_rows(report)
+    frame = pd.DataFrame(
+        {
+            "what": [row.what for row in rows],
+            "known": [row.known for row in rows],
+            "how": [row.how for row in rows],
+            "what it does to the map": [row.effect for row in rows],
+        }
+    )
+    return Table(
+        name="trust",
+        caption="Trust: what was measured, estimated, given, computed or assumed, and what each does to the map.",
+        frame=frame,
+    )
+
+
+def trust_card(report: ReportInput) -> tuple[str, str, str]:
+    """Name, value and remark of the card that sums it up."""
+    assumed = assumptions_of(report.spectral_map)
+    if not assumed:
+        return "Trust", "no guesses", "see the table below"
+    share = _light_share(report, assumed.all_lamps)
+    light = f"; {_percent(share)} of the light" if assumed.all_lamps else ""
+    return "Trust", "guesses", f"{assumed.in_words()}{light}"
+
+
+def _scan_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
+    scan = report.scan
+    yield TrustRow(
+        what="shape of the room",
+        known="measured",
+        how=f"by the scan: {scan.faces_kept} triangles, {scan.area_m2:.0f} m²",
+        effect="where light falls, and what shades it",
+    )
+    if scan.hole_area_m2 > 0:
+        yield TrustRow(
+            what="holes of the scan",
+            known="assumed",
+            how=f"{scan.holes_closed} closed like their surroundings: {scan.hole_area_m2:.2f} m², "
+            f"{_percent(scan.hole_area_m2 / scan.area_m2, digits=1)} of the surface",
+            effect="what is truly there may shade or reflect otherwise, most of all near by",
+        )
+    parts = (
+        ("unit", "unit of the scan", scan.unit, scan.unit_confidence, "all lengths scale with it"),
+        ("up", "upward axis", scan.up_axis, scan.up_confidence, "floor, ceiling and sensors follow from it"),
+    )
+    for name, what, value, confidence, effect in parts:
+        detected = f", {_percent(confidence)} sure" if confidence < 1.0 else ""
+        is_guess = name in assumed.scan
+        yield TrustRow(
+            what=what,
+            known="assumed" if is_guess else "given" if confidence == 1.0 else "estimated",
+            how=f"{value}{detected}",
+            effect=effect + ("; if it is wrong, nothing here holds" if is_guess else ""),
+        )
+
+
+def _surface_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
+    for name, share in (("floor", report.floor_share), ("ceiling", report.ceiling_share)):
+        if share is None:
+            continue
+        is_guess = name in assumed.scan
+        lost = "the light that it reflects is a guess: none where it is open"
+        yield TrustRow(
+            what=name,
+            known="assumed" if is_guess else "measured",
+            how=f"{_percent(share)} of the plan was scanned",
+            effect=lost if is_guess else "light that it reflects",
+        )
+
+
+def _material_rows(report: ReportInput) -> Iterator[TrustRow]:
+    total = float(report.material_areas_m2.sum())
+    if not report.materials or total <= 0:
+        return
+    kinds: dict[Known, list[int]] = {"estimated": [], "given": [], "assumed": []}
+    for number, material in enumerate(report.materials):
+        kind: Known = {"assigned": "given", "default": "assumed"}.get(material.provenance, "estimated")  # type: ignore[assignment]
+        kinds[kind].append(number)
+    how = {"estimated": "from the scan's colours", "given": "assigned by hand", "assumed": "the default material"}
+    for kind, numbers in kinds.items():
+        area = float(report.material_areas_m2[numbers].sum())
+        if area > 0:
+            effect = _reflected_effect(report, numbers) if kind == "estimated" else "light that these surfaces reflect"
+            yield TrustRow(
+                what="reflectances",
+                known=kind,
+                how=f"{how[kind]}, for {_percent(area / total)} of the surface",
+                effect=effect,
+            )
+
+
+def _reflected_effect(report: ReportInput, numbers: list[int]) -> str:
+    """How much reflected light changes if all these reflectances are off alike by their stated deviation.
+
+    The light in a closed room after all reflections goes as r / (1 - r) with its mean reflectance r (integrating
+    sphere), so a deviation d of r changes it by d / (r (1 - r)).
+    """
+    areas = report.material_areas_m2 / report.material_areas_m2.sum()
+    at = [REFERENCE_NM]
+    mean = sum(
+        share * float(material.reflectance.at(at, outside="nearest")[0])
+        for share, material in zip(areas, report.materials, strict=True)
+    )
+    known = [number for number in numbers if report.materials[number].uncertainty is not None]
+    if not known or not 0 < mean < 1:
+        return "light that these surfaces reflect; how far off is not known"
+    deviation = sum(
+        float(areas[number]) * float(uncertainty.at(at, outside="nearest")[0])
+        for number in known
+        if (uncertainty := report.materials[number].uncertainty) is not None
+    )
+    change = deviation / (mean * (1.0 - mean))
+    return f"reflected light, by some ± {_percent(change)} if all are off alike (1 standard deviation)"
+
+
+def _lamp_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
+    traced = tuple(str(name) for name in report.transport["lamp"].to_numpy())
+    given = tuple(name for name in traced if not assumed.of_lamp(name))
+    groups: tuple[tuple[tuple[str, ...], str, Known, str], ...] = (
+        (given, "flux and spectrum", "given", "by the run file; windows and sun by a model of the sky"),
+        (assumed.lamps, "flux and spectrum", "assumed", "marked as assumed in the run file"),
+        (assumed.fluxes, "flux", "assumed", f"{EXITANCE_LM_M2:,.0f} lm for each m² of lamp; the spectrum was given"),
+    )
+    for names, what, known, how in groups:
+        if names:
+            yield TrustRow(
+                what=f"{what} of {len(names)} of {len(traced)} lamps",
+                known=known,
+                how=how,
+                effect=f"{_percent(_light_share(report, names))} of the light: it scales with the flux, and has the "
+                "colours of the spectrum",
+            )
+
+
+def _light_share(report: ReportInput, names: tuple[str, ...]) -> float:
+    """Share of these lamps in the mean irradiance over points and bands [1]."""
+    kept = kept_points(report.spectral_map)
+    coefficient = report.transport["coefficient"].transpose("lamp", "point", "band").to_numpy()[:, kept]
+    flux = report.transport["flux"].transpose("lamp", "band").to_numpy()
+    by_lamp = np.einsum("lpb,lb->l", coefficient, flux)
+    chosen = np.isin([str(name) for name in report.transport["lamp"].to_numpy()], names)
+    return float(by_lamp[chosen].sum() / by_lamp.sum()) if by_lamp.sum() > 0 else 0.0
+
+
+def _simulation_row(report: ReportInput) -> TrustRow:
+    attrs = report.transport.attrs
+    error = attrs.get("achieved_relative_se")
+    missing = attrs.get("truncated_share")
+    return TrustRow(
+        what="simulation",
+        known="computed",
+        how=f"{attrs.get('accuracy', 'unknown')} accuracy, {attrs.get('noise', 'unknown')} noise",
+        effect=("" if error is None else f"± {_percent(float(error), digits=2)} of the mean (1 standard error)")
+        + ("" if missing is None else f"; {_percent(float(missing), digits=2)} left out beyond the last reflection"),
+    )
+
+
+def _percent(share: float, *, digits: int = 0) -> str:
+    return f"{100.0 * share:.{digits}f} %"
