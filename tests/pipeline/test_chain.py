@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -145,6 +146,28 @@ def test_a_relit_room_is_written_beside_the_run(finished: Path, tmp_path: Path) 
         relight_run(finished.with_suffix(".run"), [LampOrder(lamp="warm", dim=40.0)], base=tmp_path)
     answer = CliRunner().invoke(app, [*words, "--lamp", "nobody"])
     assert isinstance(answer.exception, LidarSpectraError)
+
+
+def test_giving_what_was_assumed_traces_nothing_again_and_ends_the_note(
+    finished: Path, tmp_path: Path, room_text: str
+) -> None:
+    shutil.copytree(finished.parent, tmp_path / "room")
+    run_file = tmp_path / "room" / finished.name
+    run_file.write_text(room_text.replace("= 800", "= 800\nassumed = true"), encoding="utf-8")
+    assert made_by(run_file, last="map") == ["scene", "map"]  # its note, and the map's attribute
+    summary = run(run_file, last="map")
+    assert json.loads(summary.map.attrs["assumed"]) == {"flux and spectrum": ["warm"]}
+    (note,) = [note for note in summary.results["scene"].record.warnings if "guesses" in note]
+    assert "1 of 2 lamps ('warm')" in note
+    words = ["relight", str(summary.folder), "--lamp", "warm"]
+    answer = CliRunner().invoke(app, [*words, "--dim", "0.5"])
+    assert "rest on guesses: flux and spectrum of 1 lamp" in " ".join(answer.output.split())
+    answer = CliRunner().invoke(app, [*words, "--spectrum", "FL11", "--lumens", "900"])
+    assert answer.exit_code == 0
+    assert "guesses" not in answer.output
+    run_file.write_text(room_text, encoding="utf-8")
+    assert made_by(run_file, last="map") == ["scene", "map"]
+    assert json.loads(run(run_file, last="map").map.attrs["assumed"]) == {}
 
 
 @pytest.mark.parametrize("last", ["views", "scene"])
