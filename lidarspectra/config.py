@@ -442,7 +442,10 @@ class RunFile(Section):
         return found
 
     def __repr__(self) -> str:
-        lamps = f"{len(self.lamps)} lamps" if self.lamps else "lamps lit in the scan" if self.lamps_from_scan else ""
+        guesses = sum(lamp.assumed for lamp in self.lamps)
+        lamps = f"{len(self.lamps)} {'lamp' if len(self.lamps) == 1 else 'lamps'}" if self.lamps else ""
+        lamps += f" ({guesses} assumed)" if guesses else ""
+        lamps = lamps or ("lamps lit in the scan" if self.lamps_from_scan else "")
         light = " and ".join(word for word in (lamps, "daylight" if self.daylight else "") if word) or "no light yet"
         return (
             f"<RunFile '{self.name}': scan {self.scan.file}, {light}, sensor {self.sensors.device}, "

@@ -65,7 +65,7 @@ def assumed_of_scan(marked: Sequence[str], record: ScanRecord, room: Room) -> tu
 
 def scan_notes(section: ScanSection) -> tuple[str, ...]:
     """A note where the run file marks unit or upward axis as assumed."""
-    said = [f'{name} = "{getattr(section, name)}"' for name in section.assumed]
+    said = [f'{name} = "{getattr(section, name)}"' for name in section.assumed if getattr(section, name) != "auto"]
     if not said:
         return ()
     return (

@@ -127,6 +127,8 @@ def test_a_guessed_unit_is_a_note_of_the_scan() -> None:
     assert note.startswith('unit = "cm" and up = "+z" under [scan] are guesses')
     assert "delete 'assumed'" in note
     assert scan_notes(RunFile.model_validate({"scan": SCAN}).scan) == ()
+    # What is detected anew at each run says itself how sure it is.
+    assert scan_notes(RunFile.model_validate({"scan": {**SCAN, "assumed": ["unit"]}}).scan) == ()
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,7 @@ def test_init_gives_the_text_that_the_command_writes_and_a_run_file_that_runs(tm
     assert made.sensors.grid is not None
     assert made.sensors.grid.height == 0.7
     assert "written by 'lidarspectra init'" in made.text
-    assert "1 lamps" in repr(made)  # proposed, since none is lit
+    assert "1 lamp (1 assumed)" in repr(made)  # proposed, since none is lit
     assert made.lamps[0].assumed
     assert made.scan.assumed == ()
     with pytest.raises(ls.LidarSpectraError, match="a dark room has no map"):

@@ -12,8 +12,8 @@ A map is an xarray Dataset with the dims (point, band):
     band, band_width, band_label (band,)       [nm]          centre, full width at half maximum, short name
 
 `check_map` validates this schema wherever a map is made or read. The attribute `illuminance_from` says whether the
-illuminance was computed from the lamps' whole spectra ('lamps') or from the band values alone ('bands'). Maps written
-by versions without illuminance are read without it.
+illuminance was computed from the lamps' whole spectra ('lamps') or from the band values alone ('bands'); `assumed`, in
+the map of a run, what of it is a guess (`assumptions`). Maps of versions without illuminance are read without it.
 """
 
 from collections.abc import Iterable, Mapping

@@ -50,7 +50,7 @@ class ReportInput:
         Pictures of how the materials were found.
     floor_z_m : float
         Height of the floor in the scan's coordinates. [m]
-    floor_share, ceiling_share : float, optional
+    floor_scanned, ceiling_scanned : float, optional
         Of the plan, what of it was scanned. [0-1]
     room_notes : str
         One sentence on the room that was found.
@@ -79,8 +79,8 @@ class ReportInput:
     view_notes: str = ""
     material_pictures: MaterialPictures | None = None
     floor_z_m: float = 0.0
-    floor_share: float | None = None
-    ceiling_share: float | None = None
+    floor_scanned: float | None = None
+    ceiling_scanned: float | None = None
     room_notes: str = ""
     stages: tuple[StageRow, ...] = ()
     warnings: tuple[str, ...] = ()

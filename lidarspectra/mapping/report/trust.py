@@ -111,7 +111,7 @@ def _scan_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
 
 
 def _surface_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
-    for name, share in (("floor", report.floor_share), ("ceiling", report.ceiling_share)):
+    for name, share in (("floor", report.floor_scanned), ("ceiling", report.ceiling_scanned)):
         if share is None:
             continue
         is_guess = name in assumed.scan

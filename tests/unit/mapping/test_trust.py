@@ -50,7 +50,7 @@ def test_assumed_lamps_are_told_with_their_share_of_the_light(report):
 
 
 def test_scan_and_surfaces_say_how_they_are_known(report):
-    told = assuming(replace(report, floor_share=0.97, ceiling_share=0.1), scan=("unit", "ceiling"))
+    told = assuming(replace(report, floor_scanned=0.97, ceiling_scanned=0.1), scan=("unit", "ceiling"))
     rows = rows_of(told)
     assert rows["unit of the scan (assumed)"][1] == "m, 90 % sure"
     assert "nothing here holds" in rows["unit of the scan (assumed)"][2]
