@@ -96,7 +96,8 @@ class Material:
                 )
 
     def __repr__(self) -> str:
-        return f"<Material '{self.name}': reflectance {_at_555(self.reflectance):.2f} at 555 nm, {self.kind}, {self.provenance}>"
+        value = _at_555(self.reflectance)
+        return f"<Material '{self.name}': reflectance {value:.2f} at 555 nm, {self.kind}, {self.provenance}>"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
