@@ -19,14 +19,14 @@ RGB = PassOptions(
 
 def test_direct_light_is_asked_for_by_these_arguments() -> None:
     assert " ".join(NATIVE.direct_arguments(4)) == (
-        "-h- -fdf -V+ -c 4 -u+ -bv+ -dt 0 -dc 1 -dr 2 -ss 1 -st 0.01 -aa 0 -as 0 -av 0 0 0 "
+        "-h- -fdf -V+ -c 4 -u+ -bv+ -dt 0 -dc 1 -dr 2 -dp 0 -ss 1 -st 0.01 -aa 0 -as 0 -av 0 0 0 "
         "-I+ -ab 0 -dj 1 -ds 0.05 -dv+ -cs 14 -cw 380 800 -m lamp0 -m lamp1 pass0.oct"
     )
 
 
 def test_reflected_light_is_asked_for_by_these_arguments() -> None:
     assert " ".join(NATIVE.gather_arguments(233, bounces=20, lamps_visible=False)) == (
-        "-h- -fdf -V+ -c 233 -u+ -bv+ -dt 0 -dc 1 -dr 2 -ss 1 -st 0.01 -aa 0 -as 0 -av 0 0 0 "
+        "-h- -fdf -V+ -c 233 -u+ -bv+ -dt 0 -dc 1 -dr 2 -dp 0 -ss 1 -st 0.01 -aa 0 -as 0 -av 0 0 0 "
         "-I- -dv- -dj 1 -ds 0.3 -ab 19 -ad 1 -lw 0.4 -lr -40 -cs 14 -cw 380 800 -m lamp0 -m lamp1 pass0.oct"
     )
 
@@ -42,14 +42,14 @@ def test_light_in_a_narrow_view_includes_the_lamps() -> None:
 
 def test_classic_rgb_names_no_slots() -> None:
     assert " ".join(RGB.gather_arguments(8, bounces=2, lamps_visible=False)) == (
-        "-h- -fdf -V+ -c 8 -u+ -bv+ -dt 0 -dc 1 -dr 2 -ss 1 -st 0.01 -aa 0 -as 0 -av 0 0 0 "
+        "-h- -fdf -V+ -c 8 -u+ -bv+ -dt 0 -dc 1 -dr 2 -dp 0 -ss 1 -st 0.01 -aa 0 -as 0 -av 0 0 0 "
         "-I- -dv- -dj 1 -ds 0.3 -ab 1 -ad 1 -lw 0.4 -lr -22 -m lamp0 pass0.oct"
     )
 
 
 def test_a_plain_run_for_stock_radiance() -> None:
     assert " ".join(plain_arguments("low", "standard", lamp_count=12)) == (
-        "-I+ -u+ -bv+ -dt 0 -dc 1 -dr 2 -ss 1 -st 0.01 -aa 0 -as 0 -av 0 0 0 -dj 1 -ds 0.1 "
+        "-I+ -u+ -bv+ -dt 0 -dc 1 -dr 2 -dp 0 -ss 1 -st 0.01 -aa 0 -as 0 -av 0 0 0 -dj 1 -ds 0.1 "
         "-ab 2 -ad 1024 -lw 0.000390625 -lr -22"
     )
 

@@ -20,6 +20,7 @@ from typing import Literal
 from lidarspectra.arguments import one_of
 from lidarspectra.radiance.engine.bands import BandGroup
 
+Glass = Literal["plain", "images", "glow"]
 Accuracy = Literal["low", "medium", "high", "ultra", "all"]
 Noise = Literal["draft", "standard", "fine"]
 NoiseOf = Literal["mean", "point"]
@@ -119,6 +120,9 @@ class PassOptions:
         Lamps with separate results, in the order of the results.
     octree : str
         File name in the scene folder.
+    images, glow : str or None
+        Octrees in which panes of glass reflect the lamps: as images, and spread over all directions
+        (`scene.pane_text`); the octree itself if None.
     bounces : int
         Largest number of diffuse reflections, 1 or more.
     lamp_count : int
@@ -130,19 +134,32 @@ class PassOptions:
     octree: str
     bounces: int
     lamp_count: int
+    images: str | None = None
+    glow: str | None = None
+
+    def octree_of(self, glass: Glass) -> str:
+        """The octree in which panes of glass are so."""
+        named = {"plain": None, "images": self.images, "glow": self.glow}[glass]
+        return self.octree if named is None else named
 
     def direct_arguments(self, repeats: int) -> tuple[str, ...]:
         """Arguments for D: sensors in, each given `repeats` times in a row and averaged (`-c`)."""
         options = ("-I+", "-ab", "0", "-dj", "1", "-ds", f"{lamp_part(self.lamp_count):g}", "-dv+")
-        return (*self._common(repeats), *options, *self._ending())
+        return (*self._common(repeats), *options, *self._ending("images"))
 
     def survey_arguments(self) -> tuple[str, ...]:
         """Arguments for a rough D: sensors in, one shadow ray per lamp part, lamps subdivided only if close."""
         options = ("-I+", "-ab", "0", "-dj", "1", "-ds", f"{REFLECTED_LAMP_PART:g}", "-dv+")
-        return (*self._common(1), *options, *self._ending())
+        return (*self._common(1), *options, *self._ending("images"))
 
     def gather_arguments(
-        self, paths: int, *, bounces: int, lamps_visible: bool, path_weight: float = PATH_WEIGHT
+        self,
+        paths: int,
+        *,
+        bounces: int,
+        lamps_visible: bool,
+        path_weight: float = PATH_WEIGHT,
+        glass: Glass = "plain",
     ) -> tuple[str, ...]:
         """Arguments for S and M: directions in, each set of `paths` averaged, reflected up to `bounces` times.
 
@@ -153,7 +170,7 @@ class PassOptions:
             *("-ab", str(bounces - 1), "-ad", "1", "-lw", f"{path_weight:g}"),
             *("-lr", str(-(bounces + SPECULAR_REFLECTIONS))),
         )
-        return (*self._common(paths), *options, *self._ending())
+        return (*self._common(paths), *options, *self._ending(glass))
 
     def tree_arguments(self, fields: str, *, lamps_visible: bool) -> tuple[str, ...]:
         """Arguments for rtrace: directions in, all rays of their paths out, each vertex with one look at each lamp."""
@@ -187,13 +204,13 @@ class PassOptions:
     def _common(self, averaged: int) -> tuple[str, ...]:
         return ("-h-", "-fdf", "-V+", "-c", str(averaged), *SHARED_OPTIONS)
 
-    def _ending(self) -> tuple[str, ...]:
+    def _ending(self, glass: Glass) -> tuple[str, ...]:
         modifiers = [word for name in self.lamp_modifiers for word in ("-m", name)]
-        return (*self.group.options, *modifiers, self.octree)
+        return (*self.group.options, *modifiers, self.octree_of(glass))
 
 
 SHARED_OPTIONS: tuple[str, ...] = (
-    *("-u+", "-bv+", "-dt", "0", "-dc", "1", "-dr", "2", "-ss", "1", "-st", f"{SPECULAR_THRESHOLD:g}"),
+    *("-u+", "-bv+", "-dt", "0", "-dc", "1", "-dr", "2", "-dp", "0", "-ss", "1", "-st", f"{SPECULAR_THRESHOLD:g}"),
     *("-aa", "0", "-as", "0", "-av", "0", "0", "0"),
 )
 """Options of every run; written out, since the programs' defaults differ."""

@@ -12,6 +12,7 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.radiance.sampling.receptors import tangents
 from lidarspectra.radiance.scene.mesh_text import read_mesh_text
+from lidarspectra.radiance.scene.panes import PANE
 from lidarspectra.radiance.scene.primitives import Primitive, read_primitives
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.radiance.scene.scene_record import LAMPS_FILE
@@ -44,11 +45,14 @@ class Scattering:
         Whether it is exactly Lambertian and opaque, so that its reflectance is sufficient.
     reflectance : (material, slot) float
         In the engine's order; 0 for those that are not diffuse. [0-1]
+    is_glass : (material,) bool
+        Whether it is a clear pane.
     """
 
     is_matt: BoolArray
     is_diffuse: BoolArray
     reflectance: FloatArray
+    is_glass: BoolArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,6 +132,11 @@ class Surfaces:
         shares: BoolArray = ~self.are_dark(arrivals) & self.scattering.is_matt[arrivals.material]
         return shares
 
+    def are_glass(self, arrivals: Arrivals) -> BoolArray:
+        """(ray,) whether it arrived on a pane of glass."""
+        clear: BoolArray = (arrivals.material >= 0) & self.scattering.is_glass[arrivals.material]
+        return clear
+
     def are_dark(self, arrivals: Arrivals) -> BoolArray:
         """(ray,) whether it met nothing or a lamp, where paths end."""
         dark: BoolArray = (arrivals.material < 0) | (arrivals.material == self.scattering.is_matt.size - 1)
@@ -172,8 +181,9 @@ def load_surfaces(scene: RadianceScene) -> dict[str, Surfaces]:
     known: dict[tuple[str, str, bytes], Surfaces] = {}
     passes: dict[str, Surfaces] = {}
     for scene_pass in scene.passes:
-        shapes = [scene.folder / name for name in (LAMPS_FILE, scene_pass.scene_file)]
-        lamps = np.concatenate([_triangles(primitive) for path in shapes for primitive in read_primitives(path)])
+        files = [scene.folder / name for name in (LAMPS_FILE, scene_pass.scene_file)]
+        shapes = [each for path in files for each in read_primitives(path) if not each.modifier.startswith(PANE)]
+        lamps = np.concatenate([_triangles(primitive) for primitive in shapes])
         key = (scene_pass.mesh, scene_pass.materials_file, lamps.tobytes())
         if key not in known:
             known[key] = _surfaces(scene.folder / scene_pass.mesh, scene.folder / scene_pass.materials_file, lamps)
@@ -239,7 +249,7 @@ def read_scattering(names: Sequence[str], path: Path) -> Scattering:
     SceneError
         If the file cannot be read or lacks a material.
     """
-    patterns, plastics, others = {"void": np.ones(1)}, {}, set()
+    patterns, plastics, others = {"void": np.ones(1)}, {}, {}
     for each in read_primitives(path):
         if (
             each.kind == "spectrum"
@@ -249,7 +259,7 @@ def read_scattering(names: Sequence[str], path: Path) -> Scattering:
             color = np.array(each.numbers[:3] if each.modifier == "void" else each.numbers[:1])
             plastics[each.name] = (patterns[each.modifier] * color, each.numbers[3])
         else:
-            others.add(each.name)
+            others[each.name] = each.kind
     missing = [name for name in names if name not in plastics and name not in others]
     if missing:
         raise SceneError(
@@ -265,4 +275,5 @@ def read_scattering(names: Sequence[str], path: Path) -> Scattering:
         reflectance[row] = plastics[names[int(row)]][0]
     is_matt = gloss <= MAX_POOLED_GLOSS
     is_matt[-1] = True  # paths end on lamps, from any direction
-    return Scattering(is_matt=is_matt, is_diffuse=gloss == 0.0, reflectance=reflectance)
+    is_glass = np.array([others.get(name) == "glass" for name in names] + [False])
+    return Scattering(is_matt=is_matt, is_diffuse=gloss == 0.0, reflectance=reflectance, is_glass=is_glass)

@@ -30,8 +30,8 @@ from typing import Literal
 import numpy as np
 from scipy.sparse import csr_array
 
-from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.radiance.engine.options import PassOptions
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.radiance.engine.options import PATH_WEIGHT, Glass, PassOptions
 from lidarspectra.radiance.sampling.arrivals import Arrivals, Scattering, Surfaces
 from lidarspectra.radiance.sampling.patches import Patches
 from lidarspectra.radiance.sampling.receptors import FIBONACCI, cosine_directions
@@ -82,18 +82,25 @@ class Leg:
         Path of each ray; each path occurs once.
     weight : (ray, slot) or (ray, 1) float
         Factor on the engine's result. [1]
+    glass : str
+        How panes of glass reflect lamps on it, see `_legs`.
     """
 
     reach: Literal["rest", "whole", "first"]
     rays: FloatArray
     path: IntArray
     weight: FloatArray
+    glass: Glass = "plain"
 
     def arguments(self, options: PassOptions, bounces: int) -> tuple[str, ...]:
         """Arguments of rcontrib for light at the sensor after at most `bounces` reflections."""
-        if self.reach == "rest":
-            return options.gather_arguments(1, bounces=bounces - 1, lamps_visible=False, path_weight=REST_WEIGHT)
-        return options.gather_arguments(1, bounces=bounces if self.reach == "whole" else 1, lamps_visible=False)
+        return options.gather_arguments(
+            1,
+            bounces={"rest": bounces - 1, "whole": bounces, "first": 1}[self.reach],
+            lamps_visible=False,
+            path_weight=REST_WEIGHT if self.reach == "rest" else PATH_WEIGHT,
+            glass=self.glass,
+        )
 
 
 @dataclass(kw_only=True, eq=False)
@@ -183,7 +190,7 @@ def draw_pooled_paths(
         kind = _kinds(surfaces, arrivals, sensor, sharing)
         cell = sort_into_cells(arrivals.places, kind, most=most, longest_m=surfaces.cell_m, origin=surfaces.bounds[0])
         chosen = _draw(cell, _worth(surfaces.scattering, arrivals.material), min(paths, len(rays)), generator)
-        legs.append(_legs(surfaces.scattering, arrivals, rays, chosen, first_path=drawn, generator=generator))
+        legs.append(_legs(surfaces, arrivals, rays, chosen, first_path=drawn, generator=generator))
         cells.append(cell[chosen] + total)
         arrived.append(cell + total)
         total += int(cell.max()) + 1
@@ -230,7 +237,7 @@ def _worth(scattering: Scattering, material: IntArray) -> FloatArray:
 
 
 def _legs(
-    scattering: Scattering,
+    surfaces: Surfaces,
     arrivals: Arrivals,
     rays: FloatArray,
     chosen: IntArray,
@@ -238,7 +245,13 @@ def _legs(
     first_path: int,
     generator: np.random.Generator,
 ) -> list[Leg]:
-    """Engine rays for the chosen arrivals, which are in the order of their cells."""
+    """Engine rays for the chosen arrivals, which are in the order of their cells.
+
+    Light that a pane of glass reflects from a lamp to where the path first arrived belongs to what is reflected once
+    (images). All later such light comes from the panes' glow, but for paths that meet glass at once: what glows there
+    was counted before.
+    """
+    scattering = surfaces.scattering
     path = first_path + np.arange(len(chosen))
     material = arrivals.material[chosen]
     goes_on = (material >= 0) & scattering.is_diffuse[material]
@@ -247,12 +260,23 @@ def _legs(
     numbers = (generator.random(2) + np.arange(len(there))[:, None] * _R2) % 1.0
     starts = arrivals.places[there] + SENSOR_OFFSET_M * normals
     onward = np.concatenate([starts, cosine_directions(normals, numbers)], axis=1)
+    has_glass = bool(scattering.is_glass.any())
     one = np.ones((len(watched), 1))
+    rest = Leg(reach="rest", rays=onward, path=path[goes_on], weight=scattering.reflectance[material[goes_on]])
+    at_once = surfaces.are_glass(surfaces.arrivals(onward)) if has_glass else np.ones(len(there), dtype=np.bool_)
+    whole = Leg(reach="whole", rays=rays[watched], path=path[~goes_on], weight=one)
+    first = Leg(reach="first", rays=rays[watched], path=path[~goes_on], weight=-one)
+    clear = surfaces.are_glass(arrivals.take(watched)) if has_glass else np.ones(len(watched), dtype=np.bool_)
     return [
-        Leg(reach="rest", rays=onward, path=path[goes_on], weight=scattering.reflectance[material[goes_on]]),
-        Leg(reach="whole", rays=rays[watched], path=path[~goes_on], weight=one),
-        Leg(reach="first", rays=rays[watched], path=path[~goes_on], weight=-one),
+        *(_some(rest, at_once, "plain"), _some(rest, ~at_once, "glow")),
+        *(_some(whole, clear, "plain"), _some(whole, ~clear, "glow")),
+        *(_some(first, clear, "plain"), _some(first, ~clear, "images")),
     ]
+
+
+def _some(leg: Leg, chosen: BoolArray, glass: Glass) -> Leg:
+    """Some rays of a leg."""
+    return Leg(reach=leg.reach, rays=leg.rays[chosen], path=leg.path[chosen], weight=leg.weight[chosen], glass=glass)
 
 
 def _joined(legs: Sequence[Sequence[Leg]]) -> tuple[Leg, ...]:
@@ -263,6 +287,7 @@ def _joined(legs: Sequence[Sequence[Leg]]) -> tuple[Leg, ...]:
             rays=np.concatenate([leg.rays for leg in alike]),
             path=np.concatenate([leg.path for leg in alike]),
             weight=np.concatenate([leg.weight for leg in alike]),
+            glass=alike[0].glass,
         )
         for alike in zip(*legs, strict=True)
     ]

@@ -221,6 +221,8 @@ def _components(scene: RadianceScene, request: Request, count: int) -> list[Comp
                 group=scene_pass.group,
                 lamp_modifiers=tuple(scene.lamp_modifiers[lamp] for lamp in scene_pass.lamps),
                 octree=scene_pass.octree,
+                images=scene_pass.images_octree,
+                glow=scene_pass.glow_octree,
                 bounces=request.bounces,
                 lamp_count=len(scene.lamp_names),
             ),

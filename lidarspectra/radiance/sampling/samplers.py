@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.radiance.engine.options import PassOptions
+from lidarspectra.radiance.engine.options import Glass, PassOptions
 from lidarspectra.radiance.sampling.receptors import FIBONACCI, Receptor
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
@@ -34,12 +34,15 @@ class Sampler:
         Whether it looks at the room's surfaces before it samples.
     lamps_visible : bool
         Whether its rays see lamps.
+    glass : str
+        How panes of glass reflect lamps for it (`scene.pane_text`).
     """
 
     kind: Kind
     is_shared: bool = False
     has_patches: bool = False
     lamps_visible: bool = False
+    glass: Glass = "plain"
 
     def sizes(self, sharers: int) -> tuple[int, ...]:
         """Numbers of samples that one set may have, where so many passes add up to the light of a band."""
@@ -61,7 +64,9 @@ class Sampler:
 
     def arguments(self, options: PassOptions, size: int) -> tuple[str, ...]:
         """Of rcontrib, which averages each set of `size` rays."""
-        return options.gather_arguments(size, bounces=self.bounces(options), lamps_visible=self.lamps_visible)
+        return options.gather_arguments(
+            size, bounces=self.bounces(options), lamps_visible=self.lamps_visible, glass=self.glass
+        )
 
     def order(self, points: IntArray, generator: np.random.Generator) -> IntArray:
         """The order in which points are given to the engine."""
@@ -112,7 +117,7 @@ class _Often(Sampler):
 
 
 DIRECT = _Direct("direct")
-ONCE = _Once("once")
+ONCE = _Once("once", glass="images")
 OFTEN = _Often("often", is_shared=True, has_patches=True)
 VIEW = Sampler("view", has_patches=True, lamps_visible=True)
 

@@ -78,7 +78,7 @@ class _Surroundings:
 
     @classmethod
     def of(cls, scan: Scan) -> "_Surroundings":
-        vertex = _merged_vertices(scan)[scan.faces.ravel()]
+        vertex = merged_vertices(scan)[scan.faces.ravel()]
         face = np.repeat(np.arange(len(scan.faces), dtype=np.int64), 3)
         counts = np.bincount(vertex)
         starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
@@ -103,7 +103,7 @@ def _unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(np.where(lengths > 0, vectors / np.where(lengths > 0, lengths, 1.0), [0.0, 0.0, 1.0]))
 
 
-def _merged_vertices(scan: Scan) -> IntArray:
+def merged_vertices(scan: Scan) -> IntArray:
     """(vertex,) number of the place that each vertex is at."""
     cells = np.rint((scan.vertices - scan.bounds[0]) / SAME_VERTEX_M).astype(np.int64)
     _, number = np.unique(cells, axis=0, return_inverse=True)

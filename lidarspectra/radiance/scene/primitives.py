@@ -139,13 +139,15 @@ def read_primitives(path: Path) -> list[Primitive]:
     return found
 
 
-def _colored(kind: str, name: str, color: Color, others: Sequence[float], modifier: str) -> str:
+def _colored(
+    kind: str, name: str, color: Color, others: Sequence[float], modifier: str, *, words: Sequence[str] = ()
+) -> str:
     """A material whose first three arguments are its colour, followed by others."""
     if color.group.mode == "rgb":
-        return primitive(modifier, kind, name, numbers=[*color.slots[::-1], *others])
+        return primitive(modifier, kind, name, words=words, numbers=[*color.slots[::-1], *others])
     spectrum_name = f"{name}_slots"
     return spectrum(spectrum_name, color, modifier=modifier) + primitive(
-        spectrum_name, kind, name, numbers=[1.0, 1.0, 1.0, *others]
+        spectrum_name, kind, name, words=words, numbers=[1.0, 1.0, 1.0, *others]
     )
 
 
@@ -177,6 +179,11 @@ def glass(name: str, transmissivity: Color) -> str:
     return _colored("glass", name, transmissivity, [], "void")
 
 
+def mirror(name: str, color: Color) -> str:
+    """Perfectly smooth mirror, flat as its polygon, in which shadow rays find lamps' images."""
+    return _colored("mirror", name, color, [], "void")
+
+
 def light(name: str, radiance: Color, *, modifier: str = "void") -> str:
     """Material of a lamp's surface; `radiance` in [W/m²/sr/nm]."""
     return _colored("light", name, radiance, [], modifier)
@@ -184,12 +191,7 @@ def light(name: str, radiance: Color, *, modifier: str = "void") -> str:
 
 def illum(name: str, radiance: Color, *, alternative: str, modifier: str = "void") -> str:
     """Light for shadow rays alone; other rays meet the material `alternative`."""
-    if radiance.group.mode == "rgb":
-        return primitive(modifier, "illum", name, words=[alternative], numbers=radiance.slots[::-1])
-    pattern = f"{name}_slots"
-    return spectrum(pattern, radiance, modifier=modifier) + primitive(
-        pattern, "illum", name, words=[alternative], numbers=[1.0, 1.0, 1.0]
-    )
+    return _colored("illum", name, radiance, [], modifier, words=[alternative])
 
 
 def black(name: str) -> str:

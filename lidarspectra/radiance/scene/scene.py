@@ -9,6 +9,7 @@ pass sees the same obstacles. Adding up the passes' lamps gives the room.
     room.obj                   the mesh; passN_materials.rad  its materials;  passN_room.rtm  both, compiled
     passN.rad                  what the lamps send, and the mesh; with daylight also windows, sun and their data files
     passN.oct                  what rtrace and rcontrib read
+    passN_images, _glow        with panes of glass: octrees with what lamps are reflected by, and their text; glass.cal
 """
 
 from collections.abc import Sequence
@@ -54,6 +55,8 @@ from lidarspectra.radiance.scene.lamp_text import (
 )
 from lidarspectra.radiance.scene.mesh_text import CREASE_DEG, mesh_text
 from lidarspectra.radiance.scene.openings import open_windows
+from lidarspectra.radiance.scene.pane_text import GLASS_FILE, GLASS_FUNCTIONS, glow_text, images_text, mirrors_text
+from lidarspectra.radiance.scene.panes import Pane, find_panes
 from lidarspectra.radiance.scene.primitives import Color
 from lidarspectra.radiance.scene.scene_record import LAMPS_FILE, MESH_FILE, OPEN_MESH_FILE, save_scene
 from lidarspectra.radiance.scene.scene_record import RadianceScene as RadianceScene
@@ -128,24 +131,24 @@ def write_scene(
     lamp_band_flux([lamp.flux for lamp in lamps], bands)  # refuses a lamp that the sensor does not see
     slots = _slots(scan, materials, lamps, bands, mode) if fine_slots else whole_channels(bands)
     flux = np.array([slots.bands.band_values(lamp.flux, outside="zero") for lamp in lamps])
-    room = _Room(folder, lamps, modifiers, slots.bands, WRITTEN_PER_WATT * with_floor(flux), _bounds(scan, lamps))
-    names = tuple(f"m{index}" for index in range(len(materials.materials)))
+    panes = find_panes(scan, materials)
+    written = WRITTEN_PER_WATT * with_floor(flux)
+    room = _Room(folder, lamps, modifiers, slots.bands, written, _bounds(scan, lamps), materials, panes.panes)
     plans = _plan_passes(lamps, slots, mode, lamps_per_pass)
     writing, *compiling = shares(progress, _shares([planned for _, planned in plans]))
     writing(0.0, "writing the mesh")
+    if room.has_glass:
+        _write(folder / GLASS_FILE, GLASS_FUNCTIONS)
     _write_shapes(room)
-    meshes = _write_meshes(scan, materials, lamps, folder, names=names, crease_deg=crease_deg)
+    meshes = _write_meshes(scan, room, crease_deg=crease_deg)
     passes = []
     for index, (light, planned) in enumerate(plans):
         compiling[index](0.0, f"compiling pass {index + 1} of {len(plans)}")
-        scene_pass = _write_pass(replace(planned, mesh=meshes[_has_sun(light, lamps)]), room)
+        scene_pass = _write_pass(replace(planned, mesh=meshes[_has_sun(light, lamps)]), light, room)
         if scene_pass.surfaces == scene_pass.name:
-            _write(
-                folder / scene_pass.materials_file,
-                _materials_text(materials, light, slots.bands, scene_pass.group, names),
-            )
+            _write(folder / scene_pass.materials_file, _materials_text(light, scene_pass.group, room))
             compile_mesh(engine, folder, scene_pass.mesh, scene_pass.materials_file, scene_pass.mesh_file)
-        compile_octree(engine, folder, [scene_pass.scene_file, LAMPS_FILE], scene_pass.octree)
+        _compile_octrees(engine, scene_pass, room)
         if scene_pass.surfaces == scene_pass.name:
             check_octree(engine, folder, scene_pass.octree)
         passes.append(scene_pass)
@@ -199,6 +202,12 @@ class _Room:
     bands: BandSet  # the slots
     flux: FloatArray  # (lamp, slot) as written [µW/nm]
     bounds: FloatArray  # (2, 3) of all that is in the room [m]
+    materials: MaterialMap
+    panes: tuple[Pane, ...]  # in which lamps have images
+
+    @property
+    def has_glass(self) -> bool:
+        return any(self.materials.materials[pane.material].kind == "glass" for pane in self.panes)
 
 
 def _bounds(scan: Scan, lamps: Sequence[Lamp]) -> FloatArray:
@@ -263,33 +272,44 @@ def _write_shapes(room: _Room) -> None:
     _write(room.folder / LAMPS_FILE, "".join(shapes))
 
 
-def _write_meshes(
-    scan: Scan,
-    materials: MaterialMap,
-    lamps: Sequence[Lamp],
-    folder: Path,
-    *,
-    names: tuple[str, ...],
-    crease_deg: float,
-) -> dict[bool, str]:
+def _write_meshes(scan: Scan, room: _Room, *, crease_deg: float) -> dict[bool, str]:
     """Write the mesh, and where the sun shines one with open windows; file names by whether it is the sun's."""
-    _write(folder / MESH_FILE, mesh_text(scan, materials.face_material, names=names, crease_deg=crease_deg))
-    for sun in (lamp for lamp in lamps if not lamp.is_in_room):
-        opened, face_material = open_windows(scan, materials.face_material, sun)
-        _write(folder / OPEN_MESH_FILE, mesh_text(opened, face_material, names=names, crease_deg=crease_deg))
+    face_material = room.materials.face_material
+    names = _material_names(room)
+    _write(room.folder / MESH_FILE, mesh_text(scan, face_material, names=names, crease_deg=crease_deg))
+    for sun in (lamp for lamp in room.lamps if not lamp.is_in_room):
+        opened, opened_material = open_windows(scan, face_material, sun)
+        _write(room.folder / OPEN_MESH_FILE, mesh_text(opened, opened_material, names=names, crease_deg=crease_deg))
     return {False: MESH_FILE, True: OPEN_MESH_FILE}
 
 
-def _materials_text(
-    materials: MaterialMap, light: SpectralGroup, bands: BandSet, group: BandGroup, names: tuple[str, ...]
-) -> str:
-    return "".join(
-        surface_text(name, material, surface_slots(material, light.light, bands, group))
-        for name, material in zip(names, materials.materials, strict=True)
-    )
+def _material_names(room: _Room) -> tuple[str, ...]:
+    return tuple(f"m{index}" for index in range(len(room.materials.materials)))
 
 
-def _write_pass(scene_pass: ScenePass, room: _Room) -> ScenePass:
+def _colors(light: SpectralGroup, group: BandGroup, room: _Room) -> list[Color]:
+    """Reflectance of the materials under the light of a group of lamps."""
+    return [surface_slots(material, light.light, room.bands, group) for material in room.materials.materials]
+
+
+def _materials_text(light: SpectralGroup, group: BandGroup, room: _Room) -> str:
+    parts = zip(_material_names(room), room.materials.materials, _colors(light, group, room), strict=True)
+    return "".join(surface_text(name, material, color) for name, material, color in parts)
+
+
+def _compile_octrees(engine: Engine, scene_pass: ScenePass, room: _Room) -> None:
+    """The pass's octree, and with panes of glass two more (`pane_text`)."""
+    files = [scene_pass.scene_file, LAMPS_FILE]
+    compile_octree(engine, room.folder, files, scene_pass.octree)
+    if not scene_pass.has_glass:
+        return
+    for octree, text in ((scene_pass.images_octree, images_text), (scene_pass.glow_octree, glow_text)):
+        file = octree.replace(".oct", ".rad")
+        _write(room.folder / file, text(room.panes, room.materials.materials))
+        compile_octree(engine, room.folder, [*files, file], octree)
+
+
+def _write_pass(scene_pass: ScenePass, light: SpectralGroup, room: _Room) -> ScenePass:
     """Write the pass's scene and data files; the pass comes back with their names."""
     sunlit = not all(room.lamps[index].is_in_room for index in scene_pass.lamps)
     texts: list[str] = []
@@ -304,11 +324,12 @@ def _write_pass(scene_pass: ScenePass, room: _Room) -> ScenePass:
                 texts += [primitives.black(modifier), window_shape_text(modifier, lamp)]
         elif lamp.is_in_room:
             texts.append(primitives.black(modifier))
+    texts.append(mirrors_text(room.panes, room.materials.materials, _colors(light, scene_pass.group, room)))
     texts.append(primitives.mesh("void", "room", scene_pass.mesh_file))
     for name, content in data.items():
         _write(room.folder / name, content)
     _write(room.folder / scene_pass.scene_file, "".join(texts))
-    return replace(scene_pass, data_files=tuple(data))
+    return replace(scene_pass, data_files=tuple(data), has_glass=room.has_glass)
 
 
 def _lit_text(index: int, scene_pass: ScenePass, room: _Room) -> tuple[str, dict[str, str]]:

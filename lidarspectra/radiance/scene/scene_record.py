@@ -42,6 +42,8 @@ class ScenePass:
         Mesh that is compiled for it; the sun's has holes at the windows.
     data_files : tuple of str
         Files that its scene reads besides.
+    has_glass : bool
+        Whether there are panes of glass, for which it has two more octrees (`pane_text`).
     """
 
     name: str
@@ -50,6 +52,7 @@ class ScenePass:
     surfaces: str
     mesh: str = MESH_FILE
     data_files: tuple[str, ...] = ()
+    has_glass: bool = False
 
     @property
     def slots(self) -> tuple[int, ...]:
@@ -70,6 +73,16 @@ class ScenePass:
     def octree(self) -> str:
         """Octree's file name, in the scene folder."""
         return f"{self.name}.oct"
+
+    @property
+    def images_octree(self) -> str:
+        """Octree in which lamps have images in panes of glass; the octree itself without such."""
+        return f"{self.name}_images.oct" if self.has_glass else self.octree
+
+    @property
+    def glow_octree(self) -> str:
+        """Octree in which panes of glass spread what they reflect of the lamps; the octree itself without such."""
+        return f"{self.name}_glow.oct" if self.has_glass else self.octree
 
     @property
     def scene_file(self) -> str:
@@ -198,6 +211,7 @@ def save_scene(scene: RadianceScene) -> None:
                 "surfaces": scene_pass.surfaces,
                 "mesh": scene_pass.mesh,
                 "data_files": scene_pass.data_files,
+                "has_glass": scene_pass.has_glass,
             }
             for scene_pass in scene.passes
         ],
@@ -264,7 +278,9 @@ def _load_slots(folder: Path, record: dict[str, Any]) -> tuple[Slots, FloatArray
 
 def _compiled_files(scene: RadianceScene) -> list[str]:
     """What the engine reads: octrees, and the meshes beside them."""
-    return sorted({name for scene_pass in scene.passes for name in (scene_pass.octree, scene_pass.mesh_file)})
+    return sorted(
+        {name for each in scene.passes for name in (each.octree, each.images_octree, each.glow_octree, each.mesh_file)}
+    )
 
 
 def _check_size(folder: Path, name: str, written: int | None) -> None:
@@ -285,6 +301,7 @@ def _load_pass(entry: dict[str, Any], mode: Mode) -> ScenePass:
         surfaces=entry["surfaces"],
         mesh=entry["mesh"],
         data_files=tuple(entry["data_files"]),
+        has_glass=entry.get("has_glass", False),  # not in scenes of version 0.1.0
     )
 
 

@@ -10,10 +10,11 @@ A material's reflectance ρ is total and hemispherical. Radiance's materials spl
     glass     by the transmissivity that gives the transmittance τ at normal incidence; what its two surfaces
               reflect follows from the refractive index 1.52 that Radiance takes, so its ρ is not used
 
-Whatever is specular is written with a roughness of at least 0.05 (a blur of 3 degrees). On a perfectly smooth surface
-Radiance follows no lamp's light to where it is reflected next: a closed room of ρ = 0.7 loses 6 % of its light with
-s = 0.05 and 69 % with mirrors, but 1 % or less from a roughness of 0.02 on (measured; `tests/engine`). Above a
-roughness of 0.2 Radiance's reflection model itself loses some per cent at grazing angles.
+Whatever is specular, glass apart, is written with a roughness of at least 0.05 (a blur of 3 degrees). On a perfectly
+smooth surface Radiance follows no lamp's light to where it is reflected next: a closed room of ρ = 0.7 loses 6 % of its
+light with s = 0.05 and 69 % with mirrors, but 1 % or less from a roughness of 0.02 on (measured; `tests/engine`). Flat
+mirrors have a smooth one written before them, in which shadow rays find lamps' images (`pane_text`). Above a roughness
+of 0.2 Radiance's reflection model itself loses some per cent at grazing angles.
 """
 
 import numpy as np

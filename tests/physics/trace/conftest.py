@@ -27,16 +27,24 @@ def flat(value: float) -> Spectrum:
     return Spectrum(wavelengths_nm=RANGE_NM, values=np.full(2, value))
 
 
-def _material(reflectance: Spectrum) -> Material:
+def _material(reflectance: float | Spectrum | Material) -> Material:
+    if isinstance(reflectance, Material):
+        return reflectance
+    return wall(reflectance)
+
+
+def wall(reflectance: float | Spectrum, **more: Any) -> Material:
+    """A matt material, or with `kind` and what belongs to it another one."""
     return Material(
         name="wall",
         category="test",
-        reflectance=reflectance,
+        reflectance=reflectance if isinstance(reflectance, Spectrum) else flat(reflectance),
         source="test",
         provenance="modelled",
         confidence=1.0,
         measured_range_nm=(380.0, 780.0),
         color=(0.5, 0.5, 0.5),
+        **more,
     )
 
 
@@ -67,6 +75,7 @@ class Rooms:
     """Writes scenes into one temporary folder."""
 
     bands = BANDS
+    wall = staticmethod(wall)
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -75,20 +84,19 @@ class Rooms:
     def scene(
         self,
         lamps: Sequence[Lamp],
-        surfaces: Sequence[tuple[trimesh.Trimesh, float | Spectrum]] = (),
+        surfaces: Sequence[tuple[trimesh.Trimesh, float | Spectrum | Material]] = (),
         *,
         bands: BandSet = BANDS,
         mode: str = "native",
     ) -> RadianceScene:
-        """Surfaces (mesh, reflectance) under lamps; without surfaces, empty space."""
+        """Surfaces (mesh, reflectance or material) under lamps; without surfaces, empty space."""
         if not surfaces:
             far = trimesh.Trimesh(vertices=[[0, 0, -100], [0.01, 0, -100], [0, 0.01, -100]], faces=[[0, 1, 2]])
             surfaces = [(far, 0.0)]
         meshes = [mesh for mesh, _ in surfaces]
-        spectra = [value if isinstance(value, Spectrum) else flat(value) for _, value in surfaces]
         faces = np.concatenate([np.full(len(mesh.faces), index) for index, mesh in enumerate(meshes)])
         materials = MaterialMap(
-            materials=tuple(map(_material, spectra)),
+            materials=tuple(_material(value) for _, value in surfaces),
             face_material=faces,
             face_color=np.full((len(faces), 3), 0.5),
             face_seen=np.ones(len(faces)),

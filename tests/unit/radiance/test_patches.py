@@ -34,7 +34,10 @@ def surfaces(*walls: tuple[float, float, float, float]) -> Surfaces:
         caster=RayCaster(scan),
         face_material=np.zeros(len(scan.faces), dtype=np.int64),
         scattering=Scattering(
-            is_matt=np.array([True, True]), is_diffuse=np.array([True, False]), reflectance=np.array([[0.7], [0.0]])
+            is_matt=np.array([True, True]),
+            is_diffuse=np.array([True, False]),
+            reflectance=np.array([[0.7], [0.0]]),
+            is_glass=np.zeros(2, dtype=bool),
         ),
         cell_m=0.75,
         bounds=scan.bounds,
