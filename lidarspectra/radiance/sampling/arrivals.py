@@ -12,6 +12,7 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.radiance.sampling.receptors import tangents
 from lidarspectra.radiance.scene.mesh_text import read_mesh_text
+from lidarspectra.radiance.scene.pane_text import pane_transmittance
 from lidarspectra.radiance.scene.panes import PANE
 from lidarspectra.radiance.scene.primitives import Primitive, read_primitives
 from lidarspectra.radiance.scene.scene import RadianceScene
@@ -22,6 +23,9 @@ MAX_CELL_M = 0.75  # [m] but no longer than this
 MAX_BOXES = 6_000  # about the most boxes of half a cell's side that cover all surfaces; else cells are larger
 MAX_POOLED_GLOSS = 0.1  # [1] specularity above which a surface's radiance depends too much on the direction of view
 MARGIN_M = 1e-3  # [m] by which lamps are enlarged, so that a path that may end on one is traced by the engine
+MAX_PANES_PASSED = 12  # panes and lamps between a sensor and a lamp close by
+BEFORE_LAMP = 1.0 - 1e-4  # [1] of the way to a lamp's surface on which something may stand
+PAST_PANE_M = 1e-4  # [m] behind what was passed
 _SIDES = 6  # a face's side is the axis direction nearest to its normal
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 _CUBE = np.concatenate(
@@ -45,14 +49,20 @@ class Scattering:
         Whether it is exactly Lambertian and opaque, so that its reflectance is sufficient.
     reflectance : (material, slot) float
         In the engine's order; 0 for those that are not diffuse. [0-1]
-    is_glass : (material,) bool
-        Whether it is a clear pane.
+    transmissivity : (material,) float
+        Of one passage through a pane of glass; 0 for all others. [1]
     """
 
     is_matt: BoolArray
     is_diffuse: BoolArray
     reflectance: FloatArray
-    is_glass: BoolArray
+    transmissivity: FloatArray
+
+    @property
+    def is_glass(self) -> BoolArray:
+        """(material,) whether it is a clear pane."""
+        clear: BoolArray = self.transmissivity > 0
+        return clear
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,6 +141,29 @@ class Surfaces:
         """(ray,) whether it arrived on a matt surface of the room."""
         shares: BoolArray = ~self.are_dark(arrivals) & self.scattering.is_matt[arrivals.material]
         return shares
+
+    def light_through(self, origins: FloatArray, ways: FloatArray) -> FloatArray:
+        """(ray,) share of light that comes along some ways (ray, 3) [m]: nothing through walls, T of each pane [1].
+
+        Lamps let it pass.
+        """
+        share, left = np.ones(len(origins)), np.arange(len(origins))
+        starts, rest = origins.copy(), ways.copy()
+        for _ in range(MAX_PANES_PASSED):
+            hits = self.caster.nearest(starts[left], rest[left], max_distance=BEFORE_LAMP)
+            left, face, done = left[hits.met], hits.face[hits.met], hits.distance[hits.met]
+            if not left.size:
+                return share
+            material = self.face_material[face]
+            clear, is_lamp = self.scattering.transmissivity[material], material == self.scattering.is_matt.size - 1
+            unit = rest[left] / np.linalg.norm(rest[left], axis=1, keepdims=True)
+            cosine = np.abs(np.einsum("ij,ij->i", unit, self.caster.normals[face]))
+            share[left] *= np.where(is_lamp, 1.0, np.where(clear > 0, pane_transmittance(cosine, clear), 0.0))
+            onward = (done + PAST_PANE_M / np.linalg.norm(rest[left], axis=1))[:, None] * rest[left]
+            starts[left] += onward
+            rest[left] -= onward
+            left = left[share[left] > 0]
+        return share
 
     def are_glass(self, arrivals: Arrivals) -> BoolArray:
         """(ray,) whether it arrived on a pane of glass."""
@@ -249,7 +282,7 @@ def read_scattering(names: Sequence[str], path: Path) -> Scattering:
     SceneError
         If the file cannot be read or lacks a material.
     """
-    patterns, plastics, others = {"void": np.ones(1)}, {}, {}
+    patterns, plastics, glass, others = {"void": np.ones(1)}, {}, {}, set()
     for each in read_primitives(path):
         if (
             each.kind == "spectrum"
@@ -259,7 +292,9 @@ def read_scattering(names: Sequence[str], path: Path) -> Scattering:
             color = np.array(each.numbers[:3] if each.modifier == "void" else each.numbers[:1])
             plastics[each.name] = (patterns[each.modifier] * color, each.numbers[3])
         else:
-            others[each.name] = each.kind
+            others.add(each.name)
+            if each.kind == "glass":  # grey, so that its first number and slot stand for all
+                glass[each.name] = each.numbers[0] * float(patterns[each.modifier][0])
     missing = [name for name in names if name not in plastics and name not in others]
     if missing:
         raise SceneError(
@@ -275,5 +310,5 @@ def read_scattering(names: Sequence[str], path: Path) -> Scattering:
         reflectance[row] = plastics[names[int(row)]][0]
     is_matt = gloss <= MAX_POOLED_GLOSS
     is_matt[-1] = True  # paths end on lamps, from any direction
-    is_glass = np.array([others.get(name) == "glass" for name in names] + [False])
-    return Scattering(is_matt=is_matt, is_diffuse=gloss == 0.0, reflectance=reflectance, is_glass=is_glass)
+    clear = np.array([glass.get(name, 0.0) for name in names] + [0.0])
+    return Scattering(is_matt=is_matt, is_diffuse=gloss == 0.0, reflectance=reflectance, transmissivity=clear)

@@ -20,6 +20,7 @@ from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.radiance.engine.engine import EngineJob, EngineRun, float_rows
 from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.sampling.arrivals import Surfaces
+from lidarspectra.radiance.sampling.near_lamps import NearLamps
 from lidarspectra.radiance.sampling.pooling import Leg, PooledPaths, Sharing, draw_pooled_paths
 from lidarspectra.radiance.sampling.samplers import Sampler
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
@@ -51,6 +52,8 @@ class Component:
         For 'often' and 'view'.
     sharing : Sharing or None
         For 'often': which sensors may share paths; all that look at the same place if None.
+    near : NearLamps or None
+        For 'direct': lamps whose light close by replaces the engine's.
     seconds, sampled : float, int
         Engine time so far, and samples over all points and batches: their ratio is the price.
     """
@@ -64,6 +67,7 @@ class Component:
     sharers: int = 1
     surfaces: Surfaces | None = None
     sharing: Sharing | None = None
+    near: NearLamps | None = None
     seconds: float = 0.0
     sampled: int = 0
 
@@ -206,9 +210,19 @@ def take_answer(task: Task, run: EngineRun, sensors: Sensors) -> None:
     else:
         values = float_rows(run, rows=task.burn + count * BATCHES, columns=lamps * slots)[task.burn :]
         values = values.reshape(count, BATCHES, lamps, slots).transpose(1, 2, 0, 3)
-    scale = component.sampler.measure_sr(sensors.receptor)
-    component.add(task.points, task.size, scale * group.from_engine(values))
+    estimates = component.sampler.measure_sr(sensors.receptor) * group.from_engine(values)
+    if component.near is not None:
+        _replace_near(component, component.near, task, estimates)
+    component.add(task.points, task.size, estimates)
     component.sampled += BATCHES * task.size * (1 if task.pooled is not None else count)
+
+
+def _replace_near(component: Component, near: NearLamps, task: Task, estimates: FloatArray) -> None:
+    """Put the light of lamps close by into (batch, lamp, point, slot) estimates of the engine."""
+    start = time.process_time()
+    for lamp, where, light in near.estimates(task.points, sets=BATCHES, size=task.size):
+        estimates[:, component.lamps.index(lamp), where] = light
+    component.seconds += time.process_time() - start
 
 
 def band_variance(component: Component, flux_ratio: FloatArray, shares: FloatArray) -> FloatArray:

@@ -24,6 +24,7 @@ from lidarspectra.radiance.sampling.estimator import (
     task_job,
     wanted_samples,
 )
+from lidarspectra.radiance.sampling.near_lamps import NearLamps
 from lidarspectra.radiance.sampling.own_light import samples_for_each_point
 from lidarspectra.radiance.sampling.patches import Patches, find_patches
 from lidarspectra.radiance.sampling.pooling import Sharing
@@ -32,7 +33,7 @@ from lidarspectra.radiance.sampling.samplers import DIRECT, samplers_of
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 from lidarspectra.radiance.sampling.stated_error import own_relative_se, relative_rms
 from lidarspectra.radiance.sampling.uncertainty import standard_error
-from lidarspectra.radiance.scene.scene import RadianceScene
+from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass
 
 MAX_ROUNDS = 8  # 2 or 3 usually suffice
 MAX_PATHS_PER_POINT = 2**18  # mean over a block, per pass; about 15 s of one core
@@ -152,7 +153,7 @@ def estimate_block(
     EngineError
         If a program fails, or gives too few values or non-finite ones.
     """
-    components = _components(scene, request, counted.size)
+    components = _components(scene, request, sensors, generator=generator)
     truncation = survey(components, sensors, scene, request, generator=generator, log=log)
     wanted = _first(components, request)
     start, stop, first_s = 0.0, min(first_round, SECOND_ROUND), 0.0
@@ -206,14 +207,17 @@ def first_mean(
     scene: RadianceScene, sensors: Sensors, request: Request, *, generator: np.random.Generator, log: Log
 ) -> FloatArray:
     """(band,) mean irradiance over sensors [W/m²/nm], from the samples of a first round."""
-    components = _components(scene, request, len(sensors.positions))
+    components = _components(scene, request, sensors, generator=generator)
     survey(components, sensors, scene, request, generator=generator, log=log)
     wanted = _first(components, request)
     _sample(components, wanted, sensors, scene, request, generator=generator, log=log, progress=silent)
     return np.asarray(_totals(scene, components).mean(axis=(0, 1)), dtype=np.float64)
 
 
-def _components(scene: RadianceScene, request: Request, count: int) -> list[Component]:
+def _components(
+    scene: RadianceScene, request: Request, sensors: Sensors, *, generator: np.random.Generator
+) -> list[Component]:
+    count = len(sensors.positions)
     return [
         Component(
             sampler=sampler,
@@ -232,10 +236,23 @@ def _components(scene: RadianceScene, request: Request, count: int) -> list[Comp
             sharers=sum(other.slots == scene_pass.slots for other in scene.passes),
             samples=np.zeros(1 if sampler.is_shared else count, dtype=np.int64),
             surfaces=request.surfaces[scene_pass.name] if sampler.has_patches else None,
+            near=_near_lamps(scene, scene_pass, request, sensors, generator) if sampler is DIRECT else None,
         )
         for scene_pass in scene.passes
         for sampler in samplers_of(request.receptor)
     ]
+
+
+def _near_lamps(
+    scene: RadianceScene,
+    scene_pass: ScenePass,
+    request: Request,
+    sensors: Sensors,
+    generator: np.random.Generator,
+) -> NearLamps | None:
+    lamps = tuple(lamp for lamp in scene.round_lamps if lamp.lamp in scene_pass.lamps)
+    flux = scene.written_flux[np.ix_([lamp.lamp for lamp in lamps], scene_pass.slots)]
+    return NearLamps.of(lamps, sensors, request.surfaces[scene_pass.name], flux, generator=generator)
 
 
 def survey(

@@ -15,11 +15,15 @@ Of glass the share that comes back is Fresnel's, of both surfaces of a pane of r
 transmissivity t, as Radiance's `glass` has it (glass.c):
 
     r = 1/2 Σ_(s, p) R (1 + (1 - 2R) d)/(1 - R² d),   d = t^(2/c'),  c' = √(1 - (1 - c²)/n²),  c = cos θ
+    T = 1/2 Σ_(s, p) (1 - R)² √d/(1 - R² d)
     R_s = ((c - n c')/(c + n c'))²,   R_p = ((n c - c')/(n c + c'))²
 """
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from lidarspectra.arrays import FloatArray
 from lidarspectra.material.material_map import Material
 from lidarspectra.radiance.scene import primitives
 from lidarspectra.radiance.scene.panes import PANE, Pane
@@ -27,6 +31,7 @@ from lidarspectra.radiance.scene.primitives import Color
 from lidarspectra.radiance.scene.surfaces import transmissivity
 
 GLASS_FILE = "glass.cal"
+INDEX = 1.52  # [1] n that Radiance's glass has
 LEAST_TRANSMISSIVITY = 1e-6  # [1] of opaque glass, which still reflects from its front: the formula takes a logarithm
 GLASS_FUNCTIONS = """{ Share of the light that a pane of glass of transmissivity t sends back, c: cosine of the angle }
 index = 1.52;
@@ -41,6 +46,31 @@ image = if(Rdot, reflects(Rdot, A1), 0);
 lit(c, t) = if(c, reflects(c, t)/PI, 0);
 glow(x, y, z, o) = if(Rdot, lit(Nx*x + Ny*y + Nz*z, A10), 0);
 """
+
+
+def pane_transmittance(cosine: FloatArray, clear: FloatArray) -> FloatArray:
+    """T of a pane.
+
+    Parameters
+    ----------
+    cosine : (ray,) float
+        c. [0-1]
+    clear : (ray,) float
+        t. [1]
+
+    Returns
+    -------
+    transmittance : (ray,) float
+    """
+    inner = np.sqrt(1.0 - (1.0 - cosine**2) / INDEX**2)
+    passed = clear ** (1.0 / inner)
+    total = np.zeros(np.shape(cosine))
+    for fresnel in (
+        ((cosine - INDEX * inner) / (cosine + INDEX * inner)) ** 2,
+        ((INDEX * cosine - inner) / (INDEX * cosine + inner)) ** 2,
+    ):
+        total += 0.5 * (1.0 - fresnel) ** 2 * passed / (1.0 - (fresnel * passed) ** 2)
+    return total
 
 
 def mirrors_text(panes: Sequence[Pane], materials: Sequence[Material], colors: Sequence[Color]) -> str:

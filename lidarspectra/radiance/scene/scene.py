@@ -58,6 +58,7 @@ from lidarspectra.radiance.scene.openings import open_windows
 from lidarspectra.radiance.scene.pane_text import GLASS_FILE, GLASS_FUNCTIONS, glow_text, images_text, mirrors_text
 from lidarspectra.radiance.scene.panes import Pane, find_panes
 from lidarspectra.radiance.scene.primitives import Color
+from lidarspectra.radiance.scene.round_lamps import find_round_lamps
 from lidarspectra.radiance.scene.scene_record import LAMPS_FILE, MESH_FILE, OPEN_MESH_FILE, save_scene
 from lidarspectra.radiance.scene.scene_record import RadianceScene as RadianceScene
 from lidarspectra.radiance.scene.scene_record import ScenePass as ScenePass
@@ -162,6 +163,7 @@ def write_scene(
         written_flux=room.flux,
         slot_reflectance=_slot_reflectance(lamps, slots),
         passes=tuple(passes),
+        round_lamps=() if panes.panes else find_round_lamps(lamps),
     )
     save_scene(scene)
     return scene

@@ -11,6 +11,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import SceneError
 from lidarspectra.radiance.engine.bands import BandGroup, Mode
+from lidarspectra.radiance.scene.round_lamps import RoundLamp
 from lidarspectra.radiance.scene.slots import Slots, whole_channels
 from lidarspectra.spectra.spectrum import BandSet
 
@@ -125,6 +126,8 @@ class RadianceScene:
         The room's mean reflectance in each slot, as each lamp's light weighs it. [1]
     passes : tuple of ScenePass
         Together they light every lamp in every slot once.
+    round_lamps : tuple of RoundLamp
+        Those whose light close by is integrated apart (`sampling.near_lamps`).
     """
 
     folder: Path
@@ -136,6 +139,7 @@ class RadianceScene:
     written_flux: FloatArray
     slot_reflectance: FloatArray
     passes: tuple[ScenePass, ...]
+    round_lamps: tuple[RoundLamp, ...] = ()
 
     def __post_init__(self) -> None:
         shape = (len(self.lamp_names), len(self.slots))
@@ -216,6 +220,7 @@ def save_scene(scene: RadianceScene) -> None:
             for scene_pass in scene.passes
         ],
     }
+    record["round_lamps"] = [lamp.record() for lamp in scene.round_lamps]
     record["bytes"] = {name: (scene.folder / name).stat().st_size for name in _compiled_files(scene)}
     text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
     (scene.folder / SCENE_FILE).write_text(text + "\n", encoding="utf-8", newline="\n")
@@ -254,6 +259,7 @@ def load_scene(folder: Path) -> RadianceScene:
             written_flux=np.array([lamp["written_flux_uW_nm"] for lamp in record["lamps"]]),
             slot_reflectance=slot_reflectance,
             passes=tuple(_load_pass(entry, record["mode"]) for entry in record["passes"]),
+            round_lamps=tuple(map(RoundLamp.of_record, record.get("round_lamps", ()))),  # not in those of 0.1.0
         )
     except (OSError, ValueError, KeyError, TypeError, EOFError) as cause:
         raise _unreadable(folder, f"{type(cause).__name__}: {cause}") from cause

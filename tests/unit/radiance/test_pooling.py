@@ -23,7 +23,7 @@ class Box:
                 is_matt=np.array([matt, matt, True]),
                 is_diffuse=np.array([diffuse, diffuse, False]),
                 reflectance=np.array([*REFLECTANCES, 0.0])[:, None] * diffuse,
-                is_glass=np.zeros(3, dtype=bool),
+                transmissivity=np.zeros(3),
             ),
             cell_m=0.6,
             bounds=np.array([[0.0] * 3, [3.0] * 3]),
