@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -15,6 +16,7 @@ PANEL_M = 0.6  # [m] side of a panel
 PANEL_LM = 3600.0  # [lm] of such a panel; one for each 5.8 m² of floor gives offices some 300 lx
 MAX_PANELS = 24  # a larger room gets a wider pitch, and brighter panels
 WALL_M = 0.2  # [m] least distance of a panel's edge from the walls
+SHIFTS = tuple(product((0.0, 0.25, -0.25, 0.5), repeat=2))  # [1] of a grid in steps; the even one first
 LOOK_UP_M = 0.5  # [m] below the room's top: from here up the ceiling is looked for
 
 
@@ -85,11 +87,16 @@ def _grids(room: Room, pitch_m: float) -> Iterator[FloatArray]:
     for outline in room.outlines:
         turned = outline @ axes.T
         low, high = turned.min(axis=0), turned.max(axis=0)
-        counts = np.maximum(np.round((high - low) / pitch_m), 1).astype(np.int64)
-        sides = [low[k] + (np.arange(counts[k]) + 0.5) / counts[k] * (high - low)[k] for k in (0, 1)]
-        places = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
-        whole = room.in_plan(((places[:, None] + corners) @ axes).reshape(-1, 2)).reshape(len(places), -1).all(axis=1)
-        yield places[whole] @ axes
+        counts = np.maximum(np.round((high - low) / pitch_m), 1)
+        step = (high - low) / counts
+        best = np.zeros((0, 2))
+        for shift in SHIFTS:  # of a room that is no rectangle the grid's edge may miss much
+            sides = [low[k] + (np.arange(-1, counts[k] + 1) + 0.5 + shift[k]) * step[k] for k in (0, 1)]
+            places = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
+            within = room.in_plan(((places[:, None] + corners) @ axes).reshape(-1, 2)).reshape(len(places), -1)
+            chosen = places[within.all(axis=1)]
+            best = chosen if len(chosen) > len(best) else best
+        yield best @ axes
 
 
 def _below_the_ceiling(plans: FloatArray, room: Room, free: FreeSpace) -> FloatArray:
