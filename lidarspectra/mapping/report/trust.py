@@ -14,6 +14,7 @@ from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.report.report_input import ReportInput
 
 Known = Literal["measured", "estimated", "given", "computed", "assumed"]
+WORTH_SAYING = 0.01  # [1] of all directions that leave the scan: less is cracks of the mesh
 REFERENCE_NM = 555.0  # [nm] where the reflectances' deviation is taken: the eye is most sensitive there
 
 
@@ -115,12 +116,25 @@ def _surface_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRo
         if share is None:
             continue
         is_guess = name in assumed.scan
-        lost = "the light that it reflects is a guess: none where it is open"
         yield TrustRow(
             what=name,
             known="assumed" if is_guess else "measured",
             how=f"{_percent(share)} of the plan was scanned",
-            effect=lost if is_guess else "light that it reflects",
+            effect="light that it reflects" + (": a typical share where it was closed, else none" if is_guess else ""),
+        )
+    if report.scan.closed_area_m2 > 0:
+        yield TrustRow(
+            what="closed surfaces",
+            known="assumed",
+            how=f"{report.scan.closed_area_m2:.1f} m² that were not scanned, with typical reflectances",
+            effect="light that they reflect; the room may go on there",
+        )
+    if report.scan.open_share >= WORTH_SAYING:
+        yield TrustRow(
+            what="open sides",
+            known="measured",
+            how=f"{_percent(report.scan.open_share, digits=1)} of all directions leave the scan",
+            effect="light that goes there is lost: the map is too dark",
         )
 
 
@@ -132,11 +146,15 @@ def _material_rows(report: ReportInput) -> Iterator[TrustRow]:
     for number, material in enumerate(report.materials):
         kind: Known = {"assigned": "given", "default": "assumed"}.get(material.provenance, "estimated")  # type: ignore[assignment]
         kinds[kind].append(number)
-    how = {"estimated": "from the scan's colours", "given": "assigned by hand", "assumed": "the default material"}
+    how = {
+        "estimated": "from the scan's colours",
+        "given": "assigned by hand",
+        "assumed": "a default or typical material",
+    }
     for kind, numbers in kinds.items():
         area = float(report.material_areas_m2[numbers].sum())
         if area > 0:
-            effect = _reflected_effect(report, numbers) if kind == "estimated" else "light that these surfaces reflect"
+            effect = _reflected_effect(report, numbers) if kind != "given" else "light that these surfaces reflect"
             yield TrustRow(
                 what="reflectances",
                 known=kind,

@@ -50,13 +50,17 @@ def test_assumed_lamps_are_told_with_their_share_of_the_light(report):
 
 
 def test_scan_and_surfaces_say_how_they_are_known(report):
-    told = assuming(replace(report, floor_scanned=0.97, ceiling_scanned=0.1), scan=("unit", "ceiling"))
+    scan = replace(report.scan, closed_area_m2=12.0, open_share=0.04)
+    told = assuming(replace(report, scan=scan, floor_scanned=0.97, ceiling_scanned=0.0), scan=("unit", "ceiling"))
     rows = rows_of(told)
     assert rows["unit of the scan (assumed)"][1] == "m, 90 % sure"
     assert "nothing here holds" in rows["unit of the scan (assumed)"][2]
     assert rows["upward axis (estimated)"][1] == "+y, 80 % sure"
     assert rows["floor (measured)"][1] == "97 % of the plan was scanned"
-    assert "ceiling (assumed)" in rows
+    assert rows["ceiling (assumed)"][1] == "0 % of the plan was scanned"
+    assert rows["closed surfaces (assumed)"][1].startswith("12.0 m² that were not scanned")
+    assert "too dark" in rows["open sides (measured)"][2]
+    assert "open sides (measured)" not in rows_of(report)
     assert rows["holes of the scan (assumed)"][1].startswith("3 closed like their surroundings: 0.40 m², 1.0 %")
 
 
@@ -71,7 +75,7 @@ def test_reflectances_that_are_off_alike_change_the_reflected_light_as_in_an_int
     _, how, effect = rows["reflectances (estimated)"]
     assert how == "from the scan's colours, for 77 % of the surface"
     assert f"± {100 * change:.0f} % if all are off alike" in effect
-    assert rows["reflectances (assumed)"][1] == "the default material, for 23 % of the surface"
+    assert rows["reflectances (assumed)"][1] == "a default or typical material, for 23 % of the surface"
     assert "not known" in rows_of(report)["reflectances (estimated)"][2]
 
 
