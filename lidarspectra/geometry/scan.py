@@ -56,6 +56,10 @@ class ScanRecord:
         Vertices that coincided with another one.
     flipped_faces : int
         Triangles whose normal was turned towards the room.
+    hidden_faces : int
+        Triangles of layers that nobody in the room can see, which were left out.
+    hidden_area_m2 : float
+        Their area. [m²]
     decimated_from : int
         Triangles before decimation; 0 where none was asked for.
     flat_planes : int
@@ -90,6 +94,8 @@ class ScanRecord:
     longest_open_hole_m: float = 0.0
     merged_vertices: int = 0
     flipped_faces: int = 0
+    hidden_faces: int = 0
+    hidden_area_m2: float = 0.0
     decimated_from: int = 0
     flat_planes: int = 0
     flat_area_share: float = 0.0

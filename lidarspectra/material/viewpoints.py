@@ -26,6 +26,7 @@ from lidarspectra.material.surface_samples import SurfaceSamples, surface_sample
 from lidarspectra.material.views import View, ViewSet, capture_image
 from lidarspectra.progress import Progress, silent
 from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.hidden_layers import covered_places
 from lidarspectra.room.room import Room, find_room
 
 CANDIDATE_HEIGHTS = (0.15, 0.35, 0.6, 0.85)  # [1] of the room's height: below tables, above them, over all
@@ -107,6 +108,7 @@ def render_views(
     progress(0.0, "looking for viewpoints")
     caster = RayCaster(scan)
     samples = surface_samples(scan, spacing_m=chosen.sample_spacing_m)
+    samples = samples.some(np.flatnonzero(~covered_places(caster, samples.positions, samples.normals)))
     candidates = free_candidates(scan, room or find_room(scan, caster=caster), caster)
     search = _Search(samples, candidates, caster, chosen)
     covered = np.zeros(samples.area.size, dtype=np.bool_)

@@ -45,6 +45,7 @@ from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients
 from lidarspectra.radiance.scene.clearance import clear_lamps
+from lidarspectra.room.hidden_layers import covered_places
 from lidarspectra.room.room import Room
 from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
@@ -66,6 +67,8 @@ NEUTRAL = 0.12  # [1] largest spread of a white ceiling's reflectance over the t
 ROUNDS = 3  # of grouping by hue and fitting; in the first the hues are still tinted by the light
 NEIGHBORS = 8  # samples from which a face's light is interpolated
 NORMAL_WEIGHT_M = 0.5  # [m] distance equivalent to a turn of one radian
+DEPTH_WEIGHT = 6.0  # [1] distance across a face's plane over one along it: the wall behind a door has another light
+LAYERS = 3  # times as many neighbours are looked at, to find enough in the face's own plane
 SOFTEN_M = 0.05  # [m] softens the weight of the nearest sample
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
 LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly white (research/benchmarks/whites.py)
@@ -187,7 +190,8 @@ def take_light_out(
     lamps, scan = clear.lamps, clear.scan
     shown, known = surface_colors(scan)
     generator = np.random.default_rng(SEED)
-    samples = _samples(scan, generator)
+    caster = RayCaster(scan)
+    samples = _samples(scan, caster, generator)
     with tempfile.TemporaryDirectory() as folder:
         coefficients = direct_coefficients(
             scan, lamps, samples.positions, samples.normals, Path(folder),
@@ -196,7 +200,7 @@ def take_light_out(
     exchanging(0.0, "form factors between surfaces")
     unsure = _shadow_edges(samples, coefficients)
     exchange = exchange_matrix(
-        RayCaster(scan), len(scan.faces), samples.positions, samples.normals, rays=RAYS, generator=generator
+        caster, len(scan.faces), samples.positions, samples.normals, rays=RAYS, generator=generator
     )
     colors = shown[samples.face]
     trusted = known[samples.face] & (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK)
@@ -431,8 +435,8 @@ def _whiter_than_paint(reflectance: FloatArray, area_m2: float) -> tuple[str, ..
     )
 
 
-def _samples(scan: Scan, generator: np.random.Generator) -> _Samples:
-    """Points spread evenly by area, with normals averaged over their surroundings."""
+def _samples(scan: Scan, caster: RayCaster, generator: np.random.Generator) -> _Samples:
+    """Points spread evenly by area, with normals averaged over their surroundings; none behind another layer."""
     share = np.cumsum(scan.areas) / scan.areas.sum()
     count = min(SAMPLES, 4 * len(scan.faces))
     face = np.searchsorted(share, (np.arange(count) + generator.random(count)) / count).clip(0, len(scan.faces) - 1)
@@ -440,6 +444,8 @@ def _samples(scan: Scan, generator: np.random.Generator) -> _Samples:
     turn = generator.random(count)
     weights = np.stack([1.0 - root, root * (1.0 - turn), root * turn], axis=1)
     positions = np.einsum("nk,nkc->nc", weights, scan.corners[face])
+    shown = ~covered_places(caster, positions, scan.normals[face])
+    face, positions = face[shown], positions[shown]
     normals = _smooth_normals(scan, face)
     return _Samples(face=face, positions=positions + LIFT_M * normals, normals=normals)
 
@@ -521,11 +527,19 @@ def _unsure(shadow_edges: FloatArray, irradiance: FloatArray) -> FloatArray:
 
 
 def _spread(scan: Scan, samples: _Samples) -> csr_array:
-    """(face, sample) weights that interpolate light to faces from the nearest samples of similar normal."""
-    place = np.hstack([samples.positions - LIFT_M * samples.normals, NORMAL_WEIGHT_M * samples.normals])
+    """(face, sample) weights that interpolate light to faces from the nearest samples of similar normal and plane."""
+    positions = samples.positions - LIFT_M * samples.normals
+    place = np.hstack([positions, NORMAL_WEIGHT_M * samples.normals])
+    centers, normals = scan.centers, scan.normals
     count = min(NEIGHBORS, len(place))
-    distance, near = cKDTree(place).query(np.hstack([scan.centers, NORMAL_WEIGHT_M * scan.normals]), k=count)
-    distance = np.reshape(distance, (-1, count))
+    distance, near = cKDTree(place).query(
+        np.hstack([centers, NORMAL_WEIGHT_M * normals]), k=min(LAYERS * NEIGHBORS, len(place))
+    )
+    distance, near = np.reshape(distance, (len(centers), -1)), np.reshape(near, (len(centers), -1))
+    depth = np.einsum("nkc,nc->nk", positions[near] - centers[:, None], normals)
+    distance = np.hypot(distance, DEPTH_WEIGHT * depth)
+    chosen = np.argsort(distance, axis=1, kind="stable")[:, :count]
+    distance, near = np.take_along_axis(distance, chosen, axis=1), np.take_along_axis(near, chosen, axis=1)
     weight = 1.0 / (distance**2 + SOFTEN_M**2)
     weight /= weight.sum(axis=1, keepdims=True)
     row = np.repeat(np.arange(len(distance)), count)

@@ -1,4 +1,4 @@
-"""Repair of a scan's mesh: merge vertices, turn normals towards the room, close holes, flatten planes.
+"""Repair of a scan's mesh: merge vertices, turn normals, close holes, leave out hidden layers, flatten planes.
 
 Colour belongs to faces and their corners here, so that vertices can be merged and faces dropped without a texture's
 seams getting in the way. Everything done is counted in the scan's record.
@@ -28,11 +28,20 @@ from lidarspectra.hardware.phone.holes import (
     triangulate_loop,
 )
 from lidarspectra.progress import Progress, shares, silent
+from lidarspectra.room.hidden_layers import hidden_faces
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 MERGE_DISTANCE_M = 1e-5  # [m] a hundredth of the scanner's noise; above the rounding of 32-bit files
 MIN_FACE_AREA_M2 = 1e-10  # [m²] 0.01 mm x 0.01 mm; Radiance drops smaller triangles
-SHARES = (0.05, 0.05, 0.15, 0.3, 0.45)  # of the time: merging, dropping, turning, closing holes, flattening
+MIN_HIDDEN_M2 = 0.5  # [m²] of hidden layers, below which they stay: the floor under a cabinet is none
+SHARES = (
+    0.05,
+    0.05,
+    0.15,
+    0.25,
+    0.1,
+    0.4,
+)  # of the time: merging, dropping, turning, closing, hidden layers, flattening
 DECIMATING_SHARE = 1.0  # of the same; only where it is asked for
 
 
@@ -73,7 +82,7 @@ def repair_scan(
         If no face is left.
     """
     decimating_share = 0.0 if max_faces is None else DECIMATING_SHARE
-    merging, dropping, turning, closing, flattening, decimating = shares(progress, (*SHARES, decimating_share))
+    merging, dropping, turning, closing, hiding, flattening, decimating = shares(progress, (*SHARES, decimating_share))
     merging(0.0, "merging vertices")
     scan = _merged(scan)
     dropping(0.0, "removing duplicate and degenerate triangles")
@@ -83,6 +92,8 @@ def repair_scan(
     closing(0.0, "closing holes")
     loops, loose_edges = find_loops(scan.faces)
     scan = _closed(scan, loops, loose_edges, max_hole_m if close_holes else 0.0, closing)
+    hiding(0.0, "looking for hidden layers")
+    scan = _without_hidden_layers(scan)
     if flatten and not scan.appearance.is_drawn:  # a model's planes are flat, and 3 mm between two of them are meant
         scan = flatten_scan(scan, progress=flattening)
     if max_faces is not None:
@@ -218,6 +229,27 @@ def _closed(scan: Scan, loops: Sequence[Loop], loose_edges: int, max_hole_m: flo
     return _with_faces(
         replace(scan, record=record), np.concatenate(fills), np.concatenate(colors), np.concatenate(beside)
     )
+
+
+def _without_hidden_layers(scan: Scan) -> Scan:
+    """Leave out the faces that nobody in the room can see; before flattening, which would draw two layers together."""
+    hidden = hidden_faces(scan)
+    area = float(scan.areas[hidden].sum())
+    if area < MIN_HIDDEN_M2:
+        return scan
+    kept = np.flatnonzero(~hidden)
+    note = (
+        f"{area:.1f} m² of the scan ({100 * area / float(scan.areas.sum()):.0f} % of its area) lie hidden behind other "
+        "surfaces, where nobody in the room can see them, as where drift made two walls of one: they were left out of "
+        "the room. Nothing needs to be done unless a room is missing; then scan it with its door open."
+    )
+    record = replace(
+        scan.record,
+        hidden_faces=scan.record.hidden_faces + int(hidden.sum()),
+        hidden_area_m2=scan.record.hidden_area_m2 + area,
+        notes=(*scan.record.notes, note),
+    )
+    return replace(scan, faces=scan.faces[kept], appearance=scan.appearance.select(kept), record=record)
 
 
 def _fill(points: FloatArray) -> IntArray | None:
