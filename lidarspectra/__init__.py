@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from lidarspectra.room.sensor_points import SensorPoints, grid_points, place_points, read_points
     from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, scenes_folder
     from lidarspectra.spectra.spectrum import BandSet, Spectrum, gaussian_bands, sensor_bands
+    from lidarspectra.workflow.calibrating import Calibration, calibrate_run, save_calibration
+    from lidarspectra.workflow.calibration_plan import plan_readings, save_plan
     from lidarspectra.workflow.check import RunCheck, check
     from lidarspectra.workflow.evaluation import evaluate_run
     from lidarspectra.workflow.fingerprints import FingerprintOrder, fingerprint_room
@@ -63,6 +65,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "ArgumentError": "errors",
     "BandSet": "spectra.spectrum",
+    "Calibration": "workflow.calibrating",
     "FingerprintOrder": "workflow.fingerprints",
     "FingerprintRequest": "mapping.localization.traced_fingerprints",
     "Lamp": "lamps.lamps",
@@ -85,6 +88,7 @@ _HOMES = {
     "Spectrum": "spectra.spectrum",
     "Surface": "workflow.room_model",
     "check": "workflow.check",
+    "calibrate_run": "workflow.calibrating",
     "choose_to_locate": "mapping.localization.sensor_places",
     "compare_maps": "mapping.maps.metrics",
     "copy_scene": "workflow.inputs",
@@ -111,6 +115,7 @@ _HOMES = {
     "one_material": "material.estimate",
     "photocurrent_density": "mapping.photovoltaics.currents",
     "place_points": "room.sensor_points",
+    "plan_readings": "workflow.calibration_plan",
     "read_fingerprints": "mapping.localization.fingerprint_files",
     "read_points": "room.sensor_points",
     "read_run_file": "config",
@@ -120,8 +125,10 @@ _HOMES = {
     "render_views": "material.viewpoints",
     "repair_scan": "hardware.phone.repair",
     "run": "workflow.pipeline",
+    "save_calibration": "workflow.calibrating",
     "save_map": "mapping.maps.map_files",
     "save_map_table": "mapping.maps.map_files",
+    "save_plan": "workflow.calibration_plan",
     "scenes_folder": "spectra.databases",
     "sensor_bands": "spectra.spectrum",
     "spectral_map": "mapping.maps.spectral_map",
@@ -136,6 +143,7 @@ __version__ = version("lidarspectra")
 __all__ = [
     "ArgumentError",
     "BandSet",
+    "Calibration",
     "FingerprintOrder",
     "FingerprintRequest",
     "Lamp",
@@ -158,6 +166,7 @@ __all__ = [
     "Spectrum",
     "Surface",
     "__version__",
+    "calibrate_run",
     "check",
     "choose_to_locate",
     "compare_maps",
@@ -185,6 +194,7 @@ __all__ = [
     "one_material",
     "photocurrent_density",
     "place_points",
+    "plan_readings",
     "read_fingerprints",
     "read_points",
     "read_run_file",
@@ -194,8 +204,10 @@ __all__ = [
     "render_views",
     "repair_scan",
     "run",
+    "save_calibration",
     "save_map",
     "save_map_table",
+    "save_plan",
     "scenes_folder",
     "sensor_bands",
     "spectral_map",

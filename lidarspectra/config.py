@@ -247,6 +247,25 @@ class CellSection(Section):
     """At which a converter holds the cell; None is its maximum power point. [V]"""
 
 
+class ReflectanceFactors(Section):
+    """`[calibration.reflectance]`: factors on the reflectances of the room's parts."""
+
+    floor: Positive = 1.0
+    ceiling: Positive = 1.0
+    walls: Positive = 1.0
+    furniture: Positive = 1.0
+
+
+class CalibrationSection(Section):
+    """`[calibration]`: what readings told of the room; `lidarspectra calibrate` writes it."""
+
+    measured: str | None = None
+    """The readings, for the reader; not read again."""
+    lamps: dict[str, Positive] = Field(default_factory=dict)
+    """Factors on the fluxes of lamps, windows and the sun, by name."""
+    reflectance: ReflectanceFactors = ReflectanceFactors()
+
+
 class _Named(TypedDict):
     """How errors name a run file."""
 
@@ -284,7 +303,7 @@ class RunFile(Section):
 
     Parameters
     ----------
-    scan, lamps, lamps_from_scan, daylight, materials, sensors, trace, people_and_plants, cells
+    scan, lamps, lamps_from_scan, daylight, materials, sensors, trace, people_and_plants, cells, calibration
         Its tables; see docs/run-file.md for every key.
     """
 
@@ -297,6 +316,7 @@ class RunFile(Section):
     trace: TraceSection = TraceSection()
     people_and_plants: PeopleAndPlantsSection | None = None
     cells: tuple[CellSection, ...] = ()
+    calibration: CalibrationSection | None = None
     _origin: "Origin | None" = PrivateAttr(default=None)
 
     @model_validator(mode="after")

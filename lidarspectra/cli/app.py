@@ -17,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 from typer.core import TyperGroup
 
+from lidarspectra.cli import calibrate as calibrate_cli
 from lidarspectra.cli import databases as databases_cli
 from lidarspectra.cli import fingerprints as fingerprints_cli
 from lidarspectra.cli import localize as localize_cli
@@ -60,6 +61,7 @@ app = typer.Typer(
 )
 app.add_typer(databases_cli.app, name="databases")
 app.add_typer(sensor_cli.app, name="sensor")
+app.command("calibrate")(calibrate_cli.calibrate)
 app.command("relight", context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(relight_cli.relight)
 app.command("photometry")(photometry_cli.photometry)
 app.command("photocurrent")(photocurrent_cli.photocurrent)

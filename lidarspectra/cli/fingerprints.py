@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from lidarspectra.cli.options import ClusterOption, OutOption, RunFileArgument, WorkersOption
+from lidarspectra.cli.progress import progress_bar
 from lidarspectra.cli.terminal import console, print_note, say
 
 
@@ -74,19 +74,8 @@ def fingerprints(
         effect_target=None if effect_error is None else effect_error / 100.0,
         seed=seed,
     )
-    columns = (
-        SpinnerColumn(), BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn(),
-    )  # fmt: skip
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("scan, materials, scene", total=1.0)
-        found = fingerprint_room(
-            run_file,
-            order,
-            out,
-            workers=workers,
-            cluster=cluster,
-            progress=lambda fraction, words: bar.update(task, completed=fraction, description=words),
-        )
+    with progress_bar("scan, materials, scene") as progress:
+        found = fingerprint_room(run_file, order, out, workers=workers, cluster=cluster, progress=progress)
     for note in found.notes:
         print_note(note)
     table = found.table

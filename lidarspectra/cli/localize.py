@@ -1,21 +1,18 @@
 """`lidarspectra localize train | test | score | live | place`."""
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from lidarspectra.cli.interruption import until_interrupted
+from lidarspectra.cli.progress import progress_bar
 from lidarspectra.cli.terminal import console, print_note, say, shown
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.as7265x import SensorSettings
     from lidarspectra.mapping.localization.location_model import TrainingSettings
-    from lidarspectra.progress import Progress as Report
     from lidarspectra.workflow.localization_jobs import LocationReport
 
 app = typer.Typer(no_args_is_help=True, help="Find where a person stands from the readings of fixed spectral sensors.")
@@ -67,7 +64,7 @@ def train(
 
     device = settings_given(gain, integration)
     settings = _training_settings(min_count, copies=copies, drift=drift / 100.0, seed=seed, device=device)
-    with _bar() as report:
+    with progress_bar("") as report:
         model = train_from_files(fingerprints, out, positions=positions, settings=settings, seed=seed, progress=report)
     usable = model.space.usable
     console.print(
@@ -121,7 +118,7 @@ def score(
     """Train and test within each measured night, split in time, and from every night to every other."""
     from lidarspectra.workflow.localization_jobs import score_nights
 
-    with _bar() as report:
+    with progress_bar("") as report:
         found = score_nights(nights, out, positions=positions, settings=_training_settings(min_count), progress=report)
     _show(found)
 
@@ -241,16 +238,3 @@ def _show(report: "LocationReport") -> None:
     for note in report.notes:
         print_note(note)
     say(f"Tables and figures: {report.folder}")
-
-
-@contextmanager
-def _bar() -> "Iterator[Report]":
-    """A progress bar on a terminal; nothing in a pipe."""
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=1.0)
-
-        def report(fraction: float, message: str) -> None:
-            bar.update(task, completed=fraction, description=message)
-
-        yield report

@@ -1,5 +1,6 @@
 """Writes values as TOML; the standard library only reads it."""
 
+import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 
@@ -7,6 +8,7 @@ from lidarspectra.errors import RunFileError
 
 SHORT_ESCAPES = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\n": "\\n", "\f": "\\f", "\r": "\\r"}
 LONG_ESCAPES = {chr(code): f"\\u{code:04X}" for code in (*range(0x20), 0x7F)}
+BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 ESCAPES = str.maketrans(LONG_ESCAPES | SHORT_ESCAPES)
 
 
@@ -38,12 +40,17 @@ def toml_value(value: object) -> str:
         case datetime():
             return value.isoformat()
         case Mapping():
-            inner = ", ".join(f"{key} = {toml_value(item)}" for key, item in value.items() if item is not None)
+            inner = ", ".join(f"{_key(key)} = {toml_value(item)}" for key, item in value.items() if item is not None)
             return f"{{ {inner} }}"
         case Sequence():
             return "[" + ", ".join(toml_value(item) for item in value) + "]"
         case _:
             return str(value)
+
+
+def _key(key: object) -> str:
+    text = str(key)
+    return text if BARE_KEY.fullmatch(text) else _string(text)
 
 
 def _string(text: str) -> str:

@@ -39,6 +39,7 @@ from lidarspectra.room.room import load_room, save_room
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.workflow.assumed import assumed_lamps, assumed_of_scan, lamp_notes, scan_notes
+from lidarspectra.workflow.calibration_of_run import calibrated_lamps, calibrated_materials, calibration_notes
 from lidarspectra.workflow.declared import Declared
 from lidarspectra.workflow.delighting import Delighting, take_light_out, with_light_uncertainty
 from lidarspectra.workflow.inputs import Inputs
@@ -192,7 +193,7 @@ def scene_stage(
 ) -> Stage[RadianceScene]:
     """Stage 4: the room as a Radiance model, with its lamps' spectra (paper, Section 3.1)."""
     given = inputs.declare(
-        *(*LAMP_KEYS, "lamps.assumed", "daylight", "sensors.device", "trace.mode", "trace.method"),
+        *(*LAMP_KEYS, "lamps.assumed", "daylight", "calibration", "sensors.device", "trace.mode", "trace.method"),
         databases=("lamps",),
         stages=(scan, materials),
     )
@@ -202,14 +203,14 @@ def scene_stage(
         finding, writing, placing = shares(progress, SCENE_SHARES)
         finding(0.0, "lamps")
         named = with_estimated_fluxes(lamps_of_run(run_file, scan.value, base=given.base), materials.folder)
-        lamps = (*named, *daylight_of_run(run_file, folder))
+        lamps = calibrated_lamps((*named, *daylight_of_run(run_file, folder)), run_file.calibration)
         clear = clear_lamps(lamps, scan.value.scan)
         lamps, mesh = clear.lamps, clear.scan
         save_lamps(lamps, folder)
         bands = find_bands(run_file.sensors.device, given.base)
         scene = write_scene(
             mesh,
-            materials.value,
+            calibrated_materials(materials.value, scan.value, run_file.calibration),
             lamps,
             bands,
             folder,
@@ -225,7 +226,12 @@ def scene_stage(
             f"{len(materials.value.materials)} materials, "
             f"{len(scene.passes)} {'pass' if len(scene.passes) == 1 else 'passes'} of up to "
             f"{max(each.slot_count for each in scene.passes)} bands",
-            warnings=(*lamp_notes(assumed, len(lamps)), *clear.notes, *placement_notes(lamps, mesh)),
+            warnings=(
+                *calibration_notes(run_file.calibration),
+                *lamp_notes(assumed, len(lamps)),
+                *clear.notes,
+                *placement_notes(lamps, mesh),
+            ),
         )
 
     return Stage(name="scene", settings=given.settings, make=make, load=load_scene)

@@ -64,6 +64,8 @@ ELSEWHERE = {
     "lidarspectra localize place scan.run/fingerprints": "needs fingerprints, which take a while; test_localize.py",
     "lidarspectra localize live model": "needs sensors; tests/unit/localization/test_live.py",
     "lidarspectra sensor cells": "test_virtual_robot.py",
+    "lidarspectra calibrate scan.run": "needs readings of that room; test_calibrate.py",
+    "lidarspectra run scan.calibrated.toml": "the same",
     "lidarspectra evaluate room.run --measured measured.csv": "test_virtual_robot.py",
 }  # the start of a command: why it is not run here, and where it is; test_commands.py still reads its words
 PAGES = [PROJECT / "README.md", PROJECT / "CONTRIBUTING.md", *sorted((PROJECT / "docs").glob("*.md"))]

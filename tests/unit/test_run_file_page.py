@@ -19,6 +19,8 @@ PAGES = {
     "## `[trace]`": config.TraceSection,
     "## `[people_and_plants]`": config.PeopleAndPlantsSection,
     "## `[[cells]]`": config.CellSection,
+    "## `[calibration]`": config.CalibrationSection,
+    "`[calibration.reflectance]`:": config.ReflectanceFactors,
 }
 
 

@@ -1,0 +1,1 @@
+"""Lamp fluxes, reflectances and meter factors told by a few readings."""

@@ -1,0 +1,140 @@
+"""What a reading should be, as a function of lamp fluxes, reflectances and meter factors, and how well each is known.
+
+A reading is y = m Σ_l s_l A_l exp(Σ_k G_lk r_k): the light A of every lamp l as traced, the lamp's flux factor s, the
+logarithm r of the factor on the reflectance of each part k of the room, and the meter's own factor m. All unknowns are
+factors, so their logarithms are estimated; priors and deviations are relative.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
+from lidarspectra.errors import MapError
+
+READING_SD = 0.03  # [1] of a single reading: the meter's noise, its cosine error and its place
+LOCAL_SD = 0.03  # [1] of the model at one place and direction: things that the scan lacks, gloss, edges
+FLUX_SD = 0.15  # [1] of a lamp's flux that a data sheet states (ageing, dirt, driver)
+ASSUMED_FLUX_SD = 0.4  # [1] of one that was guessed
+REFLECTANCE_SD = 0.07  # [1] of a part's level, where the materials state no deviation
+SHARED_SHARE = 0.7  # [1] of that deviation that all parts have in common: the picture's exposure and white balance
+UNKNOWN_METER_SD = 3.0  # [1] of the logarithm: any factor between a hundredth and a hundred
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LightModel:
+    """Light of every lamp in some quantity at some places, and how it changes with the room's reflectances.
+
+    Parameters
+    ----------
+    light : (number, lamp) float
+        As traced. [unit of the quantity]
+    slope : (number, lamp, part) float
+        d ln light / d ln reflectance of each part of the room. [1]
+    """
+
+    light: FloatArray
+    slope: FloatArray
+
+    def __post_init__(self) -> None:
+        light = float_array(self.light, name="LightModel.light", shape=(None, None))
+        object.__setattr__(self, "light", light)
+        shape = (*light.shape, None)
+        object.__setattr__(self, "slope", float_array(self.slope, name="LightModel.slope", shape=shape))
+
+    def at(self, flux: FloatArray, reflectance: FloatArray) -> FloatArray:
+        """(number, lamp) light for (lamp,) and (part,) logarithms of factors."""
+        return np.asarray(self.light * np.exp(self.slope @ reflectance + flux), dtype=np.float64)
+
+    def gradient(self, flux: FloatArray, reflectance: FloatArray) -> FloatArray:
+        """(number, lamp + part) derivative of the logarithm of the sum over lamps."""
+        by_lamp = self.at(flux, reflectance)
+        share = by_lamp / np.maximum(by_lamp.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+        return np.concatenate([share, np.einsum("nl,nlk->nk", share, self.slope)], axis=1)
+
+    def some(self, chosen: IntArray) -> "LightModel":
+        """The same for some of its numbers."""
+        return LightModel(light=self.light[chosen], slope=self.slope[chosen])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Observations:
+    """Readings as plain numbers.
+
+    Parameters
+    ----------
+    value : (number,) float
+        Above 0. [unit of the quantity]
+    row : (number,) int
+        Line of the table that each is from, 0 for the first: one place and direction.
+    meter : (number,) int
+        Which factor each has; see `Priors.meter_sd`.
+    """
+
+    value: FloatArray
+    row: IntArray
+    meter: IntArray
+
+    def __post_init__(self) -> None:
+        value = float_array(self.value, name="Observations.value", shape=(None,))
+        if value.size == 0 or value.min() <= 0:
+            raise MapError(
+                expected="one or more readings above 0",
+                found="none" if value.size == 0 else f"{value.min():g}",
+                where="readings",
+                todo="A reading of 0 tells nothing of a lamp's flux: leave it out.",
+            )
+        object.__setattr__(self, "value", value)
+        for name in ("row", "meter"):
+            given = int_array(getattr(self, name), name=f"Observations.{name}", shape=value.shape)
+            object.__setattr__(self, name, given)
+
+    def without(self, row: int) -> IntArray:
+        """Numbers that are of other rows."""
+        return np.flatnonzero(self.row != row)
+
+    def some(self, chosen: IntArray) -> "Observations":
+        """Some of them."""
+        return Observations(value=self.value[chosen], row=self.row[chosen], meter=self.meter[chosen])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Priors:
+    """How well everything is known before the readings; standard deviations of logarithms.
+
+    Parameters
+    ----------
+    flux_sd : (lamp,) float
+        Of each lamp's flux. [1]
+    reflectance_sd : (part,) float
+        Of the level of each part's reflectance. [1]
+    meter_sd : (meter,) float
+        Of each meter factor: small for a calibrated meter. [1]
+    reading_sd : float
+        Of a single number. [1]
+    local_sd : float
+        Of the model at one place and direction, in all its numbers alike. [1]
+    """
+
+    flux_sd: FloatArray
+    reflectance_sd: FloatArray
+    meter_sd: FloatArray = field(default_factory=lambda: np.zeros(0))
+    reading_sd: float = READING_SD
+    local_sd: float = LOCAL_SD
+
+    def covariance(self) -> FloatArray:
+        """(unknown, unknown) of lamps, parts and meters, in this order; parts share a share of their deviation."""
+        own, shared = 1.0 - SHARED_SHARE**2, SHARED_SHARE**2
+        parts = np.outer(self.reflectance_sd, self.reflectance_sd) * (shared + own * np.eye(self.reflectance_sd.size))
+        sizes = (self.flux_sd.size, self.reflectance_sd.size, self.meter_sd.size)
+        whole = np.zeros((sum(sizes), sum(sizes)))
+        first, last = sizes[0], sizes[0] + sizes[1]
+        whole[:first, :first] = np.diag(self.flux_sd**2)
+        whole[first:last, first:last] = parts
+        whole[last:, last:] = np.diag(self.meter_sd**2)
+        return whole
+
+    def noise(self, row: IntArray) -> FloatArray:
+        """(number, number) covariance of the readings' logarithms about the model."""
+        same = row[:, None] == row[None, :]
+        return np.asarray(self.reading_sd**2 * np.eye(row.size) + self.local_sd**2 * same, dtype=np.float64)

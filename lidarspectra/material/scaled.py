@@ -1,0 +1,50 @@
+"""A room whose parts reflect more or less than was estimated."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.errors import MaterialError
+from lidarspectra.material.material_map import Material, MaterialMap
+from lidarspectra.spectra.reflectance_library import MAX_REFLECTANCE
+
+
+def scaled_materials(materials: MaterialMap, face_part: IntArray, factors: FloatArray) -> MaterialMap:
+    """The same room with the reflectance of each of its parts multiplied.
+
+    A material on several parts becomes several. No wavelength reflects more than `MAX_REFLECTANCE`.
+
+    Parameters
+    ----------
+    materials : MaterialMap
+    face_part : (face,) int
+        Part of every face, from 0.
+    factors : (part,) float
+        On the reflectance of each part, above 0. [1]
+
+    Returns
+    -------
+    scaled : MaterialMap
+
+    Raises
+    ------
+    MaterialError
+        If a factor is not above 0.
+    """
+    if np.any(factors <= 0) or not np.all(np.isfinite(factors)):
+        raise MaterialError(
+            expected="factors above 0", found=", ".join(f"{factor:g}" for factor in factors), where="reflectances"
+        )
+    pairs, face_material = np.unique(materials.face_material * factors.size + face_part, return_inverse=True)
+    whole = tuple(
+        _scaled(materials.materials[pair // factors.size], float(factors[pair % factors.size])) for pair in pairs
+    )
+    return replace(materials, materials=whole, face_material=face_material.reshape(-1))
+
+
+def _scaled(material: Material, factor: float) -> Material:
+    if factor == 1.0:
+        return material
+    values = np.minimum(material.reflectance.values * factor, MAX_REFLECTANCE)
+    return replace(material, reflectance=replace(material.reflectance, values=values))

@@ -1,0 +1,271 @@
+"""Calibrate a run by a few readings: fluxes, reflectances and meter factors, then the run anew with what they are.
+
+The model and its solution stand in `mapping.calibration`; here its light is traced, and what comes out is written.
+"""
+
+import shutil
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.arguments import path_of
+from lidarspectra.arrays import FloatArray
+from lidarspectra.config import RunFile
+from lidarspectra.errors import MapError
+from lidarspectra.hardware.sensor.measured_readings import Scale, Unit
+from lidarspectra.mapping.calibration.model import (
+    ASSUMED_FLUX_SD,
+    FLUX_SD,
+    LOCAL_SD,
+    REFLECTANCE_SD,
+    LightModel,
+    Priors,
+)
+from lidarspectra.mapping.calibration.posterior import Posterior, disagreement, fit
+from lidarspectra.mapping.figures.tables import Table, save_table
+from lidarspectra.mapping.maps.visible_bands import covers_vision
+from lidarspectra.mapping.photovoltaics.cells import find_cell
+from lidarspectra.progress import Progress, part_of, silent
+from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport
+from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.room.surface_parts import PARTS
+from lidarspectra.workflow.calibration_doubts import doubts, require_inside, require_light
+from lidarspectra.workflow.calibration_light import (
+    RunRoom,
+    TracedLight,
+    coefficients,
+    run_room,
+    traced_light,
+    weights_of,
+)
+from lidarspectra.workflow.calibration_readings import LUX, Quantity, Readings, calibration_readings
+from lidarspectra.workflow.calibration_results import calibrated_run_file, readings_table, unknowns_table, untold
+from lidarspectra.workflow.workspace import STAGES, StageName, require_stage, stage_folder, writing_run
+
+CERTAIN_SD = 0.03  # [1] of reflectances that the user assigned
+FIRST_SHARE = 0.85  # of the progress: the traces of the derivatives
+KEPT: tuple[StageName, ...] = STAGES[:3]  # stages that a calibrated run takes over: it changes nothing before the scene
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """What readings told of a run.
+
+    Parameters
+    ----------
+    run_file : RunFile
+        With `[calibration]`.
+    unknowns : Table
+        Every factor with its deviation, before and after.
+    readings : Table
+        Every number, measured and as the model has it before and after.
+    map_sd_before, map_sd_after : (point,) float
+        Relative deviation of the light at the run's points, by fluxes, reflectances and the model's local error. [1]
+    chi_square : float
+        Of readings and priors.
+    numbers : int
+        That were read; about as large as chi-square if all is well.
+    notes : tuple of str
+        As full sentences.
+    """
+
+    run_file: RunFile
+    unknowns: Table
+    readings: Table
+    map_sd_before: FloatArray
+    map_sd_after: FloatArray
+    chi_square: float
+    numbers: int
+    notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        before, after = (100 * float(np.median(each)) for each in (self.map_sd_before, self.map_sd_after))
+        return (
+            f"<Calibration by {self.numbers} numbers: deviation of the map {before:.1f} % before, {after:.1f} % after, "
+            f"chi-square {self.chi_square:.1f}>"
+        )
+
+
+def calibrate_run(
+    run: str | PathLike[str],
+    measured: str | PathLike[str],
+    *,
+    unit: Unit = "W/m2/nm",
+    scale: Scale = "none",
+    cell: str | None = None,
+    area_cm2: float | None = None,
+    force: bool = False,
+    workers: int | None = None,
+    progress: Progress = silent,
+) -> Calibration:
+    """Estimate lamp fluxes, reflectances and meter factors of a run from readings.
+
+    Parameters
+    ----------
+    run : str or path
+        Run folder with a finished trace. It stays as it is.
+    measured : str or path
+        CSV of readings; see `calibration_readings`.
+    unit : str
+        Of channels.
+    scale : 'none', 'one', 'die' or 'channel'
+        Meter factors that are not known.
+    cell : str, optional
+        Database name or file of the cell whose current_mA was read.
+    area_cm2 : float, optional
+        Its area; the database's by default. [cm²]
+    force : bool
+        Go on with readings that look swapped, turned over, in another unit or of another room.
+    workers : int, optional
+        Processes; one a core by default.
+    progress : callable
+
+    Returns
+    -------
+    calibration : Calibration
+
+    Raises
+    ------
+    MapError
+        If the readings cannot be read, lie outside the room, or contradict the model in one of the ways above.
+    WorkspaceError
+        If the run has no finished trace.
+    """
+    run, measured = path_of(run, name="run"), path_of(measured, name="measured")
+    room = run_room(run)
+    readings = calibration_readings(measured, room.bands.labels, unit=unit, scale=scale, has_cell=cell is not None)
+    require_inside(readings, room, measured)
+    weights = _weights(readings, room, cell, area_cm2)
+    priors = priors_of(room, readings.meter_sd)
+    points = _points(readings, run)
+    light = traced_light(room, points, workers=workers, progress=part_of(progress, 0.0, FIRST_SHARE))
+    model = light.model(weights, readings.numbers.row)
+    require_light(model, readings, measured)
+    reverse = light.model(weights, readings.numbers.row + len(readings.names))
+    said = doubts(model, reverse, readings, priors, measured, force=force)
+    first = fit(model, readings.numbers, priors)
+    light = _about(first, room, points, light, workers=workers, progress=part_of(progress, FIRST_SHARE, 1.0))
+    exact = light.model(weights, readings.numbers.row)
+    posterior = fit(exact, readings.numbers, priors)
+    on_map = map_model(room, light, first_point=2 * len(readings.names))
+    return Calibration(
+        run_file=calibrated_run_file(room, posterior, measured),
+        unknowns=unknowns_table(room, readings, posterior),
+        readings=readings_table(readings, model, exact, posterior, disagreement(exact, readings.numbers, priors), room),
+        map_sd_before=np.hypot(posterior.light_sd(on_map, before=True), LOCAL_SD),
+        map_sd_after=np.hypot(posterior.light_sd(on_map), LOCAL_SD),
+        chi_square=posterior.chi_square,
+        numbers=readings.numbers.value.size,
+        notes=(*readings.notes, *said, *untold(room, posterior)),
+    )
+
+
+def save_calibration(calibration: Calibration, run: str | PathLike[str], *, force: bool = False) -> tuple[Path, Path]:
+    """Write the calibrated run file beside the run's, and a run folder for it with all that it can take over.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    run : str or path
+        The folder that was calibrated.
+    force : bool
+        Replace a run file that is there.
+
+    Returns
+    -------
+    run_file, tables : Path
+        The run file, to be run, and the folder of tables in its run folder.
+
+    Raises
+    ------
+    RunFileError, WorkspaceError
+        If there is such a run file already, or something cannot be written.
+    """
+    run = path_of(run, name="run")
+    given = calibration.run_file
+    path = given.save(given.folder / f"{given.name}.toml", force=force)
+    target = path.with_suffix(".run")
+    with writing_run(target):
+        for stage in KEPT:
+            if not stage_folder(target, stage).exists():
+                shutil.copytree(require_stage(run, stage), stage_folder(target, stage))
+        folder = target / "calibration"
+        folder.mkdir(parents=True, exist_ok=True)
+    for table in (calibration.unknowns, calibration.readings):
+        save_table(table, folder)
+    return path, folder
+
+
+def priors_of(room: RunRoom, meter_sd: FloatArray) -> Priors:
+    """How well a run knows its lamps and reflectances, and its user the meter.
+
+    Fluxes that were guessed, of lamps found in the scan and of windows are known worst. The level of a part's
+    reflectance is known as well as its materials are, as if all erred alike.
+    """
+    marked = {lamp.name for lamp in room.run_file.lamps if not lamp.assumed}
+    flux_sd = np.array([FLUX_SD if lamp.name in marked else ASSUMED_FLUX_SD for lamp in room.lamps])
+    deviation = []
+    for material in room.materials.materials:
+        value = float(material.reflectance.at([555.0], outside="nearest")[0])
+        if material.uncertainty is not None and value > 0:
+            deviation.append(float(material.uncertainty.at([555.0], outside="nearest")[0]) / value)
+        else:
+            deviation.append(CERTAIN_SD if material.provenance == "assigned" else REFLECTANCE_SD)
+    face, areas = np.array(deviation)[room.materials.face_material], room.scan.areas
+    total = np.bincount(room.part, weights=areas, minlength=len(PARTS))
+    mean = np.bincount(room.part, weights=areas * face, minlength=len(PARTS)) / np.maximum(total, 1e-12)
+    return Priors(
+        flux_sd=flux_sd,
+        reflectance_sd=np.where(total > 0, np.clip(mean, CERTAIN_SD, 0.5), REFLECTANCE_SD),
+        meter_sd=meter_sd,
+    )
+
+
+def _weights(readings: Readings, room: RunRoom, cell: str | None, area_cm2: float | None) -> FloatArray:
+    if cell is None:
+        return weights_of(readings.quantities, room)
+    found = find_cell(cell)
+    area_m2 = found.area_m2 if area_cm2 is None else area_cm2 / 1e4
+    if area_m2 is None:
+        raise MapError(expected="the cell's area", found="none", where=f"cell '{cell}'", todo="Give --area in cm².")
+    return weights_of(readings.quantities, room, cell=found, area_m2=area_m2)
+
+
+def _points(readings: Readings, run: Path) -> SensorPoints:
+    """Where light is traced: at the readings, there with the sensor turned over, and at the run's own points."""
+    transport = load_transport(require_stage(run, "trace") / TRANSPORT_FILE)
+    places = [np.stack([transport[name].to_numpy() for name in names], axis=1) for names in ("xyz", ("nx", "ny", "nz"))]
+    return SensorPoints(
+        positions=np.concatenate([readings.positions, readings.positions, places[0]]),
+        normals=np.concatenate([readings.normals, -readings.normals, places[1]]),
+    )
+
+
+def _about(
+    first: Posterior,
+    room: RunRoom,
+    points: SensorPoints,
+    light: TracedLight,
+    *,
+    workers: int | None,
+    progress: Progress,
+) -> TracedLight:
+    """The light model about a first solution: exact there, with the slopes as they were (Gauss and Newton's step)."""
+    there = coefficients(room, points, np.exp(first.reflectance), workers=workers, progress=progress)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        changed = np.nan_to_num(light.base / light.lowered, nan=1.0, posinf=1.0)  # (part, lamp, point, band)
+    back = np.prod(changed ** (-first.reflectance[:, None, None, None] / light.step), axis=0)
+    base = there * back
+    return TracedLight(base=base, lowered=base / changed, step=light.step)
+
+
+def map_model(room: RunRoom, light: TracedLight, *, first_point: int) -> LightModel:
+    """Light at the run's own points: their illuminance, or the sum over channels where those do not cover vision."""
+    points = np.arange(first_point, light.base.shape[1])
+    quantity: Quantity = LUX
+    if covers_vision(room.bands.centers_nm):
+        return light.model(weights_of([quantity] * points.size, room), points)
+    channels = weights_of(list(range(len(room.bands))), room).sum(axis=0)
+    return light.model(np.broadcast_to(channels, (points.size, *channels.shape)), points)

@@ -1,0 +1,206 @@
+"""Readings of a room in a file, as calibration takes them: places, directions, quantities and meters."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import MapError
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, DIE_INDEX
+from lidarspectra.hardware.sensor.measured_readings import Scale, Unit, channel_columns, irradiance_of, read_readings
+from lidarspectra.mapping.calibration.model import UNKNOWN_METER_SD, Observations
+
+LUX = "illuminance"  # a quantity; the others are channels, by number, and the current of a cell
+CURRENT = "current"
+LUX_COLUMNS = ("lux", "lx", "illuminance", "illuminance_lx")
+CURRENT_COLUMN = "current_mA"
+NAME_COLUMN = "name"
+CALIBRATED_SD = 0.03  # [1] of a meter's factor where it is calibrated
+CHANNEL_SD = 0.05  # [1] of a calibrated spectral channel: its calibration, and the lamp's spectrum in it
+Quantity = int | str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Readings:
+    """Readings of a room.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of each row: a place and a direction.
+    positions, normals : (row, 3) float
+        [m], and unit vectors.
+    quantities : tuple of int or str
+        Of each number: a channel, 'illuminance' or 'current'.
+    numbers : Observations
+        Values [W/m²/nm, lx or A], rows and meter factors.
+    meters : tuple of str
+        Names of the meter factors.
+    meter_sd : (meter,) float
+        Deviation of each one's logarithm. [1]
+    notes : tuple of str
+        What was left out, as full sentences.
+    """
+
+    names: tuple[str, ...]
+    positions: FloatArray
+    normals: FloatArray
+    quantities: tuple[Quantity, ...]
+    numbers: Observations
+    meters: tuple[str, ...]
+    meter_sd: FloatArray
+    notes: tuple[str, ...] = ()
+
+
+def calibration_readings(
+    path: Path, labels: tuple[str, ...], *, unit: Unit = "W/m2/nm", scale: Scale = "none", has_cell: bool = False
+) -> Readings:
+    """Read the readings that a run is calibrated by.
+
+    Parameters
+    ----------
+    path : Path
+        CSV with x, y, z [m] in the scan's frame, nx, ny, nz where a sensor does not look up, and one or more of: lux,
+        the channels E_410 ... [W/m²/nm] or columns in another unit that name a channel, current_mA of a cell. Empty
+        fields are left out. A column 'name' names the rows.
+    labels : tuple of str
+        The run's channels.
+    unit : str
+        Of the channels.
+    scale : 'none', 'one', 'die' or 'channel'
+        Factors of the meter that are not known: none for a calibrated one; 'one' for a phone's lux meter.
+    has_cell : bool
+        Whether the cell is known whose current was read.
+
+    Returns
+    -------
+    readings : Readings
+
+    Raises
+    ------
+    MapError
+        If there is no reading, or a table or a direction cannot be read.
+    """
+    table = read_readings(path)
+    columns: dict[Quantity, FloatArray] = {}
+    lux = next((name for name in LUX_COLUMNS if name in table.columns), None)
+    if lux is not None:
+        columns[LUX] = _numbers(table, lux, path)
+    channels = channel_columns(table, labels, unit)
+    if channels:
+        light = irradiance_of(table, list(channels.values()), unit, "one" if scale == "none" else scale, path)
+        columns |= {index: light[:, place] for place, index in enumerate(channels)}
+    if CURRENT_COLUMN in table.columns:
+        columns[CURRENT] = _cell_currents(table, path, has_cell)
+    if not columns:
+        raise MapError(
+            expected=f"a column lux, channels such as E_{labels[0]}, or {CURRENT_COLUMN}",
+            found=", ".join(map(str, table.columns[:8])),
+            where=str(path),
+            todo="Name the column so; --unit says the unit of channels.",
+        )
+    if unit == "counts" and scale == "none" and channels:
+        raise MapError(
+            expected="a scale that is fitted, for counts",
+            found="--scale none",
+            where=str(path),
+            todo="Give --scale one, die or channel: the factor of single sensors is not known.",
+        )
+    return _gathered(table, columns, labels, scale, path)
+
+
+def _gathered(
+    table: pd.DataFrame, columns: dict[Quantity, FloatArray], labels: tuple[str, ...], scale: Scale, path: Path
+) -> Readings:
+    normals = _directions(table, path)
+    meters, meter_of = _meters(tuple(columns), labels, scale)
+    row, value, quantities, meter = [], [], [], []
+    for quantity, values in columns.items():
+        good = np.flatnonzero(np.isfinite(values) & (np.nan_to_num(values) > 0))
+        row += good.tolist()
+        value += values[good].tolist()
+        quantities += [quantity] * good.size
+        meter += [meter_of[quantity]] * good.size
+    left_out = sum(int(np.isfinite(values).sum() - (np.nan_to_num(values) > 0).sum()) for values in columns.values())
+    used = sorted(set(row))
+    if not used:
+        raise MapError(expected="readings above 0", found="none", where=str(path))
+    names = table[NAME_COLUMN].astype(str) if NAME_COLUMN in table.columns else [f"row {n + 1}" for n in table.index]
+    return Readings(
+        names=tuple(str(names[index]) for index in used),
+        positions=table[["x", "y", "z"]].to_numpy(dtype=np.float64)[used],
+        normals=normals[used],
+        quantities=tuple(quantities),
+        numbers=Observations(value=np.array(value), row=np.searchsorted(used, row), meter=np.array(meter)),
+        meters=tuple(name for name, _ in meters),
+        meter_sd=np.array([sd for _, sd in meters]),
+        notes=(f"{left_out} numbers of 0 or less are left out: a logarithm is fitted.",) if left_out else (),
+    )
+
+
+def _meters(
+    quantities: tuple[Quantity, ...], labels: tuple[str, ...], scale: Scale
+) -> tuple[list[tuple[str, float]], dict[Quantity, int]]:
+    """Name and deviation of each meter factor, and which of them a quantity has."""
+    meters: list[tuple[str, float]] = []
+    meter_of: dict[Quantity, int] = {}
+    for quantity in quantities:
+        name, sd = _meter(quantity, labels, scale)
+        if (name, sd) not in meters:
+            meters.append((name, sd))
+        meter_of[quantity] = meters.index((name, sd))
+    return meters, meter_of
+
+
+def _meter(quantity: Quantity, labels: tuple[str, ...], scale: Scale) -> tuple[str, float]:
+    if isinstance(quantity, str):
+        return f"{quantity} meter", UNKNOWN_METER_SD if scale != "none" else CALIBRATED_SD
+    label = labels[quantity]
+    if scale == "die" and label in CHANNEL_LABELS:
+        return f"die {DIE_INDEX[CHANNEL_LABELS.index(label)] + 1}", UNKNOWN_METER_SD
+    if scale == "one":
+        return "sensor", UNKNOWN_METER_SD
+    return f"channel {label}", CHANNEL_SD if scale == "none" else UNKNOWN_METER_SD
+
+
+def _numbers(table: pd.DataFrame, column: str, path: Path) -> FloatArray:
+    values = pd.to_numeric(table[column], errors="coerce")
+    broken = values.isna() & table[column].notna()
+    if broken.any():
+        raise MapError(
+            expected="a number",
+            found=f"'{table[column][broken].iloc[0]}'",
+            where=f"{path}, column '{column}', row {int(np.flatnonzero(broken)[0]) + 1}",
+            todo="Write the reading as a plain number, with a point, or leave the field empty.",
+        )
+    return np.asarray(values, dtype=np.float64)
+
+
+def _cell_currents(table: pd.DataFrame, path: Path, has_cell: bool) -> FloatArray:
+    if not has_cell:
+        raise MapError(
+            expected="the cell whose current was read",
+            found="none",
+            where=f"{path}, column '{CURRENT_COLUMN}'",
+            todo="Name it: --cell NAME, and --area in cm² where the database has none.",
+        )
+    return _numbers(table, CURRENT_COLUMN, path) / 1000.0
+
+
+def _directions(table: pd.DataFrame, path: Path) -> FloatArray:
+    given = [name for name in ("nx", "ny", "nz") if name in table.columns]
+    if not given:
+        return np.tile([0.0, 0.0, 1.0], (len(table), 1))
+    if len(given) < 3:
+        raise MapError(
+            expected="all of nx, ny and nz, or none", found=", ".join(given), where=str(path),
+            todo="They are the direction that the sensor looks in: 0, 0, 1 is up.",
+        )  # fmt: skip
+    normals = np.stack([_numbers(table, name, path) for name in given], axis=1)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    if not np.all(lengths > 0):
+        row = int(np.flatnonzero(~(lengths[:, 0] > 0))[0])
+        raise MapError(expected="a direction", found="0, 0, 0", where=f"{path}, row {row + 1}")
+    return np.asarray(normals / lengths, dtype=np.float64)

@@ -1,0 +1,133 @@
+"""What a calibration gives: the run file with its factors, and tables of unknowns and readings."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from lidarspectra.config import CalibrationSection, RunFile
+from lidarspectra.io.toml_text import toml_value
+from lidarspectra.mapping.calibration.model import LightModel
+from lidarspectra.mapping.calibration.posterior import Posterior
+from lidarspectra.mapping.figures.tables import Table
+from lidarspectra.room.surface_parts import PARTS
+from lidarspectra.workflow.calibration_light import RunRoom
+from lidarspectra.workflow.calibration_readings import CURRENT, LUX, Quantity, Readings
+
+TOLD = 0.9  # [1] an unknown whose deviation is still above this share of its prior's was told nothing
+UNITS: dict[Quantity, str] = {LUX: "lx", CURRENT: "A"}  # channels are in W/m²/nm
+
+
+def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path) -> RunFile:
+    """The run file with the factors that the readings told, times those that it had.
+
+    Lamps that the readings told something of are no longer marked as assumed. The text keeps its comments unless it
+    had a calibration or assumed lamps.
+    """
+    old = room.run_file.calibration or CalibrationSection()
+    flux = np.exp(posterior.flux)
+    reflectance = dict(zip(PARTS, np.exp(posterior.reflectance), strict=True))
+    lamp_factors = {
+        lamp.name: float(f"{old.lamps.get(lamp.name, 1.0) * factor:.6g}")
+        for lamp, factor in zip(room.lamps, flux, strict=True)
+    }
+    part_factors = {part: float(f"{getattr(old.reflectance, part) * reflectance[part]:.6g}") for part in PARTS}
+    section = {"measured": measured.name, "lamps": lamp_factors, "reflectance": part_factors}
+    told = _told(posterior)[: len(room.lamps)]
+    known = {lamp.name for lamp, is_told in zip(room.lamps, told, strict=True) if is_told}
+    lamps = [
+        lamp.model_dump(exclude_unset=True) | ({"assumed": False} if lamp.name in known and lamp.assumed else {})
+        for lamp in room.run_file.lamps
+    ]
+    origin = room.run_file.with_origin(folder=room.base, name=f"{room.name}.calibrated")
+    changed = origin.changed(calibration=section, **({"lamps": lamps} if lamps else {}))
+    if room.run_file.calibration is not None or any(lamp.assumed for lamp in room.run_file.lamps):
+        return changed
+    tables = [
+        f"[calibration]\nmeasured = {toml_value(measured.name)}",
+        "\n".join(["[calibration.lamps]", *(f"{toml_value(name)} = {each}" for name, each in lamp_factors.items())]),
+        "\n".join(["[calibration.reflectance]", *(f"{part} = {each}" for part, each in part_factors.items())]),
+    ]
+    text = room.run_file.text.rstrip() + "\n\n" + "\n\n".join(tables) + "\n"
+    return changed.with_origin(folder=room.base, name=f"{room.name}.calibrated", text=text)
+
+
+def unknowns_table(room: RunRoom, readings: Readings, posterior: Posterior) -> Table:
+    """Every factor: what it is on, its value, and its deviation before and after the readings."""
+    names = [*(lamp.name for lamp in room.lamps), *PARTS, *readings.meters]
+    kinds = ["lamp flux"] * len(room.lamps) + ["reflectance"] * len(PARTS) + ["meter"] * len(readings.meters)
+    before, after = np.sqrt(np.diag(posterior.prior)), posterior.sd
+    frame = pd.DataFrame(
+        {
+            "factor on": kinds,
+            "name": names,
+            "factor [1]": np.exp(posterior.unknowns),
+            "deviation before [%]": 100 * before,
+            "deviation after [%]": 100 * after,
+            "told by the readings": ["yes" if told else "no" for told in _told(posterior)],
+        }
+    )
+    return Table(
+        name="unknowns",
+        caption="What the readings tell of lamps, reflectances and meters; where they tell nothing, the prior stays.",
+        frame=frame,
+        formats={"factor [1]": ".3f", "deviation before [%]": ".1f", "deviation after [%]": ".1f"},
+    )
+
+
+def readings_table(
+    readings: Readings,
+    before: LightModel,
+    after: LightModel,
+    posterior: Posterior,
+    probability: np.ndarray,
+    room: RunRoom,
+) -> Table:
+    """Every number as it was read, and as the model has it before and after."""
+    numbers = readings.numbers
+    meters = posterior.unknowns[posterior.lamps + posterior.parts :][numbers.meter]
+    predicted = after.at(posterior.flux, posterior.reflectance).sum(axis=1) * np.exp(meters)
+    labels = [
+        quantity if isinstance(quantity, str) else f"{room.bands.labels[quantity]} nm"
+        for quantity in readings.quantities
+    ]
+    positions = readings.positions[numbers.row]
+    frame = pd.DataFrame(
+        {
+            "reading": [readings.names[row] for row in numbers.row],
+            "x [m]": positions[:, 0],
+            "y [m]": positions[:, 1],
+            "z [m]": positions[:, 2],
+            "quantity": labels,
+            "unit": [UNITS.get(quantity, "W/m²/nm") for quantity in readings.quantities],
+            "measured": numbers.value,
+            "run before": before.light.sum(axis=1),
+            "model after": predicted,
+            "off before [%]": 100 * (before.light.sum(axis=1) / numbers.value - 1),
+            "off after [%]": 100 * (predicted / numbers.value - 1),
+            "probability [1]": probability[numbers.row],
+        }
+    )
+    return Table(
+        name="readings",
+        caption="The readings, and what the run has there before and after. The probability is that of so large a "
+        "deviation from what all other readings tell of the place.",
+        frame=frame,
+        formats={"off before [%]": "+.1f", "off after [%]": "+.1f", "probability [1]": ".2g"},
+    )
+
+
+def untold(room: RunRoom, posterior: Posterior) -> tuple[str, ...]:
+    """A note on lamps and parts that no reading told anything of; a meter's factor is nobody's aim."""
+    names = [f"the flux of '{lamp.name}'" for lamp in room.lamps]
+    names += [f"the reflectance of the {part}" for part in PARTS]
+    told = _told(posterior)[: len(names)]
+    left = [name for name, is_told in zip(names, told, strict=True) if not is_told]
+    if not left:
+        return ()
+    return (f"No reading tells {', '.join(left)}: what the run had stays. '--plan' shows where a reading would.",)
+
+
+def _told(posterior: Posterior) -> list[bool]:
+    before = np.sqrt(np.diag(posterior.prior))
+    return [bool(told) for told in posterior.sd <= TOLD * before]

@@ -1,0 +1,148 @@
+"""Readings told into a light model: what they tell comes out, its deviation holds, and what is wrong is named."""
+
+import numpy as np
+import pytest
+
+from lidarspectra.errors import MapError
+from lidarspectra.mapping.calibration.model import UNKNOWN_METER_SD, LightModel, Observations, Priors
+from lidarspectra.mapping.calibration.planning import choose_readings
+from lidarspectra.mapping.calibration.posterior import disagreement, fit, swapped, turned_over
+
+LAMPS, PARTS, ROWS = 3, 4, 8
+
+
+def model(seed: int = 0, rows: int = ROWS) -> LightModel:
+    """Lamps over different places; sensors that look up are lit by lamps, those that look down by the floor's light."""
+    draw = np.random.default_rng(seed)
+    light = draw.uniform(20.0, 300.0, (rows, LAMPS))
+    light[1::2] *= 0.2
+    slope = np.abs(draw.normal(0.15, 0.05, (rows, LAMPS, PARTS)))
+    slope[1::2, :, 0] += 0.9
+    return LightModel(light=light, slope=slope)
+
+
+def priors(meter_sd: float = 0.03) -> Priors:
+    return Priors(
+        flux_sd=np.full(LAMPS, 0.2), reflectance_sd=np.full(PARTS, 0.1), meter_sd=np.array([meter_sd]),
+        reading_sd=0.02, local_sd=0.02,
+    )  # fmt: skip
+
+
+def drawn(light: LightModel, known: Priors, generator: np.random.Generator) -> tuple[Observations, np.ndarray]:
+    """Readings of a room drawn from the priors, and its unknowns."""
+    root = np.linalg.cholesky(known.covariance())
+    unknowns = root @ generator.standard_normal(root.shape[0])
+    row = np.arange(light.light.shape[0])
+    noise = np.linalg.cholesky(known.noise(row)) @ generator.standard_normal(row.size)
+    true = light.at(unknowns[:LAMPS], unknowns[LAMPS : LAMPS + PARTS]).sum(axis=1)
+    value = true * np.exp(unknowns[-1] + noise)
+    return Observations(value=value, row=row, meter=np.zeros(row.size, dtype=np.int64)), unknowns
+
+
+def test_the_gradient_is_that_of_the_logarithm() -> None:
+    light, flux, reflectance = model(), np.array([0.1, -0.2, 0.3]), np.array([0.1, 0.0, -0.1, 0.05])
+    gradient = light.gradient(flux, reflectance)
+    for index in range(LAMPS + PARTS):
+        step = 1e-6 * (np.arange(LAMPS + PARTS) == index)
+        up = np.log(light.at(flux + step[:LAMPS], reflectance + step[LAMPS:]).sum(axis=1))
+        down = np.log(light.at(flux - step[:LAMPS], reflectance - step[LAMPS:]).sum(axis=1))
+        assert gradient[:, index] == pytest.approx((up - down) / 2e-6, rel=1e-5)
+
+
+def test_deviations_hold_over_many_rooms() -> None:
+    generator, light, known = np.random.default_rng(1), model(), priors()
+    within, chi = [], []
+    for _ in range(100):
+        readings, unknowns = drawn(light, known, generator)
+        found = fit(light, readings, known)
+        within.append(np.abs(found.unknowns - unknowns) <= found.sd)
+        chi.append(found.chi_square)
+    # 68 % of 1,600 deviations that go together in eights lie within one; two per cent of scatter.
+    assert np.mean(within) == pytest.approx(0.683, abs=0.05)
+    assert np.mean(chi) == pytest.approx(ROWS, rel=0.1)
+
+
+def test_the_map_is_known_better_after_and_as_well_as_it_says() -> None:
+    generator, light, known, on_map = np.random.default_rng(2), model(), priors(), model(seed=9, rows=40)
+    ratios, shares = [], []
+    for _ in range(60):
+        readings, unknowns = drawn(light, known, generator)
+        found = fit(light, readings, known)
+        truth = on_map.at(unknowns[:LAMPS], unknowns[LAMPS : LAMPS + PARTS]).sum(axis=1)
+        after = np.log(on_map.at(found.flux, found.reflectance).sum(axis=1) / truth)
+        before = np.log(on_map.light.sum(axis=1) / truth)
+        ratios.append(np.sqrt(np.mean(after**2)) / np.sqrt(np.mean(before**2)))
+        shares.append(np.abs(after) / found.light_sd(on_map))
+    assert np.median(ratios) < 0.5
+    assert 0.6 < np.mean(np.array(shares) <= 1.0) < 0.76
+    assert 0.92 < np.mean(np.array(shares) <= 2.0) < 0.985
+
+
+def test_an_unknown_meter_still_tells_the_pattern() -> None:
+    generator, light, known = np.random.default_rng(3), model(), priors(UNKNOWN_METER_SD)
+    readings, _ = drawn(light, known, generator)
+    found = fit(light, readings, known)
+    shifted = Observations(value=readings.value * 1000.0, row=readings.row, meter=readings.meter)
+    again = fit(light, shifted, known)
+    # Units off by a thousand change the meter's factor, and its wide prior moves the others by next to nothing.
+    assert again.unknowns[:-1] == pytest.approx(found.unknowns[:-1], abs=0.02)
+    assert again.unknowns[-1] - found.unknowns[-1] == pytest.approx(np.log(1000.0), abs=0.05)
+
+
+def test_a_strange_reading_is_named_and_the_others_are_not() -> None:
+    generator, light, known = np.random.default_rng(4), model(), priors()
+    readings, _ = drawn(light, known, generator)
+    value = readings.value.copy()
+    value[4] *= 3.0  # a lamp of somebody's desk
+    wrong = Observations(value=value, row=readings.row, meter=readings.meter)
+    assert np.argmin(disagreement(light, wrong, known)) == 4
+    assert disagreement(light, wrong, known)[4] < 1e-6
+    assert disagreement(light, readings, known).min() > 1e-3
+
+
+def test_two_rows_that_were_exchanged_are_found() -> None:
+    generator, light, known = np.random.default_rng(5), model(), priors()
+    readings, _ = drawn(light, known, generator)
+    value = readings.value.copy()
+    value[[0, 3]] = value[[3, 0]]
+    wrong = Observations(value=value, row=readings.row, meter=readings.meter)
+    assert swapped(light, wrong, known, np.arange(ROWS)) == (0, 3)
+    assert swapped(light, readings, known, np.arange(ROWS)) is None
+
+
+def test_a_sensor_turned_over_is_found() -> None:
+    generator, light, known = np.random.default_rng(6), model(), priors()
+    reverse = LightModel(light=light.light[::-1].copy(), slope=light.slope[::-1].copy())
+    true = LightModel(
+        light=np.where(np.arange(ROWS)[:, None] == 2, reverse.light, light.light),
+        slope=np.where(np.arange(ROWS)[:, None, None] == 2, reverse.slope, light.slope),
+    )
+    readings, _ = drawn(true, known, generator)
+    assert turned_over(light, reverse, readings, known, np.arange(ROWS)) == (2,)
+    readings, _ = drawn(light, known, generator)
+    assert turned_over(light, reverse, readings, known, np.arange(ROWS)) == ()
+
+
+def test_planned_readings_tell_more_than_any_others_of_their_number() -> None:
+    light, known, on_map = model(rows=10), priors(), model(seed=9, rows=30)
+    place = np.arange(10) // 2
+    planned = choose_readings(light, place, on_map, known, 3)
+    assert np.all(np.diff(planned.map_sd) < 0)
+    assert len(set(planned.chosen.tolist())) == 3
+
+    def spread(chosen: np.ndarray) -> float:
+        some = light.some(chosen)
+        value = some.light.sum(axis=1)
+        readings = Observations(value=value, row=np.arange(chosen.size), meter=np.zeros(chosen.size, dtype=np.int64))
+        return float(np.sqrt(np.mean(fit(some, readings, known).light_sd(on_map) ** 2)))
+
+    assert spread(planned.chosen) == pytest.approx(planned.map_sd[-1], rel=1e-6)
+    draw = np.random.default_rng(0)
+    by_lot = [spread(draw.choice(10, 3, replace=False)) for _ in range(50)]
+    assert planned.map_sd[-1] <= 1.1 * min(by_lot)  # greedy, and a new place costs
+    assert planned.map_sd[-1] < np.median(by_lot)
+
+
+def test_a_reading_of_nothing_is_refused() -> None:
+    with pytest.raises(MapError, match="above 0"):
+        Observations(value=[1.0, 0.0], row=[0, 1], meter=[0, 0])
