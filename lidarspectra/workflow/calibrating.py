@@ -42,7 +42,7 @@ from lidarspectra.workflow.calibration_light import (
 )
 from lidarspectra.workflow.calibration_readings import LUX, Quantity, Readings, calibration_readings
 from lidarspectra.workflow.calibration_results import calibrated_run_file, readings_table, unknowns_table, untold
-from lidarspectra.workflow.workspace import STAGES, StageName, require_stage, stage_folder, writing_run
+from lidarspectra.workflow.workspace import STAGES, StageName, Workspace, require_stage, stage_folder, writing_run
 
 CERTAIN_SD = 0.03  # [1] of reflectances that the user assigned
 FIRST_SHARE = 0.85  # of the progress: the traces of the derivatives
@@ -187,7 +187,7 @@ def save_calibration(calibration: Calibration, run: str | PathLike[str], *, forc
     given = calibration.run_file
     path = given.save(given.folder / f"{given.name}.toml", force=force)
     target = path.with_suffix(".run")
-    with writing_run(target):
+    with Workspace(target), writing_run(target):
         for stage in KEPT:
             if not stage_folder(target, stage).exists():
                 shutil.copytree(require_stage(run, stage), stage_folder(target, stage))
