@@ -79,12 +79,11 @@ def test_readings_that_cannot_be_are_refused_with_the_reason(run: Path, readings
     refused(readings.assign(lux="bright"), "a number")
 
 
-@pytest.mark.chance("a trace of the draft's noise tells which reading is worth more")
 def test_a_plan_of_readings_is_a_file_to_fill_in(run: Path, command_line: CommandLine) -> None:
     answer = command_line("calibrate", run, "--plan", "4")
     assert answer.status == 0, answer.stderr
     plan = pd.read_csv(run / "calibration" / "readings-to-take.csv")
     assert list(plan.columns) == ["name", "x", "y", "z", "nx", "ny", "nz", "lux"]
     assert len(plan) == 4
-    assert {"up", "down"} <= {name.split()[1] for name in plan["name"]}  # the flux, and the reflectances
+    assert len({name.split()[1] for name in plan["name"]}) >= 2  # what is told by one direction is not told twice
     assert (run / "calibration" / "readings-to-take.png").is_file()
