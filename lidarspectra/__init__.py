@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from lidarspectra.room.sensor_points import SensorPoints, grid_points, place_points, read_points
     from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, scenes_folder
     from lidarspectra.spectra.spectrum import BandSet, Spectrum, gaussian_bands, sensor_bands
+    from lidarspectra.workflow.annual import AnnualDaylight, annual_daylight
     from lidarspectra.workflow.calibrating import Calibration, calibrate_run, save_calibration
     from lidarspectra.workflow.calibration_plan import plan_readings, save_plan
     from lidarspectra.workflow.check import RunCheck, check
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
     from lidarspectra.workflow.room_model import RoomModel, Surface
 
 _HOMES = {
+    "AnnualDaylight": "workflow.annual",
     "ArgumentError": "errors",
     "BandSet": "spectra.spectrum",
     "Calibration": "workflow.calibrating",
@@ -89,6 +91,7 @@ _HOMES = {
     "Surface": "workflow.room_model",
     "check": "workflow.check",
     "calibrate_run": "workflow.calibrating",
+    "annual_daylight": "workflow.annual",
     "choose_to_locate": "mapping.localization.sensor_places",
     "compare_maps": "mapping.maps.metrics",
     "copy_scene": "workflow.inputs",
@@ -141,6 +144,7 @@ _HOMES = {
 
 __version__ = version("lidarspectra")
 __all__ = [
+    "AnnualDaylight",
     "ArgumentError",
     "BandSet",
     "Calibration",
@@ -166,6 +170,7 @@ __all__ = [
     "Spectrum",
     "Surface",
     "__version__",
+    "annual_daylight",
     "calibrate_run",
     "check",
     "choose_to_locate",

@@ -128,6 +128,8 @@ class DaylightSection(Section):
     cloud_cover: Fraction = 0.0
     aerosol_optical_depth: Fraction = 0.1
     ground_reflectance: Annotated[float, Field(ge=0, le=0.99)] = 0.2
+    weather: Annotated[str, Field(min_length=1)] | None = None
+    """EPW file of a year, or 'synthetic', for `lidarspectra annual`."""
     windows: Annotated[tuple[WindowSection, ...], Field(min_length=1)]
 
 
@@ -275,7 +277,14 @@ class _Named(TypedDict):
 
 
 FILE_KEYS = ("file", "points", "receptor")  # of the run file: a value is a file's name
-FILE_OR_NAME_KEYS = ("spectrum", "model", "databases", "device", "cell")  # a file's name, or one of a database
+FILE_OR_NAME_KEYS = (
+    "spectrum",
+    "model",
+    "databases",
+    "device",
+    "cell",
+    "weather",
+)  # a file's name, or one of a database
 _NAMED: _Named = {"kind": "run file", "error": RunFileError, "page": "docs/run-file.md"}
 
 
@@ -452,7 +461,7 @@ class RunFile(Section):
     def _file_names(self, folder: Path) -> dict[tuple[str, str], str]:
         """Relative file names in it as a run file in another folder says them, by (key, name here)."""
         rows: list[Section] = [self.scan, self.materials, self.sensors, *self.lamps, *self.cells]
-        rows += [] if self.lamps_from_scan is None else [self.lamps_from_scan]
+        rows += [section for section in (self.lamps_from_scan, self.daylight) if section is not None]
         found = {}
         for key in (*FILE_KEYS, *FILE_OR_NAME_KEYS):
             given = [getattr(row, key) for row in rows if getattr(row, key, None) is not None]

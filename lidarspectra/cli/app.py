@@ -17,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 from typer.core import TyperGroup
 
+from lidarspectra.cli import annual as annual_cli
 from lidarspectra.cli import calibrate as calibrate_cli
 from lidarspectra.cli import databases as databases_cli
 from lidarspectra.cli import fingerprints as fingerprints_cli
@@ -46,7 +47,7 @@ class _Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as cause:
-            runs = ctx.invoked_subcommand in ("run", "demo", "fingerprints", *STAGES)
+            runs = ctx.invoked_subcommand in ("run", "demo", "fingerprints", "annual", *STAGES)
             kept = "Finished stages are kept. Give the same command again to continue after them." if runs else ""
             messages.print(Text.assemble(("Interrupted. ", "bold red"), kept))
             raise typer.Exit(1) from cause
@@ -66,6 +67,7 @@ app.command("relight", context_settings={"allow_extra_args": True, "ignore_unkno
 app.command("photometry")(photometry_cli.photometry)
 app.command("photocurrent")(photocurrent_cli.photocurrent)
 app.add_typer(photocurrent_cli.app, name="cells")
+app.command("annual")(annual_cli.annual)
 app.command("fingerprints")(fingerprints_cli.fingerprints)
 app.add_typer(localize_cli.app, name="localize")
 

@@ -9,6 +9,7 @@ cover it: a stage that tells it declares it by its own name ("lamps.assumed"); o
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any, cast
 
@@ -163,6 +164,8 @@ def _unmarked(value: Any) -> Any:
 def _json(value: Any) -> Any:
     if isinstance(value, Section):
         return value.model_dump(mode="json", exclude={ASSUMED})
+    if isinstance(value, datetime):
+        return value.isoformat()
     return [_json(each) for each in value] if isinstance(value, tuple) else value
 
 

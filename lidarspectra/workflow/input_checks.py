@@ -23,6 +23,7 @@ from lidarspectra.radiance.engine.engine import find_engine
 from lidarspectra.radiance.sampling.trace import available_cores
 from lidarspectra.radiance.scene.daylight import Window
 from lidarspectra.radiance.scene.sky import NIGHT_DEG, sun_altitude_deg
+from lidarspectra.radiance.scene.weather import SYNTHETIC, read_epw
 from lidarspectra.room.sensor_points import SensorPoints, read_points
 from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances
 from lidarspectra.spectra.sensor_files import find_bands
@@ -165,6 +166,9 @@ def _check_light(inputs: Inputs, scan: Scan | None, bands: BandSet | None, findi
             )
     if run_file.daylight is not None:
         _check_daylight(run_file.daylight, alone=not run_file.lamps and found is None, findings=findings)
+        if run_file.daylight.weather not in (None, SYNTHETIC):
+            with findings.at("daylight.weather"):
+                read_epw(inputs.base / str(run_file.daylight.weather))
     elif run_file.lamps and all(lamp.dim == 0 for lamp in run_file.lamps):
         findings.refuse(
             "lamps.1.dim",

@@ -1,7 +1,7 @@
 """The lamps of a run: listed in its run file or found lit in the scan (fluxes by de-lighting), and windows."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from lidarspectra.room.room import Room
 from lidarspectra.spectra.databases import lamp_spectrum
 
 SKY_FOLDER = "sky"
+MOMENT_KEYS = tuple(field.name for field in fields(Daylight))  # of [daylight]: all but the windows and the year
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,13 +92,19 @@ def with_estimated_fluxes(lamps: tuple[Lamp, ...], materials_folder: Path) -> tu
     )
 
 
+def windows_of_run(run_file: RunFile) -> tuple[Window, ...]:
+    """The run file's windows; none without daylight."""
+    section = run_file.daylight
+    return () if section is None else tuple(Window(**window.model_dump()) for window in section.windows)
+
+
 def daylight_of_run(run_file: RunFile, folder: Path) -> tuple[Lamp, ...]:
     """Windows as lamps lit by sky and sun; none at night."""
     section = run_file.daylight
     if section is None:
         return ()
-    day = Daylight(**section.model_dump(exclude={"windows"}))
-    windows = [Window(**window.model_dump()) for window in section.windows]
+    day = Daylight(**{key: getattr(section, key) for key in MOMENT_KEYS})
+    windows = windows_of_run(run_file)
     sky = compute_sky(
         day, folder / SKY_FOLDER, find_engine(), atmosphere=user_cache_path("lidarspectra") / "atmosphere"
     )

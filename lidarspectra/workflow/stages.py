@@ -44,6 +44,7 @@ from lidarspectra.workflow.declared import Declared
 from lidarspectra.workflow.delighting import Delighting, take_light_out, with_light_uncertainty
 from lidarspectra.workflow.inputs import Inputs
 from lidarspectra.workflow.lamps_of_run import (
+    MOMENT_KEYS,
     ScannedRoom,
     daylight_of_run,
     lamps_of_run,
@@ -71,6 +72,7 @@ MATERIALS_KEYS = (
     "materials.delight",
 )
 LAMP_KEYS = ("lamps", "lamps_from_scan")
+DAYLIGHT_KEYS = tuple(f"daylight.{key}" for key in (*MOMENT_KEYS, "windows"))  # of the moment: not the year's weather
 SENSOR_KEYS = ("sensors.grid", "sensors.points", "sensors.field_of_view_deg", "sensors.receptor", "sensors.lift")
 # Shares of a stage's time, on a first run; `workspace` corrects them by what the last run took.
 SCAN_SHARES = (0.1, 0.65, 0.1, 0.15)  # reading, repairing, finding the room, saving
@@ -193,7 +195,7 @@ def scene_stage(
 ) -> Stage[RadianceScene]:
     """Stage 4: the room as a Radiance model, with its lamps' spectra (paper, Section 3.1)."""
     given = inputs.declare(
-        *(*LAMP_KEYS, "lamps.assumed", "daylight", "calibration", "sensors.device", "trace.mode", "trace.method"),
+        *(*LAMP_KEYS, "lamps.assumed", *DAYLIGHT_KEYS, "calibration", "sensors.device", "trace.mode", "trace.method"),
         databases=("lamps",),
         stages=(scan, materials),
     )
@@ -296,7 +298,9 @@ def map_stage(
     transport: StageResult[xr.Dataset],
 ) -> Stage[xr.Dataset]:
     """Stage 6: the spectral map, the sum over lamps (paper, Section 3.3), and what of it is assumed."""
-    given = inputs.declare(*(*LAMP_KEYS, "lamps.assumed", "daylight", "scan.assumed"), stages=(scan, scene, transport))
+    given = inputs.declare(
+        *(*LAMP_KEYS, "lamps.assumed", "daylight.windows", "scan.assumed"), stages=(scan, scene, transport)
+    )
     run_file = given.run_file
 
     def make(folder: Path, progress: Progress) -> Notes:

@@ -35,7 +35,13 @@ SPOT = {
     "beam_angle_deg": 30,
 }
 WINDOW = {"name": "south", "center": [0, 0, 1], "size": [1, 1], "normal": [1, 0, 0]}
-DAYLIGHT = {"latitude_deg": 48, "longitude_deg": 9, "time": "2026-06-21T12:00:00+02:00", "windows": [WINDOW]}
+DAYLIGHT = {
+    "latitude_deg": 48,
+    "longitude_deg": 9,
+    "time": "2026-06-21T12:00:00+02:00",
+    "weather": "year.epw",
+    "windows": [WINDOW],
+}
 REST = {
     "scan": {"file": "room.glb", "max_faces": 1000},
     "people_and_plants": {},
@@ -71,6 +77,7 @@ FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits
     "lamps.assumed": STAGES[3:],  # its note; the scene's files stay as they are
     "lamps_from_scan": MATERIALS_ON,
     "daylight": STAGES[3:],
+    "daylight.weather": STAGES[6:],  # `annual` reads it, but the page shows the run file
     "sensors": STAGES[4:],
     "sensors.device": STAGES[3:],
     "trace": STAGES[4:],

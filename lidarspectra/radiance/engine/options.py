@@ -38,6 +38,7 @@ LAMP_PARTS = (
     (16, 0.1),
     (64, 0.2),
 )  # (largest number of lamps, -ds); with many lamps the noise of each averages out
+BIN = "litbin"  # variable of a function file: part of the light that a ray belongs to; none below 0
 COARSEST_LAMP_PART = 0.4  # [1] -ds beyond the last
 
 
@@ -127,6 +128,10 @@ class PassOptions:
         Largest number of diffuse reflections, 1 or more.
     lamp_count : int
         Lamps in the whole scene.
+    bins : int
+        Parts by which light of each modifier is told apart; 0 where it is not.
+    bins_file : str
+        Function file with `BIN`, the number of a ray's part.
     """
 
     group: BandGroup
@@ -136,6 +141,8 @@ class PassOptions:
     lamp_count: int
     images: str | None = None
     glow: str | None = None
+    bins: int = 0
+    bins_file: str = ""
 
     def octree_of(self, glass: Glass) -> str:
         """The octree in which panes of glass are so."""
@@ -205,8 +212,9 @@ class PassOptions:
         return ("-h-", "-fdf", "-V+", "-c", str(averaged), *SHARED_OPTIONS)
 
     def _ending(self, glass: Glass) -> tuple[str, ...]:
+        parts = ("-f", self.bins_file, "-bn", str(self.bins), "-b", BIN) if self.bins else ()
         modifiers = [word for name in self.lamp_modifiers for word in ("-m", name)]
-        return (*self.group.options, *modifiers, self.octree_of(glass))
+        return (*self.group.options, *parts, *modifiers, self.octree_of(glass))
 
 
 SHARED_OPTIONS: tuple[str, ...] = (

@@ -26,6 +26,7 @@ from lidarspectra.radiance.sampling.samplers import Sampler
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
 BATCHES = 8  # enough to tell a spread by, few enough for large sets of directions
+VALUES_PER_JOB = 2**24  # results of paths that are not averaged, in one answer of the engine: 64 MiB
 NEIGHBOURS = 9  # points whose variances are averaged to share out work
 _MAX_BURN_RECORDS = 8  # results thrown away at the start of a job, so that jobs use the engine's numbers shifted
 _MAX_BURN_RAYS = 64  # the same for the paths that sensors share
@@ -168,6 +169,7 @@ def _pooled_tasks(
     )
     component.seconds += time.process_time() - start
     points = np.arange(len(sensors.positions))
+    rays_per_job = min(rays_per_job, max(1, VALUES_PER_JOB // values))
     for leg in pooled.legs:
         for first in range(0, len(leg.rays), rays_per_job):
             part = slice(first, first + rays_per_job)

@@ -1,18 +1,17 @@
 """Adaptive sampling of one block of points, in rounds, until its error meets the target or the budget is spent."""
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.progress import Progress, part_of, silent
-from lidarspectra.radiance.engine.engine import Engine, EngineJob, float_rows
-from lidarspectra.radiance.engine.options import NoiseOf, PassOptions, first_round_sizes
-from lidarspectra.radiance.engine.seed_clock import Seconds, joined
-from lidarspectra.radiance.sampling.arrivals import Surfaces
+from lidarspectra.radiance.engine.engine import EngineJob, float_rows
+from lidarspectra.radiance.engine.options import PassOptions
+from lidarspectra.radiance.engine.seed_clock import joined
 from lidarspectra.radiance.sampling.estimator import (
     BATCHES,
     Component,
@@ -28,8 +27,8 @@ from lidarspectra.radiance.sampling.near_lamps import NearLamps
 from lidarspectra.radiance.sampling.own_light import samples_for_each_point
 from lidarspectra.radiance.sampling.patches import Patches, find_patches
 from lidarspectra.radiance.sampling.pooling import Sharing
-from lidarspectra.radiance.sampling.receptors import Receptor
-from lidarspectra.radiance.sampling.samplers import DIRECT, samplers_of
+from lidarspectra.radiance.sampling.request import Log, Request
+from lidarspectra.radiance.sampling.samplers import DIRECT
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 from lidarspectra.radiance.sampling.stated_error import own_relative_se, relative_rms
 from lidarspectra.radiance.sampling.uncertainty import standard_error
@@ -41,54 +40,6 @@ RAYS_PER_JOB = (2**15, 2**17)  # least and most rays per engine process: at most
 AIM = 0.85  # [1] share of the target variance that a round aims at, as its prediction is uncertain
 FIRST_ROUND = 0.2  # [1] of the first block's progress, since the work left is known only after it
 SECOND_ROUND = 0.95  # [1] of the progress after the second round, which is usually the last
-
-
-@dataclass(frozen=True, kw_only=True)
-class Request:
-    """Settings common to all blocks.
-
-    Parameters
-    ----------
-    bounces : int
-        Largest number of diffuse reflections.
-    target : float
-        Target of the standard error. [1]
-    noise_of : str
-        What that is relative to: the 'mean' irradiance, or the light of each 'point'.
-    workers : int
-        Processes.
-    receptor : Receptor
-    engine : Engine
-    surfaces : dict of str to Surfaces
-        Of each pass, by its name.
-    """
-
-    bounces: int
-    target: float
-    workers: int
-    receptor: Receptor
-    engine: Engine
-    noise_of: NoiseOf = "mean"
-    surfaces: Mapping[str, Surfaces] = field(default_factory=dict)
-
-
-@dataclass(kw_only=True)
-class Log:
-    """Record of the engine's work, over all blocks.
-
-    Parameters
-    ----------
-    commands : set of str
-        Every different command line.
-    rays : int
-        Rays given to the engine.
-    seeds : tuple of (int, int)
-        Clock seconds that seeded shadow rays. [s]
-    """
-
-    commands: set[str] = field(default_factory=set)
-    rays: int = 0
-    seeds: tuple[Seconds, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -167,6 +118,7 @@ def estimate_block(
             wanted = _missing_of_points(scene, components, sensors, counted, error, totals.mean(axis=0), request.target)
         else:
             means = totals[:, counted].mean(axis=(0, 1)) if scale is None else scale
+            means = means if request.direct_mean is None else means + request.direct_mean
             if not counted.any() or relative_rms(error[counted], means) <= request.target:
                 break
             if max(component.samples.mean() for component in components) * BATCHES > MAX_PATHS_PER_POINT:
@@ -223,12 +175,14 @@ def _components(
             sampler=sampler,
             options=PassOptions(
                 group=scene_pass.group,
-                lamp_modifiers=tuple(scene.lamp_modifiers[lamp] for lamp in scene_pass.lamps),
+                lamp_modifiers=tuple(dict.fromkeys(scene.lamp_modifiers[lamp] for lamp in scene_pass.lamps)),
                 octree=scene_pass.octree,
                 images=scene_pass.images_octree,
                 glow=scene_pass.glow_octree,
                 bounces=request.bounces,
                 lamp_count=len(scene.lamp_names),
+                bins=len(scene_pass.lamps) if scene_pass.bins_file else 0,
+                bins_file=scene_pass.bins_file,
             ),
             lamps=scene_pass.lamps,
             slots=scene_pass.slots,
@@ -239,7 +193,7 @@ def _components(
             near=_near_lamps(scene, scene_pass, request, sensors, generator) if sampler is DIRECT else None,
         )
         for scene_pass in scene.passes
-        for sampler in samplers_of(request.receptor)
+        for sampler in request.samplers
     ]
 
 
@@ -313,7 +267,7 @@ def _first(components: Sequence[Component], request: Request) -> list[IntArray]:
 
     The more passes add up to the light of the same bands, the smaller is the set.
     """
-    paths, pooled = first_round_sizes(request.target)
+    paths, pooled = request.first_sizes
     wanted = []
     for component in components:
         most = max(component.sampler.first_samples(paths, pooled) / component.sharers, component.sizes[0])

@@ -29,7 +29,8 @@ from lidarspectra.radiance.sampling.arrivals import load_surfaces
 from lidarspectra.radiance.sampling.estimator import BATCHES
 from lidarspectra.radiance.sampling.folding import fold_coefficients, folding
 from lidarspectra.radiance.sampling.receptors import Receptor, cosine_receptor
-from lidarspectra.radiance.sampling.rounds import FIRST_ROUND, Log, Request, estimate_block, first_mean
+from lidarspectra.radiance.sampling.request import Log, Request
+from lidarspectra.radiance.sampling.rounds import FIRST_ROUND, estimate_block, first_mean
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 from lidarspectra.radiance.sampling.stated_error import stated_error
 from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, make_transport
@@ -41,6 +42,7 @@ METHOD = "adaptive"
 BLOCK_BYTES = 3 * 2**29  # [byte] of a block's results; in smaller blocks starting the engine would dominate
 BYTES_PER_VALUE = 16  # [byte] of a batch, lamp, point and band: three components and their sum, in single precision
 MAX_BLOCK_POINTS = 20_000
+KEPT_PATCH_VALUES = 100_000_000  # the same of patches of the sky, 400 MB: the error of their sum needs the batches
 SCALE_POINTS = 256  # points for the mean irradiance, if there is more than one block
 
 
@@ -116,6 +118,50 @@ def trace(
     return transport
 
 
+def trace_reflected(
+    scene: RadianceScene,
+    points: SensorPoints,
+    direct: FloatArray,
+    *,
+    accuracy: Accuracy = "high",
+    noise: Noise = "standard",
+    seed: int = 0,
+    workers: int | None = None,
+    engine: Engine | None = None,
+    progress: Progress = silent,
+) -> xr.Dataset:
+    """Trace what the room reflects of all lamps' light, where the light straight from them is known.
+
+    Parameters
+    ----------
+    scene, points, accuracy, noise, seed, workers, engine, progress
+        As in `trace`.
+    direct : (lamp, point) float
+        Coefficient of the light straight from the lamps, without noise, and the same in all bands. [m⁻²]
+
+    Returns
+    -------
+    transport : xarray.Dataset
+        Of both together, as `trace` gives it.
+
+    Raises
+    ------
+    EngineError
+        As `trace`.
+    """
+    request = Request(
+        bounces=bounces_of(accuracy),
+        target=noise_level(noise).relative_se,
+        workers=workers or available_cores(),
+        receptor=cosine_receptor(),
+        engine=find_engine() if engine is None else engine,
+        direct_mean=_mean_of(direct, scene, points),
+    )
+    transport = _trace(scene, points, request, seed=seed, direct=direct, progress=progress)
+    transport.attrs.update(method=METHOD, accuracy=accuracy, noise=noise, noise_of="mean")
+    return transport
+
+
 def trace_irradiance(
     scene: RadianceScene,
     positions: ArrayLike,
@@ -177,14 +223,30 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
+def _mean_of(direct: FloatArray, scene: RadianceScene, points: SensorPoints) -> FloatArray:
+    """(band,) mean irradiance straight from the lamps at the points that count [W/m²/nm]."""
+    return np.asarray(direct[:, _counted(points)].mean(axis=1) @ scene.flux, dtype=np.float64)
+
+
+def _counted(points: SensorPoints) -> BoolArray:
+    """(point,) points that are not buried, or all where all are."""
+    return ~points.buried if not points.buried.all() else np.ones(len(points), dtype=np.bool_)
+
+
 def _trace(
-    scene: RadianceScene, points: SensorPoints, request: Request, *, seed: int, progress: Progress
+    scene: RadianceScene,
+    points: SensorPoints,
+    request: Request,
+    *,
+    seed: int,
+    direct: FloatArray | None = None,
+    progress: Progress,
 ) -> xr.Dataset:
     start = time.perf_counter()
     generator, log = np.random.default_rng(seed), Log()
     request = replace(request, surfaces=load_surfaces(scene))
     lamps, count, bands = len(scene.lamp_names), len(points), len(scene.bands)
-    counted = ~points.buried if not points.buried.all() else np.ones(count, dtype=np.bool_)
+    counted = _counted(points)
     blocks = _blocks(scene, count)
     scale = None
     if len(blocks) > 1 and request.noise_of == "mean":
@@ -195,7 +257,7 @@ def _trace(
     truncation = np.empty_like(coefficient)
     irradiance_se = np.empty((count, bands), dtype=np.float32)
     batches = None
-    if BATCHES * coefficient.size <= KEPT_BATCH_VALUES:
+    if BATCHES * coefficient.size <= (KEPT_BATCH_VALUES if direct is None else KEPT_PATCH_VALUES):
         batches = np.empty((BATCHES, *coefficient.shape), dtype=np.float32)
     weights = folding(scene)
     first_round = FIRST_ROUND
@@ -214,6 +276,8 @@ def _trace(
             first_round=first_round,
         )
         first_round = result.first_round  # a prediction for the next block
+        if direct is not None:
+            result.batches[...] += direct[None, :, block, None].astype(np.float32)
         found = fold_coefficients(result.batches, weights)
         slot_coefficient[:, block] = result.batches.mean(axis=0, dtype=np.float64)
         coefficient[:, block] = found.mean(axis=0, dtype=np.float64)

@@ -100,12 +100,18 @@ def daylight_lamps(sky: Sky, windows: Sequence[Window]) -> tuple[Lamp, ...]:
     return tuple(lamps) if sun is None else (*lamps, sun)
 
 
+def outward_of(window: Window) -> FloatArray:
+    """(3,) unit vector out of the room, in the scan's axes."""
+    normal = np.array(window.normal, dtype=np.float64)
+    return np.asarray(-normal / max(float(np.linalg.norm(normal)), 1e-300))
+
+
 def _window_lamp(sky: Sky, window: Window) -> Lamp | None:
     if not 0.0 <= window.transmittance <= 1.0:
         raise LampError(
             expected="a transmittance from 0 to 1", found=f"{window.transmittance}", where=f"window '{window.name}'"
         )
-    outward = -np.array(window.normal, dtype=np.float64) / max(float(np.linalg.norm(window.normal)), 1e-300)
+    outward = outward_of(window)
     incoming = sky.radiance * window.transmittance
     flux = window.size[0] * window.size[1] * _flux_density(incoming, outward)
     if flux.max() <= 0:
@@ -138,7 +144,7 @@ def _sun_lamp(sky: Sky, windows: Sequence[Window]) -> Lamp | None:
     openings = []
     passed = 0.0
     for window in windows:
-        shape = _window_shape(window)
+        shape = window_shape(window)
         inward = shape.normal
         cosine = float(-inward @ sky.sun_direction)
         transmittance = float(pane_transmittance(np.array(cosine), window.transmittance))
@@ -156,7 +162,8 @@ def _sun_lamp(sky: Sky, windows: Sequence[Window]) -> Lamp | None:
     )
 
 
-def _window_shape(window: Window) -> Rectangle:
+def window_shape(window: Window) -> Rectangle:
+    """The glass in its place, facing the room."""
     normal = np.array(window.normal, dtype=np.float64)
     normal /= max(float(np.linalg.norm(normal)), 1e-300)
     return Rectangle(Place.facing(np.array(window.center), normal, window.rotation_deg), *window.size)

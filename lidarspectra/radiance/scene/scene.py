@@ -83,6 +83,7 @@ def write_scene(
     crease_deg: float = CREASE_DEG,
     fine_slots: bool = True,
     lamps_per_pass: int = LAMPS_PER_PASS,
+    window_modifier: str | None = None,
     progress: Progress = silent,
 ) -> RadianceScene:
     """Write a room as a Radiance scene and compile it.
@@ -109,6 +110,8 @@ def write_scene(
         Cut channels in parts where lamps and surfaces need it (`slots`); direct light alone does without.
     lamps_per_pass : int
         Most lamps that one octree lights; 1 for `plain_rtrace`, which does not tell lamps apart.
+    window_modifier : str, optional
+        One modifier for all windows with daylight, whose light then adds up; each has its own if left out.
     progress : Progress, optional
         Receives the share that is done, as passes are compiled.
 
@@ -128,7 +131,10 @@ def write_scene(
     folder = path_of(folder, name="folder", meaning="the name of a folder, as a str or a Path")
     engine = find_engine() if engine is None else engine
     folder.mkdir(parents=True, exist_ok=True)
-    modifiers = tuple(f"lamp{index}" for index in range(len(lamps)))
+    modifiers = tuple(
+        window_modifier if window_modifier and isinstance(lamp.shape.pattern, SkyLight) else f"lamp{index}"
+        for index, lamp in enumerate(lamps)
+    )
     lamp_band_flux([lamp.flux for lamp in lamps], bands)  # refuses a lamp that the sensor does not see
     slots = _slots(scan, materials, lamps, bands, mode) if fine_slots else whole_channels(bands)
     flux = np.array([slots.bands.band_values(lamp.flux, outside="zero") for lamp in lamps])
@@ -343,7 +349,7 @@ def _lit_text(index: int, scene_pass: ScenePass, room: _Room) -> tuple[str, dict
         return sun_text(modifier, lamp, slots, room.bounds, file), {file: mask_text(lamp)}
     if isinstance(lamp.shape.pattern, SkyLight):
         data = sky_data_texts(lamp, room.bands, scene_pass.group)
-        files = {f"{scene_pass.name}_{modifier}_{part}.dat": text for part, text in enumerate(data)}
+        files = {f"{scene_pass.name}_lamp{index}_{part}.dat": text for part, text in enumerate(data)}
         return window_text(modifier, lamp, slots, list(files)), files
     return lamp_material_text(modifier, lamp, slots), {}
 

@@ -45,6 +45,9 @@ class ScenePass:
         Files that its scene reads besides.
     has_glass : bool
         Whether there are panes of glass, for which it has two more octrees (`pane_text`).
+    bins_file : str
+        Function file by which light is told apart by the direction that it comes from (`sky_patches`): the lamps are
+        then patches of the sky, all of one modifier. Empty where each lamp is a modifier of its own.
     """
 
     name: str
@@ -54,6 +57,7 @@ class ScenePass:
     mesh: str = MESH_FILE
     data_files: tuple[str, ...] = ()
     has_glass: bool = False
+    bins_file: str = ""
 
     @property
     def slots(self) -> tuple[int, ...]:

@@ -16,7 +16,7 @@ from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
 from lidarspectra.radiance.engine.engine import Engine, find_engine, float_rows
 from lidarspectra.radiance.scene.clear_sky import spectrl2_light
-from lidarspectra.radiance.scene.daylight import Window, _window_shape, daylight_lamps
+from lidarspectra.radiance.scene.daylight import Window, daylight_lamps, window_shape
 from lidarspectra.radiance.scene.scene import RadianceScene, load_scene, write_scene
 from lidarspectra.radiance.scene.sky import (
     ALTITUDES_DEG,
@@ -105,7 +105,7 @@ SOUTH = Window(name="south", center=(1.5, 0.06, 1.3), normal=(0, 1, 0), size=(1.
 
 def direct_integral(window: Window, half: int, sensor: np.ndarray) -> float:
     """E = ∫ L T(θ) cosθ' cosθ/r² dA over a window, L = 1 above (half = 1) or below (-1) the horizon [W/m²/nm]."""
-    shape = _window_shape(window)
+    shape = window_shape(window)
     first, second, _, fourth = shape.corners()
     steps = (np.arange(300) + 0.5) / 300
     along, across = (steps[:, None, None] * (second - first)), (steps[None, :, None] * (fourth - first))

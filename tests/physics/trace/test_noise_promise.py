@@ -16,6 +16,7 @@ from lidarspectra.radiance.sampling import trace as trace_module
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
 from lidarspectra.radiance.sampling.estimator import BATCHES, take_answer
 from lidarspectra.radiance.sampling.receptors import cone_receptor, cosine_receptor
+from lidarspectra.radiance.sampling.request import Log, Request
 from lidarspectra.radiance.sampling.samplers import DIRECT
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 from lidarspectra.radiance.sampling.trace import trace, trace_irradiance
@@ -128,7 +129,7 @@ def test_rounds_of_shadow_rays_never_repeat_one_another(rooms, places, monkeypat
         take(task, run, sensors)
 
     monkeypatch.setattr(rounds, "take_answer", watch)
-    request = rounds.Request(
+    request = Request(
         bounces=2,
         target=0.01,
         workers=2,
@@ -137,7 +138,7 @@ def test_rounds_of_shadow_rays_never_repeat_one_another(rooms, places, monkeypat
         surfaces=load_surfaces(scene),
     )
     sensors = Sensors(positions=places.positions, normals=places.normals, receptor=request.receptor)
-    log, generator = rounds.Log(), np.random.default_rng(1)
+    log, generator = Log(), np.random.default_rng(1)
     for _ in range(3):
         rounds.first_mean(scene, sensors, request, generator=generator, log=log)
     for batches in np.concatenate(seen, axis=1):  # of a point, in all rounds

@@ -10,6 +10,7 @@ from lidarspectra.radiance.sampling import rounds
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
 from lidarspectra.radiance.sampling.estimator import BATCHES
 from lidarspectra.radiance.sampling.receptors import cosine_receptor
+from lidarspectra.radiance.sampling.request import Log, Request
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
 BOUNCES = 8
@@ -35,7 +36,7 @@ def test_shared_paths_give_what_own_paths_give(sensors_in_a_furnished_room) -> N
     scene, sensors = sensors_in_a_furnished_room
     count = len(sensors.positions)
     engine, generator = find_engine(), np.random.default_rng(1)
-    request = rounds.Request(
+    request = Request(
         bounces=BOUNCES,
         target=0.01,
         workers=2,
@@ -48,9 +49,7 @@ def test_shared_paths_give_what_own_paths_give(sensors_in_a_furnished_room) -> N
         np.full(part.samples.size, {"direct": 0, "once": PATHS, "often": 1597}[part.sampler.kind]) for part in parts
     ]
     shared = np.zeros((BATCHES, 2, count, 3))
-    rounds._sample(
-        parts, wanted, sensors, scene, request, generator=generator, log=rounds.Log(), progress=lambda *_: None
-    )
+    rounds._sample(parts, wanted, sensors, scene, request, generator=generator, log=Log(), progress=lambda *_: None)
     for part in parts:
         shared += part.mean
     own = own_paths(scene, sensors, engine, generator)
