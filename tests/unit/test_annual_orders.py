@@ -1,0 +1,66 @@
+"""What `annual` is asked for: its weather, its sensors, and the hours whose maps it writes."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from lidarspectra.config import RunFile
+from lidarspectra.errors import LampError, RunFileError
+from lidarspectra.workflow.annual import _hour_at, annual_daylight
+
+WINDOW = {"name": "south", "center": [0, 0, 1], "size": [1, 1], "normal": [0, 1, 0]}
+DAYLIGHT = {"latitude_deg": 48, "longitude_deg": 9, "time": "2026-06-21T12:00:00+02:00", "windows": [WINDOW]}
+
+
+def run_file(weather: str | None, **sensors: object) -> RunFile:
+    return RunFile.model_validate(
+        {
+            "scan": {"file": "room.glb"},
+            "daylight": {**DAYLIGHT, "weather": weather},
+            "sensors": {"grid": {"count": 9}, **sensors},
+        }
+    )
+
+
+def test_without_a_weather_or_windows_there_is_no_year(tmp_path: Path) -> None:
+    with pytest.raises(RunFileError, match="no weather there"):
+        annual_daylight(run_file(None), tmp_path)
+    without = RunFile.model_validate({"scan": {"file": "room.glb"}, "lamps_from_scan": {"cct_k": 3000}})
+    with pytest.raises(RunFileError, match=r"no \[daylight\]"):
+        annual_daylight(without, tmp_path)
+
+
+def test_a_weather_file_that_is_not_there_is_refused_before_any_stage(tmp_path: Path) -> None:
+    with pytest.raises(LampError, match="weather file in EPW form"):
+        annual_daylight(run_file("nowhere.epw"), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_narrow_sensor_has_no_illuminance(tmp_path: Path) -> None:
+    with pytest.raises(RunFileError, match="cosine receptor"):
+        annual_daylight(run_file("synthetic", field_of_view_deg=20), tmp_path)
+
+
+@pytest.fixture
+def year() -> xr.Dataset:
+    """The hours from 6 to 18 h of every day."""
+    times = pd.date_range("2023-01-01 00:30", periods=8760, freq="h")
+    lit = times[(times.hour >= 6) & (times.hour < 18)]
+    return xr.Dataset(coords={"time": ("hour", lit)})
+
+
+@pytest.mark.parametrize("words", ["06-21 12:30", "06-21 12:00", "2025-06-21 12:59", "2030-06-21T12:10"])
+def test_an_hour_is_named_with_or_without_a_year(year: xr.Dataset, words: str) -> None:
+    found = year["time"].to_numpy()[_hour_at(year, words)]
+    assert found == np.datetime64("2023-06-21T12:30")
+
+
+@pytest.mark.parametrize(
+    ("words", "says"), [("06-21 03:00", "there is none"), ("noon", "'noon'"), ("13-40 12", "13-40")]
+)
+def test_an_hour_that_is_none_is_refused(year: xr.Dataset, words: str, says: str) -> None:
+    with pytest.raises(RunFileError, match=says):
+        _hour_at(year, words)
