@@ -105,7 +105,7 @@ class Bench:
             surfaces, self.sensors, PATHS, batches=SETS, values=lamps * slots, generator=self.generator
         )
         seconds = time.process_time() - start - loading
-        paths.found = np.zeros((len(paths.cell), slots))
+        paths.found = np.zeros((len(paths.cell), slots), dtype=np.float32)
         for leg in paths.legs:
             values, spent = self.ask("rcontrib", leg.arguments(self.options, BOUNCES), leg.rays, rows=len(leg.rays))
             paths.take(leg, slice(None), values)

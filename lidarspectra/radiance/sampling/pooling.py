@@ -28,6 +28,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
@@ -49,6 +50,7 @@ _LOOKS = (
     3,
     *FIBONACCI,
 )  # numbers of rays; below 5 they are no Fibonacci lattice, but suffice where many passes add up
+VALUES_AT_ONCE = 256  # of each path that are averaged together: with all of thousands it would take gigabytes
 _CURVE_BITS = 6  # 2^6 steps along each side of a box, of about 1 cm
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])  # [1] 1/g and 1/g², g³ = g + 1 (Roberts 2018)
 
@@ -116,7 +118,7 @@ class PooledPaths:
     shares : tuple of sparse (sensor, cell)
         Per batch, the share of a sensor's rays that arrive in each cell.
     found : (path, value) float
-        Estimate of each path, summed over its legs.
+        Estimate of each path, summed over its legs, in single precision: with the sky's patches for lamps it is large.
     missing : int
         Rays without a result so far.
     """
@@ -124,7 +126,7 @@ class PooledPaths:
     legs: tuple[Leg, ...]
     cell: IntArray
     shares: tuple[csr_array, ...]
-    found: FloatArray = field(repr=False)
+    found: NDArray[np.float32] = field(repr=False)
     missing: int
 
     def take(self, leg: Leg, part: slice, values: FloatArray) -> None:
@@ -139,8 +141,14 @@ class PooledPaths:
         order = np.argsort(self.cell, kind="stable")
         count = np.bincount(self.cell)
         firsts = np.cumsum(count) - count
-        means = np.add.reduceat(self.found[order], firsts, axis=0) / count[:, None]
-        return np.stack([share @ means for share in self.shares])
+        values = self.found.shape[1]
+        found = np.empty((len(self.shares), self.shares[0].shape[0], values))
+        for first in range(0, values, VALUES_AT_ONCE):
+            part = slice(first, first + VALUES_AT_ONCE)
+            means = np.add.reduceat(self.found[order, part], firsts, axis=0, dtype=np.float64) / count[:, None]
+            for batch, share in enumerate(self.shares):
+                found[batch, :, part] = share @ means
+        return found
 
 
 def draw_pooled_paths(
@@ -202,7 +210,7 @@ def draw_pooled_paths(
         shares=tuple(
             csr_array((np.full(cell.size, 1.0 / looks), (sensor, cell)), shape=(count, total)) for cell in arrived
         ),
-        found=np.zeros((drawn, values)),
+        found=np.zeros((drawn, values), dtype=np.float32),
         missing=sum(len(leg.rays) for leg in joined),
     )
 
