@@ -13,6 +13,8 @@ import xarray as xr
 from lidarspectra.arrays import FloatArray
 from lidarspectra.config import DaylightSection, RunFile
 from lidarspectra.errors import RunFileError
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.floor_plan import floor_plan
 from lidarspectra.mapping.maps.map_files import save_map, save_map_table
@@ -23,7 +25,8 @@ from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.sampling.sky_transport import trace_sky
 from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, save_transport
-from lidarspectra.radiance.scene.daylight import Window
+from lidarspectra.radiance.scene.daylight import Window, window_shape
+from lidarspectra.radiance.scene.openings import CURTAIN_M
 from lidarspectra.radiance.scene.sky_patches import SkyPatches, patch_geometry, sun_areas
 from lidarspectra.radiance.scene.sky_scene import write_sky_scene
 from lidarspectra.radiance.scene.weather import SYNTHETIC, Weather, read_epw, synthetic_year
@@ -139,7 +142,7 @@ def annual_daylight(
     with trace_engine(cluster) as engine:
         transport, year = _traced(inputs, summary, weather, bands, lamps, engine, progress)
     points, room = point_metrics(year), room_metrics(year)
-    notes = _notes(transport, weather, section)
+    notes = (*_notes(transport, weather, section), *_glass_notes(summary, transport, windows_of_run(inputs.run_file)))
     with writing_run(out):
         save_transport(_for_file(transport), out / TRANSPORT_FILE)
         save_year(year, out / YEAR_FILE)
@@ -292,6 +295,27 @@ def _notes(transport: xr.Dataset, weather: Weather, section: DaylightSection) ->
             f'{transport.attrs["bounces"]} reflections only. Write accuracy = "all" in [trace] to follow all of it.'
         )
     return tuple(notes)
+
+
+def _glass_notes(summary: RunSummary, transport: xr.Dataset, windows: Sequence[Window]) -> tuple[str, ...]:
+    """A note where glass in the room stands between points and windows: the light cast straight stops at it."""
+    clear = np.array([material.transmittance > 0 for material in summary.materials.materials])
+    faces = summary.scan.faces[clear[summary.materials.face_material]]
+    if not len(faces):
+        return ()
+    caster = RayCaster(bare_scan(summary.scan.vertices, faces))
+    places = np.stack([transport[axis].to_numpy() for axis in "xyz"], axis=1)
+    behind = np.zeros(len(places), dtype=np.bool_)
+    for window in windows:
+        inside = np.array(window.center) + CURTAIN_M * window_shape(window).normal  # its own pane does not count
+        behind |= caster.nearest(places, inside - places, max_distance=1.0).met
+    if not behind.any():
+        return ()
+    return (
+        f"At {int(behind.sum())} of {len(places)} points glass in the room stands before a window. What comes straight "
+        "from sky and sun is left out behind it, so that these points, their sDA and ASE come out too low; what the "
+        "room reflects passes. Judge them by 'lidarspectra run' at single moments.",
+    )
 
 
 def _for_file(transport: xr.Dataset) -> xr.Dataset:

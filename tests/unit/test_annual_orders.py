@@ -1,6 +1,7 @@
 """What `annual` is asked for: its weather, its sensors, and the hours whose maps it writes."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -9,7 +10,9 @@ import xarray as xr
 
 from lidarspectra.config import RunFile
 from lidarspectra.errors import LampError, RunFileError
-from lidarspectra.workflow.annual import _hour_at, annual_daylight
+from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.radiance.scene.daylight import Window
+from lidarspectra.workflow.annual import _glass_notes, _hour_at, annual_daylight
 
 WINDOW = {"name": "south", "center": [0, 0, 1], "size": [1, 1], "normal": [0, 1, 0]}
 DAYLIGHT = {"latitude_deg": 48, "longitude_deg": 9, "time": "2026-06-21T12:00:00+02:00", "windows": [WINDOW]}
@@ -64,3 +67,15 @@ def test_an_hour_is_named_with_or_without_a_year(year: xr.Dataset, words: str) -
 def test_an_hour_that_is_none_is_refused(year: xr.Dataset, words: str, says: str) -> None:
     with pytest.raises(RunFileError, match=says):
         _hour_at(year, words)
+
+
+def test_glass_before_a_window_is_told_and_the_windows_own_pane_is_not() -> None:
+    places = {"x": ("point", [0.5, 0.5]), "y": ("point", [1.0, 3.0]), "z": ("point", [1.0, 1.0])}
+    pane = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 2.0], [0.0, 0.0, 2.0]])
+    window = Window(name="south", center=(0.5, 0.05, 1.0), normal=(0.0, 1.0, 0.0), size=(0.8, 0.8))
+    for depth, words in ((0.0, ()), (2.0, ("At 1 of 2 points",))):
+        scan = bare_scan(pane + [0.0, depth, 0.0], np.array([[0, 1, 2], [0, 2, 3]]))
+        glass = SimpleNamespace(materials=(SimpleNamespace(transmittance=0.8),), face_material=np.zeros(2, dtype=int))
+        notes = _glass_notes(SimpleNamespace(scan=scan, materials=glass), xr.Dataset(coords=places), (window,))
+        assert len(notes) == len(words)
+        assert all(note.startswith(word) for note, word in zip(notes, words, strict=True))
