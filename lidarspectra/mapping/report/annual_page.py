@@ -23,6 +23,7 @@ MAPPED = {
     "sun_hours": "sun hours [h]",
     "melanopic_hours": "melanopic [h]",
 }
+ON_CARDS = ("sDA300/50%", "ASE1000,250h", "UDI 100-3000 lx", "UDI above 3000 lx", "melanopic hours", "mean illuminance")
 PLACES = ("x", "y", "z", "nx", "ny", "nz", "buried")
 
 
@@ -84,6 +85,7 @@ def _summary(room: pd.DataFrame, writer: ReportWriter, notes: tuple[str, ...]) -
     entries = [
         (str(row.metric), f"{row.value:.3g} {row.unit}", f"{row.low:.3g} to {row.high:.3g} within the noise")
         for row in room.itertuples()
+        if row.metric in ON_CARDS
     ]
     words = (
         f"All is counted over {OCCUPIED_HOURS} occupied hours, from {OCCUPIED_H[0]} to {OCCUPIED_H[1]} h local "
@@ -92,7 +94,7 @@ def _summary(room: pd.DataFrame, writer: ReportWriter, notes: tuple[str, ...]) -
         "uncertain besides."
     )
     table = Table(name="annual-room", caption="Metrics of the room.", frame=room, formats={"value": ".4g"})
-    return html.cards(entries[:6]) + html.warning_box(notes) + html.paragraph(words) + writer.table(table)
+    return html.cards(entries) + html.warning_box(notes) + html.paragraph(words) + writer.table(table)
 
 
 def _maps(year: xr.Dataset, points: pd.DataFrame, plan: FloorPlan, writer: ReportWriter) -> str:
