@@ -96,6 +96,85 @@ class _Shell:
         return np.asarray((start + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3), dtype=np.int64)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Openings:
+    """Where light leaves a scan, or meets a default wall that closes it.
+
+    Parameters
+    ----------
+    centers, normals : (opening, 3) float
+        Of squares of the shell, or of faces that close the scan; the normals look into the room. [m], [1]
+    areas : (opening,) float
+        [m²]
+    rays : (opening,) int
+        How many of the rays from the free space meet each.
+    free : (point, 3) float
+        Those places in the free space. [m]
+    """
+
+    centers: FloatArray
+    normals: FloatArray
+    areas: FloatArray
+    rays: IntArray
+    free: FloatArray
+
+
+class Surroundings:
+    """A closed or open scan with the shell around it: what rays from the room meet.
+
+    Parameters
+    ----------
+    scan : Scan
+    room : Room
+        In it.
+    """
+
+    def __init__(self, scan: Scan, room: Room) -> None:
+        self.scan, self._room = scan, room
+        self._squares = _shell(_plan_around(room), room)
+        self._shell = bare_scan(self._squares.vertices, self._squares.faces)
+        self._inner, self._outer = RayCaster(scan), RayCaster(self._shell)
+        self._closing = scan.appearance.of_kind(CLOSED_KINDS[SIDE])
+
+    def meet(self, origins: FloatArray, directions: FloatArray) -> tuple[IntArray, IntArray]:
+        """Faces of the scan that (ray, 3) rays meet, and the openings that they leave by.
+
+        Returns
+        -------
+        face : (ray,) int
+            -1 for a ray that leaves the scan.
+        opening : (ray,) int
+            Of all openings, the squares of the shell and then the faces of the scan; -1 for a ray that meets what was
+            scanned, or slips through the shell too.
+        """
+        face = self._inner.nearest(origins, directions).face
+        opening = np.where((face >= 0) & self._closing[face], len(self._squares.kind) + face, -1)
+        left = np.flatnonzero(face < 0)
+        if left.size:
+            met = self._outer.nearest(origins[left], directions[left])
+            opening[left[met.met]] = met.face[met.met] // 2
+        return face, opening
+
+    def places(self, opening: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Centres [m], normals and areas [m²] of openings, as `meet` counts them."""
+        squares = len(self._squares.kind)
+        closed = opening >= squares
+        shell, face = 2 * np.where(closed, 0, opening), np.where(closed, opening - squares, 0)
+        centers = np.where(closed[:, None], self.scan.centers[face], self._squares.corners[shell // 2].mean(axis=1))
+        normals = np.where(closed[:, None], self.scan.normals[face], self._shell.normals[shell])
+        return centers, normals, np.where(closed, self.scan.areas[face], 2.0 * self._shell.areas[shell])
+
+    def openings(self) -> tuple[IntArray, Openings]:
+        """Openings that the free space sees well, by their number and with their places."""
+        free = _free_points(self.scan, self._room)
+        origins, directions = np.repeat(free, len(DIRECTIONS), axis=0), np.tile(DIRECTIONS, (len(free), 1))
+        _, opening = self.meet(origins, directions)
+        number, rays = np.unique(opening[opening >= 0], return_counts=True)
+        seen = rays >= MIN_HITS
+        centers, normals, areas = self.places(number[seen])
+        return number[seen], Openings(centers=centers, normals=normals, areas=areas, rays=rays[seen], free=free)
+
+
 def close_room(
     scan: Scan, room: Room, *, ceiling: bool = True, floor: bool = True, sides: bool = False
 ) -> tuple[Scan, Openness]:

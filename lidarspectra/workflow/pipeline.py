@@ -327,7 +327,7 @@ def walk(chain: Link, inputs: Inputs) -> None:
         views = chain(stages.views_stage(inputs, scan))
         materials = chain(stages.materials_stage(inputs, scan, views))
         scene = chain(stages.scene_stage(inputs, scan, materials))
-        transport = chain(stages.trace_stage(inputs, scan, scene))
+        transport = chain(stages.trace_stage(inputs, scan, materials, scene))
         spectral_map = chain(stages.map_stage(inputs, scan, scene, transport))
         chain(stages.report_stage(inputs, scan, views, materials, scene, transport, spectral_map))
     except _Stopped:

@@ -28,15 +28,15 @@ from lidarspectra.material.views import ViewSet, load_views, save_views
 from lidarspectra.progress import Progress, shares
 from lidarspectra.radiance.engine.engine import find_engine
 from lidarspectra.radiance.engine.options import reflections_in_words
+from lidarspectra.radiance.sampling.opening_light import opening_light
 from lidarspectra.radiance.sampling.plain_rtrace import trace_plain
 from lidarspectra.radiance.sampling.trace import trace
-from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport, save_transport
+from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport, save_transport, with_opening
 from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.radiance.scene.exported_model import write_workflow
 from lidarspectra.radiance.scene.placement import placement_notes
 from lidarspectra.radiance.scene.scene import LAMPS_PER_PASS, RadianceScene, load_scene, write_scene
 from lidarspectra.room.room import load_room, save_room
-from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.workflow.assumed import assumed_lamps, assumed_of_scan, lamp_notes, scan_notes
 from lidarspectra.workflow.calibration_of_run import calibrated_lamps, calibrated_materials, calibration_notes
@@ -54,6 +54,7 @@ from lidarspectra.workflow.lamps_of_run import (
 from lidarspectra.workflow.materials_of_run import materials_of_run
 from lidarspectra.workflow.report_of_run import StagesBefore, material_pictures, report_of_run
 from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
+from lidarspectra.workflow.trace_notes import trace_warnings, truncation_in_words
 from lidarspectra.workflow.whole_room import missing_in_words, whole_room
 from lidarspectra.workflow.workspace import Notes, Stage, StageResult
 
@@ -79,7 +80,7 @@ SCAN_SHARES = (0.1, 0.65, 0.1, 0.15)  # reading, repairing, finding the room, sa
 VIEWS_SHARES = (0.01, 0.83, 0.16)  # reading, rendering views, saving
 DELIGHTING_SHARE, MATERIALS_SHARES = 0.3, (0.62, 0.08)  # de-lighting (if enabled); estimating, saving
 SCENE_SHARES = (0.05, 0.85, 0.1)  # finding lamps, writing, checking for lamps inside walls
-TRACE_SHARES = (0.18, 0.75, 0.07)  # placing the sensors, tracing, saving
+TRACE_SHARES = (0.18, 0.7, 0.05, 0.07)  # placing the sensors, tracing, light by way of openings, saving
 READING_SHARE, APPLYING_SHARE, PAGE_SHARE = 0.03, 0.5, 0.97  # of the report; applications only if the run file has any
 TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays by the clock: runs agree within noise
 
@@ -239,14 +240,19 @@ def scene_stage(
     return Stage(name="scene", settings=given.settings, make=make, load=load_scene)
 
 
-def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResult[RadianceScene]) -> Stage[xr.Dataset]:
+def trace_stage(
+    inputs: Inputs,
+    scan: StageResult[ScannedRoom],
+    materials: StageResult[MaterialMap],
+    scene: StageResult[RadianceScene],
+) -> Stage[xr.Dataset]:
     """Stage 5: every lamp's light at every sensor point, with its standard error (paper, Sections 2.4.4 and 3.1)."""
     keys = ("trace.accuracy", "trace.noise", "trace.noise_of", "trace.method")
-    given = inputs.declare(*SENSOR_KEYS, *keys, stages=(scan, scene))
+    given = inputs.declare(*SENSOR_KEYS, *keys, stages=(scan, materials, scene))
     sensors, section = given.run_file.sensors, given.run_file.trace
 
     def make(folder: Path, progress: Progress) -> Notes:
-        placing, tracing, saving = shares(progress, TRACE_SHARES)
+        placing, tracing, opening, saving = shares(progress, TRACE_SHARES)
         placing(0.0, "sensor points")
         points = sensor_points(scan.value.scan, scan.value.room, sensors, folder=given.base)
         receptor = receptor_of_run(sensors, given.base)
@@ -274,6 +280,20 @@ def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResu
                     engine=engine,
                     progress=tracing,
                 )
+            light = opening_light(
+                scene.value,
+                scan.value.scan,
+                scan.value.room,
+                materials.value,
+                points,
+                accuracy=section.accuracy,
+                receptor=receptor,
+                seed=TRACE_SEED,
+                workers=inputs.workers,
+                engine=engine,
+                progress=opening,
+            )
+        transport = with_opening(transport, share=light.share, coefficient=light.coefficient, closed=light.closed)
         saving(0.0, "saving")
         save_transport(transport, folder / TRANSPORT_FILE)
         write_workflow(scene.value, points, folder / MODEL_FOLDER, accuracy=section.accuracy, noise=section.noise)
@@ -282,8 +302,8 @@ def trace_stage(inputs: Inputs, scan: StageResult[ScannedRoom], scene: StageResu
             f"{', by plain runs of rtrace' if section.method == 'rtrace' else ''}; "
             f"standard error {100 * transport.attrs['achieved_relative_se']:.2f} % of the mean "
             f"(wanted {100 * transport.attrs['target_relative_se']:.1f} %), "
-            f"{_truncation_in_words(transport)}",
-            warnings=_trace_warnings(transport, points),
+            f"{truncation_in_words(transport)}",
+            warnings=trace_warnings(transport, points),
         )
 
     return Stage(
@@ -386,65 +406,3 @@ def _materials_notes(materials: MaterialMap, face_areas: FloatArray, unlit: Deli
         summary=f"{words}; {unlit.words}" if unlit and unlit.words else words,
         warnings=(*warnings, *unlit.warnings) if unlit else warnings,
     )
-
-
-def _truncation_in_words(transport: xr.Dataset) -> str:
-    """What is missing beyond the last reflection, where the method estimates it."""
-    if "truncated_share" in transport.attrs:
-        return f"{100 * transport.attrs['truncated_share']:.2f} % left out beyond the last reflection"
-    return "what was left out beyond the last reflection is not estimated"
-
-
-def _trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, ...]:
-    warnings = []
-    buried = int(points.buried.sum())
-    if buried:
-        warnings.append(
-            f"{buried} of {len(points)} sensor points are buried in furniture or walls: their values are meaningless, "
-            "and they are marked on the maps. Move them into free air if you need them."
-        )
-    coefficients = transport["coefficient"].to_numpy()
-    dark = [
-        f"'{name}'" for name, values in zip(transport["lamp"].to_numpy(), coefficients, strict=True) if not values.any()
-    ]
-    if dark:
-        warnings.append(
-            f"No light of {', '.join(dark)} reaches any sensor point: it may lie inside a wall or furniture, or behind "
-            "one. Look at the floor plan in the report, and correct its place."
-        )
-    achieved, target = transport.attrs["achieved_relative_se"], transport.attrs["target_relative_se"]
-    if achieved > target:
-        if transport.attrs.get("method") == "rtrace":
-            reason = "because plain rtrace takes a fixed number of rays"
-            todo = 'Write a finer noise, or method = "adaptive", in [trace].'
-        else:
-            reason = "because the ray budget was used up"
-            todo = "Move sensor points there that lie close to a lamp or a mirror, or write a coarser noise in [trace]."
-        warnings.append(
-            f"The standard error of the simulation is {100 * achieved:.1f} % of the mean, above the target of "
-            f"{100 * target:.1f} %, {reason}. The map is right within these larger error "
-            f"bars; the report's map of the standard error shows where they are large. {todo}"
-        )
-    if "missed_target" in transport and (missed := int(transport["missed_target"].sum())):
-        warnings.append(
-            f"At {missed} of {len(points)} sensor points the standard error is above {100 * target:.1f} % of the light "
-            "there, when the budget of paths a point was used up: they lie in the dark, or light reaches them through "
-            "a slit. Their values are right within their error bars; the report names them. Write a coarser noise in "
-            '[trace], or noise_of = "mean", if such places do not matter.'
-        )
-    truncated = transport.attrs.get("truncated_share", 0.0)  # plain rtrace does not know it
-    if truncated > target:
-        warnings.append(
-            f"About {100 * truncated:.2g} % of the mean irradiance is missing in the worst channel, because light is "
-            f"followed for {transport.attrs['bounces']} reflections only and the room is bright; that is more than the "
-            f'noise of {100 * target:.1f} % that was asked for. Write accuracy = "all" in [trace] to follow all of it.'
-        )
-    slot_error = transport.attrs.get("slot_error", 0.0)  # not in the files of earlier versions
-    if slot_error > target:
-        warnings.append(
-            f"Reflectances and lamps change so much within a channel that its reflected light may be about "
-            f"{100 * slot_error:.2g} % wrong in the worst channel, although it was traced in parts; that is more than "
-            f"the noise of {100 * target:.1f} % that was asked for. Give the sensor narrower channels "
-            "([sensors] bands) if that matters."
-        )
-    return tuple(warnings)

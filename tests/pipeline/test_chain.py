@@ -16,7 +16,7 @@ from lidarspectra.cli.app import app
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.progress import Progress, silent
 from lidarspectra.room.sensor_points import SensorPoints
-from lidarspectra.workflow import stages
+from lidarspectra.workflow import trace_notes
 from lidarspectra.workflow.pipeline import plan, run
 from lidarspectra.workflow.workspace import STAGES, StageName, StageResult
 
@@ -189,7 +189,7 @@ def test_a_lamp_that_lights_no_point_is_named() -> None:
         attrs={"achieved_relative_se": 0.0, "target_relative_se": 0.01, "truncated_share": 0.0},
     )
     points = SensorPoints(positions=[[0, 0, 0]], normals=[[0, 0, 1]], buried=[False])
-    (warning,) = stages._trace_warnings(transport, points)
+    (warning,) = trace_notes.trace_warnings(transport, points)
     assert "'hidden'" in warning
     assert "'seen'" not in warning
 
@@ -204,7 +204,7 @@ def test_points_that_missed_a_target_of_their_own_are_counted() -> None:
         attrs={"achieved_relative_se": 0.001, "target_relative_se": 0.01, "truncated_share": 0.0},
     )
     points = SensorPoints(positions=np.zeros((3, 3)), normals=np.tile([0, 0, 1], (3, 1)), buried=np.zeros(3, bool))
-    (warning,) = stages._trace_warnings(transport, points)
+    (warning,) = trace_notes.trace_warnings(transport, points)
     assert "At 2 of 3 sensor points the standard error is above 1.0 % of the light there" in warning
 
 

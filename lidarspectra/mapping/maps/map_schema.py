@@ -5,6 +5,8 @@ A map is an xarray Dataset with the dims (point, band):
     irradiance, irradiance_se   (point, band)  [W m-2 nm-1]  band value, and its standard error
     truncation                  (point, band)  [W m-2 nm-1]  estimate of the light that is missing, since it was
                                                              reflected more often than was followed; where it is known
+    opening                     (point, band)  [W m-2 nm-1]  what a bright wall in openings of the scan would add;
+                                                             where default walls close them, what comes from those
     illuminance, illuminance_se (point,)       [lx]          where the bands cover V(λ) (`visible_bands`)
     x, y, z                     (point,)       [m]
     nx, ny, nz                  (point,)       [1]           direction that the sensor faces
@@ -50,7 +52,10 @@ IRRADIANCES = {
     "irradiance": "spectral irradiance, mean over the channel's response",
     "irradiance_se": "standard error of the spectral irradiance",
 }
-TRUNCATION = {"truncation": "estimate of the light that is missing, since it was reflected more often than followed"}
+ESTIMATES = {
+    "truncation": "estimate of the light that is missing, since it was reflected more often than followed",
+    "opening": "light that a bright wall in the openings of the scan would add, or that default walls there add",
+}
 ILLUMINANCES = {
     "illuminance": "illuminance",
     "illuminance_se": "standard error of the illuminance, the largest that any correlation of the bands allows",
@@ -80,9 +85,9 @@ def check_map(dataset: xr.Dataset, *, where: str) -> xr.Dataset:
     wanted = {name: (dim,) for name, (dim, _, _) in _COORDINATES.items()}
     require_variables(dataset, wanted | dict.fromkeys(IRRADIANCES, ("point", "band")), where=where)
     units = {name: unit for name, (_, unit, _) in _COORDINATES.items()} | dict.fromkeys(IRRADIANCES, IRRADIANCE_UNIT)
-    if "truncation" in dataset:  # not in the maps of earlier versions, nor of plain rtrace
-        require_variables(dataset, {"truncation": ("point", "band")}, where=where)
-        units["truncation"] = IRRADIANCE_UNIT
+    for name in ESTIMATES.keys() & dataset.keys():  # not in the maps of earlier versions, nor of plain rtrace
+        require_variables(dataset, {name: ("point", "band")}, where=where)
+        units[name] = IRRADIANCE_UNIT
     if has_illuminance(dataset):
         require_variables(dataset, dict.fromkeys(ILLUMINANCES, ("point",)), where=where)
         units |= dict.fromkeys(ILLUMINANCES, ILLUMINANCE_UNIT)
@@ -122,7 +127,7 @@ def map_dataset(values: Mapping[str, FloatArray], source: xr.Dataset) -> xr.Data
         coords[name] = (dim, source[name].to_numpy(), attrs)
     variables: dict[str, tuple[tuple[str, ...], FloatArray, dict[str, str]]] = {
         name: (("point", "band"), values[name], {"units": IRRADIANCE_UNIT, "long_name": long_name})
-        for name, long_name in (IRRADIANCES | TRUNCATION).items()
+        for name, long_name in (IRRADIANCES | ESTIMATES).items()
         if name in values
     }
     variables |= {
@@ -178,12 +183,12 @@ def _check_numbers(dataset: xr.Dataset) -> None:
 
 
 def _check_values(dataset: xr.Dataset, points: int, channels: int) -> None:
-    for name in (*IRRADIANCES, *(TRUNCATION if "truncation" in dataset else ())):
+    for name in (*IRRADIANCES, *(ESTIMATES.keys() & dataset.keys())):
         largest = float(np.abs(dataset[name]).max()) if dataset[name].dtype.kind in "fiu" else np.inf
         if largest > LARGEST_VALUE:
             raise ArrayError(expected=f"numbers up to {LARGEST_VALUE:g}", found=f"{largest:g}", where=name)
-    if "truncation" in dataset:
-        float_array(dataset["truncation"].to_numpy(), name="truncation", shape=(points, channels))
+    for name in ESTIMATES.keys() & dataset.keys():
+        float_array(dataset[name].to_numpy(), name=name, shape=(points, channels))
     if has_illuminance(dataset):
         for name in ILLUMINANCES:
             float_array(dataset[name].to_numpy(), name=name, shape=(points,))

@@ -14,11 +14,18 @@ from lidarspectra.arguments import all_of, instance_of
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ArrayError, MapError
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.mapping.maps.map_schema import check_map, kept_points, listed, map_dataset, require_variables
+from lidarspectra.mapping.maps.map_schema import (
+    ESTIMATES,
+    check_map,
+    kept_points,
+    listed,
+    map_dataset,
+    require_variables,
+)
 from lidarspectra.mapping.maps.response_weights import band_weights, lamp_weights
 from lidarspectra.mapping.maps.visible_bands import covers_vision, luminosity
 from lidarspectra.radiance.sampling.folding import spectrum_error, with_spectrum
-from lidarspectra.radiance.sampling.stated_error import stated_error
+from lidarspectra.radiance.sampling.stated_error import opening_stated, stated_error
 from lidarspectra.radiance.sampling.transport import standard_error_of_sum
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
@@ -101,9 +108,10 @@ def _light_map(transport: xr.Dataset, flux: ArrayLike | None, spectra: Mapping[s
         "irradiance": np.einsum("lpb,lb->pb", coefficient, used),
         "irradiance_se": standard_error_of_sum(transport, used),
     }
-    if "truncation_coefficient" in transport:
-        missing = transport["truncation_coefficient"].transpose("lamp", "point", "band").to_numpy()
-        values["truncation"] = np.einsum("lpb,lb->pb", missing, used)
+    for name in ESTIMATES:
+        if f"{name}_coefficient" in transport:
+            estimate = transport[f"{name}_coefficient"].transpose("lamp", "point", "band").to_numpy()
+            values[name] = np.einsum("lpb,lb->pb", estimate, used)
     centers = transport["band"].to_numpy()
     if not covers_vision(centers):
         return check_map(map_dataset(values, transport), where="spectral map")
@@ -219,6 +227,9 @@ def _with_its_own_error(light: xr.Dataset, transport: xr.Dataset) -> xr.Dataset:
         each_point=light.attrs.get("noise_of") == "point",
     )
     light.attrs.update(stated)
+    if "opening" in light:
+        counted = np.isin(np.arange(light.sizes["point"]), kept_points(light))
+        light.attrs.update(opening_stated(light["opening"].to_numpy(), light["irradiance"].to_numpy(), counted))
     return light
 
 

@@ -33,6 +33,7 @@ from lidarspectra.mapping.report.report_input import ReportInput
 from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.mapping.report.room_view import MAX_FACES, MAX_POINTS
 from lidarspectra.mapping.report.trust import trust_card, trust_table
+from lidarspectra.radiance.sampling.stated_error import opening_in_words
 
 MAX_POINT_ROWS = 500  # rows of the table of points in the page; the file has all
 TESTED_POINTS = 64  # left out in turn, enough for a median within 10 %
@@ -184,6 +185,8 @@ def accuracy_section(report: ReportInput, writer: ReportWriter) -> str:
         )
     elif plain:
         rows["light beyond the last reflection"] = "missing, and not estimated by plain runs of rtrace"
+    if opening := opening_in_words(report.spectral_map.attrs):
+        rows["what was not scanned"] = opening
     if "slot_error" in attrs:
         rows["change of reflectances within a channel"] = (
             f"leaves about {float(attrs['slot_error']):.2%} of the reflected light in the worst channel uncertain"

@@ -47,6 +47,7 @@ def trust_rows(report: ReportInput) -> tuple[TrustRow, ...]:
         *_scan_rows(report, assumed),
         *_surface_rows(report, assumed),
         *_material_rows(report),
+        *_opening_rows(report),
         *_lamp_rows(report, assumed),
         _simulation_row(report),
     )
@@ -185,6 +186,23 @@ def _reflected_effect(report: ReportInput, numbers: list[int]) -> str:
     )
     change = deviation / (mean * (1.0 - mean))
     return f"reflected light, by some ± {_percent(change)} if all are off alike (1 standard deviation)"
+
+
+def _opening_rows(report: ReportInput) -> Iterator[TrustRow]:
+    attrs = report.spectral_map.attrs
+    effect = float(attrs.get("opening_share", 0.0))
+    if effect <= 0.0:
+        return
+    share = _percent(float(attrs["open_share"]), digits=1)
+    closed = bool(attrs.get("opening_closed"))
+    yield TrustRow(
+        what="beyond the scan",
+        known="assumed",
+        how=f"{share} of what the sensors see: {'closed by default walls' if closed else 'dark, with nothing there'}",
+        effect=f"{_percent(effect, digits=1)} of the light comes by way of those walls; less if all is dark there"
+        if closed
+        else f"up to {_percent(effect, digits=1)} more light if a bright wall is there; more if light comes in",
+    )
 
 
 def _lamp_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:

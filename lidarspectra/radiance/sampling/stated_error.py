@@ -5,6 +5,9 @@ sampling; light beyond the last reflection traced, which is missing (`truncation
 within a channel still cost after its slots were cut (`radiance.scene.slots`). A target is met if none is above it.
 """
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -55,6 +58,46 @@ def stated_error(
         stated["truncated_share"] = relative_rms(truncation[counted], means)
         met = met and stated["truncated_share"] <= target
     return {**stated, "target_met": int(met)}, missed
+
+
+def opening_stated(opening: FloatArray, irradiance: FloatArray, counted: BoolArray) -> dict[str, float]:
+    """What a Dataset states of light by way of openings: how far it may be off for what was not scanned.
+
+    Parameters
+    ----------
+    opening, irradiance : (point, band) float
+        [W/m²/nm]
+    counted : (point,) bool
+        Points that are not buried.
+
+    Returns
+    -------
+    attributes : dict
+        opening_share: its mean over the mean irradiance, in the worst band [1].
+    """
+    means = irradiance[counted].mean(axis=0, dtype=np.float64)
+    lit = means > 0
+    share = opening[counted].mean(axis=0, dtype=np.float64)[lit] / means[lit]
+    return {"opening_share": float(share.max(initial=0.0))}
+
+
+def opening_in_words(attributes: Mapping[str, Any]) -> str | None:
+    """What a Dataset states of its openings, as a sentence; None where there are none to speak of."""
+    share, effect = float(attributes.get("open_share", 0.0)), float(attributes.get("opening_share", 0.0))
+    if effect <= 0.0:
+        return None
+    if attributes.get("opening_closed"):
+        return (
+            f"{100 * share:.1f} % of what the sensors see are default walls that close the scan, and "
+            f"{100 * effect:.1f} % of the mean irradiance in the worst channel comes by way of them: so much less "
+            "it is if all is dark beyond. Scan what is missing to do without this guess."
+        )
+    return (
+        f"{100 * share:.1f} % of what the sensors see leaves the scan, and is counted as dark. A bright wall in the "
+        f"openings would add {100 * effect:.1f} % to the mean irradiance in the worst channel, and more beside them: "
+        "the truth lies between, unless light comes in from outside. Scan what is missing, or write close = true under "
+        "[scan] for a default wall."
+    )
 
 
 def relative_rms(error: NDArray[np.floating], means: FloatArray) -> float:

@@ -10,6 +10,10 @@ A transport is an xarray Dataset with the dims (lamp, point, band):
     truncation_coefficient (lamp, point, band)       [m-2]      estimate of what the coefficient lacks: light that was
                                                                 reflected more often than is followed
     truncation           (point, band)               [W m-2 nm-1]  the same of the sum over lamps with that flux
+    opening_coefficient  (lamp, point, band)         [m-2]      where the scan is open: what a bright wall there would
+                                                                add; where default walls close it, what comes from them
+    opening              (point, band)               [W m-2 nm-1]  the same of the sum over lamps with that flux
+    open_share           (point,)                    [1]        of what the sensor sees: openings, or such walls
     slot_error           (band,)                     [1]        predicted relative error of reflected light, from
                                                                 reflectances that change within a slot
     missed_target        (point,)                               with `noise_of` 'point': its error is above the target
@@ -30,6 +34,7 @@ from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import EngineError, WorkspaceError
 from lidarspectra.io.netcdf import check_numbers, read_netcdf, write_netcdf
 from lidarspectra.radiance.sampling.folding import SLOT_DIMS, slot_variables
+from lidarspectra.radiance.sampling.stated_error import opening_stated
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
@@ -54,6 +59,17 @@ _OPTIONAL: dict[str, tuple[tuple[str, ...], str, str]] = {  # not in the files o
         "W m-2 nm-1",
         "estimate of the light by all lamps' flux that was reflected more often than was followed, and is missing",
     ),
+    "opening_coefficient": (
+        ("lamp", "point", "band"),
+        "m-2",
+        "what a bright wall in the openings of the scan would add to the coefficient, or what default walls there add",
+    ),
+    "opening": (
+        ("point", "band"),
+        "W m-2 nm-1",
+        "light by all lamps' flux that a bright wall in the openings of the scan would add, or that default walls add",
+    ),
+    "open_share": (("point",), "1", "share of what the sensor sees that leaves the scan, or meets a default wall"),
     "slot_error": (
         ("band",),
         "1",
@@ -137,6 +153,46 @@ def make_transport(
         text = "standard error is above the target, of the point's own light"
         variables["missed_target"] = ("point", missed, {"long_name": text})
     return xr.Dataset(variables, coordinates, {**attributes, "Conventions": "CF-1.11", "schema": SCHEMA})
+
+
+def with_opening(transport: xr.Dataset, *, share: FloatArray, coefficient: FloatArray, closed: bool) -> xr.Dataset:
+    """The same transport with the light by way of openings (`opening_light`).
+
+    Parameters
+    ----------
+    transport : xarray.Dataset
+    share : (point,) float
+        [0-1]
+    coefficient : (lamp, point, band) float
+        [m⁻²]
+    closed : bool
+        Whether default walls close the openings.
+
+    Returns
+    -------
+    transport : xarray.Dataset
+        Its attributes have `open_share` and `opening_share` (see `stated_error.opening_stated`) and `opening_closed`.
+    """
+    flux = transport["flux"].transpose("lamp", "band").to_numpy().astype(np.float64)
+    values = {
+        "open_share": share,
+        "opening_coefficient": coefficient,
+        "opening": np.einsum("lpb,lb->pb", coefficient, flux),
+    }
+    variables = {
+        name: (
+            _OPTIONAL[name][0],
+            array.astype(np.float32),
+            {"units": _OPTIONAL[name][1], "long_name": _OPTIONAL[name][2]},
+        )
+        for name, array in values.items()
+    }
+    irradiance = np.einsum("lpb,lb->pb", transport["coefficient"].transpose("lamp", "point", "band").to_numpy(), flux)
+    kept = ~transport["buried"].to_numpy()
+    counted = kept if kept.any() else ~kept
+    stated = opening_stated(values["opening"], irradiance, counted)
+    attributes = {"open_share": float(share[counted].mean()), "opening_closed": int(closed), **stated}
+    return transport.assign(variables).assign_attrs(attributes)
 
 
 def standard_error_of_sum(transport: xr.Dataset, flux: ArrayLike | None = None) -> FloatArray:

@@ -1,0 +1,70 @@
+"""What the trace stage says of its result: how much is missing, and what the user should look at."""
+
+import xarray as xr
+
+from lidarspectra.radiance.sampling.stated_error import opening_in_words
+from lidarspectra.room.sensor_points import SensorPoints
+
+
+def truncation_in_words(transport: xr.Dataset) -> str:
+    """What is missing beyond the last reflection, where the method estimates it."""
+    if "truncated_share" in transport.attrs:
+        return f"{100 * transport.attrs['truncated_share']:.2f} % left out beyond the last reflection"
+    return "what was left out beyond the last reflection is not estimated"
+
+
+def trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, ...]:
+    """Caveats on a trace, as full sentences."""
+    said = opening_in_words(transport.attrs)
+    warnings = [said] if said else []
+    buried = int(points.buried.sum())
+    if buried:
+        warnings.append(
+            f"{buried} of {len(points)} sensor points are buried in furniture or walls: their values are meaningless, "
+            "and they are marked on the maps. Move them into free air if you need them."
+        )
+    coefficients = transport["coefficient"].to_numpy()
+    dark = [
+        f"'{name}'" for name, values in zip(transport["lamp"].to_numpy(), coefficients, strict=True) if not values.any()
+    ]
+    if dark:
+        warnings.append(
+            f"No light of {', '.join(dark)} reaches any sensor point: it may lie inside a wall or furniture, or behind "
+            "one. Look at the floor plan in the report, and correct its place."
+        )
+    achieved, target = transport.attrs["achieved_relative_se"], transport.attrs["target_relative_se"]
+    if achieved > target:
+        if transport.attrs.get("method") == "rtrace":
+            reason = "because plain rtrace takes a fixed number of rays"
+            todo = 'Write a finer noise, or method = "adaptive", in [trace].'
+        else:
+            reason = "because the ray budget was used up"
+            todo = "Move sensor points there that lie close to a lamp or a mirror, or write a coarser noise in [trace]."
+        warnings.append(
+            f"The standard error of the simulation is {100 * achieved:.1f} % of the mean, above the target of "
+            f"{100 * target:.1f} %, {reason}. The map is right within these larger error "
+            f"bars; the report's map of the standard error shows where they are large. {todo}"
+        )
+    if "missed_target" in transport and (missed := int(transport["missed_target"].sum())):
+        warnings.append(
+            f"At {missed} of {len(points)} sensor points the standard error is above {100 * target:.1f} % of the light "
+            "there, when the budget of paths a point was used up: they lie in the dark, or light reaches them through "
+            "a slit. Their values are right within their error bars; the report names them. Write a coarser noise in "
+            '[trace], or noise_of = "mean", if such places do not matter.'
+        )
+    truncated = transport.attrs.get("truncated_share", 0.0)  # plain rtrace does not know it
+    if truncated > target:
+        warnings.append(
+            f"About {100 * truncated:.2g} % of the mean irradiance is missing in the worst channel, because light is "
+            f"followed for {transport.attrs['bounces']} reflections only and the room is bright; that is more than the "
+            f'noise of {100 * target:.1f} % that was asked for. Write accuracy = "all" in [trace] to follow all of it.'
+        )
+    slot_error = transport.attrs.get("slot_error", 0.0)  # not in the files of earlier versions
+    if slot_error > target:
+        warnings.append(
+            f"Reflectances and lamps change so much within a channel that its reflected light may be about "
+            f"{100 * slot_error:.2g} % wrong in the worst channel, although it was traced in parts; that is more than "
+            f"the noise of {100 * target:.1f} % that was asked for. Give the sensor narrower channels "
+            "([sensors] bands) if that matters."
+        )
+    return tuple(warnings)
