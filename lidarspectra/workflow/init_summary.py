@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lidarspectra.errors import SensorError
 from lidarspectra.geometry.scan import ScanRecord
-from lidarspectra.hardware.phone.orientation import METRES_PER_UNIT
+from lidarspectra.hardware.phone.orientation import AXIS_UNCERTAIN, METRES_PER_UNIT, UNIT_UNCERTAIN
 from lidarspectra.material.lit_lamps import LampSearch, LitLamp
 from lidarspectra.room.room import Room
 from lidarspectra.workflow.assumed import CEILING_SHARE, uncertain_of_scan
@@ -71,7 +71,9 @@ class InitSummary:
 
     def lines(self) -> tuple[str, ...]:
         """The summary in plain lines, for the command line to show."""
-        return (*self._findings(), *(f"note: {note}" for note in self.scan.notes), *self._advice(), self._last())
+        # What is not certain is told with what to do about it here.
+        notes = [note for note in self.scan.notes if not note.startswith((UNIT_UNCERTAIN, AXIS_UNCERTAIN))]
+        return (*self._findings(), *(f"note: {note}" for note in notes), *self._advice(), self._last())
 
     def _findings(self) -> Iterator[str]:
         room, scan = self.room, self.scan

@@ -36,6 +36,7 @@ END_SHARE = 0.12  # share of the height taken as floor, and as ceiling, with the
 EXTENT_QUANTILE = 0.005  # share of the area beyond the extent on either side, such as seen through a window
 MIN_ROOM_M, LARGEST_ROOM_M = 0.3, 1000.0  # [m] longest side; neither a table-top object nor a landscape
 SURE = 0.8  # a lower confidence gives a note
+UNIT_UNCERTAIN, AXIS_UNCERTAIN = "The unit of the file is uncertain", "The upward axis is uncertain"  # of notes
 _MAX_FACES = 200_000  # a larger sample gives the same result
 
 
@@ -257,12 +258,12 @@ def _notes(
         )
     if unit_sure < SURE:
         notes.append(
-            f"The unit of the file is uncertain: {unit} was assumed, with a probability of {unit_sure:.0%}. All lengths"
+            f"{UNIT_UNCERTAIN}: {unit} was assumed, with a probability of {unit_sure:.0%}. All lengths"
             " scale with it. Check the room's dimensions, and set unit in [scan] if they are wrong."
         )
     if up_sure < SURE:
         notes.append(
-            f"The upward axis is uncertain: {up} was assumed, with a probability of {up_sure:.0%}. Check the floor"
+            f"{AXIS_UNCERTAIN}: {up} was assumed, with a probability of {up_sure:.0%}. Check the floor"
             " plan, and set up in [scan] if it is wrong."
         )
     return tuple(notes)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2
 from lidarspectra.mapping.figures.tables import Table
-from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of
+from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, counted_lamps
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.report.report_input import ReportInput
 
@@ -102,12 +102,12 @@ def _scan_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
         ("up", "upward axis", scan.up_axis, scan.up_confidence, "floor, ceiling and sensors follow from it"),
     )
     for name, what, value, confidence, effect in parts:
-        detected = f", {_percent(confidence)} sure" if confidence < 1.0 else ""
+        detected = f"{_percent(confidence)} sure" if confidence < 1.0 else "by the run file"
         is_guess = name in assumed.scan
         yield TrustRow(
             what=what,
             known="assumed" if is_guess else "given" if confidence == 1.0 else "estimated",
-            how=f"{value}{detected}",
+            how=f"{value}, {detected}",
             effect=effect + ("; if it is wrong, nothing here holds" if is_guess else ""),
         )
 
@@ -216,7 +216,7 @@ def _lamp_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
     for names, what, known, how in groups:
         if names:
             yield TrustRow(
-                what=f"{what} of {len(names)} of {len(traced)} lamps",
+                what=f"{what} of {counted_lamps(names, len(traced))}",
                 known=known,
                 how=how,
                 effect=f"{_percent(_light_share(report, names))} of the light: it scales with the flux, and has the "

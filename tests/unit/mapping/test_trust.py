@@ -28,7 +28,7 @@ def rows_of(report) -> dict[str, tuple[str, str, str]]:
 def test_nothing_assumed_is_said_too(report):
     assert trust_card(report) == ("Trust", "no guesses", "see the table below")
     rows = rows_of(report)
-    assert rows["flux and spectrum of 2 of 2 lamps (given)"][2].startswith("100 % of the light")
+    assert rows["flux and spectrum of both lamps (given)"][2].startswith("100 % of the light")
     assert "assumed" not in lamps_table(report.lamps, Assumptions()).frame["assumed"].tolist()
 
 

@@ -208,6 +208,7 @@ def test_what_the_user_gives_is_taken_and_not_assumed(odd_room, tmp_path) -> Non
     assert guessed.assumed_of_scan == ("up",)
     assert read_run_file(tmp_path / "guessed.toml").scan.assumed == ("up",)
     assert any("a guess" in line and line.startswith("up ") for line in guessed.lines())
+    assert sum("upward axis" in line or "up = +z" in line for line in guessed.lines()) == 1  # told once
     choices = InitChoices(unit="m", up="+z", height=0.8)
     summary = write_init(odd_room, tmp_path / "given.toml", choices=choices)
     run_file = read_run_file(tmp_path / "given.toml")
