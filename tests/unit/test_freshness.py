@@ -51,6 +51,7 @@ ROOMS: dict[str, dict[str, Any]] = {
     "lamps": {
         **REST,
         "lamps": [LAMP, IES, SPOT],
+        "calibration": {"measured": "readings.csv", "lamps": {"one": 1.1}, "reflectance": {"floor": 0.9}},
         "daylight": DAYLIGHT,
         "sensors": {"grid": {"count": 9}, "field_of_view_deg": 30},
     },
@@ -84,6 +85,7 @@ FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits
     "trace.mode": STAGES[3:],
     "trace.method": STAGES[3:],  # plain rtrace wants a pass for each lamp
     "trace.workers": STAGES[6:],  # the same numbers, but the page shows the run file
+    "calibration": STAGES[3:],
     "people_and_plants": STAGES[6:],
     "cells": STAGES[6:],
 }
@@ -146,6 +148,8 @@ def others(key: str, value: Any) -> Iterator[Any]:
     """Values that may stand there in place of this one."""
     if isinstance(value, bool):
         yield not value
+    elif isinstance(value, dict):
+        yield {name: 2.0 * factor for name, factor in value.items()}
     elif isinstance(value, (int, float)):
         yield from (value + 1, value * 0.5, value + 1000)
     elif isinstance(value, tuple) and key not in OTHER_WORDS:
