@@ -33,6 +33,7 @@ PATH_WEIGHT = 0.4  # [1] -lw: Russian roulette below this weight; .3 to .5 gave 
 REFLECTED_LAMP_PART = 0.3  # [1] -ds for lamps as seen from reflecting surfaces: subdivided only if close
 SPECULAR_REFLECTIONS = 20  # mirror-like reflections that a path may have besides the diffuse ones
 SPECULAR_THRESHOLD = 0.01  # [1] -st: a gloss weaker than this is added to the diffuse part
+RELAYS = 2  # -dr, where a scene does not ask for more: images of lamps in panes, and images of those
 LAMP_PARTS = (
     (4, 0.05),
     (16, 0.1),
@@ -124,6 +125,8 @@ class PassOptions:
     images, glow : str or None
         Octrees in which panes of glass reflect the lamps: as images, and spread over all directions
         (`scene.pane_text`); the octree itself if None.
+    relays : int
+        Reflections of lamps' light from pane to pane that are followed (-dr).
     bounces : int
         Largest number of diffuse reflections, 1 or more.
     lamp_count : int
@@ -143,6 +146,7 @@ class PassOptions:
     glow: str | None = None
     bins: int = 0
     bins_file: str = ""
+    relays: int = RELAYS
 
     def octree_of(self, glass: Glass) -> str:
         """The octree in which panes of glass are so."""
@@ -206,10 +210,10 @@ class PassOptions:
 
     def _rtrace(self, output: str) -> tuple[str, ...]:
         spectral = () if self.group.mode == "rgb" else ("-co+",)
-        return ("-h-", "-fdf", f"-o{output}", *SHARED_OPTIONS, *self.group.options, *spectral)
+        return ("-h-", "-fdf", f"-o{output}", *SHARED_OPTIONS, *relayed(self.relays), *self.group.options, *spectral)
 
     def _common(self, averaged: int) -> tuple[str, ...]:
-        return ("-h-", "-fdf", "-V+", "-c", str(averaged), *SHARED_OPTIONS)
+        return ("-h-", "-fdf", "-V+", "-c", str(averaged), *SHARED_OPTIONS, *relayed(self.relays))
 
     def _ending(self, glass: Glass) -> tuple[str, ...]:
         parts = ("-f", self.bins_file, "-bn", str(self.bins), "-b", BIN) if self.bins else ()
@@ -218,10 +222,30 @@ class PassOptions:
 
 
 SHARED_OPTIONS: tuple[str, ...] = (
-    *("-u+", "-bv+", "-dt", "0", "-dc", "1", "-dr", "2", "-dp", "0", "-ss", "1", "-st", f"{SPECULAR_THRESHOLD:g}"),
+    *(
+        "-u+",
+        "-bv+",
+        "-dt",
+        "0",
+        "-dc",
+        "1",
+        "-dr",
+        f"{RELAYS}",
+        "-dp",
+        "0",
+        "-ss",
+        "1",
+        "-st",
+        f"{SPECULAR_THRESHOLD:g}",
+    ),
     *("-aa", "0", "-as", "0", "-av", "0", "0", "0"),
 )
 """Options of every run; written out, since the programs' defaults differ."""
+
+
+def relayed(relays: int) -> tuple[str, ...]:
+    """Options that follow so many reflections of lamps' light from pane to pane, after the shared ones."""
+    return () if relays == RELAYS else ("-dr", str(relays))
 
 
 def lamp_part(lamp_count: int) -> float:
@@ -240,7 +264,7 @@ def lamp_part(lamp_count: int) -> float:
 
 
 def plain_arguments(
-    accuracy: Accuracy, noise: Noise, *, lamp_count: int, lamp_modifiers: Sequence[str] = ()
+    accuracy: Accuracy, noise: Noise, *, lamp_count: int, lamp_modifiers: Sequence[str] = (), relays: int = RELAYS
 ) -> list[str]:
     """Options of one plain run of rtrace (or of rcontrib, with modifiers) that gives D + S + M in a single pass.
 
@@ -255,6 +279,8 @@ def plain_arguments(
         Lamps in the pass.
     lamp_modifiers : sequence of str
         For rcontrib.
+    relays : int
+        As of the scene.
 
     Returns
     -------
@@ -264,7 +290,7 @@ def plain_arguments(
     divisions = NOISE_LEVELS[noise].plain_divisions
     modifiers = [word for name in lamp_modifiers for word in ("-m", name)]
     return [
-        *("-I+", *SHARED_OPTIONS, "-dj", "1", "-ds", f"{lamp_part(lamp_count):g}"),
+        *("-I+", *SHARED_OPTIONS, *relayed(relays), "-dj", "1", "-ds", f"{lamp_part(lamp_count):g}"),
         *("-ab", str(bounces_of(accuracy)), "-ad", str(divisions), "-lw", f"{PATH_WEIGHT / divisions:g}"),
         *("-lr", str(-(bounces_of(accuracy) + SPECULAR_REFLECTIONS)), *modifiers),
     ]

@@ -220,6 +220,7 @@ def _options(scene: RadianceScene, scene_pass: ScenePass, request: EffectRequest
         group=scene_pass.group,
         lamp_modifiers=tuple(scene.lamp_modifiers[lamp] for lamp in scene_pass.lamps),
         octree=scene_pass.octree,
+        relays=scene.relays,
         bounces=request.bounces,
         lamp_count=len(scene.lamp_names),
     )

@@ -143,7 +143,7 @@ def _check_passes(scene: RadianceScene) -> None:
 
 def _jobs(scene: RadianceScene, points: SensorPoints, accuracy: Accuracy, repeats: int) -> Iterator[EngineJob]:
     """A run for each pass: the Makefile's options, but numbers in binary."""
-    options = plain_arguments(accuracy, "draft", lamp_count=1)
+    options = plain_arguments(accuracy, "draft", lamp_count=1, relays=scene.relays)
     rays = np.repeat(np.concatenate([points.positions, points.normals], axis=1), repeats, axis=0)
     stdin = rays.astype("<f8").tobytes()
     for scene_pass in scene.passes:

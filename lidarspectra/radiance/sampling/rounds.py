@@ -179,6 +179,7 @@ def _components(
                 octree=scene_pass.octree,
                 images=scene_pass.images_octree,
                 glow=scene_pass.glow_octree,
+                relays=scene.relays,
                 bounces=request.bounces,
                 lamp_count=len(scene.lamp_names),
                 bins=len(scene_pass.lamps) if scene_pass.bins_file else 0,

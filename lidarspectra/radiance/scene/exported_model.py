@@ -91,7 +91,7 @@ def _scene_files(scene: RadianceScene) -> list[str]:
 
 def _texts(scene: RadianceScene, points: SensorPoints, accuracy: Accuracy, noise: Noise) -> dict[str, str]:
     lamp_count = max(len(scene_pass.lamps) for scene_pass in scene.passes)
-    options = plain_arguments(accuracy, "draft", lamp_count=lamp_count)
+    options = plain_arguments(accuracy, "draft", lamp_count=lamp_count, relays=scene.relays)
     texts = {
         POINTS_FILE: _points_text(points),
         TRACE_OPTIONS_FILE: " ".join(options) + "\n",

@@ -5,9 +5,10 @@ out, for shadow rays go straight. In a flat surface a lamp has one image, so tha
 Radiance's `mirror` does so, for flat polygons alone, each lamp having an image in each of them. So here the faces of a
 material that make up a plane become one pane, whose outline is a polygon; panes in one plane are one (`pane_text`).
 
-Two mirrors that face each other would have images without end, of which the engine follows two in a row
-(`options.SHARED_OPTIONS`, -dr). Of two such mirrors the smaller one is left as it was, a little rough, so that lamps'
-light is spread by it and none is lost. Glass returns a tenth of the light, of which a third reflection leaves nothing.
+A lamp's image has images in other panes in turn, which the engine follows for some reflections in a row (-dr). Eight
+are enough for mirrors that face each other at less than a right angle, three for corners, two for glass, which returns
+a tenth of the light. Their number grows with every pane; a mirror with which there would be too many is left as it was,
+a little rough, so that lamps' light is spread by it and none is lost, at the price of noise.
 """
 
 from collections.abc import Sequence
@@ -17,7 +18,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.scene.mesh_text import merged_vertices
@@ -32,7 +33,9 @@ MIN_FLAT_SHARE = 0.9  # [1] of the area of connected faces; else they are curved
 FIT_ROUNDS = 3  # of the plane, each through the faces that lay near the last
 SAME_PLANE_M = 0.005  # [m] panes of a window in one frame
 SAME_NORMAL = float(np.cos(np.radians(0.5)))  # [1]
-RIGHT_ANGLE = 0.02  # [1] cosine above which mirrors that face each other have more than two images in a row
+RIGHT_ANGLE = 0.02  # [1] cosine above which mirrors that face each other have more than a corner's images
+RELAYS_FACING, RELAYS_CORNER, RELAYS_GLASS = 8, 3, 2  # reflections in a row that are followed
+MAX_IMAGES = 64  # of a lamp
 STRAIGHT_M = 1e-5  # [m] corners of an outline nearer to the line between their neighbours are left out
 CLEARANCE_M = 2e-5  # [m] by which its polygons lie before all of its faces: sensors start 1e-4 m off a surface
 
@@ -82,12 +85,15 @@ class Panes:
     ----------
     panes : tuple of Pane
         Largest first.
-    unfollowed_m2 : float
-        Area of glass that is in no pane: curved, too small, or too many. Lamps are not seen reflected in it. [m²]
+    relays : int
+        Reflections in a row, from pane to pane, that are followed. [1]
+    left_out_m2 : dict of str to float
+        Area of 'glass' and 'mirror' that is in no pane: curved, too small, or one too many. [m²]
     """
 
     panes: tuple[Pane, ...]
-    unfollowed_m2: float
+    relays: int
+    left_out_m2: dict[str, float]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,28 +131,35 @@ def find_panes(scan: Scan, materials: MaterialMap) -> Panes:
     -------
     panes : Panes
     """
-    kinds = [material.kind for material in materials.materials]
-    if not any(kind in ("glass", "mirror") for kind in kinds):
-        return Panes(panes=(), unfollowed_m2=0.0)
+    kinds = np.array([material.kind for material in materials.materials])
+    if not np.isin(kinds, ("glass", "mirror")).any():
+        return Panes(panes=(), relays=RELAYS_GLASS, left_out_m2={})
     places = merged_vertices(scan)[scan.faces]
     mesh = _Mesh(corners=scan.corners, areas=scan.areas, normals=scan.normals, places=places)
-    found: list[Pane] = []
-    for material, kind in enumerate(kinds):
-        if kind == "glass" or is_smooth_mirror(materials.materials[material]):
-            faces = np.flatnonzero((materials.face_material == material) & (mesh.areas > 0))
-            found += _joined(mesh, material, [part for part in _parts(mesh, faces) if _is_pane(mesh, part)])
-    found.sort(key=lambda pane: -pane.area)
-    kept: list[Pane] = []
-    for pane in found:
-        if kinds[pane.material] == "mirror" and any(
-            kinds[other.material] == "mirror" and _face_each_other(pane, other) for other in kept
-        ):
-            continue
-        kept.append(pane)
-    kept = kept[:MAX_PANES]
-    is_glass = np.array([kind == "glass" for kind in kinds])[materials.face_material]
-    is_glass[np.concatenate([np.zeros(0, dtype=np.int64), *(pane.faces for pane in kept)])] = False
-    return Panes(panes=tuple(kept), unfollowed_m2=float(mesh.areas[is_glass].sum()))
+    found: dict[str, list[Pane]] = {"glass": [], "mirror": []}
+    for number, material in enumerate(materials.materials):
+        if material.kind == "glass" or is_smooth_mirror(material):
+            faces = np.flatnonzero((materials.face_material == number) & (mesh.areas > 0))
+            flat = [part for part in _parts(mesh, faces) if _is_pane(mesh, part)]
+            found[material.kind] += _joined(mesh, number, flat)
+    glass, mirrors = (sorted(found[kind], key=lambda pane: -pane.area) for kind in ("glass", "mirror"))
+    kept, relays = glass[:MAX_PANES], RELAYS_GLASS
+    for mirror in mirrors:
+        tried = [*(pane for pane in kept if kinds[pane.material] == "mirror"), mirror]
+        wanted = RELAYS_FACING if _face_each_other(tried) else RELAYS_CORNER
+        if _images([*kept, mirror], wanted) <= MAX_IMAGES:
+            kept, relays = [*kept, mirror], wanted
+    while relays > 1 and _images(kept, relays) > MAX_IMAGES:
+        relays -= 1
+    area = np.bincount(materials.face_material, weights=mesh.areas, minlength=kinds.size)
+    for pane in kept:
+        area[pane.material] -= pane.area
+    left_out = {kind: float(area[kinds == kind].sum()) for kind in ("glass", "mirror")}
+    return Panes(
+        panes=tuple(kept),
+        relays=relays,
+        left_out_m2={kind: each for kind, each in left_out.items() if each > MIN_PANE_M2},
+    )
 
 
 def _parts(mesh: _Mesh, faces: IntArray) -> list[IntArray]:
@@ -271,16 +284,37 @@ def _without_straight(loop: FloatArray) -> FloatArray:
     return loop[bent] if bent.sum() >= 3 else loop
 
 
-def _face_each_other(one: Pane, other: Pane) -> bool:
-    """Whether light can go to and fro between two panes more than twice."""
-    sides = [(one.normal, other.normal), (one.normal, -other.normal)]
-    sides += [(-a, -b) for a, b in sides]
-    for a, b in sides:
-        before_one = ((other.outline - one.center) @ a).max() > SAME_PLANE_M
-        before_other = ((one.outline - other.center) @ b).max() > SAME_PLANE_M
-        if before_one and before_other and a @ b < -RIGHT_ANGLE:
-            return True
-    return False
+def _facing(panes: Sequence[Pane]) -> tuple[BoolArray, FloatArray]:
+    """(side, side) whether light can go between sides of panes, front and back of each, and the normals' cosine."""
+    sides = [(pane, sign * pane.normal) for pane in panes for sign in (1.0, -1.0)]
+    before = np.array(
+        [
+            [((other.outline - pane.center) @ normal).max() > SAME_PLANE_M for other, _ in sides]
+            for pane, normal in sides
+        ]
+    )
+    normals = np.array([normal for _, normal in sides])
+    same = np.repeat(np.arange(len(panes)), 2)
+    facing: BoolArray = before & before.T & (same[:, None] != same)
+    return facing, normals @ normals.T
+
+
+def _face_each_other(panes: Sequence[Pane]) -> bool:
+    """Whether light can go to and fro between any two more often than in a corner."""
+    facing, cosine = _facing(panes)
+    return bool((facing & (cosine < -RIGHT_ANGLE)).any())
+
+
+def _images(panes: Sequence[Pane], relays: int) -> float:
+    """Upper limit of the images of a lamp, by way of at most so many panes in a row."""
+    if not panes:
+        return 0.0
+    facing, _ = _facing(panes)
+    ways, total = np.ones(len(facing)), 0.0
+    for _ in range(relays):
+        total += ways.sum() / 2.0  # a lamp is on one side of each
+        ways = facing @ ways
+    return total
 
 
 def is_smooth_mirror(material: Material) -> bool:

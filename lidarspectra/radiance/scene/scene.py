@@ -170,6 +170,8 @@ def write_scene(
         slot_reflectance=_slot_reflectance(lamps, slots),
         passes=tuple(passes),
         round_lamps=() if panes.panes else find_round_lamps(lamps),
+        relays=panes.relays,
+        left_out_m2=panes.left_out_m2,
     )
     save_scene(scene)
     return scene

@@ -1,7 +1,7 @@
 """The record of a scene: what each pass carries, and which files it has."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import SceneError
 from lidarspectra.radiance.engine.bands import BandGroup, Mode
+from lidarspectra.radiance.scene.panes import RELAYS_GLASS
 from lidarspectra.radiance.scene.round_lamps import RoundLamp
 from lidarspectra.radiance.scene.slots import Slots, whole_channels
 from lidarspectra.spectra.spectrum import BandSet
@@ -132,6 +133,10 @@ class RadianceScene:
         Together they light every lamp in every slot once.
     round_lamps : tuple of RoundLamp
         Those whose light close by is integrated apart (`sampling.near_lamps`).
+    relays : int
+        Reflections of lamps' light from pane to pane that are followed (`panes`).
+    left_out_m2 : dict of str to float
+        Area of 'glass' and 'mirror' that is in no flat pane. [m²]
     """
 
     folder: Path
@@ -144,6 +149,8 @@ class RadianceScene:
     slot_reflectance: FloatArray
     passes: tuple[ScenePass, ...]
     round_lamps: tuple[RoundLamp, ...] = ()
+    relays: int = RELAYS_GLASS
+    left_out_m2: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         shape = (len(self.lamp_names), len(self.slots))
@@ -224,6 +231,7 @@ def save_scene(scene: RadianceScene) -> None:
             for scene_pass in scene.passes
         ],
     }
+    record["relays"], record["left_out_m2"] = scene.relays, scene.left_out_m2
     record["round_lamps"] = [lamp.record() for lamp in scene.round_lamps]
     record["bytes"] = {name: (scene.folder / name).stat().st_size for name in _compiled_files(scene)}
     text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
@@ -263,7 +271,9 @@ def load_scene(folder: Path) -> RadianceScene:
             written_flux=np.array([lamp["written_flux_uW_nm"] for lamp in record["lamps"]]),
             slot_reflectance=slot_reflectance,
             passes=tuple(_load_pass(entry, record["mode"]) for entry in record["passes"]),
-            round_lamps=tuple(map(RoundLamp.of_record, record.get("round_lamps", ()))),  # not in those of 0.1.0
+            round_lamps=tuple(map(RoundLamp.of_record, record.get("round_lamps", ()))),  # these three: later than 0.1.0
+            relays=record.get("relays", RELAYS_GLASS),
+            left_out_m2=record.get("left_out_m2", {}),
         )
     except (OSError, ValueError, KeyError, TypeError, EOFError) as cause:
         raise _unreadable(folder, f"{type(cause).__name__}: {cause}") from cause
