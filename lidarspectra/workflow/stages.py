@@ -54,7 +54,7 @@ from lidarspectra.workflow.lamps_of_run import (
 from lidarspectra.workflow.materials_of_run import materials_of_run
 from lidarspectra.workflow.report_of_run import StagesBefore, material_pictures, report_of_run
 from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
-from lidarspectra.workflow.trace_notes import trace_warnings, truncation_in_words
+from lidarspectra.workflow.trace_notes import glass_notes, trace_warnings, truncation_in_words
 from lidarspectra.workflow.whole_room import missing_in_words, whole_room
 from lidarspectra.workflow.workspace import Notes, Stage, StageResult
 
@@ -234,6 +234,7 @@ def scene_stage(
                 *lamp_notes(assumed, len(lamps)),
                 *clear.notes,
                 *placement_notes(lamps, mesh),
+                *glass_notes(scene.left_out_m2),
             ),
         )
 
@@ -303,7 +304,7 @@ def trace_stage(
             f"standard error {100 * transport.attrs['achieved_relative_se']:.2f} % of the mean "
             f"(wanted {100 * transport.attrs['target_relative_se']:.1f} %), "
             f"{truncation_in_words(transport)}",
-            warnings=trace_warnings(transport, points),
+            warnings=trace_warnings(transport, points, scene.value.left_out_m2),
         )
 
     return Stage(

@@ -1,5 +1,7 @@
 """What the trace stage says of its result: how much is missing, and what the user should look at."""
 
+from collections.abc import Mapping
+
 import xarray as xr
 
 from lidarspectra.radiance.sampling.stated_error import opening_in_words
@@ -13,8 +15,21 @@ def truncation_in_words(transport: xr.Dataset) -> str:
     return "what was left out beyond the last reflection is not estimated"
 
 
-def trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, ...]:
-    """Caveats on a trace, as full sentences."""
+def glass_notes(left_out_m2: Mapping[str, float]) -> tuple[str, ...]:
+    """What is not seen in glass that is in no flat pane (`RadianceScene.left_out_m2`), as full sentences."""
+    if "glass" not in left_out_m2:
+        return ()
+    return (
+        f"{left_out_m2['glass']:.2g} m² of glass is curved, in small pieces, or in more panes than are followed: lamps "
+        "are not seen reflected in it, so that some 8 % of the light that falls on it is missing, more at a slant. "
+        "Light passes through it as it should. Where such glass is large and near a lamp, make it one flat pane.",
+    )
+
+
+def trace_warnings(
+    transport: xr.Dataset, points: SensorPoints, left_out_m2: Mapping[str, float] | None = None
+) -> tuple[str, ...]:
+    """Caveats on a trace, as full sentences; `left_out_m2` as of the scene, if known."""
     said = opening_in_words(transport.attrs)
     warnings = [said] if said else []
     buried = int(points.buried.sum())
@@ -37,6 +52,12 @@ def trace_warnings(transport: xr.Dataset, points: SensorPoints) -> tuple[str, ..
         if transport.attrs.get("method") == "rtrace":
             reason = "because plain rtrace takes a fixed number of rays"
             todo = 'Write a finer noise, or method = "adaptive", in [trace].'
+        elif mirror_m2 := (left_out_m2 or {}).get("mirror", 0.0):
+            reason = (
+                f"because the budget was used up after {transport.attrs['rays']:,} rays: {mirror_m2:.2g} m² of mirror "
+                "is curved, rough, in small pieces, or faces other mirrors, and few paths meet a lamp by way of it"
+            )
+            todo = "Write a coarser noise in [trace], or make that mirror one flat piece."
         else:
             reason = "because the ray budget was used up"
             todo = "Move sensor points there that lie close to a lamp or a mirror, or write a coarser noise in [trace]."

@@ -208,6 +208,21 @@ def test_points_that_missed_a_target_of_their_own_are_counted() -> None:
     assert "At 2 of 3 sensor points the standard error is above 1.0 % of the light there" in warning
 
 
+def test_mirrors_that_cost_the_target_are_named_with_their_rays_and_glass_with_what_it_loses() -> None:
+    transport = xr.Dataset(
+        {"coefficient": (("lamp", "point", "band"), np.ones((1, 3, 1)))},
+        coords={"lamp": ["seen"]},
+        attrs={"achieved_relative_se": 0.013, "target_relative_se": 0.005, "truncated_share": 0.0, "rays": 4_290_000},
+    )
+    points = SensorPoints(positions=np.zeros((3, 3)), normals=np.tile([0, 0, 1], (3, 1)), buried=np.zeros(3, bool))
+    (warning,) = trace_notes.trace_warnings(transport, points, {"mirror": 2.0})
+    assert "1.3 % of the mean, above the target of 0.5 %" in warning
+    assert "4,290,000 rays: 2 m² of mirror" in warning
+    assert trace_notes.glass_notes({"mirror": 2.0}) == ()
+    (note,) = trace_notes.glass_notes({"glass": 1.5})
+    assert note.startswith("1.5 m² of glass is curved")
+
+
 def test_one_stage_s_command_stops_there(tmp_path: Path, write_room: RoomWriter) -> None:
     run_file = write_room(tmp_path)
     answer = CliRunner().invoke(app, ["scan", str(run_file)])
