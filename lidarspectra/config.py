@@ -63,6 +63,8 @@ class LampSection(Section):
     radiant_flux_W: Positive | None = None  # noqa: N815 - watts are W
     """Over the spectrum's whole range. [W]"""
     dim: Fraction = 1.0
+    dim_in_scan: Fraction = 1.0
+    """Factor on the flux while the room was scanned; 0 where it was off."""
     file: str | None = None
     """IES LM-63 or EULUMDAT (.ldt) file, for shape 'ies'."""
     assumed: bool = False

@@ -15,7 +15,6 @@ from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.config import RunFile, parse_run_file
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.scan import Scan, load_scan
-from lidarspectra.lamps.lamp_file import load_lamps
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.calibration.model import LightModel
 from lidarspectra.mapping.maps.response_weights import lamp_weights
@@ -33,6 +32,7 @@ from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.room.surface_parts import PARTS, surface_parts
 from lidarspectra.spectra.spectrum import BandSet
 from lidarspectra.workflow.calibration_readings import LUX, Quantity
+from lidarspectra.workflow.light_of_run import present_lamps_of_run
 from lidarspectra.workflow.workspace import read_request, require_stage
 
 STEP = 0.2  # [1] of the logarithm of a reflectance, between the traces of a derivative; downwards, as white is near 1
@@ -97,7 +97,7 @@ def run_room(run: Path) -> RunRoom:
         )
     scan, room = load_scan(folders["scan"]), load_room(folders["scan"])
     part = surface_parts(scan, room)
-    clear = clear_lamps(load_lamps(folders["scene"]), scan)  # as the scene stage did
+    clear = clear_lamps(present_lamps_of_run(run), scan)  # as the scene stage did
     return RunRoom(
         run_file=parse_run_file(request.text, where=request.name),
         base=(run / request.folder).resolve(),

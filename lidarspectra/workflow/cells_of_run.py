@@ -14,7 +14,6 @@ from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
 from lidarspectra.hardware.sensor.readings import best_signal, signal
 from lidarspectra.io.files import write_whole, writing
-from lidarspectra.lamps.lamp_file import load_lamps
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.tables import Table, save_table
@@ -29,11 +28,16 @@ from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
 from lidarspectra.mapping.photovoltaics.placement import best_mounts, joined, tilted_mounts, wall_mounts
 from lidarspectra.mapping.photovoltaics.response_fit import AheadOfTime, predict_ahead
 from lidarspectra.mapping.photovoltaics.schedule import parse_hours, read_schedule
-from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import load_room
 from lidarspectra.spectra.sensor_files import find_bands
-from lidarspectra.workflow.light_of_run import light_of_table, plan_of_run, transport_of_run
+from lidarspectra.workflow.light_of_run import (
+    light_of_table,
+    plan_of_run,
+    present_lamps_of_run,
+    scene_of_run,
+    transport_of_run,
+)
 from lidarspectra.workflow.workspace import made_folder, require_stage
 
 CM = 1e-2  # [m]
@@ -137,7 +141,7 @@ def current_of_run(run: Path, order: CurrentOrder) -> tuple[xr.Dataset, FloorPla
     transport = transport_of_run(run)
     currents = current_map(
         transport,
-        {lamp.name: lamp.flux for lamp in load_lamps(require_stage(run, "scene"))},
+        {lamp.name: lamp.flux for lamp in present_lamps_of_run(run)},
         cell,
         area_m2=None if order.area_cm2 is None else order.area_cm2 * M2_PER_CM2,
         scale=order.scale,
@@ -165,16 +169,16 @@ def places_in_run(run: Path, order: PlaceOrder) -> tuple[Table, tuple[str, ...]]
     """
     cell = find_cell(order.cell, order.base)
     transport = transport_of_run(run)
-    scene, folder = require_stage(run, "scene"), require_stage(run, "scan")
+    folder = require_stage(run, "scan")
     scan, room = load_scan(folder), load_room(folder)
     points = np.stack([transport[name].to_numpy() for name in ("x", "y", "z")], axis=1)[kept_points(transport)]
     mounts = tilted_mounts(points, order.tilts_deg, order.azimuths_deg)
     if order.wall_heights_m:
         mounts = joined(mounts, wall_mounts(room, order.wall_heights_m))
     ranked = best_mounts(
-        load_scene(scene),
+        scene_of_run(run),
         scan,
-        load_lamps(scene),
+        present_lamps_of_run(run),
         mounts,
         cell,
         (order.size_cm[0] * CM, order.size_cm[1] * CM),

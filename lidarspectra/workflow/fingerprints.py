@@ -33,7 +33,7 @@ from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.databases import load_reflectances
 from lidarspectra.workflow.inputs import read_inputs
-from lidarspectra.workflow.pipeline import Listener, run
+from lidarspectra.workflow.pipeline import Listener, run_stages
 from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
 from lidarspectra.workflow.workspace import made_folder
 
@@ -124,7 +124,10 @@ def fingerprint_room(
     LidarSpectraError
         If anything that the user gave does not fit; what was traced is kept, and the same call goes on after it.
     """
-    summary = run(run_file, folder, last="scene", workers=workers, cluster=cluster, listener=listener)
+    # Differences are traced in the lamps' sum, so that the scene must be that of the present lamps.
+    summary = run_stages(
+        run_file, folder, last="scene", workers=workers, cluster=cluster, listener=listener, relight=False
+    )
     inputs = read_inputs(run_file, workers=workers, cluster=cluster)
     free = FreeSpace(summary.scan, summary.room)
     points = sensor_points(summary.scan, summary.room, inputs.run_file.sensors, folder=inputs.base, free=free)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.config import CellSection, DaylightSection, GridSection, LampSection, MaterialsSection
+from lidarspectra.config import CellSection, DaylightSection, GridSection, LampSection, MaterialsSection, RunFile
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.lamps.lamp_spectra import cct_spectrum, luminous_flux_lm
@@ -29,7 +29,7 @@ from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances
 from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 from lidarspectra.workflow import plausible_numbers as plausible
-from lidarspectra.workflow.findings import Findings
+from lidarspectra.workflow.findings import Findings, listed
 from lidarspectra.workflow.inputs import Inputs
 from lidarspectra.workflow.lamps_of_run import resolve_lamps
 from lidarspectra.workflow.report_applications import check_cell
@@ -90,6 +90,7 @@ def check_inputs(inputs: Inputs, findings: Findings, known: ScanExtent | None = 
         if (lamp := _lamp(f"lamps.{number}", section, bands, base, findings)) is not None
     )
     _check_light(inputs, scan, bands, findings)
+    _check_calibration(run_file, findings)
     _check_materials(run_file.materials, base, findings)
     points = _sensors(inputs, findings)
     if extent is not None:
@@ -175,6 +176,22 @@ def _check_light(inputs: Inputs, scan: Scan | None, bands: BandSet | None, findi
             expected="a lamp that is lit, or [daylight]",
             found="dim = 0 for every lamp: a dark room has no map",
             todo="Set 'dim' of a lamp above 0.",
+        )
+
+
+def _check_calibration(run_file: RunFile, findings: Findings) -> None:
+    """Refuse factors on lamps that there are not; those found in the scan have no names yet."""
+    if run_file.calibration is None or run_file.lamps_from_scan is not None:
+        return
+    known = {lamp.name for lamp in run_file.lamps if lamp.dim > 0}
+    if run_file.daylight is not None:
+        known |= {"sun", *(window.name for window in run_file.daylight.windows)}
+    for name in run_file.calibration.lamps.keys() - known:
+        findings.refuse(
+            f"calibration.lamps.{name}",
+            expected=f"the name of a lamp that is lit ({listed(sorted(known))})",
+            found=f"'{name}'",
+            todo="Give the factor under the lamp's new name, or take it out.",
         )
 
 

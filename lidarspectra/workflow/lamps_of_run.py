@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from platformdirs import user_cache_path
 
-from lidarspectra.config import LampSection, RunFile
+from lidarspectra.config import LampSection, LampsFromScanSection, RunFile
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamp_spectra import cct_spectrum
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2, lamps_from_lit, make_lamp
+from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2, LitShape, lamps_from_lit, make_lamp
 from lidarspectra.material.lamp_fluxes import flux_factors, load_lamp_fluxes
 from lidarspectra.material.lit_lamps import find_lit_lamps
 from lidarspectra.radiance.engine.engine import find_engine
@@ -40,15 +40,24 @@ def without_names(scanned: ScannedRoom) -> ScannedRoom:
 
 def lamps_of_run(run_file: RunFile, scanned: ScannedRoom, *, base: Path) -> tuple[Lamp, ...]:
     """The run file's lamps, or those found lit in the scan's texture."""
-    section = run_file.lamps_from_scan
-    if section is None:
+    if run_file.lamps_from_scan is None:
         return resolve_lamps(run_file.lamps, base)
+    return lit_lamps(run_file.lamps_from_scan, findlit_lamps(scanned.scan, scanned.room), base)
+
+
+def lamps_in_picture(run_file: RunFile, scanned: ScannedRoom, *, base: Path) -> tuple[Lamp, ...]:
+    """The lamps as they were lit when the room was scanned, whatever they are dimmed to in the map."""
+    then = [lamp.model_copy(update={"dim": lamp.dim_in_scan}) for lamp in run_file.lamps]
+    return resolve_lamps(then, base) if then else lamps_of_run(run_file, scanned, base=base)
+
+
+def lit_lamps(section: LampsFromScanSection, found: Sequence[LitShape], base: Path) -> tuple[Lamp, ...]:
+    """Lamps found lit in the scan, with the spectrum and exitance that the run file gives them."""
     spectrum = (
         cct_spectrum(section.cct_k)
         if section.cct_k is not None
         else lamp_spectrum(section.spectrum or "", base).spectrum
     )
-    found = find_lit_lamps(scanned.scan, scanned.room)
     return lamps_from_lit(found, spectrum, luminous_exitance_lm_m2=section.luminous_exitance_lm_m2 or EXITANCE_LM_M2)
 
 
@@ -76,7 +85,7 @@ def resolve_lamps(sections: Sequence[LampSection], folder: Path) -> tuple[Lamp, 
     lamps = []
     for section in sections:
         if section.dim > 0:
-            lamp = make_lamp(**section.model_dump(exclude={"dim", "assumed"}), folder=folder)
+            lamp = make_lamp(**section.model_dump(exclude={"dim", "dim_in_scan", "assumed"}), folder=folder)
             lamps.append(replace(lamp, flux=lamp.flux.scaled(section.dim)))
     return tuple(lamps)
 

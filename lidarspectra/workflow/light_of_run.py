@@ -12,15 +12,18 @@ from lidarspectra.arguments import path_of
 from lidarspectra.errors import MapError
 from lidarspectra.geometry.scan import load_scan
 from lidarspectra.hardware.sensor.measured_readings import read_readings
-from lidarspectra.lamps.lamp_file import load_lamps
+from lidarspectra.lamps.lamp_file import LAMPS_RECORD, load_lamps
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.floor_plan import FloorPlan, floor_plan
 from lidarspectra.mapping.maps.point_values import PLACE
 from lidarspectra.mapping.photometry.point_light import PointLight, light_of_lamps
+from lidarspectra.radiance.sampling.relit_transport import relit_transport
 from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport
-from lidarspectra.radiance.scene.scene import load_scene
+from lidarspectra.radiance.scene.relit_scene import relit_scene
+from lidarspectra.radiance.scene.scene import RadianceScene, load_scene
 from lidarspectra.room.room import load_room
 from lidarspectra.spectra.spectrum import BandSet
-from lidarspectra.workflow.workspace import require_stage
+from lidarspectra.workflow.workspace import hash_files, read_record, require_stage, stage_folder
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,7 +72,6 @@ def light_of_run(run: str | PathLike[str], dims: Mapping[str, float] | None = No
     """
     run = path_of(run, name="run")
     transport = transport_of_run(run)
-    scene = require_stage(run, "scene")
     names = [str(name) for name in transport["lamp"].to_numpy()]
     for name in dims or {}:
         if name not in names:
@@ -82,16 +84,39 @@ def light_of_run(run: str | PathLike[str], dims: Mapping[str, float] | None = No
                 todo="Give a fraction: 0.4 for 40 %.",
             )
     return RunLight(
-        light=light_of_lamps(transport, {lamp.name: lamp.flux for lamp in load_lamps(scene)}, dims),
+        light=light_of_lamps(transport, {lamp.name: lamp.flux for lamp in present_lamps_of_run(run)}, dims),
         places=transport,
-        bands=load_scene(scene).bands,
+        bands=scene_of_run(run).bands,
         plan=plan_of_run(run),
     )
 
 
 def transport_of_run(run: Path) -> xr.Dataset:
-    """Transport coefficients of a finished run; raises WorkspaceError if its trace is not finished."""
-    return load_transport(require_stage(run, "trace") / TRANSPORT_FILE)
+    """Transport of a finished run under its present lamps; raises WorkspaceError if its trace is not finished."""
+    return relit_transport(load_transport(require_stage(run, "trace") / TRANSPORT_FILE), scene_of_run(run))
+
+
+def scene_of_run(run: Path) -> RadianceScene:
+    """Scene of a finished run under its present lamps; raises WorkspaceError if it is not finished."""
+    folder = require_stage(run, "scene")
+    return relit_scene(load_scene(folder), load_lamps(folder), present_lamps_of_run(run))
+
+
+def present_lamps_of_run(run: Path) -> tuple[Lamp, ...]:
+    """Lamps of a finished run with the names, fluxes and spectra of its map; those of its scene where it has no map.
+
+    Raises
+    ------
+    WorkspaceError
+        If its scene is not finished.
+    """
+    scene, map_folder = require_stage(run, "scene"), stage_folder(run, "map")
+    traced, made = read_record(scene), read_record(map_folder)
+    if traced is None or made is None or not (map_folder / LAMPS_RECORD).is_file():  # maps of early versions list none
+        return load_lamps(scene)
+    source = made.settings["stages"]["scene"]
+    is_of_scene = source == traced.outputs or source == hash_files(scene)  # which the user may have edited
+    return load_lamps(map_folder if is_of_scene else scene)
 
 
 def plan_of_run(run: Path) -> FloorPlan:

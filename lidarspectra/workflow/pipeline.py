@@ -40,7 +40,6 @@ from lidarspectra.workflow.workspace import (
     StageRecord,
     StageResult,
     Workspace,
-    read_record,
 )
 
 Result = TypeVar("Result")
@@ -165,6 +164,11 @@ class _Stopped(Exception):  # noqa: N818 - no error: the run went as far as it w
     """Ends the chain after the last stage that was asked for."""
 
 
+def _stages_kept_exact(first: StageName | None) -> tuple[StageName, ...]:
+    """Stages that no other may stand in for: where light is traced again, it is that of the present lamps."""
+    return ("scene",) if first == "trace" else ()
+
+
 class Link(Protocol):
     """What follows the stages in order: it makes them, or only looks."""
 
@@ -181,16 +185,16 @@ class _Plan:
     def __init__(self, folder: Path, first: StageName | None) -> None:
         self._work = Workspace(folder)
         self._first = first
+        self._exact = _stages_kept_exact(first)
         self.fresh: list[StageName] = []
 
     def __call__(self, stage: Stage[Result]) -> StageResult[Result]:
         """Pass a fresh stage; stop at the first that is not."""
-        folder = self._work.stage_folder(stage.name)
-        record = read_record(folder)
-        if record is None or stage.name == self._first or not self._work.is_fresh(stage):
+        record = self._work.fresh_record(stage, exact=stage.name in self._exact)
+        if record is None or stage.name == self._first:
             raise _Stopped
         self.fresh.append(stage.name)
-        return StageResult(record, folder, stage.load, fresh=True)
+        return stage.result(record, self._work.stage_folder(stage.name), fresh=True)
 
     def note(self, words: str) -> None:
         """Ignore the sentence: nothing is made."""
@@ -199,9 +203,12 @@ class _Plan:
 class _Chain:
     """Runs stage after stage in a workspace, from the first stage that was asked for to the last."""
 
-    def __init__(self, work: Workspace, first: StageName | None, last: StageName, listener: Listener) -> None:
+    def __init__(
+        self, work: Workspace, first: StageName | None, last: StageName, listener: Listener, *, relight: bool = True
+    ) -> None:
         self._work = work
         self._forced = STAGES[STAGES.index(first) :] if first else ()
+        self._exact = _stages_kept_exact(first) if relight else ("scene",)
         self._last = last
         self._listener = listener
         self.results: dict[StageName, StageResult[object]] = {}
@@ -210,7 +217,9 @@ class _Chain:
     def __call__(self, stage: Stage[Result]) -> StageResult[Result]:
         """Make one stage; raise `_Stopped` after the last."""
         progress = self._listener.start(stage.name)
-        result = self._work.run_stage(stage, progress=progress, force=stage.name in self._forced)
+        result = self._work.run_stage(
+            stage, progress=progress, force=stage.name in self._forced, exact=stage.name in self._exact
+        )
         self.results[stage.name] = result
         self._listener.finish(result)
         if stage.name == self._last:
@@ -262,6 +271,21 @@ def run(
     LidarSpectraError
         If anything that the user gave does not fit; finished stages stay, and the next run resumes after them.
     """
+    return run_stages(run_file, folder, first=first, last=last, workers=workers, cluster=cluster, listener=listener)
+
+
+def run_stages(
+    run_file: str | PathLike[str] | RunFile,
+    folder: str | PathLike[str] | None = None,
+    *,
+    first: StageName | None = None,
+    last: StageName = "report",
+    workers: int | None = None,
+    cluster: str | None = None,
+    listener: Listener | None = None,
+    relight: bool = True,
+) -> RunSummary:
+    """Run a room file as `run` does; without `relight` the scene is that of the present lamps, whatever was traced."""
     one_of(last, STAGES, name="last")
     if first is not None:
         one_of(first, STAGES, name="first")
@@ -272,7 +296,7 @@ def run(
     findings.require_none()
     with Workspace(folder) as work:
         work.keep_request(_request(inputs, work.folder))
-        chain = _Chain(work, first, last, listener or SilentListener())
+        chain = _Chain(work, first, last, listener or SilentListener(), relight=relight)
         for question in findings.questions:
             chain.note(question)
         walk(chain, inputs)
@@ -298,7 +322,7 @@ def look_through(inputs: Inputs, folder: Path, findings: Findings, *, first: Sta
     """
     work, stage = Workspace(folder), stages.scan_stage(inputs)
     known: ScanExtent | None = None
-    if first != "scan" and work.is_fresh(stage):
+    if first != "scan" and work.fresh_record(stage) is not None:
         known = extent_of_stage(work.stage_folder("scan"))
     return check_inputs(inputs, findings, known)
 
@@ -326,9 +350,9 @@ def walk(chain: Link, inputs: Inputs) -> None:
             _check_in_room(chain, inputs, scan.folder)
         views = chain(stages.views_stage(inputs, scan))
         materials = chain(stages.materials_stage(inputs, scan, views))
-        scene = chain(stages.scene_stage(inputs, scan, materials))
+        scene = chain(stages.scene_stage(inputs, scan, materials, note=chain.note))
         transport = chain(stages.trace_stage(inputs, scan, materials, scene))
-        spectral_map = chain(stages.map_stage(inputs, scan, scene, transport))
+        spectral_map = chain(stages.map_stage(inputs, scan, materials, scene, transport))
         chain(stages.report_stage(inputs, scan, views, materials, scene, transport, spectral_map))
     except _Stopped:
         return

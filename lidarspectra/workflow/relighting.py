@@ -9,7 +9,6 @@ import xarray as xr
 
 from lidarspectra.arguments import all_of, path_of
 from lidarspectra.errors import LampError
-from lidarspectra.lamps.lamp_file import load_lamps
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.figure_style import save_figure
@@ -18,11 +17,10 @@ from lidarspectra.mapping.figures.map_figures import maps_figure
 from lidarspectra.mapping.maps.assumptions import mark_assumed
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import LampChange, relight
-from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.room import load_room
 from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.workflow.assumed import assumptions_of_run
-from lidarspectra.workflow.light_of_run import transport_of_run
+from lidarspectra.workflow.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
 from lidarspectra.workflow.workspace import require_stage, writing_run
 
 
@@ -77,8 +75,7 @@ def relight_run(
     run, base = path_of(run, name="run"), path_of(base, name="base")
     orders = all_of(orders, LampOrder, name="orders", todo="Write LampOrder(lamp='panel 1', dim=0.5).")
     transport = transport_of_run(run)
-    scene = require_stage(run, "scene")
-    lamps = {lamp.name: lamp for lamp in load_lamps(scene)}
+    lamps = {lamp.name: lamp for lamp in present_lamps_of_run(run)}
     changes: dict[str, LampChange] = {}
     for order in orders:
         if order.lamp not in lamps:
@@ -96,7 +93,7 @@ def relight_run(
                 todo="Give its changes together.",
             )
         changes[order.lamp] = _change(lamps[order.lamp], order, base)
-    light = relight(transport, changes, bands=load_scene(scene).bands, lamps=tuple(lamps.values()))
+    light = relight(transport, changes, bands=scene_of_run(run).bands, lamps=tuple(lamps.values()))
     given = [order.lamp for order in orders if order.spectrum is not None and order.luminous_flux_lm is not None]
     return mark_assumed(light, assumptions_of_run(run).without(given))
 

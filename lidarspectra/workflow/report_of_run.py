@@ -72,7 +72,7 @@ def report_of_run(
     """
     mesh, found_room = before.scan.value.scan, before.scan.value.room
     views, materials, transport = before.views.value, before.materials.value, before.transport.value
-    lamps = load_lamps(before.scene.folder)
+    lamps = load_lamps(before.spectral_map.folder)
     plan = floor_plan(mesh, found_room)
     face_color = mesh.face_colors()
     pictures = material_pictures(mesh, views, materials)

@@ -4,6 +4,7 @@ A stage first declares what it reads; it is given that, and made again when that
 The order stands in `lidarspectra.workflow.pipeline`; how a stage is kept, in `lidarspectra.workflow.workspace`.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from lidarspectra.geometry.scan import load_scan, save_scan
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.material_figures import segmentation_figure
 from lidarspectra.mapping.maps.assumptions import mark_assumed
@@ -30,11 +32,13 @@ from lidarspectra.radiance.engine.engine import find_engine
 from lidarspectra.radiance.engine.options import reflections_in_words
 from lidarspectra.radiance.sampling.opening_light import opening_light
 from lidarspectra.radiance.sampling.plain_rtrace import trace_plain
+from lidarspectra.radiance.sampling.relit_transport import relit_transport
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport, save_transport, with_opening
 from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.radiance.scene.exported_model import write_workflow
 from lidarspectra.radiance.scene.placement import placement_notes
+from lidarspectra.radiance.scene.relit_scene import relit_scene
 from lidarspectra.radiance.scene.scene import LAMPS_PER_PASS, RadianceScene, load_scene, write_scene
 from lidarspectra.room.room import load_room, save_room
 from lidarspectra.spectra.sensor_files import find_bands
@@ -43,10 +47,20 @@ from lidarspectra.workflow.calibration_of_run import calibrated_lamps, calibrate
 from lidarspectra.workflow.declared import Declared
 from lidarspectra.workflow.delighting import Delighting, take_light_out, with_light_uncertainty
 from lidarspectra.workflow.inputs import Inputs
+from lidarspectra.workflow.kept_light import (
+    lamp_names,
+    present_lamps,
+    relit_notes,
+    same_picture_light,
+    same_room,
+    why_not_relit,
+    with_present_names,
+)
 from lidarspectra.workflow.lamps_of_run import (
     MOMENT_KEYS,
     ScannedRoom,
     daylight_of_run,
+    lamps_in_picture,
     lamps_of_run,
     with_estimated_fluxes,
     without_names,
@@ -56,7 +70,15 @@ from lidarspectra.workflow.report_of_run import StagesBefore, material_pictures,
 from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
 from lidarspectra.workflow.trace_notes import glass_notes, trace_warnings, truncation_in_words
 from lidarspectra.workflow.whole_room import missing_in_words, whole_room
-from lidarspectra.workflow.workspace import Notes, Stage, StageResult
+from lidarspectra.workflow.workspace import (
+    Notes,
+    Stage,
+    StageRecord,
+    StageResult,
+    read_record,
+    stage_folder,
+    stage_key,
+)
 
 REPORT_PAGE = PAGE
 MODEL_FOLDER = "model"
@@ -188,15 +210,30 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         save_figure(segmentation_figure(material_pictures(mesh, views.value, materials)), folder, SEGMENTATION)
         return _materials_notes(materials, mesh.areas, unlit)
 
-    return Stage(name="materials", settings=given.settings, make=make, load=load_materials)
+    return Stage(
+        name="materials",
+        settings=given.settings,
+        make=make,
+        load=load_materials,
+        stands_in=lambda record, _: same_picture_light(record.settings, given.settings),
+        shown=lambda record: with_present_names(record, lamp_names(record.settings), lamp_names(given.settings)),
+    )
 
 
 def scene_stage(
-    inputs: Inputs, scan: StageResult[ScannedRoom], materials: StageResult[MaterialMap]
+    inputs: Inputs,
+    scan: StageResult[ScannedRoom],
+    materials: StageResult[MaterialMap],
+    *,
+    note: Callable[[str], None] = lambda words: None,
 ) -> Stage[RadianceScene]:
-    """Stage 4: the room as a Radiance model, with its lamps' spectra (paper, Section 3.1)."""
+    """Stage 4: the room as a Radiance model, with its lamps' spectra (paper, Section 3.1).
+
+    A scene that was traced for other fluxes or spectra of the same lamps stands in where relighting is exact; `note`
+    is called with the reason where it is not.
+    """
     given = inputs.declare(
-        *(*LAMP_KEYS, "lamps.assumed", *DAYLIGHT_KEYS, "calibration", "sensors.device", "trace.mode", "trace.method"),
+        *(*LAMP_KEYS, *DAYLIGHT_KEYS, "calibration", "sensors.device", "trace.mode", "trace.method"),
         databases=("lamps",),
         stages=(scan, materials),
     )
@@ -223,22 +260,40 @@ def scene_stage(
             progress=writing,
         )
         placing(0.0, "places of the lamps")
-        assumed = assumed_lamps(run_file, [lamp.name for lamp in lamps])
         return Notes(
             summary=f"{len(lamps)} {'lamp' if len(lamps) == 1 else 'lamps'}, "
             f"{len(materials.value.materials)} materials, "
             f"{len(scene.passes)} {'pass' if len(scene.passes) == 1 else 'passes'} of up to "
             f"{max(each.slot_count for each in scene.passes)} bands",
-            warnings=(
-                *calibration_notes(run_file.calibration),
-                *lamp_notes(assumed, len(lamps)),
-                *clear.notes,
-                *placement_notes(lamps, mesh),
-                *glass_notes(scene.left_out_m2),
-            ),
+            warnings=(*clear.notes, *placement_notes(lamps, mesh), *glass_notes(scene.left_out_m2)),
         )
 
-    return Stage(name="scene", settings=given.settings, make=make, load=load_scene)
+    def present(folder: Path) -> tuple[Lamp, ...]:
+        return present_lamps(run_file, load_lamps(folder), materials.folder, base=given.base)
+
+    def load(folder: Path) -> RadianceScene:
+        return relit_scene(load_scene(folder), load_lamps(folder), present(folder))
+
+    def stands_in(record: StageRecord, folder: Path) -> bool:
+        if not same_room(record.settings, given.settings):
+            return False
+        traced = read_record(stage_folder(folder.parent, "trace"))
+        unlit = StageResult(record, folder, load_scene, fresh=True)
+        if traced is None or traced.key != stage_key(trace_stage(inputs, scan, materials, unlit)):
+            return False  # to be traced anyway: under the present lamps
+        reason = why_not_relit(load_scene(folder), load_lamps(folder), present(folder))
+        if reason is not None:
+            note(reason)
+        return reason is None
+
+    return Stage(
+        name="scene",
+        settings=given.settings,
+        make=make,
+        load=load,
+        stands_in=stands_in,
+        shown=lambda record: with_present_names(record, lamp_names(record.settings), lamp_names(given.settings)),
+    )
 
 
 def trace_stage(
@@ -251,6 +306,7 @@ def trace_stage(
     keys = ("trace.accuracy", "trace.noise", "trace.noise_of", "trace.method")
     given = inputs.declare(*SENSOR_KEYS, *keys, stages=(scan, materials, scene))
     sensors, section = given.run_file.sensors, given.run_file.trace
+    names = lamp_names(inputs.declare("lamps").settings)  # for what is said; no number depends on them
 
     def make(folder: Path, progress: Progress) -> Notes:
         placing, tracing, opening, saving = shares(progress, TRACE_SHARES)
@@ -308,24 +364,36 @@ def trace_stage(
         )
 
     return Stage(
-        name="trace", settings=given.settings, make=make, load=lambda folder: load_transport(folder / TRANSPORT_FILE)
+        name="trace",
+        settings=given.settings,
+        make=make,
+        load=lambda folder: relit_transport(load_transport(folder / TRANSPORT_FILE), scene.value),
+        shown=lambda record: with_present_names(record, lamp_names(scene.record.settings), names),
     )
 
 
 def map_stage(
     inputs: Inputs,
     scan: StageResult[ScannedRoom],
+    materials: StageResult[MaterialMap],
     scene: StageResult[RadianceScene],
     transport: StageResult[xr.Dataset],
 ) -> Stage[xr.Dataset]:
-    """Stage 6: the spectral map, the sum over lamps (paper, Section 3.3), and what of it is assumed."""
+    """Stage 6: the spectral map, the sum over lamps (paper, Section 3.3), and what of it is assumed.
+
+    Its folder has the lamps as they are now: of a scene that was kept they may differ from those that were traced.
+    """
     given = inputs.declare(
-        *(*LAMP_KEYS, "lamps.assumed", "daylight.windows", "scan.assumed"), stages=(scan, scene, transport)
+        *(*LAMP_KEYS, "lamps.assumed", "daylight.windows", "calibration", "scan.assumed"),
+        databases=("lamps",),
+        stages=(scan, materials, scene, transport),
     )
     run_file = given.run_file
 
     def make(folder: Path, progress: Progress) -> Notes:
-        lamps, scanned = load_lamps(scene.folder), scan.value
+        traced, scanned = load_lamps(scene.folder), scan.value
+        lamps = present_lamps(run_file, traced, materials.folder, base=given.base)
+        save_lamps(lamps, folder)
         assumed = replace(
             assumed_lamps(run_file, [lamp.name for lamp in lamps]),
             scan=assumed_of_scan(run_file.scan.assumed, scanned.scan.record, scanned.room),
@@ -338,7 +406,12 @@ def map_stage(
             summary=f"{light_map.sizes['band']} channels x {light_map.sizes['point']} points; "
             f"mean {float(mean.min()):.3g} to {float(mean.max()):.3g} W/m²/nm"
             + (f", {float(light_map['illuminance'].mean()):.0f} lx" if "illuminance" in light_map else "")
-            + (f"; assumed: {words}" if (words := assumed.in_words()) else "")
+            + (f"; assumed: {words}" if (words := assumed.in_words()) else ""),
+            warnings=(
+                *calibration_notes(run_file.calibration),
+                *lamp_notes(assumed, len(lamps)),
+                *relit_notes(light_map, traced, lamps),
+            ),
         )
 
     return Stage(
@@ -394,7 +467,7 @@ def report_stage(
 
 def _without_light(given: Declared, scanned: ScannedRoom, progress: Progress) -> Delighting:
     """De-light the scan's colours, given the lamps that were lit when it was scanned."""
-    lamps = lamps_of_run(given.run_file, scanned, base=given.base)
+    lamps = lamps_in_picture(given.run_file, scanned, base=given.base)
     found = given.run_file.lamps_from_scan
     stated = found is None or found.fluxes == "area"
     return take_light_out(scanned.scan, scanned.room, lamps, fluxes_stated=stated, progress=progress)

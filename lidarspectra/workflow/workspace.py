@@ -139,12 +139,24 @@ class Stage(Generic[Result]):
         Takes an empty folder and a progress; writes the stage's files there and returns its notes.
     load : callable
         Takes the finished folder; returns the result.
+    stands_in : callable, optional
+        Takes the record of a folder that was made for other settings, and the folder; returns whether it gives the
+        result of these settings all the same.
+    shown : callable, optional
+        Takes the record of a finished folder; returns it as the user shall see it, with the lamps' present names.
     """
 
     name: StageName
     settings: Settings
     make: Maker
     load: Callable[[Path], Result]
+    stands_in: Callable[["StageRecord", Path], bool] | None = None
+    shown: Callable[["StageRecord"], "StageRecord"] | None = None
+
+    def result(self, record: StageRecord, folder: Path, *, fresh: bool) -> "StageResult[Result]":
+        """The finished stage in its folder."""
+        shown = record if self.shown is None else self.shown(record)
+        return StageResult(shown, folder, self.load, fresh=fresh)
 
 
 class StageResult(Generic[Made_co]):
@@ -212,12 +224,25 @@ class Workspace:
         """The folder of a stage, `1-scan` to `7-report`."""
         return stage_folder(self.folder, stage)
 
-    def is_fresh(self, stage: Stage[Result]) -> bool:
-        """Whether the folder holds the stage, made from its present inputs."""
-        record = read_record(self.stage_folder(stage.name))
-        return record is not None and record.key == stage_key(stage)
+    def fresh_record(self, stage: Stage[Result], *, exact: bool = False) -> StageRecord | None:
+        """The record of the stage, made from its present inputs or from others that give the same; None if it is stale.
 
-    def run_stage(self, stage: Stage[Result], *, progress: Progress, force: bool = False) -> StageResult[Result]:
+        Parameters
+        ----------
+        stage : Stage
+        exact : bool
+            Take only what was made from the present inputs.
+        """
+        folder = self.stage_folder(stage.name)
+        record = read_record(folder)
+        if record is None or record.key == stage_key(stage):
+            return record
+        may_stand_in = not exact and stage.stands_in is not None and is_of_this_version(record)
+        return record if may_stand_in and stage.stands_in is not None and stage.stands_in(record, folder) else None
+
+    def run_stage(
+        self, stage: Stage[Result], *, progress: Progress, force: bool = False, exact: bool = False
+    ) -> StageResult[Result]:
         """Make a stage, or load it from the folder if none of its inputs has changed.
 
         Parameters
@@ -227,6 +252,8 @@ class Workspace:
             See `lidarspectra.progress`.
         force : bool
             Make it even if it is up to date.
+        exact : bool
+            See `fresh_record`.
 
         Returns
         -------
@@ -238,10 +265,10 @@ class Workspace:
             If the folder cannot be written.
         """
         folder = self.stage_folder(stage.name)
-        record = read_record(folder)
-        if record is not None and record.key == stage_key(stage) and not force:
-            return StageResult(record, folder, stage.load, fresh=True)
-        return StageResult(self._make(stage, folder, progress), folder, stage.load, fresh=False)
+        record = None if force else self.fresh_record(stage, exact=exact)
+        if record is not None:
+            return stage.result(record, folder, fresh=True)
+        return stage.result(self._make(stage, folder, progress), folder, fresh=False)
 
     def _make(self, stage: Stage[Result], folder: Path, progress: Progress) -> StageRecord:
         partial = folder.with_name(f"{folder.name}.partial")
@@ -417,6 +444,11 @@ def versions() -> dict[str, str]:
 def record_key(record: StageRecord) -> str:
     """The key computed from a record's settings; differs from `record.key` only if one of the two was edited."""
     return _hash_of(record.stage, record.settings, record.versions.get("lidarspectra", ""))
+
+
+def is_of_this_version(record: StageRecord) -> bool:
+    """Whether a record is as this version of the package wrote it."""
+    return record.key == _hash_of(record.stage, record.settings, version("lidarspectra"))
 
 
 def stage_key(stage: Stage[Result]) -> str:

@@ -14,6 +14,7 @@ from lidarspectra.io.toml_sections import Section
 from lidarspectra.workflow import stages
 from lidarspectra.workflow.declared import FILES, declare
 from lidarspectra.workflow.inputs import Inputs
+from lidarspectra.workflow.kept_light import same_picture_light, same_room, with_present_names
 from lidarspectra.workflow.pipeline import walk
 from lidarspectra.workflow.workspace import STAGES, Stage, StageName, StageRecord, StageResult, stage_key
 
@@ -75,7 +76,7 @@ FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits
     "materials": MATERIALS_ON,
     "materials.coverage": STAGES[1:],
     "lamps": MATERIALS_ON,
-    "lamps.assumed": STAGES[3:],  # its note; the scene's files stay as they are
+    "lamps.assumed": STAGES[5:],  # its note
     "lamps_from_scan": MATERIALS_ON,
     "daylight": STAGES[3:],
     "daylight.weather": STAGES[6:],  # `annual` reads it, but the page shows the run file
@@ -97,9 +98,11 @@ class Walk:
 
     def __init__(self) -> None:
         self.keys: dict[StageName, str] = {}
+        self.settings: dict[StageName, Any] = {}
 
     def __call__(self, stage: Stage[Any]) -> StageResult[Any]:
         self.keys[stage.name] = stage_key(stage)
+        self.settings[stage.name] = {**stage.settings, "stages": {}}
         record = StageRecord(
             stage=stage.name, key="", settings={}, finished="", seconds=0.0, peak_memory_mib=0.0, summary="",
             warnings=(), outputs={}, versions={},
@@ -114,10 +117,15 @@ class Walk:
 
 def keys_of(run_file: RunFile, base: Path) -> dict[StageName, str]:
     """The key of every stage."""
+    return walked(run_file, base).keys
+
+
+def walked(run_file: RunFile, base: Path) -> Walk:
+    """Keys and settings of every stage."""
     text = run_file.model_dump_json()
     found = Walk()
     walk(found, Inputs(run_file=run_file, base=base, name="room", text=text))
-    return found.keys
+    return found
 
 
 def changed(before: dict[StageName, str], after: dict[StageName, str]) -> tuple[StageName, ...]:
@@ -206,6 +214,60 @@ def test_a_change_of_any_key_makes_the_stages_stale_that_read_it_and_those_after
     every = {dotted(at) for room in ROOMS.values() for at in leaves(RunFile.model_validate(room))}
     absent = {name for name in every if any(other.startswith(f"{name}.") for other in every)}  # there in another room
     assert every - absent - tried == {"materials.delight"}, "changed nowhere"
+
+
+KEPT_BY_EDITS: dict[str, tuple[StageName, ...]] = {  # of keys that materials or scene read: what stays all the same
+    "": (),
+    "lamps.name": ("materials", "scene"),
+    "lamps.dim": ("materials", "scene"),
+    "lamps.dim_in_scan": ("scene",),
+    "lamps.luminous_flux_lm": ("scene",),  # of one lamp of several: the picture's light is another
+    "lamps.radiant_flux_W": ("scene",),
+    "lamps.spectrum": ("scene",),  # where its slots carry the spectrum
+    "lamps.cct_k": ("scene",),
+    "lamps_from_scan.luminous_exitance_lm_m2": ("materials", "scene"),
+    "lamps_from_scan.spectrum": ("scene",),
+    "lamps_from_scan.cct_k": ("scene",),
+}
+
+
+def test_an_edit_of_lamps_keeps_the_stages_whose_light_it_does_not_touch(tmp_path: Path) -> None:
+    tried: set[str] = set()
+    for name in ("lamps", "lamps in the scan"):
+        run_file = RunFile.model_validate(ROOMS[name])
+        before = walked(run_file, tmp_path)
+        for at in leaves(run_file):
+            other = with_other(run_file, at)
+            after = walked(other, tmp_path) if other is not None else before
+            kept = KEPT_BY_EDITS.get(dotted(at), ())
+            tried.add(dotted(at))
+            for stage, same in (("materials", same_picture_light), ("scene", same_room)):
+                if before.settings[stage] != after.settings[stage]:
+                    assert same(before.settings[stage], after.settings[stage]) == (stage in kept), (dotted(at), stage)
+    assert tried >= KEPT_BY_EDITS.keys() - {""}
+
+
+def test_a_factor_on_all_fluxes_leaves_the_picture_s_light(tmp_path: Path) -> None:
+    def settings(*factors: float, spectrum: str = "LED-B3") -> Any:
+        lamps = [{**LAMP, "name": f"{i}", "luminous_flux_lm": 900 * factor} for i, factor in enumerate(factors)]
+        lamps[0]["spectrum"] = spectrum
+        room = {"scan": {"file": "room.glb"}, "lamps": lamps}
+        return walked(RunFile.model_validate(room), tmp_path).settings["materials"]
+
+    assert same_picture_light(settings(1.0, 2.0), settings(0.37, 0.74))
+    assert same_picture_light(settings(1.0), settings(3.0))
+    assert not same_picture_light(settings(1.0, 2.0), settings(1.0, 2.1))
+    assert not same_picture_light(settings(1.0, 2.0), settings(1.0, 2.0, spectrum="LED-B1"))
+    assert not same_picture_light(settings(1.0, 2.0), settings(1.0, 2.0, 1.0))
+
+
+def test_notes_call_lamps_by_their_present_names() -> None:
+    record = StageRecord(
+        stage="scene", key="", settings={}, finished="", seconds=0.0, peak_memory_mib=0.0, summary="",
+        warnings=("Lamps 'a' and 'b' are too close, 'ab' is not.",), outputs={}, versions={},
+    )  # fmt: skip
+    shown = with_present_names(record, ("a", "b", "ab"), ("b", "a", "ab"))
+    assert shown.warnings == ("Lamps 'b' and 'a' are too close, 'ab' is not.",)
 
 
 def test_taking_the_light_out_or_not_makes_the_materials_again(tmp_path: Path) -> None:

@@ -13,11 +13,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from lidarspectra.arrays import FloatArray
+from lidarspectra.radiance.scene.relit_scene import reflected_light_error
 from lidarspectra.radiance.scene.scene_record import RadianceScene
 from lidarspectra.spectra.spectrum import Spectrum
 
 MAX_SPECTRUM_ERROR = 0.01  # [1] of a channel's reflected light; above it relighting warns that a new trace is needed
-DARK_CHANNEL = 1e-3  # [1] of a lamp's brightest channel; relative errors below it are meaningless
 SLOT_DIMS: dict[str, tuple[str, ...]] = {
     "slot_coefficient": ("lamp", "point", "slot"),
     "slot_flux": ("lamp", "slot"),
@@ -126,12 +126,32 @@ def with_spectrum(transport: xr.Dataset, lamp: str, flux: Spectrum) -> xr.Datase
     row = [str(name) for name in transport["lamp"].to_numpy()].index(lamp)
     grid = transport["wavelength"].to_numpy()
     sent = transport["slot_weights"].transpose("slot", "wavelength").to_numpy() @ flux.at(grid, outside="zero")
+    return with_slot_flux(transport, row, sent)
+
+
+def with_slot_flux(transport: xr.Dataset, row: int, flux: FloatArray) -> xr.Dataset:
+    """The transport for another flux of one lamp in its slots.
+
+    Parameters
+    ----------
+    transport : xarray.Dataset
+        With the slots' coefficients.
+    row : int
+        The lamp's number.
+    flux : (slot,) float
+        [W/nm]
+
+    Returns
+    -------
+    changed : xarray.Dataset
+        As of `with_spectrum`.
+    """
     slots = transport["slot_coefficient"].transpose("lamp", "point", "slot").to_numpy()[row]
-    new = slots @ channel_weights(sent[None], _matrix(transport))[0]
+    new = slots @ channel_weights(flux[None], _matrix(transport))[0]
     changed = transport.copy()
     old = transport["coefficient"].transpose("lamp", "point", "band").to_numpy()[row]
     ratio = np.where(old > 0, new / np.where(old > 0, old, 1.0), 1.0)
-    for name in ("coefficient", "coefficient_se", "coefficient_batches", "truncation_coefficient"):
+    for name in ("coefficient", "coefficient_se", "coefficient_batches", "truncation_coefficient", "opening_coefficient"):
         if name in transport:
             dims = [dim for dim in ("lamp", "batch", "point", "band") if dim in transport[name].dims]
             values = transport[name].transpose(*dims).to_numpy().copy()
@@ -146,10 +166,6 @@ def with_spectrum(transport: xr.Dataset, lamp: str, flux: Spectrum) -> xr.Datase
 def spectrum_error(transport: xr.Dataset, lamp: str, flux: Spectrum) -> FloatArray:
     """Predicted relative error of a channel's reflected light if a lamp is relit with another spectrum.
 
-    In an integrating sphere of the room's mean reflectance ρ̄ reflected light is proportional to ρ̄/(1 - ρ̄). The error
-    compares its value from the slots, whose reflectances are weighted by the traced lamp's spectrum, with the integral
-    over wavelength.
-
     Parameters
     ----------
     transport : xarray.Dataset
@@ -160,7 +176,7 @@ def spectrum_error(transport: xr.Dataset, lamp: str, flux: Spectrum) -> FloatArr
     Returns
     -------
     error : (band,) float
-        Signed; 0 in channels that the lamp hardly lights, and without stored slots, since the room's reflectances
+        Signed, see `reflected_light_error`; 0 without stored slots, since the room's reflectances
         then hardly change within a channel. [1]
     """
     if "slot_coefficient" not in transport:
@@ -170,12 +186,9 @@ def spectrum_error(transport: xr.Dataset, lamp: str, flux: Spectrum) -> FloatArr
     power = flux.at(transport["wavelength"].to_numpy(), outside="zero")
     mean = transport["mean_reflectance"].to_numpy()
     held = transport["slot_reflectance"].transpose("lamp", "slot").to_numpy()[row]
-    matrix = _matrix(transport)
-    truth = (weights @ (power * mean / (1.0 - mean))) @ matrix
-    found = ((weights @ power) * held / (1.0 - held)) @ matrix
-    sent = (weights @ power) @ matrix
-    lit = (sent > DARK_CHANNEL * sent.max(initial=0.0)) & (truth > 0)
-    return np.where(lit, found / np.where(lit, truth, 1.0) - 1.0, 0.0)
+    return reflected_light_error(
+        power=power, weights=weights, matrix=_matrix(transport), mean_reflectance=mean, slot_reflectance=held
+    )
 
 
 def _matrix(transport: xr.Dataset) -> FloatArray:
