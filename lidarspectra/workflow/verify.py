@@ -6,7 +6,7 @@ relative, so that a run may have moved; where it moved without its inputs, those
 """
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -166,11 +166,20 @@ def verify_run(run: Path, *, inputs: Path | None = None) -> Verification:
         ) from cause
     return Verification(
         run=run,
-        findings=tuple(dict.fromkeys(findings)),
+        findings=tuple(dict.fromkeys(_without_relit(findings))),
         finished=tuple(stage for stage in STAGES if records[stage] is not None),
         unfinished=tuple(stage for stage in STAGES if records[stage] is None),
         notes=(*notes, *_version_notes(records)),
     )
+
+
+def _without_relit(findings: Sequence[Finding]) -> Iterator[Finding]:
+    """Findings without lamps' spectra that changed after the scene was made, and that its map was made with again."""
+    known_to_map = {(each.part, each.name) for each in findings if each.stage == "map" and each.state == "same"}
+    for finding in findings:
+        is_relit = finding.stage == "scene" and finding.part in ("input", "database") and finding.state == "changed"
+        if not (is_relit and (finding.part, finding.name) in known_to_map):
+            yield finding
 
 
 def _inputs_folder(run: Path, request: RunRequest | None, given: Path | None) -> tuple[Path | None, tuple[str, ...]]:

@@ -15,6 +15,7 @@ from lidarspectra.radiance.scene.slots import MAX_OWN_ERROR
 from lidarspectra.workflow.light_of_run import light_of_run
 from lidarspectra.workflow.pipeline import plan, run
 from lidarspectra.workflow.relighting import LampOrder, relight_run
+from lidarspectra.workflow.verify import verify_run
 from lidarspectra.workflow.workspace import STAGES, StageName, StageResult
 
 pytestmark = pytest.mark.slow
@@ -24,8 +25,8 @@ BY_TWO_TRACES = pytest.mark.chance(
 
 RoomWriter = Callable[..., Path]
 PANEL, BULB = 'lamp "one" !rm', "warm"
-CHANNELS = "center_nm,fwhm_nm\n460,20\n560,20\n610,20\n"
-SIGMAS = 7.0  # [1] two traces of one point agree within: 27 values and 9, far below one run in a million
+CHANNELS = "center_nm,fwhm_nm\n" + "".join(f"{center},20\n" for center in range(420, 701, 40))
+SIGMAS = 7.0  # [1] two traces of one point agree within: 72 values and 9, far below one run in a million
 ROUND_OFF = 1e-6  # [1] of coefficients in single precision
 
 
@@ -60,14 +61,14 @@ def text(room_text: str) -> str:
     """A run file of few channels, and one paint of an edge that a lamp's spectrum matters to."""
     materials = "[materials]\nmethod = 'default'\ndefault = 'cc-orange'\ncoverage = 0.3\n"
     text = room_text.replace("[materials]\ncoverage = 0.5\n", materials)
-    return text.replace("[sensors.grid]", "[sensors]\ndevice = 'three.csv'\n[sensors.grid]")
+    return text.replace("[sensors.grid]", "[sensors]\ndevice = 'eight.csv'\n[sensors.grid]")
 
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory, write_room: RoomWriter, text: str) -> Path:
     """The run file of a run up to the map."""
     run_file = write_room(tmp_path_factory.mktemp("edits") / "room", text)
-    (run_file.parent / "three.csv").write_text(CHANNELS, encoding="utf-8")
+    (run_file.parent / "eight.csv").write_text(CHANNELS, encoding="utf-8")
     assert make(run_file).made == list(STAGES[:-1])
     return run_file
 
@@ -126,7 +127,7 @@ def test_dimming_makes_the_map_again_as_a_fresh_run_has_it(
     np.testing.assert_allclose(dimmed["irradiance"], 0.25 * panel + bulb, rtol=ROUND_OFF)
 
     fresh_file = write_room(tmp_path / "fresh", run_file.read_text("utf-8"))
-    shutil.copyfile(finished.parent / "three.csv", fresh_file.parent / "three.csv")
+    shutil.copyfile(finished.parent / "eight.csv", fresh_file.parent / "eight.csv")
     run(fresh_file, last="map")
     fresh = map_of(fresh_file)
     for name in ("irradiance", "illuminance"):
@@ -165,6 +166,9 @@ def test_a_spectrum_that_the_traced_slots_carry_makes_the_map_again_another_the_
     watch = make(edited(('"LED-B3"', '"laser.csv"')))
     assert watch.made == ["scene", "trace", "map"]
     assert any("The light is traced again" in note and "has another spectrum" in note for note in watch.notes)
+    (run_file.parent / "laser.csv").write_text("wavelength_nm,W_nm\n564,0\n565,2\n566,0\n", encoding="utf-8")
+    assert make(run_file).made == ["map"], "the same spectrum, and its lumens are given"
+    assert verify_run(run_file.with_suffix(".run")).differences == ()
 
 
 def test_a_trace_that_is_made_again_is_that_of_the_present_lamps(edited: Callable[..., Path]) -> None:
