@@ -123,8 +123,8 @@ def check(
     estimates = estimate_seconds(folder, inputs.run_file, _task(inputs, checked, folder)) if made else {}
     return RunCheck(
         file=inputs.file_name,
-        faults=tuple(findings.faults),
-        notes=tuple(findings.questions),
+        faults=findings.faults,
+        notes=findings.questions,
         found=tuple(_found(inputs, checked)),
         states=states,
         seconds={stage: estimates[stage] for stage in made},

@@ -1,5 +1,6 @@
 """What a check of a run file finds: faults that end it, and numbers that are asked about."""
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -7,6 +8,7 @@ from dataclasses import dataclass, field
 from lidarspectra.errors import LidarSpectraError, RunFileError
 
 MAX_NAMED = 6  # lamps or points named in one sentence
+_TABLE_NUMBER = re.compile(r"\.\d+\.")  # of lamps, windows and cells
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,22 +43,42 @@ class Plausible:
 
 
 @dataclass(kw_only=True)
+class _Finding:
+    """A fault or question, and the keys that have it: sixteen lamps of one wrong spectrum are one fault."""
+
+    keys: list[str]
+    fault: LidarSpectraError | None = None
+    words: str = ""
+
+    def is_also_of(self, key: str, other: "_Finding") -> bool:
+        """Whether another finding says the same of the same key of another table."""
+        same_key = _TABLE_NUMBER.sub(".", self.keys[0]) == _TABLE_NUMBER.sub(".", key)
+        return same_key and self.words == other.words and str(self.fault) == str(other.fault)
+
+
+@dataclass(kw_only=True)
 class Findings:
-    """Collects faults and questions, each with the key of the run file that it is about.
+    """Collects faults and questions, each with the keys of the run file that it is about.
 
     Parameters
     ----------
     file : str
         Name of the run file.
-    faults : list of LidarSpectraError
-        Why the run cannot be made.
-    questions : list of str
-        Sentences about numbers that are possible, but unlikely to be meant.
     """
 
     file: str
-    faults: list[LidarSpectraError] = field(default_factory=list)
-    questions: list[str] = field(default_factory=list)
+    _faults: list[_Finding] = field(default_factory=list)
+    _questions: list[_Finding] = field(default_factory=list)
+
+    @property
+    def faults(self) -> tuple[LidarSpectraError, ...]:
+        """Why the run cannot be made."""
+        return tuple(_of_keys(each.fault, each.keys, self.file) for each in self._faults if each.fault is not None)
+
+    @property
+    def questions(self) -> tuple[str, ...]:
+        """Sentences about numbers that are possible, but unlikely to be meant."""
+        return tuple(f"{self.file}, {listed(each.keys)}: {each.words}" for each in self._questions)
 
     @contextmanager
     def at(self, key: str) -> Iterator[None]:
@@ -64,17 +86,22 @@ class Findings:
         try:
             yield
         except LidarSpectraError as fault:
-            self.faults.append(_of_key(fault, key, self.file))
+            _add(self._faults, key, _Finding(keys=[key], fault=fault))
 
     def refuse(self, key: str, *, expected: str, found: str, todo: str) -> None:
         """Add a fault of a key, if it has none yet."""
-        if not self._has(key):
-            self.faults.append(RunFileError(expected=expected, found=found, where=f"{self.file}, {key}", todo=todo))
+        if not self.is_faulty(key):
+            fault = RunFileError(expected=expected, found=found, todo=todo)
+            _add(self._faults, key, _Finding(keys=[key], fault=fault))
 
     def ask(self, key: str, words: str) -> None:
         """Add a question about a key, if it has no fault."""
-        if not self._has(key):
-            self.questions.append(f"{self.file}, {key}: {words}")
+        if not self.is_faulty(key):
+            _add(self._questions, key, _Finding(keys=[key], words=words))
+
+    def is_faulty(self, key: str) -> bool:
+        """Whether a key, or one within it, has a fault."""
+        return any(each == key or each.startswith(f"{key}.") for found in self._faults for each in found.keys)
 
     def number(self, key: str, value: float | None, plausible: Plausible) -> None:
         """Refuse a number that no room has, and ask about one that few have; None is no number."""
@@ -91,14 +118,12 @@ class Findings:
             quantity, usual = plausible.quantity.capitalize(), plausible.range_words(plausible.usual)
             self.ask(key, f"is {plausible.words(value)} meant? {quantity} is usually {usual}. {plausible.remedy}")
 
-    def _has(self, key: str) -> bool:
-        return any(fault.where == f"{self.file}, {key}" for fault in self.faults)
-
     def require_none(self) -> None:
         """Raise the first fault, with the number of the others."""
-        if not self.faults:
+        faults = self.faults
+        if not faults:
             return
-        first, more = self.faults[0], len(self.faults) - 1
+        first, more = faults[0], len(faults) - 1
         if more == 0:
             raise first
         others = "another fault" if more == 1 else f"{more} other faults"
@@ -122,12 +147,21 @@ def listed(words: Sequence[str]) -> str:
     return ", ".join(words[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
-def _of_key(fault: LidarSpectraError, key: str, file: str) -> LidarSpectraError:
-    """The same fault, which names the key of the run file first, and says what to do."""
-    inner = "" if fault.where in ("", key) else f": {fault.where}"
+def _add(findings: list[_Finding], key: str, finding: _Finding) -> None:
+    """Add a finding, or its key to one that says the same."""
+    for each in findings:
+        if each.is_also_of(key, finding):
+            each.keys.append(key)
+            return
+    findings.append(finding)
+
+
+def _of_keys(fault: LidarSpectraError, keys: Sequence[str], file: str) -> LidarSpectraError:
+    """The same fault, which names the keys of the run file first, and says what to do."""
+    inner = "" if fault.where in ("", keys[0]) else f": {fault.where}"
     return type(fault)(
         expected=fault.expected,
         found=fault.found,
-        where=f"{file}, {key}{inner}",
-        todo=fault.todo or f"Correct '{key}' in the run file; docs/run-file.md explains it.",
+        where=f"{file}, {listed(keys)}{inner}",
+        todo=fault.todo or f"Correct '{keys[0]}' in the run file; docs/run-file.md explains it.",
     )

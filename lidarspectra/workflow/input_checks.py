@@ -121,7 +121,7 @@ def _bands(inputs: Inputs, findings: Findings) -> BandSet | None:
 
 def _lamp(key: str, section: LampSection, bands: BandSet | None, base: Path, findings: Findings) -> Lamp | None:
     """The lamp of a table, dimmed; None if it is faulty or off."""
-    count = len(findings.faults)
+    findings.number(f"{key}.luminous_flux_lm", section.luminous_flux_lm, plausible.LUMINOUS_FLUX)
     for size_m in np.atleast_1d(section.size if section.size is not None else ()):
         findings.number(f"{key}.size", float(size_m), plausible.LAMP_SIZE)
     if not any(section.normal):
@@ -129,7 +129,7 @@ def _lamp(key: str, section: LampSection, bands: BandSet | None, base: Path, fin
     light = "cct_k" if section.spectrum is None else "spectrum"
     with findings.at(f"{key}.{light}"):
         _require_seen(_spectrum(section.spectrum, section.cct_k, base), bands)
-    if len(findings.faults) > count:
+    if findings.is_faulty(key):
         return None
     with findings.at(key if section.file is None else f"{key}.file"):
         (lamp,) = resolve_lamps([section.model_copy(update={"dim": 1.0})], base)
@@ -143,8 +143,9 @@ def _check_flux(key: str, section: LampSection, lamp: Lamp, findings: Findings) 
     given = next(
         (name for name in ("luminous_flux_lm", "radiant_flux_W", "file") if getattr(section, name)), "spectrum"
     )
-    if given != "luminous_flux_lm":
-        findings.number(f"{key}.{given}", lamp.flux.integral(), plausible.RADIANT_FLUX)
+    if given == "luminous_flux_lm":
+        return  # known before the spectrum is
+    findings.number(f"{key}.{given}", lamp.flux.integral(), plausible.RADIANT_FLUX)
     lumens = luminous_flux_lm(lamp.flux)
     if given != "radiant_flux_W" and lumens > 0:  # a lamp beyond the visible has none
         findings.number(f"{key}.{given}", lumens, plausible.LUMINOUS_FLUX)

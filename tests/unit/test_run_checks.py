@@ -345,6 +345,12 @@ def test_several_faults_are_all_listed_and_a_run_names_the_first(write: Write) -
         ls.run(run_file)
 
 
+def test_a_fault_that_many_lamps_have_is_one(write: Write) -> None:
+    run_file = write(("LED-B3", "LED-B33"), ('spectrum = "A"', 'spectrum = "LED-B33"'))
+    (fault,) = ls.check(run_file).faults
+    assert fault.where == "room.toml, lamps.1.spectrum, lamps.2.spectrum"
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
