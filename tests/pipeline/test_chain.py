@@ -154,10 +154,10 @@ def test_giving_what_was_assumed_traces_nothing_again_and_ends_the_note(
     shutil.copytree(finished.parent, tmp_path / "room")
     run_file = tmp_path / "room" / finished.name
     run_file.write_text(room_text.replace("= 800", "= 800\nassumed = true"), encoding="utf-8")
-    assert made_by(run_file, last="map") == ["scene", "map"]  # its note, and the map's attribute
+    assert made_by(run_file, last="map") == ["map"]  # its note, and its attribute
     summary = run(run_file, last="map")
     assert json.loads(summary.map.attrs["assumed"]) == {"flux and spectrum": ["warm"]}
-    (note,) = [note for note in summary.results["scene"].record.warnings if "guesses" in note]
+    (note,) = [note for note in summary.results["map"].record.warnings if "guesses" in note]
     assert "1 of 2 lamps ('warm')" in note
     words = ["relight", str(summary.folder), "--lamp", "warm"]
     answer = CliRunner().invoke(app, [*words, "--dim", "0.5"])
@@ -166,7 +166,7 @@ def test_giving_what_was_assumed_traces_nothing_again_and_ends_the_note(
     assert answer.exit_code == 0
     assert "guesses" not in answer.output
     run_file.write_text(room_text, encoding="utf-8")
-    assert made_by(run_file, last="map") == ["scene", "map"]
+    assert made_by(run_file, last="map") == ["map"]
     assert json.loads(run(run_file, last="map").map.attrs["assumed"]) == {}
 
 
