@@ -42,7 +42,7 @@ def lamps_of_run(run_file: RunFile, scanned: ScannedRoom, *, base: Path) -> tupl
     """The run file's lamps, or those found lit in the scan's texture."""
     if run_file.lamps_from_scan is None:
         return resolve_lamps(run_file.lamps, base)
-    return lit_lamps(run_file.lamps_from_scan, findlit_lamps(scanned.scan, scanned.room), base)
+    return lit_lamps(run_file.lamps_from_scan, find_lit_lamps(scanned.scan, scanned.room), base)
 
 
 def lamps_in_picture(run_file: RunFile, scanned: ScannedRoom, *, base: Path) -> tuple[Lamp, ...]:

@@ -55,6 +55,7 @@ ROOMS: dict[str, dict[str, Any]] = {
         "calibration": {"measured": "readings.csv", "lamps": {"one": 1.1}, "reflectance": {"floor": 0.9}},
         "daylight": DAYLIGHT,
         "sensors": {"grid": {"count": 9}, "field_of_view_deg": 30},
+        "calibration": {"measured": "readings.csv", "lamps": {"one": 1.1}, "reflectance": {"floor": 0.9}},
     },
     "lamps in the scan": {
         **REST,
@@ -88,6 +89,7 @@ FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits
     "trace.workers": STAGES[6:],  # the same numbers, but the page shows the run file
     "calibration": STAGES[3:],
     "people_and_plants": STAGES[6:],
+    "calibration": STAGES[3:],
     "cells": STAGES[6:],
 }
 WITHOUT_DELIGHTING = {**FIRST_STAGES, "lamps": STAGES[3:], "lamps_from_scan": STAGES[3:]}
@@ -148,7 +150,7 @@ OTHER_WORDS = {
     "shape": "disc", "size": [0.4, 0.4], "unit": "cm", "up": "+z", "fluxes": "area", "method": "default",
     "model": "none", "matching": "nearest", "databases": ["builtin", "mine"], "accuracy": "low", "noise": "fine",
     "noise_of": "point", "mode": "rgb", "hours": "9-18", "time": "2026-06-21T13:00:00+02:00", "file": "another",
-    "workers": 3, "assumed": ["unit"],
+    "workers": 3, "lamps": {"one": 1.2}, "assumed": ["unit"],
 }  # fmt: skip
 
 
@@ -225,6 +227,8 @@ KEPT_BY_EDITS: dict[str, tuple[StageName, ...]] = {  # of keys that materials or
     "lamps.radiant_flux_W": ("scene",),
     "lamps.spectrum": ("scene",),  # where its slots carry the spectrum
     "lamps.cct_k": ("scene",),
+    "calibration.measured": ("scene",),
+    "calibration.lamps": ("scene",),  # of a lamp; not of a window
     "lamps_from_scan.luminous_exitance_lm_m2": ("materials", "scene"),
     "lamps_from_scan.spectrum": ("scene",),
     "lamps_from_scan.cct_k": ("scene",),

@@ -18,6 +18,13 @@ from lidarspectra.radiance.scene.scene_record import RadianceScene
 from lidarspectra.spectra.spectrum import Spectrum
 
 MAX_SPECTRUM_ERROR = 0.01  # [1] of a channel's reflected light; above it relighting warns that a new trace is needed
+COEFFICIENTS = (
+    "coefficient",
+    "coefficient_se",
+    "coefficient_batches",
+    "truncation_coefficient",
+    "opening_coefficient",
+)  # of a transport [m⁻²]
 SLOT_DIMS: dict[str, tuple[str, ...]] = {
     "slot_coefficient": ("lamp", "point", "slot"),
     "slot_flux": ("lamp", "slot"),
@@ -151,7 +158,13 @@ def with_slot_flux(transport: xr.Dataset, row: int, flux: FloatArray) -> xr.Data
     changed = transport.copy()
     old = transport["coefficient"].transpose("lamp", "point", "band").to_numpy()[row]
     ratio = np.where(old > 0, new / np.where(old > 0, old, 1.0), 1.0)
-    for name in ("coefficient", "coefficient_se", "coefficient_batches", "truncation_coefficient", "opening_coefficient"):
+    for name in (
+        "coefficient",
+        "coefficient_se",
+        "coefficient_batches",
+        "truncation_coefficient",
+        "opening_coefficient",
+    ):
         if name in transport:
             dims = [dim for dim in ("lamp", "batch", "point", "band") if dim in transport[name].dims]
             values = transport[name].transpose(*dims).to_numpy().copy()
