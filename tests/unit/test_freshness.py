@@ -55,7 +55,6 @@ ROOMS: dict[str, dict[str, Any]] = {
         "calibration": {"measured": "readings.csv", "lamps": {"one": 1.1}, "reflectance": {"floor": 0.9}},
         "daylight": DAYLIGHT,
         "sensors": {"grid": {"count": 9}, "field_of_view_deg": 30},
-        "calibration": {"measured": "readings.csv", "lamps": {"one": 1.1}, "reflectance": {"floor": 0.9}},
     },
     "lamps in the scan": {
         **REST,
@@ -89,7 +88,6 @@ FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits
     "trace.workers": STAGES[6:],  # the same numbers, but the page shows the run file
     "calibration": STAGES[3:],
     "people_and_plants": STAGES[6:],
-    "calibration": STAGES[3:],
     "cells": STAGES[6:],
 }
 WITHOUT_DELIGHTING = {**FIRST_STAGES, "lamps": STAGES[3:], "lamps_from_scan": STAGES[3:]}
@@ -150,7 +148,7 @@ OTHER_WORDS = {
     "shape": "disc", "size": [0.4, 0.4], "unit": "cm", "up": "+z", "fluxes": "area", "method": "default",
     "model": "none", "matching": "nearest", "databases": ["builtin", "mine"], "accuracy": "low", "noise": "fine",
     "noise_of": "point", "mode": "rgb", "hours": "9-18", "time": "2026-06-21T13:00:00+02:00", "file": "another",
-    "workers": 3, "lamps": {"one": 1.2}, "assumed": ["unit"],
+    "workers": 3, "assumed": ["unit"],
 }  # fmt: skip
 
 
