@@ -103,11 +103,13 @@ def _below_the_ceiling(plans: FloatArray, room: Room, free: FreeSpace) -> FloatA
     """(panel, 3) centres below the lowest part of the ceiling over each panel; places without air are left out [m]."""
     start_z = max(room.ceiling_z - LOOK_UP_M, 0.5 * (room.floor_z + room.ceiling_z))
     starts = np.column_stack([plans, np.full(len(plans), start_z)])
-    starts = starts[free.inside(starts)] if len(starts) else starts
+    starts = starts[free.inside(starts)]
+    if not len(starts):
+        return starts
     half = PANEL_M / 2
     reach = np.array([[x, y, 0.0] for x in (-half, 0.0, half) for y in (-half, 0.0, half)])
     rays = (starts[:, None] + reach).reshape(-1, 3)
-    up = free.caster.nearest(rays, (0.0, 0.0, 1.0), max_distance=2.0 * LOOK_UP_M).distance if len(rays) else np.zeros(0)
+    up = free.caster.nearest(rays, (0.0, 0.0, 1.0), max_distance=2.0 * LOOK_UP_M).distance
     up = np.where(np.isfinite(up), up, room.ceiling_z - start_z)  # no ceiling was scanned there
     lowest = up.reshape(len(starts), -1).min(axis=1, initial=2.0 * LOOK_UP_M)
     starts[:, 2] += lowest - CLEARANCE_M

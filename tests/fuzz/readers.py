@@ -9,6 +9,7 @@ from pathlib import Path
 
 import mutations as m
 import numpy as np
+import rooms
 
 Files = dict[str, bytes]
 PROJECT = Path(__file__).resolve().parents[2]
@@ -30,6 +31,12 @@ class Reader:
         Chosen by lot.
     cases_a_process : int
         After so many the campaign starts a fresh process; few where a library keeps what it was given.
+    most_cases : int
+        In a campaign; fewer where a case takes seconds.
+    case_s : float
+        Processor time that a case may take. [s]
+    starts_programs : bool
+        Whether it may start programs: Radiance's.
     """
 
     name: str
@@ -37,6 +44,9 @@ class Reader:
     read: Callable[[Path], object]
     damage: tuple[m.Mutator, ...]
     cases_a_process: int = 5_000
+    most_cases: int = 10_000
+    case_s: float = 20.0  # the largest image that is allowed takes two
+    starts_programs: bool = False
 
 
 # --- scans
@@ -125,6 +135,24 @@ def usd_seeds(folder: Path) -> Iterator[Files]:
         yield {"a.usdz": (folder / "a.usdz").read_bytes()}
         if suffix == ".usda":
             yield {"a.usda": inner.read_bytes()}
+
+
+def room_seeds(folder: Path) -> Iterator[Files]:
+    yield {"room.glb": rooms.glb(rooms.plain_room(np.random.default_rng(3)))}
+
+
+def read_a_room(path: Path) -> object:
+    """From the scan to the Radiance scene; with the light taken out of every fourth room's colours."""
+    import lidarspectra as ls
+    from lidarspectra.errors import SensorError
+
+    try:
+        run_file = ls.init(path)
+    except SensorError:  # a room in which not one point fits
+        return None
+    delight = path.stat().st_size % 16 == 0  # of a GLB a multiple of 4
+    cheap = run_file.changed(materials={"coverage": 0.5, "delight": delight})
+    return ls.run(cheap, path.parent / "room.run", last="scene", workers=1)
 
 
 def read_a_scan(path: Path) -> object:
@@ -740,6 +768,16 @@ READERS = (
         read=read_a_scan,
         damage=(m.change_zip, m.raw, m.text),
         cases_a_process=1_000,  # USD's library loses some 2 MB with every damaged file, and says so nowhere
+    ),
+    Reader(
+        name="room",
+        seeds=room_seeds,
+        read=read_a_room,
+        damage=(rooms.another_room,),
+        cases_a_process=50,
+        most_cases=300,
+        case_s=120.0,
+        starts_programs=True,
     ),
     Reader(name="texture", seeds=texture_seeds, read=read_a_texture, damage=(damage_a_texture,)),
     Reader(name="run file", seeds=run_file_seeds, read=read_a_run_file, damage=TEXT),
