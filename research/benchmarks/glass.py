@@ -123,9 +123,9 @@ def write(case: Case, folder: Path) -> Any:
     faces = np.concatenate([np.full(len(mesh.faces), kind) for mesh, kind in meshes])
     materials = materials_on(
         [
-            _material("wall", REFLECTANCE),
-            _material("glass", 0.08, kind="glass", transmittance=CLEAR),
-            _material("mirror", MIRROR, kind="mirror"),
+            material("wall", REFLECTANCE),
+            material("glass", 0.08, kind="glass", transmittance=CLEAR),
+            material("mirror", MIRROR, kind="mirror"),
         ],
         faces,
     )
@@ -133,7 +133,8 @@ def write(case: Case, folder: Path) -> Any:
     return write_scene(scan, materials, [panel("lamp", LAMP)], BANDS, folder)
 
 
-def _material(name: str, reflectance: float, **more: Any) -> Material:
+def material(name: str, reflectance: float, **more: Any) -> Material:
+    """A material, matt unless `kind` says otherwise."""
     return Material(
         name=name,
         category=name,

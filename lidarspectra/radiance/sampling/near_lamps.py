@@ -105,7 +105,8 @@ class NearLamps:
             if not where.size:
                 continue
             normals = self.sensors.normals[points[where]]
-            origins = self.sensors.positions[points[where]] + SENSOR_OFFSET_M * normals
+            origins = self.sensors.positions[points[where]]
+            lift = SENSOR_OFFSET_M * normals  # clear of the sensor's own surface
             found = np.empty((sets, where.size))
             for number in range(sets):
                 shift = self.generator.random((where.size, 1, 2))
@@ -114,7 +115,7 @@ class NearLamps:
                 ways, values = sample(lamp, origins, normals, numbers)
                 arriving = np.zeros_like(values)
                 lit = np.nonzero(values > 0)
-                arriving[lit] = self.surfaces.light_through(origins[lit[0]], ways[lit])
+                arriving[lit] = self.surfaces.light_through((origins + lift)[lit[0]], ways[lit] - lift[lit[0]])
                 found[number] = (values * arriving).sum(axis=1)
             yield lamp.lamp, where, found[..., None] * flux
 
