@@ -209,9 +209,8 @@ def test_a_lamp_that_sticks_through_a_wall_is_told_and_the_run_goes_on(
     run_file.write_text(slow_text.replace("[0.6, 1.6, 1.9]", "[0.6, 1.99, 1.9]"), encoding="utf-8")
     answer = command_line("scene", run_file)
     assert answer.status == 0, answer.stderr
-    notes = [line for line in answer.stdout.splitlines() if "note: Lamp" in line]
-    assert len(notes) == 1
-    assert re.search("Lamp 'warm' .*surface", notes[0])
+    (note,) = [line for line in answer.stdout.splitlines() if "note: " in line and "'warm'" in line]
+    assert re.search("surface .*so that all of the light reaches the room", note)
 
 
 def test_sensors_that_all_lie_outside_are_refused(
