@@ -210,7 +210,7 @@ def test_a_lamp_that_sticks_through_a_wall_is_told_and_the_run_goes_on(
     answer = command_line("scene", run_file)
     assert answer.status == 0, answer.stderr
     (note,) = [line for line in answer.stdout.splitlines() if "note: " in line and "'warm'" in line]
-    assert re.search("surface .*so that all of the light reaches the room", note)
+    assert re.search("surface .*all of the light reaches the room", note)
 
 
 def test_sensors_that_all_lie_outside_are_refused(
