@@ -93,9 +93,10 @@ def repair_scan(
     loops, loose_edges = find_loops(scan.faces)
     scan = _closed(scan, loops, loose_edges, max_hole_m if close_holes else 0.0, closing)
     hiding(0.0, "looking for hidden layers")
-    scan = _without_hidden_layers(scan)
-    if flatten and not scan.appearance.is_drawn:  # a model's planes are flat, and 3 mm between two of them are meant
-        scan = flatten_scan(scan, progress=flattening)
+    if not scan.appearance.is_drawn:  # a model has no drift: its walls' backs, and 3 mm between two planes, are meant
+        scan = _without_hidden_layers(scan)
+        if flatten:
+            scan = flatten_scan(scan, progress=flattening)
     if max_faces is not None:
         scan = decimate(scan, max_faces, progress=decimating)
     record = replace(scan.record, faces_kept=scan.faces.shape[0], area_m2=float(scan.areas.sum()))
