@@ -79,11 +79,19 @@ class Guard:
             elif isinstance(arguments[2], int) and arguments[2] & WRITING:
                 self._check(event, path)
         elif event in CHANGING_EVENTS and isinstance(arguments[0], str | bytes):
-            self._check(event, Path(os.path.realpath(os.fsdecode(arguments[0]))))
+            self._check(event, Path(os.path.realpath(_folder_of(event, arguments) / os.fsdecode(arguments[0]))))
 
     def _check(self, event: str, path: Path) -> None:
         if not path.is_relative_to(self.allowed) and path != Path(os.devnull):
             self.seen.append(f"{event} of {path}")
+
+
+def _folder_of(event: str, arguments: tuple[object, ...]) -> Path:
+    """Where a relative name starts: in the folder whose descriptor is given, as `shutil.rmtree` does it."""
+    descriptor = arguments[1] if event in ("os.remove", "os.rmdir") and len(arguments) > 1 else -1
+    if isinstance(descriptor, int) and descriptor >= 0:
+        return Path(f"/proc/self/fd/{descriptor}").readlink() if Path("/proc/self/fd").exists() else Path("/dev")
+    return Path()
 
 
 @dataclass
