@@ -20,6 +20,7 @@ Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")]
 """Of a lamp: any words in one line; what files of results cannot hold, control characters, is refused."""
+Height = Annotated[float, Field(allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -29,6 +30,10 @@ class ScanSection(Section):
     file: str = Field(min_length=1)
     unit: Literal["auto", "m", "cm", "mm", "in", "ft"] = "auto"
     up: Literal["auto", "+x", "-x", "+y", "-y", "+z", "-z"] = "auto"
+    floor: Height | None = None
+    """Height of the floor, z in the scan's axes; None finds it. [m]"""
+    ceiling: Height | None = None
+    """Height of the main ceiling, z in the scan's axes; None finds it. [m]"""
     close_holes: bool = True
     close_ceiling: bool = True
     """Close a ceiling that was not scanned at the height where the walls end, with the typical reflectance of one."""
@@ -44,6 +49,15 @@ class ScanSection(Section):
     """Decimate to at most so many triangles."""
     assumed: tuple[Literal["unit", "up"], ...] = ()
     """Which of them are guesses, not known: said in the notes, the map and the report."""
+
+    @model_validator(mode="after")
+    def _ceiling_above_floor(self) -> Self:
+        if self.floor is not None and self.ceiling is not None and self.ceiling <= self.floor:
+            raise ValueError(
+                f"ceiling = {self.ceiling:g} is not above floor = {self.floor:g}: both are heights z in the scan's "
+                "axes, in metres"
+            )
+        return self
 
 
 class LampSection(Section):

@@ -309,15 +309,22 @@ def init(
     height: Annotated[
         float, typer.Option("--height", metavar="M", min=0.0, help="Of the sensors above the floor (m).")
     ] = 0.3,
+    floor: Annotated[
+        float | None, typer.Option("--floor", metavar="Z", help="Height of the floor in the scan's axes (m).")
+    ] = None,
+    ceiling: Annotated[
+        float | None, typer.Option("--ceiling", metavar="Z", help="Height of the ceiling in the scan's axes (m).")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing run file.")] = False,
 ) -> None:
     """Write a run file for a scan, for you to check and edit: unit, axes, lamps and a sensor grid; and draw the plan.
 
     Where no room is found, it writes a run file with what to fill in, and says why.
     """
-    from lidarspectra.workflow.init_file import InitChoices, write_init
+    from lidarspectra.workflow.init_choices import InitChoices
+    from lidarspectra.workflow.init_file import write_init
 
-    choices = InitChoices(unit=unit, up=up, height=height)
+    choices = InitChoices(unit=unit, up=up, height=height, floor=floor, ceiling=ceiling)
     summary = write_init(scan, out or scan.with_suffix(".toml"), choices=choices, force=force)
     for line in summary.lines():
         say(line)

@@ -55,6 +55,7 @@ def plan_mask(
     top_z: float,
     walls: tuple[Wall, ...] = (),
     upright: FloatArray | None = None,
+    from_z: float | None = None,
 ) -> PlanMask:
     """Find the cells of the plan that lie in the room, furniture included.
 
@@ -79,6 +80,9 @@ def plan_mask(
     upright : (part, 2) float, optional
         Where walls are in plan. What they enclose is the room, where there is neither floor nor ceiling, and in models
         of rooms, whose floor may be a slab that goes beyond the walls. [m]
+    from_z : float, optional
+        Without a ceiling, look down from this height instead of from above the scan: what is higher is not the
+        room's. [m]
 
     Returns
     -------
@@ -103,7 +107,8 @@ def plan_mask(
             inside = inside | (overhead.reshape(rows, columns) & on_floor)
         inside = inside | _without_ceiling(caster, plan, on_floor, inside, floor_z=floor.z, walls=tall)
     else:
-        inside = _open_from_above(caster, plan, floor_z=floor.z, top_z=top_z, bounds=bounds).reshape(rows, columns)
+        start_z = float(bounds[1, 2]) + 1.0 if from_z is None else from_z
+        inside = _open_from_above(caster, plan, floor_z=floor.z, top_z=top_z, start_z=start_z).reshape(rows, columns)
     if upright is not None:
         wall_cells = np.rint((upright - origin) / cell).astype(np.int64)
         enclosed = _enclosed(wall_cells, (rows, columns), cell, least=ENCLOSED_SHARE * inside.sum())
@@ -166,13 +171,10 @@ def _has_depth(caster: RayCaster, plan: FloatArray, *, ceiling_z: float) -> Bool
     return ~caster.nearest(starts, [0.0, 0.0, -1.0], max_distance=MIN_DEPTH_M - LEVEL_TOLERANCE_M).met
 
 
-def _open_from_above(
-    caster: RayCaster, plan: FloatArray, *, floor_z: float, top_z: float, bounds: FloatArray
-) -> BoolArray:
-    """Whether the highest surface is floor or furniture, well below the top of the walls."""
-    start = float(bounds[1, 2]) + 1.0
-    hits = caster.nearest(np.column_stack([plan, np.full(len(plan), start)]), [0.0, 0.0, -1.0])
-    highest = start - hits.distance
+def _open_from_above(caster: RayCaster, plan: FloatArray, *, floor_z: float, top_z: float, start_z: float) -> BoolArray:
+    """Whether the highest surface below `start_z` is floor or furniture, well below the top of the walls."""
+    hits = caster.nearest(np.column_stack([plan, np.full(len(plan), start_z)]), [0.0, 0.0, -1.0])
+    highest = start_z - hits.distance
     return hits.met & (highest > floor_z - LEVEL_TOLERANCE_M) & (highest < top_z - CEILING_REACH_M)
 
 

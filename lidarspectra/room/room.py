@@ -35,6 +35,7 @@ UPRIGHT_KINDS = ("wall", "door", "window")  # of named parts
 WALL_END_SHARE = 0.02  # share of upright area above (below) which walls end: what a scan throws beyond them
 MIN_WALLS_M2 = 2.0  # [m²] of upright area from which walls can say where a floor is that was not scanned
 BELOW_FLOOR_SHARE = 0.15  # share of upright area below a level surface, from which that is a table top
+BEYOND_SCAN_M = 3.0  # [m] a floor or ceiling that was not scanned is no farther below or above the scan than this
 TABLE_M = (0.3, 1.5)  # [m] height of such a surface above where the walls end
 ROOM_FILE = "room.json"
 
@@ -137,13 +138,19 @@ class Room:
         return within
 
 
-def find_room(scan: Scan, *, caster: RayCaster | None = None) -> Room:
+def find_room(
+    scan: Scan, *, floor_z: float | None = None, ceiling_z: float | None = None, caster: RayCaster | None = None
+) -> Room:
     """Find floor, ceiling, walls and outline of the room in a scan.
 
     Parameters
     ----------
     scan : Scan
         z up, normals towards the room (see `hardware.phone.repair`).
+    floor_z, ceiling_z : float or None
+        Heights that are known, in the scan's axes. The level surface within 10 cm of such a height is the floor, or the
+        main ceiling, however much larger others are; where the scan shows less than a square metre there, floor or
+        ceiling count as not scanned, and lie at the very height that is given. None finds them. [m]
     caster : RayCaster or None
         The scan's, where the caller has one already.
 
@@ -154,15 +161,20 @@ def find_room(scan: Scan, *, caster: RayCaster | None = None) -> Room:
     Raises
     ------
     ScanError
-        If nothing in the scan is level, too little lies over it, or no patch of the plan is a square metre.
+        If nothing in the scan is level, too little lies over it, or no patch of the plan is a square metre; or if a
+        height that is given is far beyond the scan.
     """
+    check_height(scan.bounds, floor_z, name="floor")
+    check_height(scan.bounds, ceiling_z, name="ceiling")
     faces = face_geometry(scan)
     upright = _of_kinds(scan, faces, *UPRIGHT_KINDS)
-    floor = _floor_or_bottom_of_walls(find_floor(_of_kinds(scan, faces, "floor")), upright)
+    floor = find_floor(_of_kinds(scan, faces, "floor"), given_z=floor_z)
+    if floor_z is None:
+        floor = _floor_or_bottom_of_walls(floor, upright)
     if floor is None:
         raise _no_room(scan, "no level surface that faces up, and no walls")
-    ceilings = find_ceilings(_of_kinds(scan, faces, "ceiling"), floor)
-    top_z = ceilings[0].z if ceilings else _top_of_walls(upright, floor)
+    ceilings = find_ceilings(_of_kinds(scan, faces, "ceiling"), floor, given_z=ceiling_z)
+    top_z = ceilings[0].z if ceilings else _top_of_walls(upright, floor) if ceiling_z is None else ceiling_z
     if top_z - floor.z < MIN_HEIGHT_M:
         raise _no_room(scan, f"{top_z - floor.z:.2f} m between its floor and its top")
     caster = caster or RayCaster(scan)
@@ -177,6 +189,7 @@ def find_room(scan: Scan, *, caster: RayCaster | None = None) -> Room:
         top_z=top_z,
         walls=walls,
         upright=_wall_cells(scan, upright) if no_floor or "wall" in scan.appearance.kinds else None,
+        from_z=ceiling_z,
     )
     polygons = outlines(mask)
     if not polygons:
@@ -198,6 +211,32 @@ def find_room(scan: Scan, *, caster: RayCaster | None = None) -> Room:
         other_outlines=polygons[1:],
     )
     return replace(found, floor_share=_floor_share(found, _of_kinds(scan, faces, "floor")))
+
+
+def check_height(bounds: FloatArray, z: float | None, *, name: str) -> None:
+    """Refuse a given height of a floor or ceiling, by its name, that is far beyond a scan.
+
+    Parameters
+    ----------
+    bounds : (2, 3) float
+        Box around the scan. [m]
+    z : float or None
+        None is none. [m]
+    name : str
+        'floor' or 'ceiling'.
+
+    Raises
+    ------
+    ScanError
+    """
+    low, high = float(bounds[0, 2]), float(bounds[1, 2])
+    if z is not None and not low - BEYOND_SCAN_M <= z <= high + BEYOND_SCAN_M:
+        raise ScanError(
+            expected=f"the height z of the {name} in the scan's axes: the scan lies between {low:.2f} and {high:.2f} m",
+            found=f"{z:g} m",
+            where=name,
+            todo="Give it in metres, upwards from the scan's own origin, which need not lie on the floor.",
+        )
 
 
 def _floor_share(room: Room, faces: FaceGeometry) -> float:
@@ -331,5 +370,6 @@ def _no_room(scan: Scan, found: str) -> ScanError:
         expected="a room: a level floor, and at least 1 m of height over at least 1 m² of it",
         found=f"{found} (the scan measures {size} m)",
         where=scan.record.file,
-        todo="Check the unit and the upward axis: both can be given under [scan] in the run file.",
+        todo="Check the unit and the upward axis, and the heights of floor and ceiling where these are known: all can "
+        "be given under [scan] in the run file.",
     )

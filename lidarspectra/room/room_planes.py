@@ -16,6 +16,8 @@ FLOOR_SHARE = 0.25  # smallest floor, over the largest level surface: table tops
 SECOND_CEILING_SHARE = 0.15  # smallest lowered part of a ceiling, over the area of the main ceiling
 SECOND_CEILING_M2 = 2.0  # [m²] smaller level surfaces overhead are shelves and lamp housings
 MIN_HEADROOM_M = 1.5  # [m] a level surface lower than this above the floor is furniture, not a ceiling
+GIVEN_REACH_M = 0.1  # [m] a scanned level surface so near to the height that the user gives is the one that is meant
+SHOWN_M2 = 1.0  # [m²] with less of it in the scan, a floor or ceiling at a given height counts as not scanned
 COARSE_M = 0.25  # [m] longest side of a face that counts as one part
 MAX_CUTS = 64  # of a side: 16 m of a single triangle; beyond it parts are coarser
 WALL_ANGLE_BIN_DEG = 3.0  # [deg] resolution of wall directions
@@ -131,39 +133,61 @@ def face_geometry(scan: Scan) -> FaceGeometry:
     )
 
 
-def find_floor(faces: FaceGeometry) -> Level | None:
+def find_floor(faces: FaceGeometry, *, given_z: float | None = None) -> Level | None:
     """Find the floor: the lowest large level surface that faces up.
 
     Parameters
     ----------
     faces : FaceGeometry
+    given_z : float or None
+        Height at which the user says that it is. [m]
 
     Returns
     -------
     floor : Level or None
-        None where nothing is level.
+        None where nothing is level; of no area at a given height at which the scan shows none.
     """
-    levels = _levels(faces, faces.normals[:, 2] > LEVEL_COSINE, share=FLOOR_SHARE)
+    facing_up = faces.normals[:, 2] > LEVEL_COSINE
+    if given_z is not None:
+        return _level_at(faces, facing_up, given_z)
+    levels = _levels(faces, facing_up, share=FLOOR_SHARE)
     return levels[0] if levels else None
 
 
-def find_ceilings(faces: FaceGeometry, floor: Level) -> tuple[Level, ...]:
+def find_ceilings(faces: FaceGeometry, floor: Level, *, given_z: float | None = None) -> tuple[Level, ...]:
     """Find the ceiling and its lowered parts: large level surfaces overhead that face down.
 
     Parameters
     ----------
     faces : FaceGeometry
     floor : Level
+    given_z : float or None
+        Height at which the user says that the main ceiling is. What lies above it is none. [m]
 
     Returns
     -------
     ceilings : tuple of Level
-        Largest first; empty where the scan has none.
+        The main one first; empty where the scan has none.
     """
-    overhead = faces.centers[:, 2] > floor.z + MIN_HEADROOM_M
-    levels = _levels(faces, (faces.normals[:, 2] < -LEVEL_COSINE) & overhead, share=SECOND_CEILING_SHARE)
+    facing_down = faces.normals[:, 2] < -LEVEL_COSINE
+    overhead = facing_down & (faces.centers[:, 2] > floor.z + MIN_HEADROOM_M)
+    if given_z is not None:
+        main = _level_at(faces, facing_down, given_z)
+        if not main.area_m2:
+            return ()
+        lower = _levels(faces, overhead & (faces.centers[:, 2] < main.z - 2 * LEVEL_HALF_WIDTH_M), share=0.0)
+        least_m2 = max(SECOND_CEILING_M2, SECOND_CEILING_SHARE * main.area_m2)
+        return (main, *(level for level in lower if level.area_m2 >= least_m2))
+    levels = _levels(faces, overhead, share=SECOND_CEILING_SHARE)
     ranked = sorted(levels, key=lambda level: -level.area_m2)
     return tuple(level for i, level in enumerate(ranked) if i == 0 or level.area_m2 >= SECOND_CEILING_M2)
+
+
+def _level_at(faces: FaceGeometry, facing: BoolArray, z: float) -> Level:
+    """The level surface near a given height; of no area, at that very height, where the scan shows none."""
+    near = facing & (np.abs(faces.centers[:, 2] - z) <= GIVEN_REACH_M)
+    levels = _levels(faces, near, share=1.0)
+    return levels[0] if levels and levels[0].area_m2 >= SHOWN_M2 else Level(z=z, area_m2=0.0)
 
 
 def _levels(faces: FaceGeometry, chosen: BoolArray, *, share: float) -> list[Level]:

@@ -5,11 +5,10 @@ import tomllib
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import get_args
 
-from lidarspectra.arguments import one_of, path_of
+from lidarspectra.arguments import path_of
 from lidarspectra.config import RunFile, ScanSection
-from lidarspectra.errors import ArgumentError, LidarSpectraError, RunFileError, ScanError, SensorError
+from lidarspectra.errors import LidarSpectraError, RunFileError, ScanError, SensorError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.readers import UnitChoice, UpChoice, read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
@@ -21,42 +20,14 @@ from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, grid_points
 from lidarspectra.workflow.assumed import uncertain_of_scan
+from lidarspectra.workflow.init_choices import SENSOR_HEIGHT_M, InitChoices
 from lidarspectra.workflow.init_summary import InitSummary
 from lidarspectra.workflow.init_text import bare_text, run_file_text
 from lidarspectra.workflow.proposed_lamps import propose_panels
 from lidarspectra.workflow.whole_room import whole_room
 
-SENSOR_HEIGHT_M = 0.3  # [m] about the height of the sensor on the paper's robot
 SENSOR_COUNTS = (176, 100, 50, 25, 10, 5, 1)  # the paper's count, then what smaller rooms hold
 PICTURE_SUFFIX = ".plan.png"  # of the run file's name
-
-
-@dataclass(frozen=True, kw_only=True)
-class InitChoices:
-    """What the user gives in place of a guess.
-
-    Parameters
-    ----------
-    unit, up : str
-        Of the scan's coordinates; 'auto' detects them.
-    height : float
-        Of the sensors above the floor. [m]
-    """
-
-    unit: UnitChoice = "auto"
-    up: UpChoice = "auto"
-    height: float = SENSOR_HEIGHT_M
-
-    def __post_init__(self) -> None:
-        one_of(self.unit, get_args(UnitChoice), name="unit")
-        one_of(self.up, get_args(UpChoice), name="up")
-        if not isinstance(self.height, float | int) or not 0 <= self.height < float("inf"):
-            raise ArgumentError(expected="a height above the floor in metres", found=f"{self.height}", where="height")
-
-    @property
-    def given(self) -> tuple[str, ...]:
-        """Of 'unit' and 'up' those that were given."""
-        return tuple(name for name in ("unit", "up") if getattr(self, name) != "auto")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,6 +53,8 @@ def init(
     unit: UnitChoice = "auto",
     up: UpChoice = "auto",
     height: float = SENSOR_HEIGHT_M,
+    floor: float | None = None,
+    ceiling: float | None = None,
     progress: Progress = silent,
 ) -> RunFile:
     """Propose a run file for a scan: unit, axes, room, lamps, and a sensor grid.
@@ -99,6 +72,10 @@ def init(
         Its upward axis, '+z', '+y', ...; detected by default.
     height : float
         Of the sensors above the floor. [m]
+    floor, ceiling : float, optional
+        Heights z in the scan's axes, after it was turned z up, where they are found wrongly: the level surface within
+        10 cm of it is the floor, or the main ceiling; where the scan shows none there, one is closed at that height.
+        [m]
     progress : callable
         Receives the share that is done.
 
@@ -111,15 +88,16 @@ def init(
     Raises
     ------
     ArgumentError
-        If unit, axis or height are none of these.
+        If unit, axis or a height are none of these.
     ScanError
         If the scan cannot be read, or shows no room.
     SensorError
         If not one sensor point fits into the room.
     """
     path = path_of(scan, name="scan", meaning="the name of a scan's file, as a str or a Path")
+    choices = InitChoices(unit=unit, up=up, height=height, floor=floor, ceiling=ceiling)
     try:
-        summary = _look(path, path.with_suffix(".toml"), InitChoices(unit=unit, up=up, height=height), progress).summary
+        summary = _look(path, path.with_suffix(".toml"), choices, progress).summary
     except _NoRoom as found:
         raise found.cause from None
     if summary.no_sensor is not None:
@@ -178,9 +156,10 @@ def write_init(
         cause, scan = (found.cause, found.scan) if isinstance(found, _NoRoom) else (found, None)
         if not scan_path.is_file() or out_path.exists():  # what the user has edited is worth more than a bare file
             raise cause from None
-        _write(out_path, bare_text(cause, file, scan, sensor_height_m=choices.height))
+        _write(out_path, bare_text(cause, file, scan, choices))
         unsure = scan is not None and bool({*uncertain_of_scan(scan.record), *choices.given})
-        again = f"lidarspectra init {scan_path} --unit m --up +y --force" if unsure else ""
+        again = "" if scan is None else f"lidarspectra init {scan_path} --floor 0 --ceiling 2.5 --force"
+        again = f"lidarspectra init {scan_path} --unit m --up +y --force" if unsure else again
         raise _with_run_file(cause, out_path, again) from None
     text = run_file_text(looked.summary, file)
     _write(out_path, text)
@@ -199,7 +178,14 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
     scan = repair_scan(raw, flatten=ScanSection(file=scan_path.name).flatten, progress=part_of(progress, 0.3, 0.6))
     progress(0.6, "finding floor, walls and ceiling")
     try:
-        scan, room, _ = whole_room(scan, close_ceiling=True, close_floor=True, close=False)
+        scan, room, _ = whole_room(
+            scan,
+            close_ceiling=True,
+            close_floor=True,
+            close=False,
+            floor_z=choices.floor,
+            ceiling_z=choices.ceiling,
+        )
     except ScanError as cause:
         raise _NoRoom(cause, raw) from cause
     free = FreeSpace(scan, room)

@@ -27,7 +27,7 @@ class InitSummary:
     scan : ScanRecord
         Unit, upward axis and their confidences, the repairs and the notes.
     given : tuple of str
-        Of 'unit' and 'up' what the user gave.
+        Of 'unit', 'up', 'floor' and 'ceiling' what the user gave.
     room : Room
         Floor, ceiling, walls and outline.
     sensor_height_m : float
@@ -69,6 +69,11 @@ class InitSummary:
         guess = ": a guess" if name in self.assumed_of_scan else ""
         return "given" if name in self.given else f"{percent(confidence)} sure{guess}"
 
+    def height_in_words(self, name: str) -> str:
+        """Where 'floor' or 'ceiling' is: 'z = 2.50 m', and whether it was given."""
+        z = self.room.floor_z if name == "floor" else self.room.ceiling_z
+        return f"z = {z + 0.0:.2f} m" + (" (given)" if name in self.given else "")
+
     def lines(self) -> tuple[str, ...]:
         """The summary in plain lines, for the command line to show."""
         # What is not certain is told with what to do about it here.
@@ -86,8 +91,9 @@ class InitSummary:
             + (f", {counted(len(room.other_outlines), 'further room')}" if room.other_outlines else "")
         )
         yield (
-            f"surfaces  floor {room.floor_area_m2:.1f} m² ({percent(room.floor_confidence)} of the plan), "
-            f"ceiling {room.ceiling_area_m2:.1f} m² ({percent(room.ceiling_confidence)})"
+            f"surfaces  floor {room.floor_area_m2:.1f} m² ({percent(room.floor_confidence)} of the plan) at "
+            f"{self.height_in_words('floor')}, ceiling {room.ceiling_area_m2:.1f} m² "
+            f"({percent(room.ceiling_confidence)}) at {self.height_in_words('ceiling')}"
         )
         yield f"sensors   {counted(self.sensor_count, 'point')} {self.sensor_height_m:g} m above the floor"
         yield f"lamps     {self.lamps_in_words()}"

@@ -10,6 +10,7 @@ from lidarspectra.io.toml_text import toml_value
 from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2
 from lidarspectra.material.lit_lamps import LitLamp
 from lidarspectra.workflow.assumed import uncertain_of_scan
+from lidarspectra.workflow.init_choices import InitChoices
 from lidarspectra.workflow.init_summary import InitSummary, counted, lamps_in_words, percent
 from lidarspectra.workflow.proposed_lamps import PANEL_M, ProposedPanels
 from lidarspectra.workflow.whole_room import closing_lines
@@ -32,7 +33,7 @@ def run_file_text(summary: InitSummary, file: str) -> str:
     return "".join(f"{line}\n" for part in parts for line in part)
 
 
-def bare_text(cause: LidarSpectraError, file: str, scan: Scan | None, *, sensor_height_m: float) -> str:
+def bare_text(cause: LidarSpectraError, file: str, scan: Scan | None, choices: InitChoices) -> str:
     """A run file to be filled in, for a scan in which `init` found no room.
 
     Parameters
@@ -43,10 +44,10 @@ def bare_text(cause: LidarSpectraError, file: str, scan: Scan | None, *, sensor_
         The scan, as the run file names it.
     scan : Scan or None
         As it was read; None if it could not be.
-    sensor_height_m : float
-        Of the sensor grid above the floor. [m]
+    choices : InitChoices
+        What the user gave.
     """
-    parts = (_bare_heading(cause, file, scan), _bare_lines(file, scan), _bare_lamp(), _bare_grid(sensor_height_m))
+    parts = (_bare_heading(cause, file, scan), _bare_lines(file, scan, choices), _bare_lamp(), _bare_grid(choices))
     return "".join(f"{line}\n" for part in parts for line in part)
 
 
@@ -66,13 +67,17 @@ def _bare_heading(cause: LidarSpectraError, file: str, scan: Scan | None) -> Ite
         yield f"#   {unit:<2}  {sides} m" + ("   (detected)" if unit == scan.record.unit else "")
 
 
-def _bare_lines(file: str, scan: Scan | None) -> Iterator[str]:
+def _bare_lines(file: str, scan: Scan | None, choices: InitChoices) -> Iterator[str]:
     unit, up = ("auto", "auto") if scan is None else (scan.record.unit, scan.record.up_axis)
     yield ""
     yield "[scan]"
     yield f"file = {toml_value(file)}  # relative to this file"
     yield f"unit = {toml_value(unit)}  # FILL IN: m, cm, mm, in or ft"
     yield f'up = {toml_value(up)}  # FILL IN: the upward axis of the file, "+z", "+y", "-y" ...'
+    for name in ("floor", "ceiling"):
+        z = getattr(choices, name)
+        given = f"{name} = {z:g}" if z is not None else f"# {name} = {0 if name == 'floor' else 2.5:g}"
+        yield f"{given}  # FILL IN, where it is known: its height z, in metres, upwards from the scan's origin"
     guesses = () if scan is None else uncertain_of_scan(scan.record)
     if guesses:
         yield f"assumed = {toml_value(list(guesses))}  # guesses; delete this line once checked"
@@ -90,10 +95,10 @@ def _bare_lamp() -> Iterator[str]:
     yield "# luminous_flux_lm = 3600  # on the lamp's label"
 
 
-def _bare_grid(height_m: float) -> Iterator[str]:
+def _bare_grid(choices: InitChoices) -> Iterator[str]:
     yield ""
     yield "[sensors.grid]"
-    yield f"height = {height_m:g}  # above the floor [m]"
+    yield f"height = {choices.height:g}  # above the floor [m]"
     yield "count = 25"
 
 
@@ -106,9 +111,10 @@ def _heading(summary: InitSummary, file: str) -> Iterator[str]:
     yield "#"
     yield "# What was found, in metres, z up:"
     yield f"#   room      {length:.2f} x {width:.2f} m along its walls, {room.area_m2:.1f} m² of plan"
-    yield f"#   floor     at z = {room.floor_z:.2f} m; {percent(room.floor_confidence)} of the plan shows it"
-    if room.ceiling_confidence > 0:
-        yield f"#   ceiling   at z = {room.ceiling_z:.2f} m; {percent(room.ceiling_confidence)} of the plan shows it"
+    yield f"#   floor     at {summary.height_in_words('floor')}; {percent(room.floor_confidence)} of the plan shows it"
+    if room.ceiling_confidence > 0 or "ceiling" in summary.given:
+        shown = percent(room.ceiling_confidence)
+        yield f"#   ceiling   at {summary.height_in_words('ceiling')}; {shown} of the plan shows it"
     else:
         yield f"#   ceiling   none in the scan; the walls end at z = {room.ceiling_z:.2f} m"
     yield f"#   walls     turned {room.wall_angle_deg:.1f} deg from the x axis; {counted(len(room.walls), 'plane')}"
@@ -126,6 +132,10 @@ def _scan_lines(summary: InitSummary, file: str) -> Iterator[str]:
     yield f"up = {toml_value(scan.up_axis)}  # {_found(summary, 'up')}: the file's upward axis"
     if summary.assumed_of_scan:
         yield f"assumed = {toml_value(list(summary.assumed_of_scan))}  # guesses; delete this line once checked"
+    for name, z in (("floor", summary.room.floor_z), ("ceiling", summary.room.ceiling_z)):
+        given = name in summary.given
+        why = "by what was given to init" if given else "found; without the # it is held to this height"
+        yield f"{'' if given else '# '}{name} = {z + 0.0:.3f}  # {why} [m, z in the scan's axes]"
     yield from closing_lines(scan, summary.room)
     yield "# max_hole_m = 1.0  # larger holes of the mesh stay open, and light leaves through them"
 

@@ -14,7 +14,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray
 from lidarspectra.config import GridSection, RunFile, Vector
 from lidarspectra.geometry.scan import load_bounds
-from lidarspectra.room.room import Room, load_room
+from lidarspectra.room.room import Room, check_height, load_room
 from lidarspectra.room.sensor_grid import MIN_SPACING_M
 from lidarspectra.room.sensor_points import read_points
 from lidarspectra.workflow.findings import Findings, listed, number_words
@@ -92,6 +92,9 @@ def check_in_scan(findings: Findings, run_file: RunFile, extent: ScanExtent, poi
     points : (point, 3) float or None
         Of the file of sensor points; None for a grid. [m]
     """
+    for name in ("floor", "ceiling"):
+        with findings.at(f"scan.{name}"):
+            check_height(extent.bounds, getattr(run_file.scan, name), name=name)
     _check_centers(findings, run_file, extent)
     for key, size_m in _sizes(run_file):
         longest_m = float(np.linalg.norm(extent.sides_m))

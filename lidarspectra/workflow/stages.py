@@ -125,7 +125,12 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
         )
         finding(0.0, "finding floor, walls and ceiling")
         scan, found_room, _ = whole_room(
-            scan, close_ceiling=section.close_ceiling, close_floor=section.close_floor, close=section.close
+            scan,
+            close_ceiling=section.close_ceiling,
+            close_floor=section.close_floor,
+            close=section.close,
+            floor_z=section.floor,
+            ceiling_z=section.ceiling,
         )
         saving(0.0, "saving")
         save_scan(scan, folder)

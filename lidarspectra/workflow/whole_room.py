@@ -12,7 +12,15 @@ WORTH_SAYING = 0.01  # [1] of all directions that leave the scan: less is cracks
 OUTSIDE_SHARE = 0.05  # [1] of the scan's floor outside the room, above which that is said
 
 
-def whole_room(scan: Scan, *, close_ceiling: bool, close_floor: bool, close: bool) -> tuple[Scan, Room, Openness]:
+def whole_room(
+    scan: Scan,
+    *,
+    close_ceiling: bool,
+    close_floor: bool,
+    close: bool,
+    floor_z: float | None = None,
+    ceiling_z: float | None = None,
+) -> tuple[Scan, Room, Openness]:
     """Find the room in a scan, and close what is missing.
 
     Parameters
@@ -23,6 +31,8 @@ def whole_room(scan: Scan, *, close_ceiling: bool, close_floor: bool, close: boo
         Close a ceiling, or a floor, that was not scanned.
     close : bool
         Close all that is open.
+    floor_z, ceiling_z : float or None
+        Heights that the user gives; None finds them. [m]
 
     Returns
     -------
@@ -37,9 +47,14 @@ def whole_room(scan: Scan, *, close_ceiling: bool, close_floor: bool, close: boo
     ScanError
         If there is no room in the scan.
     """
-    room = find_room(scan)
+    room = find_room(scan, floor_z=floor_z, ceiling_z=ceiling_z)
     closed, openness = close_room(scan, room, ceiling=close_ceiling or close, floor=close_floor or close, sides=close)
-    notes = (*scan.record.notes, *_closing_notes(room, openness), *_open_notes(room, openness), *_outside_notes(room))
+    notes = (
+        *scan.record.notes,
+        *_closing_notes(room, openness, floor_given=floor_z is not None, ceiling_given=ceiling_z is not None),
+        *_open_notes(room, openness),
+        *_outside_notes(room),
+    )
     record = replace(
         closed.record,
         faces_kept=len(closed.faces),
@@ -62,24 +77,34 @@ def missing_in_words(record: ScanRecord) -> str:
 def closing_lines(record: ScanRecord, room: Room) -> Iterator[str]:
     """Lines of a run file on what a scan lacks, below `[scan]`."""
     if room.ceiling_confidence == 0.0:
-        yield "close_ceiling = true  # the scan shows none: closed where the walls end; false if there is none"
+        yield f"close_ceiling = true  # none scanned: closed at z = {room.ceiling_z:.2f} m; false if there is none"
     if room.floor_confidence == 0.0:
-        yield "close_floor = true  # the scan shows none: closed where the walls end; false if there is none"
+        yield f"close_floor = true  # none scanned: closed at z = {room.floor_z:.2f} m; false if there is none"
     if record.open_share >= WORTH_SAYING:
         share = _percent(record.open_share)
         yield f"close = false  # {share} of all directions leave the scan; true closes it there with a default wall"
 
 
-def _closing_notes(room: Room, openness: Openness) -> Iterator[str]:
+def _closing_notes(room: Room, openness: Openness, *, floor_given: bool, ceiling_given: bool) -> Iterator[str]:
     if openness.closed_ceiling_m2 and room.ceiling_confidence == 0.0:
+        none, height = (
+            ("no ceiling at the height that is given", "there")
+            if ceiling_given
+            else ("no ceiling", "at the height where the walls end")
+        )
         yield (
-            f"The scan shows no ceiling. It was closed at the height where the walls end, {room.height_m:.2f} m above "
-            f"the floor, with the typical reflectance of a ceiling ({typical_in_words('closed ceiling')}). Write "
+            f"The scan shows {none}. It was closed {height}, {room.height_m:.2f} m above the floor, with the typical "
+            f"reflectance of a ceiling ({typical_in_words('closed ceiling')}). Write "
             "close_ceiling = false under [scan] if there is none."
         )
     if openness.closed_floor_m2 and room.floor_confidence == 0.0:
+        none, height = (
+            ("no floor at the height that is given", "there")
+            if floor_given
+            else ("no floor", "where the walls end below")
+        )
         yield (
-            f"The scan shows no floor. It was closed where the walls end below, at z = {room.floor_z:.2f} m, "
+            f"The scan shows {none}. It was closed {height}, at z = {room.floor_z:.2f} m, "
             f"with the typical reflectance of a floor ({typical_in_words('closed floor')}). Write "
             "close_floor = false under [scan] if there is none."
         )

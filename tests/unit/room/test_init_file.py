@@ -10,7 +10,8 @@ import pytest
 
 from lidarspectra.config import parse_run_file, read_run_file
 from lidarspectra.errors import ArgumentError, RunFileError, ScanError, SensorError, WorkspaceError
-from lidarspectra.workflow.init_file import InitChoices, write_init
+from lidarspectra.workflow.init_choices import InitChoices
+from lidarspectra.workflow.init_file import write_init
 
 
 @pytest.fixture(scope="module")
