@@ -22,7 +22,7 @@ setup-test: .venv/.installed-test
 
 .venv/.installed-test: .venv/.installed
 	$(PYTHON) tools/system_packages.py --tests
-	$(BIN)/python -m pip install --quiet --editable ".[test]"
+	$(BIN)/python -m pip install --quiet --editable ".[test,broker]"
 	$(PYTHON) -c "open('.venv/.installed-test', 'w').close()"
 
 demo: setup

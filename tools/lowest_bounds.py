@@ -12,7 +12,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parent.parent
-EXTRAS = ("cluster", "localize", "robot", "usd", "validate")  # what a user may want; `train` needs 2 GB and is left out
+EXTRAS = (
+    "cluster",
+    "localize",
+    "mqtt",
+    "robot",
+    "usd",
+    "validate",
+)  # what a user may want; `train` needs 2 GB and is left out
 BOUNDED = re.compile(r"(?P<name>[A-Za-z0-9_.-]+)>=(?P<version>[A-Za-z0-9_.]+)")
 
 

@@ -61,4 +61,4 @@ class Trend:
         used = used[np.argsort(self._number[used])]
         with np.errstate(invalid="ignore"):
             means = self._sum[used] / self._count[used]
-        return (self._number[used] + 0.5) * self._step_s, means
+        return np.asarray((self._number[used] + 0.5) * self._step_s, dtype=np.float64), means

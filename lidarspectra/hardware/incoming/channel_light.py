@@ -1,0 +1,49 @@
+"""Spectral irradiance of single readings of an AS7265x, without a table: the same numbers as `spectral_irradiance`."""
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT, CHANNEL_LABELS, SensorSettings, nominal_responsivity
+from lidarspectra.hardware.sensor.calibration import Calibration
+from lidarspectra.hardware.sensor.readings import Signal
+
+
+class ChannelLight:
+    """Turns counts into E = (signal - dark) / responsivity.
+
+    Parameters
+    ----------
+    calibration : Calibration, optional
+        Of this device; the data sheet's responsivity by default.
+    settings : SensorSettings, optional
+        For devices that do not report theirs.
+    """
+
+    def __init__(self, calibration: Calibration | None = None, settings: SensorSettings | None = None) -> None:
+        self._settings = settings
+        self._kind: Signal = "basic counts" if calibration is None else calibration.signal
+        self._responsivity = (
+            np.full(CHANNEL_COUNT, nominal_responsivity()[0]) if calibration is None else calibration.responsivity
+        )
+        self._dark = np.zeros(CHANNEL_COUNT) if calibration is None else calibration.dark
+
+    def values(
+        self, counts: FloatArray, module_values: FloatArray, gain: float, integration_ms: float
+    ) -> dict[str, float]:
+        """Irradiance by channel [W/m²/nm]; channels that are masked, or whose settings nobody knows, are left out.
+
+        Parameters
+        ----------
+        counts, module_values : (18,) float
+            By wavelength, NaN where masked. [count], [1]
+        gain, integration_ms : float
+            NaN where the device does not say. [1], [ms]
+        """
+        if self._settings is not None:
+            gain = gain if np.isfinite(gain) else self._settings.gain
+            integration_ms = integration_ms if np.isfinite(integration_ms) else self._settings.integration_ms
+        signal = np.asarray(counts if self._kind == "basic counts" else module_values, dtype=np.float64)
+        if self._kind != "module values":
+            signal = signal / (gain * integration_ms)
+        light = (signal - self._dark) / self._responsivity
+        return {label: float(each) for label, each in zip(CHANNEL_LABELS, light, strict=True) if np.isfinite(each)}

@@ -1,0 +1,222 @@
+"""A log that another program writes to, followed as it grows.
+
+It may be rotated (renamed, with a new one in its place), cut back to nothing, missing for a while, and its last line
+may be half written: a line counts once its end is there. Known are the recorder's log (`sensor record`), and any CSV
+whose header has some of: sensor, unix_s, state, lux, E_410 ... [W/m²/nm] (what `ArrivalLog` writes).
+"""
+
+import csv
+import math
+import os
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from lidarspectra.hardware.incoming.arrivals import LUX, POLL_S, STATE, Arrival, Notice, Put, Stop, pause
+from lidarspectra.hardware.incoming.channel_light import ChannelLight
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
+from lidarspectra.hardware.sensor.reading_log import COUNT_COLUMNS, MODULE_COLUMNS
+
+CHUNK_BYTES = 1 << 20
+LONGEST_LINE_BYTES = 1 << 16  # what is longer without an end is no line of a log
+LOOK_BACK_BYTES = 1 << 14  # of a log that is there already, enough for its last reading
+HEADER_BYTES = 1 << 16
+_CHANNELS = {f"E_{label}": label for label in CHANNEL_LABELS}
+
+
+class GrowingLog:
+    """A source: the lines that are added to a CSV file.
+
+    Parameters
+    ----------
+    path : Path
+        It need not exist yet.
+    sensor : str
+        Name of the sensor, for logs without a column of that name.
+    light : ChannelLight
+        For a recorder's log of counts.
+    from_start : bool
+        Read what is there already too, each reading at its own time; else from its last reading on, each as it comes.
+    ends : bool
+        Stop at the end of the file in place of waiting for more.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        sensor: str,
+        light: ChannelLight | None = None,
+        from_start: bool = False,
+        ends: bool = False,
+    ) -> None:
+        self._path = path
+        self._sensor = sensor
+        self._light = light or ChannelLight()
+        self._from_start = from_start
+        self._ends = ends
+        self._rows = LogRows(sensor, self._light)
+        self._rest = b""
+
+    @property
+    def name(self) -> str:
+        """Its file."""
+        return str(self._path)
+
+    def run(self, put: Put, stop: Stop) -> None:
+        """Give readings as lines come; a file that is not there is waited for, said once."""
+        is_missed, is_first = False, True
+        while not stop():
+            try:
+                file = self._path.open("rb")
+            except OSError as cause:
+                if not is_missed:
+                    words = f"The log cannot be opened ({cause.strerror}); it is tried again until it can."
+                    put(Notice(source=self.name, text=words))
+                is_missed = True
+                if self._ends:
+                    return
+                pause(POLL_S, stop)
+                continue
+            if is_missed:
+                put(Notice(source=self.name, text="The log is there again."))
+            is_missed = False
+            with file:
+                self._rest = b""
+                if is_first and not self._from_start:
+                    self._skip(file)
+                is_first = False
+                self._follow(file, put, stop)
+            if self._ends:
+                return
+
+    def _skip(self, file: IO[bytes]) -> None:
+        """Go to where the last reading begins, with the header known; the lines between are of the past."""
+        head = file.read(HEADER_BYTES)
+        size = file.seek(0, 2)
+        if size <= len(head):
+            lines = head.splitlines(keepends=True)
+            passed = _before_the_last(lines)
+            for line in lines[:passed]:
+                self._rows.read(line)
+            file.seek(sum(map(len, lines[:passed])))
+            return
+        for line in head.splitlines(keepends=True):
+            if line.endswith(b"\n"):
+                self._rows.read(line)
+        file.seek(max(0, size - LOOK_BACK_BYTES))
+        tail = file.read()
+        lines = tail.splitlines(keepends=True)
+        file.seek(size - sum(map(len, lines[max(1, _before_the_last(lines)) :])))
+
+    def _follow(self, file: IO[bytes], put: Put, stop: Stop) -> None:
+        """Read until the file is another one, or shorter than before."""
+        while not stop():
+            data = file.read(CHUNK_BYTES)
+            if data:
+                self._take(data, put)
+                continue
+            if self._ends or self._is_another(file):
+                more = file.read(CHUNK_BYTES)  # what was written between the last look and the rotation
+                if more:
+                    self._take(more, put)
+                return
+            pause(POLL_S, stop)
+
+    def _is_another(self, file: IO[bytes]) -> bool:
+        """Whether the name now stands for another file, or this one was cut back."""
+        mine = os.fstat(file.fileno())
+        try:
+            named = self._path.stat()
+        except OSError:
+            return True
+        if (mine.st_dev, mine.st_ino) != (named.st_dev, named.st_ino):
+            return True
+        return named.st_size < file.tell()
+
+    def _take(self, data: bytes, put: Put) -> None:
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > LONGEST_LINE_BYTES:
+            self._rest = b""
+        for line in lines:
+            for item in self._rows.read(line):
+                if isinstance(item, Notice) or self._from_start:
+                    put(item)
+                else:
+                    put(Arrival(sensor=item.sensor, values=item.values))  # it came now; its clock may be another one
+
+
+def _before_the_last(lines: list[bytes]) -> int:
+    """How many lines stand before the last one that is whole."""
+    whole = [number for number, line in enumerate(lines) if line.endswith(b"\n") and not line.startswith(b"#")]
+    return whole[-1] if len(whole) > 1 else 0
+
+
+class LogRows:
+    """Lines of a log, one after the other, into readings.
+
+    Parameters
+    ----------
+    sensor : str
+        Name where the log has none.
+    light : ChannelLight
+    """
+
+    def __init__(self, sensor: str, light: ChannelLight) -> None:
+        self._sensor = sensor
+        self._light = light
+        self._columns: tuple[str, ...] = ()
+        self._said = False
+
+    def read(self, line: bytes) -> list[Arrival | Notice]:
+        """The reading that a line holds, if it is one; a notice once for lines that are none."""
+        text = line.decode("utf-8", errors="replace").strip("\r\n\0 ")
+        if not text or text.startswith("#"):
+            return []
+        try:
+            fields = next(csv.reader([text.replace("\0", "")], strict=True))
+        except (csv.Error, StopIteration):
+            fields = []
+        if _is_header(fields):
+            self._columns = tuple(name.strip() for name in fields)
+            return []
+        if len(fields) == len(self._columns):
+            return self._arrival(dict(zip(self._columns, fields, strict=True)))
+        if self._said:
+            return []
+        self._said = True
+        words = f"'{text[:60]}' is no row of the log and is left out; this is said once."
+        return [Notice(source=self._sensor, text=words)]
+
+    def _arrival(self, row: dict[str, str]) -> list[Arrival | Notice]:
+        kind = row.get("kind")
+        if kind not in (None, "reading"):
+            return []  # of the recorder: a gap, an event, cells
+        if kind == "reading":
+            counts, module = (
+                np.array([_number(row.get(name, "")) for name in n]) for n in (COUNT_COLUMNS, MODULE_COLUMNS)
+            )
+            gain, time_ms = _number(row.get("gain", "")), _number(row.get("integration_ms", ""))
+            values = self._light.values(counts, module, gain, time_ms)
+        else:
+            given = {_CHANNELS.get(name, name): _number(row[name]) for name in (LUX, STATE, *_CHANNELS) if name in row}
+            values = {name: value for name, value in given.items() if math.isfinite(value)}
+        if not values:
+            return []
+        when = _number(row.get("unix_s", ""))
+        stamp = {"unix_s": when} if math.isfinite(when) else {}
+        return [Arrival(sensor=row.get("sensor") or self._sensor, values=values, **stamp)]
+
+
+def _is_header(fields: list[str]) -> bool:
+    """Whether a line names columns: a log may begin anew in its middle."""
+    names = {name.strip() for name in fields}
+    return bool(names & {LUX, *_CHANNELS}) or {"kind", "utc"} <= names
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

@@ -1,0 +1,141 @@
+"""A log followed while another program writes it: no line is lost, read twice, or read half."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
+from lidarspectra.hardware.incoming.arrivals import Arrival, Inbox
+from lidarspectra.hardware.incoming.channel_light import ChannelLight
+from lidarspectra.hardware.incoming.growing_log import GrowingLog
+from lidarspectra.hardware.sensor.as7265x import settings_for
+from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
+from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
+from lidarspectra.hardware.sensor.reading_log import LogWriter
+from lidarspectra.hardware.sensor.sensor_records import Moment, Note, Reading
+
+HEAD = "unix_s,sensor,lux\n"
+
+
+def add(path: Path, text: str) -> None:
+    with path.open("a", encoding="utf-8", newline="") as file:
+        file.write(text)
+
+
+def all_of(path: Path, **options) -> list[Arrival]:
+    inbox = Inbox()
+    GrowingLog(path, sensor="desk", from_start=True, ends=True, **options).run(inbox.put, lambda: False)
+    return [item for item in inbox.take(0.0) if isinstance(item, Arrival)]
+
+
+def test_lines_are_read_as_they_come_and_a_half_written_one_when_it_is_whole(tmp_path: Path, running) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text(HEAD + "1,desk,100\n2,desk,1", encoding="utf-8")
+    with running(GrowingLog(log, sensor="desk")) as heard:
+        assert heard.until(lambda heard: len(heard.arrivals) >= 1).lux() == [100.0]
+        add(log, "50\n3,desk,160\n")
+        assert heard.until(lambda heard: len(heard.arrivals) >= 3).lux() == [100.0, 150.0, 160.0]
+    assert abs(heard.arrivals[0].unix_s - time.time()) < 3600  # its own clock is another one: it came now
+
+
+def test_a_rotation_loses_no_line_and_reads_none_twice(tmp_path: Path, running) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text(HEAD + "0,desk,0\n", encoding="utf-8")
+    with running(GrowingLog(log, sensor="desk")) as heard:
+        for turn in range(1, 6):
+            add(log, f"{turn},desk,{turn}\n")
+            heard.until(lambda heard, turn=turn: len(heard.arrivals) > turn + (turn - 1) // 5)
+            if turn == 3:
+                add(log, "3,desk,3.5\n")
+                log.rename(tmp_path / "log.csv.1")  # logrotate: the old one is renamed right after a last line
+                log.write_text(HEAD + "4,desk,3.75\n", encoding="utf-8")
+                heard.until(lambda heard: len(heard.arrivals) >= 6)
+        assert heard.until(lambda heard: len(heard.arrivals) >= 8).lux() == [0, 1, 2, 3, 3.5, 3.75, 4, 5]
+
+
+def test_a_log_that_is_cut_back_is_read_from_its_new_beginning(tmp_path: Path, running) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text(HEAD + "".join(f"{n},desk,{n}\n" for n in range(50)), encoding="utf-8")
+    with running(GrowingLog(log, sensor="desk")) as heard:
+        assert heard.until(lambda heard: heard.arrivals).lux() == [49.0]
+        log.write_text(HEAD + "1,desk,7\n", encoding="utf-8")  # copytruncate
+        assert heard.until(lambda heard: len(heard.arrivals) >= 2).lux() == [49.0, 7.0]
+
+
+def test_a_log_that_is_not_there_is_waited_for_and_that_is_said_once(tmp_path: Path, running) -> None:
+    log = tmp_path / "log.csv"
+    with running(GrowingLog(log, sensor="desk")) as heard:
+        heard.until(lambda heard: heard.notices)
+        time.sleep(0.5)
+        log.write_text(HEAD + "1,desk,7\n", encoding="utf-8")
+        heard.until(lambda heard: heard.arrivals)
+    assert [notice.text.split("(")[0] for notice in heard.notices] == [
+        "The log cannot be opened ",
+        "The log is there again.",
+    ]
+
+
+def test_a_long_log_begins_with_its_last_reading(tmp_path: Path, running) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text(HEAD + "".join(f"{n},desk,{n}\n" for n in range(20_000)), encoding="utf-8")
+    with running(GrowingLog(log, sensor="desk")) as heard:
+        assert heard.until(lambda heard: heard.arrivals).lux() == [19999.0]
+        add(log, "1,desk,5\n")
+        assert heard.until(lambda heard: len(heard.arrivals) >= 2).lux() == [19999.0, 5.0]
+
+
+def test_lines_that_are_no_rows_are_left_out_and_that_is_said_once(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text(HEAD + "1,desk,7\nrubbish\n2,desk\n3,desk,nan\n\0\0\n4,desk,8\n", encoding="utf-8")
+    inbox = Inbox()
+    GrowingLog(log, sensor="desk", from_start=True, ends=True).run(inbox.put, lambda: False)
+    items = inbox.take(0.0)
+    assert [item.values["lux"] for item in items if isinstance(item, Arrival)] == [7.0, 8.0]
+    assert len([item for item in items if not isinstance(item, Arrival)]) == 1
+
+
+def test_what_is_logged_comes_back_as_it_was(tmp_path: Path) -> None:
+    given = [
+        Arrival(sensor="desk, left", values={"lux": 312.5}, unix_s=1_700_000_000.0),
+        Arrival(sensor="panel 1", values={"state": 0.4}, unix_s=1_700_000_001.25),
+        Arrival(sensor="shelf", values={"410": 1.5e-3, "560": 0.0025}, unix_s=1_700_000_002.5),
+    ]
+    log = ArrivalLog(tmp_path / "readings")
+    log.write(given[:2])
+    log.close()
+    (path,) = (tmp_path / "readings").iterdir()
+    add(path, "2023-11-14T")  # a crash in the middle of a row
+    log = ArrivalLog(tmp_path / "readings")
+    log.write(given[2:])
+    log.write([Arrival(sensor="desk, left", values={"lux": 1.0}, unix_s=1_700_100_000.0)])
+    log.close()
+    assert len(list((tmp_path / "readings").iterdir())) == 2  # the second day has a file of its own
+    found = all_of(path)
+    assert [(each.sensor, each.unix_s) for each in found] == [(each.sensor, each.unix_s) for each in given]
+    assert [dict(each.values) for each in found] == [pytest.approx(dict(each.values)) for each in given]
+
+
+@pytest.mark.parametrize("settings", [None, settings_for(64.0, 140.0)])
+def test_a_recorders_log_gives_the_light_that_the_table_of_it_has(tmp_path: Path, settings) -> None:
+    generator = np.random.default_rng(5)
+    log, gain = tmp_path / "log.csv", 16.0 if settings is None else np.nan
+    with LogWriter(log) as writer:
+        writer.head(["protocol = a test"])
+        for second in range(3):
+            moment = Moment(unix_s=1_700_000_000.0 + second, monotonic_s=float(second))
+            counts = generator.uniform(10, 5000, 18).round()
+            counts[4] = np.nan  # saturated
+            reading = Reading(
+                moment=moment, counts=counts, module_values=counts / 3, flags=np.zeros(18, dtype=np.uint8),
+                gain=gain, integration_ms=100.8 if settings is None else np.nan,
+            )  # fmt: skip
+            writer.write([Note(moment=moment, text="order = test"), reading], moment)
+    wanted = spectral_irradiance(readings_from_csv(log, settings=settings))["irradiance"].to_numpy()
+    found = all_of(log, light=ChannelLight(settings=settings))
+    assert len(found) == 3
+    assert [each.unix_s for each in found] == [1_700_000_000.0, 1_700_000_001.0, 1_700_000_002.0]
+    for each, row in zip(found, wanted, strict=True):
+        np.testing.assert_allclose(list(each.values.values()), row[np.isfinite(row)], rtol=1e-9)
+        assert "510" not in each.values

@@ -1,0 +1,146 @@
+"""Readings from a real broker, amqtt: Home Assistant's topics, JSON, and a broker that goes and comes back."""
+
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+
+import pytest
+
+from lidarspectra.errors import DeviceError
+from lidarspectra.hardware.incoming.mqtt_source import Broker, MqttSource, Topic
+
+mqtt = pytest.importorskip("paho.mqtt.client", reason="paho-mqtt, of the extra 'mqtt', is not installed")
+if find_spec("amqtt") is None:
+    pytest.skip("amqtt, of the extra 'broker', is not installed", allow_module_level=True)
+
+PATIENCE_S = 60.0
+BROKER = """
+import asyncio, sys
+from amqtt.broker import Broker
+
+async def serve():
+    listen = {"default": {"type": "tcp", "bind": "127.0.0.1:" + sys.argv[1]}}
+    allowed = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
+    await Broker({"listeners": listen, "plugins": allowed}).start()
+    await asyncio.Event().wait()
+
+asyncio.run(serve())
+"""
+
+
+class RealBroker:
+    """amqtt in a process of its own on a port of this machine, to be killed and started again."""
+
+    def __init__(self) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            self.port = free.getsockname()[1]
+
+    def start(self) -> None:
+        self._process = subprocess.Popen([sys.executable, "-c", BROKER, str(self.port)], stderr=subprocess.DEVNULL)
+        end = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                socket.create_connection(("127.0.0.1", self.port), timeout=1.0).close()
+            except OSError:
+                assert time.monotonic() < end
+                time.sleep(0.05)
+            else:
+                return
+
+    def stop(self) -> None:
+        self._process.kill()
+        self._process.wait(PATIENCE_S)
+
+
+@pytest.fixture
+def broker() -> Iterator[RealBroker]:
+    running = RealBroker()
+    running.start()
+    yield running
+    running.stop()
+
+
+@pytest.fixture
+def publish(broker: RealBroker) -> Callable[..., None]:
+    """Publish as a sensor does, retained where Home Assistant's sensors are."""
+
+    def send(topic: str, payload: str, *, retain: bool = False) -> None:
+        client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2)
+        client.connect("127.0.0.1", broker.port)
+        client.loop_start()
+        client.publish(topic, payload, qos=1, retain=retain).wait_for_publish(PATIENCE_S)
+        client.disconnect()
+        client.loop_stop()
+
+    return send
+
+
+def source(broker: RealBroker, *topics: Topic) -> MqttSource:
+    return MqttSource(Broker(host="127.0.0.1", port=broker.port, client_id="test"), topics)
+
+
+def test_home_assistants_sensors_arrive_with_their_values(broker, publish, running) -> None:
+    topics = [
+        Topic(topic="homeassistant/sensor/desk/state", sensor="desk", quantity="lux", template="{{ value_json.lux }}"),
+        Topic(topic="homeassistant/light/panel/state", sensor="panel 1", quantity="state"),
+        Topic(topic="as7265x/410", sensor="shelf", quantity="410", factor=0.01),
+    ]
+    publish("homeassistant/light/panel/state", "ON", retain=True)
+    with running(source(broker, *topics)) as heard:
+        heard.until(lambda heard: len(heard.arrivals) >= 1)  # what the broker had kept: so it is subscribed
+        publish("homeassistant/sensor/desk/state", '{"lux": 312.5, "battery": 77}')
+        publish("homeassistant/sensor/desk/state", "unavailable")
+        publish("as7265x/410", "2.5")
+        publish("as7265x/435", "1.0")  # nobody asked for it
+        heard.until(lambda heard: len(heard.arrivals) >= 3)
+    found = [(each.sensor, dict(each.values)) for each in heard.arrivals]
+    assert found == [("panel 1", {"state": 1.0}), ("desk", {"lux": 312.5}), ("shelf", {"410": 0.025})]
+    assert heard.notices == []
+
+
+def test_what_is_no_reading_is_said_once(broker, publish, running) -> None:
+    publish("desk", "7", retain=True)
+    with running(source(broker, Topic(topic="desk", sensor="desk", quantity="lux"))) as heard:
+        heard.until(lambda heard: len(heard.arrivals) >= 1)
+        for payload in ("bright", "brighter", "8"):
+            publish("desk", payload)
+        heard.until(lambda heard: len(heard.arrivals) >= 2)
+    assert heard.lux() == [7.0, 8.0]
+    assert len(heard.notices) == 1
+    assert "topic 'desk' is no reading" in heard.notices[0].text
+
+
+@pytest.mark.slow  # the client waits a second or more before it tries again, as it should
+def test_a_broker_that_goes_is_said_once_and_found_again(broker, publish, running) -> None:
+    publish("desk", "7", retain=True)
+    with running(source(broker, Topic(topic="desk", sensor="desk", quantity="lux"))) as heard:
+        heard.until(lambda heard: len(heard.arrivals) >= 1)
+        broker.stop()
+        heard.until(lambda heard: len(heard.notices) >= 1)
+        broker.start()
+        heard.until(lambda heard: len(heard.notices) >= 2)
+        publish("desk", "9")
+        heard.until(lambda heard: 9.0 in heard.lux())
+    first, second = heard.notices
+    assert "tried again until it answers" in first.text
+    assert "connected again" in second.text
+
+
+@pytest.mark.slow  # the same
+def test_a_broker_that_is_not_there_yet_is_waited_for(broker, publish, running) -> None:
+    broker.stop()
+    with running(source(broker, Topic(topic="desk", sensor="desk", quantity="lux"))) as heard:
+        heard.until(lambda heard: len(heard.notices) >= 1)
+        broker.start()
+        heard.until(lambda heard: len(heard.notices) >= 2)
+        publish("desk", "9")
+        heard.until(lambda heard: heard.arrivals)
+    assert heard.lux() == [9.0]
+
+
+def test_a_topic_with_a_wildcard_is_refused() -> None:
+    with pytest.raises(DeviceError, match="without wildcards"):
+        MqttSource(Broker(host="localhost"), [Topic(topic="home/+/lux", sensor="desk", quantity="lux")])

@@ -1,0 +1,56 @@
+"""An emulated sensor on a real port: its light arrives, and a port that goes and comes back is said once."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from lidarspectra.hardware.incoming.serial_source import SerialSource
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
+from lidarspectra.hardware.sensor.identify import Wishes
+from lidarspectra.hardware.sensor.reading_log import read_rows
+from lidarspectra.hardware.sensor.serial_link import SerialPort
+from lidarspectra.hardware.virtual.emulator import SketchBoard
+from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
+from lidarspectra.hardware.virtual.faults import FaultPlan, FaultyWire
+
+BY_A_DEVICE = pytest.mark.chance("an emulated device on a real port lives twenty times faster, and must answer in time")
+SPEED = 20.0
+
+
+@BY_A_DEVICE
+def test_readings_arrive_as_light_and_stay_in_the_log(tmp_path: Path, running) -> None:
+    log = tmp_path / "desk.csv"
+    with EmulatorServer(FaultyWire(SketchBoard()), speed=SPEED) as server:
+        source = SerialSource(SerialPort(server.address), sensor="desk", log=log, wishes=Wishes(period_s=0.5))
+        with running(source) as heard:
+            heard.until(lambda heard: len(heard.arrivals) >= 4)
+    assert set(heard.arrivals[0].values) <= set(CHANNEL_LABELS)
+    assert len(heard.arrivals[0].values) > 10
+    assert heard.notices == []
+    assert sum(row["kind"] == "reading" for row in read_rows(log)[0]) >= 4
+
+
+@BY_A_DEVICE
+@pytest.mark.slow
+def test_a_sensor_that_is_unplugged_is_told_of_once_and_read_again_when_it_is_back(tmp_path: Path, running) -> None:
+    plan = FaultPlan(kinds=("disconnect",), rate=0.1, disconnect_s=15.0, seed=1)  # three quarters of a second of ours
+    wire = FaultyWire(SketchBoard(), plan)
+    with EmulatorServer(wire, speed=SPEED) as server:
+        source = SerialSource(
+            SerialPort(server.address), sensor="desk", log=tmp_path / "desk.csv", wishes=Wishes(period_s=1.0)
+        )
+        with running(source) as heard:
+            heard.until(lambda heard: len(heard.notices) >= 2 and len(heard.arrivals) > 3)
+    assert wire.met["disconnect"] >= 1
+    assert "gives no readings: disconnected" in heard.notices[0].text
+    assert "gives readings again" in heard.notices[1].text
+
+
+def test_a_port_that_is_not_there_is_said_once_while_it_is_tried_again(tmp_path: Path, running) -> None:
+    source = SerialSource(SerialPort("/dev/no-such-port"), sensor="desk", log=tmp_path / "desk.csv")
+    with running(source) as heard:
+        heard.until(lambda heard: heard.notices)
+        time.sleep(1.5)  # the next attempt is after a second
+    assert len(heard.notices) == 1
+    assert "tried again until it answers" in heard.notices[0].text
