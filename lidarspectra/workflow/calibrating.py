@@ -4,7 +4,7 @@ The model and its solution stand in `mapping.calibration`; here its light is tra
 """
 
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
@@ -21,9 +21,13 @@ from lidarspectra.mapping.calibration.model import (
     LOCAL_SD,
     REFLECTANCE_SD,
     LightModel,
+    Observations,
     Priors,
+    error_covariance,
+    error_scale,
 )
-from lidarspectra.mapping.calibration.posterior import Posterior, disagreement, fit
+from lidarspectra.mapping.calibration.model_error import fit_with_model_error
+from lidarspectra.mapping.calibration.posterior import Posterior, disagreement
 from lidarspectra.mapping.figures.tables import Table, save_table
 from lidarspectra.mapping.maps.visible_bands import covers_vision
 from lidarspectra.mapping.photovoltaics.cells import find_cell
@@ -143,19 +147,22 @@ def calibrate_run(
     light = traced_light(room, points, workers=workers, progress=part_of(progress, 0.0, FIRST_SHARE))
     model = light.model(weights, readings.numbers.row)
     require_light(model, readings, measured)
+    first_point = 2 * len(readings.names)
+    readings = replace(readings, numbers=_with_model_error(readings, model, light, weights, first_point))
     reverse = light.model(weights, readings.numbers.row + len(readings.names))
     said = doubts(model, reverse, readings, priors, measured, force=force)
-    first = fit(model, readings.numbers, priors)
+    first = fit_with_model_error(model, readings.numbers, priors)
     light = _about(first, room, points, light, workers=workers, progress=part_of(progress, FIRST_SHARE, 1.0))
     exact = light.model(weights, readings.numbers.row)
-    posterior = fit(exact, readings.numbers, priors)
-    on_map = map_model(room, light, first_point=2 * len(readings.names))
+    posterior = fit_with_model_error(exact, readings.numbers, priors)
+    on_map = map_model(room, light, first_point=first_point)
+    own_error = _own_error(on_map)
     return Calibration(
         run_file=calibrated_run_file(room, posterior, measured),
         unknowns=unknowns_table(room, readings, posterior),
         readings=readings_table(readings, model, exact, posterior, disagreement(exact, readings.numbers, priors), room),
         map_sd_before=np.hypot(posterior.light_sd(on_map, before=True), LOCAL_SD),
-        map_sd_after=np.hypot(posterior.light_sd(on_map), LOCAL_SD),
+        map_sd_after=np.hypot(posterior.light_sd(on_map), posterior.local_sd * own_error),
         chi_square=posterior.chi_square,
         numbers=readings.numbers.value.size,
         notes=(*readings.notes, *said, *untold(room, posterior)),
@@ -231,6 +238,25 @@ def _weights(readings: Readings, room: RunRoom, cell: str | None, area_cm2: floa
     if area_m2 is None:
         raise MapError(expected="the cell's area", found="none", where=f"cell '{cell}'", todo="Give --area in cm².")
     return weights_of(readings.quantities, room, cell=found, area_m2=area_m2)
+
+
+def _with_model_error(
+    readings: Readings, model: LightModel, light: TracedLight, weights: FloatArray, first_point: int
+) -> Observations:
+    """The numbers with the covariance of the model's own error, larger where it is darker than the map's mean."""
+    points = np.arange(first_point, light.base.shape[1])
+    firsts = {quantity: index for index, quantity in reversed(list(enumerate(readings.quantities)))}
+    typical = {quantity: light.base_light(weights[index], points).mean() for quantity, index in firsts.items()}
+    usual = np.array([typical[quantity] for quantity in readings.quantities])
+    rows = readings.numbers.row
+    scale = error_scale(model.light.sum(axis=1), usual)
+    covariance = error_covariance(readings.positions[rows], readings.normals[rows], scale)
+    return replace(readings.numbers, model_error=covariance)
+
+
+def _own_error(on_map: LightModel) -> FloatArray:
+    light = on_map.light.sum(axis=1)
+    return error_scale(light, float(light.mean()))
 
 
 def _points(readings: Readings, run: Path) -> SensorPoints:

@@ -129,6 +129,10 @@ class TracedLight:
     lowered: FloatArray
     step: float = STEP
 
+    def base_light(self, weights: FloatArray, points: IntArray) -> FloatArray:
+        """(point,) one quantity by all lamps at (number,) points, for (lamp, band) weights of the coefficients."""
+        return np.asarray(np.einsum("lb,lnb->n", weights, self.base[:, points]), dtype=np.float64)
+
     def model(self, weights: FloatArray, points: IntArray) -> LightModel:
         """Light of a number each: (number, lamp, band) weights of the coefficients at (number,) points."""
         light = np.einsum("nlb,lnb->nl", weights, self.base[:, points])

@@ -1,5 +1,6 @@
 """Where, and in which direction, readings of a run tell most."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -9,24 +10,33 @@ import pandas as pd
 
 from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray
-from lidarspectra.errors import MapError
+from lidarspectra.errors import MapError, SensorError
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.sensor.measured_readings import Scale
 from lidarspectra.io.files import write_whole, writing
+from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.calibration.figures import readings_figure
-from lidarspectra.mapping.calibration.model import UNKNOWN_METER_SD
+from lidarspectra.mapping.calibration.model import UNKNOWN_METER_SD, error_covariance, error_scale
 from lidarspectra.mapping.calibration.planning import choose_readings
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import floor_plan
 from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.progress import Progress, silent
 from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport
-from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.room import Room
+from lidarspectra.room.sensor_points import SensorPoints, grid_points
 from lidarspectra.workflow.calibrating import map_model, priors_of
 from lidarspectra.workflow.calibration_light import run_room, traced_light, weights_of
 from lidarspectra.workflow.calibration_readings import CALIBRATED_SD, LUX
 from lidarspectra.workflow.workspace import require_stage
 
-MOST_PLACES = 40
+MAX_PLACES = 40  # that are traced
+HAND_M = 1.2  # [m] above the floor, where a person holds a meter
+REACHED_M = 1.9  # [m] above the floor, up to which an arm reaches
+CLEAR_M = 0.15  # [m] of the run's own points from walls and furniture: a hand and a meter fit in
+LAMP_M = 0.7  # [m] from a lamp: nearer, 5 cm beside the place are 15 % of the light
+MARGIN_M = 0.25  # [m] of places at hand from walls and furniture: the person stands beside the meter
 DIRECTIONS = {
     "up": (0.0, 0.0, 1.0), "down": (0.0, 0.0, -1.0), "+x": (1.0, 0.0, 0.0), "-x": (-1.0, 0.0, 0.0),
     "+y": (0.0, 1.0, 0.0), "-y": (0.0, -1.0, 0.0),
@@ -61,8 +71,8 @@ def plan_readings(
 ) -> ReadingPlan:
     """Choose places and directions for readings of illuminance.
 
-    Places are those of the run's own sensor points that are not inside anything, 40 of them spread evenly: a person or
-    a robot can reach them. Directions are up, down, and along the axes.
+    Places are 40, spread evenly over what a person can reach: see `reachable_places`. Directions are up, down, and
+    along the axes. There are at most half as many places as readings.
 
     Parameters
     ----------
@@ -85,11 +95,14 @@ def plan_readings(
     own = np.stack([transport[axis].to_numpy() for axis in "xyz"], axis=1)
     up = np.stack([transport[f"n{axis}"].to_numpy() for axis in "xyz"], axis=1)
     free = np.flatnonzero(~transport["buried"].to_numpy().astype(bool))
-    if free.size == 0:
+    places = reachable_places(room.scan, room.room, room.lamps, own[free])
+    if free.size == 0 or len(places) == 0:
         raise MapError(
-            expected="sensor points in free air", found="none", where=str(run), todo="Give the run a [sensors.grid]."
+            expected="sensor points in free air, and places that a person can reach",
+            found=f"{free.size} points and {len(places)} places",
+            where=str(run),
+            todo="Give the run a [sensors.grid].",
         )
-    places = own[free[spread(own[free], MOST_PLACES)]]
     normals = np.array(list(DIRECTIONS.values()))
     positions = np.repeat(places, len(normals), axis=0)
     points = SensorPoints(
@@ -100,8 +113,17 @@ def plan_readings(
     numbers = np.arange(len(positions))
     candidates = light.model(weights_of([LUX] * numbers.size, room), numbers)
     priors = priors_of(room, np.array([CALIBRATED_SD if scale == "none" else UNKNOWN_METER_SD]))
+    on_map = map_model(room, light, first_point=len(positions))
+    own = candidates.light.sum(axis=1)
     planned = choose_readings(
-        candidates, numbers // len(normals), map_model(room, light, first_point=len(positions)), priors, count
+        candidates,
+        numbers // len(normals),
+        on_map,
+        priors,
+        count,
+        model_error=error_covariance(
+            positions, np.tile(normals, (len(places), 1)), error_scale(own, float(on_map.light.sum(axis=1).mean()))
+        ),
     )
     looks = [list(DIRECTIONS)[index % len(normals)] for index in planned.chosen]
     chosen = planned.chosen
@@ -163,6 +185,40 @@ def save_plan(plan: ReadingPlan, run: str | PathLike[str]) -> tuple[Path, Path]:
     plan_view = floor_plan(room.scan, room.room)
     pictures = save_figure(readings_figure(plan.positions, plan.normals, plan_view, room.lamps), folder, NAME)
     return target, next(path for path in pictures if path.suffix == ".png")
+
+
+def reachable_places(scan: Scan, room: Room, lamps: Sequence[Lamp], own: FloatArray) -> FloatArray:
+    """Places where a person can hold a meter, at most `MAX_PLACES` spread evenly.
+
+    The run's own sensor points up to `REACHED_M` above the floor, and places at `HAND_M` with some margin from walls
+    and furniture; none inside anything, outside the room, or so near to a lamp that a step decides what is read.
+
+    Parameters
+    ----------
+    scan : Scan
+    room : Room
+    lamps : sequence of Lamp
+    own : (point, 3) float
+        Sensor points in free air. [m]
+
+    Returns
+    -------
+    places : (place, 3) float
+        [m]
+    """
+    free = FreeSpace(scan, room)
+    within = own[(own[:, 2] >= room.floor_z + CLEAR_M) & (own[:, 2] <= room.floor_z + REACHED_M)]
+    if len(within):
+        within = within[free.distance(within, limit_m=CLEAR_M, ignore_floor=True) >= CLEAR_M]
+    spacing = max(float(np.sqrt(np.prod(np.ptp(room.outline, axis=0)) / MAX_PLACES)), MARGIN_M)
+    try:
+        held = grid_points(scan, room, height=HAND_M, spacing=spacing, margin=MARGIN_M, free=free).positions
+    except SensorError:  # no free place at this height: too low a room, or a scan without floor
+        held = np.empty((0, 3))
+    places = np.concatenate([held, within])
+    for lamp in lamps:
+        places = places[lamp.distance(places) >= LAMP_M]
+    return places[spread(places, MAX_PLACES)] if len(places) else places
 
 
 def spread(places: FloatArray, count: int) -> np.ndarray:

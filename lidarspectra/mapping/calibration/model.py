@@ -14,6 +14,8 @@ from lidarspectra.errors import MapError
 
 READING_SD = 0.03  # [1] of a single reading: the meter's noise, its cosine error and its place
 LOCAL_SD = 0.03  # [1] of the model at one place and direction: things that the scan lacks, gloss, edges
+ERROR_REACH_M = 1.0  # [m] of the model's own error: furniture's shadows and the light of one lamp reach about so far
+MAX_ERROR_SCALE = 4.0  # [1]
 FLUX_SD = 0.15  # [1] of a lamp's flux that a data sheet states (ageing, dirt, driver)
 ASSUMED_FLUX_SD = 0.4  # [1] of one that was guessed
 REFLECTANCE_SD = 0.07  # [1] of a part's level, where the materials state no deviation
@@ -69,11 +71,15 @@ class Observations:
         Line of the table that each is from, 0 for the first: one place and direction.
     meter : (number,) int
         Which factor each has; see `Priors.meter_sd`.
+    model_error : (number, number) float, optional
+        Covariance of the model's own error, over `Priors.local_sd` squared: see `error_covariance`; by default 1
+        within a row and 0 between rows. [1]
     """
 
     value: FloatArray
     row: IntArray
     meter: IntArray
+    model_error: FloatArray | None = None
 
     def __post_init__(self) -> None:
         value = float_array(self.value, name="Observations.value", shape=(None,))
@@ -88,6 +94,10 @@ class Observations:
         for name in ("row", "meter"):
             given = int_array(getattr(self, name), name=f"Observations.{name}", shape=value.shape)
             object.__setattr__(self, name, given)
+        same = (self.row[:, None] == self.row[None, :]).astype(np.float64)
+        error = same if self.model_error is None else self.model_error
+        shape = (value.size, value.size)
+        object.__setattr__(self, "model_error", float_array(error, name="Observations.model_error", shape=shape))
 
     def without(self, row: int) -> IntArray:
         """Numbers that are of other rows."""
@@ -95,7 +105,13 @@ class Observations:
 
     def some(self, chosen: IntArray) -> "Observations":
         """Some of them."""
-        return Observations(value=self.value[chosen], row=self.row[chosen], meter=self.meter[chosen])
+        assert self.model_error is not None  # since it was checked
+        return Observations(
+            value=self.value[chosen],
+            row=self.row[chosen],
+            meter=self.meter[chosen],
+            model_error=self.model_error[np.ix_(chosen, chosen)],
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,7 +150,48 @@ class Priors:
         whole[last:, last:] = np.diag(self.meter_sd**2)
         return whole
 
-    def noise(self, row: IntArray) -> FloatArray:
+    def noise(self, readings: Observations) -> FloatArray:
         """(number, number) covariance of the readings' logarithms about the model."""
-        same = row[:, None] == row[None, :]
-        return np.asarray(self.reading_sd**2 * np.eye(row.size) + self.local_sd**2 * same, dtype=np.float64)
+        assert readings.model_error is not None  # since it was checked
+        own = self.reading_sd**2 * np.eye(readings.value.size)
+        return np.asarray(own + self.local_sd**2 * readings.model_error, dtype=np.float64)
+
+
+def error_scale(light: FloatArray, typical: FloatArray | float) -> FloatArray:
+    """By how much the model's own error is larger at dark places, sqrt(typical / light) from 1 to `MAX_ERROR_SCALE`.
+
+    Where little light comes, each shadow and each reflection that the model lacks is a larger part of it.
+
+    Parameters
+    ----------
+    light : (n,) float
+        By all lamps. [unit of the quantity]
+    typical : float or (n,) float
+        Mean of the map in the same quantity.
+    """
+    with np.errstate(divide="ignore"):
+        ratio = np.sqrt(typical / light)
+    return np.asarray(np.clip(ratio, 1.0, MAX_ERROR_SCALE), dtype=np.float64)
+
+
+def error_covariance(positions: FloatArray, normals: FloatArray, scale: FloatArray) -> FloatArray:
+    """Covariance of the model's own error between places and directions, s s' exp(-d²/2L²) ((1 + n·n')/2)².
+
+    What the scan lacks, gloss, and a lamp's wrong distribution change the light at neighbouring places alike, and that
+    from opposite sides by causes of their own.
+
+    Parameters
+    ----------
+    positions, normals : (n, 3) float
+        [m], and unit vectors.
+    scale : (n,) float
+        See `error_scale`. [1]
+
+    Returns
+    -------
+    covariance : (n, n) float
+        Positive semidefinite, over the variance at a place of usual light. [1]
+    """
+    distance = np.linalg.norm(positions[:, None] - positions[None, :], axis=2)
+    facing = (0.5 + 0.5 * normals @ normals.T) ** 2
+    return np.asarray(np.exp(-0.5 * (distance / ERROR_REACH_M) ** 2) * facing * np.outer(scale, scale))

@@ -1,8 +1,11 @@
 """Where readings tell most: greedy choice by how much each narrows the map's deviation.
 
-A reading of gradient g and variance v takes C g g' C / (g' C g + v) off the covariance C of the unknowns (Kalman's
-update). The best next reading is that whose update takes most off the mean variance of the map. A further place costs
-a walk: it must be worth more than another direction at a place that is chosen already.
+The logarithms of all candidates' readings have the covariance K = G C G' + E of the unknowns' prior C and of the
+model's own error E; with the map's logarithms they have M = H C G' in common. A reading b of noise r takes
+M_b M_b' / (K_bb + r²) off the map's covariance, and K_b K_b' / (K_bb + r²) off K (Kalman's update). The best next
+reading is that which takes most off the mean variance of the map: not beside one that is taken, where the model errs
+alike, nor in the dark, where it errs most. A further place costs a walk: it must be worth more than another direction
+at a place that is chosen already, and there are at most half as many places as readings.
 """
 
 from dataclasses import dataclass
@@ -24,7 +27,7 @@ class PlannedReadings:
     chosen : (reading,) int
         Index of the candidates.
     map_sd : (reading + 1,) float
-        Root of the mean variance of the map before any reading, and after each. [1]
+        Root of the mean variance of the map's light before any reading, and after each, over its mean. [1]
     """
 
     chosen: IntArray
@@ -32,9 +35,15 @@ class PlannedReadings:
 
 
 def choose_readings(
-    candidates: LightModel, place: IntArray, on_map: LightModel, priors: Priors, count: int
+    candidates: LightModel,
+    place: IntArray,
+    on_map: LightModel,
+    priors: Priors,
+    count: int,
+    *,
+    model_error: FloatArray | None = None,
 ) -> PlannedReadings:
-    """Choose readings by a single meter.
+    """Choose readings by a single meter, at no more than half as many places.
 
     Parameters
     ----------
@@ -48,31 +57,40 @@ def choose_readings(
         With one meter factor.
     count : int
         Readings wanted; fewer are chosen if there are fewer candidates.
+    model_error : (candidate, candidate) float, optional
+        See `error_covariance`; by default no two candidates have errors in common. [1]
 
     Returns
     -------
     planned : PlannedReadings
     """
-    lamps, parts = priors.flux_sd.size, priors.reflectance_sd.size
-    zero = np.zeros(lamps), np.zeros(parts)
+    zero = np.zeros(priors.flux_sd.size), np.zeros(priors.reflectance_sd.size)
     gradient = np.concatenate([candidates.gradient(*zero), np.ones((candidates.light.shape[0], 1))], axis=1)
     wanted = np.concatenate([on_map.gradient(*zero), np.zeros((on_map.light.shape[0], 1))], axis=1)
-    variance = priors.reading_sd**2 + priors.local_sd**2
+    errors = np.eye(place.size) if model_error is None else model_error
+    prior = priors.covariance()
+    among = gradient @ prior @ gradient.T + priors.local_sd**2 * errors
+    everywhere = on_map.light.sum(axis=1)
+    wanted = wanted * (everywhere / everywhere.mean())[:, None]  # what is off in the dark is little light
+    shared = wanted @ prior @ gradient.T  # (map, candidate)
     lit = candidates.light.sum(axis=1) > 0
-    covariance = priors.covariance()
+    max_places = (count + 1) // 2
     chosen: list[int] = []
-    spread = [_mean_variance(wanted, covariance)]
+    spread = [_mean_variance(wanted, prior)]
     for _ in range(min(count, int(lit.sum()))):
-        told = gradient @ covariance  # (candidate, unknown)
-        gain = np.mean((wanted @ told.T) ** 2, axis=0) / (np.einsum("nu,nu->n", told, gradient) + variance)
-        gain[~lit] = -1.0
-        gain[chosen] = -1.0
-        gain[~np.isin(place, place[chosen])] /= PLACE_PRICE if chosen else 1.0
-        best = int(np.argmax(gain))
+        variance = np.diag(among) + priors.reading_sd**2
+        gain = np.mean(shared**2, axis=0) / variance
+        worth = gain.copy()
+        elsewhere = ~np.isin(place, place[chosen])
+        if chosen:  # a further place costs a walk; one too many is taken only if no direction is left at the others
+            worth[elsewhere] *= 1.0 / PLACE_PRICE if np.unique(place[chosen]).size < max_places else 1e-9
+        worth[~lit] = worth[chosen] = -1.0
+        best = int(np.argmax(worth))
         chosen.append(best)
-        row = told[best]
-        covariance = covariance - np.outer(row, row) / (row @ gradient[best] + variance)
-        spread.append(_mean_variance(wanted, covariance))
+        spread.append(spread[-1] - float(gain[best]))
+        row = among[best].copy()
+        shared = shared - np.outer(shared[:, best], row) / variance[best]
+        among = among - np.outer(row, row) / variance[best]
     return PlannedReadings(chosen=np.array(chosen, dtype=np.int64), map_sd=np.sqrt(spread))
 
 

@@ -34,6 +34,11 @@ class Posterior:
         Logarithm of reading over model. [1]
     chi_square : float
         Of readings and priors together, about as large as the number of readings if all is well.
+    log_evidence : float
+        Logarithm of the readings' probability density under model and priors (Laplace's approximation), but for a
+        constant.
+    local_sd : float
+        Of the model's own error at a place. [1]
     """
 
     unknowns: FloatArray
@@ -43,6 +48,8 @@ class Posterior:
     parts: int
     residual: FloatArray
     chi_square: float
+    log_evidence: float
+    local_sd: float
 
     @property
     def flux(self) -> FloatArray:
@@ -92,7 +99,7 @@ def fit(model: LightModel, readings: Observations, priors: Priors) -> Posterior:
     lamps, parts = priors.flux_sd.size, priors.reflectance_sd.size
     prior = priors.covariance()
     prior_root = np.linalg.cholesky(prior)
-    noise_root = np.linalg.cholesky(priors.noise(readings.row))
+    noise_root = np.linalg.cholesky(priors.noise(readings))
     measured = np.log(readings.value)
     meters = np.eye(priors.meter_sd.size)[readings.meter]
 
@@ -123,6 +130,10 @@ def fit(model: LightModel, readings: Observations, priors: Priors) -> Posterior:
         parts=parts,
         residual=residual(unknowns),
         chi_square=float(2.0 * found.cost),
+        log_evidence=float(
+            -found.cost - np.log(np.diag(noise_root)).sum() - 0.5 * np.linalg.slogdet(information).logabsdet
+        ),
+        local_sd=priors.local_sd,
     )
 
 
@@ -143,7 +154,7 @@ def disagreement(model: LightModel, readings: Observations, priors: Priors) -> F
         meters = np.eye(priors.meter_sd.size)[readings.meter[own]]
         expected = np.log(light.at(told.flux, told.reflectance).sum(axis=1)) + meters @ told.unknowns[lamps + parts :]
         gradient = np.concatenate([light.gradient(told.flux, told.reflectance), meters], axis=1)
-        spread = gradient @ told.covariance @ gradient.T + priors.noise(readings.row[own])
+        spread = gradient @ told.covariance @ gradient.T + priors.noise(readings.some(own))
         off = np.log(readings.value[own]) - expected
         probability[place] = chi2.sf(float(off @ np.linalg.solve(spread, off)), own.size)
     return probability
