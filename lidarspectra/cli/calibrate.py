@@ -63,13 +63,17 @@ def calibrate(
         )
     for note in found.notes:
         print_note(note)
-    for each in (found.readings, found.unknowns):
-        console.print()
-        console.print(shown(each))
+    for each in (found.readings, found.unknowns, found.spectra):
+        if each is not None:
+            console.print()
+            console.print(shown(each))
     before, after = (100 * float(each.mean()) for each in (found.map_sd_before, found.map_sd_after))
     console.print()
     say(f"Deviation of the map, mean over its points: {before:.1f} % before, {after:.1f} % after the readings.")
-    say(f"Chi-square {found.chi_square:.1f} of {found.numbers} numbers.")
+    say(
+        f"Chi-square {found.chi_square:.1f} of {found.numbers} numbers; the model's own error at a place, as the "
+        f"misfit tells it: {100 * found.local_sd:.1f} %."
+    )
     run_file, tables = save_calibration(found, run, force=force)
     say(f"Tables: {tables}")
     say(f"Calibrated run file: {run_file}. 'lidarspectra run {run_file.name}' makes its maps and report.")

@@ -3,6 +3,7 @@
 The model and its solution stand in `mapping.calibration`; here its light is traced, and what comes out is written.
 """
 
+import json
 import shutil
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -15,6 +16,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.config import RunFile
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.measured_readings import Scale, Unit
+from lidarspectra.io.files import write_whole
 from lidarspectra.mapping.calibration.model import (
     ASSUMED_FLUX_SD,
     FLUX_SD,
@@ -45,7 +47,15 @@ from lidarspectra.workflow.calibration_light import (
     weights_of,
 )
 from lidarspectra.workflow.calibration_readings import LUX, Quantity, Readings, calibration_readings
-from lidarspectra.workflow.calibration_results import calibrated_run_file, readings_table, unknowns_table, untold
+from lidarspectra.workflow.calibration_results import (
+    SUMMARY,
+    calibrated_run_file,
+    points_table,
+    readings_table,
+    unknowns_table,
+    untold,
+)
+from lidarspectra.workflow.calibration_spectra import spectra_told
 from lidarspectra.workflow.workspace import STAGES, StageName, Workspace, require_stage, stage_folder, writing_run
 
 CERTAIN_SD = 0.03  # [1] of reflectances that the user assigned
@@ -65,12 +75,18 @@ class Calibration:
         Every factor with its deviation, before and after.
     readings : Table
         Every number, measured and as the model has it before and after.
+    points : Table
+        The run's own points, their light before and after, and its deviations.
     map_sd_before, map_sd_after : (point,) float
-        Relative deviation of the light at the run's points, by fluxes, reflectances and the model's local error. [1]
+        Relative deviation of the light at the run's points, by fluxes, reflectances and the model's own error. [1]
+    local_sd : float
+        The model's own error at a place of usual light, as the misfit tells it. [1]
     chi_square : float
         Of readings and priors.
     numbers : int
         That were read; about as large as chi-square if all is well.
+    spectra : Table or None
+        Likely lamp spectra out of the databases; None where the readings cannot tell them.
     notes : tuple of str
         As full sentences.
     """
@@ -78,10 +94,13 @@ class Calibration:
     run_file: RunFile
     unknowns: Table
     readings: Table
+    points: Table
     map_sd_before: FloatArray
     map_sd_after: FloatArray
+    local_sd: float
     chi_square: float
     numbers: int
+    spectra: Table | None
     notes: tuple[str, ...]
 
     def __repr__(self) -> str:
@@ -141,10 +160,12 @@ def calibrate_run(
     room = run_room(run)
     readings = calibration_readings(measured, room.bands.labels, unit=unit, scale=scale, has_cell=cell is not None)
     require_inside(readings, room, measured)
-    weights = _weights(readings, room, cell, area_cm2)
     priors = priors_of(room, readings.meter_sd)
     points = _points(readings, run)
     light = traced_light(room, points, workers=workers, progress=part_of(progress, 0.0, FIRST_SHARE))
+    spectra = spectra_told(room, readings, light, priors, scale)
+    room = spectra.room
+    weights = _weights(readings, room, cell, area_cm2)
     model = light.model(weights, readings.numbers.row)
     require_light(model, readings, measured)
     first_point = 2 * len(readings.names)
@@ -152,20 +173,32 @@ def calibrate_run(
     reverse = light.model(weights, readings.numbers.row + len(readings.names))
     said = doubts(model, reverse, readings, priors, measured, force=force)
     first = fit_with_model_error(model, readings.numbers, priors)
+    first_light = light
     light = _about(first, room, points, light, workers=workers, progress=part_of(progress, FIRST_SHARE, 1.0))
     exact = light.model(weights, readings.numbers.row)
     posterior = fit_with_model_error(exact, readings.numbers, priors)
     on_map = map_model(room, light, first_point=first_point)
     own_error = _own_error(on_map)
+    map_sd_before = np.hypot(posterior.light_sd(on_map, before=True), LOCAL_SD * own_error)
+    map_sd_after = np.hypot(posterior.light_sd(on_map), posterior.local_sd * own_error)
     return Calibration(
-        run_file=calibrated_run_file(room, posterior, measured),
+        run_file=calibrated_run_file(room, posterior, measured, spectra.names),
         unknowns=unknowns_table(room, readings, posterior),
         readings=readings_table(readings, model, exact, posterior, disagreement(exact, readings.numbers, priors), room),
-        map_sd_before=np.hypot(posterior.light_sd(on_map, before=True), LOCAL_SD),
-        map_sd_after=np.hypot(posterior.light_sd(on_map), posterior.local_sd * own_error),
+        points=points_table(
+            points.positions[first_point:],
+            (map_model(room, first_light, first_point=first_point), on_map),
+            posterior,
+            (map_sd_before, map_sd_after),
+            room,
+        ),
+        map_sd_before=map_sd_before,
+        map_sd_after=map_sd_after,
+        local_sd=posterior.local_sd,
         chi_square=posterior.chi_square,
         numbers=readings.numbers.value.size,
-        notes=(*readings.notes, *said, *untold(room, posterior)),
+        spectra=spectra.table,
+        notes=(*readings.notes, *spectra.notes, *said, *untold(room, posterior)),
     )
 
 
@@ -200,9 +233,28 @@ def save_calibration(calibration: Calibration, run: str | PathLike[str], *, forc
                 shutil.copytree(require_stage(run, stage), stage_folder(target, stage))
         folder = target / "calibration"
         folder.mkdir(parents=True, exist_ok=True)
-    for table in (calibration.unknowns, calibration.readings):
-        save_table(table, folder)
+        write_whole(folder / SUMMARY, summary_text(calibration))
+    for table in (calibration.unknowns, calibration.readings, calibration.points, calibration.spectra):
+        if table is not None:
+            save_table(table, folder)
     return path, folder
+
+
+def summary_text(calibration: Calibration) -> str:
+    """What the report tells of it besides its tables, as JSON, with the factors that it is of."""
+    section = calibration.run_file.calibration
+    assert section is not None  # since a calibrated run file has it
+    return json.dumps(
+        {
+            "factors": section.model_dump(),
+            "chi_square": calibration.chi_square,
+            "numbers": calibration.numbers,
+            "local_sd": calibration.local_sd,
+            "map_sd": [float(each.mean()) for each in (calibration.map_sd_before, calibration.map_sd_after)],
+            "notes": list(calibration.notes),
+        },
+        indent=1,
+    )
 
 
 def priors_of(room: RunRoom, meter_sd: FloatArray) -> Priors:

@@ -1,25 +1,29 @@
 """What a calibration gives: the run file with its factors, and tables of unknowns and readings."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from lidarspectra.config import CalibrationSection, RunFile
+from lidarspectra.arrays import FloatArray
+from lidarspectra.config import CalibrationSection, LampSection, RunFile
 from lidarspectra.io.toml_text import toml_value
 from lidarspectra.mapping.calibration.model import LightModel
 from lidarspectra.mapping.calibration.posterior import Posterior
 from lidarspectra.mapping.figures.tables import Table
+from lidarspectra.mapping.maps.visible_bands import covers_vision
 from lidarspectra.room.surface_parts import PARTS
 from lidarspectra.workflow.calibration_light import RunRoom
 from lidarspectra.workflow.calibration_readings import CURRENT, LUX, Quantity, Readings
 
+SUMMARY = "calibration.json"  # beside the tables, for the report
 TOLD = 0.9  # [1] an unknown whose deviation is still above this share of its prior's was told nothing
 UNITS: dict[Quantity, str] = {LUX: "lx", CURRENT: "A"}  # channels are in W/m²/nm
 
 
-def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path) -> RunFile:
-    """The run file with the factors that the readings told, times those that it had.
+def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path, spectra: Mapping[str, str]) -> RunFile:
+    """The run file with the factors that the readings told, times those that it had, and other lamp spectra by name.
 
     Lamps that the readings told something of are no longer marked as assumed. The text keeps its comments unless it
     had a calibration or assumed lamps.
@@ -35,13 +39,10 @@ def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path) -> 
     section = {"measured": measured.name, "lamps": lamp_factors, "reflectance": part_factors}
     told = _told(posterior)[: len(room.lamps)]
     known = {lamp.name for lamp, is_told in zip(room.lamps, told, strict=True) if is_told}
-    lamps = [
-        lamp.model_dump(exclude_unset=True) | ({"assumed": False} if lamp.name in known and lamp.assumed else {})
-        for lamp in room.run_file.lamps
-    ]
+    lamps = [_lamp_table(lamp, spectra.get(lamp.name), lamp.name in known) for lamp in room.run_file.lamps]
     origin = room.run_file.with_origin(folder=room.base, name=f"{room.name}.calibrated")
     changed = origin.changed(calibration=section, **({"lamps": lamps} if lamps else {}))
-    if room.run_file.calibration is not None or any(lamp.assumed for lamp in room.run_file.lamps):
+    if spectra or room.run_file.calibration is not None or any(lamp.assumed for lamp in room.run_file.lamps):
         return changed
     tables = [
         f"[calibration]\nmeasured = {toml_value(measured.name)}",
@@ -50,6 +51,16 @@ def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path) -> 
     ]
     text = room.run_file.text.rstrip() + "\n\n" + "\n\n".join(tables) + "\n"
     return changed.with_origin(folder=room.base, name=f"{room.name}.calibrated", text=text)
+
+
+def _lamp_table(lamp: LampSection, spectrum: str | None, is_known: bool) -> dict[str, object]:
+    table = lamp.model_dump(exclude_unset=True)
+    if is_known and lamp.assumed:
+        table["assumed"] = False
+    if spectrum is not None:
+        table.pop("cct_k", None)
+        table["spectrum"] = spectrum
+    return table
 
 
 def unknowns_table(room: RunRoom, readings: Readings, posterior: Posterior) -> Table:
@@ -114,6 +125,33 @@ def readings_table(
         "deviation from what all other readings tell of the place.",
         frame=frame,
         formats={"off before [%]": "+.1f", "off after [%]": "+.1f", "probability [1]": ".2g"},
+    )
+
+
+def points_table(
+    positions: FloatArray,
+    models: tuple[LightModel, LightModel],
+    posterior: Posterior,
+    deviations: tuple[FloatArray, FloatArray],
+    room: RunRoom,
+) -> Table:
+    """The run's own points: their light before and after, in lux where the channels allow it, and its deviations."""
+    before, after = models
+    unit = "lx" if covers_vision(room.bands.centers_nm) else "W/m²/nm, sum over channels"
+    frame = pd.DataFrame(
+        {
+            **{f"{axis} [m]": positions[:, index] for index, axis in enumerate("xyz")},
+            f"before [{unit}]": before.light.sum(axis=1),
+            f"after [{unit}]": after.at(posterior.flux, posterior.reflectance).sum(axis=1),
+            "deviation before [%]": 100 * deviations[0],
+            "deviation after [%]": 100 * deviations[1],
+        }
+    )
+    return Table(
+        name="points",
+        caption="The run's own points before and after the readings.",
+        frame=frame,
+        formats={"deviation before [%]": ".1f", "deviation after [%]": ".1f"},
     )
 
 

@@ -17,6 +17,7 @@ from lidarspectra.material.material_mesh import daylight_colors
 from lidarspectra.material.views import ViewSet
 from lidarspectra.progress import Progress
 from lidarspectra.radiance.scene.scene import RadianceScene
+from lidarspectra.workflow.calibration_report import calibration_sections
 from lidarspectra.workflow.declared import Declared
 from lidarspectra.workflow.lamps_of_run import ScannedRoom
 from lidarspectra.workflow.report_applications import report_applications
@@ -57,7 +58,7 @@ def report_of_run(
     Parameters
     ----------
     given : Declared
-        With `people_and_plants` and `cells` of the run file.
+        With `people_and_plants`, `cells` and `calibration` of the run file.
     before : StagesBefore
     title : str
     run_file_text : str
@@ -82,14 +83,17 @@ def report_of_run(
         spectral_map=before.spectral_map.value,
         transport=transport,
         plan=plan,
-        applications=report_applications(
-            given.run_file,
-            transport,
-            {lamp.name: lamp.flux for lamp in lamps},
-            before.scene.value.bands,
-            plan,
-            base=given.base,
-            progress=applying,
+        applications=(
+            *calibration_sections(given.run_file.calibration, before.scan.folder.parent / "calibration", plan),
+            *report_applications(
+                given.run_file,
+                transport,
+                {lamp.name: lamp.flux for lamp in lamps},
+                before.scene.value.bands,
+                plan,
+                base=given.base,
+                progress=applying,
+            ),
         ),
         scan=mesh.record,
         materials=materials.materials,

@@ -444,6 +444,7 @@ def report_stage(
     given = inputs.declare(
         "people_and_plants",
         "cells",
+        "calibration",
         databases=("cells",) if cells else (),
         stages=before.all,
         others={
