@@ -16,7 +16,7 @@ from lidarspectra.mapping.calibration.model import LightModel, Observations, Pri
 from lidarspectra.mapping.calibration.posterior import Posterior, fit
 
 SIZES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # times the prior's median, the grid of the integral
-SIZE_SD = 0.8  # [1] of the prior's logarithm: a factor of 2.2 either way
+SIZE_SD = 1.2  # [1] of the prior's logarithm: a factor of 3.3 either way
 
 
 def fit_with_model_error(model: LightModel, readings: Observations, priors: Priors) -> Posterior:
