@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from lidarspectra.workflow.calibrating import Calibration, calibrate_run, save_calibration
     from lidarspectra.workflow.calibration_plan import plan_readings, save_plan
     from lidarspectra.workflow.check import RunCheck, check
+    from lidarspectra.workflow.designing import Design, check_design, design_lighting, save_design
     from lidarspectra.workflow.evaluation import evaluate_run
     from lidarspectra.workflow.fingerprints import FingerprintOrder, fingerprint_room
     from lidarspectra.workflow.init_file import init
@@ -68,6 +69,7 @@ _HOMES = {
     "ArgumentError": "errors",
     "BandSet": "spectra.spectrum",
     "Calibration": "workflow.calibrating",
+    "Design": "workflow.designing",
     "FingerprintOrder": "workflow.fingerprints",
     "FingerprintRequest": "mapping.localization.traced_fingerprints",
     "Lamp": "lamps.lamps",
@@ -92,10 +94,12 @@ _HOMES = {
     "check": "workflow.check",
     "calibrate_run": "workflow.calibrating",
     "annual_daylight": "workflow.annual",
+    "check_design": "workflow.designing",
     "choose_to_locate": "mapping.localization.sensor_places",
     "compare_maps": "mapping.maps.metrics",
     "copy_scene": "workflow.inputs",
     "current_map": "mapping.photovoltaics.current_map",
+    "design_lighting": "workflow.designing",
     "estimate_materials": "material.estimate",
     "evaluate_run": "workflow.evaluation",
     "find_cell": "mapping.photovoltaics.cells",
@@ -129,6 +133,7 @@ _HOMES = {
     "repair_scan": "hardware.phone.repair",
     "run": "workflow.pipeline",
     "save_calibration": "workflow.calibrating",
+    "save_design": "workflow.designing",
     "save_map": "mapping.maps.map_files",
     "save_map_table": "mapping.maps.map_files",
     "save_plan": "workflow.calibration_plan",
@@ -148,6 +153,7 @@ __all__ = [
     "ArgumentError",
     "BandSet",
     "Calibration",
+    "Design",
     "FingerprintOrder",
     "FingerprintRequest",
     "Lamp",
@@ -173,10 +179,12 @@ __all__ = [
     "annual_daylight",
     "calibrate_run",
     "check",
+    "check_design",
     "choose_to_locate",
     "compare_maps",
     "copy_scene",
     "current_map",
+    "design_lighting",
     "estimate_materials",
     "evaluate_run",
     "find_cell",
@@ -210,6 +218,7 @@ __all__ = [
     "repair_scan",
     "run",
     "save_calibration",
+    "save_design",
     "save_map",
     "save_map_table",
     "save_plan",

@@ -20,6 +20,7 @@ from typer.core import TyperGroup
 from lidarspectra.cli import annual as annual_cli
 from lidarspectra.cli import calibrate as calibrate_cli
 from lidarspectra.cli import databases as databases_cli
+from lidarspectra.cli import design as design_cli
 from lidarspectra.cli import fingerprints as fingerprints_cli
 from lidarspectra.cli import localize as localize_cli
 from lidarspectra.cli import photocurrent as photocurrent_cli
@@ -63,6 +64,7 @@ app = typer.Typer(
 app.add_typer(databases_cli.app, name="databases")
 app.add_typer(sensor_cli.app, name="sensor")
 app.command("calibrate")(calibrate_cli.calibrate)
+app.command("design")(design_cli.design)
 app.command("relight", context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(relight_cli.relight)
 app.command("photometry")(photometry_cli.photometry)
 app.command("photocurrent")(photocurrent_cli.photocurrent)

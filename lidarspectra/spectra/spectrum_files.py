@@ -184,6 +184,26 @@ def write_table(path: Path, rows: Sequence[TableRow]) -> None:
     write_whole(path, text.getvalue())
 
 
+def write_spectrum_file(path: Path, spectrum: Spectrum) -> Path:
+    """Write a lamp's spectral flux as `read_spectrum_file` reads it.
+
+    Parameters
+    ----------
+    path : Path
+        Written whole or not at all; its folder must be there.
+    spectrum : Spectrum
+        [W/nm]
+
+    Returns
+    -------
+    path : Path
+    """
+    pairs = zip(spectrum.wavelengths_nm.tolist(), spectrum.values.tolist(), strict=True)
+    lines = ["wavelength [nm],flux [W/nm]", *(f"{wavelength:.10g},{value:.9g}" for wavelength, value in pairs)]
+    write_whole(path, "\n".join(lines) + "\n")
+    return path
+
+
 def read_spectrum_file(path: Path, *, black_allowed: bool = False) -> SpectrumFile:
     """Read a user's spectrum: two columns, wavelength [nm] and value.
 

@@ -31,7 +31,9 @@ from lidarspectra.room.room import Room, load_room
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.room.surface_parts import PARTS, surface_parts
 from lidarspectra.spectra.spectrum import BandSet
+from lidarspectra.workflow.calibration_of_run import calibrated_materials
 from lidarspectra.workflow.calibration_readings import LUX, Quantity
+from lidarspectra.workflow.lamps_of_run import ScannedRoom
 from lidarspectra.workflow.light_of_run import present_lamps_of_run
 from lidarspectra.workflow.workspace import read_request, require_stage
 
@@ -93,18 +95,21 @@ def run_room(run: Path) -> RunRoom:
             expected="a run folder that keeps its run file",
             found="one of an older version",
             where=str(run),
-            todo="Give 'lidarspectra run ROOM.toml' once more, then calibrate.",
+            todo="Give 'lidarspectra run ROOM.toml' once more, then this command.",
         )
+    run_file = parse_run_file(request.text, where=request.name)
     scan, room = load_scan(folders["scan"]), load_room(folders["scan"])
     part = surface_parts(scan, room)
     clear = clear_lamps(present_lamps_of_run(run), scan)  # as the scene stage did
     return RunRoom(
-        run_file=parse_run_file(request.text, where=request.name),
+        run_file=run_file,
         base=(run / request.folder).resolve(),
         name=Path(request.name).stem,
         scan=clear.scan,
         room=room,
-        materials=load_materials(folders["materials"]),
+        materials=calibrated_materials(
+            load_materials(folders["materials"]), ScannedRoom(scan=scan, room=room), run_file.calibration
+        ),
         lamps=clear.lamps,
         bands=load_scene(folders["scene"]).bands,
         part=part,

@@ -12,6 +12,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import MapError
 
+LEVEL_WEIGHT = 30.0  # [1] of a level against a form: no light at all has no wrong form, so the level comes first
 Mix = Literal["each", "same", "mixed"]
 Least = Literal["watts", "lamps"]
 
@@ -96,17 +97,20 @@ class Aim:
     Parameters
     ----------
     light : (row, source) float
-        In units in which a deviation of 1 weighs as much as one of 1 of any other aim. [1]
+        In units in which a deviation of 1 is as large as what is wanted. [1]
     fixed, wanted : (row,) float
         [1]
     free : (row, scale) float
         Shapes whose scale is free: a spectrum of which the form counts and not the height. [1]
+    weight : float
+        Of the mean deviation of its rows, against other aims. [1]
     """
 
     light: FloatArray
     fixed: FloatArray
     wanted: FloatArray
     free: FloatArray
+    weight: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,12 +208,12 @@ def level_aim(light: FloatArray, fixed: FloatArray, about: float) -> Aim:
     about : float
         Above 0. [unit of the quantity]
     """
-    share = 1.0 / (about * np.sqrt(len(fixed)))
     return Aim(
-        light=light * share,
-        fixed=fixed * share,
-        wanted=np.full(len(fixed), about * share),
+        light=light / about,
+        fixed=fixed / about,
+        wanted=np.ones(len(fixed)),
         free=np.zeros((len(fixed), 0)),
+        weight=LEVEL_WEIGHT,
     )
 
 
@@ -228,11 +232,10 @@ def shape_aim(light: FloatArray, fixed: FloatArray, shape: FloatArray, reference
         Mean over the channels of the spectrum that is expected, by which deviations are divided. [W/m²/nm]
     """
     points, bands, sources = light.shape
-    share = 1.0 / (reference * np.sqrt(points * bands))
-    free = np.kron(np.eye(points), (shape / shape.mean())[:, None]) / np.sqrt(points * bands)
     return Aim(
-        light=light.reshape(-1, sources) * share,
-        fixed=fixed.reshape(-1) * share,
+        light=light.reshape(-1, sources) / reference,
+        fixed=fixed.reshape(-1) / reference,
         wanted=np.zeros(points * bands),
-        free=free,
+        free=np.kron(np.eye(points), (shape / shape.mean())[:, None]),
+        weight=1.0,
     )

@@ -18,7 +18,7 @@ from lidarspectra.mapping.design.problem import Aim, Problem
 
 TIME_LIMIT_S = 60.0  # [s] of one program; after it the best that was found counts, and how far it may be from the best
 MET = 1e-6  # [1] of a limit's scale: the solver's own tolerance
-SAME = 1e-3  # [1] deviation of aims that is given away for fewer watts
+SAME = 1e-3  # [1] of what is wanted: deviation of aims that is given away for fewer watts
 MAX_FACTOR = 100.0  # [1] on the lamps' flux, up to which more flux is looked for
 OUT_OF_TIME = 1  # status of `milp`
 
@@ -59,11 +59,15 @@ class Obstacles:
         So many lit lamps would do; None if the number is no obstacle, or all lamps together do not.
     without : tuple of int
         Limits each of which, left out, lets all others be met.
+    alone : tuple of (float or None)
+        For each limit the factor on all fluxes that it would need if it were the only one: 1 if it is met as it is,
+        None if no flux is enough. [1]
     """
 
     flux_factor: float | None
     lamps_needed: int | None
     without: tuple[int, ...]
+    alone: tuple[float | None, ...]
 
 
 def solve(problem: Problem, *, time_limit_s: float = TIME_LIMIT_S) -> Solution:
@@ -123,7 +127,20 @@ def obstacles(problem: Problem, *, time_limit_s: float = TIME_LIMIT_S / 6) -> Ob
             rest = tuple(limit for index, limit in enumerate(problem.limits) if index != number)
             if _tried(replace(problem, limits=rest), time_limit_s) is not None:
                 without.append(number)
-    return Obstacles(flux_factor=_flux_factor(problem, time_limit_s), lamps_needed=needed, without=tuple(without))
+    return Obstacles(
+        flux_factor=_flux_factor(problem, time_limit_s),
+        lamps_needed=needed,
+        without=tuple(without),
+        alone=tuple(_alone(replace(problem, limits=(limit,)), time_limit_s) for limit in problem.limits),
+    )
+
+
+def _alone(problem: Problem, time_limit_s: float) -> float | None:
+    """Factor on all fluxes by which a problem of one limit can be met, 1 or more; None if there is none [1]."""
+    if _tried(problem, time_limit_s) is not None:
+        return 1.0
+    factor = _flux_factor(problem, time_limit_s)
+    return None if factor is None else max(factor, 1.0)
 
 
 def _tried(problem: Problem, time_limit_s: float) -> FloatArray | None:
@@ -158,7 +175,7 @@ class _Program:
         self.reach = reach  # largest share of its full flux that a lamp may send
         sources, freedom = problem.sources, problem.freedom
         several = bool(np.unique(sources.lamp).size < len(sources))
-        self.aim = _joined(problem.aims, len(sources))
+        self.aim, self.weight, self.root_weight = _joined(problem.aims, len(sources))
         self.has_lit = (
             freedom.max_lamps is not None or not freedom.dimmable or freedom.min_dim > 0 or freedom.least == "lamps"
         )
@@ -187,13 +204,15 @@ class _Program:
         rows = [*self._rows(), self._at_most("slack", slack)]
         gap = 0.0
         if self.problem.aims:
-            if not self.problem.limits and not self.is_integer.any() and self._is_simple():
-                return self._least_squares(rows)
-            found = self._run(self._cost(deviation=np.ones(len(self.aim.wanted))), rows)
+            squares = None if self.problem.limits or self.is_integer.any() else self._least_squares(rows)
+            if squares is not None:
+                return squares, 0.0
+            found = self._run(self._cost(deviation=self.weight), rows)
             if found is None:
                 return None
             values, gap = found
-            rows.append(self._at_most_sum("deviation", float(values[self.columns["deviation"]].sum()) + SAME))
+            least = float(self.weight @ values[self.columns["deviation"]])
+            rows.append(self._constraint(-np.inf, least + SAME, deviation=self.weight[None]))
         if self.problem.freedom.least == "lamps":
             found = self._run(self._cost(lit=np.ones(self.problem.sources.lamps)), rows)
             if found is None:
@@ -217,10 +236,6 @@ class _Program:
         rows = [*self._rows(), self._at_most("slack", np.zeros(len(self.problem.limits)))]
         found = self._run(self._cost(factor=np.ones(1)), rows)
         return None if found is None else float(found[0][self.columns["factor"]][0])
-
-    def _is_simple(self) -> bool:
-        """Whether bounds on the sources are all that there is: no lamp has several."""
-        return bool(np.unique(self.problem.sources.lamp).size == len(self.problem.sources))
 
     def _rows(self) -> list[LinearConstraint]:
         """Limits, aims and choices."""
@@ -289,18 +304,20 @@ class _Program:
         gap = answer.mip_gap if self.is_integer.any() else 0.0
         return np.asarray(answer.x, dtype=np.float64), float(gap or 0.0)
 
-    def _least_squares(self, rows: list[LinearConstraint]) -> tuple[FloatArray, float] | None:
-        """Aims alone, with bounds alone; then the least watts for the same light."""
-        aim = self.aim
+    def _least_squares(self, rows: list[LinearConstraint]) -> FloatArray | None:
+        """Dims for aims alone, of those with the same light the least watts; None if a mixture needs more than 1."""
+        aim, root = self.aim, self.root_weight
         matrix = np.concatenate([aim.light, -aim.free], axis=1)
         high = np.concatenate([np.ones(aim.light.shape[1]), np.full(aim.free.shape[1], np.inf)])
-        found = lsq_linear(matrix, aim.wanted - aim.fixed, bounds=(np.zeros(high.size), high), tol=1e-12)
+        bounds = (np.zeros(high.size), high)
+        found = lsq_linear(root[:, None] * matrix, root * (aim.wanted - aim.fixed), bounds=bounds, tol=1e-12)
         dims, scales = np.split(found.x, [aim.light.shape[1]])
+        if (self.problem.sources.members @ dims > 1.0 + MET).any():
+            return None
         values = aim.light @ dims - aim.free @ scales
-        near = SAME / np.sqrt(max(len(values), 1))
-        alike = self._constraint(values - near, values + near, dim=aim.light, scale=-aim.free)
+        alike = self._constraint(values - SAME, values + SAME, dim=aim.light, scale=-aim.free)
         least = self._run(self._cost(dim=self.problem.sources.watts), [*rows, alike])
-        return (dims, 0.0) if least is None else (self._dims(least[0]), 0.0)
+        return np.asarray(dims) if least is None else self._dims(least[0])
 
     def _dims(self, values: FloatArray) -> FloatArray:
         """Shares of the full flux, with what is only the solver's round-off taken away."""
@@ -329,17 +346,21 @@ class _Program:
         return self._constraint(-np.inf, value, **{name: np.ones((1, self._size(name)))})
 
 
-def _joined(aims: tuple[Aim, ...], sources: int) -> Aim:
-    """All aims as one."""
-    widths = [aim.free.shape[1] for aim in aims]
-    free = np.zeros((sum(len(aim.wanted) for aim in aims), sum(widths)))
+def _joined(aims: tuple[Aim, ...], sources: int) -> tuple[Aim, FloatArray, FloatArray]:
+    """All aims as one, and the weights of its rows in a sum of absolute deviations, and on their root of squares."""
+    counts, widths = [len(aim.wanted) for aim in aims], [aim.free.shape[1] for aim in aims]
+    free = np.zeros((sum(counts), sum(widths)))
     row = column = 0
-    for aim, width in zip(aims, widths, strict=True):
-        free[row : row + len(aim.wanted), column : column + width] = aim.free
-        row, column = row + len(aim.wanted), column + width
-    return Aim(
+    for aim, count, width in zip(aims, counts, widths, strict=True):
+        free[row : row + count, column : column + width] = aim.free
+        row, column = row + count, column + width
+    whole = Aim(
         light=np.concatenate([aim.light for aim in aims]) if aims else np.zeros((0, sources)),
         fixed=np.concatenate([aim.fixed for aim in aims]) if aims else np.zeros(0),
         wanted=np.concatenate([aim.wanted for aim in aims]) if aims else np.zeros(0),
         free=free,
+        weight=1.0,
     )
+    weight = np.repeat([aim.weight for aim in aims], counts)
+    size = np.repeat(np.array(counts, dtype=np.float64), counts)
+    return whole, weight / size, weight / np.sqrt(size)

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
-from lidarspectra.arrays import FloatArray, float_array
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.maps.map_schema import check_map
 from lidarspectra.mapping.maps.response_weights import band_hats, band_weights, hats, lamp_weights
@@ -113,7 +113,7 @@ class PointLight:
             total += (lamp.coefficient @ shapes) * lamp.flux.at(wavelengths_nm, outside="zero")
         return total
 
-    def at(self, points: FloatArray) -> "PointLight":
+    def at(self, points: IntArray | BoolArray) -> "PointLight":
         """The light at some of the points, by index or mask."""
         shares = tuple(LampShare(flux=lamp.flux, coefficient=lamp.coefficient[points]) for lamp in self.lamps)
         return PointLight(
