@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from lidarspectra.workflow.init_file import init
     from lidarspectra.workflow.inputs import copy_scene
     from lidarspectra.workflow.light_of_run import light_of_run
+    from lidarspectra.workflow.live.live_run import present_light
     from lidarspectra.workflow.pipeline import RunSummary, run
     from lidarspectra.workflow.progress_printer import ProgressPrinter
     from lidarspectra.workflow.relighting import LampOrder, relight_run
@@ -123,6 +124,7 @@ _HOMES = {
     "photocurrent_density": "mapping.photovoltaics.currents",
     "place_points": "room.sensor_points",
     "plan_readings": "workflow.calibration_plan",
+    "present_light": "workflow.live.live_run",
     "read_fingerprints": "mapping.localization.fingerprint_files",
     "read_points": "room.sensor_points",
     "read_run_file": "config",
@@ -208,6 +210,7 @@ __all__ = [
     "photocurrent_density",
     "place_points",
     "plan_readings",
+    "present_light",
     "read_fingerprints",
     "read_points",
     "read_run_file",

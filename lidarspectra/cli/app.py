@@ -22,6 +22,7 @@ from lidarspectra.cli import calibrate as calibrate_cli
 from lidarspectra.cli import databases as databases_cli
 from lidarspectra.cli import design as design_cli
 from lidarspectra.cli import fingerprints as fingerprints_cli
+from lidarspectra.cli import live as live_cli
 from lidarspectra.cli import localize as localize_cli
 from lidarspectra.cli import photocurrent as photocurrent_cli
 from lidarspectra.cli import photometry as photometry_cli
@@ -65,6 +66,7 @@ app.add_typer(databases_cli.app, name="databases")
 app.add_typer(sensor_cli.app, name="sensor")
 app.command("calibrate")(calibrate_cli.calibrate)
 app.command("design")(design_cli.design)
+app.command("live")(live_cli.live)
 app.command("relight", context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(relight_cli.relight)
 app.command("photometry")(photometry_cli.photometry)
 app.command("photocurrent")(photocurrent_cli.photocurrent)

@@ -63,6 +63,7 @@ ELSEWHERE = {
     "lidarspectra fingerprints scan.toml --positions": "takes minutes; test_fingerprints.py",
     "lidarspectra localize place scan.run/fingerprints": "needs fingerprints, which take a while; test_localize.py",
     "lidarspectra localize live model": "needs sensors; tests/unit/localization/test_live.py",
+    "lidarspectra live scan.run": "needs sensors; test_live.py",
     "lidarspectra sensor cells": "test_virtual_robot.py",
     "lidarspectra design scan.run --target wanted.toml": "needs such a file; howto-design.md has some",
     "lidarspectra calibrate scan.run": "needs readings of that room; test_calibrate.py",

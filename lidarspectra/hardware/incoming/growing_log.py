@@ -8,11 +8,13 @@ whose header has some of: sensor, unix_s, state, lux, E_410 ... [W/m²/nm] (what
 import csv
 import math
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 
+from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.incoming.arrivals import LUX, POLL_S, STATE, Arrival, Notice, Put, Stop, pause
 from lidarspectra.hardware.incoming.channel_light import ChannelLight
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
@@ -36,26 +38,12 @@ class GrowingLog:
         Name of the sensor, for logs without a column of that name.
     light : ChannelLight
         For a recorder's log of counts.
-    from_start : bool
-        Read what is there already too, each reading at its own time; else from its last reading on, each as it comes.
-    ends : bool
-        Stop at the end of the file in place of waiting for more.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        *,
-        sensor: str,
-        light: ChannelLight | None = None,
-        from_start: bool = False,
-        ends: bool = False,
-    ) -> None:
+    def __init__(self, path: Path, *, sensor: str, light: ChannelLight | None = None) -> None:
         self._path = path
         self._sensor = sensor
         self._light = light or ChannelLight()
-        self._from_start = from_start
-        self._ends = ends
         self._rows = LogRows(sensor, self._light)
         self._rest = b""
 
@@ -65,7 +53,7 @@ class GrowingLog:
         return str(self._path)
 
     def run(self, put: Put, stop: Stop) -> None:
-        """Give readings as lines come; a file that is not there is waited for, said once."""
+        """Give the last reading that is there, then each as its line comes; a file that is not there is waited for."""
         is_missed, is_first = False, True
         while not stop():
             try:
@@ -74,9 +62,7 @@ class GrowingLog:
                 if not is_missed:
                     words = f"The log cannot be opened ({cause.strerror}); it is tried again until it can."
                     put(Notice(source=self.name, text=words))
-                is_missed = True
-                if self._ends:
-                    return
+                is_missed, is_first = True, False
                 pause(POLL_S, stop)
                 continue
             if is_missed:
@@ -84,12 +70,26 @@ class GrowingLog:
             is_missed = False
             with file:
                 self._rest = b""
-                if is_first and not self._from_start:
+                if is_first:
                     self._skip(file)
                 is_first = False
                 self._follow(file, put, stop)
-            if self._ends:
-                return
+
+    def past(self) -> Iterator[Arrival]:
+        """The readings that are there already, from the first to the last, each at its own time.
+
+        Raises
+        ------
+        ReadingError
+            If the log cannot be read.
+        """
+        try:
+            with self._path.open("rb") as file:
+                for line in file:
+                    if line.endswith(b"\n"):
+                        yield from (item for item in self._rows.read(line) if isinstance(item, Arrival))
+        except OSError as cause:
+            raise ReadingError(expected="a readable log", found=str(cause), where=self.name) from cause
 
     def _skip(self, file: IO[bytes]) -> None:
         """Go to where the last reading begins, with the header known; the lines between are of the past."""
@@ -117,7 +117,7 @@ class GrowingLog:
             if data:
                 self._take(data, put)
                 continue
-            if self._ends or self._is_another(file):
+            if self._is_another(file):
                 more = file.read(CHUNK_BYTES)  # what was written between the last look and the rotation
                 if more:
                     self._take(more, put)
@@ -141,10 +141,9 @@ class GrowingLog:
             self._rest = b""
         for line in lines:
             for item in self._rows.read(line):
-                if isinstance(item, Notice) or self._from_start:
-                    put(item)
-                else:
-                    put(Arrival(sensor=item.sensor, values=item.values))  # it came now; its clock may be another one
+                if isinstance(item, Arrival):
+                    item = Arrival(sensor=item.sensor, values=item.values)  # noqa: PLW2901 - it came now, by our clock
+                put(item)
 
 
 def _before_the_last(lines: list[bytes]) -> int:

@@ -128,7 +128,9 @@ def alarm_sentences(
             if suspect.kind == "sensor"
             else _of_lamp(lamps[suspect.index], suspect.share)
         )
-    if len(found) > 1:
+    if len(found) == 1:
+        told.append("The map of now goes without it.")
+    else:
         told.append(
             f"Each of these {len(found)} explains the readings alone, and they cannot tell which it is: look at each, "
             "or add a sensor."

@@ -23,7 +23,7 @@ class Trend:
 
     def __init__(self, columns: tuple[str, ...], *, span_s: float = SPAN_S, step_s: float = STEP_S) -> None:
         self.columns = columns
-        self._step_s = step_s
+        self.step_s = step_s
         count = math.ceil(span_s / step_s)
         self._number = np.full(count, -1, dtype=np.int64)  # of the step since 1970 that each place holds
         self._sum = np.zeros((count, len(columns)))
@@ -41,7 +41,7 @@ class Trend:
         values : (column,) float
             NaN is left out.
         """
-        number = int(time_s // self._step_s)
+        number = int(time_s // self.step_s)
         if number < self._newest - self._number.size:
             self._number[:] = -1
         elif number < self._newest:
@@ -61,4 +61,4 @@ class Trend:
         used = used[np.argsort(self._number[used])]
         with np.errstate(invalid="ignore"):
             means = self._sum[used] / self._count[used]
-        return np.asarray((self._number[used] + 0.5) * self._step_s, dtype=np.float64), means
+        return np.asarray((self._number[used] + 0.5) * self.step_s, dtype=np.float64), means

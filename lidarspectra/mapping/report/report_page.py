@@ -111,7 +111,7 @@ def pairs(entries: Mapping[str, str]) -> str:
 
 def room_view() -> str:
     """The 3D view's controls and its empty picture, which the page's scripts fill."""
-    return _resource("room-view.html")
+    return resource("room-view.html")
 
 
 def page(*, title: str, lead: str, sections: Sequence[Section], footer: str, room_data: str = "") -> str:
@@ -131,27 +131,66 @@ def page(*, title: str, lead: str, sections: Sequence[Section], footer: str, roo
     page : str
         HTML 5 without any address to load from.
     """
-    style = _resource("style.css")
-    scripts = [_resource(name) for name in (*(ROOM_SCRIPTS if room_data else ()), "script.js")]
-    allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
-    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}"
-    data = f'<script type="application/json" id="room-data">{room_data}</script>\n' if room_data else ""
-    running = "\n".join(f"<script>{script}</script>" for script in scripts)
+    scripts = [resource(name) for name in (*(ROOM_SCRIPTS if room_data else ()), "script.js")]
     contents = "".join(f'<li><a href="#{words(part.anchor)}">{words(part.title)}</a></li>' for part in sections)
-    body = "".join(
+    parts = "".join(
         f'<section id="{words(part.anchor)}" aria-labelledby="{words(part.anchor)}-title">'
         f'<h2 id="{words(part.anchor)}-title">{words(part.title)}</h2>{part.content}</section>\n'
         for part in sections
     )
+    body = (
+        '<a class="skip" href="#content">Skip to the content</a>\n<div class="layout">\n'
+        f'<nav aria-label="Contents"><p>LiDARSpectra</p><ol>{contents}</ol></nav>\n'
+        f'<main id="content"><header><h1>{words(title)}</h1>{paragraph(lead)}</header>\n{parts}'
+        f"<footer>{paragraph(footer)}</footer></main>\n</div>"
+    )
+    data = {"room-data": room_data} if room_data else {}
+    return document(title=title, style=resource("style.css"), body=body, scripts=scripts, data=data)
+
+
+def document(
+    *,
+    title: str,
+    style: str,
+    body: str,
+    scripts: Sequence[str],
+    data: Mapping[str, str] | None = None,
+    connect: bool = False,
+) -> str:
+    """A page of our own parts, which runs no other script than those given.
+
+    Parameters
+    ----------
+    title : str
+        Plain text.
+    style, body : str
+        CSS and HTML.
+    scripts : sequence of str
+        JavaScript, in order, after the body.
+    data : mapping of str to str
+        JSON without a '<', by the id of its element.
+    connect : bool
+        Let the scripts speak with the server that the page is from.
+
+    Returns
+    -------
+    page : str
+        HTML 5.
+    """
+    allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
+    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}"
+    policy += "; connect-src 'self'" if connect else ""
+    held = "".join(
+        f'<script type="application/json" id="{words(name)}">{content}</script>\n'
+        for name, content in (data or {}).items()
+    )
+    running = "\n".join(f"<script>{script}</script>" for script in scripts)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{words(policy)}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{words(title)} – LiDARSpectra</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
-        '<a class="skip" href="#content">Skip to the content</a>\n<div class="layout">\n'
-        f'<nav aria-label="Contents"><p>LiDARSpectra</p><ol>{contents}</ol></nav>\n'
-        f'<main id="content"><header><h1>{words(title)}</h1>{paragraph(lead)}</header>\n{body}'
-        f"<footer>{paragraph(footer)}</footer></main>\n</div>\n{data}{running}\n</body>\n</html>\n"
+        f"{body}\n{held}{running}\n</body>\n</html>\n"
     )
 
 
@@ -161,7 +200,8 @@ def _digest(script: str) -> str:
 
 
 @cache
-def _resource(name: str) -> str:
+def resource(name: str) -> str:
+    """A file of the folder `page`."""
     return (
         (resources.files("lidarspectra.mapping.report") / "page" / name)
         .read_text(encoding="utf-8")

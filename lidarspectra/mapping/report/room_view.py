@@ -128,7 +128,7 @@ def room_view_data(
         if code is None
         else _materials(materials, material_areas_m2, code, spectral_map["band"].to_numpy()),
         "surfaces": None if surfaces is None else _surfaces(surfaces, len(materials)),
-        "lamps": [{"name": _name(lamp.name), "corners": _packed(lamp.outline(), "<f4")} for lamp in lamps],
+        "lamps": [{"name": _name(lamp.name), "corners": packed(lamp.outline(), "<f4")} for lamp in lamps],
     }
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
@@ -192,9 +192,14 @@ def _plane_triangles(places: FloatArray, points: IntArray) -> IntArray:
     return np.asarray(points[triangles[longest <= LONGEST_EDGE_SPACINGS * spacing]], dtype=np.int64)
 
 
+def shown_points(count: int) -> IntArray:
+    """Which of a map's points the view has: all, or an even selection of `MAX_POINTS`."""
+    return np.unique(np.linspace(0, count - 1, min(count, MAX_POINTS)).round().astype(np.int64))
+
+
 def _points(spectral_map: xr.Dataset, illuminance_lx: FloatArray | None) -> dict[str, Any]:
     count = spectral_map.sizes["point"]
-    shown = np.unique(np.linspace(0, count - 1, min(count, MAX_POINTS)).round().astype(np.int64))
+    shown = shown_points(count)
     thinned = spectral_map.isel(point=shown)
     irradiance = thinned["irradiance"].to_numpy()
     kept = kept_points(thinned)
@@ -204,13 +209,13 @@ def _points(spectral_map: xr.Dataset, illuminance_lx: FloatArray | None) -> dict
     places = np.stack([thinned[name].to_numpy() for name in POSITION], axis=1)
     return {
         "count": count,
-        "numbers": _packed(shown + 1, "<u4"),
-        "places": _packed(places, "<f4"),
-        "irradiance": _packed(irradiance, "<f4"),
-        "error": _packed(thinned["irradiance_se"].to_numpy(), "<f4"),
-        "illuminance": None if illuminance_lx is None else _packed(illuminance_lx[shown], "<f4"),
-        "buried": _packed(thinned["buried"].to_numpy(), "u1"),
-        "triangles": _packed(point_triangles(thinned), "<u4"),
+        "numbers": packed(shown + 1, "<u4"),
+        "places": packed(places, "<f4"),
+        "irradiance": packed(irradiance, "<f4"),
+        "error": packed(thinned["irradiance_se"].to_numpy(), "<f4"),
+        "illuminance": None if illuminance_lx is None else packed(illuminance_lx[shown], "<f4"),
+        "buried": packed(thinned["buried"].to_numpy(), "u1"),
+        "triangles": packed(point_triangles(thinned), "<u4"),
         "scales": [[float(norm.vmin or 0.0), float(norm.vmax or 1.0)] for norm in norms],
         "highest": float(clear.max()) or 1.0,
         "unit": irradiance_unit(prefix),
@@ -253,10 +258,10 @@ def _surfaces(surfaces: RoomSurfaces, material_count: int) -> dict[str, Any]:
         "count": surfaces.faces.shape[0],
         "lowest": surfaces.vertices.min(axis=0).tolist(),
         "cell": cluster_m,
-        "vertices": _packed(places, "<u2"),
-        "faces": _packed(corners, "<u2" if places.shape[0] <= MAX_CLUSTERS else "<u4"),
-        "materials": _packed(surfaces.face_material[kept], "<u2"),
-        "scanned": _packed(colors, "u1"),
+        "vertices": packed(places, "<u2"),
+        "faces": packed(corners, "<u2" if places.shape[0] <= MAX_CLUSTERS else "<u4"),
+        "materials": packed(surfaces.face_material[kept], "<u2"),
+        "scanned": packed(colors, "u1"),
     }
 
 
@@ -275,7 +280,7 @@ def _name(words: str) -> str:
     return line if len(line) <= LONGEST_NAME else line[: LONGEST_NAME - 1] + "…"
 
 
-def _packed(values: NDArray[Any], kind: str) -> dict[str, str]:
+def packed(values: NDArray[Any], kind: str) -> dict[str, str]:
     """An array as its type and its bytes, row by row."""
     content = np.ascontiguousarray(values).astype(kind).tobytes()
     return {"type": kind.strip("<"), "data": base64.b64encode(content).decode("ascii")}

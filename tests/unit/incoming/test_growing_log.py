@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
-from lidarspectra.hardware.incoming.arrivals import Arrival, Inbox
+from lidarspectra.hardware.incoming.arrivals import Arrival
 from lidarspectra.hardware.incoming.channel_light import ChannelLight
 from lidarspectra.hardware.incoming.growing_log import GrowingLog
 from lidarspectra.hardware.sensor.as7265x import settings_for
@@ -25,9 +25,7 @@ def add(path: Path, text: str) -> None:
 
 
 def all_of(path: Path, **options) -> list[Arrival]:
-    inbox = Inbox()
-    GrowingLog(path, sensor="desk", from_start=True, ends=True, **options).run(inbox.put, lambda: False)
-    return [item for item in inbox.take(0.0) if isinstance(item, Arrival)]
+    return list(GrowingLog(path, sensor="desk", **options).past())
 
 
 def test_lines_are_read_as_they_come_and_a_half_written_one_when_it_is_whole(tmp_path: Path, running) -> None:
@@ -44,6 +42,7 @@ def test_a_rotation_loses_no_line_and_reads_none_twice(tmp_path: Path, running) 
     log = tmp_path / "log.csv"
     log.write_text(HEAD + "0,desk,0\n", encoding="utf-8")
     with running(GrowingLog(log, sensor="desk")) as heard:
+        heard.until(lambda heard: heard.arrivals)
         for turn in range(1, 6):
             add(log, f"{turn},desk,{turn}\n")
             heard.until(lambda heard, turn=turn: len(heard.arrivals) > turn + (turn - 1) // 5)
@@ -86,14 +85,13 @@ def test_a_long_log_begins_with_its_last_reading(tmp_path: Path, running) -> Non
         assert heard.until(lambda heard: len(heard.arrivals) >= 2).lux() == [19999.0, 5.0]
 
 
-def test_lines_that_are_no_rows_are_left_out_and_that_is_said_once(tmp_path: Path) -> None:
+def test_lines_that_are_no_rows_are_left_out_and_that_is_said_once(tmp_path: Path, running) -> None:
     log = tmp_path / "log.csv"
-    log.write_text(HEAD + "1,desk,7\nrubbish\n2,desk\n3,desk,nan\n\0\0\n4,desk,8\n", encoding="utf-8")
-    inbox = Inbox()
-    GrowingLog(log, sensor="desk", from_start=True, ends=True).run(inbox.put, lambda: False)
-    items = inbox.take(0.0)
-    assert [item.values["lux"] for item in items if isinstance(item, Arrival)] == [7.0, 8.0]
-    assert len([item for item in items if not isinstance(item, Arrival)]) == 1
+    with running(GrowingLog(log, sensor="desk")) as heard:
+        heard.until(lambda heard: heard.notices)
+        log.write_text(HEAD + "1,desk,7\nrubbish\n2,desk\n3,desk,nan\n\0\0\n4,desk,8\n", encoding="utf-8")
+        assert heard.until(lambda heard: len(heard.arrivals) >= 2).lux() == [7.0, 8.0]
+    assert len([notice for notice in heard.notices if "is no row of the log" in notice.text]) == 1
 
 
 def test_what_is_logged_comes_back_as_it_was(tmp_path: Path) -> None:

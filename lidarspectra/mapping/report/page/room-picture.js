@@ -7,6 +7,20 @@ class RoomPicture {
   static HIDDEN_M = 0.08; // a point so far behind a surface is hidden by it
   static LAMP_COLOR = 0xffd24a;
   static MARK_COLOR = 0x00a8ff;
+  static TURN = Math.PI / 36; // one press of an arrow key
+  static ZOOM = 1.15;
+  static MOVE = 0.05; // of the distance to the room
+
+  /** Arrays from their type and base64 bytes, wherever they stand. */
+  static unpacked(value) {
+    if (Array.isArray(value)) return value.map(RoomPicture.unpacked);
+    if (value === null || typeof value !== "object") return value;
+    if (typeof value.data === "string") {
+      const kinds = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, f4: Float32Array };
+      return new kinds[value.type](Uint8Array.from(atob(value.data), (letter) => letter.charCodeAt(0)).buffer);
+    }
+    return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, RoomPicture.unpacked(inner)]));
+  }
 
   /**
    * @param {HTMLCanvasElement} canvas
@@ -39,6 +53,7 @@ class RoomPicture {
     canvas.addEventListener("focus", () => (this.controls.enableZoom = true));
     canvas.addEventListener("blur", () => (this.controls.enableZoom = false));
     canvas.addEventListener("pointerdown", () => canvas.focus({ preventScroll: true }));
+    canvas.addEventListener("keydown", (event) => this.#key(event));
     new ResizeObserver(() => this.#fit()).observe(canvas.parentElement);
     this.#fit();
     this.reset();
@@ -141,6 +156,26 @@ class RoomPicture {
     if (best !== null) return { point: best };
     if (hit === null) return null;
     return hit.object === this.surfaces ? { face: hit.faceIndex } : { lamp: this.lamps.indexOf(hit.object) };
+  }
+
+  #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const { TURN, ZOOM, MOVE } = RoomPicture;
+    const keys = {
+      ArrowLeft: { around: -TURN },
+      ArrowRight: { around: TURN },
+      ArrowUp: { over: -TURN },
+      ArrowDown: { over: TURN },
+      "+": { nearer: ZOOM },
+      "=": { nearer: ZOOM },
+      "-": { nearer: 1 / ZOOM },
+    };
+    const moves = { ArrowLeft: { right: -MOVE }, ArrowRight: { right: MOVE }, ArrowUp: { up: MOVE }, ArrowDown: { up: -MOVE } };
+    const step = (event.shiftKey && moves[event.key]) || keys[event.key];
+    if (step) this.step(step);
+    else if (event.key === "Home") this.reset();
+    else return;
+    event.preventDefault();
   }
 
   draw() {

@@ -7,12 +7,9 @@
   const FIRST_BAND_NM = 560; // near the eye's best
   const ERROR_BARS = 2; // standard errors, as in the figures
   const BURIED_COLOR = [0.54, 0.56, 0.59];
-  const TURN = Math.PI / 36; // one press of an arrow key
-  const ZOOM = 1.15;
-  const MOVE = 0.05; // of the distance to the room
 
   const element = (name) => document.getElementById(`room-${name}`);
-  const room = unpacked(JSON.parse(element("data").textContent));
+  const room = RoomPicture.unpacked(JSON.parse(element("data").textContent));
   const { bands, points, materials, surfaces, lamps } = room;
   const count = points.numbers.length;
   const nearest = (from, to) => (Math.abs(from - FIRST_BAND_NM) <= Math.abs(to - FIRST_BAND_NM) ? from : to);
@@ -22,17 +19,6 @@
     point: 0, // selected
     over: null, // pointed at, as RoomPicture.pick gives it
   };
-
-  /** Arrays from their type and base64 bytes, wherever they stand. */
-  function unpacked(value) {
-    if (Array.isArray(value)) return value.map(unpacked);
-    if (value === null || typeof value !== "object") return value;
-    if (typeof value.data === "string") {
-      const kinds = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, f4: Float32Array };
-      return new kinds[value.type](Uint8Array.from(atob(value.data), (letter) => letter.charCodeAt(0)).buffer);
-    }
-    return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, unpacked(inner)]));
-  }
 
   // ---- numbers and colours
 
@@ -247,24 +233,6 @@
     canvas.addEventListener("pointerleave", () => {
       state.over = null;
       showReading();
-    });
-    const keys = {
-      ArrowLeft: { around: -TURN },
-      ArrowRight: { around: TURN },
-      ArrowUp: { over: -TURN },
-      ArrowDown: { over: TURN },
-      "+": { nearer: ZOOM },
-      "=": { nearer: ZOOM },
-      "-": { nearer: 1 / ZOOM },
-    };
-    const moves = { ArrowLeft: { right: -MOVE }, ArrowRight: { right: MOVE }, ArrowUp: { up: MOVE }, ArrowDown: { up: -MOVE } };
-    canvas.addEventListener("keydown", (event) => {
-      if (event.ctrlKey || event.metaKey || event.altKey) return;
-      const step = (event.shiftKey && moves[event.key]) || keys[event.key];
-      if (step) picture.step(step);
-      else if (event.key === "Home") picture.reset();
-      else return;
-      event.preventDefault();
     });
   }
 

@@ -1,0 +1,205 @@
+"""A finished run as a room of lamps and fixed sensors: what each reads by each lamp, and how well that is known."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import MapError, WorkspaceError
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.calibration.model import READING_SD
+from lidarspectra.mapping.maps.map_schema import kept_points
+from lidarspectra.mapping.maps.response_weights import lamp_weights
+from lidarspectra.mapping.maps.visible_bands import covers_vision
+from lidarspectra.mapping.photometry.quantities import light_quantity
+from lidarspectra.mapping.present_light.model import LampKnowledge, SensorModel
+from lidarspectra.mapping.present_light.now import LitRoom
+from lidarspectra.progress import Progress, silent
+from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.room.surface_parts import PARTS
+from lidarspectra.spectra.spectrum import BandSet, Spectrum
+from lidarspectra.workflow.calibrating import priors_of
+from lidarspectra.workflow.calibration_light import coefficients, run_room
+from lidarspectra.workflow.calibration_readings import CHANNEL_SD
+from lidarspectra.workflow.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
+from lidarspectra.workflow.live.sensors_file import SensorSection, SensorsFile
+
+QUANTITIES = ("illuminance_lx", "melanopic_edi_lx", "ppfd_umol_m2_s")
+UNKNOWNS = Path("calibration") / "unknowns.csv"  # of a calibrated run; `lidarspectra calibrate` writes it
+DAYLIGHT = ("window", "sun")
+
+
+def lit_room(run: Path, sensors: SensorsFile, *, workers: int | None = None, progress: Progress = silent) -> LitRoom:
+    """Read a finished run, and trace the light of sensors that stand at none of its points.
+
+    Parameters
+    ----------
+    run : Path
+    sensors : SensorsFile
+    workers : int, optional
+        Processes of the trace.
+    progress : callable
+
+    Returns
+    -------
+    room : LitRoom
+
+    Raises
+    ------
+    WorkspaceError
+        If the run has no finished trace.
+    MapError
+        If a sensor stands at no point of the run, or gives channels that the run has not.
+    """
+    transport, lamps = transport_of_run(run), present_lamps_of_run(run)
+    bands = scene_of_run(run).bands
+    by_name = {lamp.name: lamp for lamp in lamps}
+    ordered = tuple(by_name[str(name)] for name in transport["lamp"].to_numpy())
+    for switch in sensors.switches:
+        if switch.lamp not in by_name:
+            raise MapError(
+                expected=f"one of the run's lamps ({', '.join(by_name)})", found=f"'{switch.lamp}'", where="switches"
+            )
+    coefficient = transport["coefficient"].transpose("lamp", "point", "band").to_numpy().astype(np.float64)
+    at_sensors = _coefficients_at(run, sensors.sensors, transport, coefficient, workers, progress)
+    numbers = tuple((each.name, key) for each in sensors.sensors for key in _keys(each, bands))
+    model = _model(sensors.sensors, numbers, at_sensors, ordered, bands)
+    weights = [_weights(light_quantity(name).response, ordered, bands) for name in QUANTITIES]
+    counted = np.isin(np.arange(transport.sizes["point"]), kept_points(transport))
+    return LitRoom(
+        lamps=tuple(lamp.name for lamp in ordered),
+        sensors=tuple(each.name for each in sensors.sensors),
+        quantities=QUANTITIES,
+        numbers=numbers,
+        model=model,
+        knowledge=_knowledge(run, ordered),
+        map_light=np.array([np.einsum("lb,lpb->pl", each, coefficient) for each in weights]),
+        sensor_light=np.array([np.einsum("lb,lpb->pl", each, at_sensors) for each in weights]),
+        counted=counted if counted.any() else np.ones_like(counted),
+    )
+
+
+def _coefficients_at(
+    run: Path,
+    sensors: Sequence[SensorSection],
+    transport: xr.Dataset,
+    coefficient: FloatArray,
+    workers: int | None,
+    progress: Progress,
+) -> FloatArray:
+    """(lamp, sensor, band) coefficients [m⁻²]: the run's own at its points, traced where a sensor has a place."""
+    count = coefficient.shape[1]
+    found = np.empty((coefficient.shape[0], len(sensors), coefficient.shape[2]))
+    placed = []
+    for index, sensor in enumerate(sensors):
+        if sensor.point is None:
+            placed.append(index)
+            continue
+        if sensor.point > count or bool(transport["buried"].to_numpy()[sensor.point - 1]):
+            raise MapError(
+                expected=f"a point from 1 to {count} that is not buried in furniture",
+                found=f"point {sensor.point}",
+                where=f"sensor '{sensor.name}'",
+                todo="The report's room in 3D shows the points' numbers; or give a position, in metres.",
+            )
+        found[:, index] = coefficient[:, sensor.point - 1]
+    if placed:
+        points = SensorPoints(
+            positions=np.array([sensors[index].position for index in placed], dtype=np.float64),
+            normals=np.array([sensors[index].direction for index in placed], dtype=np.float64),
+        )
+        room = run_room(run)
+        traced = coefficients(room, points, np.ones(len(PARTS)), workers=workers, progress=progress)
+        rank = {lamp.name: place for place, lamp in enumerate(room.lamps)}
+        order = [rank[str(name)] for name in transport["lamp"].to_numpy()]
+        found[:, placed] = traced[order]
+    return found
+
+
+def _keys(sensor: SensorSection, bands: BandSet) -> tuple[str, ...]:
+    """Keys of the numbers that a sensor may give."""
+    keys: list[str] = []
+    if "lux" in sensor.reads:
+        if not covers_vision(bands.centers_nm):
+            raise MapError(
+                expected="channels that cover V(λ), for a sensor that reads lux",
+                found=", ".join(bands.labels),
+                where=f"sensor '{sensor.name}'",
+                todo="Run with a device whose channels cover 430 to 680 nm, or read channels.",
+            )
+        keys.append("lux")
+    if "channels" in sensor.reads:
+        missing = [label for label in sensor.topics if label not in bands.labels]
+        if missing:
+            raise MapError(
+                expected=f"channels of the run ({', '.join(bands.labels)})",
+                found=", ".join(missing),
+                where=f"topics of sensor '{sensor.name}'",
+            )
+        keys += sensor.topics or bands.labels
+    return tuple(keys)
+
+
+def _model(
+    sensors: Sequence[SensorSection],
+    numbers: Sequence[tuple[str, str]],
+    at_sensors: FloatArray,
+    lamps: Sequence[Lamp],
+    bands: BandSet,
+) -> SensorModel:
+    names = [sensor.name for sensor in sensors]
+    flux = np.stack([bands.band_values(lamp.flux, outside="zero") for lamp in lamps])
+    lux = _weights(light_quantity("illuminance_lx").response, lamps, bands)
+    rows, of_sensor, deviation = [], [], []
+    for name, key in numbers:
+        index = names.index(name)
+        weights = lux if key == "lux" else flux * (np.array(bands.labels) == key)
+        row = np.einsum("lb,lb->l", weights, at_sensors[:, index])
+        if not row.sum() > 0:
+            raise MapError(
+                expected="a place that some lamp of the run lights",
+                found=f"no light of any lamp in '{key}'",
+                where=f"sensor '{name}'",
+                todo="Look at its position and direction, and at the lamps' spectra.",
+            )
+        rows.append(row)
+        of_sensor.append(index)
+        deviation.append(sensors[index].sd or (READING_SD if key == "lux" else CHANNEL_SD))
+    return SensorModel(light=np.array(rows), sensor=np.array(of_sensor), reading_sd=np.array(deviation))
+
+
+def _weights(response: Spectrum, lamps: Sequence[Lamp], bands: BandSet) -> FloatArray:
+    """(lamp, band) weights of the coefficients for a quantity."""
+    return np.stack([lamp_weights(bands.centers_nm, response, lamp.flux) for lamp in lamps])
+
+
+def _knowledge(run: Path, lamps: Sequence[Lamp]) -> LampKnowledge:
+    room = run_room(run)
+    told = _told_deviations(run / UNKNOWNS)
+    prior = dict(zip((lamp.name for lamp in room.lamps), priors_of(room, np.zeros(0)).flux_sd, strict=True))
+    dims = {lamp.name: lamp.dim for lamp in room.run_file.lamps}
+    return LampKnowledge(
+        flux_sd=np.array([told.get(lamp.name, prior[lamp.name]) for lamp in lamps]),
+        full=np.array([1.0 / dims.get(lamp.name, 1.0) for lamp in lamps]),
+        is_daylight=np.array([lamp.shape.word in DAYLIGHT for lamp in lamps]),
+    )
+
+
+def _told_deviations(table: Path) -> dict[str, float]:
+    """Relative deviation of each lamp's flux after a calibration, where the run has one."""
+    if not table.is_file():
+        return {}
+    try:
+        rows = pd.read_csv(table)
+        lamps = rows[rows["factor on"] == "lamp flux"]
+        return dict(zip(lamps["name"].astype(str), lamps["deviation after [%]"] / 100.0, strict=True))
+    except (OSError, ValueError, KeyError) as cause:
+        raise WorkspaceError(
+            expected="the table of a calibration, with each factor's deviation",
+            found=str(cause),
+            where=str(table),
+            todo="Calibrate again, or remove that table.",
+        ) from cause

@@ -1,0 +1,150 @@
+"""A live session: sources in threads, every reading to the disk, and the light of now to whoever looks."""
+
+import heapq
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
+from lidarspectra.hardware.incoming.arrivals import STATE, Arrival, Inbox, Notice, Source, Stop
+from lidarspectra.hardware.incoming.growing_log import GrowingLog
+from lidarspectra.mapping.present_light.now import PresentAnswer, PresentLight
+
+WAIT_S = 0.2  # [s] longest wait for a reading in one go
+SILENT_S = 1.0  # [s] without a reading after which there is an answer all the same: readings grow old
+REPLAY_STEP_S = 1.0  # [s] of a recording's own time from one answer to the next
+
+Listen = Callable[[PresentAnswer], None]
+Tell = Callable[[Notice], None]
+
+
+class LiveSession:
+    """Takes readings from sources until it is stopped.
+
+    Parameters
+    ----------
+    present : PresentLight
+        Only this session may use it while it runs.
+    sources : sequence of Source
+    log : ArrivalLog
+        Where every reading goes.
+    factors : mapping of str to float
+        On the readings of a sensor, by name; 1 where it is not named. [1]
+    """
+
+    def __init__(
+        self,
+        present: PresentLight,
+        sources: Sequence[Source],
+        *,
+        log: ArrivalLog,
+        factors: Mapping[str, float],
+    ) -> None:
+        self._present = present
+        self._sources = tuple(sources)
+        self._log = log
+        self._factors = factors
+        self._inbox = Inbox()
+        self.readings = 0
+
+    def run(self, *, stop: Stop, on_answer: Listen, on_notice: Tell) -> None:
+        """Answer as readings come, until `stop` is true.
+
+        Parameters
+        ----------
+        stop : callable
+            Looked at five times a second.
+        on_answer, on_notice : callable
+            Called in this thread.
+
+        Raises
+        ------
+        ReadingError
+            If readings cannot be written to disk.
+        """
+        ended = threading.Event()
+        threads = [
+            threading.Thread(target=source.run, args=(self._inbox.put, ended.is_set), daemon=True)
+            for source in self._sources
+        ]
+        for thread in threads:
+            thread.start()
+        answered_s = time.monotonic()
+        try:
+            while not stop():
+                items = self._inbox.take(WAIT_S)
+                if self._take(items, on_notice) or time.monotonic() - answered_s >= SILENT_S:
+                    answered_s = time.monotonic()
+                    on_answer(self._present.answer(time.time()))
+        finally:
+            ended.set()
+            for thread in threads:
+                thread.join(timeout=10.0)
+            self._take(self._inbox.take(0.0), on_notice)
+            self._log.close()
+
+    def _take(self, items: Sequence[Arrival | Notice], on_notice: Tell) -> bool:
+        """Log and use all items; whether a reading was among them."""
+        arrivals = [item for item in items if isinstance(item, Arrival)]
+        if arrivals:
+            self._log.write(arrivals)
+        for item in items:
+            if isinstance(item, Notice):
+                on_notice(item)
+            else:
+                self.readings += used(self._present, item, self._factors)
+        return bool(arrivals)
+
+
+def used(present: PresentLight, arrival: Arrival, factors: Mapping[str, float]) -> bool:
+    """Whether a reading, times its sensor's factor, is of the room; it is taken then."""
+    factor = factors.get(arrival.sensor, 1.0)
+    values = {key: value if key == STATE else factor * value for key, value in arrival.values.items()}
+    return present.take(arrival.sensor, values, arrival.unix_s)
+
+
+def replay(
+    present: PresentLight,
+    logs: Sequence[GrowingLog],
+    factors: Mapping[str, float],
+    *,
+    stop: Stop,
+    on_answer: Listen,
+) -> int:
+    """Go through recordings in the order of their times, with an answer for every second that has a reading.
+
+    Parameters
+    ----------
+    present : PresentLight
+    logs : sequence of GrowingLog
+        The readings of each in order of time.
+    factors : mapping of str to float
+        As of `LiveSession`.
+    stop : callable
+    on_answer : callable
+
+    Returns
+    -------
+    readings : int
+        That are of the room.
+
+    Raises
+    ------
+    ReadingError
+        If a log cannot be read.
+    """
+    readings, due_s, last_s = 0, math.inf, math.nan
+    for arrival in heapq.merge(*(log.past() for log in logs), key=lambda each: each.unix_s):
+        if arrival.unix_s >= due_s:
+            on_answer(present.answer(last_s))
+            due_s = math.inf
+            if stop():
+                return readings
+        if math.isinf(due_s):
+            due_s = arrival.unix_s + REPLAY_STEP_S
+        last_s = arrival.unix_s
+        readings += used(present, arrival, factors)
+    if not math.isnan(last_s):
+        on_answer(present.answer(last_s))
+    return readings

@@ -1,0 +1,144 @@
+"""The sources of readings that a file of sensors names."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from lidarspectra.errors import ReadingError
+from lidarspectra.hardware.incoming.arrivals import LUX, STATE, Source
+from lidarspectra.hardware.incoming.channel_light import ChannelLight
+from lidarspectra.hardware.incoming.growing_log import GrowingLog
+from lidarspectra.hardware.incoming.mqtt_source import Broker, MqttSource, Topic
+from lidarspectra.hardware.incoming.serial_source import SerialSource
+from lidarspectra.hardware.sensor.as7265x import (
+    DEFAULT_SETTINGS,
+    GAUSSIAN_WIDTH_NM,
+    UW_CM2_TO_W_M2,
+    SensorSettings,
+    settings_for,
+)
+from lidarspectra.hardware.sensor.calibration_files import load_calibration
+from lidarspectra.hardware.sensor.identify import Wishes
+from lidarspectra.hardware.sensor.serial_link import SerialPort
+from lidarspectra.workflow.live.sensors_file import (
+    CHANNEL_WORD,
+    BrokerSection,
+    SensorSection,
+    SensorsFile,
+    SwitchSection,
+    password,
+)
+
+
+def sources_of(
+    sensors: SensorsFile, labels: Sequence[str], *, base: Path, logs: Path, run_name: str, replay: bool = False
+) -> tuple[Source, ...]:
+    """Make the sources; nothing is opened yet.
+
+    Parameters
+    ----------
+    sensors : SensorsFile
+    labels : sequence of str
+        The run's channels.
+    base : Path
+        Where relative names of logs start.
+    logs : Path
+        Folder for the recorders' logs of serial ports.
+    run_name : str
+        For the broker, where the file gives no client_id.
+    replay : bool
+        Read logs from their start to their end, in place of what comes.
+
+    Returns
+    -------
+    sources : tuple of Source
+
+    Raises
+    ------
+    ReadingError, DeviceError
+        If a source cannot be what it is said to be, or needs something that is not installed.
+    """
+    found: list[Source] = []
+    topics: list[Topic] = []
+    for sensor in sensors.sensors:
+        if replay and sensor.log is None:
+            raise ReadingError(
+                expected="logs alone, for --replay",
+                found="a source that has no past",
+                where=f"sensor '{sensor.name}'",
+                todo="Give a log, such as the one that 'live' itself keeps.",
+            )
+        if sensor.port is not None:
+            log = logs / f"{_file_name(sensor.name)}.recorder.csv"
+            wishes = Wishes(period_s=1.0 / sensor.rate, settings=_settings(sensor))
+            port = SerialPort(sensor.port)
+            found.append(
+                SerialSource(port, sensor=sensor.name, log=log, light=_light(sensor), wishes=wishes, baud=sensor.baud)
+            )
+        elif sensor.log is not None:
+            path = base / sensor.log
+            found.append(GrowingLog(path, sensor=sensor.name, light=_light(sensor)))
+        else:
+            topics += _topics(sensor, sensors.broker, labels)
+    topics += [_switch(switch, sensors.broker) for switch in sensors.switches if not replay]
+    if topics:
+        assert sensors.broker is not None  # since the file was checked
+        found.append(MqttSource(_broker(sensors.broker, run_name), topics))
+    return tuple(found)
+
+
+def _topics(sensor: SensorSection, broker: BrokerSection | None, labels: Sequence[str]) -> list[Topic]:
+    if sensor.topics:
+        return [_channel(sensor, topic, label) for label, topic in sensor.topics.items()]
+    prefix = broker.prefix if broker is not None else ""
+    topic = sensor.topic or f"{prefix}/sensor/{sensor.object_id}/state"
+    if "lux" in sensor.reads:
+        return [Topic(topic=topic, sensor=sensor.name, quantity=LUX, template=sensor.value)]
+    if sensor.value is None or CHANNEL_WORD not in sensor.value:
+        raise ReadingError(
+            expected=f"a value template with the word {CHANNEL_WORD}, for all channels of one topic",
+            found="none" if sensor.value is None else f"'{sensor.value}'",
+            where=f"sensor '{sensor.name}'",
+            todo=f"Write value = '{{{{ value_json.E_{CHANNEL_WORD} }}}}', or give a topic a channel in topics.",
+        )
+    return [_channel(sensor, topic, label) for label in labels]
+
+
+def _channel(sensor: SensorSection, topic: str, label: str) -> Topic:
+    template = None if sensor.value is None else sensor.value.replace(CHANNEL_WORD, label)
+    factor = 1.0 if sensor.unit == "W/m2/nm" else UW_CM2_TO_W_M2 / GAUSSIAN_WIDTH_NM
+    return Topic(topic=topic, sensor=sensor.name, quantity=label, template=template, factor=factor)
+
+
+def _switch(switch: SwitchSection, broker: BrokerSection | None) -> Topic:
+    prefix = broker.prefix if broker is not None else ""
+    topic = switch.topic or f"{prefix}/light/{switch.object_id}/state"
+    return Topic(topic=topic, sensor=switch.lamp, quantity=STATE, template=switch.value, factor=switch.factor)
+
+
+def _broker(section: BrokerSection, run_name: str) -> Broker:
+    return Broker(
+        host=section.host,
+        port=section.port,
+        username=section.username,
+        password=password(),
+        tls=section.tls,
+        client_id=section.client_id or f"lidarspectra-live-{run_name}",
+    )
+
+
+def _light(sensor: SensorSection) -> ChannelLight:
+    if sensor.calibration is None:
+        return ChannelLight(settings=_settings(sensor))
+    name, _, version = sensor.calibration.partition("@")
+    calibration = load_calibration(name, int(version) if version.isdigit() else None)
+    return ChannelLight(calibration, _settings(sensor))
+
+
+def _settings(sensor: SensorSection) -> SensorSettings | None:
+    if sensor.gain is None and sensor.integration_ms is None:
+        return None
+    return settings_for(sensor.gain or DEFAULT_SETTINGS.gain, sensor.integration_ms or DEFAULT_SETTINGS.integration_ms)
+
+
+def _file_name(name: str) -> str:
+    return "".join(letter if letter.isalnum() or letter in "-_ " else "_" for letter in name)
