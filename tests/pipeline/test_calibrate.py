@@ -1,15 +1,26 @@
 """`lidarspectra calibrate`: readings of a room whose truth is known, by file and by program."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import lidarspectra as ls
+from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.room.sensor_points import SensorPoints
-from lidarspectra.workflow.calibration_light import coefficients, run_room, weights_of
+from lidarspectra.workflow import calibrating
+from lidarspectra.workflow.calibration_light import (
+    RunRoom,
+    TracedLight,
+    coefficients,
+    run_room,
+    traced_light,
+    weights_of,
+)
 from tests.pipeline.conftest import CommandLine, RoomWriter
 
 pytestmark = pytest.mark.slow
@@ -54,15 +65,33 @@ def test_the_command_finds_what_was_wrong_and_the_run_goes_on_from_there(
     assert factors == pytest.approx(FLUX, rel=0.12)
     table = pd.read_csv(run.parent / "room.calibrated.run" / "calibration" / "readings.csv")
     assert np.abs(table["off after [%]"]).max() < 0.4 * np.abs(table["off before [%]"]).max()
-    again = command_line("map", run.parent / "room.calibrated.toml")
+    again = command_line("run", run.parent / "room.calibrated.toml")
     assert again.status == 0, again.stderr
     assert re.findall(r"^\d (\w+) +kept", again.stdout, re.MULTILINE) == ["scan", "views", "materials"]
     assert "calibrated by readings.csv" in again.stdout
+    page = (run.parent / "room.calibrated.run" / "7-report" / "index.html").read_text(encoding="utf-8")
+    for words in ("Calibration", "Chi-square is", "place 2 down", "told by the readings", "calibration.png"):
+        assert words in page
     kept = ls.load_map(run / "6-map" / "map.nc")
     made = ls.load_map(run.parent / "room.calibrated.run" / "6-map" / "map.nc")
     assert made.sizes == kept.sizes
 
 
+@pytest.fixture
+def traced_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Readings at the same places are of the same light: it is traced once."""
+    kept: dict[bytes, TracedLight] = {}
+
+    def once(room: RunRoom, points: SensorPoints, **options: Any) -> TracedLight:
+        key = points.positions.tobytes() + points.normals.tobytes()
+        if key not in kept:
+            kept[key] = traced_light(room, points, **options)
+        return kept[key]
+
+    monkeypatch.setattr(calibrating, "traced_light", once)
+
+
+@pytest.mark.usefixtures("traced_once")
 def test_readings_that_cannot_be_are_refused_with_the_reason(run: Path, readings: pd.DataFrame, tmp_path: Path) -> None:
     def refused(table: pd.DataFrame, words: str) -> None:
         file = tmp_path / "readings.csv"
@@ -75,8 +104,41 @@ def test_readings_that_cannot_be_are_refused_with_the_reason(run: Path, readings
     turned = readings.copy()
     turned.loc[0, "nz"] = -1.0
     refused(turned, "turned over at 'place 0 up'")
+    swapped = readings.copy()
+    swapped.loc[[0, 3], "lux"] = readings.loc[[3, 0], "lux"].to_numpy()
+    refused(swapped, "'place 0 up', 'place 1 down' swapped")
+    refused(readings.assign(lux=readings["lux"] * [3.0, 0.3, 0.4, 2.0, 0.3, 3.0]), "of another room")
     refused(readings.drop(columns="lux"), "a column lux")
     refused(readings.assign(lux="bright"), "a number")
+
+
+@pytest.mark.usefixtures("traced_once")
+@pytest.mark.chance("two traces agree within their noise")
+def test_channels_tell_the_spectrum_of_a_lamp(run: Path, readings: pd.DataFrame, tmp_path: Path) -> None:
+    """The panel, an LED in the run file, is a fluorescent lamp; the bulb is what it is said to be."""
+    room = run_room(run)
+    fluorescent = ls.lamp_spectrum("FL11").spectrum
+    flux = fluorescent.scaled(luminous_flux_lm(room.lamps[0].flux) / luminous_flux_lm(fluorescent))
+    true = replace(room, lamps=(replace(room.lamps[0], flux=flux), *room.lamps[1:]))
+    points = SensorPoints(
+        positions=readings[["x", "y", "z"]].to_numpy(), normals=readings[["nx", "ny", "nz"]].to_numpy()
+    )
+    light = coefficients(true, points, REFLECTANCE)
+    table = readings.drop(columns="lux")
+    for channel, label in enumerate(true.bands.labels):
+        table[f"E_{label}"] = np.einsum("lb,lpb,l->p", weights_of([channel], true)[0], light, FLUX)
+    file = tmp_path / "readings.csv"
+    table.to_csv(file, index=False)
+    told = ls.calibrate_run(run, file)
+    assert told.spectra is not None
+    first = told.spectra.frame.groupby("lamps", sort=False).first()
+    assert first.loc['lamp "one" !rm', "spectrum"] == "FL11"
+    assert first.loc['lamp "one" !rm', "probability [1]"] > 0.95
+    assert told.run_file.lamps[0].spectrum == "FL11"
+    assert told.run_file.lamps[1].spectrum == "A"
+    every = ls.calibrate_run(run, file, scale="channel")
+    assert every.spectra is None  # where each channel has a factor of its own, nothing tells a spectrum
+    assert every.run_file.lamps[0].spectrum == "LED-B3"
 
 
 def test_a_plan_of_readings_is_a_file_to_fill_in(run: Path, command_line: CommandLine) -> None:
@@ -85,5 +147,7 @@ def test_a_plan_of_readings_is_a_file_to_fill_in(run: Path, command_line: Comman
     plan = pd.read_csv(run / "calibration" / "readings-to-take.csv")
     assert list(plan.columns) == ["name", "x", "y", "z", "nx", "ny", "nz", "lux"]
     assert len(plan) == 4
+    assert len(plan[["x", "y", "z"]].drop_duplicates()) <= 2
+    assert plan["z"].between(0.1, 2.0).all()
     assert len({name.split()[1] for name in plan["name"]}) >= 2  # what is told by one direction is not told twice
     assert (run / "calibration" / "readings-to-take.png").is_file()
