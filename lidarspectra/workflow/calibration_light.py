@@ -23,7 +23,7 @@ from lidarspectra.mapping.photovoltaics.cells import Cell
 from lidarspectra.material.material_map import MaterialMap, load_materials
 from lidarspectra.material.scaled import scaled_materials
 from lidarspectra.progress import Progress, part_of, silent
-from lidarspectra.radiance.engine.options import Accuracy
+from lidarspectra.radiance.engine.options import Accuracy, Noise
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.radiance.scene.scene import load_scene, write_scene
@@ -153,6 +153,7 @@ def traced_light(
     *,
     factors: FloatArray | None = None,
     accuracy: Accuracy | None = None,
+    noise: Noise = "standard",
     workers: int | None = None,
     progress: Progress = silent,
 ) -> TracedLight:
@@ -166,6 +167,8 @@ def traced_light(
         On the reflectances that the traces start from. [1]
     accuracy : str, optional
         The run's by default.
+    noise : str
+        See `trace`; most of it cancels in the derivatives.
     workers : int, optional
     progress : callable
 
@@ -181,6 +184,7 @@ def traced_light(
             points,
             start * step,
             accuracy=accuracy,
+            noise=noise,
             workers=workers,
             progress=part_of(progress, number / (len(PARTS) + 1), (number + 1) / (len(PARTS) + 1)),
         )
@@ -195,6 +199,7 @@ def coefficients(
     factors: FloatArray,
     *,
     accuracy: Accuracy | None = None,
+    noise: Noise = "standard",
     workers: int | None = None,
     progress: Progress = silent,
 ) -> FloatArray:
@@ -207,7 +212,7 @@ def coefficients(
             scene,
             points,
             accuracy=accuracy or room.run_file.trace.accuracy,
-            noise="standard",
+            noise=noise,
             seed=SEED,
             workers=workers,
             progress=progress,

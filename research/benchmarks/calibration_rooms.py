@@ -18,6 +18,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Bulb, Disc, Luminaire, Shape, Spot
 from lidarspectra.mapping.calibration.model import LightModel, Priors
 from lidarspectra.material.material_map import Material
+from lidarspectra.radiance.engine.options import Noise
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import find_room
 from lidarspectra.room.sensor_points import SensorPoints
@@ -42,6 +43,7 @@ STEEP = np.array([0.12, -0.03, -0.12, 0.07])  # logarithms of factors on floor, 
 PLACES = ("positions", "normals", "place", "candidates", "habit", "on_map")
 KNOWN_METER_SD = 0.005  # [1] of the factor of a meter that is known
 MAX_PLACES = 20  # of readings: half of what a plan looks at
+NOISE: dict[str, Noise] = {"apartment": "draft"}  # of traces, where eleven lamps take long; else "standard"
 FAULTS = ("furniture", "gloss", "lamp type", "reflectance")
 BELOW_M = 1.2  # [m] height of readings below lamps
 
@@ -178,10 +180,13 @@ def below_lamps(run: RunRoom) -> FloatArray:
 def _traced(run: RunRoom, points: SensorPoints, cabinets: list[trimesh.Trimesh]) -> dict[str, FloatArray]:
     count = len(points)
     numbers, weights = np.arange(count), weights_of([LUX] * count, run)
-    model = traced_light(run, points, accuracy="medium").model(weights, numbers)
+    noise = NOISE.get(run.name, "standard")
+    model = traced_light(run, points, accuracy="medium", noise=noise).model(weights, numbers)
 
     def light(room: RunRoom, factors: FloatArray) -> FloatArray:
-        return np.asarray(np.einsum("nlb,lnb->nl", weights, coefficients(room, points, factors, accuracy="medium")))
+        return np.asarray(
+            np.einsum("nlb,lnb->nl", weights, coefficients(room, points, factors, accuracy="medium", noise=noise))
+        )
 
     same = np.ones(len(PARTS))
     return {
