@@ -26,6 +26,7 @@ from lidarspectra.workflow.calibration_readings import CHANNEL_SD, Readings
 MIN_CHANNELS = 4  # fewer tell a colour, not a spectrum
 ALIKE_SD = 0.1  # [1] of a channel between two lamps of one kind, and of walls' reflectance in it
 STRAY = 1e-3  # [1] of the strongest channel: less light is a sensor's stray light
+SAME = 1e-3  # [1] of the light in a channel, within which two spectra are one
 TOLD = 0.95  # [1] probability from which a spectrum is told
 SHOWN = 5  # candidates in the table
 OWN = "as in the run file"
@@ -74,11 +75,14 @@ def spectra_told(room: RunRoom, readings: Readings, light: TracedLight, priors: 
     names: dict[str, str] = {}
     for group in _groups(room):
         label = ", ".join(room.lamps[index].name for index in group)
-        models = [_model(told, readings, light, chosen)]
-        models += [_model(_with_spectrum(told, group, each), readings, light, chosen) for each in candidates.values()]
+        labels, models = [OWN], [_model(told, readings, light, chosen)]
+        for name, each in candidates.items():
+            model = _model(_with_spectrum(told, group, each), readings, light, chosen)
+            if not np.allclose(model.light, models[0].light, rtol=SAME, atol=0.0):  # else it is the run's own
+                labels.append(name)
+                models.append(model)
         numbers, own_priors = _comparison(readings, chosen, priors, scale)
         found = spectrum_posterior(models, numbers, own_priors)
-        labels = [OWN, *candidates]
         order = np.argsort(-found.probability, kind="stable")[:SHOWN]
         rows += [(label, labels[index], found.probability[index], found.fits[index]) for index in order]
         best = int(order[0])
