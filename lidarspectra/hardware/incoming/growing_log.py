@@ -71,7 +71,7 @@ class GrowingLog:
             with file:
                 self._rest = b""
                 if is_first:
-                    self._skip(file)
+                    self._skip(file, put)
                 is_first = False
                 self._follow(file, put, stop)
 
@@ -90,8 +90,15 @@ class GrowingLog:
                         yield from (item for item in self._rows.read(line) if isinstance(item, Arrival))
         except OSError as cause:
             raise ReadingError(expected="a readable log", found=str(cause), where=self.name) from cause
+        if not self._rows.has_header:
+            raise ReadingError(
+                expected=f"a header that names some of lux, {', '.join(list(_CHANNELS)[:2])} ..., or a recorder's log",
+                found="none",
+                where=self.name,
+                todo="'lidarspectra sensor convert' makes such a table of any log that it knows.",
+            )
 
-    def _skip(self, file: IO[bytes]) -> None:
+    def _skip(self, file: IO[bytes], put: Put) -> None:
         """Go to where the last reading begins, with the header known; the lines between are of the past."""
         head = file.read(HEADER_BYTES)
         size = file.seek(0, 2)
@@ -99,16 +106,22 @@ class GrowingLog:
             lines = head.splitlines(keepends=True)
             passed = _before_the_last(lines)
             for line in lines[:passed]:
-                self._rows.read(line)
+                self._pass(line, put)
             file.seek(sum(map(len, lines[:passed])))
             return
         for line in head.splitlines(keepends=True):
             if line.endswith(b"\n"):
-                self._rows.read(line)
+                self._pass(line, put)
         file.seek(max(0, size - LOOK_BACK_BYTES))
         tail = file.read()
         lines = tail.splitlines(keepends=True)
         file.seek(size - sum(map(len, lines[max(1, _before_the_last(lines)) :])))
+
+    def _pass(self, line: bytes, put: Put) -> None:
+        """Learn the columns of a line of the past; what is wrong with it is said."""
+        for item in self._rows.read(line):
+            if isinstance(item, Notice):
+                put(item)
 
     def _follow(self, file: IO[bytes], put: Put, stop: Stop) -> None:
         """Read until the file is another one, or shorter than before."""
@@ -168,6 +181,11 @@ class LogRows:
         self._columns: tuple[str, ...] = ()
         self._said = False
 
+    @property
+    def has_header(self) -> bool:
+        """Whether the columns are known."""
+        return bool(self._columns)
+
     def read(self, line: bytes) -> list[Arrival | Notice]:
         """The reading that a line holds, if it is one; a notice once for lines that are none."""
         text = line.decode("utf-8", errors="replace").strip("\r\n\0 ")
@@ -186,6 +204,8 @@ class LogRows:
             return []
         self._said = True
         words = f"'{text[:60]}' is no row of the log and is left out; this is said once."
+        if not self._columns:
+            words = f"'{text[:60]}' is no header that names lux or channels as E_410; its log is not understood."
         return [Notice(source=self._sensor, text=words)]
 
     def _arrival(self, row: dict[str, str]) -> list[Arrival | Notice]:

@@ -35,7 +35,7 @@ from lidarspectra.workflow.workspace import require_stage, writing_run
 
 READINGS = "live"  # folder in the run
 LOOK_S = 0.2  # [s] how often is looked whether to stop
-SHOW_EVERY_S = 0.25  # [s] between messages to pages, however fast readings come
+SHOW_EVERY_S = 0.25  # [s] between messages of a recording, which is gone through faster than pages draw
 TREND_EVERY_S = 10.0  # [s] between renewals of the trend that pages ask for
 
 
@@ -171,7 +171,7 @@ class LiveRun:
         def show(answer: PresentAnswer) -> None:
             nonlocal shown_s, newest
             newest = answer
-            if time.monotonic() - shown_s >= SHOW_EVERY_S:  # readings at rest are answered again within a second
+            if not self._options.replay or time.monotonic() - shown_s >= SHOW_EVERY_S:
                 self._board.show(self._view.message(answer, self.present.last_s))
                 shown_s = time.monotonic()
             if time.monotonic() >= self._trend_due_s:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
 from lidarspectra.hardware.incoming.arrivals import Arrival
 from lidarspectra.hardware.incoming.channel_light import ChannelLight
@@ -137,3 +138,15 @@ def test_a_recorders_log_gives_the_light_that_the_table_of_it_has(tmp_path: Path
     for each, row in zip(found, wanted, strict=True):
         np.testing.assert_allclose(list(each.values.values()), row[np.isfinite(row)], rtol=1e-9)
         assert "510" not in each.values
+
+
+def test_a_log_without_a_header_that_is_known_is_refused(tmp_path: Path, running) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("date,wavelength1,solar1\n2023-04-20 14:36:08,12.76,110\n", encoding="utf-8")
+    with pytest.raises(ReadingError, match="sensor convert"):
+        all_of(log)
+    with running(GrowingLog(log, sensor="desk")) as heard:
+        heard.until(lambda heard: heard.notices)
+    assert "is not understood" in heard.notices[0].text
+    with pytest.raises(ReadingError, match="a readable log"):
+        all_of(tmp_path / "none.csv")
