@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import RegularGridInterpolator
 
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import LampError
@@ -88,11 +89,12 @@ class CandelaTable:
             [cd]
         """
         theta = np.asarray(vertical_deg, dtype=np.float64)
-        columns = np.stack([np.interp(theta, self.vertical_deg, row) for row in self.candela])
         if self.is_axial:
-            return np.asarray(columns[0])
+            return np.asarray(np.interp(theta, self.vertical_deg, self.candela[0]))
         phi = np.mod(np.asarray(horizontal_deg, dtype=np.float64), 360.0)
-        return np.array([np.interp(phi[index], self.horizontal_deg, columns[:, index]) for index in range(theta.size)])
+        between = RegularGridInterpolator((self.horizontal_deg, self.vertical_deg), self.candela)
+        inside = np.clip(theta, self.vertical_deg[0], self.vertical_deg[-1])
+        return np.asarray(between(np.stack(np.broadcast_arrays(phi, inside), axis=-1)), dtype=np.float64)
 
 
 def _ring_flux(theta: FloatArray, around: FloatArray) -> float:

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import LampError
 
 ALONG_X = 0.999  # [1] x component of a normal from which the length is taken from the y axis
@@ -156,6 +156,12 @@ class Rectangle:
         beside = np.linalg.norm(np.maximum(in_plane - 0.5 * np.array([self.length, self.width]), 0.0), axis=1)
         return np.asarray(np.hypot(away @ self.normal, beside))
 
+    def holds(self, places: FloatArray) -> BoolArray:
+        """(...) whether (..., 3) places in its plane lie on it [m]."""
+        away = places - self.place.center
+        along, across = np.abs(away @ self.place.length), np.abs(away @ self.place.width)
+        return np.asarray((along <= 0.5 * self.length) & (across <= 0.5 * self.width), dtype=np.bool_)
+
     def sample(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n, 3) points [m] and normals, see `Surface`."""
         places = self.place.points((u - 0.5) * self.length, (v - 0.5) * self.width)
@@ -207,6 +213,10 @@ class Circle:
         height = away @ self.normal
         beside = np.maximum(np.linalg.norm(away - height[:, None] * self.normal, axis=1) - self.radius, 0.0)
         return np.asarray(np.hypot(height, beside))
+
+    def holds(self, places: FloatArray) -> BoolArray:
+        """(...) whether (..., 3) places in its plane lie on it [m]."""
+        return np.asarray(np.linalg.norm(places - self.place.center, axis=-1) <= self.radius, dtype=np.bool_)
 
     def sample(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n, 3) points [m] and normals, see `Surface`."""

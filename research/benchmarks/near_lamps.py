@@ -87,7 +87,7 @@ def judge(shape: str, distances: Sequence[float], folder: Path, *, seeds: int) -
         count = len(positions)
         points = SensorPoints(positions=RADIUS_M * positions, normals=normals, buried=np.zeros(count, np.bool_))
         line = f"{shape} {distance:4.1f} radii"
-        for label, tried in (("engine alone", replace(scene, round_lamps=())), ("as we trace", scene)):
+        for label, tried in (("engine alone", replace(scene, shining=())), ("as we trace", scene)):
             off, within, stated = [], [], []
             for seed in range(seeds):
                 run = trace(tried, points, accuracy="low", noise="fine", seed=seed)

@@ -1,10 +1,11 @@
 """First hits ("arrivals") of the sensors' rays: on which surface of the room, and how it reflects."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import SceneError
@@ -23,9 +24,9 @@ MAX_CELL_M = 0.75  # [m] but no longer than this
 MAX_BOXES = 6_000  # about the most boxes of half a cell's side that cover all surfaces; else cells are larger
 MAX_POOLED_GLOSS = 0.1  # [1] specularity above which a surface's radiance depends too much on the direction of view
 MARGIN_M = 1e-3  # [m] by which lamps are enlarged, so that a path that may end on one is traced by the engine
-MAX_PANES_PASSED = 12  # panes and lamps between a sensor and a lamp close by
+MAX_PASSED = 12  # panes, and corners of what encloses lamps, that a ray may pass
 BEFORE_LAMP = 1.0 - 1e-4  # [1] of the way to a lamp's surface on which something may stand
-PAST_PANE_M = 1e-4  # [m] behind what was passed
+PAST_M = 1e-4  # [m] behind what was passed
 _SIDES = 6  # a face's side is the axis direction nearest to its normal
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 _CUBE = np.concatenate(
@@ -104,6 +105,68 @@ class Arrivals:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class ShadedArrivals:
+    """First hits of rays, lamps in their true outline.
+
+    Parameters
+    ----------
+    arrivals : Arrivals
+    shading_normals : (ray, 3) float
+        As the engine has them, smooth from face to face; on the side of the rays' origins.
+    """
+
+    arrivals: Arrivals
+    shading_normals: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LampBodies:
+    """What lamps are made of: polygons, rings and spheres, each enclosed by triangles.
+
+    Parameters
+    ----------
+    lamp : (body,) int
+        Index of the scene's lamp.
+    center : (body, 3) float
+        [m]
+    radius : (body,) float
+        Within which a ring or a sphere lies; infinite for a polygon, which its triangles fill. [m]
+    is_sphere : (body,) bool
+    """
+
+    lamp: IntArray
+    center: FloatArray
+    radius: FloatArray
+    is_sphere: BoolArray
+
+    @classmethod
+    def of(cls, primitives: Sequence[Primitive], modifiers: Sequence[str]) -> "LampBodies":
+        """Of primitives of some lamps' modifiers."""
+        numbers = [np.array(each.numbers) for each in primitives]
+        place = {"ring": 7, "sphere": 3}
+        radius = [
+            part[place[each.kind]] if each.kind in place else np.inf
+            for each, part in zip(primitives, numbers, strict=True)
+        ]
+        known = {modifier: number for number, modifier in enumerate(modifiers)}
+        return cls(
+            lamp=np.array([known.get(each.modifier, -1) for each in primitives], dtype=np.int64),
+            center=np.array([part[:3] for part in numbers]).reshape(-1, 3),
+            radius=np.array(radius),
+            is_sphere=np.array([each.kind == "sphere" for each in primitives], dtype=np.bool_),
+        )
+
+    def are_met(self, body: IntArray, places: FloatArray, directions: FloatArray) -> BoolArray:
+        """(ray,) whether rays that meet the triangles around a body at some places (ray, 3) [m] meet the body too."""
+        away = self.center[body] - places
+        unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        along = np.einsum("ij,ij->i", away, unit)
+        aside = np.where(self.is_sphere[body], along, 0.0)[:, None] * unit  # of a sphere, to where the ray is nearest
+        met: BoolArray = np.linalg.norm(away - aside, axis=1) <= self.radius[body]
+        return met
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Surfaces:
     """The surfaces of a pass, for finding first hits.
 
@@ -111,7 +174,14 @@ class Surfaces:
     ----------
     caster : RayCaster
     face_material : (face,) int
+    shading_normals : (face of the room, 3, 3) float32
+        At each corner; lamps, whose faces come after the room's, have none.
+    face_body : (face of a lamp,) int
+        Which of the bodies it encloses.
+    bodies : LampBodies
     scattering : Scattering
+    diffuse_share : float
+        Of the room's area that is exactly Lambertian and opaque. [1]
     cell_m : float
         Longest side of a cell. [m]
     bounds : (2, 3) float
@@ -121,8 +191,12 @@ class Surfaces:
     caster: RayCaster
     face_material: IntArray
     scattering: Scattering
+    diffuse_share: float
     cell_m: float
     bounds: FloatArray
+    shading_normals: NDArray[np.float32] = field(repr=False)
+    face_body: IntArray = field(repr=False)
+    bodies: LampBodies = field(repr=False)
 
     def box(self, places: FloatArray) -> IntArray:
         """(place, 3) indices of the boxes, of half a cell's side, that places lie in."""
@@ -142,28 +216,79 @@ class Surfaces:
         shares: BoolArray = ~self.are_dark(arrivals) & self.scattering.is_matt[arrivals.material]
         return shares
 
-    def light_through(self, origins: FloatArray, ways: FloatArray) -> FloatArray:
-        """(ray,) share of light that comes along some ways (ray, 3) [m]: nothing through walls, T of each pane [1].
+    def light_through(self, origins: FloatArray, ways: FloatArray, *, to_lamp: int) -> FloatArray:
+        """Share of light that comes along some ways from a lamp.
 
-        Lamps let it pass.
+        Parameters
+        ----------
+        origins : (ray, 3) float
+            [m]
+        ways : (ray, 3) float
+            To the lamp. [m]
+        to_lamp : int
+            Index of the scene's lamp; its own surfaces are no obstacle.
+
+        Returns
+        -------
+        share : (ray,) float
+            0 through walls and other lamps, T of each pane of glass. [1]
         """
         share, left = np.ones(len(origins)), np.arange(len(origins))
         starts, rest = origins.copy(), ways.copy()
-        for _ in range(MAX_PANES_PASSED):
+        for _ in range(MAX_PASSED):
             hits = self.caster.nearest(starts[left], rest[left], max_distance=BEFORE_LAMP)
             left, face, done = left[hits.met], hits.face[hits.met], hits.distance[hits.met]
             if not left.size:
                 return share
-            material = self.face_material[face]
-            clear, is_lamp = self.scattering.transmissivity[material], material == self.scattering.is_matt.size - 1
-            unit = rest[left] / np.linalg.norm(rest[left], axis=1, keepdims=True)
-            cosine = np.abs(np.einsum("ij,ij->i", unit, self.caster.normals[face]))
-            share[left] *= np.where(is_lamp, 1.0, np.where(clear > 0, pane_transmittance(cosine, clear), 0.0))
-            onward = (done + PAST_PANE_M / np.linalg.norm(rest[left], axis=1))[:, None] * rest[left]
+            places = starts[left] + done[:, None] * rest[left]
+            share[left] *= self._passed(face, places, rest[left], to_lamp)
+            onward = (done + PAST_M / np.linalg.norm(rest[left], axis=1))[:, None] * rest[left]
             starts[left] += onward
             rest[left] -= onward
             left = left[share[left] > 0]
         return share
+
+    def _passed(self, face: IntArray, places: FloatArray, ways: FloatArray, to_lamp: int) -> FloatArray:
+        """(ray,) share of the light that passes the face met [1]."""
+        clear = self.scattering.transmissivity[self.face_material[face]]
+        passed = np.zeros(len(face))
+        panes = np.flatnonzero(clear > 0)
+        unit = ways[panes] / np.linalg.norm(ways[panes], axis=1, keepdims=True)
+        cosine = np.abs(np.einsum("ij,ij->i", unit, self.caster.normals[face[panes]]))
+        passed[panes] = pane_transmittance(cosine, clear[panes])
+        near_lamps = np.flatnonzero(face >= len(self.shading_normals))
+        body = self.face_body[face[near_lamps] - len(self.shading_normals)]
+        missed = ~self.bodies.are_met(body, places[near_lamps], ways[near_lamps])
+        passed[near_lamps] = missed | (self.bodies.lamp[body] == to_lamp)
+        return passed
+
+    def shaded_arrivals(self, rays: FloatArray) -> ShadedArrivals:
+        """First hits of rays (ray, 6), which pass lamps by as closely as they may."""
+        starts = rays[:, :3].copy()
+        directions = rays[:, 3:]
+        hits = self.caster.nearest(starts, directions)
+        face, distance, weights = hits.face.copy(), hits.distance.copy(), hits.barycentric.copy()
+        room = len(self.shading_normals)
+        left = np.flatnonzero(face >= room)
+        for _ in range(MAX_PASSED):
+            places = starts[left] + distance[left, None] * directions[left]
+            left = left[~self.bodies.are_met(self.face_body[face[left] - room], places, directions[left])]
+            if not left.size:
+                break
+            starts[left] += (distance[left, None] + PAST_M) * directions[left]
+            again = self.caster.nearest(starts[left], directions[left])
+            face[left], distance[left], weights[left] = again.face, again.distance, again.barycentric
+            left = left[again.face >= room]
+        met = face >= 0
+        places = starts + np.where(met, distance, 0.0)[:, None] * directions
+        arrivals = self._arrivals(np.where(met, face, 0), met, places, directions)
+        normals = arrivals.normals.copy()
+        smooth = np.flatnonzero(met & (face < room))
+        normals[smooth] = np.einsum("rk,rkc->rc", weights[smooth], self.shading_normals[face[smooth]])
+        normals[smooth] /= np.linalg.norm(normals[smooth], axis=1, keepdims=True)
+        behind = np.einsum("ij,ij->i", self.caster.normals[face[smooth]], directions[smooth]) > 0
+        normals[smooth[behind]] *= -1.0
+        return ShadedArrivals(arrivals=arrivals, shading_normals=normals)
 
     def are_glass(self, arrivals: Arrivals) -> BoolArray:
         """(ray,) whether it arrived on a pane of glass."""
@@ -180,17 +305,20 @@ class Surfaces:
         origins, directions = rays[:, :3], rays[:, 3:]
         hits = self.caster.nearest(origins, directions)
         places = origins + np.where(hits.met, hits.distance, 0.0)[:, None] * directions
-        normals = self.caster.normals[hits.face]
+        return self._arrivals(hits.face, hits.met, places, directions)
+
+    def _arrivals(self, face: IntArray, met: BoolArray, places: FloatArray, directions: FloatArray) -> Arrivals:
+        normals = self.caster.normals[face]
         away = np.einsum("ij,ij->i", normals, directions) > 0
         normals = np.where(away[:, None], -normals, normals)  # towards the ray: the two sides of a face differ
         axis = np.abs(normals).argmax(axis=1)
         side = 2 * axis + (normals[np.arange(len(axis)), axis] > 0)
-        material = self.face_material[hits.face]
+        material = self.face_material[face]
         return Arrivals(
             places=places,
             normals=normals,
-            material=np.where(hits.met, material, -1),
-            kind=np.where(hits.met, 1 + _SIDES * material + side, 0),
+            material=np.where(met, material, -1),
+            kind=np.where(met, 1 + _SIDES * material + side, 0),
         )
 
 
@@ -216,28 +344,38 @@ def load_surfaces(scene: RadianceScene) -> dict[str, Surfaces]:
     for scene_pass in scene.passes:
         files = [scene.folder / name for name in (LAMPS_FILE, scene_pass.scene_file)]
         shapes = [each for path in files for each in read_primitives(path) if not each.modifier.startswith(PANE)]
-        lamps = np.concatenate([_triangles(primitive) for primitive in shapes])
-        key = (scene_pass.mesh, scene_pass.materials_file, lamps.tobytes())
+        enclosed = [(each, _triangles(each)) for each in shapes]
+        enclosed = [(each, triangles) for each, triangles in enclosed if len(triangles)]
+        key = (scene_pass.mesh, scene_pass.materials_file, b"".join(part.tobytes() for _, part in enclosed))
         if key not in known:
-            known[key] = _surfaces(scene.folder / scene_pass.mesh, scene.folder / scene_pass.materials_file, lamps)
+            mesh, materials = scene.folder / scene_pass.mesh, scene.folder / scene_pass.materials_file
+            known[key] = _surfaces(mesh, materials, enclosed, scene.lamp_modifiers)
         passes[scene_pass.name] = known[key]
     return passes
 
 
-def _surfaces(mesh: Path, materials: Path, lamps: FloatArray) -> Surfaces:
-    """Surfaces of a mesh and of (triangle, 3, 3) lamps, which have one further material, of unknown reflection."""
-    scan, face_material, names = read_mesh_text(mesh)
+def _surfaces(
+    mesh: Path, materials: Path, enclosed: Sequence[tuple[Primitive, FloatArray]], modifiers: Sequence[str]
+) -> Surfaces:
+    """Surfaces of a mesh and of lamps in their (triangle, 3, 3) enclosures, which are of one further material."""
+    scan, face_material, names, shading_normals = read_mesh_text(mesh)
+    lamps = np.concatenate([np.empty((0, 3, 3)), *(triangles for _, triangles in enclosed)])
     corners = np.arange(3 * len(lamps)).reshape(-1, 3)
     whole = bare_scan(
         np.concatenate([scan.vertices, lamps.reshape(-1, 3)]),
         np.concatenate([scan.faces, len(scan.vertices) + corners]),
     )
+    scattering = read_scattering(names, materials)
     return Surfaces(
         caster=RayCaster(whole),
         face_material=np.concatenate([face_material, np.full(len(lamps), len(names))]),
-        scattering=read_scattering(names, materials),
+        scattering=scattering,
+        diffuse_share=float(scan.areas @ scattering.is_diffuse[face_material] / scan.areas.sum()),
         cell_m=cell_side_m(scan),
         bounds=whole.bounds,
+        shading_normals=shading_normals,
+        face_body=np.repeat(np.arange(len(enclosed)), [len(triangles) for _, triangles in enclosed]),
+        bodies=LampBodies.of([each for each, _ in enclosed], modifiers),
     )
 
 

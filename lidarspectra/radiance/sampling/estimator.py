@@ -9,7 +9,7 @@ variance v/n and price c of a sample, n proportional to sqrt(v/c) reaches a give
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +20,9 @@ from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.radiance.engine.engine import EngineJob, EngineRun, float_rows
 from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.sampling.arrivals import Surfaces
-from lidarspectra.radiance.sampling.near_lamps import NearLamps
+from lidarspectra.radiance.sampling.cast_light import CastLight, ReflectedOnce
 from lidarspectra.radiance.sampling.pooling import Leg, PooledPaths, Sharing, draw_pooled_paths
-from lidarspectra.radiance.sampling.samplers import Sampler
+from lidarspectra.radiance.sampling.samplers import DIRECT, ONCE, Sampler
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
 BATCHES = 8  # enough to tell a spread by, few enough for large sets of directions
@@ -53,10 +53,10 @@ class Component:
         For 'often' and 'view'.
     sharing : Sharing or None
         For 'often': which sensors may share paths; all that look at the same place if None.
-    near : NearLamps or None
-        For 'direct': lamps whose light close by replaces the engine's.
+    cast : CastLight or None
+        For 'direct' and 'once': lamps whose light is had by ray casting.
     seconds, sampled : float, int
-        Engine time so far, and samples over all points and batches: their ratio is the price.
+        Time so far, and samples over all points and batches: their ratio is the price.
     """
 
     sampler: Sampler
@@ -68,7 +68,7 @@ class Component:
     sharers: int = 1
     surfaces: Surfaces | None = None
     sharing: Sharing | None = None
-    near: NearLamps | None = None
+    cast: CastLight | None = None
     seconds: float = 0.0
     sampled: int = 0
 
@@ -83,8 +83,15 @@ class Component:
         return self.sampler.bounces(self.options)
 
     @property
+    def is_cast(self) -> bool:
+        """Whether the engine is not asked for it, or for little of it."""
+        if self.cast is None or not self.cast.has_all_lamps:
+            return False
+        return self.sampler is DIRECT or (self.sampler is ONCE and self.cast.reflects)
+
+    @property
     def price(self) -> float:
-        """Engine time of a sample [s]."""
+        """Time of a sample [s]."""
         return max(self.seconds, 1e-9) / max(self.sampled, 1)
 
     def add(self, points: IntArray, size: int, estimates: FloatArray) -> None:
@@ -99,7 +106,7 @@ class Component:
 class Task:
     """Samples to be taken for some points of a component, by one child process.
 
-    Of 'often', a part of one leg of the drawn paths.
+    Of 'often', a part of one leg of the drawn paths; of 'once' by ray casting, a part of what is left to the engine.
     """
 
     component: Component
@@ -108,6 +115,7 @@ class Task:
     burn: int = 0
     pooled: PooledPaths | None = None
     leg: Leg | None = None
+    once: ReflectedOnce | None = None
     part: slice = field(default_factory=lambda: slice(None))
 
     @property
@@ -115,6 +123,8 @@ class Task:
         """That the engine is given."""
         if self.leg is not None:
             return len(self.leg.rays[self.part])
+        if self.once is not None:
+            return len(self.once.rays[self.part])
         return BATCHES * self.size * self.points.size
 
 
@@ -184,6 +194,9 @@ def task_job(task: Task, sensors: Sensors, folder: Path, *, generator: np.random
     if task.leg is not None:
         drawn, burned = task.leg.rays[task.part], task.burn
         arguments = task.leg.arguments(options, component.bounces)
+    elif task.once is not None:
+        drawn, burned = task.once.rays[task.part], task.burn
+        arguments = component.sampler.arguments(options, 1)
     else:
         drawn = component.sampler.rays(sensors, task.points, sets=BATCHES, size=size, generator=generator)
         burned = task.burn * size
@@ -192,8 +205,8 @@ def task_job(task: Task, sensors: Sensors, folder: Path, *, generator: np.random
     return EngineJob(program="rcontrib", arguments=arguments, folder=folder, stdin=rays.tobytes())
 
 
-def take_answer(task: Task, run: EngineRun, sensors: Sensors) -> None:
-    """Check what a task's program answered and take it into the component.
+def take_answer(task: Task, run: EngineRun, sensors: Sensors, *, generator: np.random.Generator) -> None:
+    """Check what a task's program answered and take it into the component, cast lamps' light instead of the engine's.
 
     Raises
     ------
@@ -203,6 +216,12 @@ def take_answer(task: Task, run: EngineRun, sensors: Sensors) -> None:
     component, group = task.component, task.component.options.group
     component.seconds += run.seconds
     count, lamps, slots = task.points.size, len(component.lamps), group.slot_count
+    if task.once is not None:
+        values = float_rows(run, rows=task.burn + task.rays, columns=lamps * slots)[task.burn :]
+        task.once.take(task.part, group.from_engine(values.reshape(-1, lamps, slots)))
+        if not task.once.missing:
+            component.add(task.points, task.size, task.once.estimates)
+        return
     if task.pooled is not None and task.leg is not None:
         values = float_rows(run, rows=task.burn + task.rays, columns=lamps * slots)[task.burn :]
         task.pooled.take(task.leg, task.part, values)
@@ -213,18 +232,33 @@ def take_answer(task: Task, run: EngineRun, sensors: Sensors) -> None:
         values = float_rows(run, rows=task.burn + count * BATCHES, columns=lamps * slots)[task.burn :]
         values = values.reshape(count, BATCHES, lamps, slots).transpose(1, 2, 0, 3)
     estimates = component.sampler.measure_sr(sensors.receptor) * group.from_engine(values)
-    if component.near is not None:
-        _replace_near(component, component.near, task, estimates)
+    if component.sampler is DIRECT and component.cast is not None:
+        start = time.process_time()
+        given = component.cast.direct(sensors, task.points, sets=BATCHES, size=task.size, generator=generator)
+        estimates[:, component.cast.rows] = given
+        component.seconds += time.process_time() - start
     component.add(task.points, task.size, estimates)
     component.sampled += BATCHES * task.size * (1 if task.pooled is not None else count)
 
 
-def _replace_near(component: Component, near: NearLamps, task: Task, estimates: FloatArray) -> None:
-    """Put the light of lamps close by into (batch, lamp, point, slot) estimates of the engine."""
-    start = time.process_time()
-    for lamp, where, light in near.estimates(task.points, sets=BATCHES, size=task.size):
-        estimates[:, component.lamps.index(lamp), where] = light
+def cast_task(task: Task, sensors: Sensors, *, rays_per_job: int, generator: np.random.Generator) -> Iterator[Task]:
+    """Take the light of a task by ray casting into its component, or what is left of it to be asked of the engine."""
+    component, start = task.component, time.process_time()
+    assert component.cast is not None  # as `Component.is_cast` says
+    component.sampled += BATCHES * task.size * task.points.size
+    if component.sampler is DIRECT:
+        found = component.cast.direct(sensors, task.points, sets=BATCHES, size=task.size, generator=generator)
+        component.add(task.points, task.size, found)
+        component.seconds += time.process_time() - start
+        return
+    once = component.cast.once(sensors, task.points, sets=BATCHES, size=task.size, generator=generator)
     component.seconds += time.process_time() - start
+    if not once.missing:
+        component.add(task.points, task.size, once.estimates)
+    most = max(1, min(rays_per_job, VALUES_PER_JOB // (len(component.lamps) * component.options.group.slot_count)))
+    for first in range(0, len(once.rays), most):
+        burn = int(generator.integers(1, _MAX_BURN_RAYS + 1))
+        yield replace(task, once=once, part=slice(first, first + most), burn=burn)
 
 
 def band_variance(component: Component, flux_ratio: FloatArray, shares: FloatArray) -> FloatArray:

@@ -12,23 +12,24 @@ from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.engine.engine import EngineJob, float_rows
 from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.engine.seed_clock import joined
+from lidarspectra.radiance.sampling.cast_light import CastLight
 from lidarspectra.radiance.sampling.estimator import (
     BATCHES,
     Component,
     Task,
     band_variance,
+    cast_task,
     make_tasks,
     smooth_over_neighbours,
     take_answer,
     task_job,
     wanted_samples,
 )
-from lidarspectra.radiance.sampling.near_lamps import NearLamps
 from lidarspectra.radiance.sampling.own_light import samples_for_each_point
 from lidarspectra.radiance.sampling.patches import Patches, find_patches
 from lidarspectra.radiance.sampling.pooling import Sharing
 from lidarspectra.radiance.sampling.request import Log, Request
-from lidarspectra.radiance.sampling.samplers import DIRECT
+from lidarspectra.radiance.sampling.samplers import DIRECT, ONCE
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 from lidarspectra.radiance.sampling.stated_error import own_relative_se, relative_rms
 from lidarspectra.radiance.sampling.uncertainty import standard_error
@@ -191,23 +192,29 @@ def _components(
             sharers=sum(other.slots == scene_pass.slots for other in scene.passes),
             samples=np.zeros(1 if sampler.is_shared else count, dtype=np.int64),
             surfaces=request.surfaces[scene_pass.name] if sampler.has_patches else None,
-            near=_near_lamps(scene, scene_pass, request, sensors, generator) if sampler is DIRECT else None,
+            cast=_cast_light(scene, scene_pass, request) if sampler in (DIRECT, ONCE) else None,
         )
         for scene_pass in scene.passes
         for sampler in request.samplers
     ]
 
 
-def _near_lamps(
-    scene: RadianceScene,
-    scene_pass: ScenePass,
-    request: Request,
-    sensors: Sensors,
-    generator: np.random.Generator,
-) -> NearLamps | None:
-    lamps = tuple(lamp for lamp in scene.round_lamps if lamp.lamp in scene_pass.lamps)
-    flux = scene.written_flux[np.ix_([lamp.lamp for lamp in lamps], scene_pass.slots)]
-    return NearLamps.of(lamps, sensors, request.surfaces[scene_pass.name], flux, generator=generator)
+def _cast_light(scene: RadianceScene, scene_pass: ScenePass, request: Request) -> CastLight | None:
+    """The lamps of a pass whose light is had by ray casting; None if there are none."""
+    shining = tuple(each for each in scene.shining if each.lamp in scene_pass.lamps)
+    if not shining:
+        return None
+    surfaces = request.surfaces[scene_pass.name]
+    reflectance = surfaces.scattering.reflectance
+    if reflectance.shape[1] == scene_pass.slot_count:
+        reflectance = scene_pass.group.from_engine(reflectance)
+    return CastLight(
+        shining=shining,
+        lamps=scene_pass.lamps,
+        surfaces=surfaces,
+        reflectance=reflectance,
+        flux=scene.written_flux[np.ix_(scene_pass.lamps, scene_pass.slots)],
+    )
 
 
 def survey(
@@ -293,10 +300,23 @@ def _sample(
     fewest, most = RAYS_PER_JOB
     chunk = min(max(rays // (2 * request.workers), fewest), most)
     waiting: deque[Task] = deque()
-    seeds = list(log.seeds)
+    seeds, done = list(log.seeds), [0]
+    casting: list[tuple[Component, IntArray]] = []
+    asking: list[tuple[Component, IntArray]] = []
+    for component, more in zip(components, wanted, strict=True):
+        (casting if component.is_cast else asking).append((component, more))
+
+    def left() -> Iterator[Task]:
+        for component, more in casting:
+            for task in make_tasks(component, more, sensors, rays_per_job=most, generator=generator):
+                done.append(task.rays)
+                yield from cast_task(task, sensors, rays_per_job=chunk, generator=generator)
 
     def jobs() -> Iterator[EngineJob]:
-        for component, more in zip(components, wanted, strict=True):
+        for task in left():
+            waiting.append(task)
+            yield task_job(task, sensors, scene.folder, generator=generator)
+        for component, more in asking:
             for task in make_tasks(component, more, sensors, rays_per_job=chunk, generator=generator):
                 waiting.append(task)
                 job = task_job(task, sensors, scene.folder, generator=generator)
@@ -304,17 +324,16 @@ def _sample(
                 yield replace(job, unlike=log.seeds) if component.sampler is DIRECT else job
 
     spent_s, expected_s = _spent_s(components), _expected_s(components, wanted)
-    done = 0
     for run in request.engine.run_jobs(jobs(), workers=request.workers):
         task = waiting.popleft()
-        take_answer(task, run, sensors)
+        take_answer(task, run, sensors, generator=generator)
         log.commands.add(run.command)
         if task.component.sampler is DIRECT:
             seeds.append(run.clock)
-        done += task.rays
-        log.rays += task.rays
-        share = (_spent_s(components) - spent_s) / expected_s if spent_s > 0 else done / rays
+        done.append(task.rays)
+        share = (_spent_s(components) - spent_s) / expected_s if spent_s > 0 else sum(done) / rays
         progress(min(share, 1.0), f"{rays:,} rays")
+    log.rays += sum(done)
     log.seeds = joined(seeds)
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import ArrayError, SceneError
@@ -148,7 +149,7 @@ def mesh_text(scan: Scan, face_material: IntArray, *, names: tuple[str, ...], cr
     return "\n".join(lines) + "\n"
 
 
-def read_mesh_text(path: Path) -> tuple[Scan, IntArray, tuple[str, ...]]:
+def read_mesh_text(path: Path) -> tuple[Scan, IntArray, tuple[str, ...], NDArray[np.float32]]:
     """Read back what `mesh_text` wrote: the triangles, colourless.
 
     Parameters
@@ -163,6 +164,8 @@ def read_mesh_text(path: Path) -> tuple[Scan, IntArray, tuple[str, ...]]:
         Index into names.
     names : tuple of str
         Modifiers in the order of their first faces.
+    shading_normals : (face, 3, 3) float32
+        At each corner, see `corner_normals`; rounded as they are written.
 
     Raises
     ------
@@ -171,19 +174,23 @@ def read_mesh_text(path: Path) -> tuple[Scan, IntArray, tuple[str, ...]]:
     """
     try:
         head, *parts = path.read_text(encoding="utf-8").split("usemtl ")
-        places = np.array(head.partition("vn ")[0].replace("v ", "").split(), dtype=np.float64).reshape(-1, 3)
-        names, faces = [], []
+        vertices, _, directions = head.partition("vn ")
+        places = np.array(vertices.replace("v ", "").split(), dtype=np.float64).reshape(-1, 3)
+        normals = np.array(directions.replace("vn ", "").split(), dtype=np.float32).reshape(-1, 3)
+        names, faces, corners = [], [], []
         for part in parts:
             name, _, lines = part.partition("\n")
             names.append(name)
             numbers = np.array(lines.replace("f ", "").replace("//", " ").split(), dtype=np.int64)
             faces.append(numbers.reshape(-1, 6)[:, ::2] - 1)
+            corners.append(numbers.reshape(-1, 6)[:, 1::2] - 1)
         scan = bare_scan(places, np.concatenate(faces), file=path.name)
-    except (OSError, ValueError, ArrayError) as cause:
+        shading = _unit(normals.astype(np.float64))[np.concatenate(corners)].astype(np.float32)
+    except (OSError, ValueError, IndexError, ArrayError) as cause:
         raise SceneError(
             expected="a mesh that write_scene made",
             found=f"{type(cause).__name__}: {cause}",
             where=str(path),
             todo="Make the scene stage again.",
         ) from cause
-    return scan, np.repeat(np.arange(len(faces)), [len(part) for part in faces]), tuple(names)
+    return scan, np.repeat(np.arange(len(faces)), [len(part) for part in faces]), tuple(names), shading

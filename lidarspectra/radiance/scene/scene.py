@@ -58,11 +58,11 @@ from lidarspectra.radiance.scene.openings import open_windows
 from lidarspectra.radiance.scene.pane_text import GLASS_FILE, GLASS_FUNCTIONS, glow_text, images_text, mirrors_text
 from lidarspectra.radiance.scene.panes import Pane, find_panes
 from lidarspectra.radiance.scene.primitives import Color
-from lidarspectra.radiance.scene.round_lamps import find_round_lamps
 from lidarspectra.radiance.scene.scene_record import LAMPS_FILE, MESH_FILE, OPEN_MESH_FILE, save_scene
 from lidarspectra.radiance.scene.scene_record import RadianceScene as RadianceScene
 from lidarspectra.radiance.scene.scene_record import ScenePass as ScenePass
 from lidarspectra.radiance.scene.scene_record import load_scene as load_scene
+from lidarspectra.radiance.scene.shining import find_shining
 from lidarspectra.radiance.scene.slots import Slots, choose_slots, whole_channels
 from lidarspectra.radiance.scene.surfaces import surface_slots, surface_text
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
@@ -169,7 +169,7 @@ def write_scene(
         written_flux=room.flux,
         slot_reflectance=_slot_reflectance(lamps, slots),
         passes=tuple(passes),
-        round_lamps=() if panes.panes else find_round_lamps(lamps),
+        shining=() if panes.panes else find_shining(lamps),
         relays=panes.relays,
         left_out_m2=panes.left_out_m2,
     )

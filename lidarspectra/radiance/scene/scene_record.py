@@ -12,7 +12,7 @@ from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import SceneError
 from lidarspectra.radiance.engine.bands import BandGroup, Mode
 from lidarspectra.radiance.scene.panes import RELAYS_GLASS
-from lidarspectra.radiance.scene.round_lamps import RoundLamp
+from lidarspectra.radiance.scene.shining import ShiningSurface, record_of_shining, shining_of_record
 from lidarspectra.radiance.scene.slots import Slots, whole_channels
 from lidarspectra.spectra.spectrum import BandSet
 
@@ -131,8 +131,8 @@ class RadianceScene:
         The room's mean reflectance in each slot, as each lamp's light weighs it. [1]
     passes : tuple of ScenePass
         Together they light every lamp in every slot once.
-    round_lamps : tuple of RoundLamp
-        Those whose light close by is integrated apart (`sampling.near_lamps`).
+    shining : tuple of ShiningSurface
+        Surfaces of those lamps whose direct light can be had by ray casting (`sampling.cast_light`).
     relays : int
         Reflections of lamps' light from pane to pane that are followed (`panes`).
     left_out_m2 : dict of str to float
@@ -148,7 +148,7 @@ class RadianceScene:
     written_flux: FloatArray
     slot_reflectance: FloatArray
     passes: tuple[ScenePass, ...]
-    round_lamps: tuple[RoundLamp, ...] = ()
+    shining: tuple[ShiningSurface, ...] = ()
     relays: int = RELAYS_GLASS
     left_out_m2: dict[str, float] = field(default_factory=dict)
 
@@ -232,7 +232,7 @@ def save_scene(scene: RadianceScene) -> None:
         ],
     }
     record["relays"], record["left_out_m2"] = scene.relays, scene.left_out_m2
-    record["round_lamps"] = [lamp.record() for lamp in scene.round_lamps]
+    record["shining"] = record_of_shining(scene.shining)
     record["bytes"] = {name: (scene.folder / name).stat().st_size for name in _compiled_files(scene)}
     text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
     (scene.folder / SCENE_FILE).write_text(text + "\n", encoding="utf-8", newline="\n")
@@ -271,7 +271,7 @@ def load_scene(folder: Path) -> RadianceScene:
             written_flux=np.array([lamp["written_flux_uW_nm"] for lamp in record["lamps"]]),
             slot_reflectance=slot_reflectance,
             passes=tuple(_load_pass(entry, record["mode"]) for entry in record["passes"]),
-            round_lamps=tuple(map(RoundLamp.of_record, record.get("round_lamps", ()))),  # these three: later than 0.1.0
+            shining=shining_of_record(record.get("shining", {})),  # these three: later than 0.1.0
             relays=record.get("relays", RELAYS_GLASS),
             left_out_m2=record.get("left_out_m2", {}),
         )

@@ -118,15 +118,15 @@ def test_rounds_of_shadow_rays_never_repeat_one_another(rooms, places, monkeypat
     # Three lamps' light in single precision with a spread of some 0.3 %, 10^4 values each: that all three agree by
     # chance for one of 36 points and one of 276 pairs of batches has a probability of 10^-8.
     lamps = [rooms.lamp("panel", (x, 1.5, 2.9), (0.4, 0.4), name=f"lamp {x}") for x in (0.5, 1.5, 2.5)]
-    scene = rooms.scene(lamps, [(rooms.room(3.0), 0.5)])
+    scene = replace(rooms.scene(lamps, [(rooms.room(3.0), 0.5)]), shining=())  # all light by the engine
     seen = []
     take = take_answer
 
-    def watch(task, run, sensors) -> None:
+    def watch(task, run, sensors, **more) -> None:
         if task.component.sampler is DIRECT:
             values = float_rows(run, rows=task.burn + 36 * BATCHES, columns=3 * 3)[task.burn :]
             seen.append(values.reshape(36, BATCHES, 3, 3)[np.argsort(task.points), :, :, 0])
-        take(task, run, sensors)
+        take(task, run, sensors, **more)
 
     monkeypatch.setattr(rounds, "take_answer", watch)
     request = Request(

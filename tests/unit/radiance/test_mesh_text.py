@@ -91,11 +91,12 @@ def test_a_mesh_is_read_back_as_it_was_written(tmp_path) -> None:
     material = np.arange(len(mesh.faces)) % 3
     path = tmp_path / "room.obj"
     path.write_text(mesh_text(scan, material, names=("m0", "m1", "m2")), encoding="utf-8")
-    found, face_material, names = read_mesh_text(path)
+    found, face_material, names, shading = read_mesh_text(path)
     assert names == ("m0", "m1", "m2")
     order = np.argsort(material, kind="stable")  # faces come material by material
     assert np.array_equal(face_material, material[order])
     assert np.allclose(found.corners, scan.corners[order], rtol=0, atol=1e-8)
+    assert np.allclose(shading, corner_normals(scan)[order], rtol=0, atol=2e-3)
 
 
 @pytest.mark.parametrize("text", ["", "v 0 0 0\nusemtl m0\nf 1//1 2//1\n"])

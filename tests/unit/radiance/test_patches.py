@@ -6,7 +6,7 @@ import trimesh
 
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import bare_scan
-from lidarspectra.radiance.sampling.arrivals import Arrivals, Scattering, Surfaces
+from lidarspectra.radiance.sampling.arrivals import Arrivals, LampBodies, Scattering, Surfaces
 from lidarspectra.radiance.sampling.patches import Patches, find_patches
 from lidarspectra.radiance.sampling.receptors import cosine_receptor
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
@@ -40,7 +40,11 @@ def surfaces(*walls: tuple[float, float, float, float]) -> Surfaces:
             transmissivity=np.zeros(2),
         ),
         cell_m=0.75,
+        diffuse_share=1.0,
         bounds=scan.bounds,
+        shading_normals=np.repeat(scan.normals[:, None], 3, axis=1).astype(np.float32),
+        face_body=np.empty(0, dtype=np.int64),
+        bodies=LampBodies.of([], []),
     )
 
 

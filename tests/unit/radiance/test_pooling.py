@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidarspectra.radiance.sampling.arrivals import Scattering, Surfaces
+from lidarspectra.radiance.sampling.arrivals import LampBodies, Scattering, Surfaces
 from lidarspectra.radiance.sampling.pooling import PooledPaths, draw_pooled_paths, sort_into_cells
 from lidarspectra.radiance.sampling.receptors import cosine_receptor
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
@@ -26,7 +26,11 @@ class Box:
                 transmissivity=np.zeros(3),
             ),
             cell_m=0.6,
+            diffuse_share=1.0,
             bounds=np.array([[0.0] * 3, [3.0] * 3]),
+            shading_normals=np.zeros((6, 3, 3), dtype=np.float32),
+            face_body=np.empty(0, dtype=np.int64),
+            bodies=LampBodies.of([], []),
         )
         self.normals = np.concatenate([np.eye(3), -np.eye(3)])
 
