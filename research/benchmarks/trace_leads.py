@@ -18,6 +18,7 @@ from lidarspectra.radiance.engine.engine import EngineJob, find_engine, float_ro
 from lidarspectra.radiance.engine.octree import compile_octree
 from lidarspectra.radiance.engine.options import PassOptions, plain_arguments
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
+from lidarspectra.radiance.sampling.cast_light import CastLight
 from lidarspectra.radiance.sampling.estimator import smooth_over_neighbours
 from lidarspectra.radiance.sampling.pooling import draw_pooled_paths
 from lidarspectra.radiance.sampling.receptors import cosine_receptor
@@ -121,6 +122,34 @@ class Bench:
         values, seconds = self.ask("rcontrib", arguments, rays, rows=count * SETS)
         return self.cost(values.reshape(count, SETS, -1), seconds)
 
+    def cast(self, kind: str) -> Cost:
+        """Light straight from the lamps, or reflected once, by ray casting; what gleams is asked of the engine."""
+        start = time.process_time()
+        surfaces = load_surfaces(self.scene)
+        caster = CastLight.of(self.scene, self.scene_pass, surfaces)
+        assert caster is not None  # there are panels
+        loading = time.process_time() - start
+        points, engine_s = np.arange(len(self.sensors.positions)), 0.0
+        if kind == "direct":
+            light = caster.direct(self.sensors, points, sets=SETS, size=1, generator=self.generator)
+        else:
+            once = caster.once(self.sensors, points, sets=SETS, size=RAYS, generator=self.generator)
+            job = EngineJob(
+                program="rcontrib",
+                arguments=self.options.gather_arguments(1, bounces=1, lamps_visible=False),
+                folder=self.scene.folder,
+                stdin=once.rays.tobytes(),
+            )
+            before = engine_seconds()
+            (run,) = find_engine().run_jobs([job], workers=1)
+            engine_s = engine_seconds() - before
+            lamps, slots = len(self.scene_pass.lamps), self.scene_pass.slot_count
+            values = float_rows(run, rows=len(once.rays), columns=lamps * slots).reshape(-1, lamps, slots)
+            once.take(slice(None), self.scene_pass.group.from_engine(values))
+            light = once.estimates
+        seconds = time.process_time() - start - loading + engine_s
+        return self.cost(self.scene_pass.group.to_slots(light.sum(axis=1))[..., ::-1].transpose(1, 0, 2), seconds)
+
     def plain(self) -> Cost:
         """One pass of rcontrib from some sensors, as in the exported models."""
         few = slice(None, None, PLAIN_STEP)
@@ -213,7 +242,12 @@ def print_leads(room: Room, folder: Path) -> None:
     """Print the table."""
     bench = open_bench(room, write_room(room, folder / "leads"))
     print(f"\n{room.name}: what each lead buys; the other way's time x error², the trace's = 1", flush=True)
-    direct, once, pooled = bench.direct("0.05"), bench.gather(1), bench.pooled()
+    shadow_rays, gathered, pooled = bench.direct("0.05"), bench.gather(1), bench.pooled()
+    direct, once = bench.cast("direct"), bench.cast("once")
+    show("direct light: by the engine's shadow rays", shadow_rays.beside(direct))
+    show("light reflected once: by the engine", gathered.beside(once))
+    both = together(shadow_rays, gathered, pooled)
+    show("all light: by the engine alone, in the same three parts", both.beside(together(direct, once, pooled)))
     own, reflected = bench.gather(BOUNCES), together(once, pooled)
     show("reflected light: each sensor's paths its own", own.beside(reflected))
     show("all light: one plain pass of rcontrib", bench.plain().beside(together(direct, once, pooled)))
@@ -221,11 +255,14 @@ def print_leads(room: Room, folder: Path) -> None:
         "shared paths: whole ones from the sensor, less their first reflection",
         bench.pooled(going_on=False).beside(pooled),
     )
-    show("light reflected once: directions not on a lattice", bench.gather(1, lattice=False).beside(once))
+    show(
+        "light reflected once, by the engine: directions not on a lattice",
+        bench.gather(1, lattice=False).beside(gathered),
+    )
     show("first reflections taken off along other rays", bench.rest(same=False).beside(bench.rest(same=True)))
-    show("direct light: equal shares of the budget for all points", bench.shared_budget())
+    show("direct light by the engine: equal shares of the budget for all points", bench.shared_budget())
     for part in ("0.1", "0.2"):
-        show(f"direct light: -ds {part} rather than 0.05", bench.direct(part).beside(direct))
+        show(f"direct light by the engine: -ds {part} rather than 0.05", bench.direct(part).beside(shadow_rays))
     for weight in ("0.1", "0.2", "0.8"):
         show(f"paths: -lw {weight} rather than 0.4", bench.gather(BOUNCES, change=("-lw", weight)).beside(own))
     branched = bench.gather(BOUNCES, change=("-ad", "4", "-lw", "0.1"))

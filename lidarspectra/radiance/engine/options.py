@@ -2,10 +2,12 @@
 
 The irradiance at a sensor is split in three, each part by the estimator that suits it:
 
-    E = D + S + M,   D    straight from the lamps: shadow rays to jittered points of them
+    E = D + S + M,   D    straight from the lamps: shadow rays to points of them
                      S    reflected once: rays in all directions, blind to lamps (`-dv-`), shadow rays where they arrive
                      M    reflected more than once: paths with shadow rays at every corner, from the second on;
                           few serve all sensors (`pooling`)
+
+D and S are had by ray casting where lamps and surfaces allow it (`sampling.cast_light`), M always by Radiance.
 
 Each path is unbiased: every shadow ray aims at a point drawn evenly from its part of the lamp (`-dj 1`), none is left
 out (`-dt 0`), paths end by Russian roulette (negative `-lr`), nothing is cached or interpolated (`-aa 0`), and

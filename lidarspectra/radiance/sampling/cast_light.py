@@ -22,7 +22,7 @@ References
 Veach E, Guibas L J (1995), Optimally combining sampling techniques for Monte Carlo rendering, SIGGRAPH '95, 419-428.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -32,6 +32,7 @@ from lidarspectra.lamps.surfaces import Circle, Rectangle, Sphere
 from lidarspectra.radiance.sampling.arrivals import Surfaces
 from lidarspectra.radiance.sampling.receptors import cosine_directions, tangents
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
+from lidarspectra.radiance.scene.scene_record import RadianceScene, ScenePass
 from lidarspectra.radiance.scene.shining import ShiningSurface
 
 NEAR = 3.0  # [1] of half a flat lamp's length, within which a sensor's rays are drawn in both ways
@@ -65,6 +66,24 @@ class CastLight:
     surfaces: Surfaces = field(repr=False)
     reflectance: FloatArray = field(repr=False)
     flux: FloatArray = field(repr=False)
+
+    @classmethod
+    def of(cls, scene: RadianceScene, scene_pass: ScenePass, surfaces: Mapping[str, Surfaces]) -> "CastLight | None":
+        """Of a pass, with the surfaces of every pass by its name; None if none of its lamps can be cast."""
+        shining = tuple(each for each in scene.shining if each.lamp in scene_pass.lamps)
+        if not shining:
+            return None
+        of_pass = surfaces[scene_pass.name]
+        reflectance = of_pass.scattering.reflectance
+        if reflectance.shape[1] == scene_pass.slot_count:  # else nothing is matt
+            reflectance = scene_pass.group.from_engine(reflectance)
+        return cls(
+            shining=shining,
+            lamps=scene_pass.lamps,
+            surfaces=of_pass,
+            reflectance=reflectance,
+            flux=scene.written_flux[np.ix_(scene_pass.lamps, scene_pass.slots)],
+        )
 
     @property
     def rows(self) -> IntArray:

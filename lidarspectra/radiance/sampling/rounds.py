@@ -33,7 +33,7 @@ from lidarspectra.radiance.sampling.samplers import DIRECT, ONCE
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 from lidarspectra.radiance.sampling.stated_error import own_relative_se, relative_rms
 from lidarspectra.radiance.sampling.uncertainty import standard_error
-from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass
+from lidarspectra.radiance.scene.scene import RadianceScene
 
 MAX_ROUNDS = 8  # 2 or 3 usually suffice
 MAX_PATHS_PER_POINT = 2**18  # mean over a block, per pass; about 15 s of one core
@@ -192,29 +192,11 @@ def _components(
             sharers=sum(other.slots == scene_pass.slots for other in scene.passes),
             samples=np.zeros(1 if sampler.is_shared else count, dtype=np.int64),
             surfaces=request.surfaces[scene_pass.name] if sampler.has_patches else None,
-            cast=_cast_light(scene, scene_pass, request) if sampler in (DIRECT, ONCE) else None,
+            cast=CastLight.of(scene, scene_pass, request.surfaces) if sampler in (DIRECT, ONCE) else None,
         )
         for scene_pass in scene.passes
         for sampler in request.samplers
     ]
-
-
-def _cast_light(scene: RadianceScene, scene_pass: ScenePass, request: Request) -> CastLight | None:
-    """The lamps of a pass whose light is had by ray casting; None if there are none."""
-    shining = tuple(each for each in scene.shining if each.lamp in scene_pass.lamps)
-    if not shining:
-        return None
-    surfaces = request.surfaces[scene_pass.name]
-    reflectance = surfaces.scattering.reflectance
-    if reflectance.shape[1] == scene_pass.slot_count:
-        reflectance = scene_pass.group.from_engine(reflectance)
-    return CastLight(
-        shining=shining,
-        lamps=scene_pass.lamps,
-        surfaces=surfaces,
-        reflectance=reflectance,
-        flux=scene.written_flux[np.ix_(scene_pass.lamps, scene_pass.slots)],
-    )
 
 
 def survey(

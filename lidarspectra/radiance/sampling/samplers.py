@@ -1,7 +1,8 @@
 """The trace's samplers: each knows one part of a sensor's light, and how the engine is asked for it.
 
 A cosine receptor's light is the sum of three (see `options`): `DIRECT`, reflected `ONCE`, and reflected more `OFTEN`,
-whose paths all sensors share. Any other receptor takes all its light by one, `VIEW`.
+whose paths all sensors share. Any other receptor takes all its light by one, `VIEW`. The first two are spared the
+engine where `cast_light` can do without it.
 """
 
 from dataclasses import dataclass
