@@ -106,18 +106,20 @@ class Appearance:
         color : (n, 3) float
             Linear sRGB. [0-1]
         """
-        color = np.empty((faces.size, 3))
         image_numbers = self.face_image[faces]
+        if image_numbers.size and (image_numbers == image_numbers[0]).all():  # mostly there is one image
+            return self._sampled(int(image_numbers[0]), faces, barycentric)
+        color = np.empty((faces.size, 3))
         for number in np.unique(image_numbers):
             chosen = np.flatnonzero(image_numbers == number)
-            corners = faces[chosen]
-            if number >= 0:
-                uv = np.einsum("nk,nkc->nc", barycentric[chosen], self.corner_uv[corners])
-                color[chosen] = sample_image(self.images[number], uv)
-            else:
-                linear = decode_srgb(self.corner_color[corners])
-                color[chosen] = np.einsum("nk,nkc->nc", barycentric[chosen], linear)
+            color[chosen] = self._sampled(int(number), faces[chosen], barycentric[chosen])
         return color
+
+    def _sampled(self, number: int, faces: IntArray, barycentric: FloatArray) -> FloatArray:
+        """(n, 3) colour at points of faces that all have it from one image, or from their corners [0-1]."""
+        if number >= 0:
+            return sample_image(self.images[number], np.einsum("nk,nkc->nc", barycentric, self.corner_uv[faces]))
+        return np.asarray(np.einsum("nk,nkc->nc", barycentric, decode_srgb(self.corner_color[faces])))
 
     def face_colors(self) -> FloatArray:
         """(face, 3) mean linear sRGB [0-1] of each face: the texture averaged over the face's area."""

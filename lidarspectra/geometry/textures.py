@@ -156,9 +156,16 @@ def sample_image(image: ByteArray, uv: FloatArray) -> FloatArray:
     height, width = image.shape[:2]
     across, x0, x1 = _neighbours(uv[:, 0], width)
     down, y0, y1 = _neighbours(1.0 - uv[:, 1], height)
-    top = _mix(_LINEAR_OF_BYTE[image[y0, x0]], _LINEAR_OF_BYTE[image[y0, x1]], across)
-    bottom = _mix(_LINEAR_OF_BYTE[image[y1, x0]], _LINEAR_OF_BYTE[image[y1, x1]], across)
+    pixels = image.reshape(-1, 3)  # one index a pixel takes half the time of two
+    above, below = width * y0, width * y1
+    top = _mix(_linear(pixels, above + x0), _linear(pixels, above + x1), across)
+    bottom = _mix(_linear(pixels, below + x0), _linear(pixels, below + x1), across)
     return _mix(top, bottom, down).astype(np.float64)
+
+
+def _linear(pixels: ByteArray, index: IntArray) -> _SmallFloats:
+    """(n, 3) linear colour of some pixels."""
+    return np.asarray(_LINEAR_OF_BYTE.take(pixels.take(index, axis=0)), dtype=np.float32)
 
 
 def _neighbours(coordinate: FloatArray, count: int) -> tuple[_SmallFloats, IntArray, IntArray]:

@@ -1,4 +1,4 @@
-"""Read arrays back from an npz file, or say in our words that it is damaged."""
+"""Arrays in npz files: written quickly, and read back or said in our words to be damaged."""
 
 import zipfile
 import zlib
@@ -8,6 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidarspectra.errors import MaterialError
+
+FASTEST = 1  # zlib's level; numpy's own, 6, takes five times as long for files that are a fifth smaller
+
+
+def write_arrays(path: Path, **arrays: NDArray[np.generic]) -> None:
+    """Write arrays by name as numpy's `savez_compressed` does, with less effort.
+
+    Parameters
+    ----------
+    path : Path
+        Ends in .npz.
+    **arrays
+    """
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=FASTEST) as archive:
+        for name, values in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, values, allow_pickle=False)
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:

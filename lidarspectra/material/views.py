@@ -11,7 +11,7 @@ from lidarspectra.arrays import ByteArray, FloatArray, IntArray, float_array, in
 from lidarspectra.errors import ArrayError, MaterialError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.array_files import read_arrays
+from lidarspectra.material.array_files import FASTEST, read_arrays, write_arrays
 from lidarspectra.material.projection import Camera, pixel_grid, ray_directions, shift_of_rays
 from lidarspectra.spectra.colorimetry import encode_srgb
 
@@ -156,10 +156,8 @@ def save_views(views: ViewSet, folder: Path) -> None:
     entries = []
     for number, view in enumerate(views.views):
         stem = f"view-{number:02d}"
-        Image.fromarray(view.image).save(folder / f"{stem}.png")
-        np.savez_compressed(
-            folder / f"{stem}.npz", depth_m=view.depth.astype(np.float32), face=view.face.astype(np.int32)
-        )
+        Image.fromarray(view.image).save(folder / f"{stem}.png", compress_level=FASTEST)
+        write_arrays(folder / f"{stem}.npz", depth_m=view.depth.astype(np.float32), face=view.face.astype(np.int32))
         camera = view.camera
         entries.append(
             {
@@ -172,7 +170,7 @@ def save_views(views: ViewSet, folder: Path) -> None:
                 "focal_px": camera.focal_px,
             }
         )
-    np.savez_compressed(folder / "seen.npz", face_seen=views.face_seen)
+    write_arrays(folder / "seen.npz", face_seen=views.face_seen)
     record = {
         "format": VIEWS_FORMAT,
         "threshold": views.threshold,

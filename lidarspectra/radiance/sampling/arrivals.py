@@ -234,18 +234,18 @@ class Surfaces:
             0 through walls and other lamps, T of each pane of glass. [1]
         """
         share, left = np.ones(len(origins)), np.arange(len(origins))
-        starts, rest = origins.copy(), ways.copy()
+        starts, rest = origins, ways
         for _ in range(MAX_PASSED):
-            hits = self.caster.nearest(starts[left], rest[left], max_distance=BEFORE_LAMP)
-            left, face, done = left[hits.met], hits.face[hits.met], hits.distance[hits.met]
+            hits = self.caster.nearest(starts, rest, max_distance=BEFORE_LAMP)
+            met = np.flatnonzero(hits.met)
+            left, starts, rest = left[met], starts[met], rest[met]
             if not left.size:
                 return share
-            places = starts[left] + done[:, None] * rest[left]
-            share[left] *= self._passed(face, places, rest[left], to_lamp)
-            onward = (done + PAST_M / np.linalg.norm(rest[left], axis=1))[:, None] * rest[left]
-            starts[left] += onward
-            rest[left] -= onward
-            left = left[share[left] > 0]
+            face, done = hits.face[met], hits.distance[met]
+            share[left] *= self._passed(face, starts + done[:, None] * rest, rest, to_lamp)
+            onward = (done + PAST_M / np.linalg.norm(rest, axis=1))[:, None] * rest
+            on = np.flatnonzero(share[left] > 0)
+            left, starts, rest = left[on], (starts + onward)[on], (rest - onward)[on]
         return share
 
     def _passed(self, face: IntArray, places: FloatArray, ways: FloatArray, to_lamp: int) -> FloatArray:

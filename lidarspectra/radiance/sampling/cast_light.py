@@ -117,17 +117,15 @@ class CastLight:
             Samples of each.
         generator : numpy.random.Generator
         """
-        places, normals = sensors.positions[points], sensors.normals[points]
         rays = size * max(1, min(MOST_RAYS, SHARED_RAYS // len(self.lamps)))
-        chunk = max(1, RAYS_AT_ONCE // max(rays, NEAR_RAYS * size))
+        chunk = max(1, RAYS_AT_ONCE // (sets * max(rays, NEAR_RAYS * size)))
         found = np.zeros((sets, len(self.lamps), len(points)))
-        for number in range(sets):
-            for first in range(0, len(points), chunk):
-                part = slice(first, first + chunk)
-                for each in self.shining:
-                    found[number, self.lamps.index(each.lamp), part] += self._direct(
-                        each, places[part], normals[part], rays=rays, near_rays=NEAR_RAYS * size, generator=generator
-                    )
+        for first in range(0, len(points), chunk):
+            part = points[first : first + chunk]
+            places, normals = np.tile(sensors.positions[part], (sets, 1)), np.tile(sensors.normals[part], (sets, 1))
+            for each in self.shining:
+                light = self._direct(each, places, normals, rays=rays, near_rays=NEAR_RAYS * size, generator=generator)
+                found[:, self.lamps.index(each.lamp), first : first + chunk] += light.reshape(sets, -1)
         return found[:, self.rows, :, None] * self.flux[self.rows][None, :, None]
 
     def once(
@@ -299,9 +297,13 @@ def _samples(
         yield outside, *_to_sphere(shining, surface, places[outside], normals[outside], numbers)
         return
     half = 0.5 * (surface.diameter if isinstance(surface, Circle) else max(surface.length, surface.width))
-    in_front = (places - surface.place.center) @ surface.normal > 0
-    close = surface.distance(places) < near * half
-    far, by = np.flatnonzero(in_front & ~close), np.flatnonzero(in_front & close)
+    away = places - surface.place.center
+    in_front = np.flatnonzero(away @ surface.normal > 0)
+    around = (away[in_front] ** 2).sum(axis=1) < ((near + np.sqrt(2.0)) * half) ** 2  # no others can be close
+    close = np.zeros(len(places), dtype=np.bool_)
+    maybe = in_front[around]
+    close[maybe] = surface.distance(places[maybe]) < near * half
+    far, by = in_front[~close[in_front]], np.flatnonzero(close)
     yield far, *_to_area(shining, surface, places[far], normals[far], _numbers(len(far), rays, generator))
     if by.size:
         numbers = _numbers(len(by), near_rays, generator)
