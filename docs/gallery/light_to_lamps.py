@@ -14,7 +14,7 @@ with tempfile.TemporaryDirectory() as folder:
     )
     run = ls.run(drafted, last="map", listener=ls.ProgressPrinter()).folder
     target = {
-        "targets": [{"name": "desks", "at_least": 100, "uniformity": 0.8}],
+        "targets": [{"name": "desks", "at_least": 60, "uniformity": 0.6}],
         "candidates": {"spacing": 0.8, "margin": 0.7},
         "lamps": {"efficacy_lm_W": 100},
     }

@@ -2,6 +2,7 @@
 
 import itertools
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import lidarspectra as ls
 from lidarspectra.mapping.design.problem import Freedom, Problem, Sources, level_limit, uniformity_limit
 from lidarspectra.mapping.design.solving import solve
+from lidarspectra.workflow.design_run_file import designed_run_file
 from tests.pipeline.conftest import CommandLine, RoomWriter
 
 pytestmark = pytest.mark.slow
@@ -103,6 +105,26 @@ def test_candidates_and_places_of_ones_own_come_true_in_a_trace_anew(run: Path) 
     assert len(chosen) == 1
     assert chosen[0].dim_in_scan == 0  # the scan was photographed without it
     assert not ls.check(run_file).faults
+
+
+def test_a_new_spectrum_leaves_the_lamp_that_the_scan_was_photographed_under(run: Path) -> None:
+    work = ls.design_lighting(
+        run,
+        {
+            "targets": [{"name": "desk", "polygon": DESK, "at_least": 100}],
+            "spectra": [{"spectrum": "LED-B5"}],
+            "lamps": {"present_spectra": False, "fixed": ["warm"]},
+        },
+    ).work
+    by_colors = work.room.run_file.changed(materials={"method": "estimate"})
+    room = replace(work.room, run_file=by_colors)
+    lamps = designed_run_file(work.designed, work.lamps, room, run=run, base=Path()).lamps
+    told = [(lamp.name, lamp.spectrum, lamp.dim_in_scan) for lamp in lamps]
+    name = 'lamp "one" !rm'
+    assert told == [(f"{name} as scanned", "LED-B3", 1.0), (name, "LED-B5", 0.0), ("warm", "A", 1.0)]
+    assert lamps[0].dim == 0
+    given = designed_run_file(work.designed, work.lamps, work.room, run=run, base=Path()).lamps
+    assert [lamp.name for lamp in given] == [name, "warm"]  # given materials know no light of the scan
 
 
 def test_what_cannot_be_met_is_said_with_the_flux_that_would_do(

@@ -76,6 +76,8 @@ class Limit:
         Infinite where there is no such bound. [unit of the quantity]
     scale : float
         By which a shortfall is divided before it is compared with those of other limits. [unit of the quantity]
+    is_ratio : bool
+        Whether it holds in the dark too, as a uniformity does. Where not all limits can be met, the others come first.
     """
 
     light: FloatArray
@@ -83,6 +85,7 @@ class Limit:
     low: FloatArray
     high: FloatArray
     scale: float
+    is_ratio: bool = False
 
     def shortfall(self, dims: FloatArray) -> float:
         """Largest miss of any row, in units of the scale; 0 where all hold [1]."""
@@ -195,6 +198,7 @@ def uniformity_limit(light: FloatArray, fixed: FloatArray, uniformity: float) ->
         low=np.zeros(len(fixed)),
         high=np.full(len(fixed), np.inf),
         scale=full if full > 0 else 1.0,
+        is_ratio=True,
     )
 
 

@@ -58,7 +58,7 @@ class Obstacles:
     lamps_needed : int or None
         So many lit lamps would do; None if the number is no obstacle, or all lamps together do not.
     without : tuple of int
-        Limits each of which, left out, lets all others be met.
+        Limits each of which, left out, lets all others be met, and not by darkness.
     alone : tuple of (float or None)
         For each limit the factor on all fluxes that it would need if it were the only one: 1 if it is met as it is,
         None if no flux is enough. [1]
@@ -125,7 +125,8 @@ def obstacles(problem: Problem, *, time_limit_s: float = TIME_LIMIT_S / 6) -> Ob
     if len(problem.limits) > 1:
         for number in range(len(problem.limits)):
             rest = tuple(limit for index, limit in enumerate(problem.limits) if index != number)
-            if _tried(replace(problem, limits=rest), time_limit_s) is not None:
+            dark = all(limit.shortfall(np.zeros(len(problem.sources))) == 0 for limit in rest)  # which tells nothing
+            if not dark and _tried(replace(problem, limits=rest), time_limit_s) is not None:
                 without.append(number)
     return Obstacles(
         flux_factor=_flux_factor(problem, time_limit_s),
@@ -225,11 +226,18 @@ class _Program:
         return self._dims(found[0]), max(gap, found[1])
 
     def least_slack(self) -> FloatArray:
-        """(limit,) shortfalls of the least sum [1]."""
-        found = self._run(self._cost(slack=np.ones(len(self.problem.limits))), self._rows())
-        if found is None:
-            return np.full(len(self.problem.limits), np.inf)
-        return np.asarray(np.maximum(found[0][self.columns["slack"]], 0.0), dtype=np.float64)
+        """(limit,) shortfalls of the least sum: of levels first, then of ratios, which a dark room would meet [1]."""
+        is_ratio = np.array([limit.is_ratio for limit in self.problem.limits])
+        slack, rows = np.full(is_ratio.size, np.inf), self._rows()
+        for chosen in (~is_ratio, is_ratio):
+            if chosen.any():
+                found = self._run(self._cost(slack=chosen.astype(np.float64)), rows)
+                if found is None:
+                    return slack
+                least = np.maximum(found[0][self.columns["slack"]], 0.0)
+                slack = np.where(chosen, least, slack)
+                rows.append(self._at_most("slack", slack + MET))
+        return np.asarray(slack, dtype=np.float64)
 
     def flux_factor(self) -> float | None:
         """Least factor on all fluxes that meets every limit [1]; None if none does."""

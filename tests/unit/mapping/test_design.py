@@ -124,8 +124,15 @@ def test_limits_that_contradict_each_other_are_named() -> None:
     found = solve(problem)
     assert not found.is_met
     told = obstacles(problem)
-    assert told.without == (0, 1)  # either of the two, but not the harmless third
+    assert told.without == (1,)  # not the harmless third; and without the first, a dark room would do
     assert told.flux_factor is None
+
+
+def test_where_level_and_uniformity_are_both_missed_the_level_comes_first() -> None:
+    limits = (level_limit(FOUR[:, :1], DARK, at_least=2000.0), uniformity_limit(FOUR[:, :1], DARK, 0.9))
+    found = solve(Problem(sources=sources(1), limits=limits))
+    assert found.dims == pytest.approx(1.0, abs=1e-3)  # not dark, where the uniformity would hold
+    assert (found.shortfall > 0).all()
 
 
 def test_too_few_lamps_are_an_obstacle_that_is_counted() -> None:
