@@ -23,7 +23,7 @@ from amqtt.broker import Broker
 
 async def serve():
     listen = {"default": {"type": "tcp", "bind": "127.0.0.1:" + sys.argv[1]}}
-    allowed = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
+    allowed = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": False}}
     await Broker({"listeners": listen, "plugins": allowed}).start()
     await asyncio.Event().wait()
 
@@ -69,6 +69,7 @@ def publish(broker: RealBroker) -> Callable[..., None]:
 
     def send(topic: str, payload: str, *, retain: bool = False) -> None:
         client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2)
+        client.username_pw_set("sensor", "secret")
         client.connect("127.0.0.1", broker.port)
         client.loop_start()
         client.publish(topic, payload, qos=1, retain=retain).wait_for_publish(PATIENCE_S)
@@ -79,7 +80,8 @@ def publish(broker: RealBroker) -> Callable[..., None]:
 
 
 def source(broker: RealBroker, *topics: Topic) -> MqttSource:
-    return MqttSource(Broker(host="127.0.0.1", port=broker.port, client_id="test"), topics)
+    login = {"username": "live", "password": "secret"}
+    return MqttSource(Broker(host="127.0.0.1", port=broker.port, client_id="test", **login), topics)
 
 
 def test_home_assistants_sensors_arrive_with_their_values(broker, publish, running) -> None:
@@ -144,3 +146,25 @@ def test_a_broker_that_is_not_there_yet_is_waited_for(broker, publish, running) 
 def test_a_topic_with_a_wildcard_is_refused() -> None:
     with pytest.raises(DeviceError, match="without wildcards"):
         MqttSource(Broker(host="localhost"), [Topic(topic="home/+/lux", sensor="desk", quantity="lux")])
+
+
+def test_what_is_published_while_nobody_listens_is_kept_by_the_broker(broker, publish, running) -> None:
+    asked = source(broker, Topic(topic="desk", sensor="desk", quantity="lux"))
+    publish("desk", "1", retain=True)
+    with running(asked) as heard:
+        heard.until(lambda heard: heard.arrivals)
+    for number in (2, 3, 4):
+        publish("desk", str(number))
+    with running(source(broker, Topic(topic="desk", sensor="desk", quantity="lux"))) as heard:
+        heard.until(lambda heard: {2.0, 3.0, 4.0} <= set(heard.lux()))
+    kept = [value for value in heard.lux() if value > 1]
+    assert kept == [2.0, 3.0, 4.0]  # in their order, each once
+
+
+def test_a_login_that_is_refused_is_said(broker, running) -> None:
+    nobody = MqttSource(
+        Broker(host="127.0.0.1", port=broker.port), [Topic(topic="desk", sensor="desk", quantity="lux")]
+    )
+    with running(nobody) as heard:
+        heard.until(lambda heard: heard.notices)
+    assert "refuses the connection" in heard.notices[0].text
