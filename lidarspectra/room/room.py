@@ -14,8 +14,10 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.plan_cells import outlines, plan_mask, signed_area
 from lidarspectra.room.room_planes import (
+    GIVEN_REACH_M,
     LEVEL_COSINE,
     LEVEL_HALF_WIDTH_M,
+    SHOWN_M2,
     FaceGeometry,
     Level,
     Wall,
@@ -36,6 +38,7 @@ WALL_END_SHARE = 0.02  # share of upright area above (below) which walls end: wh
 MIN_WALLS_M2 = 2.0  # [m²] of upright area from which walls can say where a floor is that was not scanned
 BELOW_FLOOR_SHARE = 0.15  # share of upright area below a level surface, from which that is a table top
 BEYOND_SCAN_M = 3.0  # [m] a floor or ceiling that was not scanned is no farther below or above the scan than this
+HIDING_SHARE = 0.8  # of the room's plan: a level surface as large is no table and no shelf, but floor or ceiling
 TABLE_M = (0.3, 1.5)  # [m] height of such a surface above where the walls end
 ROOM_FILE = "room.json"
 
@@ -196,6 +199,11 @@ def find_room(
         reason = "no level surface that faces up, and no walls around a square metre" if no_floor else ""
         raise _no_room(scan, reason or "no connected square metre of plan under its ceiling")
     area = sum(signed_area(polygon) for polygon in polygons)
+    if no_floor and floor_z is not None:
+        _require_none_before(find_floor(faces), floor_z, area, name="floor")
+    if not ceilings and ceiling_z is not None:
+        scanned = find_ceilings(faces, floor)
+        _require_none_before(scanned[0] if scanned else None, ceiling_z, area, name="ceiling")
     angle, share = main_direction(faces)
     found = Room(
         floor_z=floor.z,
@@ -361,6 +369,19 @@ def _walls_around(walls: tuple[Wall, ...], polygons: tuple[FloatArray, ...]) -> 
         if low <= wall.offset_m <= high:
             kept.append(wall)
     return tuple(kept)
+
+
+def _require_none_before(level: Level | None, given_z: float, area_m2: float, *, name: str) -> None:
+    """Refuse a given floor or ceiling that was not scanned, behind one that was: no light of the room reaches it."""
+    behind = level is not None and (level.z > given_z if name == "floor" else level.z < given_z)
+    if level is not None and behind and level.area_m2 >= HIDING_SHARE * area_m2:
+        raise ScanError(
+            expected=f"the {name} at z = {given_z:g} m, as it is given, or nothing that hides it from the room",
+            found=f"a level surface of {level.area_m2:.1f} m² at z = {level.z:.2f} m, and less than "
+            f"{SHOWN_M2:g} m² within {100 * GIVEN_REACH_M:g} cm of the height that is given",
+            where=name,
+            todo="Give that height, or leave it out to have it found.",
+        )
 
 
 def _no_room(scan: Scan, found: str) -> ScanError:

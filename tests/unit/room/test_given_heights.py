@@ -146,6 +146,16 @@ def test_heights_that_no_such_room_has_are_refused_with_the_scan_s_own(builder, 
     )
 
 
+@pytest.mark.parametrize(("given", "true"), [({"ceiling_z": 3.0}, r"2\.50"), ({"floor_z": -0.4}, r"0\.00")])
+def test_a_height_behind_the_floor_or_ceiling_that_was_scanned_is_refused_with_the_right_one(
+    builder, given, true
+) -> None:
+    room = builder(step_m=0.2)
+    room.box([0, 0, 0], [4, 3, 2.5], inward=True)
+    with pytest.raises(ScanError, match=rf"a level surface of 12\.0 m² at z = {true} m"):
+        find_room(room.scan(), **given)
+
+
 def test_a_ceiling_below_the_floor_is_refused_at_once() -> None:
     with pytest.raises(RunFileError, match=r"ceiling = 0\.2 is not above floor = 1"):
         parse_run_file('[scan]\nfile = "a.glb"\nfloor = 1\nceiling = 0.2\n[lamps_from_scan]\ncct_k = 3000\n', where="a")
