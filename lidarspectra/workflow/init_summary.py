@@ -72,7 +72,8 @@ class InitSummary:
     def height_in_words(self, name: str) -> str:
         """Where 'floor' or 'ceiling' is: 'z = 2.50 m', and whether it was given."""
         z = self.room.floor_z if name == "floor" else self.room.ceiling_z
-        return f"z = {z + 0.0:.2f} m" + (" (given)" if name in self.given else "")
+        rounded = round(z, 2) + 0.0  # no "-0.00"
+        return f"z = {rounded:.2f} m" + (" (given)" if name in self.given else "")
 
     def lines(self) -> tuple[str, ...]:
         """The summary in plain lines, for the command line to show."""

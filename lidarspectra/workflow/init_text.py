@@ -135,7 +135,7 @@ def _scan_lines(summary: InitSummary, file: str) -> Iterator[str]:
     for name, z in (("floor", summary.room.floor_z), ("ceiling", summary.room.ceiling_z)):
         given = name in summary.given
         why = "by what was given to init" if given else "found; without the # it is held to this height"
-        yield f"{'' if given else '# '}{name} = {z + 0.0:.3f}  # {why} [m, z in the scan's axes]"
+        yield f"{'' if given else '# '}{name} = {round(z, 3) + 0.0:.3f}  # {why} [m, z in the scan's axes]"
     yield from closing_lines(scan, summary.room)
     yield "# max_hole_m = 1.0  # larger holes of the mesh stay open, and light leaves through them"
 
