@@ -81,8 +81,13 @@ class LampSection(Section):
     """Factor on the flux while the room was scanned; 0 where it was off."""
     file: str | None = None
     """IES LM-63 or EULUMDAT (.ldt) file, for shape 'ies'."""
-    assumed: bool = False
-    """Its flux and spectrum are guesses, not known: said in the notes, the map and the report."""
+    assumed: bool | tuple[Literal["flux", "spectrum"], ...] = False
+    """Which of its flux and spectrum are guesses, not known: said in notes, map and report. True is both."""
+
+    @property
+    def guesses(self) -> frozenset[str]:
+        """Of 'flux' and 'spectrum' those that are assumed."""
+        return frozenset(("flux", "spectrum") if self.assumed is True else self.assumed or ())
 
     @model_validator(mode="after")
     def _one_flux(self) -> Self:
@@ -281,6 +286,8 @@ class CalibrationSection(Section):
     """The readings, for the reader; not read again."""
     lamps: dict[str, Positive] = Field(default_factory=dict)
     """Factors on the fluxes of lamps, windows and the sun, by name."""
+    determined: tuple[str, ...] = ()
+    """Lamps of whose flux the readings told: it is assumed no longer."""
     reflectance: ReflectanceFactors = ReflectanceFactors()
 
 
@@ -487,7 +494,7 @@ class RunFile(Section):
         return found
 
     def __repr__(self) -> str:
-        guesses = sum(lamp.assumed for lamp in self.lamps)
+        guesses = sum(bool(lamp.assumed) for lamp in self.lamps)
         lamps = f"{len(self.lamps)} {'lamp' if len(self.lamps) == 1 else 'lamps'}" if self.lamps else ""
         lamps += f" ({guesses} assumed)" if guesses else ""
         lamps = lamps or ("lamps lit in the scan" if self.lamps_from_scan else "")

@@ -12,7 +12,7 @@ from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.errors import ArrayError, ScanError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.room.plan_cells import outlines, plan_mask, signed_area
+from lidarspectra.room.plan_cells import MIN_ROOM_M2, outlines, plan_mask, signed_area
 from lidarspectra.room.room_planes import (
     GIVEN_REACH_M,
     LEVEL_COSINE,
@@ -39,6 +39,9 @@ MIN_WALLS_M2 = 2.0  # [m²] of upright area from which walls can say where a flo
 BELOW_FLOOR_SHARE = 0.15  # share of upright area below a level surface, from which that is a table top
 BEYOND_SCAN_M = 3.0  # [m] a floor or ceiling that was not scanned is no farther below or above the scan than this
 HIDING_SHARE = 0.8  # of the room's plan: a level surface as large is no table and no shelf, but floor or ceiling
+SHELF_SHARE = 0.25  # of the box around the walls; a smaller level surface overhead may be a shelf or a cabinet's
+SCRAP_SHARE = 0.05  # of that box; less of a floor or ceiling is a part of furniture, and the scan shows none
+STRAY_SHARE = 0.01  # of the walls' area on either side, that may be stray
 TABLE_M = (0.3, 1.5)  # [m] height of such a surface above where the walls end
 ROOM_FILE = "room.json"
 
@@ -177,6 +180,8 @@ def find_room(
     if floor is None:
         raise _no_room(scan, "no level surface that faces up, and no walls")
     ceilings = find_ceilings(_of_kinds(scan, faces, "ceiling"), floor, given_z=ceiling_z)
+    if ceiling_z is None:
+        ceilings = _without_shelves(ceilings, upright)
     top_z = ceilings[0].z if ceilings else _top_of_walls(upright, floor) if ceiling_z is None else ceiling_z
     if top_z - floor.z < MIN_HEIGHT_M:
         raise _no_room(scan, f"{top_z - floor.z:.2f} m between its floor and its top")
@@ -344,10 +349,34 @@ def _floor_or_bottom_of_walls(floor: Level | None, faces: FaceGeometry) -> Level
     bottom = weighted_quantile(upright.bottoms, upright.areas, WALL_END_SHARE)
     if floor is None:
         return Level(z=bottom, area_m2=0.0)
+    if floor.area_m2 < SCRAP_SHARE * _plan_box_m2(upright):
+        return Level(z=floor.z, area_m2=0.0)
     below = float(upright.areas[upright.tops < floor.z].sum() / upright.areas.sum())
     if below > BELOW_FLOOR_SHARE and TABLE_M[0] < floor.z - bottom < TABLE_M[1]:
         return Level(z=bottom, area_m2=0.0)
     return floor
+
+
+def _without_shelves(ceilings: tuple[Level, ...], faces: FaceGeometry) -> tuple[Level, ...]:
+    """The ceilings; none where the main one is a scrap, or a small part of the plan that the walls reach far above."""
+    upright = faces.some(np.abs(faces.normals[:, 2]) < 0.5)
+    if not ceilings or upright.areas.sum() < MIN_WALLS_M2:
+        return ceilings
+    main = ceilings[0]
+    share = main.area_m2 / _plan_box_m2(upright)
+    above = float(upright.areas[upright.bottoms > main.z].sum() / upright.areas.sum())
+    is_shelf = share < SHELF_SHARE and above > BELOW_FLOOR_SHARE
+    return () if share < SCRAP_SHARE or is_shelf else ceilings
+
+
+def _plan_box_m2(upright: FaceGeometry) -> float:
+    """Area of the box in plan around upright parts, but for the outermost hundredths of their area [m²]."""
+    sides = [
+        weighted_quantile(upright.centers[:, axis], upright.areas, 1.0 - STRAY_SHARE)
+        - weighted_quantile(upright.centers[:, axis], upright.areas, STRAY_SHARE)
+        for axis in (0, 1)
+    ]
+    return float(max(np.prod(sides), MIN_ROOM_M2))
 
 
 def _top_of_walls(faces: FaceGeometry, floor: Level) -> float:

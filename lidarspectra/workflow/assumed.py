@@ -12,6 +12,10 @@ from lidarspectra.room.room import Room
 from lidarspectra.workflow.workspace import read_record, stage_folder
 
 CERTAIN = 0.95  # [1] a unit or upward axis of a lower probability is a guess: one in twenty would be wrong
+LAMP_TODO = (
+    "Read it off the lamp, write it into the run file and take it out of 'assumed' there; readings of a lux meter give "
+    "fluxes too ('lidarspectra calibrate')."
+)
 CEILING_SHARE = 0.5  # [1] of the plan: a ceiling of which less was scanned counts as assumed
 
 
@@ -21,7 +25,8 @@ def assumed_lamps(run_file: RunFile, names: Sequence[str]) -> Assumptions:
     Parameters
     ----------
     run_file : RunFile
-        With `lamps`, what of them is assumed, and `lamps_from_scan`.
+        With `lamps`, what of them is assumed, `lamps_from_scan`, and `calibration`: a flux that readings determined is
+        assumed no longer.
     names : sequence of str
         Of the run's lamps, windows and sun among them.
 
@@ -32,10 +37,13 @@ def assumed_lamps(run_file: RunFile, names: Sequence[str]) -> Assumptions:
     found = run_file.lamps_from_scan
     if found is not None:
         outside = {window.name for window in run_file.daylight.windows} | {"sun"} if run_file.daylight else set()
-        lit = tuple(name for name in names if name not in outside)
-        return Assumptions(fluxes=lit if found.luminous_exitance_lm_m2 is None else ())
-    marked = {lamp.name for lamp in run_file.lamps if lamp.assumed}
-    return Assumptions(lamps=tuple(name for name in names if name in marked))
+        lit = [name for name in names if name not in outside]
+        assumed = Assumptions(fluxes=tuple(lit) if found.luminous_exitance_lm_m2 is None else ())
+    else:
+        guesses = {lamp.name: lamp.guesses for lamp in run_file.lamps}
+        assumed = Assumptions.of_lamps({name: guesses.get(name, frozenset()) for name in names})
+    calibration = run_file.calibration
+    return assumed if calibration is None else assumed.without(fluxes=calibration.determined)
 
 
 def uncertain_of_scan(record: ScanRecord) -> tuple[str, ...]:
@@ -76,23 +84,31 @@ def scan_notes(section: ScanSection) -> tuple[str, ...]:
 
 
 def lamp_notes(assumptions: Assumptions, lamp_count: int) -> tuple[str, ...]:
-    """A note where the light of lamps is a guess: one sentence for all of them."""
-    if assumptions.lamps:
-        one = len(assumptions.lamps) == 1
-        return (
-            f"Flux and spectrum of {counted_lamps(assumptions.lamps, lamp_count)} "
-            f"({named_lamps(assumptions.lamps)}) are guesses: the map scales with the flux, takes its colours from the "
-            f"spectrum, and its standard error knows of neither; read both off the {'lamp' if one else 'lamps'}, write "
-            f"them into the run file, and delete 'assumed = true' there.",
-        )
-    if assumptions.fluxes:
-        return (
-            f"The flux of {counted_lamps(assumptions.fluxes, lamp_count)} that {'is' if lamp_count == 1 else 'are'} "
-            f"lit in the scan is a guess, {EXITANCE_LM_M2:,.0f} lm for each m² of lamp: the map scales with it, and "
-            "its standard error does not know of it; give luminous_exitance_lm_m2 under [lamps_from_scan], the lumens "
-            "of a lamp divided by its area.",
-        )
-    return ()
+    """Notes where the light of lamps is a guess: a sentence for all lamps of which the same is assumed."""
+    groups = (
+        (assumptions.lamps, "Flux and spectrum", "scales with the flux and takes its colours from the spectrum"),
+        (assumptions.fluxes, "The flux", "scales with it"),
+        (assumptions.spectra, "The spectrum", "takes its colours from it"),
+    )
+    return tuple(
+        f"{what} of {counted_lamps(names, lamp_count)} ({named_lamps(names)}) "
+        f"{'are guesses' if names is assumptions.lamps else 'is a guess'}: the map {effect}, and its standard error "
+        f"does not know of that. {LAMP_TODO}"
+        for names, what, effect in groups
+        if names
+    )
+
+
+def lit_notes(assumptions: Assumptions, lamp_count: int) -> tuple[str, ...]:
+    """A note where the flux of lamps that were found in the scan is a guess."""
+    if not assumptions.fluxes:
+        return ()
+    return (
+        f"The flux of {counted_lamps(assumptions.fluxes, lamp_count)} that {'is' if lamp_count == 1 else 'are'} "
+        f"lit in the scan is a guess, {EXITANCE_LM_M2:,.0f} lm for each m² of lamp: the map scales with it, and "
+        "its standard error does not know of it. Give luminous_exitance_lm_m2 under [lamps_from_scan], the lumens "
+        "of a lamp divided by its area, or calibrate the run by readings of a lux meter ('lidarspectra calibrate').",
+    )
 
 
 def assumptions_of_run(run: Path) -> Assumptions:

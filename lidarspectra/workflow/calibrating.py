@@ -263,8 +263,9 @@ def priors_of(room: RunRoom, meter_sd: FloatArray) -> Priors:
     Fluxes that were guessed, of lamps found in the scan and of windows are known worst. The level of a part's
     reflectance is known as well as its materials are, as if all erred alike.
     """
-    marked = {lamp.name for lamp in room.run_file.lamps if not lamp.assumed}
-    flux_sd = np.array([FLUX_SD if lamp.name in marked else ASSUMED_FLUX_SD for lamp in room.lamps])
+    known = {lamp.name for lamp in room.run_file.lamps if "flux" not in lamp.guesses}
+    known |= set(room.run_file.calibration.determined if room.run_file.calibration else ())
+    flux_sd = np.array([FLUX_SD if lamp.name in known else ASSUMED_FLUX_SD for lamp in room.lamps])
     deviation = []
     for material in room.materials.materials:
         value = float(material.reflectance.at([555.0], outside="nearest")[0])

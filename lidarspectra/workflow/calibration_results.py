@@ -25,8 +25,8 @@ UNITS: dict[Quantity, str] = {LUX: "lx", CURRENT: "A"}  # channels are in W/m²/
 def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path, spectra: Mapping[str, str]) -> RunFile:
     """The run file with the factors that the readings told, times those that it had, and other lamp spectra by name.
 
-    Lamps that the readings told something of are no longer marked as assumed. The text keeps its comments unless it
-    had a calibration or assumed lamps.
+    Lamps of whose flux the readings told are listed as determined: it is assumed no longer, though their spectra may
+    be. The text keeps its comments unless it had a calibration, or gets other spectra.
     """
     old = room.run_file.calibration or CalibrationSection()
     flux = np.exp(posterior.flux)
@@ -36,16 +36,23 @@ def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path, spe
         for lamp, factor in zip(room.lamps, flux, strict=True)
     }
     part_factors = {part: float(f"{getattr(old.reflectance, part) * reflectance[part]:.6g}") for part in PARTS}
-    section = {"measured": measured.name, "lamps": lamp_factors, "reflectance": part_factors}
     told = _told(posterior)[: len(room.lamps)]
-    known = {lamp.name for lamp, is_told in zip(room.lamps, told, strict=True) if is_told}
-    lamps = [_lamp_table(lamp, spectra.get(lamp.name), lamp.name in known) for lamp in room.run_file.lamps]
+    determined = [
+        lamp.name for lamp, is_told in zip(room.lamps, told, strict=True) if is_told or lamp.name in old.determined
+    ]
+    section = {
+        "measured": measured.name,
+        "lamps": lamp_factors,
+        "determined": determined,
+        "reflectance": part_factors,
+    }
+    lamps = [_lamp_table(lamp, spectra.get(lamp.name)) for lamp in room.run_file.lamps]
     origin = room.run_file.with_origin(folder=room.base, name=f"{room.name}.calibrated")
-    changed = origin.changed(calibration=section, **({"lamps": lamps} if lamps else {}))
-    if spectra or room.run_file.calibration is not None or any(lamp.assumed for lamp in room.run_file.lamps):
+    changed = origin.changed(calibration=section, **({"lamps": lamps} if spectra else {}))
+    if spectra or room.run_file.calibration is not None:
         return changed
     tables = [
-        f"[calibration]\nmeasured = {toml_value(measured.name)}",
+        f"[calibration]\nmeasured = {toml_value(measured.name)}\ndetermined = {toml_value(determined)}",
         "\n".join(["[calibration.lamps]", *(f"{toml_value(name)} = {each}" for name, each in lamp_factors.items())]),
         "\n".join(["[calibration.reflectance]", *(f"{part} = {each}" for part, each in part_factors.items())]),
     ]
@@ -53,11 +60,12 @@ def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path, spe
     return changed.with_origin(folder=room.base, name=f"{room.name}.calibrated", text=text)
 
 
-def _lamp_table(lamp: LampSection, spectrum: str | None, is_known: bool) -> dict[str, object]:
+def _lamp_table(lamp: LampSection, spectrum: str | None) -> dict[str, object]:
+    """A lamp's table in the run file, with the spectrum that the readings told, which is assumed no longer."""
     table = lamp.model_dump(exclude_unset=True)
-    if is_known and lamp.assumed:
-        table["assumed"] = False
     if spectrum is not None:
+        if lamp.assumed:
+            table["assumed"] = ["flux"] if "flux" in lamp.guesses else False
         table.pop("cct_k", None)
         table["spectrum"] = spectrum
     return table

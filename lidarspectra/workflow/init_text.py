@@ -17,7 +17,7 @@ from lidarspectra.workflow.whole_room import closing_lines
 
 SPECTRUM = "LED-B3"  # a white LED of 4100 K, common in offices (CIE 015:2018, illuminant LED-B3)
 SIGNIFICANT_DIGITS = 3  # of an assumed flux, which is not known better
-ASSUMED = "assumed = true  # flux and spectrum are guesses; delete this line when you have given both"
+ASSUMED = 'assumed = ["flux", "spectrum"]  # guesses; delete what you have given'
 
 
 def run_file_text(summary: InitSummary, file: str) -> str:

@@ -94,8 +94,16 @@ def relight_run(
             )
         changes[order.lamp] = _change(lamps[order.lamp], order, base)
     light = relight(transport, changes, bands=scene_of_run(run).bands, lamps=tuple(lamps.values()))
-    given = [order.lamp for order in orders if order.spectrum is not None and order.luminous_flux_lm is not None]
-    return mark_assumed(light, assumptions_of_run(run).without(given))
+    assumed = assumptions_of_run(run).without(
+        fluxes=[order.lamp for order in orders if order.luminous_flux_lm is not None or _is_absolute(order, base)],
+        spectra=[order.lamp for order in orders if order.spectrum is not None],
+    )
+    return mark_assumed(light, assumed)
+
+
+def _is_absolute(order: LampOrder, base: Path) -> bool:
+    """Whether an order's spectrum has its flux too."""
+    return order.spectrum is not None and lamp_spectrum(order.spectrum, base).absolute
 
 
 def _change(lamp: Lamp, order: LampOrder, base: Path) -> LampChange:

@@ -42,7 +42,7 @@ from lidarspectra.radiance.scene.relit_scene import relit_scene
 from lidarspectra.radiance.scene.scene import LAMPS_PER_PASS, RadianceScene, load_scene, write_scene
 from lidarspectra.room.room import load_room, save_room
 from lidarspectra.spectra.sensor_files import find_bands
-from lidarspectra.workflow.assumed import assumed_lamps, assumed_of_scan, lamp_notes, scan_notes
+from lidarspectra.workflow.assumed import assumed_lamps, assumed_of_scan, lamp_notes, lit_notes, scan_notes
 from lidarspectra.workflow.calibration_of_run import calibrated_lamps, calibrated_materials, calibration_notes
 from lidarspectra.workflow.declared import Declared
 from lidarspectra.workflow.delighting import Delighting, take_light_out, with_light_uncertainty
@@ -164,7 +164,8 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
         views = render_views(mesh, scan.value.room, coverage=coverage, progress=looking)
         saving(0.0, "saving")
         save_views(views, folder)
-        short = views.area_coverage < views.threshold
+        # Of a model's walls the outer sides count too, which no room shows; names tell what they are made of.
+        short = views.area_coverage < views.threshold and not mesh.appearance.is_drawn
         return Notes(
             summary=f"{len(views.views)} views cover {100 * views.area_coverage:.1f} % of the area, "
             f"{100 * views.point_coverage:.1f} % of the points",
@@ -414,7 +415,7 @@ def map_stage(
             + (f"; assumed: {words}" if (words := assumed.in_words()) else ""),
             warnings=(
                 *calibration_notes(run_file.calibration),
-                *lamp_notes(assumed, len(lamps)),
+                *(lit_notes if run_file.lamps_from_scan else lamp_notes)(assumed, len(lamps)),
                 *relit_notes(light_map, traced, lamps),
             ),
         )

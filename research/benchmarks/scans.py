@@ -8,7 +8,7 @@
 (files: `run`, with the report), in processes of their own; what is said to be found is what they printed. Damaged rooms
 are then lit by the true lamps, whatever `init` found, so that a map differs from the whole room's by the damage alone;
 the real files' maps have the lamps that `init` proposed. Runs are cheap: the noise is `draft` (3 %), at most 8
-reflections, 60 % of the surfaces seen.
+reflections, 30 % of the surfaces seen, and materials are estimated from colours without the network.
 
 Time is processor time of all processes; memory is the largest process's peak.
 """
@@ -34,7 +34,7 @@ from research.virtual_rooms import damaged_rooms as rooms
 from research.virtual_rooms.damaged_rooms import Damage, Mesh
 from research.virtual_rooms.model_files import furnished_room, write_roomplan
 
-CHEAP = {"trace": {"accuracy": "medium", "noise": "draft"}, "materials": {"coverage": 0.6}}
+CHEAP = {"trace": {"accuracy": "medium", "noise": "draft"}, "materials": {"coverage": 0.3, "model": "none"}}
 GRID = {"grid": {"height": 0.8, "count": 25}}
 FLUX_LM = 3600.0
 LAMP_DROP_M = 0.06  # [m] below the ceiling

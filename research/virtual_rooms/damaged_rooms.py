@@ -20,6 +20,7 @@ CORRIDOR_LAMPS_M = ((2.0, 0.9), (6.0, 0.9))
 PANEL_M = 0.6
 STEP_M = 0.1  # [m] edge of the mesh's squares, two triangles each
 NOISE_M = 0.004  # [m] of a phone's mesh
+EDGE_M = 0.027  # [m] from the outermost vertex, so that all faces of a side lie within, and no furniture
 SEED = 16
 FLOOR, CEILING, WALL, TABLE, CHAIR, CABINET = (
     0.25,
@@ -185,7 +186,7 @@ def without(*sides: str) -> Damage:
     """No 'floor', no 'ceiling', no 'east' or 'west' wall, as a phone leaves them out."""
 
     def damage(mesh: Mesh, random: np.random.Generator) -> Mesh:
-        low, high = mesh.vertices.min(axis=0) + 0.018, mesh.vertices.max(axis=0) - 0.018
+        low, high = mesh.vertices.min(axis=0) + EDGE_M, mesh.vertices.max(axis=0) - EDGE_M
         centers = mesh.centers
         missing = {
             "floor": centers[:, 2] < low[2],

@@ -63,6 +63,7 @@ def test_the_command_finds_what_was_wrong_and_the_run_goes_on_from_there(
     factors = np.array([run_file.calibration.lamps[name] for name in ('lamp "one" !rm', "warm")])
     # The prior of 15 % draws factors of 1.2 and 0.8 back by some per cent.
     assert factors == pytest.approx(FLUX, rel=0.12)
+    assert set(run_file.calibration.determined) == {'lamp "one" !rm', "warm"}
     table = pd.read_csv(run.parent / "room.calibrated.run" / "calibration" / "readings.csv")
     assert np.abs(table["off after [%]"]).max() < 0.4 * np.abs(table["off before [%]"]).max()
     again = command_line("run", run.parent / "room.calibrated.toml")

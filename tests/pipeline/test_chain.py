@@ -162,6 +162,8 @@ def test_giving_what_was_assumed_traces_nothing_again_and_ends_the_note(
     words = ["relight", str(summary.folder), "--lamp", "warm"]
     answer = CliRunner().invoke(app, [*words, "--dim", "0.5"])
     assert "rest on guesses: flux and spectrum of 1 lamp" in " ".join(answer.output.split())
+    answer = CliRunner().invoke(app, [*words, "--lumens", "900"])
+    assert "rest on guesses: spectrum of 1 lamp." in " ".join(answer.output.split())
     answer = CliRunner().invoke(app, [*words, "--spectrum", "FL11", "--lumens", "900"])
     assert answer.exit_code == 0
     assert "guesses" not in answer.output

@@ -4,18 +4,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from lidarspectra.config import RunFile
 from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, mark_assumed
-from lidarspectra.mapping.maps.map_files import load_map, save_map
+from lidarspectra.mapping.maps.map_files import load_map, map_table, read_map_table, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.room.room import Room
+from lidarspectra.spectra.spectrum import gaussian_bands
 from lidarspectra.workflow.assumed import (
     assumed_lamps,
     assumed_of_scan,
     lamp_notes,
+    lit_notes,
     result_notes,
     scan_notes,
 )
@@ -24,7 +27,7 @@ from lidarspectra.workflow.lamps_of_run import resolve_lamps
 SCAN = {"file": "room.glb"}
 
 
-def run_file(lamps: list[bool], **tables: Any) -> RunFile:
+def run_file(lamps: list[Any], **tables: Any) -> RunFile:
     """With lamps 'panel 1', ... of which some are assumed."""
     rows = [
         {
@@ -75,7 +78,7 @@ def test_lamps_marked_in_the_run_file_are_named_in_one_note_with_what_to_do() ->
     (note,) = lamp_notes(assumed, 9)
     assert note.startswith("Flux and spectrum of all 9 lamps ('panel 1', 'panel 2'")
     assert "'panel 6' and 3 more" in note
-    assert "delete 'assumed = true'" in note
+    assert "take it out of 'assumed'" in note
     (note,) = lamp_notes(assumed_lamps(run_file([False, True]), ["panel 1", "panel 2"]), 2)
     assert note.startswith("Flux and spectrum of 1 of 2 lamps ('panel 2') are guesses")
     assert lamp_notes(assumed_lamps(run_file([False, False]), ["panel 1", "panel 2"]), 2) == ()
@@ -87,7 +90,7 @@ def test_lamps_found_in_the_scan_have_an_assumed_flux_until_it_is_given() -> Non
     assumed = assumed_lamps(table, ["lit 1", "lit 2"])
     assert assumed == Assumptions(fluxes=("lit 1", "lit 2"))
     assert assumed.of_lamp("lit 1") == "flux"
-    (note,) = lamp_notes(assumed, 2)
+    (note,) = lit_notes(assumed, 2)
     assert "10,000 lm for each m²" in note
     assert "luminous_exitance_lm_m2" in note
     given = RunFile.model_validate({"scan": SCAN, "lamps_from_scan": {**found, "luminous_exitance_lm_m2": 10000}})
@@ -137,6 +140,7 @@ def test_a_guessed_unit_is_a_note_of_the_scan() -> None:
         Assumptions(),
         Assumptions(lamps=("panel 1", "Büro \"2\", 'links'"), scan=("unit", "ceiling")),
         Assumptions(fluxes=("lit 1",)),
+        Assumptions(lamps=("a",), fluxes=("b",), spectra=("c", "d"), scan=("floor",)),
     ],
 )
 def test_a_map_carries_what_it_assumes_through_its_file(make_map: Any, tmp_path: Path, assumed: Assumptions) -> None:
@@ -157,7 +161,44 @@ def test_what_is_computed_from_guesses_says_so() -> None:
     assert assumed.in_words() == "flux and spectrum of 2 lamps, the scan's unit"
     (note,) = result_notes(assumed)
     assert assumed.in_words() in note
-    assert assumed.without(["panel 1"]).lamps == ("panel 2",)
+    assert assumed.without(fluxes=["panel 1"], spectra=["panel 1"]).lamps == ("panel 2",)
+    given = assumed.without(fluxes=["panel 1", "none"], spectra=["panel 2"])
+    assert given == Assumptions(fluxes=("panel 2",), spectra=("panel 1",), scan=("unit",))
+    assert given.of_flux == ("panel 2",)
+    assert (given.of_lamp("panel 1"), given.of_lamp("none")) == ("spectrum", "")
+
+
+def test_flux_and_spectrum_of_a_lamp_are_assumed_apart() -> None:
+    lamps: list[Any] = [["flux"], ["spectrum"], ["flux", "spectrum"], True, False, []]
+    names = [f"panel {number}" for number in range(1, 7)]
+    assumed = assumed_lamps(run_file(lamps), names)
+    assert assumed == Assumptions(lamps=("panel 3", "panel 4"), fluxes=("panel 1",), spectra=("panel 2",))
+    both, flux, spectrum = lamp_notes(assumed, 6)
+    assert both.startswith("Flux and spectrum of 2 of 6 lamps ('panel 3', 'panel 4') are guesses")
+    assert flux.startswith("The flux of 1 of 6 lamps ('panel 1') is a guess: the map scales with it")
+    assert spectrum.startswith("The spectrum of 1 of 6 lamps ('panel 2') is a guess: the map takes its colours from it")
+    assert assumed.in_words() == "flux and spectrum of 2 lamps, flux of 1 lamp, spectrum of 1 lamp"
+    with pytest.raises(ValueError, match="assumed"):
+        run_file([["place"]])
+
+
+def test_a_flux_that_readings_determined_is_assumed_no_longer() -> None:
+    calibration = {"lamps": {"panel 1": 1.2, "panel 2": 1.0}, "determined": ["panel 1"]}
+    names = ["panel 1", "panel 2"]
+    assumed = assumed_lamps(run_file([True, True], calibration=calibration), names)
+    assert assumed == Assumptions(lamps=("panel 2",), spectra=("panel 1",))
+    found = {"scan": SCAN, "lamps_from_scan": {"cct_k": 3000}, "calibration": calibration}
+    assert assumed_lamps(RunFile.model_validate(found), names) == Assumptions(fluxes=("panel 2",))
+
+
+def test_the_table_of_a_map_says_in_a_column_what_it_assumes(make_map: Any, tmp_path: Path) -> None:
+    assert "assumed" not in map_table(make_map)
+    marked = mark_assumed(make_map, Assumptions(lamps=("panel 1",), scan=("ceiling",)))
+    table = pd.read_csv(save_map_table(marked, tmp_path / "map.csv"))
+    assert table["assumed"].tolist() == ["flux and spectrum of 1 lamp; the ceiling"] * 2
+    assert [name for name in table.columns if not pd.api.types.is_numeric_dtype(table[name])] == ["assumed"]
+    bands = gaussian_bands("one", [560.0], 20.0)
+    assert read_map_table(tmp_path / "map.csv", bands=bands).sizes["point"] == 2
 
 
 @pytest.fixture

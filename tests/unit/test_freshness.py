@@ -148,7 +148,7 @@ OTHER_WORDS = {
     "shape": "disc", "size": [0.4, 0.4], "unit": "cm", "up": "+z", "fluxes": "area", "method": "default",
     "model": "none", "matching": "nearest", "databases": ["builtin", "mine"], "accuracy": "low", "noise": "fine",
     "noise_of": "point", "mode": "rgb", "hours": "9-18", "time": "2026-06-21T13:00:00+02:00", "file": "another",
-    "workers": 3, "assumed": ["unit"],
+    "workers": 3, "assumed": ["unit"], "determined": ["one"],
 }  # fmt: skip
 
 
@@ -226,6 +226,7 @@ KEPT_BY_EDITS: dict[str, tuple[StageName, ...]] = {  # of keys that materials or
     "lamps.spectrum": ("scene",),  # where its slots carry the spectrum
     "lamps.cct_k": ("scene",),
     "calibration.measured": ("scene",),
+    "calibration.determined": ("scene",),
     "calibration.lamps": ("scene",),  # of a lamp; not of a window
     "lamps_from_scan.luminous_exitance_lm_m2": ("materials", "scene"),
     "lamps_from_scan.spectrum": ("scene",),

@@ -1,17 +1,19 @@
 """What a map rests on that is a guess: lamps' fluxes and spectra, and the scan's unit, upward axis, floor and ceiling.
 
-A spectral map says so in its attribute `assumed`, a JSON text: {"flux and spectrum": ["panel 1"], "scan": ["unit"]}.
+A spectral map says so in its attribute `assumed`, a JSON text: {"flux and spectrum": ["panel 1"], "scan": ["unit"]};
+its table in a column of that name, in words.
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import xarray as xr
 
 ASSUMED = "assumed"  # attribute of a spectral map
-FLUX_AND_SPECTRUM, FLUX, SCAN = "flux and spectrum", "flux", "scan"  # keys of it
+FLUX_AND_SPECTRUM, FLUX, SPECTRUM, SCAN = "flux and spectrum", "flux", "spectrum", "scan"  # keys of it
+OF_LAMP = (FLUX_AND_SPECTRUM, FLUX, SPECTRUM)
 OF_SCAN = {"unit": "the scan's unit", "up": "the scan's upward axis", "floor": "the floor", "ceiling": "the ceiling"}
 MAX_NAMED = 6  # lamps named in one sentence
 
@@ -26,43 +28,59 @@ class Assumptions:
         Names of lamps whose flux and spectrum are guesses.
     fluxes : tuple of str
         Names of lamps whose flux alone is one.
+    spectra : tuple of str
+        Names of lamps whose spectrum alone is one.
     scan : tuple of str
         Of 'unit', 'up', 'floor' and 'ceiling' those that are guesses.
     """
 
     lamps: tuple[str, ...] = ()
     fluxes: tuple[str, ...] = ()
+    spectra: tuple[str, ...] = ()
     scan: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
-        return bool(self.lamps or self.fluxes or self.scan)
+        return bool(self.lamps or self.fluxes or self.spectra or self.scan)
+
+    @classmethod
+    def of_lamps(cls, guesses: Mapping[str, Collection[str]]) -> Self:
+        """Of lamps by name, each with what is assumed of it: 'flux', 'spectrum', both or neither."""
+        kinds = {name: FLUX_AND_SPECTRUM if len(set(what)) == 2 else "".join(what) for name, what in guesses.items()}
+        of_kind = {kind: tuple(name for name in kinds if kinds[name] == kind) for kind in OF_LAMP}
+        return cls(lamps=of_kind[FLUX_AND_SPECTRUM], fluxes=of_kind[FLUX], spectra=of_kind[SPECTRUM])
 
     @property
-    def all_lamps(self) -> tuple[str, ...]:
+    def of_flux(self) -> tuple[str, ...]:
         """Names of all lamps whose flux is a guess."""
         return (*self.lamps, *self.fluxes)
 
+    @property
+    def all_lamps(self) -> tuple[str, ...]:
+        """Names of all lamps of whose light anything is a guess."""
+        return (*self.lamps, *self.fluxes, *self.spectra)
+
     def of_lamp(self, name: str) -> str:
-        """What is assumed of a lamp: 'flux and spectrum', 'flux', or an empty text."""
-        return FLUX_AND_SPECTRUM if name in self.lamps else FLUX if name in self.fluxes else ""
+        """What is assumed of a lamp: 'flux and spectrum', 'flux', 'spectrum', or an empty text."""
+        parts = {FLUX_AND_SPECTRUM: self.lamps, FLUX: self.fluxes, SPECTRUM: self.spectra}
+        return next((what for what, names in parts.items() if name in names), "")
 
-    def without(self, names: Iterable[str]) -> Self:
-        """The same where the flux and spectrum of these lamps are now given."""
-        given = set(names)
-        return replace(
-            self,
-            lamps=tuple(name for name in self.lamps if name not in given),
-            fluxes=tuple(name for name in self.fluxes if name not in given),
-        )
+    def without(self, *, fluxes: Iterable[str] = (), spectra: Iterable[str] = ()) -> Self:
+        """The same where the fluxes and the spectra of these lamps are now given."""
+        given = {FLUX: set(fluxes), SPECTRUM: set(spectra)}
+        left = {
+            name: [what for what in given if what in self.of_lamp(name) and name not in given[what]]
+            for name in self.all_lamps
+        }
+        return replace(self.of_lamps(left), scan=self.scan)
 
-    def in_words(self) -> str:
+    def in_words(self, between: str = ", ") -> str:
         """What is assumed in one line, the lamps counted; empty if nothing is."""
         parts = [
             f"{what} of {len(names)} {'lamp' if len(names) == 1 else 'lamps'}"
-            for what, names in ((FLUX_AND_SPECTRUM, self.lamps), (FLUX, self.fluxes))
+            for what, names in ((FLUX_AND_SPECTRUM, self.lamps), (FLUX, self.fluxes), (SPECTRUM, self.spectra))
             if names
         ]
-        return ", ".join([*parts, *(OF_SCAN[each] for each in self.scan)])
+        return between.join([*parts, *(OF_SCAN[each] for each in self.scan)])
 
 
 def counted_lamps(names: tuple[str, ...], of: int) -> str:
@@ -81,7 +99,12 @@ def named_lamps(names: tuple[str, ...]) -> str:
 
 def mark_assumed(spectral_map: xr.Dataset, assumptions: Assumptions) -> xr.Dataset:
     """The map with its attribute `assumed`."""
-    parts = {FLUX_AND_SPECTRUM: assumptions.lamps, FLUX: assumptions.fluxes, SCAN: assumptions.scan}
+    parts = {
+        FLUX_AND_SPECTRUM: assumptions.lamps,
+        FLUX: assumptions.fluxes,
+        SPECTRUM: assumptions.spectra,
+        SCAN: assumptions.scan,
+    }
     told = {name: list(values) for name, values in parts.items() if values}
     return spectral_map.assign_attrs({ASSUMED: json.dumps(told, ensure_ascii=False)})
 
@@ -93,8 +116,9 @@ def assumptions_of(spectral_map: xr.Dataset) -> Assumptions:
     except (TypeError, ValueError):
         told = {}
     told = told if isinstance(told, Mapping) else {}
-    lamps, fluxes, scan = (_names(told.get(name)) for name in (FLUX_AND_SPECTRUM, FLUX, SCAN))
-    return Assumptions(lamps=lamps, fluxes=fluxes, scan=tuple(each for each in scan if each in OF_SCAN))
+    lamps, fluxes, spectra, scan = (_names(told.get(name)) for name in (*OF_LAMP, SCAN))
+    guesses = tuple(each for each in scan if each in OF_SCAN)
+    return Assumptions(lamps=lamps, fluxes=fluxes, spectra=spectra, scan=guesses)
 
 
 def _names(values: object) -> tuple[str, ...]:

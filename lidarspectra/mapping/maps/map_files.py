@@ -14,6 +14,7 @@ from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LidarSpectraError, MapError
 from lidarspectra.io.netcdf import read_netcdf, write_netcdf
+from lidarspectra.mapping.maps.assumptions import ASSUMED, assumptions_of
 from lidarspectra.mapping.maps.map_schema import DIRECTION, POSITION, check_map, has_illuminance, listed, map_dataset
 from lidarspectra.spectra.spectrum import BandSet
 
@@ -80,7 +81,8 @@ def map_table(dataset: xr.Dataset) -> pd.DataFrame:
     -------
     table : pandas.DataFrame
         x, y, z [m], nx, ny, nz [1], buried (0 or 1), E_410 ... and their standard errors SE_410 ... [W/m²/nm]; where
-        the bands tell it illuminance_lx and SE_illuminance_lx [lx].
+        the bands tell it illuminance_lx and SE_illuminance_lx [lx]; where the map rests on guesses assumed, in every
+        row what is assumed: 'flux and spectrum of 2 lamps; the ceiling'.
     """
     checked = check_map(dataset, where="map to tabulate")
     columns: dict[str, ArrayLike] = {name: checked[name].to_numpy() for name in (*POSITION, *DIRECTION)}
@@ -90,7 +92,10 @@ def map_table(dataset: xr.Dataset) -> pd.DataFrame:
         columns |= {f"{prefix}_{label}": values[:, b] for b, label in enumerate(checked["band_label"].to_numpy())}
     if has_illuminance(checked):
         columns |= {column: checked[name].to_numpy() for name, column in _LUX_COLUMNS.items()}
-    return pd.DataFrame(columns)
+    table = pd.DataFrame(columns)
+    if assumed := assumptions_of(checked).in_words("; "):  # without commas, for who splits lines at them
+        table[ASSUMED] = assumed
+    return table
 
 
 def save_map_table(dataset: xr.Dataset, path: str | PathLike[str]) -> Path:

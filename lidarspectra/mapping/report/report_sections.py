@@ -61,7 +61,7 @@ def summary_section(report: ReportInput, light: ReportLight, writer: ReportWrite
     """Key figures, what they rest on, warnings, and the time of each stage."""
     dataset = report.spectral_map
     assumed = assumptions_of(dataset)
-    guessed = ", from an assumed flux" if assumed.all_lamps else ""
+    guessed = ", from an assumed flux" if assumed.of_flux else ""
     kept = kept_points(dataset)
     mean = dataset["irradiance"].to_numpy()[kept].mean()
     prefix = prefix_of(mean)
@@ -81,7 +81,8 @@ def summary_section(report: ReportInput, light: ReportLight, writer: ReportWrite
     knows = "of the simulation alone, not of what is assumed" if assumed else "of the simulation alone"
     error = f"{_target_words(report)}; {knows}"
     entries.append(("Standard error", f"{_achieved_percent(report):.2g} %", error))
-    lamps = f"{len(assumed.all_lamps)} with an assumed flux" if assumed.all_lamps else ""
+    groups = ((assumed.of_flux, "flux"), (assumed.spectra, "spectrum"))
+    lamps = ", ".join(f"{len(names)} with an assumed {what}" for names, what in groups if names)
     entries.append(("Lamps", f"{len(report.lamps)}", lamps))
     surface = f"on {report.material_areas_m2.sum():.0f} m² of surface"
     entries.append(("Materials", f"{len(report.materials)}", surface))

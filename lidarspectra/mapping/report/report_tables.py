@@ -14,7 +14,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.channel_figures import ChosenPoint
 from lidarspectra.mapping.figures.map_figures import relative_error
 from lidarspectra.mapping.figures.tables import Table
-from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of
+from lidarspectra.mapping.maps.assumptions import ASSUMED, Assumptions, assumptions_of
 from lidarspectra.mapping.maps.map_files import map_table
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.material.material_map import Material
@@ -191,7 +191,7 @@ def chosen_points_table(spectral_map: xr.Dataset, points: Sequence[ChosenPoint])
 def points_table(spectral_map: xr.Dataset) -> Table:
     """The whole map, one row per point (see `map_table`), without the standard errors."""
     whole = map_table(spectral_map)
-    frame = whole[[name for name in whole.columns if not name.startswith("SE_")]]
+    frame = whole[[name for name in whole.columns if not name.startswith("SE_") and name != ASSUMED]]  # the caption's
     formats = dict.fromkeys(("x", "y", "z"), ".3f") | dict.fromkeys(("nx", "ny", "nz"), ".2f")
     formats |= dict.fromkeys([name for name in frame.columns if name.startswith("E_")], ".3e")
     caption = "All points: position [m], direction [1], spectral irradiance E by band [W/m²/nm]." + _guesses(

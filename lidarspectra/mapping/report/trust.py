@@ -1,7 +1,7 @@
 """What a map rests on: what was measured, estimated, given, computed and assumed, and what each does to the map."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -46,8 +46,8 @@ def trust_rows(report: ReportInput) -> tuple[TrustRow, ...]:
     return (
         *_scan_rows(report, assumed),
         *_surface_rows(report, assumed),
-        *_material_rows(report),
         *_opening_rows(report),
+        *_material_rows(report),
         *_lamp_rows(report, assumed),
         _simulation_row(report),
     )
@@ -77,8 +77,9 @@ def trust_card(report: ReportInput) -> tuple[str, str, str]:
     if not assumed:
         return "Trust", "no guesses", "see the table below"
     share = _light_share(report, assumed.all_lamps)
-    light = f"; {_percent(share)} of the light" if assumed.all_lamps else ""
-    return "Trust", "guesses", f"{assumed.in_words()}{light}"
+    lamps = replace(assumed, scan=()).in_words()
+    light = f"{lamps} ({_percent(share)} of the light)" if lamps else ""
+    return "Trust", "guesses", ", ".join(words for words in (light, Assumptions(scan=assumed.scan).in_words()) if words)
 
 
 def _scan_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
@@ -121,21 +122,25 @@ def _surface_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRo
             what=name,
             known="assumed" if is_guess else "measured",
             how=f"{_percent(share)} of the plan was scanned",
-            effect="light that it reflects" + (": a typical share where it was closed, else none" if is_guess else ""),
+            effect="light that it reflects"
+            + (": that of a typical one where it was closed, none where it was left open" if is_guess else ""),
         )
     if report.scan.closed_area_m2 > 0:
         yield TrustRow(
             what="closed surfaces",
             known="assumed",
-            how=f"{report.scan.closed_area_m2:.1f} m² that were not scanned, with typical reflectances",
-            effect="light that they reflect; the room may go on there",
+            how=f"{report.scan.closed_area_m2:.1f} m² of ceiling, floor or sides that were not scanned, with typical "
+            "reflectances",
+            effect="light that they reflect; in truth they may be of other materials, or the room goes on there",
         )
     if report.scan.open_share >= WORTH_SAYING:
         yield TrustRow(
             what="open sides",
             known="measured",
             how=f"{_percent(report.scan.open_share, digits=1)} of all directions leave the scan",
-            effect="light that goes there is lost: the map is too dark",
+            effect="light that goes there is lost, and the map too dark; by how much at most, is in the next row"
+            if float(report.spectral_map.attrs.get("opening_share", 0.0)) > 0.0
+            else "light that goes there is lost, and the map too dark",
         )
 
 
@@ -208,19 +213,22 @@ def _opening_rows(report: ReportInput) -> Iterator[TrustRow]:
 def _lamp_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
     traced = tuple(str(name) for name in report.transport["lamp"].to_numpy())
     given = tuple(name for name in traced if not assumed.of_lamp(name))
-    groups: tuple[tuple[tuple[str, ...], str, Known, str], ...] = (
-        (given, "flux and spectrum", "given", "by the run file; windows and sun by a model of the sky"),
-        (assumed.lamps, "flux and spectrum", "assumed", "marked as assumed in the run file"),
-        (assumed.fluxes, "flux", "assumed", f"{EXITANCE_LM_M2:,.0f} lm for each m² of lamp; the spectrum was given"),
+    both = "it scales with the flux, and has the colours of the spectrum"
+    lit = f"marked so in the run file, or {EXITANCE_LM_M2:,.0f} lm for each m² of a lamp lit in the scan"
+    groups: tuple[tuple[tuple[str, ...], str, Known, str, str], ...] = (
+        (given, "flux and spectrum", "given", "by the run file; windows and sun by a model of the sky", both),
+        (assumed.lamps, "flux and spectrum", "assumed", "marked as assumed in the run file", both),
+        (assumed.fluxes, "flux", "assumed", f"{lit}; the spectrum was given", "it scales with the flux"),
+        (assumed.spectra, "flux", "given", "by the run file or by readings", "it scales with the flux"),
+        (assumed.spectra, "spectrum", "assumed", "marked as assumed in the run file", "it has the spectrum's colours"),
     )
-    for names, what, known, how in groups:
+    for names, what, known, how, effect in groups:
         if names:
             yield TrustRow(
                 what=f"{what} of {counted_lamps(names, len(traced))}",
                 known=known,
                 how=how,
-                effect=f"{_percent(_light_share(report, names))} of the light: it scales with the flux, and has the "
-                "colours of the spectrum",
+                effect=f"{_percent(_light_share(report, names))} of the light: {effect}",
             )
 
 

@@ -38,7 +38,7 @@ def test_assumed_lamps_are_told_with_their_share_of_the_light(report):
     coefficient, flux = report.transport["coefficient"].to_numpy(), report.transport["flux"].to_numpy()
     by_lamp = np.einsum("lpb,lb->l", coefficient, flux)
     share = by_lamp[0] / by_lamp.sum()
-    assert trust_card(one) == ("Trust", "guesses", f"flux and spectrum of 1 lamp; {100 * share:.0f} % of the light")
+    assert trust_card(one) == ("Trust", "guesses", f"flux and spectrum of 1 lamp ({100 * share:.0f} % of the light)")
     rows = rows_of(one)
     assert rows["flux and spectrum of 1 of 2 lamps (assumed)"][2].startswith(f"{100 * share:.0f} % of the light")
     assert rows["flux and spectrum of 1 of 2 lamps (given)"][2].startswith(f"{100 - 100 * share:.0f} % of the light")
@@ -47,6 +47,15 @@ def test_assumed_lamps_are_told_with_their_share_of_the_light(report):
         "nothing",
     ]
     assert "no standard error: flux and spectrum of 1 lamp" in bands_table(one.spectral_map).caption
+
+
+def test_a_lamp_whose_flux_alone_is_known_has_a_row_of_each(report):
+    first, second = (lamp.name for lamp in report.lamps)
+    rows = rows_of(assuming(report, fluxes=(first,), spectra=(second,)))
+    assert "it scales with the flux" in rows["flux of 1 of 2 lamps (assumed)"][2]
+    assert rows["flux of 1 of 2 lamps (given)"][1] == "by the run file or by readings"
+    assert rows["spectrum of 1 of 2 lamps (assumed)"][2].endswith("it has the spectrum's colours")
+    assert not any(row.startswith("flux and spectrum") for row in rows)
 
 
 def test_scan_and_surfaces_say_how_they_are_known(report):
@@ -58,7 +67,7 @@ def test_scan_and_surfaces_say_how_they_are_known(report):
     assert rows["upward axis (estimated)"][1] == "+y, 80 % sure"
     assert rows["floor (measured)"][1] == "97 % of the plan was scanned"
     assert rows["ceiling (assumed)"][1] == "0 % of the plan was scanned"
-    assert rows["closed surfaces (assumed)"][1].startswith("12.0 m² that were not scanned")
+    assert rows["closed surfaces (assumed)"][1].startswith("12.0 m² of ceiling, floor or sides that were not scanned")
     assert "too dark" in rows["open sides (measured)"][2]
     assert "open sides (measured)" not in rows_of(report)
     assert rows["holes of the scan (assumed)"][1].startswith("3 closed like their surroundings: 0.40 m², 1.0 %")
@@ -83,7 +92,7 @@ def test_the_page_shows_the_card_and_the_table_and_no_standard_error_alone(repor
     write_report(tmp_path, assuming(report, lamps=tuple(lamp.name for lamp in report.lamps)))
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
     summary = page[page.index('<section id="summary"') : page.index('<section id="room-in-3d"')]
-    assert "<dt>Trust</dt><dd>guesses<small>flux and spectrum of 2 lamps; 100 % of the light</small>" in summary
+    assert "<dt>Trust</dt><dd>guesses<small>flux and spectrum of 2 lamps (100 % of the light)</small>" in summary
     assert "of the simulation alone, not of what is assumed" in summary
     assert "over points and bands, from an assumed flux" in summary
     assert 'data-name="trust"' in summary

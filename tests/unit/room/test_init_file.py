@@ -70,9 +70,9 @@ def test_the_assumptions_are_marked_in_the_file(lit_room, tmp_path) -> None:
     write_init(lit_room, tmp_path / "room.toml")
     text = (tmp_path / "room.toml").read_text(encoding="utf-8")
     assert text.count("# assumed") == 6
-    assert text.count("assumed = true") == 3
+    assert text.count('assumed = ["flux", "spectrum"]') == 3
     run_file = read_run_file(tmp_path / "room.toml")
-    assert all(lamp.assumed for lamp in run_file.lamps)
+    assert all(lamp.guesses == {"flux", "spectrum"} for lamp in run_file.lamps)
     assert run_file.scan.assumed == ()  # a GLB declares unit and axis
     assert run_file.materials.delight
     assert "10,000 lm for each m²" in text
