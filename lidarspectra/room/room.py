@@ -376,7 +376,7 @@ def _plan_box_m2(upright: FaceGeometry) -> float:
         - weighted_quantile(upright.centers[:, axis], upright.areas, STRAY_SHARE)
         for axis in (0, 1)
     ]
-    return float(max(np.prod(sides), MIN_ROOM_M2))
+    return max(sides[0] * sides[1], MIN_ROOM_M2)
 
 
 def _top_of_walls(faces: FaceGeometry, floor: Level) -> float:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from lidarspectra.geometry.scan import Scan, ScanRecord
 from lidarspectra.material.part_materials import typical_in_words
 from lidarspectra.room.closing import Openness, close_room
+from lidarspectra.room.mirrored import mirrored_walls
 from lidarspectra.room.room import Room, find_room
 
 WORTH_SAYING = 0.01  # [1] of all directions that leave the scan: less is cracks of the mesh
@@ -54,6 +55,7 @@ def whole_room(
         *_closing_notes(room, openness, floor_given=floor_z is not None, ceiling_given=ceiling_z is not None),
         *_open_notes(room, openness),
         *_outside_notes(room),
+        *_mirrored_notes(room),
     )
     record = replace(
         closed.record,
@@ -134,6 +136,15 @@ def _outside_notes(room: Room) -> Iterator[str]:
             f"The room that was found holds {_percent(room.floor_share)} of the floor in the scan; the rest lies "
             "behind its walls or windows, or in patches below a square metre, and gets no sensor points. Cut it off in "
             "the scanning app, or scan the way between if it belongs to the room."
+        )
+
+
+def _mirrored_notes(room: Room) -> Iterator[str]:
+    if mirrored_walls(room):
+        yield (
+            "What lies behind a wall of the room is its mirror image: a ghost, as mirrors, windows by night "
+            "leave it in scans, or a room that is built so. A ghost counts as a part of the room, with lamps and "
+            "sensor points that are not there: cut it off in the scanning app, and cover mirrors when you scan."
         )
 
 

@@ -27,14 +27,15 @@ from pathlib import Path
 
 import numpy as np
 
-from lidarspectra.config import RunFile, read_run_file
+from lidarspectra.config import read_run_file
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.workflow.workspace import stage_folder
 from research.virtual_rooms import damaged_rooms as rooms
 from research.virtual_rooms.damaged_rooms import Damage, Mesh
 from research.virtual_rooms.model_files import furnished_room, write_roomplan
 
-CHEAP = {"trace": {"accuracy": "medium", "noise": "draft"}, "materials": {"coverage": 0.3, "model": "none"}}
+TRACE = {"accuracy": "medium", "noise": "draft"}
+MATERIALS = {"coverage": 0.3, "model": "none"}
 GRID = {"grid": {"height": 0.8, "count": 25}}
 FLUX_LM = 3600.0
 LAMP_DROP_M = 0.06  # [m] below the ceiling
@@ -112,13 +113,22 @@ class Case:
         ]
 
 
-CORRIDOR = {"size_m": rooms.CORRIDOR_M, "lamps_m": rooms.CORRIDOR_LAMPS_M}
 CORRIDOR_WHOLE, MODEL_WHOLE = "corridor, closed at its ends", "RoomPlan with a ceiling"
-MODEL_LAMPS = ((1.4, 2.9), (3.6, 2.9))
 
 
 def _as_it_is(mesh: Mesh, random: np.random.Generator) -> Mesh:
     return mesh
+
+
+def _corridor(name: str, damage: Damage, *, close: bool = False) -> Case:
+    return Case(
+        name=name,
+        damage=damage,
+        whole=CORRIDOR_WHOLE,
+        size_m=rooms.CORRIDOR_M,
+        lamps_m=rooms.CORRIDOR_LAMPS_M,
+        close=close,
+    )
 
 
 CASES = (
@@ -139,15 +149,9 @@ CASES = (
     Case(name="polished floor, --floor 0", damage=rooms.polished_floor, init=("--floor", "0")),
     Case(name="open at one end", damage=rooms.without("east")),
     Case(name="open at one end, close = true", damage=rooms.without("east"), close=True),
-    Case(name=CORRIDOR_WHOLE, damage=_as_it_is, whole=CORRIDOR_WHOLE, **CORRIDOR),
-    Case(name="corridor, open", damage=rooms.without("west", "east"), whole=CORRIDOR_WHOLE, **CORRIDOR),
-    Case(
-        name="corridor, close = true",
-        damage=rooms.without("west", "east"),
-        whole=CORRIDOR_WHOLE,
-        close=True,
-        **CORRIDOR,
-    ),
+    _corridor(CORRIDOR_WHOLE, _as_it_is),
+    _corridor("corridor, open", rooms.without("west", "east")),
+    _corridor("corridor, close = true", rooms.without("west", "east"), close=True),
     Case(name="one wall and a chair", damage=rooms.one_wall_and_a_chair, low_y_m=2.4),
     Case(name="one wall and a chair, close = true", damage=rooms.one_wall_and_a_chair, low_y_m=2.4, close=True),
     Case(name="sixty faces left", damage=rooms.few_faces),
@@ -234,7 +238,7 @@ def try_damage(case: Case, folder: Path) -> dict[tuple[float, float], float] | N
     points = scan.with_suffix(".csv")
     with points.open("w", newline="") as file:
         csv.writer(file).writerows([("x", "y", "z"), *case.points()])
-    _change(run_path, lamps=case.lamps(), sensors={"points": points.name}, close=case.close)
+    _make_cheap(run_path, case, points.name)
     ran = command("map", run_path)
     if ran.status:
         print(f"| {found} | {ran.sentence} | {ran.seconds:.0f} s |", flush=True)
@@ -244,18 +248,21 @@ def try_damage(case: Case, folder: Path) -> dict[tuple[float, float], float] | N
     return light
 
 
-def _change(run_path: Path, **given: object) -> RunFile:
-    """Make a run file of `init` cheap, with other lamps and sensors where these are given."""
+def _make_cheap(run_path: Path, case: Case | None = None, points: str = "") -> None:
+    """Make a run file of `init` cheap, with a case's true lamps and a file of points where one is given."""
     run_file = read_run_file(run_path)
-    close = bool(given.pop("close", False))
-    tables = {**CHEAP, "scan": {"close": close}, "sensors": GRID, **given}
-    if "lamps" in given:
-        tables["materials"] = {**CHEAP["materials"], "delight": False}
-    if "points" in tables["sensors"]:
-        run_file = run_file.model_copy(update={"sensors": run_file.sensors.model_copy(update={"grid": None})})
-    changed = run_file.changed(**tables)
+    if case is None:
+        run_file.changed(trace=TRACE, materials=MATERIALS, sensors=GRID).save(run_path, force=True)
+        return
+    without_grid = run_file.model_copy(update={"sensors": run_file.sensors.model_copy(update={"grid": None})})
+    changed = without_grid.changed(
+        trace=TRACE,
+        materials={**MATERIALS, "delight": False},
+        sensors={"points": points},
+        lamps=case.lamps(),
+        scan={"close": case.close},
+    )
     changed.save(run_path, force=True)
-    return changed
 
 
 def damage_table(folder: Path, names: Sequence[str]) -> None:
@@ -304,7 +311,7 @@ def faces_table(folder: Path, counts: Sequence[int]) -> None:
         if looked.status:
             print(" - | - | - |")
             continue
-        _change(scan.with_suffix(".toml"))
+        _make_cheap(scan.with_suffix(".toml"))
         ran = command("scene", scan.with_suffix(".toml"))
         made = re.findall(r"^1 scan .*?(\d+) triangles", ran.said, flags=re.MULTILINE)
         words = ran.sentence or f"{int(made[0]):,} triangles"
@@ -332,7 +339,7 @@ def files_table(scans: Path, folder: Path) -> None:
         if looked.status:
             print(" - | - | - |")
             continue
-        _change(run_path)
+        _make_cheap(run_path)
         ran = command("run", run_path)
         result = ran.sentence
         if not result:

@@ -6,6 +6,7 @@ panels of .6 m are lit in its ceiling. All is fixed: the same damage makes the s
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -255,12 +256,14 @@ def in_millimetres(mesh: Mesh, random: np.random.Generator) -> Mesh:
 def glb(mesh: Mesh) -> bytes:
     """The mesh as a GLB file, y up; colours of vertices are linear there (glTF 2.0, 3.7.2.1)."""
     upright = np.column_stack([mesh.vertices[:, 0], mesh.vertices[:, 2], -mesh.vertices[:, 1]])
-    return bytes(_painted(upright, mesh, mesh.colors).export(file_type="glb"))  # type: ignore[no-untyped-call]
+    exported: Any = _painted(upright, mesh, mesh.colors).export(file_type="glb")
+    return bytes(exported)
 
 
 def ply(mesh: Mesh) -> bytes:
     """The mesh as a PLY file, z up; such a file says neither unit nor axis."""
-    return bytes(_painted(mesh.vertices, mesh, encode_srgb(mesh.colors)).export(file_type="ply"))  # type: ignore[no-untyped-call]
+    exported: Any = _painted(mesh.vertices, mesh, encode_srgb(mesh.colors)).export(file_type="ply")
+    return bytes(exported)
 
 
 def _painted(vertices: FloatArray, mesh: Mesh, colors: FloatArray) -> trimesh.Trimesh:
