@@ -85,7 +85,7 @@ class Outcome:
 Choice = Callable[[np.random.Generator], IntArray]
 
 
-def planned(room: RoomLight, meter_sd: float) -> Choice:
+def planned(room: RoomLight, meter_sd: float, count: int = READINGS) -> Choice:
     """Readings by plan: the same in every draw."""
     priors = replace(room.priors, meter_sd=np.array([meter_sd]))
     candidates = room.candidates
@@ -94,7 +94,7 @@ def planned(room: RoomLight, meter_sd: float) -> Choice:
         room.place[candidates],
         room.model.some(room.on_map),
         priors,
-        READINGS,
+        count,
         model_error=_model_error(room, candidates),
     )
     return lambda generator: candidates[found.chosen]
