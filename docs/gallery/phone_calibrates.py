@@ -18,21 +18,22 @@ with tempfile.TemporaryDirectory() as name:
 
     # Walk there with a phone and write its lux down. Here the room is a simulation
     # too: its bulb gives 25 % less than its box says, and its walls are darker.
-    truth = {"lamps": {"bulb": 0.75}, "reflectance": {"walls": 0.9}}
-    at_the_phone = {**run_file.sensors.model_dump(), "points": str(to_take), "lift": 0}
-    there = run_file.changed(calibration=truth, sensors=at_the_phone)
-    phone = ls.run(there, folder=Path(name) / "phone", last="map").map["illuminance"]
+    readings = pd.read_csv(to_take)
+    everywhere = pd.concat([readings, pd.read_csv(scene.parent / "points.csv")])
+    points = Path(name) / "everywhere.csv"
+    everywhere[["x", "y", "z", "nx", "ny", "nz"]].to_csv(points, index=False)
+    truth = run_file.changed(
+        calibration={"lamps": {"bulb": 0.75}, "reflectance": {"walls": 0.9}},
+        sensors={"points": str(points), "lift": 0.001},
+    )
+    true_map = ls.run(truth, folder=Path(name) / "truth", last="map").map
+    phone, true_lux = np.split(true_map["illuminance"].to_numpy(), [len(readings)])
     noise = np.random.default_rng(1).normal(0, 0.03, phone.size)
-    readings = pd.read_csv(to_take).assign(lux=phone.to_numpy() * np.exp(noise))
-    readings.to_csv(to_take, index=False)
+    readings.assign(lux=phone * np.exp(noise)).to_csv(to_take, index=False)
 
     found = ls.calibrate_run(
         run.folder, to_take, progress=ls.ProgressPrinter("calibrating")
     )
-    in_truth = run_file.changed(calibration=truth)
-    true_lux = ls.run(in_truth, folder=Path(name) / "truth", last="map").map[
-        "illuminance"
-    ]
 
 factors = found.unknowns.frame.set_index("name")["factor [1]"]
 print(f"The bulb's flux is {factors['bulb']:.2f} of what was stated, in truth 0.75.")

@@ -25,9 +25,10 @@ from lidarspectra.workflow.calibration_readings import CHANNEL_SD, Readings
 
 MIN_CHANNELS = 4  # fewer tell a colour, not a spectrum
 ALIKE_SD = 0.1  # [1] of a channel between two lamps of one kind, and of walls' reflectance in it
-STRAY = 1e-3  # [1] of the strongest channel: less light is a sensor's stray light
+WEAK = 1e-2  # [1] of a row's strongest channel: a weaker one reads stray light and its neighbours
+STRAY = 1e-3  # [1] of a row's strongest channel, that every candidate has at least
 SAME = 1e-3  # [1] of the light in a channel, within which two spectra are one
-TOLD = 0.95  # [1] probability from which a spectrum is told
+TOLD = 0.95  # [1] probability that it is not the run's own, from which another spectrum takes its place
 SHOWN = 5  # candidates in the table
 OWN = "as in the run file"
 
@@ -88,7 +89,7 @@ def spectra_told(room: RunRoom, readings: Readings, light: TracedLight, priors: 
         best = int(order[0])
         if found.fits[best] < STRANGE:
             notes.append(f"No spectrum of the databases explains the readings of {label}: the run's own stays.")
-        elif best > 0 and found.probability[best] >= TOLD:
+        elif best > 0 and found.probability[0] <= 1.0 - TOLD:
             told = _with_spectrum(told, group, candidates[labels[best]])
             changed = [room.lamps[index].name for index in group if _may_change(room, room.lamps[index].name)]
             names |= dict.fromkeys(changed, labels[best])
@@ -123,14 +124,21 @@ def _usable(room: RunRoom, readings: Readings, candidates: dict[str, Spectrum]) 
     """Numbers of channels that every candidate's spectrum covers."""
     low = max(spectrum.range_nm[0] for spectrum in candidates.values())
     high = min(spectrum.range_nm[1] for spectrum in candidates.values())
-    return np.array(
-        [
-            number
-            for number, quantity in enumerate(readings.quantities)
-            if not isinstance(quantity, str) and low <= room.bands.centers_nm[quantity] <= high
-        ],
-        dtype=np.int64,
-    )
+    covered = [
+        number
+        for number, quantity in enumerate(readings.quantities)
+        if not isinstance(quantity, str) and low <= room.bands.centers_nm[quantity] <= high
+    ]
+    chosen = np.array(covered, dtype=np.int64)
+    value, row = readings.numbers.value[chosen], readings.numbers.row[chosen]
+    return chosen[value >= WEAK * _strongest(value, row)]
+
+
+def _strongest(value: FloatArray, row: IntArray) -> FloatArray:
+    """(number,) largest value of each number's row."""
+    largest = np.zeros(int(row.max(initial=0)) + 1)
+    np.maximum.at(largest, row, value)
+    return np.asarray(largest[row])
 
 
 def _groups(room: RunRoom) -> list[list[int]]:
@@ -159,8 +167,9 @@ def _with_flux_of(lamp: Lamp, spectrum: Spectrum) -> Lamp:
 
 def _model(room: RunRoom, readings: Readings, light: TracedLight, chosen: IntArray) -> LightModel:
     weights = weights_of([readings.quantities[number] for number in chosen], room)
-    model = light.model(weights, readings.numbers.row[chosen])
-    least: FloatArray = STRAY * model.light.max(axis=0, keepdims=True)
+    row = readings.numbers.row[chosen]
+    model = light.model(weights, row)
+    least = STRAY * np.stack([_strongest(by_lamp, row) for by_lamp in model.light.T], axis=1)
     return LightModel(light=np.maximum(model.light, least), slope=model.slope)
 
 

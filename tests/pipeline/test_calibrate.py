@@ -116,10 +116,10 @@ def test_readings_that_cannot_be_are_refused_with_the_reason(run: Path, readings
 @pytest.mark.usefixtures("traced_once")
 @pytest.mark.chance("two traces agree within their noise")
 def test_channels_tell_the_spectrum_of_a_lamp(run: Path, readings: pd.DataFrame, tmp_path: Path) -> None:
-    """The panel, a white LED in the run file, has LEDs of three colours; the bulb is what it is said to be."""
+    """The panel, a white LED in the run file, is a hybrid of blue and red LEDs; the bulb is what it is said to be."""
     room = run_room(run)
-    three_colors = ls.lamp_spectrum("LED-RGB1").spectrum
-    flux = three_colors.scaled(luminous_flux_lm(room.lamps[0].flux) / luminous_flux_lm(three_colors))
+    blue_pumped = ls.lamp_spectrum("LED-BH1").spectrum
+    flux = blue_pumped.scaled(luminous_flux_lm(room.lamps[0].flux) / luminous_flux_lm(blue_pumped))
     true = replace(room, lamps=(replace(room.lamps[0], flux=flux), *room.lamps[1:]))
     points = SensorPoints(
         positions=readings[["x", "y", "z"]].to_numpy(), normals=readings[["nx", "ny", "nz"]].to_numpy()
@@ -133,11 +133,11 @@ def test_channels_tell_the_spectrum_of_a_lamp(run: Path, readings: pd.DataFrame,
     told = ls.calibrate_run(run, file)
     assert told.spectra is not None
     first = told.spectra.frame.groupby("lamps", sort=False).first()
-    assert first.loc['lamp "one" !rm', "spectrum"] == "LED-RGB1"
+    assert first.loc['lamp "one" !rm', "spectrum"] == "LED-BH1"
     assert first.loc['lamp "one" !rm', "probability [1]"] > 0.95
-    assert told.run_file.lamps[0].spectrum == "LED-RGB1"
+    assert told.run_file.lamps[0].spectrum == "LED-BH1"
     assert told.run_file.lamps[1].spectrum == "A"
-    every = ls.calibrate_run(run, file, scale="channel")
+    every = ls.calibrate_run(run, file, scale="channel", force=True)
     assert every.spectra is None  # where each channel has a factor of its own, nothing tells a spectrum
     assert every.run_file.lamps[0].spectrum == "LED-B3"
 
