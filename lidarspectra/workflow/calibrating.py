@@ -246,7 +246,7 @@ def summary_text(calibration: Calibration) -> str:
     assert section is not None  # since a calibrated run file has it
     return json.dumps(
         {
-            "factors": section.model_dump(),
+            "factors": section.model_dump(mode="json"),
             "chi_square": calibration.chi_square,
             "numbers": calibration.numbers,
             "local_sd": calibration.local_sd,

@@ -41,7 +41,7 @@ def calibration_sections(section: CalibrationSection | None, folder: Path, plan:
         unknowns, readings, points = (
             pd.read_csv(folder / f"{name}.csv") for name in ("unknowns", "readings", "points")
         )
-        if summary["factors"] != section.model_dump():
+        if summary["factors"] != section.model_dump(mode="json"):
             return ()  # the run file's factors were changed by hand since
         return (_section(summary, unknowns, readings, points, plan),)
     except (OSError, ValueError, KeyError) as error:
