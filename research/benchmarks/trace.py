@@ -1,6 +1,6 @@
 """What a map costs: time to 1 % and 0.5 % error by our trace and by other ways, what each idea buys, how cost grows.
 
-    python -m research.benchmarks.trace [--quick] [--only methods|leads|cache|growth|memory] [--room coarse|office|two]
+    python -m research.benchmarks.trace [--quick] [--only methods|mitsuba|leads|cache|growth|memory] [--room coarse|office|two]
 
 Three cases: a furnished room of 3 m x 3 m x 2.7 m of few large triangles, and the package's scanned office, under two
 panels each; and two bare rooms with a door between them, a panel in one and the sensors in the other. The 14 channels
@@ -144,8 +144,23 @@ def by_single_channels(room: Room, folder: Path, chosen: Sequence[int]) -> Float
     return np.concatenate(light, axis=1)
 
 
-def compare(room: Room, folder: Path, *, quick: bool) -> None:
-    """Print the methods' errors and times in a room."""
+def _other_ways(room: Room, folder: Path, referee: Referee, *, quick: bool) -> dict[str, list[Outcome]]:
+    """Ours in classic RGB mode, and one run a channel: each at `standard`, for either target."""
+    classic = write_room(room, folder / "rgb", mode="rgb")
+    rgb = referee.judge("ours, rgb (5 passes)", lambda _: traced(classic, room.points, "standard", seed=2))
+    count = len(room.bands)
+    chosen = range(0, count, 6) if quick else range(count)
+    single = referee.judge(
+        f"ours, one run a channel ({len(chosen)} of {count})",
+        lambda _: by_single_channels(room, folder, chosen),
+        bands=chosen,
+    )
+    single = replace(single, seconds=single.seconds * count / len(chosen))
+    return {"ours, rgb": [rgb, rgb], "ours, one run a channel": [single, single]}
+
+
+def compare(room: Room, folder: Path, *, quick: bool, own_ways: bool = True) -> None:
+    """Print the methods' errors and times in a room; with our other ways to a map unless they take too long."""
     scene = write_room(room, folder / "native")
     print(f"\n{room.name}: {len(room.scan.faces)} triangles, {len(room.points)} sensors; reference ...", flush=True)
     referee = Referee(room, scene, quick=quick)
@@ -159,17 +174,7 @@ def compare(room: Room, folder: Path, *, quick: bool) -> None:
         )
         for noise in ("standard", "fine")
     ]
-    classic = write_room(room, folder / "rgb", mode="rgb")
-    rgb = referee.judge("ours, rgb (5 passes)", lambda _: traced(classic, room.points, "standard", seed=2))
-    count = len(room.bands)
-    chosen = range(0, count, 6) if quick else range(count)
-    single = referee.judge(
-        f"ours, one run a channel ({len(chosen)} of {count})",
-        lambda _: by_single_channels(room, folder, chosen),
-        bands=chosen,
-    )
-    single = replace(single, seconds=single.seconds * count / len(chosen))
-    others = {"ours, rgb": [rgb, rgb], "ours, one run a channel": [single, single]}
+    others = _other_ways(room, folder, referee, quick=quick) if own_ways else {}
     if find_spec("mitsuba") is not None:
         for stratified in (True, False):
             for cells in MITSUBA_CELLS:  # compiles its kernels, one for each number, which is not counted
@@ -271,7 +276,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="44 sensors, short tables")
     parser.add_argument(
-        "--only", choices=("methods", "leads", "cache", "growth", "memory"), help="one part of the benchmark"
+        "--only",
+        choices=("methods", "mitsuba", "leads", "cache", "growth", "memory"),
+        help="one part of the benchmark; 'mitsuba' is 'methods' without our other ways to a map, which take long",
     )
     parser.add_argument("--room", choices=tuple(ROOMS), help="one of the rooms, for methods and cache")
     options = parser.parse_args()
@@ -285,8 +292,8 @@ def main() -> None:
                 memory(quick=options.quick)
             elif part == "leads":
                 print_leads(office_room(count), Path(name))
-            for room in rooms if part == "methods" else ():
-                compare(room, Path(name) / room.name, quick=options.quick)
+            for room in rooms if part in ("methods", "mitsuba") else ():
+                compare(room, Path(name) / room.name, quick=options.quick, own_ways=part == "methods")
             for room in rooms if part == "cache" else ():
                 compare_cache(room, Path(name) / room.name)
 
