@@ -1,6 +1,7 @@
 """What a map costs: time to 1 % and 0.5 % error by our trace and by other ways, what each idea buys, how cost grows.
 
-    python -m research.benchmarks.trace [--quick] [--only methods|mitsuba|leads|cache|growth|memory] [--room coarse|office|two]
+    python -m research.benchmarks.trace [--quick] [--only methods|mitsuba|leads|cache|growth|memory]
+                                        [--room coarse|office|two]
 
 Three cases: a furnished room of 3 m x 3 m x 2.7 m of few large triangles, and the package's scanned office, under two
 panels each; and two bare rooms with a door between them, a panel in one and the sensors in the other. The 14 channels
