@@ -50,6 +50,8 @@ class Scattering:
         Whether it is exactly Lambertian and opaque, so that its reflectance is sufficient.
     reflectance : (material, slot) float
         In the engine's order; 0 for those that are not diffuse. [0-1]
+    diffuse_part : (material, slot) float
+        The same, and of surfaces that gleam what they reflect alike in all directions. [0-1]
     transmissivity : (material,) float
         Of one passage through a pane of glass; 0 for all others. [1]
     """
@@ -57,6 +59,7 @@ class Scattering:
     is_matt: BoolArray
     is_diffuse: BoolArray
     reflectance: FloatArray
+    diffuse_part: FloatArray
     transmissivity: FloatArray
 
     @property
@@ -444,9 +447,17 @@ def read_scattering(names: Sequence[str], path: Path) -> Scattering:
     gloss = np.array([plastics[name][1] if name in plastics else np.inf for name in names] + [np.inf])
     slots = max((color.size for color, _ in plastics.values()), default=1)
     reflectance = np.zeros((len(names) + 1, slots))
-    for row in np.flatnonzero(gloss == 0.0):
-        reflectance[row] = plastics[names[int(row)]][0]
+    diffuse_part = np.zeros_like(reflectance)
+    for row in np.flatnonzero(np.isfinite(gloss)):
+        diffuse_part[row] = (1.0 - gloss[row]) * plastics[names[int(row)]][0]
+    reflectance[gloss == 0.0] = diffuse_part[gloss == 0.0]
     is_matt = gloss <= MAX_POOLED_GLOSS
     is_matt[-1] = True  # paths end on lamps, from any direction
     clear = np.array([glass.get(name, 0.0) for name in names] + [0.0])
-    return Scattering(is_matt=is_matt, is_diffuse=gloss == 0.0, reflectance=reflectance, transmissivity=clear)
+    return Scattering(
+        is_matt=is_matt,
+        is_diffuse=gloss == 0.0,
+        reflectance=reflectance,
+        diffuse_part=diffuse_part,
+        transmissivity=clear,
+    )

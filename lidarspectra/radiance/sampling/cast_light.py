@@ -40,6 +40,7 @@ NEAR_REFLECTED = 1.0  # the same for where its rays arrive
 NEAR_RAYS = 64  # of each kind, for a sensor's one sample
 MOST_RAYS, SHARED_RAYS = 16, 64  # of one sample to a lamp farther off: the most, and of all lamps together
 LEAST_DIFFUSE = 0.5  # [1] of the surfaces' area, below which the engine takes all light reflected once
+ONE_IN = 4  # rays on surfaces that gleam are followed by the engine
 RAYS_AT_ONCE = 100_000  # bounds memory
 GOLDEN = (5**0.5 - 1) / 2
 
@@ -56,7 +57,7 @@ class CastLight:
         The pass's lamps, in the order of its results.
     surfaces : Surfaces
     reflectance : (material, slot) float
-        Of the surfaces, in the order of the pass's slots. [0-1]
+        Diffuse part of the surfaces', in the order of the pass's slots. [0-1]
     flux : (lamp, slot) float
         Spectral flux of the pass's lamps. [any unit]
     """
@@ -74,7 +75,7 @@ class CastLight:
         if not shining:
             return None
         of_pass = surfaces[scene_pass.name]
-        reflectance = of_pass.scattering.reflectance
+        reflectance = of_pass.scattering.diffuse_part
         if reflectance.shape[1] == scene_pass.slot_count:  # else nothing is matt
             reflectance = scene_pass.group.from_engine(reflectance)
         return cls(
@@ -134,20 +135,22 @@ class CastLight:
         """Estimate the light reflected once; as `direct`, for all lamps of the pass, which have to be cast.
 
         Of a sample, one ray is sent in a direction that the sensor draws for itself, and one from there to each lamp.
-        Rays that arrive on what is not matt are left to the engine.
+        Rays that arrive on what is not matt are left to the engine; of those on a surface that gleams a few, whose
+        difference from the surface's diffuse part counts for all.
         """
         found = np.empty((sets, len(self.lamps), len(points), self.flux.shape[1]))
-        left, owner = [], []
+        left, owner, weights = [], [], []
         chunk = max(1, RAYS_AT_ONCE // (sets * size))
         for first in range(0, len(points), chunk):
             part = points[first : first + chunk]
             rays = sensors.draw_rays(part, sets=sets, count=size, generator=generator).reshape(-1, 6)
-            irradiance, reflectance, is_left = self._arriving(rays, generator=generator)
+            irradiance, reflectance, weight = self._arriving(rays, generator=generator)
             shape = (len(part), sets, size)
             light = irradiance.reshape(*shape, -1).swapaxes(2, 3) @ reflectance.reshape(*shape, -1)
             found[:, :, first : first + chunk] = light.transpose(1, 2, 0, 3) / size
-            where = np.flatnonzero(is_left)
+            where = np.flatnonzero(weight)
             left.append(rays[where])
+            weights.append(weight[where] * (sensors.receptor.measure_sr / size))
             owner.append(np.stack([where // size % sets, first + where // (size * sets)], axis=1))
         found *= sensors.receptor.measure_sr / np.pi * self.flux[None, :, None]
         rays = np.concatenate(left)
@@ -155,7 +158,7 @@ class CastLight:
             estimates=found,
             rays=rays,
             owner=np.concatenate(owner),
-            weight=sensors.receptor.measure_sr / size,
+            weight=np.concatenate(weights),
             missing=len(rays),
         )
 
@@ -185,8 +188,8 @@ class CastLight:
 
     def _arriving(
         self, rays: FloatArray, *, generator: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Direct light where rays arrive on matt surfaces.
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Direct light where rays arrive, as far as it is reflected alike in all directions.
 
         Parameters
         ----------
@@ -199,13 +202,19 @@ class CastLight:
             Over the lamp's flux. [m⁻²]
         reflectance : (ray, slot) float
             [1]
-        is_left : (ray,) bool
-            Those that arrive on something else, where both are 0.
+        weight : (ray,) float
+            By which the engine's answer for the ray counts, 0 of those that it is not asked for. Where it counts for
+            several, the irradiance is less by as many: w (L - D) + D, D being the diffuse part. [1]
         """
         at = self.surfaces.shaded_arrivals(rays)
         dark = self.surfaces.are_dark(at.arrivals)
-        is_left = ~dark & ~self.surfaces.scattering.is_diffuse[at.arrivals.material]
-        lit = np.flatnonzero(~dark & ~is_left)
+        material = at.arrivals.material
+        has_part = (self.reflectance > 0).any(axis=1)
+        gleams: BoolArray = ~dark & ~self.surfaces.scattering.is_diffuse[material]
+        weight = np.where(gleams, 1.0, 0.0)
+        gleams = gleams & has_part[material]
+        weight[gleams] = ONE_IN * (generator.random(int(gleams.sum())) * ONE_IN < 1.0)
+        lit = np.flatnonzero(~dark & has_part[material])
         places, normals = at.arrivals.places[lit], at.shading_normals[lit]
         irradiance = np.zeros((len(rays), len(self.lamps)))
         for shining in self.shining:
@@ -223,8 +232,9 @@ class CastLight:
                 )
                 irradiance[lit[where], row] += values.sum(axis=1)
         reflectance = np.zeros((len(rays), self.reflectance.shape[1]))
-        reflectance[lit] = self.reflectance[at.arrivals.material[lit]]
-        return irradiance, reflectance, is_left
+        reflectance[lit] = self.reflectance[material[lit]]
+        irradiance[gleams] *= 1.0 - weight[gleams, np.newaxis]
+        return irradiance, reflectance, weight
 
 
 @dataclass(kw_only=True, eq=False)
@@ -239,7 +249,7 @@ class ReflectedOnce:
         That arrive on what is not matt.
     owner : (ray, 2) int
         Set and point of each.
-    weight : float
+    weight : (ray,) float
         By which a ray's radiance counts. [sr]
     missing : int
         Rays without an answer so far.
@@ -248,13 +258,14 @@ class ReflectedOnce:
     estimates: FloatArray = field(repr=False)
     rays: FloatArray = field(repr=False)
     owner: IntArray = field(repr=False)
-    weight: float
+    weight: FloatArray = field(repr=False)
     missing: int
 
     def take(self, part: slice, radiance: FloatArray) -> None:
         """Add the engine's (ray, lamp, slot) radiance along some of the rays."""
-        for (number, point), light in zip(self.owner[part].tolist(), radiance, strict=True):
-            self.estimates[number, :, point] += self.weight * light
+        weighed = self.weight[part, np.newaxis, np.newaxis] * radiance
+        for (number, point), light in zip(self.owner[part].tolist(), weighed, strict=True):
+            self.estimates[number, :, point] += light
         self.missing -= len(radiance)
 
 

@@ -55,7 +55,9 @@ def test_materials_are_matt_unless_they_gleam_or_pass_light(materials) -> None:
 
 
 def test_reflectances_of_diffuse_materials_stand_as_the_engine_answers_the_longest_wavelength_first(materials) -> None:
-    assert read_scattering(["e", "a"], materials).reflectance.tolist() == [[0.6, 0.5, 0.4], [0.0] * 3, [0.0] * 3]
+    found = read_scattering(["e", "a"], materials)
+    assert found.reflectance.tolist() == [[0.6, 0.5, 0.4], [0.0] * 3, [0.0] * 3]
+    assert found.diffuse_part == pytest.approx(np.array([[0.6, 0.5, 0.4], [0.294, 0.196, 0.098], [0.0] * 3]))
 
 
 @pytest.mark.parametrize("text", [None, MATERIALS[:-6], MATERIALS.replace("glass d", "glass f"), "void plastic d 0 0"])

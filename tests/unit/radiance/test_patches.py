@@ -37,6 +37,7 @@ def surfaces(*walls: tuple[float, float, float, float]) -> Surfaces:
             is_matt=np.array([True, True]),
             is_diffuse=np.array([True, False]),
             reflectance=np.array([[0.7], [0.0]]),
+            diffuse_part=np.array([[0.7], [0.0]]),
             transmissivity=np.zeros(2),
         ),
         cell_m=0.75,

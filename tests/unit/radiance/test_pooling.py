@@ -23,6 +23,7 @@ class Box:
                 is_matt=np.array([matt, matt, True]),
                 is_diffuse=np.array([diffuse, diffuse, False]),
                 reflectance=np.array([*REFLECTANCES, 0.0])[:, None] * diffuse,
+                diffuse_part=np.array([*REFLECTANCES, 0.0])[:, None],
                 transmissivity=np.zeros(3),
             ),
             cell_m=0.6,
