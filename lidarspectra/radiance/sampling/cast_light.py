@@ -209,10 +209,10 @@ class CastLight:
         at = self.surfaces.shaded_arrivals(rays)
         dark = self.surfaces.are_dark(at.arrivals)
         material = at.arrivals.material
-        has_part = (self.reflectance > 0).any(axis=1)
-        gleams: BoolArray = ~dark & ~self.surfaces.scattering.is_diffuse[material]
+        has_part: BoolArray = (self.reflectance > 0).any(axis=1)
+        gleams = np.asarray(~dark & ~self.surfaces.scattering.is_diffuse[material], dtype=np.bool_)
         weight = np.where(gleams, 1.0, 0.0)
-        gleams = gleams & has_part[material]
+        gleams = np.asarray(gleams & has_part[material], dtype=np.bool_)
         weight[gleams] = ONE_IN * (generator.random(int(gleams.sum())) * ONE_IN < 1.0)
         lit = np.flatnonzero(~dark & has_part[material])
         places, normals = at.arrivals.places[lit], at.shading_normals[lit]
