@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.lamps.surfaces import Circle, Rectangle, Sphere
 from lidarspectra.radiance.sampling.arrivals import Surfaces
 from lidarspectra.radiance.sampling.receptors import cosine_directions, tangents
@@ -209,7 +209,7 @@ class CastLight:
         at = self.surfaces.shaded_arrivals(rays)
         dark = self.surfaces.are_dark(at.arrivals)
         material = at.arrivals.material
-        has_part: BoolArray = (self.reflectance > 0).any(axis=1)
+        has_part = np.asarray((self.reflectance > 0).any(axis=1), dtype=np.bool_)
         gleams = np.asarray(~dark & ~self.surfaces.scattering.is_diffuse[material], dtype=np.bool_)
         weight = np.where(gleams, 1.0, 0.0)
         gleams = np.asarray(gleams & has_part[material], dtype=np.bool_)
