@@ -18,6 +18,7 @@ from lidarspectra.mapping.design.problem import Aim, Problem
 
 TIME_LIMIT_S = 60.0  # [s] of one program; after it the best that was found counts, and how far it may be from the best
 MET = 1e-6  # [1] of a limit's scale: the solver's own tolerance
+WIDER = (MET, 1e-5, 1e-4)  # [1] of a limit's scale, in turn: at the edge of what is possible HiGHS may end in an error
 SAME = 1e-3  # [1] of what is wanted: deviation of aims that is given away for fewer watts
 MAX_FACTOR = 100.0  # [1] on the lamps' flux, up to which more flux is looked for
 OUT_OF_TIME = 1  # status of `milp`
@@ -89,7 +90,7 @@ def solve(problem: Problem, *, time_limit_s: float = TIME_LIMIT_S) -> Solution:
     found = program.best(slack)
     if found is None:
         slack = program.least_slack()
-        found = program.best(slack + MET)
+        found = next(filter(None, (program.best(slack + wider) for wider in WIDER)), None)
     if found is None:
         raise MapError(
             expected="a design that is possible at all",

@@ -113,9 +113,11 @@ def test_kinds_survive_repair_decimation_and_the_disk(tmp_path: Path) -> None:
     scan = replace(raw, vertices=fine[0], faces=fine[1], appearance=raw.appearance.select(fine[2]))
     small = repair_scan(scan, max_faces=300)
     assert len(small.faces) <= 300
-    for kind in ("wall", "floor", "table"):
+    # Thin parts too; a door's foot touches the wall, and a triangle over both is one of them.
+    parts = {"wall": 0.01, "floor": 0.01, "table": 0.01, "window": 0.01, "storage": 0.01, "chair": 0.01, "door": 0.15}
+    for kind, tolerance in parts.items():
         area = scan.areas[scan.appearance.of_kind(kind)].sum()
-        assert small.areas[small.appearance.of_kind(kind)].sum() == pytest.approx(area, rel=0.05)
+        assert small.areas[small.appearance.of_kind(kind)].sum() == pytest.approx(area, rel=tolerance), kind
     save_scan(small, tmp_path / "kept")
     back = load_scan(tmp_path / "kept").appearance
     assert back.kinds == small.appearance.kinds
