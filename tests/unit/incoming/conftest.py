@@ -9,7 +9,7 @@ import pytest
 
 from lidarspectra.hardware.incoming.arrivals import Arrival, Inbox, Notice, Source
 
-PATIENCE_S = 15.0  # [s] for a loaded machine
+PATIENCE_S = 60.0  # [s] for a loaded machine
 
 
 class Heard:

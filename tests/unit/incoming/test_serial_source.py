@@ -34,7 +34,7 @@ def test_readings_arrive_as_light_and_stay_in_the_log(tmp_path: Path, running) -
 @BY_A_DEVICE
 @pytest.mark.slow
 def test_a_sensor_that_is_unplugged_is_told_of_once_and_read_again_when_it_is_back(tmp_path: Path, running) -> None:
-    plan = FaultPlan(kinds=("disconnect",), rate=0.1, disconnect_s=15.0, seed=1)  # three quarters of a second of ours
+    plan = FaultPlan(kinds=("disconnect",), rate=0.1, disconnect_s=100.0, seed=1)  # up to five seconds of ours
     wire = FaultyWire(SketchBoard(), plan)
     with EmulatorServer(wire, speed=SPEED) as server:
         source = SerialSource(
