@@ -6,8 +6,8 @@ records with little more than pyserial and NumPy.
 
 import typer
 
-from lidarspectra.cli import sensor_calibrating, sensor_logs, sensor_recording
+from lidarspectra.cli import sensor_calibrating, sensor_logs, sensor_recording, sensor_show
 
 app = typer.Typer(no_args_is_help=True, help="The AS7265x spectral sensor: check, record, calibrate, place in a room.")
-for part in (sensor_recording, sensor_logs, sensor_calibrating):
+for part in (sensor_recording, sensor_show, sensor_logs, sensor_calibrating):
     app.registered_commands += part.app.registered_commands

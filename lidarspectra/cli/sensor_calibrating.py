@@ -10,6 +10,7 @@ from rich.table import Table
 from lidarspectra.cli.sensor_options import (
     GainOption,
     IntegrationOption,
+    SensorOption,
     calibration_named,
     settings_given,
 )
@@ -47,6 +48,7 @@ def calibrate(
     at: Annotated[
         tuple[float, float, float] | None, typer.Option(help="The sensor's place x y z (m), for --field.")
     ] = None,
+    sensor: SensorOption = None,
     gain: GainOption = None,
     integration: IntegrationOption = None,
 ) -> None:
@@ -62,12 +64,12 @@ def calibrate(
         if simulated is None or at is None:
             raise typer.BadParameter("--field goes with --map and --at")
         light, distance = simulated_light_at(simulated, at)
-        readings = readings_from_csv(field, settings=settings_given(gain, integration))
+        readings = readings_from_csv(field, settings=settings_given(gain, integration), sensor=sensor)
         fitted = field_calibration(readings, light, name=name, device=device)
         say(f"The map's nearest point is {distance:.2f} m away.")
     else:
         fitted = _lamp_calibration(
-            name, device, lamp or [], dark or [], unit, uncertainty, settings_given(gain, integration)
+            name, device, lamp or [], dark or [], unit, uncertainty, settings_given(gain, integration), sensor
         )
     _show(save_calibration(fitted))
 
@@ -80,6 +82,7 @@ def _lamp_calibration(
     unit: str | None,
     uncertainty: float,
     settings: "SensorSettings | None",
+    sensor: str | None,
 ) -> "Calibration":
     import numpy as np
 
@@ -96,13 +99,13 @@ def _lamp_calibration(
         log, separator, spectrum = pair.rpartition("=")
         if not separator:
             raise typer.BadParameter(f"'{pair}' is not of the form LOG=SPECTRUM")
-        readings = readings_from_csv(Path(log), settings=settings)
+        readings = readings_from_csv(Path(log), settings=settings, sensor=sensor)
         kind = kind or best_signal(readings)
         gain, time_ms = settings_of(readings)
         reference = reference_from_file(Path(spectrum), unit=unit)
         observations.append(observe(readings, reference, name=Path(spectrum).stem, kind=kind, uncertainty=uncertainty))
     for path in dark:
-        readings = readings_from_csv(path, settings=settings)
+        readings = readings_from_csv(path, settings=settings, sensor=sensor)
         observations.append(observe(readings, np.zeros(18), name=f"dark {path.stem}", kind=kind, uncertainty=0.0))
     assert kind is not None  # there is a lamp
     if len(lamps) > 1:

@@ -1,22 +1,23 @@
-"""`lidarspectra sensor show | convert | join | rehearse | cells`: commands on recorded logs."""
+"""`lidarspectra sensor convert | join | rehearse | cells`: commands on recorded logs."""
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 from lidarspectra.cli.sensor_options import (
     CalibrationOption,
+    ColumnsOption,
     GainOption,
     HeaderOption,
     IntegrationOption,
     LogArgument,
+    SensorOption,
     calibration_named,
+    columns_given,
     settings_given,
 )
-from lidarspectra.cli.terminal import console, say
+from lidarspectra.cli.terminal import print_note, say
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -27,67 +28,31 @@ app = typer.Typer()
 
 
 @app.command()
-def show(log: LogArgument, header: HeaderOption = None) -> None:
-    """Print what a log holds: layout, channel order, times, gaps, saturation."""
-    import numpy as np
-
-    from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, FLAG_SATURATED
-    from lidarspectra.hardware.sensor.identify import order_by_user
-    from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
-
-    held = read_sensor_log(log, order=order_by_user(header) if header is not None else None)
-    readings = held.readings
-    for key, value in readings.attrs.items():
-        say(f"{key}: {value}")
-    times = readings["unix_s"].to_numpy()
-    if np.isfinite(times).any():
-        first, last = float(np.nanmin(times)), float(np.nanmax(times))
-        stamp = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(first))
-        say(f"{readings.sizes['reading']} readings from {stamp} UTC over {(last - first) / 60:.1f} minutes")
-    else:
-        say(f"{readings.sizes['reading']} readings without times")
-    for name in ("gain", "integration_ms"):
-        values = readings[name].to_numpy()
-        known = np.unique(values[np.isfinite(values)])
-        say(f"{name}: {', '.join(f'{value:g}' for value in known) or 'unknown'}")
-    saturated = (readings["flag"].to_numpy() & FLAG_SATURATED).astype(bool).sum(axis=0)
-    table = Table("nm", "count, median", "module value, median", "saturated", box=None, header_style="bold")
-    for c, label in enumerate(CHANNEL_LABELS):
-        medians = [_median(readings[name].to_numpy()[:, c]) for name in ("counts", "module_value")]
-        table.add_row(label, *medians, str(saturated[c] or ""))
-    console.print(table)
-    for reason, group in held.gaps.groupby("reason"):
-        lasted = (group["unix_s"] - group["since_unix_s"]).sum()
-        say(f"{len(group)} gaps, {lasted:.1f} s, {group['lost'].sum()} readings known to be lost: {reason}")
-
-
-def _median(values: "ArrayLike") -> str:
-    import numpy as np
-
-    array = np.asarray(values, dtype=np.float64)
-    known = array[np.isfinite(array)]
-    return f"{np.median(known):g}" if known.size else ""
-
-
-@app.command()
 def convert(
     log: LogArgument,
     out: Annotated[Path, typer.Option("--out", metavar="TABLE.csv", show_default=False)],
     calibration: CalibrationOption = None,
     header: HeaderOption = None,
+    columns: ColumnsOption = None,
+    sensor: SensorOption = None,
     gain: GainOption = None,
     integration: IntegrationOption = None,
 ) -> None:
     """Convert a log of any known layout into one table: counts, settings, spectral irradiance and its uncertainty."""
     from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
     from lidarspectra.hardware.sensor.identify import order_by_user
-    from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
+    from lidarspectra.hardware.sensor.log_layouts import one_sensor, read_sensor_log
     from lidarspectra.hardware.sensor.readings import write_readings
 
     order = order_by_user(header) if header is not None else None
-    readings = readings_from_csv(log, order=order, settings=settings_given(gain, integration))
+    held = read_sensor_log(log, order=order, settings=settings_given(gain, integration), columns=columns_given(columns))
+    readings = held.readings
+    if sensor is not None or calibration is not None:  # a calibration is of one device
+        readings = one_sensor(readings, sensor, where=str(log))
     light = spectral_irradiance(readings, calibration_named(calibration))
     write_readings(readings, out, light=light)
+    for note in str(readings.attrs.get("notes", "")).splitlines():
+        print_note(note)
     say(f"{out}: {readings.sizes['reading']} readings, E in W/m²/nm by {light.attrs['calibration']}")
 
 
@@ -123,6 +88,8 @@ def join(
         float | None, typer.Option(metavar="M", help="Largest distance of a reading from its location.")
     ] = None,
     calibration: CalibrationOption = None,
+    columns: ColumnsOption = None,
+    sensor: SensorOption = None,
     gain: GainOption = None,
     integration: IntegrationOption = None,
 ) -> None:
@@ -136,7 +103,10 @@ def join(
     from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
     from lidarspectra.hardware.sensor.readings import write_readings
 
-    readings = readings_from_csv(log, settings=settings_given(gain, integration))
+    settings = settings_given(gain, integration)
+    readings = readings_from_csv(log, settings=settings, columns=columns_given(columns), sensor=sensor)
+    for note in str(readings.attrs.get("notes", "")).splitlines():
+        print_note(note)
     light = spectral_irradiance(readings, calibration_named(calibration))
     alignment = None
     if align is not None:
@@ -201,6 +171,8 @@ def cells(
     dark: Annotated[float, typer.Option(help="Count with the cell covered.")] = 0.0,
     open_circuit: Annotated[float | None, typer.Option(help="Its open-circuit voltage (V), for a check.")] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="CURRENTS.csv")] = None,
+    columns: ColumnsOption = None,
+    sensor: SensorOption = None,
 ) -> None:
     """Compute currents of solar cells from the counts of an A/D converter."""
     from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
@@ -214,7 +186,7 @@ def cells(
         dark_count=dark,
         open_circuit_volt=open_circuit,
     )
-    readings = readings_from_csv(log)
+    readings = readings_from_csv(log, columns=columns_given(columns), sensor=sensor)
     if "adc" not in readings:
         from lidarspectra.errors import ReadingError
 

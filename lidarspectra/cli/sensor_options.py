@@ -21,6 +21,18 @@ HeaderOption = Annotated[
         "--header", metavar="A,B,...", help="Channel letters in the order of the columns, if the log has no header."
     ),
 ]
+ColumnsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--columns",
+        metavar="NAME=MEANING,...",
+        help="What columns mean: time, time_ms, sensor, label, a channel (410 or its letter), cell_1, ignore.",
+        show_default=False,
+    ),
+]
+SensorOption = Annotated[
+    str | None, typer.Option("--sensor", metavar="NAME", help="Which sensor of a log of several.", show_default=False)
+]
 GainOption = Annotated[float | None, typer.Option("--gain", help="Gain: 1, 3.7, 16 or 64.")]
 IntegrationOption = Annotated[
     float | None, typer.Option("--integration", metavar="MS", help="Integration time, 2.8 to 714 ms.")
@@ -40,6 +52,13 @@ def settings_given(gain: float | None, integration: float | None) -> "SensorSett
         gain if gain is not None else DEFAULT_SETTINGS.gain,
         integration if integration is not None else DEFAULT_SETTINGS.integration_ms,
     )
+
+
+def columns_given(text: str | None) -> dict[str, str] | None:
+    """What the user calls columns, or None."""
+    from lidarspectra.hardware.sensor.log_columns import columns_by_user
+
+    return None if text is None else columns_by_user(text)
 
 
 def wishes_given(rate: float, header: str | None, gain: float | None, integration: float | None) -> "Wishes":

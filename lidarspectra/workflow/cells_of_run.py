@@ -10,7 +10,7 @@ import xarray as xr
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LidarSpectraError, MapError, ReadingError
 from lidarspectra.geometry.scan import load_scan
-from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
+from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
 from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
 from lidarspectra.hardware.sensor.readings import best_signal, signal
 from lidarspectra.io.files import write_whole, writing
@@ -285,7 +285,7 @@ def ahead_in_log(log: Path, column: int, *, cell: Cell | None, share: float) -> 
     Parameters
     ----------
     log : Path
-        Of any layout that `read_sensor_log` knows.
+        Of any layout that `readings_from_csv` knows.
     column : int
         Which of the log's cells, from 1.
     cell : Cell or None
@@ -298,7 +298,7 @@ def ahead_in_log(log: Path, column: int, *, cell: Cell | None, share: float) -> 
     ReadingError
         If the log has no such cell, or is too short.
     """
-    readings = read_sensor_log(log).readings
+    readings = readings_from_csv(log)
     counts = readings["adc"].to_numpy() if "adc" in readings else np.zeros((0, 0))
     if counts.ndim != 2 or counts.shape[1] < column:
         raise ReadingError(

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ReadingError
-from lidarspectra.hardware.sensor.log_layouts import parse_time
+from lidarspectra.hardware.sensor.log_times import parse_time
 
 POSE_TYPES = {
     "nav_msgs/msg/Odometry": ("pose", "pose"),

@@ -1,20 +1,17 @@
 """Logs of the sensor, in several layouts, recognised by their headers and never by the position of a number.
 
 Known layouts: the log of this package's recorder; the table of `readings.write_readings`, and any CSV with named
-channels; text of the SparkFun examples as a terminal saves it, with or without the monitor's time stamps; the output of
-jdesbonnet's as7265x_util (unix time, ISO time, 18 counts, 18 module values: die by die, as its source reads the
-registers); the robot log of the LiDARSpectra authors, as lines of its sketch and as a table (by wavelength). A file of
-bare numbers is known only if it is one of those that were published with their order stated elsewhere.
+channels, of one sensor or of several (`log_tables`); exports with a row for each value (`log_series`); a capture of the
+module's AT firmware (`at_capture`); text of the SparkFun examples as a terminal saves it, with or without the monitor's
+time stamps; the output of jdesbonnet's as7265x_util (unix time, ISO time, 18 counts, 18 module values: die by die, as
+its source reads the registers); the robot log of the LiDARSpectra authors, as lines of its sketch and as a table (by
+wavelength). A file of bare numbers is known only if it is one of those that were published with their order stated
+elsewhere.
 """
 
-import csv
-import gzip
 import hashlib
-import io
 import re
-import zlib
-from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -29,18 +26,21 @@ from lidarspectra.hardware.sensor.as7265x import (
     UART_LETTERS,
     ChannelOrder,
     SensorSettings,
-    channel_letter,
     mask_counts,
     mask_module_values,
     order_from_header,
 )
+from lidarspectra.hardware.sensor.at_capture import at_capture
+from lidarspectra.hardware.sensor.log_series import value_rows
+from lidarspectra.hardware.sensor.log_tables import columns_seen, headed_table, how_to_name
+from lidarspectra.hardware.sensor.log_text import log_text, plain_rows, table_of, take_stamps
+from lidarspectra.hardware.sensor.log_times import parse_time, parse_times
 from lidarspectra.hardware.sensor.reading_log import CELLS, COUNT_COLUMNS, FORMAT_LINE, MODULE_COLUMNS, read_rows
 from lidarspectra.hardware.sensor.readings import SensorLog, make_readings
-from lidarspectra.hardware.sensor.sensor_records import Moment, Reading
+from lidarspectra.hardware.sensor.sensor_records import Moment, Reading, Trouble
 from lidarspectra.hardware.sensor.sketch_text import SketchTextDriver, split_row
 
 CELLS_APART_S = 2.0  # [s] largest time between a spectrum and the cell reading joined to it
-MAX_LOG_BYTES = 500_000_000  # a year at one reading a second is 15 GB: split before; this is what memory holds
 PUBLISHED: dict[str, str] = {
     "2504dbd310604fc84bb8970be3981b8737864202708748c92d1857d510b51739":
     "as7265x-20190111A.dat of jdesbonnet/as7265x, whose plot of it names the columns A to L by wavelength",
@@ -49,20 +49,29 @@ PUBLISHED: dict[str, str] = {
 _STAMPED = re.compile(r"(?P<time>\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(?:\.\d+)?),(?P<rest>.*)")
 _SOLAR = re.compile(r"solar (?P<cell>\d+):(?P<count>\d+)")
 _ROBOT_HEADER = ["date", *(f"wavelength{i}" for i in range(1, 19)), "solar1", "solar2", "solar3"]
-_TIME_NAMES = ("unix_s", "unix", "epoch", "timestamp", "time", "utc", "date", "datetime")
 
 
 def readings_from_csv(
-    path: Path, *, order: ChannelOrder | None = None, settings: SensorSettings | None = None
+    path: Path,
+    *,
+    order: ChannelOrder | None = None,
+    settings: SensorSettings | None = None,
+    columns: dict[str, str] | None = None,
+    sensor: str | None = None,
 ) -> xr.Dataset:
-    """Readings of any log that is known; see `read_sensor_log`."""
-    return read_sensor_log(path, order=order, settings=settings).readings
+    """Readings of one sensor from any log that is known; see `read_sensor_log` and `one_sensor`."""
+    log = read_sensor_log(path, order=order, settings=settings, columns=columns)
+    return one_sensor(log.readings, sensor, where=str(path))
 
 
 def read_sensor_log(
-    path: Path, *, order: ChannelOrder | None = None, settings: SensorSettings | None = None
+    path: Path,
+    *,
+    order: ChannelOrder | None = None,
+    settings: SensorSettings | None = None,
+    columns: dict[str, str] | None = None,
 ) -> SensorLog:
-    """Read a log of the sensor.
+    """Read a log, of one sensor or of several.
 
     Parameters
     ----------
@@ -72,49 +81,93 @@ def read_sensor_log(
         Channel order of rows without a header, given by the user.
     settings : SensorSettings, optional
         Gain and integration time, given by the user for logs that do not contain them.
+    columns : dict, optional
+        What the user calls columns, by the names in the log; see `log_columns.columns_by_user`.
 
     Returns
     -------
     log : SensorLog
+        With several sensors its readings have the coordinate `sensor`; the attribute `notes` holds what was left out or
+        assumed, one sentence a line.
 
     Raises
     ------
     ReadingError
         If it cannot be read, holds no reading, or does not state which number is which channel.
     """
-    text = _text(path)
-    for layout in (_own_log, _robot_lines, _utility, _headed_table, _sketch_text, _published):
-        found = layout(text, path)
-        if found is not None:
-            return _with_settings(found, settings)
-    if order is not None:
-        return _with_settings(_bare(text, order, path), settings)
+    text = log_text(path)
+    if columns is None:
+        for layout in (_own_log, _robot_lines, _robot_table, _utility):
+            known = layout(text, path)
+            if known is not None:
+                return _with_settings(known, settings)
+    text, stamps = take_stamps(text)
+    found = _by_its_words(text, path, stamps, columns)
+    if found is None:
+        plain = plain_rows(text)
+        found = _sketch_text(plain, path, stamps) or (_published(text, path) if stamps is None else None)
+    if found is None and order is not None:
+        found = _bare(plain, order, path, stamps)
+    if found is not None:
+        return _with_settings(found, settings)
     first = next((line for line in text.splitlines() if line.strip()), "")
+    seen = columns_seen(text)
     raise ReadingError(
         expected="a log that names its channels in a header, or one of a known layout",
-        found=f"'{first[:80]}'" if first else "an empty file",
+        found=seen or (f"'{first[:80]}'" if first else "an empty file"),
         where=str(path),
-        todo="The order of the numbers cannot be known from the numbers. Give the channel letters in the order in which"
+        todo=how_to_name(text)
+        if seen is not None
+        else "The order of the numbers cannot be known from the numbers. Give the channel letters in the order in which"
         " the sketch printed them, as --header A,B,C,D,E,F,G,H,R,I,S,J,T,U,V,W,K,L.",
     )
 
 
-def _text(path: Path) -> str:
-    try:
-        if path.stat().st_size > MAX_LOG_BYTES:
-            raise ReadingError(
-                expected=f"a log of at most {MAX_LOG_BYTES // 1_000_000} MB",
-                found=f"{path.stat().st_size // 1_000_000} MB",
-                where=str(path),
-                todo="Split it into shorter logs.",
-            )
-        data = path.read_bytes()
-        if data.startswith(b"\x1f\x8b"):
-            with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
-                data = packed.read(MAX_LOG_BYTES + 1)
-    except (OSError, EOFError, zlib.error) as cause:  # a damaged gzip file is any of the three
-        raise ReadingError(expected="a readable log", found=str(cause), where=str(path)) from cause
-    return data.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+def _by_its_words(text: str, path: Path, stamps: list[str] | None, columns: dict[str, str] | None) -> SensorLog | None:
+    """A log by the names of its columns or series, or by the firmware's own words."""
+    table = headed_table(text, path, stamps=stamps, renamed=columns)
+    if table is None:
+        table = value_rows(text, path, renamed=columns)
+    if table is None:
+        table = at_capture(text, path, stamps=stamps)
+    return None if table is None else _log(table)
+
+
+def one_sensor(readings: xr.Dataset, name: str | None = None, *, where: str = "log") -> xr.Dataset:
+    """The readings of one sensor.
+
+    Parameters
+    ----------
+    readings : xarray.Dataset
+        Of a log.
+    name : str, optional
+        Of the sensor; needed where there are several.
+    where : str
+        For errors.
+
+    Raises
+    ------
+    ReadingError
+        If there are several and none is named, or the named one is not there.
+    """
+    names = sensors_of(readings)
+    if name is None and len(names) <= 1:
+        return readings
+    if name is None or name not in names:
+        raise ReadingError(
+            expected="one sensor" if name is None else f"a sensor '{name}'",
+            found=f"{len(names)} in the log: {', '.join(names[:30])}" if names else "a log that names none",
+            where=where,
+            todo="Choose one with --sensor NAME." if names else "Leave --sensor out.",
+        )
+    return readings.isel(reading=np.flatnonzero(readings["sensor"].to_numpy() == name))
+
+
+def sensors_of(readings: xr.Dataset) -> tuple[str, ...]:
+    """Names of the sensors in a log, in the order in which they come; none where the log names none."""
+    if "sensor" not in readings.coords:
+        return ()
+    return tuple(dict.fromkeys(readings["sensor"].to_numpy().astype(str).tolist()))
 
 
 def _with_settings(log: SensorLog, settings: SensorSettings | None) -> SensorLog:
@@ -144,18 +197,6 @@ def _float(text: str) -> float:
         return float(text)
     except ValueError:
         return float("nan")
-
-
-def parse_time(text: str) -> float:
-    """Seconds since 1970 of a time stamp, or NaN; without a zone it is taken as UTC."""
-    number = _float(text)
-    if np.isfinite(number):
-        return number / 1000.0 if number > 1e11 else number  # milliseconds since 1970 exceed 1e11 since 1973
-    try:
-        stamp = datetime.fromisoformat(text.strip())
-    except ValueError:
-        return float("nan")
-    return (stamp if stamp.tzinfo is not None else stamp.replace(tzinfo=UTC)).timestamp()
 
 
 def _own_log(text: str, path: Path) -> SensorLog | None:
@@ -251,6 +292,19 @@ def _robot(times: FloatArray, values: FloatArray, adc: FloatArray, path: Path, l
     return _log(make_readings(unix_s=times, module_value=module, flag=flags, adc=adc, attributes=attributes))
 
 
+def _robot_table(text: str, path: Path) -> SensorLog | None:
+    """The table of the LiDARSpectra authors' robot."""
+    table = table_of(text)
+    if table is None or list(table.names) != _ROBOT_HEADER:
+        return None
+    _require(len(table.rows), path)
+    values = np.array([[_float(cell) for cell in row[1:]] for row in table.rows])
+    times = np.array([parse_time(row[0]) for row in table.rows])
+    return _robot(
+        times, values[:, :CHANNEL_COUNT], values[:, CHANNEL_COUNT:], path, "robot table of the LiDARSpectra authors"
+    )
+
+
 def _utility(text: str, path: Path) -> SensorLog | None:
     """Rows of jdesbonnet's as7265x_util under a time stamp: two blocks of 18, the second the first times a factor."""
     rows = [line.split() for line in text.splitlines() if line.strip()]
@@ -286,103 +340,18 @@ def numbers_of(rows: list[list[str]], column: int) -> FloatArray:
     return np.array([_float(row[column]) for row in rows])
 
 
-def _headed_table(text: str, path: Path) -> SensorLog | None:
-    """A CSV with a header: ours, the robot's table, or anyone's that names channels among other columns."""
-    head, _, rest = text.partition("\n")
-    names = [name.strip().strip('"') for name in head.split(",")]
-    rows = [row for row in csv.reader(rest.splitlines()) if len(row) == len(names)]
-    if names == _ROBOT_HEADER:
-        _require(len(rows), path)
-        values = np.array([[_float(cell) for cell in row[1:]] for row in rows])
-        times = np.array([parse_time(row[0]) for row in rows])
-        return _robot(
-            times, values[:, :CHANNEL_COUNT], values[:, CHANNEL_COUNT:], path, "robot table of the LiDARSpectra authors"
-        )
-    counts = _channel_columns(names, lambda name: name.startswith(("count_", "counts_")))
-    module = _channel_columns(names, lambda name: name.startswith(("module_", "cal_", "calibrated_")))
-    plain = _channel_columns(names, lambda name: not name.startswith(("count", "module", "flag", "cal", "se_", "e_")))
-    others = [name for name in names if channel_letter(name.split("_")[-1]) is None]
-    if not (counts or module or (plain and others)):  # a header of channels only is the text of a sketch
-        return None
-    _require(len(rows), path)
-    table = {name: [row[i] for row in rows] for i, name in enumerate(names)}
-    if not counts and not module:
-        values = _columns(table, plain)
-        known = values[np.isfinite(values)]
-        counts, module = (plain, {}) if np.array_equal(known, np.rint(known)) else ({}, plain)
-    about = _about(path, "table with a header", "header: its column names")
-    return _log(_readings_of_columns(table, counts, module, about))
-
-
-def _readings_of_columns(
-    table: dict[str, list[str]], counts: dict[str, str], module: dict[str, str], about: dict[str, str]
-) -> xr.Dataset:
-    """Readings of a table by its columns' names; `counts` and `module` say which column has which channel."""
-    count = len(next(iter(table.values())))
-    masked, flags = mask_counts(_columns(table, counts))
-    modules, module_flags = mask_module_values(_columns(table, module))
-    if "flag_410" in table:
-        letters = _channel_columns(tuple(table), lambda name: name.startswith("flag_"))
-        flags = np.nan_to_num(_columns(table, letters)).astype(np.uint8)
-    elif not counts:
-        flags = module_flags
-    time_name = next((name for wanted in _TIME_NAMES for name in table if name.lower() == wanted), None)
-    cells = [name for name in table if re.fullmatch(r"(cell|solar)_?\d+", name)]
-
-    def column(*wanted: str) -> FloatArray:
-        name = next((name for name in wanted if name in table), None)
-        return np.full(count, np.nan) if name is None else np.array([_float(cell) for cell in table[name]])
-
-    return make_readings(
-        unix_s=[parse_time(cell) for cell in table[time_name]] if time_name is not None else np.full(count, np.nan),
-        counts=masked,
-        module_value=modules,
-        flag=flags,
-        gain=column("gain"),
-        integration_ms=column("integration_ms", "integration"),
-        temperature_c=np.stack([column(f"temperature_{i}_c") for i in (1, 2, 3)], axis=1),
-        adc=np.array([[_float(cell) for cell in table[name]] for name in cells]).T if cells else None,
-        position=np.stack([column("x"), column("y"), column("z")], axis=1),
-        attributes=about,
-    )
-
-
-def _channel_columns(names: Sequence[str], belongs: Callable[[str], bool]) -> dict[str, str]:
-    """Column name by channel letter, for the columns of one family; none unless six channels or more are named."""
-    found: dict[str, str] = {}
-    for name in names:
-        letter = channel_letter(
-            name.split("_", 1)[-1] if name.lower().startswith(("count", "module", "flag", "cal")) else name
-        )
-        if letter is None or not belongs(name.lower()):
-            continue
-        if letter in found:
-            return {}
-        found[letter] = name
-    return found if len(found) >= 6 else {}
-
-
-def _columns(table: dict[str, list[str]], names: dict[str, str]) -> FloatArray:
-    """(row, 18) values by wavelength, NaN for channels without a column."""
-    count = len(next(iter(table.values())))
-    values = np.full((count, CHANNEL_COUNT), np.nan)
-    for letter, name in names.items():
-        values[:, ASCENDING_LETTERS.index(letter)] = [_float(cell) for cell in table[name]]
-    return values
-
-
-def _sketch_text(text: str, path: Path) -> SensorLog | None:
+def _sketch_text(text: str, path: Path, stamps: list[str] | None) -> SensorLog | None:
     """Text of a sketch under its header, as a terminal saved it."""
-    lines = text.splitlines()
+    lines = text.split("\n")
     order = next(
         (order for line in lines if (order := order_from_header(line.split(","), where=line.strip()[:60]))), None
     )
-    return None if order is None else _from_rows(lines, order, path, "text of a sketch under its header")
+    return None if order is None else _from_rows(lines, stamps, order, path, "text of a sketch under its header")
 
 
-def _bare(text: str, order: ChannelOrder, path: Path) -> SensorLog:
-    lines = [re.sub(r"[ \t;]+", ",", line.strip()) for line in text.splitlines()]
-    return _from_rows(lines, order, path, "rows without a header")
+def _bare(text: str, order: ChannelOrder, path: Path, stamps: list[str] | None = None) -> SensorLog:
+    lines = [re.sub(r"[ \t;]+", ",", line.strip()) for line in text.split("\n")]
+    return _from_rows(lines, stamps, order, path, "rows without a header")
 
 
 def _published(text: str, path: Path) -> SensorLog | None:
@@ -392,19 +361,34 @@ def _published(text: str, path: Path) -> SensorLog | None:
     return _bare(text, ChannelOrder(letters=ASCENDING_LETTERS, said_by=f"published: {words}"), path)
 
 
-def _from_rows(lines: Sequence[str], order: ChannelOrder, path: Path, layout: str) -> SensorLog:
+def _from_rows(
+    lines: Sequence[str], stamps: list[str] | None, order: ChannelOrder, path: Path, layout: str
+) -> SensorLog:
     driver = SketchTextDriver(order=order, period_s=1.0, settings=None)
+    times = np.full(len(lines), np.nan)
+    notes: tuple[str, ...] = ("The log has no times.",)
+    if stamps is not None:
+        times, notes = parse_times(stamps, name="time stamps")
     readings: list[Reading] = []
+    damaged: list[str] = []
     for number, line in enumerate(lines):  # a file has no arrival times: rows stand a second apart, so none is a repeat
-        moment = Moment(unix_s=float("nan"), monotonic_s=float(number))
-        readings += [item for item in driver.receive(line.encode("utf-8") + b"\n", moment) if isinstance(item, Reading)]
+        moment = Moment(unix_s=float(times[number]), monotonic_s=float(number))
+        for item in driver.receive(line.encode("utf-8") + b"\n", moment):
+            if isinstance(item, Reading):
+                readings.append(item)
+            elif isinstance(item, Trouble) and item.reason == "damaged" and line.strip():
+                damaged.append(f"line {number + 1}: '{line.strip()[:40]}'")
     _require(len(readings), path)
+    if damaged:
+        notes = (*notes, f"{len(damaged)} lines are no rows of {len(order)} numbers; the first is {damaged[0]}.")
+    given = sum(bool(line.strip()) for line in lines)
     return _log(
         make_readings(
             unix_s=[reading.moment.unix_s for reading in readings],
             counts=[reading.counts for reading in readings],
             module_value=[reading.module_values for reading in readings],
             flag=[reading.flags for reading in readings],
-            attributes=_about(path, layout, order.said_by) | {"rows_left_out": str(len(lines) - len(readings))},
+            attributes=_about(path, layout, order.said_by)
+            | {"rows_left_out": str(given - len(readings)), "notes": "\n".join(notes)},
         )
     )

@@ -10,6 +10,8 @@ A table is an xarray Dataset with the dims reading, channel, die and, where cell
     adc             (reading, cell)     [count]  cells at the time of the reading
     unix_s          (reading,)          [s]      NaN where the log has no times
     x, y, z         (reading,)          [m]      NaN until placed (see `robot`)
+    sensor, label   (reading,)                   name of the sensor, place of a person: where the log has them
+    cell_temperature_c, angle_deg  (reading,)  [degC], [deg]  of a cell, where the log has them
     wavelength_nm, width_nm, letter, die_index (channel,)
 
 Channels are in order of wavelength; the attribute `order_said_by` names the source of the channel order.
@@ -260,7 +262,11 @@ def readings_table(readings: xr.Dataset, light: xr.Dataset | None = None) -> pd.
         basic_410 ..., basic_se_410 ... [1/ms], and cell_1 ... where there are cells.
     """
     names = ("unix_s", *POSITION, "gain", "integration_ms")
-    columns: dict[str, ArrayLike] = {name: readings[name].to_numpy() for name in names}
+    words = [name for name in ("sensor", "label") if name in readings.coords]
+    more = [name for name in ("cell_temperature_c", "angle_deg") if name in readings]
+    columns: dict[str, ArrayLike] = {
+        name: readings[name].to_numpy() for name in (*names[:1], *words, *names[1:], *more)
+    }
     columns |= {f"temperature_{i + 1}_c": readings["temperature_c"].to_numpy()[:, i] for i in range(len(DIES))}
     basic, basic_se = signal(readings, "basic counts")
     parts: list[tuple[str, ArrayLike]] = [

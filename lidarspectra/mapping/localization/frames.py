@@ -19,7 +19,7 @@ import xarray as xr
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import DeviceError, LidarSpectraError, MapError
 from lidarspectra.hardware.sensor.drivers import LineSplitter
-from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
+from lidarspectra.hardware.sensor.log_layouts import one_sensor, read_sensor_log, sensors_of
 from lidarspectra.hardware.sensor.reading_log import Entry, LogWriter
 from lidarspectra.hardware.sensor.recorder import RecordOptions, record
 from lidarspectra.hardware.sensor.sensor_records import Reading
@@ -124,7 +124,7 @@ def replay_logs(logs: Mapping[str, Path], *, period_s: float, max_age_s: float) 
     Parameters
     ----------
     logs : mapping of str to Path
-        By the sensor's name; see `log_layouts.read_sensor_log`.
+        By the sensor's name; see `log_layouts.read_sensor_log`. From a log of several the sensor of that name is taken.
     period_s : float
         Time between frames. [s]
     max_age_s : float
@@ -140,7 +140,8 @@ def replay_logs(logs: Mapping[str, Path], *, period_s: float, max_age_s: float) 
     assembler = FrameAssembler(tuple(logs), max_age_s=max_age_s)
     readings: list[tuple[float, str, FloatArray]] = []
     for name, path in logs.items():
-        log = read_sensor_log(path).readings
+        held = read_sensor_log(path).readings
+        log = one_sensor(held, name if len(sensors_of(held)) > 1 else None, where=f"{path}, for {name}")
         times = log["unix_s"].to_numpy()
         if not np.isfinite(times).all():
             raise MapError(expected="a log with times", found="readings without", where=str(path))

@@ -9,7 +9,8 @@ import pytest
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import ASCENDING_LETTERS, CHANNEL_LABELS, SensorSettings
 from lidarspectra.hardware.sensor.identify import order_by_user
-from lidarspectra.hardware.sensor.log_layouts import parse_time, read_sensor_log, readings_from_csv
+from lidarspectra.hardware.sensor.log_layouts import read_sensor_log, readings_from_csv
+from lidarspectra.hardware.sensor.log_times import parse_time
 
 ALPHABET = tuple(sorted(ASCENDING_LETTERS))  # the order of third sketches: A to L, R to W
 VALUES = {letter: 10.0 + i for i, letter in enumerate(ASCENDING_LETTERS)}

@@ -11,6 +11,7 @@ from typer.testing import CliRunner, Result
 
 from lidarspectra.cli.sensor import app
 from lidarspectra.errors import LidarSpectraError
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.virtual.emulator import AtModule, Device, SketchBoard
 from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
 from lidarspectra.hardware.virtual.faults import FaultyWire
@@ -117,3 +118,18 @@ def test_cells_give_currents(tmp_path: Path) -> None:
 def test_emulate_says_its_port_and_ends(tmp_path: Path) -> None:
     assert done("emulate", "module", "--duration", 0.1).startswith("socket://127.0.0.1:")
     assert call("emulate", "toaster").exit_code == 2
+
+
+def test_a_log_of_several_sensors_is_shown_sensor_by_sensor_and_drawn(tmp_path: Path) -> None:
+    log = tmp_path / "nodes.csv"
+    head = "time(ms),sensor_id," + ",".join(f"{label}" for label in CHANNEL_LABELS)
+    rows = [f"{1000 * i},n{i % 3}," + ",".join(str(50 + i % 7 + c) for c in range(18)) for i in range(60)]
+    log.write_text("\n".join([head, *rows]), encoding="utf-8")
+    told = done("show", log, "--plot", tmp_path / "log.png")
+    assert all(name in told for name in ("n0", "n1", "n2", "20"))
+    assert (tmp_path / "log.png").stat().st_size > 5000
+    one = done("show", log, "--sensor", "n1", "--plot", tmp_path / "one.png")
+    assert "20 readings" in one
+    assert "--sensor" in refused("cells", log, "--reference", 5, "--shunt", 100)
+    done("convert", log, "--out", tmp_path / "table.csv")
+    assert set(pd.read_csv(tmp_path / "table.csv")["sensor"]) == {"n0", "n1", "n2"}

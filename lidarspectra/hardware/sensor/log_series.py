@@ -1,0 +1,169 @@
+"""Logs with a row for each value: exports of Home Assistant's history, and of Grafana or InfluxDB by series.
+
+A row names a series (the entity, the field), a time and a value. Home Assistant writes a row only where a state has
+changed, so that a channel keeps its last state until the next, or until it is 'unavailable'. Rows of one sensor that
+follow each other within `TOGETHER_S` are one reading.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from lidarspectra.errors import ReadingError
+from lidarspectra.hardware.sensor.as7265x import ASCENDING_LETTERS, CHANNEL_COUNT, mask_counts, mask_module_values
+from lidarspectra.hardware.sensor.log_columns import (
+    MIN_CHANNELS,
+    ChannelColumn,
+    channel_column,
+    channels_of,
+    sensor_column,
+    time_column,
+)
+from lidarspectra.hardware.sensor.log_text import LogTable, numbers, table_of
+from lidarspectra.hardware.sensor.log_times import parse_times
+from lidarspectra.hardware.sensor.readings import make_readings
+
+TOGETHER_S = 0.5  # [s] a device publishes its 18 values within a tenth of a second, and once a second at most
+SERIES_NAMES = ("entity_id", "series", "metric", "_field", "field", "channel", "wavelength", "wavelength_nm", "name")
+VALUE_NAMES = ("state", "value", "_value", "reading")
+
+
+def value_rows(text: str, path: Path, *, renamed: dict[str, str] | None = None) -> xr.Dataset | None:
+    """Readings of a log with a row for each value, or None if it is none.
+
+    Raises
+    ------
+    ReadingError
+        If no sensor has six channels, or values are not to be told.
+    """
+    table = table_of(text, renamed)
+    if table is None or channels_of(table.names):
+        return None
+    names = {name.lower(): name for name in reversed(table.names)}
+    series = next((names[word] for word in SERIES_NAMES if word in names), None)
+    value = next((names[word] for word in VALUE_NAMES if word in names), None)
+    time = time_column(table.names)
+    if series is None or value is None or time is None:
+        return None
+    keeps_state = series.lower() == "entity_id"
+    told, left_out = _rows_of_channels(table, series)
+    if not told:
+        raise ReadingError(
+            expected="series that name channels, as 'sensor.desk_410nm'",
+            found=", ".join(sorted(set(table.column(series)))[:8]),
+            where=f"{path}, column '{series}'",
+            todo="Export the series of the sensor's channels; their names must end in the wavelength or the letter.",
+        )
+    times, notes = parse_times(table.column(time[0]), name=time[0], unit=time[1])
+    values, words = numbers(table.column(value), name=value, delimiter=table.delimiter)
+    about = {
+        "source": path.name,
+        "layout": "Home Assistant's history" if keeps_state else "a row for each value",
+        "order_said_by": f"log: its column '{series}'",
+    }
+    readings, few = _readings(told, times, values, keeps_state=keeps_state)
+    if readings is None:
+        raise ReadingError(
+            expected=f"{MIN_CHANNELS} channels of a sensor or more", found=", ".join(few), where=str(path)
+        )
+    notes = (*table.notes, *notes, *_notes(left_out, words, few, keeps_state=keeps_state))
+    readings.attrs |= {**about, "notes": "\n".join(notes)}
+    return readings
+
+
+def _rows_of_channels(table: LogTable, series: str) -> tuple[dict[int, ChannelColumn], dict[str, int]]:
+    """The channel of each row that has one, and how many rows each other series has."""
+    by_row = sensor_column([name for name in table.names if name != series])
+    ids = table.column(by_row) if by_row is not None else None
+    known = {name: channel_column(_bare(name)) for name in set(table.column(series))}
+    told: dict[int, ChannelColumn] = {}
+    left_out: dict[str, int] = {}
+    for number, name in enumerate(table.column(series)):
+        column = known[name]
+        if column is None or column.family in ("flag", "derived"):
+            left_out[name] = left_out.get(name, 0) + 1
+            continue
+        sensor = "/".join(filter(None, (ids[number] if ids is not None else "", column.sensor)))
+        told[number] = ChannelColumn(sensor=sensor, family=column.family, letter=column.letter)
+    return told, left_out
+
+
+def _bare(name: str) -> str:
+    """An entity's name without its domain: 'sensor.desk_410nm' is 'desk_410nm'."""
+    return name.removeprefix("sensor.")
+
+
+def _readings(
+    told: dict[int, ChannelColumn], times: np.ndarray, values: np.ndarray, *, keeps_state: bool
+) -> tuple[xr.Dataset | None, list[str]]:
+    """Readings of all sensors in order of time, and the sensors with too few channels."""
+    rows_of: dict[str, list[int]] = {}
+    for number, column in told.items():
+        if np.isfinite(times[number]):
+            rows_of.setdefault(column.sensor, []).append(number)
+    parts, few = [], []
+    for sensor, rows in rows_of.items():
+        if len({told[number].letter for number in rows}) < MIN_CHANNELS:
+            few.append(sensor or "(no name)")
+            continue
+        rows.sort(key=lambda number: times[number])
+        moments, table = _grouped([(times[row], told[row].letter, values[row]) for row in rows], keeps_state)
+        parts.append((sensor, moments, table))
+    if not parts:
+        return None, few
+    together = np.concatenate([table for _, _, table in parts])
+    known = together[np.isfinite(together)]
+    families = {column.family for column in told.values()}
+    are_counts = families == {"count"} or (families == {"plain"} and np.array_equal(known, np.rint(known)))
+    masked, flags = mask_counts(together) if are_counts else mask_module_values(together)
+    moments = np.concatenate([moments for _, moments, _ in parts])
+    order = np.argsort(moments, kind="stable")
+    readings = make_readings(
+        unix_s=moments[order],
+        counts=masked[order] if are_counts else None,
+        module_value=None if are_counts else masked[order],
+        flag=flags[order],
+    )
+    if len(parts) > 1 or parts[0][0]:
+        names = np.concatenate([np.full(moments.size, sensor or "unnamed") for sensor, moments, _ in parts])
+        readings = readings.assign_coords(sensor=("reading", names[order]))
+    return readings, few
+
+
+def _grouped(events: list[tuple[float, str, float]], keeps_state: bool) -> tuple[np.ndarray, np.ndarray]:
+    """(reading,) times and (reading, 18) values of rows in order of time [s]."""
+    moments: list[float] = []
+    rows: list[np.ndarray] = []
+    state = np.full(CHANNEL_COUNT, np.nan)
+    begun, before = -np.inf, -np.inf
+    for time, letter, value in events:
+        if time - begun > TOGETHER_S and time - before > TOGETHER_S / 10:
+            if np.isfinite(begun):
+                moments.append(begun)
+                rows.append(state.copy())
+            begun = time
+            if not keeps_state:
+                state = np.full(CHANNEL_COUNT, np.nan)
+        state[ASCENDING_LETTERS.index(letter)] = value
+        before = time
+    moments.append(begun)
+    rows.append(state)
+    return np.array(moments), np.stack(rows)
+
+
+def _notes(left_out: dict[str, int], words: int, few: list[str], *, keeps_state: bool) -> list[str]:
+    notes = []
+    if left_out:
+        rows = sum(left_out.values())
+        shown = ", ".join(list(left_out)[:6])
+        notes.append(f"{rows} rows were left out, since their series are no channels: {shown}.")
+    if words:
+        notes.append(f"{words} values are no numbers and count as missing.")
+    if few:
+        notes.append(f"Sensors with fewer than {MIN_CHANNELS} channels were left out: {', '.join(few)}.")
+    if keeps_state:
+        notes.append(
+            "Home Assistant writes a channel only where it changes: between its rows a channel is taken as unchanged."
+        )
+    return notes

@@ -1,0 +1,264 @@
+"""Text of logs as files hold it: packed or not, with a monitor's time stamps, any delimiter, either decimal sign."""
+
+import csv
+import gzip
+import io
+import re
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import ReadingError
+from lidarspectra.hardware.sensor.as7265x import SATURATED_MODULE_VALUE
+
+MAX_LOG_BYTES = 500_000_000  # a year at one reading a second is 15 GB: split before; this is what memory holds
+MAX_PREAMBLE_LINES = 20  # before a table's header: titles, comments, a board's greeting
+MAX_WORDS_SHARE = 0.1  # [1] of a column of numbers; more words than that are no damage but another kind of column
+DELIMITERS = (",", ";", "\t", "|")
+MISSING_WORDS = frozenset(("", "nan", "na", "n/a", "null", "none", "-", "unavailable", "unknown", "undefined"))
+
+_STAMP = re.compile(
+    r"^\[?(?P<stamp>(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d\d(?:[.,:]\d{1,6})?)(?:\]\s*(?:->\s*)?|\s+->\s?|\s*>\s)"
+)
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+_DECIMAL_POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?")
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogTable:
+    """A table of a log: its header and its rows, as text.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of the columns, each once.
+    rows : list of list of str
+        As many cells each.
+    delimiter : str
+    notes : tuple of str
+        What was left out, as full sentences.
+    """
+
+    names: tuple[str, ...]
+    rows: list[list[str]]
+    delimiter: str
+    notes: tuple[str, ...] = ()
+
+    def column(self, name: str) -> list[str]:
+        """(row,) its cells."""
+        place = self.names.index(name)
+        return [row[place] for row in self.rows]
+
+
+def log_text(path: Path) -> str:
+    """A log's text with plain line ends, unpacked if it is packed by gzip.
+
+    Raises
+    ------
+    ReadingError
+        If it cannot be read, or is too long.
+    """
+    try:
+        if path.stat().st_size > MAX_LOG_BYTES:
+            raise ReadingError(
+                expected=f"a log of at most {MAX_LOG_BYTES // 1_000_000} MB",
+                found=f"{path.stat().st_size // 1_000_000} MB",
+                where=str(path),
+                todo="Split it into shorter logs.",
+            )
+        data = path.read_bytes()
+        if data.startswith(b"\x1f\x8b"):
+            with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
+                data = packed.read(MAX_LOG_BYTES + 1)
+    except (OSError, EOFError, zlib.error) as cause:  # a damaged gzip file is any of the three
+        raise ReadingError(expected="a readable log", found=str(cause), where=str(path)) from cause
+    coding = "utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"  # Excel's "Unicode text"
+    return data.decode(coding, errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def take_stamps(text: str) -> tuple[str, list[str] | None]:
+    """A text without the time stamps that a monitor put before its lines, and these.
+
+    The Arduino IDE writes '14:36:08.123 -> ', other terminals '[2023-04-20 14:36:08] '.
+
+    Returns
+    -------
+    text : str
+        As it was if fewer than half of its lines are stamped.
+    stamps : list of str or None
+        One for each line, '' where it has none.
+    """
+    lines = text.split("\n")
+    found = [_STAMP.match(line) for line in lines]
+    stamped = sum(match is not None for match in found)
+    if not stamped or stamped < sum(bool(line.strip()) for line in lines) / 2:
+        return text, None
+    bodies = [line if match is None else line[match.end() :] for line, match in zip(lines, found, strict=True)]
+    return "\n".join(bodies), ["" if match is None else match["stamp"] for match in found]
+
+
+def plain_rows(text: str) -> str:
+    """Rows of numbers between semicolons, tabs or blanks as rows with commas and decimal points."""
+    lines = text.split("\n")
+    wide = [line for line in lines if len(re.split(r"[;\t]", line)) >= 6]
+    if len(wide) < sum(line.count(",") >= 5 for line in lines if not re.search(r"[;\t]", line)) or not wide:
+        return text
+    return "\n".join(re.sub(r"\s*[;\t]\s*", ",", line.replace(",", ".")) for line in lines)
+
+
+def table_of(text: str, renamed: dict[str, str] | None = None) -> LogTable | None:
+    """The table that a text holds under a header, or None if no line looks like a header.
+
+    Parameters
+    ----------
+    text : str
+    renamed : dict, optional
+        What the user calls columns, by the names that the file has for them.
+
+    Raises
+    ------
+    ReadingError
+        If a name comes twice, or one of `renamed` not at all.
+    """
+    lines = text.split("\n")
+    head = _header_line(lines)
+    if head is None:
+        return None
+    number, delimiter = head
+    cells = list(csv.reader(lines[number:], delimiter=delimiter))
+    names = [name.strip().strip('"').strip() for name in cells[0]]
+    while names and not names[-1]:
+        names.pop()
+    rows, again, other = [], 0, 0
+    for row in cells[1:]:
+        while len(row) > len(names) and not row[-1].strip():
+            row.pop()
+        if [cell.strip() for cell in row] == names:
+            again += 1
+        elif len(row) == len(names):
+            rows.append([cell.strip() for cell in row])
+        elif row and not row[0].startswith("#"):
+            other += 1
+    notes = []
+    if other:
+        notes.append(
+            f"{other} of {other + len(rows)} rows were left out, since they have another number of cells than the "
+            f"header's {len(names)}: look whether lines were cut, or whether two tables are in one file."
+        )
+    if again:
+        notes.append(f"The header comes {again + 1} times: the file is several recordings, read as one.")
+    names = _rename(names, renamed or {})
+    return LogTable(names=_each_once(names), rows=rows, delimiter=delimiter, notes=tuple(notes))
+
+
+def numbers(cells: Sequence[str], *, name: str, delimiter: str = ",") -> tuple[FloatArray, int]:
+    """Numbers of a column, and how many cells hold words in their place.
+
+    Parameters
+    ----------
+    cells : sequence of str
+    name : str
+        Of the column, for errors.
+    delimiter : str
+        Of the table: in one with commas a number as 1,234 says either 1234 or 1.234.
+
+    Raises
+    ------
+    ReadingError
+        If both decimal signs come, or numbers are not to be told from words or thousands.
+    """
+    given = pd.Series(list(cells), dtype=object)
+    values = np.array(pd.to_numeric(given, errors="coerce"), dtype=np.float64)
+    words = [number for number in np.flatnonzero(~np.isfinite(values)).tolist() if not _is_missing(cells[number])]
+    if not words:
+        return values, 0
+    commas = [number for number in words if _DECIMAL_COMMA.fullmatch(cells[number])]
+    if commas:
+        _require_one_sign([cells[number] for number in commas], cells, name, delimiter)
+        values[commas] = [float(cells[number].replace(",", ".")) for number in commas]
+        words = sorted(set(words) - set(commas))
+    overflow = [number for number in words if cells[number].lower() in ("ovf", "inf")]  # as Arduino prints them
+    values[overflow] = SATURATED_MODULE_VALUE
+    words = sorted(set(words) - set(overflow))
+    if len(words) > MAX_WORDS_SHARE * len(cells):
+        raise ReadingError(
+            expected="numbers",
+            found=f"'{cells[words[0]][:30]}' and {len(words) - 1} more cells that are none",
+            where=f"column '{name}', row {words[0] + 2}",
+            todo="Export plain numbers without units (Grafana: switch 'Formatted data' off), or, if the column is "
+            "no channel, say so with --columns, as '" + name + "=ignore'.",
+        )
+    return values, len(words)
+
+
+def _is_missing(cell: str) -> bool:
+    return cell.strip().lower() in MISSING_WORDS
+
+
+def _require_one_sign(commas: list[str], cells: Sequence[str], name: str, delimiter: str) -> None:
+    points = next((cell for cell in cells if _DECIMAL_POINT.fullmatch(cell)), None)
+    if points is not None:
+        raise ReadingError(
+            expected="one decimal sign",
+            found=f"'{commas[0]}' and '{points}'",
+            where=f"column '{name}'",
+            todo="Export the table again with one setting of language.",
+        )
+    if delimiter == "," and all(_THOUSANDS.fullmatch(cell) for cell in commas):
+        raise ReadingError(
+            expected="numbers without marks for thousands",
+            found=f"'{commas[0]}', which may be {commas[0].replace(',', '')} or {commas[0].replace(',', '.')}",
+            where=f"column '{name}'",
+            todo="Export plain numbers.",
+        )
+
+
+def _header_line(lines: Sequence[str]) -> tuple[int, str] | None:
+    """Number of the line that names columns, and its delimiter."""
+    told: str | None = None
+    for number, line in enumerate(lines[:MAX_PREAMBLE_LINES]):
+        words = line.strip()
+        if words.lower().startswith("sep=") and len(words) == 5:  # what spreadsheets are told
+            told = words[4]
+            continue
+        if not words or words.startswith("#"):
+            continue
+        delimiter = told or max(DELIMITERS, key=lambda mark: len(next(csv.reader([line], delimiter=mark), [])))
+        fields = [field.strip() for field in next(csv.reader([line], delimiter=delimiter), [])]
+        named = [field for field in fields if field]
+        if len(named) >= 2 and not any(_is_number(field) for field in named):
+            return number, delimiter
+    return None
+
+
+def _is_number(field: str) -> bool:
+    """Whether a field is a value: 410 and 940 may be the names of channels."""
+    if re.fullmatch(r"[4-9]\d\d", field):
+        return False
+    return bool(re.fullmatch(r"[-+]?\d+([.,]\d+)?([eE][-+]?\d+)?", field))
+
+
+def _rename(names: list[str], renamed: dict[str, str]) -> list[str]:
+    missing = [name for name in renamed if name not in names]
+    if missing:
+        raise ReadingError(
+            expected=f"one of the log's columns: {', '.join(names)[:400]}",
+            found=f"'{missing[0]}'",
+            where="--columns",
+            todo="Give names as they are in the header.",
+        )
+    return [renamed.get(name, name) for name in names]
+
+
+def _each_once(names: list[str]) -> tuple[str, ...]:
+    filled = [name or f"(column {number})" for number, name in enumerate(names, start=1)]
+    twice = next((name for name in filled if filled.count(name) > 1), None)
+    if twice is not None and twice != "ignore":
+        raise ReadingError(expected="each column once", found=f"'{twice}' twice", where="the log's header")
+    return tuple(f"ignore {number}" if name == "ignore" else name for number, name in enumerate(filled))

@@ -1,0 +1,194 @@
+"""Logs as programs and people write them: nothing is merged or dropped without a word."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lidarspectra.errors import ReadingError
+from lidarspectra.hardware.sensor.as7265x import ASCENDING_LETTERS, CHANNEL_LABELS, UART_LETTERS
+from lidarspectra.hardware.sensor.log_columns import channel_column, columns_by_user
+from lidarspectra.hardware.sensor.log_layouts import one_sensor, read_sensor_log, readings_from_csv, sensors_of
+from lidarspectra.hardware.sensor.log_times import OF_DAY, SINCE_START, parse_times
+from lidarspectra.hardware.sensor.readings import write_readings
+
+BY_WAVELENGTH = 10.0 + np.arange(18)
+
+
+def saved(folder: Path, text: str) -> Path:
+    path = folder / "log.csv"
+    path.write_text(text, encoding="utf-8", newline="")
+    return path
+
+
+def row(letters: tuple[str, ...] = ASCENDING_LETTERS, shift: float = 0.0, form: str = ".0f", mark: str = ",") -> str:
+    return mark.join(f"{10.0 + shift + ASCENDING_LETTERS.index(letter):{form}}" for letter in letters)
+
+
+def test_a_column_of_sensor_ids_keeps_the_sensors_apart(tmp_path: Path) -> None:
+    lines = ["time(ms),sensor_id," + ",".join(ASCENDING_LETTERS)]
+    lines += [f"{1000 * i + 20 * node},{node},{row(shift=100.0 * node)}" for i in range(4) for node in (1, 2, 3)]
+    path = saved(tmp_path, "\n".join(lines) + "\n")
+    readings = read_sensor_log(path).readings
+    assert sensors_of(readings) == ("1", "2", "3")
+    second = one_sensor(readings, "2")
+    assert np.array_equal(second["counts"].to_numpy(), np.tile(210.0 + np.arange(18), (4, 1)))
+    assert second["unix_s"].to_numpy().tolist() == [0.04, 1.04, 2.04, 3.04]
+    assert SINCE_START in readings.attrs["notes"]
+    with pytest.raises(ReadingError, match="--sensor"):
+        readings_from_csv(path)  # whoever wants one sensor is asked which
+    with pytest.raises(ReadingError, match="'7'"):
+        readings_from_csv(path, sensor="7")
+
+
+def test_a_table_of_several_sensors_survives_being_converted(tmp_path: Path) -> None:
+    lines = ["unix_s,sensor," + ",".join(CHANNEL_LABELS)]
+    lines += [f"{1.7e9 + i},desk,{row()}\n{1.7e9 + i},door,{row(shift=5)}" for i in range(3)]
+    first = read_sensor_log(saved(tmp_path, "\n".join(lines))).readings
+    write_readings(first, tmp_path / "table.csv")
+    again = read_sensor_log(tmp_path / "table.csv").readings
+    assert sensors_of(again) == ("desk", "door")
+    assert np.array_equal(again["counts"], first["counts"])
+
+
+def test_a_number_for_each_row_is_no_sensor(tmp_path: Path) -> None:
+    text = "id,time," + ",".join(CHANNEL_LABELS) + "\n" + "".join(f"{i},{1.7e9 + i},{row()}\n" for i in range(5))
+    assert sensors_of(readings_from_csv(saved(tmp_path, text))) == ()
+
+
+@pytest.mark.parametrize("names", [[f"s{s}_w{c + 1}" for s in (1, 2) for c in range(18)],
+                                   [f"s{s} {label} nm" for s in (1, 2) for label in CHANNEL_LABELS]])  # fmt: skip
+def test_sensors_side_by_side_are_told_apart(names: list[str], tmp_path: Path) -> None:
+    text = ",".join([*names, "loc"]) + "\n" + f"{row()},{row(shift=50)},7\n" * 3
+    readings = read_sensor_log(saved(tmp_path, text)).readings
+    assert sensors_of(readings) == ("s1", "s2")
+    assert np.array_equal(one_sensor(readings, "s2")["counts"].to_numpy()[0], BY_WAVELENGTH + 50)
+    assert readings["label"].to_numpy().tolist() == ["7"] * 6
+
+
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_semicolons_and_decimal_commas_are_read(mark: str, tmp_path: Path) -> None:
+    cells = row(shift=0.25, form=".2f", mark="|").replace(".", ",").replace("|", mark)
+    head = mark.join(("Datum", *(f"{label} nm" for label in CHANNEL_LABELS)))
+    text = f"{head}\n" + "".join(f"20.04.2023 14:36:0{i}{mark}{cells}\n" for i in range(3))
+    readings = readings_from_csv(saved(tmp_path, text), columns={"Datum": "time"})
+    assert np.array_equal(readings["module_value"].to_numpy()[0], BY_WAVELENGTH + 0.25)
+    assert np.diff(readings["unix_s"].to_numpy()).tolist() == [1.0, 1.0]
+    bare = f"{mark.join(ASCENDING_LETTERS)}\n{cells}\n{cells}\n"
+    assert np.array_equal(readings_from_csv(saved(tmp_path, bare))["module_value"].to_numpy()[0], BY_WAVELENGTH + 0.25)
+
+
+def test_two_decimal_signs_and_marks_of_thousands_are_refused(tmp_path: Path) -> None:
+    head = "time;" + ";".join(CHANNEL_LABELS) + "\n"
+    mixed = f"1700000000;{row(mark=';', form='.1f')}\n".replace("10.0", "10,0", 1)
+    other = f"1700000001;{row(mark=';', form='.1f')}\n"
+    with pytest.raises(ReadingError, match="one decimal sign"):
+        readings_from_csv(saved(tmp_path, head + mixed + other))
+    quoted = head.replace(";", ",") + '1700000000,"1,234"' + "," + row(ASCENDING_LETTERS[1:]) + "\n"
+    with pytest.raises(ReadingError, match="thousands"):
+        readings_from_csv(saved(tmp_path, quoted))
+
+
+def test_the_arduino_monitors_stamps_become_times_past_midnight(tmp_path: Path) -> None:
+    stamps = ["23:59:58.500", "23:59:59.500", "00:00:00.500"]
+    lines = [f"23:59:57.000 -> {','.join(ASCENDING_LETTERS)}", *(f"{stamp} -> {row(form='.2f')}" for stamp in stamps)]
+    readings = readings_from_csv(saved(tmp_path, "\r\n".join(lines) + "\r\n"))
+    assert np.array_equal(readings["module_value"].to_numpy()[0], BY_WAVELENGTH)
+    assert np.allclose(np.diff(readings["unix_s"].to_numpy()), 1.0)
+    assert OF_DAY in readings.attrs["notes"]
+
+
+def test_the_modules_own_answers_are_read_die_by_die(tmp_path: Path) -> None:
+    counts = ", ".join(f"{10 + ASCENDING_LETTERS.index(letter)}" for letter in UART_LETTERS)
+    module = ", ".join(f"{20 + ASCENDING_LETTERS.index(letter)}.5" for letter in UART_LETTERS)
+    text = "ATGAIN=3\nOK\nATGAIN=1\nERROR\nATINTTIME\n59 OK\n" + f"ATDATA\n{counts} OK\nATCDATA\n{module} OK\n" * 2
+    readings = readings_from_csv(saved(tmp_path, text))
+    assert readings.sizes["reading"] == 2
+    assert np.array_equal(readings["counts"].to_numpy()[1], BY_WAVELENGTH)
+    assert np.array_equal(readings["module_value"].to_numpy()[0], BY_WAVELENGTH + 10.5)
+    assert readings["gain"].to_numpy().tolist() == [64.0, 64.0]  # the second setting was refused
+    assert np.allclose(readings["integration_ms"], 165.2)
+    header = ",".join(UART_LETTERS) + "\n" + row(UART_LETTERS) + "\n"
+    assert np.array_equal(readings_from_csv(saved(tmp_path, header))["counts"].to_numpy()[0], BY_WAVELENGTH)
+
+
+def test_home_assistants_history_keeps_a_state_until_it_changes(tmp_path: Path) -> None:
+    lines = ["entity_id,state,last_changed"]
+    for label, value in zip(CHANNEL_LABELS, BY_WAVELENGTH, strict=True):
+        lines.append(f"sensor.desk_{label}nm,{value},2024-01-01T10:00:00.0{int(value) % 10}0Z")
+    lines += ["sensor.desk_410nm,99,2024-01-01T10:00:05.000Z", "sensor.desk_435nm,unavailable,2024-01-01T10:00:09Z"]
+    lines += ["light.desk,on,2024-01-01T10:00:00Z"]
+    readings = readings_from_csv(saved(tmp_path, "\n".join(lines)))
+    values = readings["counts"].to_numpy()
+    assert sensors_of(readings) == ("desk",)
+    assert np.array_equal(values[0], BY_WAVELENGTH)
+    assert values[1, :3].tolist() == [99.0, 11.0, 12.0]
+    assert np.isnan(values[2, 1])
+    assert "light.desk" in readings.attrs["notes"]
+
+
+def test_grafanas_exports_are_read_joined_by_time_and_by_series(tmp_path: Path) -> None:
+    names = [f'"{label} nm {{sensor=""{sensor}""}}"' for sensor in ("a", "b") for label in CHANNEL_LABELS]
+    joined = "sep=,\n" + ",".join(["Time", *names]) + "\n" + f"1700000000000,{row()},{row(shift=3)}\n" * 2
+    first = read_sensor_log(saved(tmp_path, joined)).readings
+    assert sensors_of(first) == ("a", "b")
+    assert float(first["unix_s"][0]) == 1.7e9
+    assert np.array_equal(one_sensor(first, "b")["counts"].to_numpy()[0], BY_WAVELENGTH + 3)
+    lines = ['"Series";"Time";"Value"']
+    lines += [f"desk_{label};2024-01-01T10:00:0{i}+00:00;{value}" for i in (1, 2)
+              for label, value in zip(CHANNEL_LABELS, BY_WAVELENGTH, strict=True)]  # fmt: skip
+    second = readings_from_csv(saved(tmp_path, "\n".join(lines)))
+    assert np.array_equal(second["counts"].to_numpy(), np.tile(BY_WAVELENGTH, (2, 1)))
+
+
+def test_numbers_with_units_are_refused_with_the_way_out(tmp_path: Path) -> None:
+    text = "Time,gain," + ",".join(CHANNEL_LABELS) + "\n" + f"1700000000,1,{row()} µW\n" * 3
+    with pytest.raises(ReadingError, match="without units"):
+        readings_from_csv(saved(tmp_path, text))
+
+
+def test_an_unknown_layout_gets_its_columns_and_a_way_to_name_them(tmp_path: Path) -> None:
+    names = [f"Kanal {i}" for i in range(1, 19)]
+    path = saved(tmp_path, ";".join(["Zeit", "Knoten", *names]) + "\n" + f"1700000000;k1;{row(mark=';')}\n" * 2)
+    with pytest.raises(ReadingError, match="Zeit, Knoten, Kanal 1") as refused:
+        readings_from_csv(path)
+    assert "--columns" in str(refused.value)
+    words = ",".join(f"{name}={label}" for name, label in zip(names, CHANNEL_LABELS, strict=True))
+    columns = columns_by_user(f"Zeit=time,Knoten=sensor,{words}")
+    readings = readings_from_csv(path, columns=columns)
+    assert np.array_equal(readings["counts"].to_numpy()[0], BY_WAVELENGTH)
+    assert sensors_of(readings) == ("k1",)
+    with pytest.raises(ReadingError, match="Kanal 1"):
+        readings_from_csv(path, columns={"Kanal": "410"})
+    with pytest.raises(ReadingError, match="NAME=MEANING"):
+        columns_by_user("Zeit=Zeitpunkt")
+
+
+def test_what_is_left_out_or_not_used_is_told(tmp_path: Path) -> None:
+    text = "time,humidity," + ",".join(CHANNEL_LABELS) + "\n"
+    text += f"1700000000,40,{row()}\n1700000001,41,{row()},5\n" + text + f"1700000002,42,{row()}\n"
+    readings = readings_from_csv(saved(tmp_path, text))
+    assert readings.sizes["reading"] == 2
+    notes = readings.attrs["notes"]
+    assert "1 of 3 rows were left out" in notes
+    assert "header comes 2 times" in notes
+    assert "humidity" in notes
+
+
+@pytest.mark.parametrize(
+    ("name", "sensor", "family", "letter"),
+    [("count_410", "", "count", "A"), ("s1_410", "s1", "plain", "A"), ("s12_w18", "s12", "plain", "L"),
+     ("desk_count_610nm", "desk", "count", "R"), ("B (435 nm)", "", "plain", "B"), ("SE_410", "", "derived", "A"),
+     ('value {channel="C", node="3"}', "3", "plain", "C"), ("E_410", "", "derived", "A")],
+)  # fmt: skip
+def test_names_of_columns_are_understood(name: str, sensor: str, family: str, letter: str) -> None:
+    column = channel_column(name)
+    assert column is not None
+    assert (column.sensor, column.family, column.letter) == (sensor, family, letter)
+
+
+def test_days_and_months_that_may_be_either_are_refused() -> None:
+    assert parse_times(["13/04/2023 14:36:08"], name="t")[0].tolist() == [1681396568.0]
+    assert parse_times(["4/13/2023 2:36:08 PM"], name="t")[0].tolist() == [1681396568.0]
+    with pytest.raises(ReadingError, match="day and month"):
+        parse_times(["03/04/2023 14:36:08"], name="t")
