@@ -5,7 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from lidarspectra.threads import start_with_one_thread
+
 RERUNS = 2  # a defect fails every time; what fails once in 1,000 runs by chance fails thrice in a row once in 10^9
+start_with_one_thread()  # before numpy is loaded: the workers of pytest share the cores
 PROJECT = Path(__file__).resolve().parent
 
 

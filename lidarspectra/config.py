@@ -330,12 +330,19 @@ class Origin:
     text: str
 
 
+class ReportSection(Section):
+    """`[report]`: what lies beside the report's page."""
+
+    figures: tuple[Literal["svg", "png", "pdf"], ...] = ("svg",)
+    """Kinds of files that every figure of the page is written as."""
+
+
 class RunFile(Section):
     """The whole run file.
 
     Parameters
     ----------
-    scan, lamps, lamps_from_scan, daylight, materials, sensors, trace, people_and_plants, cells, calibration
+    scan, lamps, lamps_from_scan, daylight, materials, sensors, trace, people_and_plants, cells, calibration, report
         Its tables; see docs/run-file.md for every key.
     """
 
@@ -349,6 +356,7 @@ class RunFile(Section):
     people_and_plants: PeopleAndPlantsSection | None = None
     cells: tuple[CellSection, ...] = ()
     calibration: CalibrationSection | None = None
+    report: ReportSection = ReportSection()
     _origin: "Origin | None" = PrivateAttr(default=None)
 
     @model_validator(mode="after")

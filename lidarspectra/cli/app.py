@@ -33,6 +33,7 @@ from lidarspectra.cli.options import ClusterOption, OutOption, RunFileArgument, 
 from lidarspectra.cli.terminal import console, messages, print_error, print_note, say, shown
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.progress import remaining_words
+from lidarspectra.threads import start_with_one_thread
 from lidarspectra.workflow.workspace import STAGES, StageName
 
 if TYPE_CHECKING:
@@ -95,6 +96,7 @@ def options(
 
 def main() -> None:
     """Run the command line; the entry point of `lidarspectra`."""
+    start_with_one_thread()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a Windows console may be in a code page without '²' or '∫'
             stream.reconfigure(errors="replace")

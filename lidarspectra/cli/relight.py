@@ -32,11 +32,11 @@ def relight(
     from lidarspectra.mapping.maps.spectral_map import SPECTRUM_ERROR
     from lidarspectra.radiance.sampling.folding import MAX_SPECTRUM_ERROR
     from lidarspectra.workflow.assumed import result_notes
-    from lidarspectra.workflow.relighting import relight_run, save_relit
+    from lidarspectra.workflow.relighting import draw_relit, relight_run, save_relit
 
     folder = out or run / "relit"
     light = relight_run(run, orders, base=Path.cwd())
-    for path in save_relit(light, folder, run):
+    for path in save_relit(light, folder):
         say(str(path))
     predicted = float(light.attrs[SPECTRUM_ERROR])
     if predicted > MAX_SPECTRUM_ERROR:
@@ -52,6 +52,8 @@ def relight(
         console.print(f"{band:5.0f} nm  {value:.4g} W/m²/nm")
     if "illuminance" in light:
         console.print(f"mean illuminance {float(light['illuminance'].mean()):.4g} lx")
+    for path in draw_relit(light, folder, run):  # after the answer: it takes longer
+        say(str(path))
 
 
 def parse_orders(words: Sequence[str]) -> "tuple[LampOrder, ...]":

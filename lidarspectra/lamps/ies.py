@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import RegularGridInterpolator
 
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import LampError
@@ -92,6 +91,8 @@ class CandelaTable:
         if self.is_axial:
             return np.asarray(np.interp(theta, self.vertical_deg, self.candela[0]))
         phi = np.mod(np.asarray(horizontal_deg, dtype=np.float64), 360.0)
+        from scipy.interpolate import RegularGridInterpolator  # loads slowly, and few lamps need it
+
         between = RegularGridInterpolator((self.horizontal_deg, self.vertical_deg), self.candela)
         inside = np.clip(theta, self.vertical_deg[0], self.vertical_deg[-1])
         return np.asarray(between(np.stack(np.broadcast_arrays(phi, inside), axis=-1)), dtype=np.float64)

@@ -2,7 +2,6 @@
 
 import numpy as np
 from scipy.spatial import cKDTree
-from trimesh.triangles import closest_point
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
@@ -161,6 +160,8 @@ class FreeSpace:
         tree, owners = self._trees[ignore_floor]
         if owners.size == 0 or len(points) == 0:
             return np.full(len(points), np.inf)
+        from trimesh.triangles import closest_point
+
         near = min(NEIGHBOURS, owners.size)
         best = np.full(len(points), np.inf)
         for first in range(0, len(points), POINTS_AT_ONCE):

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.path import Path as Polygon
 
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.errors import ArrayError, ScanError
@@ -136,6 +135,8 @@ class Room:
 
     def in_plan(self, positions: FloatArray) -> BoolArray:
         """Whether each of (point, 2 or 3) positions [m] lies within an outline, whatever its height."""
+        from matplotlib.path import Path as Polygon  # loads slowly
+
         plan = np.asarray(positions, dtype=np.float64)[:, :2]
         within = np.zeros(len(plan), dtype=np.bool_)
         for polygon in self.outlines:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -14,7 +15,6 @@ from lidarspectra.geometry.scan import load_scan
 from lidarspectra.hardware.sensor.measured_readings import read_readings
 from lidarspectra.lamps.lamp_file import LAMPS_RECORD, load_lamps
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.mapping.figures.floor_plan import FloorPlan, floor_plan
 from lidarspectra.mapping.maps.point_values import PLACE
 from lidarspectra.mapping.photometry.point_light import PointLight, light_of_lamps
 from lidarspectra.radiance.sampling.relit_transport import relit_transport
@@ -24,6 +24,9 @@ from lidarspectra.radiance.scene.scene import RadianceScene, load_scene
 from lidarspectra.room.room import load_room
 from lidarspectra.spectra.spectrum import BandSet
 from lidarspectra.workflow.workspace import hash_files, read_record, require_stage, stage_folder
+
+if TYPE_CHECKING:
+    from lidarspectra.mapping.figures.floor_plan import FloorPlan
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,7 +48,7 @@ class RunLight:
     light: PointLight
     places: xr.Dataset
     bands: BandSet
-    plan: FloorPlan
+    plan: "FloorPlan"
 
     @property
     def lamp_names(self) -> tuple[str, ...]:
@@ -119,8 +122,10 @@ def present_lamps_of_run(run: Path) -> tuple[Lamp, ...]:
     return load_lamps(map_folder if is_of_scene else scene)
 
 
-def plan_of_run(run: Path) -> FloorPlan:
+def plan_of_run(run: Path) -> "FloorPlan":
     """Floor plan of a run's room; raises WorkspaceError if its scan is not finished."""
+    from lidarspectra.mapping.figures.floor_plan import floor_plan  # loads what draws
+
     folder = require_stage(run, "scan")
     return floor_plan(load_scan(folder), load_room(folder))
 

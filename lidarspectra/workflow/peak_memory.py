@@ -4,8 +4,6 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import psutil
-
 MEMORY_SAMPLE_S = 0.1  # [s] how often the memory of the process tree is looked at
 
 
@@ -17,6 +15,8 @@ class Peak:
 
     def sample(self) -> None:
         """Look at it now."""
+        import psutil
+
         process = psutil.Process()
         total = process.memory_info().rss
         for child in process.children(recursive=True):

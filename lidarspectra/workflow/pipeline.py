@@ -26,6 +26,7 @@ from lidarspectra.material.views import ViewSet
 from lidarspectra.progress import Progress, silent
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.room import Room
+from lidarspectra.threads import one_thread
 from lidarspectra.workflow import stages
 from lidarspectra.workflow.findings import Findings
 from lidarspectra.workflow.input_checks import CheckedInputs, check_inputs
@@ -294,7 +295,7 @@ def run_stages(
     findings = Findings(file=inputs.file_name)
     look_through(inputs, folder, findings, first=first)
     findings.require_none()
-    with Workspace(folder) as work:
+    with Workspace(folder) as work, one_thread():
         work.keep_request(_request(inputs, work.folder))
         chain = _Chain(work, first, last, listener or SilentListener(), relight=relight)
         for question in findings.questions:

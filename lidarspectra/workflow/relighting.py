@@ -11,13 +11,9 @@ from lidarspectra.arguments import all_of, path_of
 from lidarspectra.errors import LampError
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.mapping.figures.figure_style import save_figure
-from lidarspectra.mapping.figures.floor_plan import FloorPlan
-from lidarspectra.mapping.figures.map_figures import maps_figure
 from lidarspectra.mapping.maps.assumptions import mark_assumed
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import LampChange, relight
-from lidarspectra.room.room import load_room
 from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.workflow.assumed import assumptions_of_run
 from lidarspectra.workflow.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
@@ -127,8 +123,8 @@ def _change(lamp: Lamp, order: LampOrder, base: Path) -> LampChange:
     return LampChange(flux=flux, dim=order.dim)
 
 
-def save_relit(light: xr.Dataset, folder: Path, run: Path) -> tuple[Path, ...]:
-    """Write a relit map as NetCDF, CSV and a figure.
+def save_relit(light: xr.Dataset, folder: Path) -> tuple[Path, ...]:
+    """Write a relit map as NetCDF and CSV.
 
     Parameters
     ----------
@@ -136,6 +132,31 @@ def save_relit(light: xr.Dataset, folder: Path, run: Path) -> tuple[Path, ...]:
         Of `relight_run`.
     folder : Path
         Made if absent; files of an earlier relighting there are replaced.
+
+    Returns
+    -------
+    paths : tuple of Path
+        The files written.
+
+    Raises
+    ------
+    WorkspaceError
+        If the folder cannot be written.
+    """
+    with writing_run(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        return save_map(light, folder / MAP_FILE), save_map_table(light, folder / MAP_TABLE_FILE)
+
+
+def draw_relit(light: xr.Dataset, folder: Path, run: Path) -> tuple[Path, ...]:
+    """Draw a relit map, which takes longer than to compute it: its libraries are loaded here.
+
+    Parameters
+    ----------
+    light : xarray.Dataset
+        Of `relight_run`.
+    folder : Path
+        Exists.
     run : Path
         The run, for the room's outline.
 
@@ -149,12 +170,11 @@ def save_relit(light: xr.Dataset, folder: Path, run: Path) -> tuple[Path, ...]:
     WorkspaceError
         If the folder cannot be written, or the run's scan stage is gone.
     """
-    room_folder = require_stage(run, "scan")
-    plan = FloorPlan(outline=load_room(room_folder).outline)
+    from lidarspectra.mapping.figures.figure_style import save_figure
+    from lidarspectra.mapping.figures.floor_plan import FloorPlan
+    from lidarspectra.mapping.figures.map_figures import maps_figure
+    from lidarspectra.room.room import load_room
+
+    plan = FloorPlan(outline=load_room(require_stage(run, "scan")).outline)
     with writing_run(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        return (
-            save_map(light, folder / MAP_FILE),
-            save_map_table(light, folder / MAP_TABLE_FILE),
-            *save_figure(maps_figure(light, plan), folder, "maps"),
-        )
+        return save_figure(maps_figure(light, plan), folder, "maps", kinds=("png",))

@@ -58,7 +58,7 @@ def report_of_run(
     Parameters
     ----------
     given : Declared
-        With `people_and_plants`, `cells` and `calibration` of the run file.
+        With `people_and_plants`, `cells`, `calibration` and `report` of the run file.
     before : StagesBefore
     title : str
     run_file_text : str
@@ -113,6 +113,7 @@ def report_of_run(
         warnings=tuple(warning for result in before.all for warning in result.record.warnings),
         provenance=_provenance(before.all, trace_seed),
         run_file=run_file_text,
+        figure_files=given.run_file.report.figures,
     )
 
 

@@ -213,7 +213,8 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         save_materials(materials, folder, face_areas=mesh.areas)
         save_lamp_fluxes(unlit.lamp_fluxes if unlit else (), folder)
         save_material_mesh(mesh, materials, folder)
-        save_figure(segmentation_figure(material_pictures(mesh, views.value, materials)), folder, SEGMENTATION)
+        pictures = material_pictures(mesh, views.value, materials)
+        save_figure(segmentation_figure(pictures), folder, SEGMENTATION, kinds=("png",))
         return _materials_notes(materials, mesh.areas, unlit)
 
     return Stage(
@@ -446,6 +447,7 @@ def report_stage(
         "people_and_plants",
         "cells",
         "calibration",
+        "report.figures",
         databases=("cells",) if cells else (),
         stages=before.all,
         others={

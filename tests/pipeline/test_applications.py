@@ -43,7 +43,7 @@ def test_a_report_tells_of_the_cells_that_the_run_file_names(finished: Path) -> 
     for words in ("People and plants", "melanopic EDI", "Solar cell 1: silicon", "Solar cell 2: organic-green",
                   "energy of a day"):  # fmt: skip
         assert words in page
-    assert (finished / "7-report" / "figures" / "cell-1-silicon.pdf").is_file()
+    assert (finished / "7-report" / "figures" / "cell-1-silicon.svg").is_file()
     assert (finished / "7-report" / "tables" / "people-and-plants.csv").is_file()
 
 

@@ -55,7 +55,7 @@ def test_a_model_of_one_night_locates_the_next(folder: Path) -> None:
     errors = pd.read_csv(folder / "tested" / "errors.csv").set_index("method")
     assert (errors["median [m]"] < 0.4).all()  # places are 1.5 m apart, and the second night has other gains
     assert (errors["readings"] == 72).all()
-    for name in ("errors.png", "errors.pdf", "error-map.png", "places.csv", "places.md"):
+    for name in ("errors.png", "errors.svg", "error-map.png", "places.csv", "places.md"):
         assert (folder / "tested" / name).stat().st_size > 100
     assert "says nothing" in answer("localize test model one.csv")
     answer("localize test model two.csv --against running --out running")

@@ -46,6 +46,7 @@ DAYLIGHT = {
 REST = {
     "scan": {"file": "room.glb", "max_faces": 1000},
     "people_and_plants": {},
+    "report": {"figures": ["svg", "pdf"]},
     "cells": [{"cell": "cell.csv", "area_cm2": 1, "hours": "8-17", "volt": 0.4}],
 }
 ROOMS: dict[str, dict[str, Any]] = {
@@ -89,6 +90,7 @@ FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits
     "calibration": STAGES[3:],
     "people_and_plants": STAGES[6:],
     "cells": STAGES[6:],
+    "report": STAGES[6:],
 }
 WITHOUT_DELIGHTING = {**FIRST_STAGES, "lamps": STAGES[3:], "lamps_from_scan": STAGES[3:]}
 
@@ -148,7 +150,7 @@ OTHER_WORDS = {
     "shape": "disc", "size": [0.4, 0.4], "unit": "cm", "up": "+z", "fluxes": "area", "method": "default",
     "model": "none", "matching": "nearest", "databases": ["builtin", "mine"], "accuracy": "low", "noise": "fine",
     "noise_of": "point", "mode": "rgb", "hours": "9-18", "time": "2026-06-21T13:00:00+02:00", "file": "another",
-    "workers": 3, "assumed": ["unit"], "determined": ["one"],
+    "workers": 3, "assumed": ["unit"], "determined": ["one"], "figures": ["png"],
 }  # fmt: skip
 
 

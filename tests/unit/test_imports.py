@@ -22,7 +22,7 @@ FLOORS = (
     ("cli",),
 )
 """Folders from the ground up; each imports from floors below its own and from the root's ground modules alone."""
-GROUND = {"arguments", "arrays", "errors", "progress"}  # root modules below all folders
+GROUND = {"arguments", "arrays", "errors", "progress", "threads"}  # root modules below all folders
 READ_THE_RUN_FILE = {"workflow", "cli"}  # and nobody else: all others take plain values and records
 MAX_ROOT_MODULES = 10
 
@@ -125,11 +125,17 @@ def test_only_the_engine_starts_programs(project: Path) -> None:
             assert not starters, f"{path} imports {starters}"
 
 
+def loaded(code: str, libraries: set[str]) -> list[str]:
+    """Which of some libraries a program loads."""
+    code += f"; import sys; print(*sorted({libraries!r} & set(sys.modules)))"
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+
+
 def test_importing_the_package_loads_no_heavy_library() -> None:
-    code = (
-        "import sys, lidarspectra, lidarspectra.cli.app;"
-        "heavy = {'trimesh', 'pymeshlab', 'cv2', 'matplotlib', 'colour', 'xarray', 'pandas', 'onnxruntime', 'scipy'};"
-        "print(sorted(heavy & set(sys.modules)))"
-    )
-    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert answer.stdout.strip() == "[]"
+    heavy = {"trimesh", "pymeshlab", "cv2", "matplotlib", "colour", "xarray", "pandas", "onnxruntime", "scipy"}
+    assert not loaded("import lidarspectra, lidarspectra.cli.app", heavy)
+
+
+def test_relighting_loads_nothing_that_draws_or_reads_meshes() -> None:
+    heavy = {"trimesh", "pymeshlab", "matplotlib", "colour", "onnxruntime", "sklearn", "scipy.stats"}
+    assert not loaded("import lidarspectra.cli.relight, lidarspectra.workflow.relighting", heavy)

@@ -19,6 +19,7 @@ PAGES = {
     "## `[trace]`": config.TraceSection,
     "## `[people_and_plants]`": config.PeopleAndPlantsSection,
     "## `[[cells]]`": config.CellSection,
+    "## `[report]`": config.ReportSection,
     "## `[calibration]`": config.CalibrationSection,
     "`[calibration.reflectance]`:": config.ReflectanceFactors,
 }

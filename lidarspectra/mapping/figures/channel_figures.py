@@ -198,35 +198,6 @@ def reflectances_figure(
     return figure
 
 
-@styled
-def contact_sheet(views: tuple[ReportView, ...], *, columns: int = 3) -> Figure:
-    """The views side by side, each under its name.
-
-    Parameters
-    ----------
-    views : tuple of ReportView
-        At least one.
-    columns : int
-        Pictures in a row.
-    """
-    if not views:
-        raise MapError(expected="at least one view", found="none", where="contact sheet")
-    columns = min(columns, len(views))
-    rows = -(-len(views) // columns)
-    height, width = views[0].image.shape[:2]
-    across = (PAGE_WIDTH_IN - 0.1 * (columns + 1)) / columns
-    down = across * height / width
-    figure = new_figure(PAGE_WIDTH_IN, rows * (down + 0.32) + 0.1)
-    for number, view in enumerate(views):
-        row, column = divmod(number, columns)
-        bottom = 0.1 + (rows - 1 - row) * (down + 0.32)
-        axes = place(figure, 0.1 + column * (across + 0.1), bottom, across, down)
-        axes.imshow(view.image, interpolation="antialiased")
-        axes.set_axis_off()
-        axes.set_title(plain(view.name), pad=3.0, loc="left")
-    return figure
-
-
 def _draw_reflectance(axes: Axes, material: Material, wavelengths: FloatArray, number: int, label: str) -> None:
     """A curve in its own colour with a dark edge, so that white shows on white paper, and its number on it."""
     values = material.reflectance.at(wavelengths, outside="nearest")

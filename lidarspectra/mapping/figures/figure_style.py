@@ -8,12 +8,12 @@ figure stands in the report.
 import base64
 import io
 import unicodedata
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, ParamSpec
+from typing import Any, Literal, ParamSpec
 from xml.etree import ElementTree
 
 import matplotlib as mpl
@@ -38,10 +38,13 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (3, 1)), (0, (1, 1)), "-")
 LIGHT_MAP = "inferno"  # dark where it is dark; even steps of lightness
 ERROR_MAP = "cividis"  # another quantity, another map
+POINTS_PER_IN = 72.0
 DPI = 200  # [1/in] of the PNG files
 PAGE_WIDTH_IN = 10.0  # [in] a figure over the whole width of the page
 LONGEST_LABEL = 40  # characters of a user's name in a figure
-FILE_TYPES = ("png", "pdf")
+FileType = Literal["png", "svg", "pdf"]
+FILE_TYPES: tuple[FileType, ...] = ("png", "svg")
+PNG_LEVEL = 1  # of zlib; more halves the file and takes ten times as long
 
 STYLE: dict[Any, Any] = {
     "axes.edgecolor": MUTED,
@@ -81,6 +84,13 @@ STYLE: dict[Any, Any] = {
     "ytick.labelsize": 8.0,
 }
 
+# No file tells when and by which version it was made: the same numbers give the same bytes.
+_MARKS: dict[FileType, dict[str, None]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": None},
+    "pdf": {"CreationDate": None, "Producer": None, "Creator": None},
+}
+_OPTIONS: dict[FileType, dict[str, Any]] = {"png": {"pil_kwargs": {"compress_level": PNG_LEVEL}}}
 _SVG = "http://www.w3.org/2000/svg"
 _XLINK = "http://www.w3.org/1999/xlink"
 Parameters = ParamSpec("Parameters")
@@ -137,8 +147,8 @@ def place(figure: Figure, left: float, bottom: float, width: float, height: floa
     return figure.add_axes(box)
 
 
-def save_figure(figure: Figure, folder: Path, name: str) -> tuple[Path, ...]:
-    """Write a figure as NAME.png and NAME.pdf.
+def save_figure(figure: Figure, folder: Path, name: str, *, kinds: Sequence[FileType] = FILE_TYPES) -> tuple[Path, ...]:
+    """Write a figure as NAME.png and NAME.svg, or as files of other kinds.
 
     Parameters
     ----------
@@ -148,6 +158,8 @@ def save_figure(figure: Figure, folder: Path, name: str) -> tuple[Path, ...]:
         Exists.
     name : str
         File name without its ending, of our own choosing.
+    kinds : sequence of str
+        'png', 'svg' (its letters as shapes), 'pdf' (its letters as text, which takes three times as long).
 
     Returns
     -------
@@ -158,29 +170,40 @@ def save_figure(figure: Figure, folder: Path, name: str) -> tuple[Path, ...]:
     MapError
         If a file cannot be written.
     """
-    paths = tuple(folder / f"{name}.{kind}" for kind in FILE_TYPES)
-    # Neither file tells when and by which version it was made: the same numbers give the same bytes.
-    marks = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Producer": None, "Creator": None}}
+    paths = tuple(folder / f"{name}.{kind}" for kind in kinds)
     with writing(folder, error=MapError), house_style():
-        for path in paths:
-            figure.savefig(path, metadata=marks[path.suffix[1:]])
+        for path, kind in zip(paths, kinds, strict=True):
+            figure.savefig(path, metadata=_MARKS[kind], **_OPTIONS.get(kind, {}))
     return paths
 
 
 def save_picture(figure: Figure, path: Path) -> Path:
     """Write a figure as one PNG file; raises MapError if it cannot be written."""
     with writing(path, error=MapError), house_style():
-        figure.savefig(path, metadata={"Software": None})
+        figure.savefig(path, metadata=_MARKS["png"], **_OPTIONS["png"])
     return path
 
 
+def svg_text(figure: Figure) -> str:
+    """A figure in house style as a file of SVG, without a background."""
+    stream = io.BytesIO()
+    with house_style():
+        figure.savefig(stream, format="svg", transparent=True, metadata=_MARKS["svg"])
+    return stream.getvalue().decode("utf-8")
+
+
 def inline_svg(figure: Figure, *, name: str, label: str) -> str:
-    """A figure as an SVG element for an HTML page: text in the page's colours, no names that clash.
+    """A figure as an SVG element for an HTML page: see `page_svg`."""
+    return page_svg(svg_text(figure), name=name, label=label)
+
+
+def page_svg(svg: str, *, name: str, label: str) -> str:
+    """A file of SVG as an element for an HTML page: text in the page's colours, no names that clash.
 
     Parameters
     ----------
-    figure : Figure
-        In house style.
+    svg : str
+        Of `svg_text`.
     name : str
         Set before every id in it.
     label : str
@@ -191,12 +214,9 @@ def inline_svg(figure: Figure, *, name: str, label: str) -> str:
     svg : str
         Without comments, scripts or references to anything outside itself.
     """
-    stream = io.BytesIO()
-    with house_style():
-        figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     for prefix, space in (("", _SVG), ("xlink", _XLINK)):
         ElementTree.register_namespace(prefix, space)
-    root = ElementTree.fromstring(stream.getvalue())
+    root = ElementTree.fromstring(svg.encode("utf-8"))
     _drop(root, "metadata")
     _drop(root, "style")  # it would hold for the whole page
     names: set[str] = set()
@@ -207,7 +227,7 @@ def inline_svg(figure: Figure, *, name: str, label: str) -> str:
         for key, value in element.attrib.items():
             element.set(key, _page_value(key, value, name))
     root.attrib.pop("height", None)
-    width_in = float(figure.get_size_inches()[0])
+    width_in = float(root.get("width", "0pt").removesuffix("pt")) / POINTS_PER_IN
     root.set("width", "100%")
     root.set("style", f"max-width: {width_in * 100:.0f}px; stroke-linejoin: round; stroke-linecap: butt")
     root.set("role", "img")

@@ -23,7 +23,7 @@ __all__ = ["PAGE", "FloorPlan", "ReportInput", "ReportView", "StageRow", "write_
 
 
 def write_report(folder: Path, report: ReportInput, *, progress: Progress = silent) -> Path:
-    """Write the report: `index.html`, and its figures (PNG, PDF) and tables (CSV, Markdown, HTML) in folders beside it.
+    """Write the report: `index.html`, and its figures and tables (CSV, Markdown, HTML) in folders beside it.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
     MapError
         If the folder cannot be written.
     """
-    writer = ReportWriter(folder)
+    writer = ReportWriter(folder, report.figure_files)
     light = parts.light_of_report(report)
     makers: tuple[tuple[str, float, Callable[[], str]], ...] = (  # title, share of the time, content
         ("Summary", 0.1, lambda: parts.summary_section(report, light, writer)),
@@ -81,6 +81,7 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
     path = folder / PAGE
     with writing(folder, error=MapError):
         path.write_text(page, encoding="utf-8", newline="\n")
+    writer.finish()
     progress(1.0, "report written")
     return path
 

@@ -9,6 +9,7 @@ from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.channel_figures import ReportView
+from lidarspectra.mapping.figures.figure_style import FileType
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.material_figures import MaterialPictures
 from lidarspectra.mapping.maps.map_schema import check_map
@@ -64,6 +65,8 @@ class ReportInput:
         Text of the run file.
     applications : tuple of Application
         Sections on people, plants and solar cells.
+    figure_files : tuple of str
+        Kinds of the figures' files beside the page: 'svg', 'png', 'pdf'.
     """
 
     title: str
@@ -87,6 +90,7 @@ class ReportInput:
     provenance: Mapping[str, str] = field(default_factory=dict)
     run_file: str = ""
     applications: tuple[Application, ...] = ()
+    figure_files: tuple[FileType, ...] = ("svg",)
 
     def __post_init__(self) -> None:
         check_map(self.spectral_map, where="map of the report")

@@ -61,9 +61,9 @@ def cards(entries: Sequence[tuple[str, str, str]]) -> str:
     return f'<dl class="cards">{inner}</dl>'
 
 
-def figure(svg: str, *, number: int, caption: str, name: str) -> str:
+def figure(svg: str, *, number: int, caption: str, name: str, kinds: Sequence[str]) -> str:
     """A figure that `inline_svg` made, with its caption and links to its files."""
-    text = f"<b>Figure {number}.</b> {words(caption)} {files(f'figures/{name}', ('png', 'pdf'))}"
+    text = f"<b>Figure {number}.</b> {words(caption)} {files(f'figures/{name}', kinds)}"
     plate = f'<div class="plate">{svg}</div>'
     return f'<figure id="figure-{words(name)}">{plate}<figcaption>{text}</figcaption></figure>'
 
@@ -79,6 +79,8 @@ def pictures(views: Sequence[tuple[str, ByteArray]]) -> str:
 
 def files(stem: str, kinds: Sequence[str]) -> str:
     """Links to files beside the page; `stem` is ours to choose."""
+    if not kinds:
+        return ""
     links = ", ".join(f'<a href="{words(stem)}.{kind}">{kind.upper()}</a>' for kind in kinds)
     return f'<span class="files">[{links}]</span>'
 

@@ -9,7 +9,6 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.figures.channel_figures import (
     choose_points,
-    contact_sheet,
     reflectances_figure,
     spectra_figure,
 )
@@ -260,12 +259,10 @@ def views_section(report: ReportInput, writer: ReportWriter) -> str:
     """The pictures taken inside the scan."""
     if not report.views:
         return ""
-    writer.save("views", contact_sheet(report.views[:6]))
     shown = report.views[:MAX_VIEWS]
     more = len(report.views) - len(shown)
     note = report.view_notes + (f" {more} more views are in the run folder." if more else "")
-    links = f'<p class="files">{html.files("figures/views", ("png", "pdf"))}</p>'
-    return html.paragraph(note.strip()) + html.pictures([(view.name, view.image) for view in shown]) + links
+    return html.paragraph(note.strip()) + html.pictures([(view.name, view.image) for view in shown])
 
 
 def scan_section(report: ReportInput, writer: ReportWriter) -> str:

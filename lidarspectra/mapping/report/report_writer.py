@@ -1,12 +1,13 @@
 """Writes the figures and tables of the report's sections as files, and gives them as HTML."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from lidarspectra.errors import MapError
-from lidarspectra.io.files import writing
-from lidarspectra.mapping.figures.figure_style import inline_svg, save_figure
+from lidarspectra.io.files import write_whole, writing
+from lidarspectra.mapping.figures.figure_style import FileType, page_svg, save_figure, svg_text
 from lidarspectra.mapping.figures.tables import Table, save_table, table_html
 from lidarspectra.mapping.report import report_page as html
 
@@ -14,10 +15,14 @@ from lidarspectra.mapping.report import report_page as html
 class ReportWriter:
     """Numbers figures, writes figures and tables beside the page, and gives their HTML.
 
+    A figure is drawn once, as SVG: for the page and as a file. Files of other kinds are drawn by `finish`, after it.
+
     Parameters
     ----------
     folder : Path
         The report's; made if absent, with `figures` and `tables` in it.
+    kinds : sequence of str
+        Of the figures' files: 'svg', 'png', 'pdf'.
 
     Raises
     ------
@@ -25,7 +30,9 @@ class ReportWriter:
         If it cannot be written.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, kinds: Sequence[FileType] = ("svg",)) -> None:
+        self._kinds = kinds
+        self._drawn_later: list[tuple[str, Figure]] = []
         self._figures, self._tables = folder / "figures", folder / "tables"
         self._number = 0
         with writing(folder, error=MapError):
@@ -33,15 +40,23 @@ class ReportWriter:
             self._tables.mkdir(parents=True, exist_ok=True)
 
     def figure(self, name: str, figure: Figure, caption: str) -> str:
-        """Save a figure and give it as an element."""
+        """Draw a figure and give it as an element."""
         self._number += 1
-        save_figure(figure, self._figures, name)
-        svg = inline_svg(figure, name=name, label=caption)
-        return html.figure(svg, number=self._number, caption=caption, name=name)
+        svg = svg_text(figure)
+        if "svg" in self._kinds:
+            path = self._figures / f"{name}.svg"
+            with writing(path, error=MapError):
+                write_whole(path, svg)
+        if set(self._kinds) - {"svg"}:
+            self._drawn_later.append((name, figure))
+        element = page_svg(svg, name=name, label=caption)
+        return html.figure(element, number=self._number, caption=caption, name=name, kinds=self._kinds)
 
-    def save(self, name: str, figure: Figure) -> None:
-        """Save a figure that the page itself does not contain."""
-        save_figure(figure, self._figures, name)
+    def finish(self) -> None:
+        """Draw the files that the page has links to, but does not show."""
+        kinds = [kind for kind in self._kinds if kind != "svg"]
+        for name, figure in self._drawn_later:
+            save_figure(figure, self._figures, name, kinds=kinds)
 
     def table(self, table: Table, *, max_rows: int | None = None) -> str:
         """Save a table and give it as an element."""

@@ -25,6 +25,7 @@ Lamps of one pass share their paths, so their errors are correlated and those of
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -37,7 +38,9 @@ from lidarspectra.radiance.sampling.folding import SLOT_DIMS, slot_variables
 from lidarspectra.radiance.sampling.stated_error import opening_stated
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
-from lidarspectra.room.sensor_points import SensorPoints
+
+if TYPE_CHECKING:
+    from lidarspectra.room.sensor_points import SensorPoints  # which loads what finds free space
 
 SCHEMA = "lidarspectra transport 1"
 TRANSPORT_FILE = "transport.nc"  # in the folder of a run's trace stage
@@ -81,7 +84,7 @@ _BATCHES = ("batch", "lamp", "point", "band")
 
 def make_transport(
     scene: RadianceScene,
-    points: SensorPoints,
+    points: "SensorPoints",
     *,
     coefficient: NDArray[np.floating],
     slot_coefficient: NDArray[np.floating] | None = None,
@@ -266,7 +269,7 @@ def load_transport(path: Path) -> xr.Dataset:
     return transport
 
 
-def _coordinates(scene: RadianceScene, points: SensorPoints) -> dict[str, object]:
+def _coordinates(scene: RadianceScene, points: "SensorPoints") -> dict[str, object]:
     coordinates: dict[str, object] = {"lamp": ("lamp", list(scene.lamp_names), {"long_name": "lamp"})}
     for axis, name in enumerate("xyz"):
         coordinates[name] = ("point", points.positions[:, axis], {"units": "m", "long_name": f"{name} coordinate"})

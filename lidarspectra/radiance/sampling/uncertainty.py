@@ -10,8 +10,7 @@ hundred such points may hold no more information than three: the effective numbe
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import digamma, polygamma
-from scipy.stats import norm, t
+from scipy.special import digamma, ndtr, polygamma, stdtrit
 
 from lidarspectra.arrays import FloatArray
 
@@ -62,7 +61,7 @@ def standard_error(repeats: FloatArray) -> FloatArray:
     for band in range(raw.shape[1]):
         pooled = pool_variances(raw[:, band], level[:, band], degrees=count - 1)
         degrees = min(pooled.degrees, (count - 1) * independent_points(repeats[:, :, band]))
-        widening = t.ppf(norm.cdf(COVERAGE_FACTOR), degrees) / COVERAGE_FACTOR
+        widening = float(stdtrit(degrees, ndtr(COVERAGE_FACTOR))) / COVERAGE_FACTOR
         error[:, band] = widening * np.sqrt(pooled.variance / count)
     return error
 

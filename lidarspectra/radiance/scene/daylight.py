@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import RegularGridInterpolator
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LampError
@@ -130,6 +129,8 @@ def _flux_density(incoming: FloatArray, outward: FloatArray) -> FloatArray:
     """(wavelength,) ∫ L T(θ)/T(0) cosθ dω over the outer half [W/m²/nm], on a degree's grid."""
     azimuths = np.arange(0.5 * FLUX_STEP_DEG, 360.0, FLUX_STEP_DEG)
     altitudes = np.arange(-90.0 + 0.5 * FLUX_STEP_DEG, 90.0, FLUX_STEP_DEG)
+    from scipy.interpolate import RegularGridInterpolator  # loads slowly, and few runs need it
+
     table = RegularGridInterpolator((AZIMUTHS_DEG, ALTITUDES_DEG), incoming)
     grid = np.stack(np.meshgrid(azimuths, altitudes, indexing="ij"), axis=-1)
     solid_angles = np.cos(np.radians(altitudes)) * math.radians(FLUX_STEP_DEG) ** 2

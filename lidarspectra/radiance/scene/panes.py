@@ -15,8 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
@@ -175,6 +173,9 @@ def _parts(mesh: _Mesh, faces: IntArray) -> list[IntArray]:
     first, second = face[next_to], face[next_to + 1]
     normals = mesh.normals[faces]
     smooth = np.abs(np.einsum("ij,ij->i", normals[first], normals[second])) >= np.cos(np.radians(BEND_DEG))
+    from scipy.sparse import coo_array  # loaded late: whoever only reads a scene needs none
+    from scipy.sparse.csgraph import connected_components
+
     ones = np.ones(int(smooth.sum()))
     graph = coo_array((ones, (first[smooth], second[smooth])), shape=(faces.size, faces.size))
     count, label = connected_components(graph, directed=False)

@@ -15,7 +15,6 @@ from lidarspectra.lamps.shapes import Disc
 from lidarspectra.mapping.figures.channel_figures import (
     ReportView,
     choose_points,
-    contact_sheet,
     reflectances_figure,
     spectra_figure,
 )
@@ -131,14 +130,15 @@ def test_figures_leave_the_user_s_matplotlib_settings_alone(make_transport, plan
     assert dict(mpl.rcParams) == before
 
 
-def test_figures_are_saved_as_png_of_200_dpi_and_pdf(make_transport, plan, tmp_path):
+def test_figures_are_saved_as_png_of_200_dpi_and_svg_and_as_pdf_where_asked_for(make_transport, plan, tmp_path):
     figure = plan_figure(spectral_map(make_transport(points=9)), plan, ())
     paths = save_figure(figure, tmp_path, "plan")
-    assert [path.suffix for path in paths] == [".png", ".pdf"]
+    assert [path.suffix for path in paths] == [".png", ".svg"]
     with Image.open(paths[0]) as picture:
         # A pixel is cut off where the size in inches is no whole number of them.
         np.testing.assert_allclose(picture.size, figure.get_size_inches() * 200, atol=1.0)
-    assert paths[1].read_bytes().startswith(b"%PDF")
+    assert ElementTree.parse(paths[1]).getroot().tag.endswith("svg")
+    assert save_figure(figure, tmp_path, "plan", kinds=["pdf"])[0].read_bytes().startswith(b"%PDF")
     with pytest.raises(MapError, match="can be written"):
         save_figure(figure, tmp_path / "nowhere", "plan")
 
@@ -148,7 +148,9 @@ def test_the_same_numbers_give_the_same_files(make_transport, plan, tmp_path):
     for run in ("first", "second"):
         (tmp_path / run).mkdir()
         figure = error_figure(spectral_map(make_transport(points=25)), plan)
-        contents.append([path.read_bytes() for path in save_figure(figure, tmp_path / run, "error")])
+        contents.append(
+            [path.read_bytes() for path in save_figure(figure, tmp_path / run, "error", kinds=["png", "svg", "pdf"])]
+        )
         contents[-1].append(inline_svg(figure, name="error", label="x").encode())
     assert contents[0] == contents[1]
 
@@ -220,7 +222,6 @@ def test_names_from_users_cannot_upset_a_figure(make_transport, plan, lamps):
     for figure in (
         plan_figure(one_map, plan, (named,) * 30),
         reflectances_figure((_material(odd),), np.array([1.0])),
-        contact_sheet((ReportView(name=odd, image=np.zeros((8, 8, 3), dtype=np.uint8)),)),
     ):
         svg = inline_svg(figure, name="odd", label=odd)
         ElementTree.fromstring(svg)
@@ -336,7 +337,5 @@ def test_a_picture_that_is_none_is_refused(image):
 def test_nothing_to_draw_is_an_error_not_an_empty_picture(make_transport):
     with pytest.raises(MapError, match="at least one point"):
         spectra_figure(spectral_map(make_transport(points=9)), ())
-    with pytest.raises(MapError, match="at least one view"):
-        contact_sheet(())
     with pytest.raises(MapError, match="one or more materials"):
         reflectances_figure((), np.empty(0))

@@ -45,10 +45,8 @@ def report(make_transport, make_report):
 
 @pytest.fixture(scope="module")
 def page_file(report, tmp_path_factory):
-    """The whole report, without the figures' own files beside it."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lidarspectra.mapping.report.report_writer.save_figure", lambda figure, folder, name: ())
-        return write_report(tmp_path_factory.mktemp("report"), report)
+    """The whole report."""
+    return write_report(tmp_path_factory.mktemp("report"), report)
 
 
 @pytest.fixture

@@ -1,0 +1,29 @@
+"""One thread for the linear algebra of each process: what runs side by side here are processes.
+
+The libraries below numpy, scipy and scikit-learn start a thread a core of their own accord, and these wait for each
+other by spinning: where other work runs on the same cores, an inversion of a 2 x 2 matrix has taken seconds.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # read when the libraries are loaded
+
+
+def start_with_one_thread() -> None:
+    """Let libraries that are loaded later use one thread, here and in child processes; a number that is set stays."""
+    for name in VARIABLES:
+        os.environ.setdefault(name, "1")
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let libraries that are loaded already use one thread in a `with` block, unless the user has set a number."""
+    if any(os.environ.get(name) for name in VARIABLES):
+        yield
+        return
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        yield
