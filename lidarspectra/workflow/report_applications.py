@@ -1,7 +1,7 @@
 """The applications that a run file asks its report for: solar cells, light for people and plants."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,13 +13,15 @@ from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.photometry.figures import quantities_figure
 from lidarspectra.mapping.photometry.people_and_plants import light_at_points, summary_table
 from lidarspectra.mapping.photometry.point_light import light_of_lamps
-from lidarspectra.mapping.photovoltaics.cells import find_cell
+from lidarspectra.mapping.photovoltaics.cells import Cell, find_cell
 from lidarspectra.mapping.photovoltaics.current_map import area_of, current_map, currents_table
 from lidarspectra.mapping.photovoltaics.figures import currents_figure
 from lidarspectra.mapping.photovoltaics.schedule import Shift, parse_hours
 from lidarspectra.mapping.report.applications import Application, ApplicationFigure
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
+
+TYPICAL_CELL = "silicon"  # crystalline silicon is what most modules are of
 
 
 def check_cell(section: CellSection, *, base: Path) -> None:
@@ -128,6 +130,12 @@ def _cell(
         figures=(ApplicationFigure(name=name, figure=currents_figure(currents, plan), caption=caption),),
         tables=(replace(currents_table(currents), name=name),),
     )
+
+
+def shown_cells(sections: Sequence[CellSection], *, base: Path) -> tuple[tuple[Cell, float], ...]:
+    """Cells whose current the page shows, each with the factor on its curve: the run file's, or else a typical one."""
+    found = tuple((find_cell(section.cell, base), section.scale) for section in sections)
+    return found or ((find_cell(TYPICAL_CELL), 1.0),)
 
 
 def _area_m2(section: CellSection) -> float | None:

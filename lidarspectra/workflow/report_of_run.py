@@ -20,7 +20,7 @@ from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.workflow.calibration_report import calibration_sections
 from lidarspectra.workflow.declared import Declared
 from lidarspectra.workflow.lamps_of_run import ScannedRoom
-from lidarspectra.workflow.report_applications import report_applications
+from lidarspectra.workflow.report_applications import report_applications, shown_cells
 from lidarspectra.workflow.workspace import StageResult, versions
 
 SHOWN_VIEWS = 6  # the first six are the cube faces around the first viewpoint
@@ -114,6 +114,9 @@ def report_of_run(
         provenance=_provenance(before.all, trace_seed),
         run_file=run_file_text,
         figure_files=given.run_file.report.figures,
+        bands=before.scene.value.bands,
+        cells=shown_cells(given.run_file.cells, base=given.base),
+        run=before.scan.folder.resolve().parent.name,
     )
 
 

@@ -6,17 +6,20 @@ Ohno 2014, LEUKOS 10, 47-55 (CCT and Duv). CIE 13.3-1995 (colour rendering index
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
+from lidarspectra.lamps.lamp_spectra import SECOND_RADIATION_CONSTANT_NM_K
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra.databases import color_matching_functions
 
 COLOR_STEP_NM = 5.0  # [nm] CIE 13.3 and CIE 224 compute at 5 nm
 COLOR_GRID_NM = np.arange(380.0, 780.1, COLOR_STEP_NM)
 CCT_RANGE_K = (1000.0, 25_000.0)  # [K] daylight, and with it every reference, is defined up to there
+LOCUS_STEP = 1.003  # [1] between temperatures: chords of the locus are then within 1 K of it
 LARGEST_DUV = 0.05  # [1] beyond it a colour temperature has no meaning (CIE 15:2018, 9.5)
 
 
@@ -67,6 +70,24 @@ def color_temperature(spectra: FloatArray, wavelengths_nm: FloatArray) -> tuple[
     good = (np.abs(found[:, 1]) <= LARGEST_DUV) & (found[:, 0] > CCT_RANGE_K[0]) & (found[:, 0] < CCT_RANGE_K[1])
     cct[lit], duv[lit] = np.where(good, found[:, 0], np.nan), np.where(good, found[:, 1], np.nan)
     return cct, duv
+
+
+@cache
+def planckian_locus() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Colour of black bodies over `CCT_RANGE_K`, from one temperature to the next 0.3 % more.
+
+    Returns
+    -------
+    kelvin, u, v : (temperature,) float
+        Temperatures [K] and chromaticities of the CIE 1960 UCS [1].
+    """
+    first, last = CCT_RANGE_K
+    kelvin = np.geomspace(first, last, int(np.log(last / first) / np.log(LOCUS_STEP)) + 1)
+    grid = np.arange(360.0, 830.5)
+    power = grid**-5.0 / np.expm1(SECOND_RADIATION_CONSTANT_NM_K / (grid * kelvin[:, None]))
+    x, y, z = (power @ color_matching_functions(grid)).T
+    base = x + 15.0 * y + 3.0 * z
+    return kelvin, 4.0 * x / base, 6.0 * y / base
 
 
 def color_quality(spectra: FloatArray, *, rendering: bool = True, progress: Progress = silent) -> ColorQuality:

@@ -10,13 +10,16 @@ from lidarspectra.mapping.figures.channel_figures import ReportView
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.report import report_page as html
 from lidarspectra.mapping.report import report_sections as parts
+from lidarspectra.mapping.report.key_figures import key_figures
+from lidarspectra.mapping.report.lamp_light import lamp_light
 from lidarspectra.mapping.report.report_input import ReportInput
 from lidarspectra.mapping.report.report_tables import StageRow
 from lidarspectra.mapping.report.report_writer import ReportWriter
-from lidarspectra.mapping.report.room_view import room_view_data
+from lidarspectra.mapping.report.room_view import room_view_data, shown_points
 from lidarspectra.progress import Progress, shares, silent
 
 PAGE = "index.html"
+ROOM = "Room in 3D"
 ROOM_SHARE = 0.1  # of the time, in the unit of the sections' shares: the room in 3D and the page itself
 
 __all__ = ["PAGE", "FloorPlan", "ReportInput", "ReportView", "StageRow", "write_report"]
@@ -47,11 +50,11 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
     writer = ReportWriter(folder, report.figure_files)
     light = parts.light_of_report(report)
     makers: tuple[tuple[str, float, Callable[[], str]], ...] = (  # title, share of the time, content
-        ("Summary", 0.1, lambda: parts.summary_section(report, light, writer)),
-        ("Room in 3D", 0.0, lambda: parts.room_section(report)),
+        (ROOM, 0.0, lambda: parts.room_section(report)),
+        ("Summary", 0.1, lambda: parts.summary_section(report, writer)),
+        ("Illuminance", 0.5, lambda: parts.illuminance_section(report, light, writer)),
         ("Spectral maps", 3.4, lambda: parts.maps_section(report, writer)),
         ("Spectra", 0.5, lambda: parts.spectra_section(report, writer)),
-        ("Illuminance", 0.5, lambda: parts.illuminance_section(report, light, writer)),
         ("Accuracy", 0.7, lambda: parts.accuracy_section(report, writer)),
         ("Lamps and sensors", 0.2, lambda: parts.lamps_section(report, writer)),
         *((each.title, 0.5, partial(parts.application_section, each, writer)) for each in report.applications),
@@ -60,6 +63,7 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
         ("Scan", 0.0, lambda: parts.scan_section(report, writer)),
         ("All points", 0.1, lambda: parts.points_section(report, writer)),
         ("Provenance", 0.1, lambda: parts.provenance_section(report, writer)),
+        ("Time and memory", 0.0, lambda: parts.time_section(report, writer)),
     )
     sections = []
     *told, joining = shares(progress, [*(share for _, share, _ in makers), ROOM_SHARE])
@@ -76,8 +80,23 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
         report.material_areas_m2,
         report.lamps,
         illuminance_lx=light.illuminance_lx,
+        light=lamp_light(
+            report.transport,
+            report.lamps,
+            report.bands,
+            report.cells,
+            shown_points(report.spectral_map.sizes["point"]),
+        ),
+        run=report.run,
     )
-    page = html.page(title=report.title, lead=_lead(report), sections=sections, footer=_footer(report), room_data=data)
+    page = html.page(
+        title=report.title,
+        lead=_lead(report),
+        sections=sections,
+        footer=_footer(report),
+        room_data=data,
+        key_figures=key_figures(report),
+    )
     path = folder / PAGE
     with writing(folder, error=MapError):
         path.write_text(page, encoding="utf-8", newline="\n")

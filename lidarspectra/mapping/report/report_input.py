@@ -13,10 +13,12 @@ from lidarspectra.mapping.figures.figure_style import FileType
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.material_figures import MaterialPictures
 from lidarspectra.mapping.maps.map_schema import check_map
+from lidarspectra.mapping.photovoltaics.cells import Cell
 from lidarspectra.mapping.report.applications import Application
 from lidarspectra.mapping.report.report_tables import StageRow
 from lidarspectra.mapping.report.room_view import RoomSurfaces
 from lidarspectra.material.material_map import Material
+from lidarspectra.spectra.spectrum import BandSet
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,6 +69,12 @@ class ReportInput:
         Sections on people, plants and solar cells.
     figure_files : tuple of str
         Kinds of the figures' files beside the page: 'svg', 'png', 'pdf'.
+    bands : BandSet, optional
+        The transport's channels, without which the page's lamps can only be dimmed.
+    cells : tuple of (Cell, float)
+        Solar cells whose current the page shows, each with a factor on its curve. [1]
+    run : str
+        Name of the run's folder, for commands that the page gives.
     """
 
     title: str
@@ -91,6 +99,9 @@ class ReportInput:
     run_file: str = ""
     applications: tuple[Application, ...] = ()
     figure_files: tuple[FileType, ...] = ("svg",)
+    bands: BandSet | None = None
+    cells: tuple[tuple[Cell, float], ...] = ()
+    run: str = "RUN"
 
     def __post_init__(self) -> None:
         check_map(self.spectral_map, where="map of the report")

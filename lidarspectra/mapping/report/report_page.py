@@ -18,7 +18,7 @@ from lidarspectra.arrays import ByteArray
 from lidarspectra.mapping.figures.figure_style import data_uri, printable
 
 VIEW_WIDTH_PX = 640  # [px] pictures in the page; the full ones lie in the run's folder
-ROOM_SCRIPTS = ("three.js", "room-picture.js", "room-view.js")
+ROOM_SCRIPTS = ("three.js", "room-picture.js", "room-light.js", "room-chart.js", "room-lamps.js", "room-view.js")
 JPEG_QUALITY = 85  # Pillow's scale; no visible loss at this size
 
 
@@ -59,6 +59,49 @@ def cards(entries: Sequence[tuple[str, str, str]]) -> str:
         for what, value, remark in entries
     )
     return f'<dl class="cards">{inner}</dl>'
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fact:
+    """A key figure above the room.
+
+    Parameters
+    ----------
+    name, value, remark : str
+        What it is, its value with the unit, and a few words on it.
+    fact : str
+        'mean' or 'uniformity' of `key` over the points, for the page to tell it anew under other lamps; or ''.
+    key : str
+        Of the quantity in the page's data.
+    number : float
+        The value without rounding.
+    unit : str
+        Of the value.
+    link : str
+        Anchor of what is behind it.
+    """
+
+    name: str
+    value: str
+    remark: str
+    fact: str = ""
+    key: str = ""
+    number: float = 0.0
+    unit: str = ""
+    link: str = ""
+
+
+def facts(entries: Sequence[Fact]) -> str:
+    """The key figures above the room."""
+    return f'<dl class="facts">{"".join(map(_fact, entries))}</dl>'
+
+
+def _fact(entry: Fact) -> str:
+    told = {"fact": entry.fact, "key": entry.key, "number": f"{entry.number:.9g}", "unit": entry.unit}
+    data = "".join(f' data-{name}="{words(value)}"' for name, value in told.items()) if entry.fact else ""
+    name = f'<a href="#{words(entry.link)}">{words(entry.name)}</a>' if entry.link else words(entry.name)
+    value, remark = f'<span class="value">{words(entry.value)}</span>', f"<small>{words(entry.remark)}</small>"
+    return f"<div{data}><dt>{name}</dt><dd>{value}{remark}</dd></div>"
 
 
 def figure(svg: str, *, number: int, caption: str, name: str, kinds: Sequence[str]) -> str:
@@ -116,13 +159,17 @@ def room_view() -> str:
     return resource("room-view.html")
 
 
-def page(*, title: str, lead: str, sections: Sequence[Section], footer: str, room_data: str = "") -> str:
+def page(
+    *, title: str, lead: str, sections: Sequence[Section], footer: str, room_data: str = "", key_figures: str = ""
+) -> str:
     """The whole page.
 
     Parameters
     ----------
     title, lead, footer : str
         Plain text.
+    key_figures : str
+        HTML between the title and the first section.
     sections : sequence of Section
         In order.
     room_data : str
@@ -143,7 +190,7 @@ def page(*, title: str, lead: str, sections: Sequence[Section], footer: str, roo
     body = (
         '<a class="skip" href="#content">Skip to the content</a>\n<div class="layout">\n'
         f'<nav aria-label="Contents"><p>LiDARSpectra</p><ol>{contents}</ol></nav>\n'
-        f'<main id="content"><header><h1>{words(title)}</h1>{paragraph(lead)}</header>\n{parts}'
+        f'<main id="content"><header><h1>{words(title)}</h1>{paragraph(lead)}</header>\n{key_figures}{parts}'
         f"<footer>{paragraph(footer)}</footer></main>\n</div>"
     )
     data = {"room-data": room_data} if room_data else {}

@@ -28,10 +28,11 @@ from lidarspectra.mapping.photometry import covers_vision, illuminance, illumina
 from lidarspectra.mapping.report import report_page as html
 from lidarspectra.mapping.report import report_tables as tables
 from lidarspectra.mapping.report.applications import Application
+from lidarspectra.mapping.report.key_figures import TRUST
 from lidarspectra.mapping.report.report_input import ReportInput
 from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.mapping.report.room_view import MAX_FACES, MAX_POINTS
-from lidarspectra.mapping.report.trust import trust_card, trust_table
+from lidarspectra.mapping.report.trust import trust_table
 from lidarspectra.radiance.sampling.stated_error import opening_in_words
 
 MAX_POINT_ROWS = 500  # rows of the table of points in the page; the file has all
@@ -56,8 +57,8 @@ class ReportLight:
     route: str
 
 
-def summary_section(report: ReportInput, light: ReportLight, writer: ReportWriter) -> str:
-    """Key figures, what they rest on, warnings, and the time of each stage."""
+def summary_section(report: ReportInput, writer: ReportWriter) -> str:
+    """What a reader must know first, the size of it all, and what it rests on."""
     dataset = report.spectral_map
     assumed = assumptions_of(dataset)
     guessed = ", from an assumed flux" if assumed.of_flux else ""
@@ -73,10 +74,6 @@ def summary_section(report: ReportInput, light: ReportLight, writer: ReportWrite
             f"{irradiance_unit(prefix)}, over points and bands{guessed}",
         ),
     ]
-    if light.illuminance_lx is not None:
-        lux = light.illuminance_lx[kept]
-        entries.append(("Mean illuminance", f"{lux.mean():.0f} lx", f"{lux.min():.0f} to {lux.max():.0f} lx{guessed}"))
-    entries.append(trust_card(report))
     knows = "of the simulation alone, not of what is assumed" if assumed else "of the simulation alone"
     error = f"{_target_words(report)}; {knows}"
     entries.append(("Standard error", f"{_achieved_percent(report):.2g} %", error))
@@ -85,11 +82,17 @@ def summary_section(report: ReportInput, light: ReportLight, writer: ReportWrite
     entries.append(("Lamps", f"{len(report.lamps)}", lamps))
     surface = f"on {report.material_areas_m2.sum():.0f} m² of surface"
     entries.append(("Materials", f"{len(report.materials)}", surface))
-    stages = writer.table(tables.stages_table(report.stages)) if report.stages else ""
+    trust = f'<div id="{TRUST}">{writer.table(trust_table(report))}</div>'
+    return html.warning_box(report.warnings) + html.cards(entries) + trust
+
+
+def time_section(report: ReportInput, writer: ReportWriter) -> str:
+    """Time and memory of each stage."""
+    if not report.stages:
+        return ""
     total = sum(row.seconds for row in report.stages)
-    time = html.paragraph(f"All stages together took {total:.0f} s.") if report.stages else ""
-    trust = writer.table(trust_table(report))
-    return html.cards(entries) + trust + html.warning_box(report.warnings) + time + stages
+    words = html.paragraph(f"All stages together took {total:.0f} s.")
+    return words + writer.table(tables.stages_table(report.stages))
 
 
 def room_section(report: ReportInput) -> str:

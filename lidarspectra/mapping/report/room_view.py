@@ -89,6 +89,8 @@ def room_view_data(
     lamps: tuple[Lamp, ...],
     *,
     illuminance_lx: FloatArray | None = None,
+    light: dict[str, Any] | None = None,
+    run: str = "",
 ) -> str:
     """Data of the 3D view as JSON that is safe inside a script element.
 
@@ -105,6 +107,10 @@ def room_view_data(
     lamps : tuple of Lamp
     illuminance_lx : (point,) float, optional
         Where the channels cover V(λ). [lx]
+    light : dict, optional
+        Of `lamp_light`, for a view whose lamps can be changed.
+    run : str
+        Name of the run's folder.
 
     Returns
     -------
@@ -129,6 +135,8 @@ def room_view_data(
         else _materials(materials, material_areas_m2, code, spectral_map["band"].to_numpy()),
         "surfaces": None if surfaces is None else _surfaces(surfaces, len(materials)),
         "lamps": [{"name": _name(lamp.name), "corners": packed(lamp.outline(), "<f4")} for lamp in lamps],
+        "light": light,
+        "run": printable(run),
     }
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 

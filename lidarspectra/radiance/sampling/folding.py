@@ -154,7 +154,7 @@ def with_slot_flux(transport: xr.Dataset, row: int, flux: FloatArray) -> xr.Data
         As of `with_spectrum`.
     """
     slots = transport["slot_coefficient"].transpose("lamp", "point", "slot").to_numpy()[row]
-    new = slots @ channel_weights(flux[None], _matrix(transport))[0]
+    new = slots @ channel_weights(flux[None], slot_matrix(transport))[0]
     changed = transport.copy()
     old = transport["coefficient"].transpose("lamp", "point", "band").to_numpy()[row]
     ratio = np.where(old > 0, new / np.where(old > 0, old, 1.0), 1.0)
@@ -200,12 +200,12 @@ def spectrum_error(transport: xr.Dataset, lamp: str, flux: Spectrum) -> FloatArr
     mean = transport["mean_reflectance"].to_numpy()
     held = transport["slot_reflectance"].transpose("lamp", "slot").to_numpy()[row]
     return reflected_light_error(
-        power=power, weights=weights, matrix=_matrix(transport), mean_reflectance=mean, slot_reflectance=held
+        power=power, weights=weights, matrix=slot_matrix(transport), mean_reflectance=mean, slot_reflectance=held
     )
 
 
-def _matrix(transport: xr.Dataset) -> FloatArray:
-    """(slot, band) shares."""
+def slot_matrix(transport: xr.Dataset) -> FloatArray:
+    """(slot, band) shares of a transport with slots [1]."""
     channel = transport["slot_channel"].to_numpy()
     matrix = np.zeros((channel.size, transport.sizes["band"]))
     matrix[np.arange(channel.size), channel] = transport["slot_share"].to_numpy()

@@ -1,6 +1,8 @@
 """A synthetic Transport: two panels over a 3 m x 3 m room with a table, in closed form, for tests without an engine."""
 
+import shutil
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +23,8 @@ ROOM_M = 3.0
 LAMP_CENTERS_M = ((0.9, 1.5, 2.66), (2.1, 1.5, 2.66))
 TABLE_M = ((0.2, 0.2), (1.4, 0.2), (1.4, 1.0), (0.2, 1.0))
 RELATIVE_SE = 0.008
+BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+SOFTWARE_WEBGL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]  # no graphics card is needed
 
 MakeTransport = Callable[..., xr.Dataset]
 MakeReport = Callable[..., ReportInput]
@@ -181,3 +185,52 @@ def make_report(lamps: tuple[Lamp, ...], make_material: MakeMaterial, room_surfa
         )
 
     return make
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Chromium, as the system has it or as playwright brought it."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        found = next((path for path in map(shutil.which, BROWSERS) if path), driver.chromium.executable_path)
+        if not Path(found).is_file():
+            pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is on this machine, nor playwright's own")
+        chromium = driver.chromium.launch(executable_path=found, args=SOFTWARE_WEBGL)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def split_transport(make_transport: MakeTransport, bands: BandSet, lamps: tuple[Lamp, ...]) -> xr.Dataset:
+    """A transport whose channels are two slots each, below and above their centre, with coefficients of their own."""
+    transport = make_transport(points=25, buried=(3,))
+    grid = bands.wavelengths_nm
+    halves = [
+        np.where(side, weights, 0.0)
+        for weights, center in zip(bands.weights, bands.centers_nm, strict=True)
+        for side in (grid < center, grid >= center)
+    ]
+    share = np.array([half.sum() for half in halves])
+    weights = np.array(halves) / share[:, None]
+    channel = np.repeat(np.arange(len(bands)), 2)
+    flux = np.array([weights @ lamp.flux.at(grid, outside="zero") for lamp in lamps])
+    whole = transport["coefficient"].to_numpy()
+    slots = whole[:, :, channel] * np.tile([0.9, 1.1], len(bands))
+    folded = np.zeros_like(whole)
+    for slot, band in enumerate(channel):
+        folded[:, :, band] += (
+            slots[:, :, slot] * (share[slot] * flux[:, slot] / transport["flux"][:, band].to_numpy())[:, None]
+        )
+    mean = 0.35 + 0.4 / (1 + np.exp(-(grid - 590) / 30))
+    lit = np.array([[(half * light * mean).sum() / (half * light).sum() for half in weights]
+                    for light in (lamp.flux.at(grid, outside="zero") for lamp in lamps)])  # fmt: skip
+    return transport.assign(
+        coefficient=(("lamp", "point", "band"), folded, {"units": "m-2"}),
+        slot_coefficient=(("lamp", "point", "slot"), slots),
+        slot_flux=(("lamp", "slot"), flux),
+        slot_share=("slot", share),
+        slot_channel=("slot", channel),
+        slot_weights=(("slot", "wavelength"), weights),
+        slot_reflectance=(("lamp", "slot"), np.nan_to_num(lit, nan=0.5)),
+        mean_reflectance=("wavelength", mean),
+    ).assign_coords(wavelength=grid)

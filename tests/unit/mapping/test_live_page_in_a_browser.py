@@ -1,9 +1,7 @@
 """The live page in Chromium without a window, from the real server: numbers, map, alarm and loss of the server."""
 
-import shutil
 import threading
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,24 +14,8 @@ from lidarspectra.mapping.report.room_view import room_view_data, shown_points
 from lidarspectra.workflow.live.board import Board
 from lidarspectra.workflow.live.server import LiveServer
 
-playwright = pytest.importorskip("playwright.sync_api")
-
-NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-SOFTWARE_WEBGL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]  # no graphics card is needed
 PATIENCE_MS = 60_000  # a loaded machine without a graphics card draws slowly
 HOSTILE = "<img src=x onerror=document.title='bad'>"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Chromium, as the system has it or as playwright brought it."""
-    with playwright.sync_playwright() as driver:
-        found = next((path for path in map(shutil.which, NAMES) if path), driver.chromium.executable_path)
-        if not Path(found).is_file():
-            pytest.skip(f"no browser: none of {', '.join(NAMES)} is on this machine, nor playwright's own")
-        chromium = driver.chromium.launch(executable_path=found, args=SOFTWARE_WEBGL)
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,9 @@ from lidarspectra.errors import ArrayError, MapError
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report.report import ReportInput, ReportView, StageRow, write_report
 
-OWN_SCRIPTS = ("three.js", "room-picture.js", "room-view.js", "script.js")
+OWN_SCRIPTS = (
+    "three.js", "room-picture.js", "room-light.js", "room-chart.js", "room-lamps.js", "room-view.js", "script.js"
+)  # fmt: skip
 VOID = {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"}
 HOSTILE = "\"><script>alert(1)</script><img src=x onerror=alert(2)>\x00' & </style></script>"
 
@@ -70,13 +72,17 @@ def _read(path) -> tuple[str, _Page]:
 
 
 def test_the_report_tells_of_everything_it_was_given(whole):
-    _, page = _read(whole / "index.html")
+    text, page = _read(whole / "index.html")
     for words in ("Office", "scan.glb", "1 of 64 points is buried", "100 triangles", "panel 2", "wall", "east", "9.9.9",
                   "ultra, at most 20 reflections", "target 1 %, met", "0.4", "lx"):  # fmt: skip
         assert words in page.text or any(words in str(value) for _, attrs in page.tags for value in attrs.values())
-    titles = ["Summary", "Spectral maps", "Spectra", "Illuminance", "Accuracy", "Lamps and sensors", "Materials",
-              "Views", "Scan", "All points", "Provenance"]  # fmt: skip
+    titles = ["Mean illuminance", "Uniformity U0", "Melanopic EDI", "Room in 3D", "Summary", "Spectral maps", "Spectra",
+              "Accuracy", "Lamps and sensors", "Materials", "Views", "Scan", "All points", "Provenance",
+              "Time and memory"]  # fmt: skip
     assert all(title in page.text for title in titles)
+    headings = re.findall(r"<h2 [^>]*>(.*?)</h2>", text)
+    assert (headings[0], headings[-1]) == ("Room in 3D", "Time and memory")  # the room first, tables of time last
+    assert text.index('class="facts"') < text.index("<h2")
 
 
 def test_the_page_is_well_formed_and_every_link_inside_it_leads_somewhere(whole):

@@ -2,7 +2,6 @@
 
 import io
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,26 +14,10 @@ from lidarspectra.mapping.report.report_page import Section, room_view
 from lidarspectra.mapping.report.report_page import page as page_text
 from lidarspectra.mapping.report.room_view import room_view_data
 
-playwright = pytest.importorskip("playwright.sync_api")
-
-NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-SOFTWARE_WEBGL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]  # no graphics card is needed
 HOSTILE = "</script><img src=x onerror=document.title='bad'><script>document.title='bad'</script>"
 BANDS_NM = [410.0, 560.0, 760.0]
 SIZE = {"width": 1300, "height": 900}  # [px]
 PATIENCE_MS = 60_000  # a loaded machine without a graphics card draws slowly
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Chromium, as the system has it or as playwright brought it."""
-    with playwright.sync_playwright() as driver:
-        found = next((path for path in map(shutil.which, NAMES) if path), driver.chromium.executable_path)
-        if not Path(found).is_file():
-            pytest.skip(f"no browser: none of {', '.join(NAMES)} is on this machine, nor playwright's own")
-        chromium = driver.chromium.launch(executable_path=found, args=SOFTWARE_WEBGL)
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture(scope="module")
@@ -135,23 +118,23 @@ def test_pointing_at_a_point_tells_its_place_and_irradiance_as_the_map_has_them(
 def test_pointing_at_a_wall_tells_its_material(open_page, page_file):
     page = open_page(page_file)
     page.get_by_label("map between points").uncheck()
-    _point_at(page, 0.45, 0.3)  # beside the far corner, above the points
+    _point_at(page, 0.5, 0.17)  # beside the far corner, above the points
     assert _reading(page).startswith("wall\n")
     assert "reflectance 0.49" in _reading(page)  # .4 + .2 (560 - 380) / 400
 
 
 def test_the_slider_goes_through_the_channels_by_keys_and_recolours_the_picture(open_page, page_file, report):
     page = open_page(page_file)
-    slider = page.get_by_label("Channel", exact=True)
+    slider = page.get_by_label("Quantity or channel")
     slider.focus()
     pictures = {_picture(page)}
     page.keyboard.press("Home")
-    assert page.locator("#room-band-name").inner_text() == "410 nm"
+    assert page.locator("#room-shown-name").inner_text() == "410 nm"
     pictures.add(_picture(page))
     page.keyboard.press("ArrowRight")
     page.keyboard.press("ArrowRight")
-    assert page.locator("#room-band-name").inner_text() == "760 nm"
-    assert slider.get_attribute("aria-valuetext") == "760 nm"
+    assert page.locator("#room-shown-name").inner_text() == "760 nm"
+    assert slider.get_attribute("aria-valuetext").startswith("760 nm")
     pictures.add(_picture(page))
     assert len(pictures) == 3
     page.get_by_label("one scale for all channels").check()
@@ -212,7 +195,7 @@ def test_names_from_a_scan_run_nothing_wherever_they_are_shown(open_page, report
     file.write_text(text, encoding="utf-8")
     page = open_page(file)
     page.get_by_label("Surfaces").select_option("code")
-    _point_at(page, 0.45, 0.3)
+    _point_at(page, 0.5, 0.17)
     assert _reading(page).startswith(HOSTILE)
     assert page.locator("img[src=x]").count() == 0
     assert page.title() != "bad"

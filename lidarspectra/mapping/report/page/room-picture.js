@@ -6,6 +6,7 @@ class RoomPicture {
   static NEAR_PX = 14; // how close to a point the pointer must come
   static HIDDEN_M = 0.08; // a point so far behind a surface is hidden by it
   static LAMP_COLOR = 0xffd24a;
+  static DARK_COLOR = 0x565a60; // of a lamp that is off
   static MARK_COLOR = 0x00a8ff;
   static TURN = Math.PI / 36; // one press of an arrow key
   static ZOOM = 1.15;
@@ -49,6 +50,7 @@ class RoomPicture {
     this.scene.add(...[this.surfaces, this.sheet, this.dots, this.mark, ...this.lamps].filter((mesh) => mesh !== null));
     this.controls = new THREE.OrbitControls(this.camera, canvas);
     this.controls.addEventListener("change", () => this.draw());
+    canvas.style.touchAction = "pan-y"; // a finger goes up and down the page, and turns the room sideways
     this.controls.enableZoom = false; // until the picture was pressed: a wheel over it scrolls the page
     canvas.addEventListener("focus", () => (this.controls.enableZoom = true));
     canvas.addEventListener("blur", () => (this.controls.enableZoom = false));
@@ -128,6 +130,13 @@ class RoomPicture {
       if (faceColor !== null) this.#paintFaces(faceColor);
     }
     this.draw();
+  }
+
+  /** Let a lamp look as bright as it is dimmed, 0 to 1. */
+  shine(lamp, share) {
+    const [dark, lit] = [RoomPicture.DARK_COLOR, RoomPicture.LAMP_COLOR];
+    const part = (shift) => ((dark >> shift) & 255) * (1 - share) + ((lit >> shift) & 255) * share;
+    this.lamps[lamp].material.color.setRGB(...[16, 8, 0].map((shift) => part(shift) / 255));
   }
 
   /** Put the mark around a point. */
