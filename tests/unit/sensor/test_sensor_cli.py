@@ -131,5 +131,5 @@ def test_a_log_of_several_sensors_is_shown_sensor_by_sensor_and_drawn(tmp_path: 
     one = done("show", log, "--sensor", "n1", "--plot", tmp_path / "one.png")
     assert "20 readings" in one
     assert "--sensor" in refused("cells", log, "--reference", 5, "--shunt", 100)
-    done("convert", log, "--out", tmp_path / "table.csv")
+    done("convert", log, "--gain", 16, "--integration", 166, "--out", tmp_path / "table.csv")
     assert set(pd.read_csv(tmp_path / "table.csv")["sensor"]) == {"n0", "n1", "n2"}
