@@ -39,12 +39,18 @@ def live(
         int, typer.Option("--patience", min=1, help="Answers in a row that do not fit before there is an alarm.")
     ] = 5,
     duration: Annotated[float | None, typer.Option("--duration", metavar="S", help="Stop after this time.")] = None,
+    cell: Annotated[
+        list[str] | None,
+        typer.Option("--cell", metavar="FIT.json@SENSOR", help="A fitted cell beside a sensor: its current is kept."),
+    ] = None,
     workers: WorkersOption = None,
 ) -> None:
     """Keep a run live: lamps, daylight and map of now from fixed sensors, on a page, until Ctrl-C."""
     from lidarspectra.workflow.live.live_run import LiveOptions, LiveRun
 
-    options = LiveOptions(host=host, port=port, replay=replay, patience=patience, workers=workers)
+    options = LiveOptions(
+        host=host, port=port, replay=replay, patience=patience, workers=workers, cells=tuple(cell or ())
+    )
     with progress_bar("light at the sensors") as progress:
         alive = LiveRun(run, source, options, progress=progress)
     say(f"Page: {alive.server.address}")

@@ -1,10 +1,12 @@
-"""`lidarspectra photocurrent RUN --cell NAME`, and `lidarspectra cells list | place | predict | fit`."""
+"""`lidarspectra photocurrent RUN --cell NAME`, and `lidarspectra cells list | place | predict | fit | node`."""
 
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
+from lidarspectra.cli import cell_fits
+from lidarspectra.cli.sensor_options import CalibrationOption, ColumnsOption, SensorOption
 from lidarspectra.cli.terminal import console, print_note, say, shown
 
 app = typer.Typer(
@@ -13,7 +15,8 @@ app = typer.Typer(
 
 RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="A finished run folder.", show_default=False)]
 CellOption = Annotated[
-    str, typer.Option("--cell", metavar="NAME|FILE", help="Name from 'cells list', or a CSV of λ and EQE.")
+    str,
+    typer.Option("--cell", metavar="NAME|FILE", help="From 'cells list'; a CSV of λ and EQE; or a fit (.json)."),
 ]
 AreaOption = Annotated[
     float | None, typer.Option("--area", metavar="CM2", min=1e-6, help="Area of the cell (cm²).", show_default=False)
@@ -130,7 +133,8 @@ def place_command(
 @app.command("predict")
 def predict_command(
     measured: Annotated[
-        Path, typer.Argument(metavar="FILE.csv", help="x, y, z, E_410 ..., SE_410 ..., as 'sensor join' writes.")
+        Path,
+        typer.Argument(metavar="FILE.csv", help="A table of 'sensor convert' or 'join'; any log, for a fit."),
     ],
     cell: CellOption,
     device: Annotated[str, typer.Option("--device", help="Channel set of the sensor.")] = "as7265x-14",
@@ -138,37 +142,26 @@ def predict_command(
     area: AreaOption = None,
     scale: ScaleOption = 1.0,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Default: beside the readings.")] = None,
+    calibration: CalibrationOption = None,
+    columns: ColumnsOption = None,
+    sensor: SensorOption = None,
 ) -> None:
     """Predict a cell's current, with its uncertainty, from a spectral sensor's readings at the same place."""
-    from lidarspectra.workflow.cells_of_run import predict_from_table
-
     path = out or measured.with_name(f"{measured.stem}-current.csv")
-    table, notes = predict_from_table(
-        measured, cell, device, lamp_kind=lamps, area_cm2=area, scale=scale, base=Path.cwd(), out=path
-    )
+    if Path(cell).suffix == ".json":
+        from lidarspectra.workflow.cell_fits import predict_by_fit
+
+        table, notes = predict_by_fit(Path(cell), cell_fits.log_choice(measured, calibration, columns, sensor), path)
+    else:
+        from lidarspectra.workflow.cells_of_run import predict_from_table
+
+        table, notes = predict_from_table(
+            measured, cell, device, lamp_kind=lamps, area_cm2=area, scale=scale, base=Path.cwd(), out=path
+        )
     for note in notes:
         print_note(note)
     console.print(shown(table))
     say(f"Readings: {path}")
 
 
-@app.command("fit")
-def fit_command(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log with sensor channels and cell counts.")],
-    column: Annotated[int, typer.Option("--column", min=1, help="Number of the cell in the log: 1, 2, ...")],
-    cell: Annotated[
-        str | None,
-        typer.Option(
-            "--cell", metavar="NAME|FILE", help="A known response, as the prior of the fit and to compare with."
-        ),
-    ] = None,
-    share: Annotated[
-        float, typer.Option("--train", min=0.05, max=0.95, help="Share of the log, from its start, to fit on.")
-    ] = 0.5,
-) -> None:
-    """Fit a cell's response a(λ) to the earlier part of a log, and test it on the later part."""
-    from lidarspectra.workflow.cells_of_run import fit_log
-
-    table, curve = fit_log(log, column, cell=cell, share=share, base=Path.cwd())
-    console.print(shown(table))
-    console.print(shown(curve))
+app.registered_commands += cell_fits.app.registered_commands

@@ -1,4 +1,4 @@
-"""Solar cells in a finished run, beside a measured map, and in a robot's log: what the commands do."""
+"""Solar cells in a finished run, and beside a measured map: what the commands do."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,12 +7,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from lidarspectra.arrays import FloatArray
-from lidarspectra.errors import LidarSpectraError, MapError, ReadingError
+from lidarspectra.errors import MapError, ReadingError
 from lidarspectra.geometry.scan import load_scan
-from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
 from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
-from lidarspectra.hardware.sensor.readings import best_signal, signal
 from lidarspectra.io.files import write_whole, writing
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
@@ -26,7 +23,6 @@ from lidarspectra.mapping.photovoltaics.currents import unknown_share
 from lidarspectra.mapping.photovoltaics.figures import currents_figure
 from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
 from lidarspectra.mapping.photovoltaics.placement import best_mounts, joined, tilted_mounts, wall_mounts
-from lidarspectra.mapping.photovoltaics.response_fit import AheadOfTime, predict_ahead
 from lidarspectra.mapping.photovoltaics.schedule import parse_hours, read_schedule
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import load_room
@@ -235,12 +231,12 @@ def predict_from_table(
     _require_positive("scale", scale)
     cell = find_cell(cell_name, base)
     bands = find_bands(device, base)
-    read = light_of_table(measured, bands)
+    read = light_of_table(measured, bands, needs_places=False)
     light = read.light
     density, uncertainty = current_from_channels(
         light.irradiance, light.irradiance_se, bands, cell, indoor_spectra(), lamp_kind=lamp_kind
     )
-    frame = pd.DataFrame({name: read.places[name].to_numpy() for name in ("x", "y", "z")})
+    frame = pd.DataFrame({name: read.places[name].to_numpy() for name in (*read.names, "x", "y", "z")})
     frame["current_density_A_m2"], frame["SE_current_density_A_m2"] = scale * density, scale * uncertainty
     if area_cm2 is not None or cell.area_m2 is not None:
         area = area_of(cell, None if area_cm2 is None else area_cm2 * M2_PER_CM2)
@@ -277,67 +273,3 @@ def _predicted_table(frame: pd.DataFrame, caption: str) -> Table:
     ]
     summary = pd.DataFrame(rows, columns=["quantity", "mean", "lowest", "highest", "uncertainty [%]"])
     return Table(name="predicted-current", caption=caption, frame=summary, formats={"uncertainty [%]": ".1f"})
-
-
-def ahead_in_log(log: Path, column: int, *, cell: Cell | None, share: float) -> AheadOfTime:
-    """Fit a cell of a log on its earlier part (see `predict_ahead`).
-
-    Parameters
-    ----------
-    log : Path
-        Of any layout that `readings_from_csv` knows.
-    column : int
-        Which of the log's cells, from 1.
-    cell : Cell or None
-        Known curve; a flat one if None.
-    share : float
-        Of the readings that are the earlier part. [1]
-
-    Raises
-    ------
-    ReadingError
-        If the log has no such cell, or is too short.
-    """
-    readings = readings_from_csv(log)
-    counts = readings["adc"].to_numpy() if "adc" in readings else np.zeros((0, 0))
-    if counts.ndim != 2 or counts.shape[1] < column:
-        raise ReadingError(
-            expected=f"a log with {column} cells or more",
-            found=f"{counts.shape[-1]}",
-            where=str(log),
-            todo="Give --column.",
-        )
-    values, _ = signal(readings, best_signal(readings))
-    wavelengths = np.asarray(readings["wavelength_nm"].to_numpy(), dtype=np.float64)
-    known: FloatArray = np.ones(wavelengths.size) if cell is None else cell.efficiency.at(wavelengths, outside="zero")
-    try:
-        return predict_ahead(values, counts[:, column - 1], wavelengths, known, share=share)
-    except LidarSpectraError as error:
-        raise ReadingError(
-            expected=error.expected, found=error.found, where=f"{log}, {error.where}", todo=error.todo
-        ) from error
-
-
-def fit_log(log: Path, column: int, *, cell: str | None, share: float, base: Path) -> tuple[Table, Table]:
-    """Fit a cell of a log: a table of how well the later part is predicted, and the curve."""
-    known = None if cell is None else find_cell(cell, base)
-    result = ahead_in_log(log, column, cell=known, share=share)
-    rows = [
-        ("fitted on the earlier part", result.fitted_percent),
-        (f"'{known.name}', scaled on it" if known else "flat a(λ), scaled on it", result.known_percent),
-        ("mean of the earlier part, whatever the light", result.constant_percent),
-    ]
-    caption = (
-        f"Cell {column}: fitted on {result.earlier} readings, predicted for the {result.later} after them. The fitted "
-        f"offset is {result.fit.offset:.1f} counts."
-    )
-    score = Table(
-        name="cell-fit", caption=caption, frame=pd.DataFrame(rows, columns=["curve", "MAPE [%]"]),
-        formats={"MAPE [%]": ".2f"},
-    )  # fmt: skip
-    curve = pd.DataFrame({"wavelength [nm]": result.fit.wavelengths_nm, "a (relative)": result.fit.absorption})
-    words = (
-        "Fitted a(λ) times the sensor's responsivity. Under one kind of lamp it is not identifiable: many curves fit "
-        "equally well."
-    )
-    return score, Table(name="cell-curve", caption=words, frame=curve, formats={"a (relative)": ".2f"})

@@ -142,14 +142,17 @@ class MeasuredLight:
         Its points.
     notes : tuple of str
         Notes to the user on readings that were left out.
+    names : tuple of str
+        Further columns of the table that tell a reading from others: its time, its sensor.
     """
 
     light: PointLight
     places: xr.Dataset
     notes: tuple[str, ...]
+    names: tuple[str, ...] = ()
 
 
-def light_of_table(path: Path, bands: BandSet) -> MeasuredLight:
+def light_of_table(path: Path, bands: BandSet, *, needs_places: bool = True) -> MeasuredLight:
     """Light that was measured: x, y, z [m], E_410 ... and, if there are, SE_410 ... [W/m²/nm].
 
     Parameters
@@ -159,6 +162,8 @@ def light_of_table(path: Path, bands: BandSet) -> MeasuredLight:
         channels have no error. Readings with a gap in any of these are left out, and that is noted.
     bands : BandSet
         The channels to take from it.
+    needs_places : bool
+        Whether a reading without a place is left out. The table of `sensor convert` has none.
 
     Returns
     -------
@@ -169,7 +174,7 @@ def light_of_table(path: Path, bands: BandSet) -> MeasuredLight:
     MapError
         If a column is missing, holds words, or no reading is whole.
     """
-    table = read_readings(path)
+    table = read_readings(path, needs_places=needs_places)
     channels, errors = ([f"{kind}_{label}" for label in bands.labels] for kind in ("E", "SE"))
     spread = [name for name in errors if name in table.columns]
     for name in (*channels, *(errors if spread else ())):
@@ -178,9 +183,11 @@ def light_of_table(path: Path, bands: BandSet) -> MeasuredLight:
                 expected=f"a column '{name}'", found=", ".join(map(str, table.columns[:20])), where=str(path)
             )
     upward = {"nx": 0.0, "ny": 0.0, "nz": 1.0, "buried": 0.0}
-    table = table.assign(**{name: value for name, value in upward.items() if name not in table.columns})
+    # copied first: a table of more than a hundred columns would be warned of by pandas
+    table = table.copy().assign(**{name: value for name, value in upward.items() if name not in table.columns})
     values = table[[*PLACE, *channels, *spread]].to_numpy(dtype=np.float64)
-    whole = np.isfinite(values).all(axis=1)
+    known = np.isfinite(values) | (np.arange(values.shape[1]) < (0 if needs_places else len(PLACE)))
+    whole = known.all(axis=1)
     if not whole.any():
         raise MapError(expected="a reading with a place and a value in every channel", found="none", where=str(path))
     left_out = (
@@ -189,6 +196,8 @@ def light_of_table(path: Path, bands: BandSet) -> MeasuredLight:
     )
     place, irradiance, irradiance_se = np.split(values[whole], [len(PLACE), len(PLACE) + len(channels)], axis=1)
     columns = {name: ("point", place[:, index]) for index, name in enumerate(PLACE)}
+    names = tuple(name for name in ("unix_s", "sensor", "label") if name in table.columns and not needs_places)
+    columns |= {name: ("point", table[name].to_numpy()[whole]) for name in names}
     return MeasuredLight(
         light=PointLight(
             centers_nm=bands.centers_nm,
@@ -197,4 +206,5 @@ def light_of_table(path: Path, bands: BandSet) -> MeasuredLight:
         ),
         places=xr.Dataset(coords=columns | {"buried": ("point", place[:, PLACE.index("buried")] != 0)}),
         notes=() if whole.all() else (left_out,),
+        names=names,
     )

@@ -35,7 +35,7 @@ from lidarspectra.mapping.photovoltaics.figures import agreement_figure, curves_
 from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.spectra.spectrum import sensor_bands
-from lidarspectra.workflow.cells_of_run import ahead_in_log
+from lidarspectra.workflow.cell_fits import ahead_in_log
 from lidarspectra.workflow.light_of_run import light_of_run
 from lidarspectra.workflow.pipeline import run
 from research.experiments.instruments import calibration_factors, measured_irradiance

@@ -27,13 +27,15 @@ NUMBERS = ("x", "y", "z", "nx", "ny", "nz", "buried", *SETTINGS)  # columns that
 CHANNELS = ("E_", "SE_")  # how columns of channels and of their uncertainties begin
 
 
-def read_readings(measured: Path) -> pd.DataFrame:
+def read_readings(measured: Path, *, needs_places: bool = True) -> pd.DataFrame:
     """A table of readings with places.
 
     Parameters
     ----------
     measured : Path
         CSV in UTF-8; lines that begin with '#' are left out.
+    needs_places : bool
+        Whether x, y, z must be there; they are NaN otherwise.
 
     Returns
     -------
@@ -49,7 +51,9 @@ def read_readings(measured: Path) -> pd.DataFrame:
     except (OSError, ValueError) as cause:  # pandas' parser errors are ValueErrors
         raise MapError(expected="a readable CSV of readings", found=str(cause), where=str(measured)) from cause
     missing = [name for name in ("x", "y", "z") if name not in table.columns]
-    if missing:
+    if missing and not needs_places:
+        table = table.assign(**dict.fromkeys(missing, np.nan))
+    elif missing:
         raise MapError(
             expected="columns x, y, z in metres, in the scan's frame",
             found=", ".join(map(str, table.columns[:8])),

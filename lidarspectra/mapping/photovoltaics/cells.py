@@ -18,6 +18,7 @@ from scipy import constants
 from lidarspectra.arguments import path_of
 from lidarspectra.errors import DatabaseError
 from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
+from lidarspectra.mapping.photovoltaics.cell_fit_files import FIT_SUFFIX, efficiency_of_fit, load_fit
 from lidarspectra.spectra.database_files import list_databases, table
 from lidarspectra.spectra.databases import FILE_SUFFIXES
 from lidarspectra.spectra.spectrum import Spectrum
@@ -70,7 +71,7 @@ class Cell:
     Parameters
     ----------
     name, words, category, provenance : str
-        Database name or file; what it is; its kind; 'measured', 'digitised', 'modelled' or 'assigned'.
+        Database name or file; what it is; its kind; 'measured', 'digitised', 'fitted', 'modelled' or 'assigned'.
     quantity : 'efficiency' or 'relative'
         Whether the curve is a quantum efficiency, or known only up to a factor, as an absorption is.
     efficiency : Spectrum
@@ -119,6 +120,11 @@ class Cell:
                 "efficiency: only ratios of these currents are meaningful. Calibrate the cell against a measured "
                 "current, and give the factor with --scale, or as scale in the run file.",
             )
+        if self.provenance == "fitted":
+            return (
+                f"The response of '{self.name}' was fitted beside a sensor. Under one kind of lamp a curve is not "
+                "identifiable: currents under lamps of another kind, or in daylight, may be off. Fit it under more.",
+            )
         if self.provenance == "modelled":
             return (
                 f"'{self.name}' is an ideal model of a material, not a product: its currents are an upper limit. For a "
@@ -139,7 +145,8 @@ def find_cell(name_or_file: str | PathLike[str], base_folder: str | PathLike[str
     Parameters
     ----------
     name_or_file : str or path
-        'silicon', 'organic-green' ...; a name that ends in .csv, .txt, .tsv or .dat is a file. A file whose values
+        'silicon', 'organic-green' ...; a name that ends in .csv, .txt, .tsv or .dat is a file, one that ends in .json a
+        fit of `cells fit`. A file whose values
         exceed 1.5 is taken as per cent. A file whose heading contains 'relative' or 'absorption' has no absolute scale;
         one that contains 'A/W' holds responsivities.
     base_folder : str or path, optional
@@ -155,13 +162,30 @@ def find_cell(name_or_file: str | PathLike[str], base_folder: str | PathLike[str
     wanted = str(path_of(name_or_file, name="name_or_file", meaning=meaning)).strip()
     if wanted.casefold() in known:
         return known[wanted.casefold()]
+    if Path(wanted).suffix.lower() == FIT_SUFFIX:
+        return _cell_of_fit(Path(base_folder or "", wanted))
     if Path(wanted).suffix.lower() in FILE_SUFFIXES:
         return _cell_of_file(Path(base_folder or "", wanted))
     raise DatabaseError(
-        expected=f"a cell ({', '.join(cell.name for cell in known.values())}) or a .csv file",
+        expected=f"a cell ({', '.join(cell.name for cell in known.values())}), a .csv file, or a fit (.json)",
         found=f"'{name_or_file}'",
         where="cell",
         todo="A file has two columns, wavelength_nm and efficiency.",
+    )
+
+
+def _cell_of_fit(path: Path) -> Cell:
+    """The cell of a fit: a quantum efficiency where its readings were irradiances and its circuit is known."""
+    saved = load_fit(path)
+    wavelengths, efficiency, is_absolute = efficiency_of_fit(saved)
+    return Cell(
+        name=saved.name,
+        words=f"fitted, {path.name}",
+        category="unknown",
+        provenance="fitted",
+        quantity="efficiency" if is_absolute else "relative",
+        efficiency=Spectrum(wavelengths_nm=wavelengths, values=efficiency, name=saved.name),
+        area_m2=None if saved.circuit is None else saved.circuit.area_cm2 * M2_PER_CM2,
     )
 
 

@@ -1,10 +1,10 @@
-"""A cell's a(λ) from readings of a sensor beside it, and predictions of later currents from it.
+"""A cell's a(λ) from readings of a sensor beside it: non-negative, shrunk towards a known curve.
 
 The counts of the cell are N = N0 + Σ_c x_c r_c, with r_c the reading of channel c and x_c >= 0 the cell's a(λ) λ there
-times all unknown factors: the sensor's responsivity, the cell's area, its shunt. N0 >= 0 is the converter's offset,
-light that only the cell receives, and the saturation of a heavily loaded cell. Under one kind of lamp the channels are
-collinear, so that the x_c are not identifiable alone: they are shrunk (ridge regression) towards a known curve, or a
-flat one, with a penalty chosen by cross-validation on blocks of readings.
+times all unknown factors: the sensor's responsivity, the cell's area, its shunt. N0 is free: the converter's offset,
+light that only one of the two receives, and the saturation of a heavily loaded cell. Under one kind of lamp the
+channels are collinear, so that the x_c are not identifiable alone: they are shrunk (ridge regression) towards a known
+curve, or a flat one, with a penalty chosen by cross-validation on blocks of readings.
 """
 
 from dataclasses import dataclass
@@ -14,11 +14,9 @@ from scipy.optimize import nnls
 
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import ReadingError
-from lidarspectra.mapping.maps.metrics import mape
 
 PENALTIES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)  # [count²] ridge penalties that are compared
 BLOCKS = 4  # of consecutive readings, each left out once in the cross-validation
-MIN_READINGS = 40  # about two per channel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,76 +54,6 @@ class ResponseFit:
         return np.asarray(self.offset + readings @ self.weights, dtype=np.float64)
 
 
-@dataclass(frozen=True, kw_only=True)
-class AheadOfTime:
-    """How well later counts are predicted by a fit to earlier ones.
-
-    Parameters
-    ----------
-    fit : ResponseFit
-        Of the earlier part.
-    fitted_percent, known_percent, constant_percent : float
-        MAPE on the later part: of the fit; of the known curve, scaled on the earlier part; of the earlier mean. [%]
-    earlier, later : int
-        Readings in both parts.
-    """
-
-    fit: ResponseFit
-    fitted_percent: float
-    known_percent: float
-    constant_percent: float
-    earlier: int
-    later: int
-
-
-def predict_ahead(
-    readings: FloatArray, counts: FloatArray, wavelengths_nm: FloatArray, known: FloatArray, *, share: float = 0.5
-) -> AheadOfTime:
-    """Fit the earlier part of a log, and predict the later one.
-
-    Parameters
-    ----------
-    readings : (reading, channel) float
-        In order of time, in any unit of the sensor.
-    counts : (reading,) float
-        Of the cell. [count]
-    wavelengths_nm : (channel,) float
-        [nm]
-    known : (channel,) float
-        A known curve a(λ), or ones. [1]
-    share : float
-        Share of the readings in the earlier part. [1]
-
-    Returns
-    -------
-    result : AheadOfTime
-
-    Raises
-    ------
-    ReadingError
-        If either part is too short, or its counts do not follow the light (see `fit_response`).
-    """
-    good = usable(readings, counts)
-    light, cell = readings[good], counts[good]
-    split = round(share * cell.size)
-    if min(split, cell.size - split) < MIN_READINGS:
-        raise ReadingError(
-            expected=f"{MIN_READINGS} readings with counts or more in both parts",
-            found=f"{split} and {cell.size - split}",
-            where="cell's log",
-        )
-    fit = fit_response(light[:split], cell[:split], wavelengths_nm, known)
-    later, truth = light[split:], cell[split:]
-    return AheadOfTime(
-        fit=fit,
-        fitted_percent=_mape(fit.counts(later), truth),
-        known_percent=_mape(fit.scale * (later @ (known * wavelengths_nm)), truth),
-        constant_percent=_mape(np.full(truth.shape, cell[:split].mean()), truth),
-        earlier=split,
-        later=truth.size,
-    )
-
-
 def fit_response(
     readings: FloatArray, counts: FloatArray, wavelengths_nm: FloatArray, known: FloatArray
 ) -> ResponseFit:
@@ -134,7 +62,7 @@ def fit_response(
     Parameters
     ----------
     readings, counts, wavelengths_nm, known
-        As in `predict_ahead`, without gaps.
+        As in `cell_fit.fit_cell`.
 
     Returns
     -------
@@ -156,7 +84,7 @@ def fit_response(
         for penalty in PENALTIES
     ]
     penalty = PENALTIES[int(np.argmin(losses))]
-    weights, offset = _solve(readings, counts, curve, penalty)
+    weights, offset = solve_curve(readings, counts, curve, penalty)
     if not weights.any():
         raise ReadingError(
             expected="counts that rise with a channel", found="counts that follow none", where="cell's log"
@@ -170,33 +98,25 @@ def fit_response(
     )
 
 
-def usable(readings: FloatArray, counts: FloatArray) -> BoolArray:
-    """(reading,) readings without gaps and with a positive count."""
-    return np.asarray(np.isfinite(readings).all(axis=1) & np.isfinite(counts) & (counts > 0), dtype=np.bool_)
-
-
 def _loss(readings: FloatArray, counts: FloatArray, curve: FloatArray, penalty: float, out: BoolArray) -> float:
     """Squared error on the readings that are left out [count²]."""
-    weights, offset = _solve(readings[~out], counts[~out], curve, penalty)
+    weights, offset = solve_curve(readings[~out], counts[~out], curve, penalty)
     return float(np.sum((offset + readings[out] @ weights - counts[out]) ** 2))
 
 
-def _solve(readings: FloatArray, counts: FloatArray, curve: FloatArray, penalty: float) -> tuple[FloatArray, float]:
-    """Weights shrunk towards the known curve, whose scale is fitted with the offset first, and the offset."""
+def solve_curve(
+    readings: FloatArray, counts: FloatArray, curve: FloatArray, penalty: float
+) -> tuple[FloatArray, float]:
+    """Weights shrunk towards the known curve, whose scale is fitted with the offset first, and the free offset."""
     size = np.where(readings.mean(axis=0) > 0, readings.mean(axis=0), 1.0)
-    model = np.stack([readings @ curve, np.ones(counts.size)], axis=1)
-    (scale, _), _ = nnls(model, counts)
-    near = scale * curve * size
+    ones = np.ones((counts.size, 1))
+    near = nnls(np.hstack([(readings @ curve)[:, None], ones, -ones]), counts)[0][0] * curve * size
     root = np.sqrt(penalty)
-    top = np.hstack([readings / size, np.ones((counts.size, 1))])
-    bottom = np.hstack([root * np.eye(size.size), np.zeros((size.size, 1))])
+    top = np.hstack([readings / size, ones, -ones])
+    bottom = np.hstack([root * np.eye(size.size), np.zeros((size.size, 2))])
     found, _ = nnls(np.vstack([top, bottom]), np.concatenate([counts, root * near]))
-    return np.asarray(found[:-1] / size, dtype=np.float64), float(found[-1])
+    return np.asarray(found[:-2] / size, dtype=np.float64), float(found[-2] - found[-1])
 
 
 def _scale(model: FloatArray, counts: FloatArray) -> float:
     return float(model @ counts / (model @ model))
-
-
-def _mape(found: FloatArray, truth: FloatArray) -> float:
-    return mape(found[:, None], truth[:, None])

@@ -26,6 +26,7 @@ from lidarspectra.material.material_map import load_materials
 from lidarspectra.progress import Progress, silent
 from lidarspectra.workflow.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
 from lidarspectra.workflow.live.board import Board
+from lidarspectra.workflow.live.cells_beside import CellsBeside
 from lidarspectra.workflow.live.room_of_run import lit_room
 from lidarspectra.workflow.live.sensors_file import SensorsFile, read_sensors
 from lidarspectra.workflow.live.server import LiveServer
@@ -93,6 +94,8 @@ class LiveOptions:
         Answers in a row that do not fit before there is an alarm.
     workers : int, optional
         Of the trace of sensors that stand at no point of the run.
+    cells : tuple of str
+        FIT.json@SENSOR each: a fitted cell beside a sensor; see `cells_beside`.
     """
 
     host: str = "127.0.0.1"
@@ -100,6 +103,7 @@ class LiveOptions:
     replay: bool = False
     patience: int = PATIENCE
     workers: int | None = None
+    cells: tuple[str, ...] = ()
 
 
 class LiveRun:
@@ -123,6 +127,7 @@ class LiveRun:
     def __init__(self, run: Path, sources: Sequence[str], options: LiveOptions, *, progress: Progress = silent) -> None:
         sensors, base = read_sensors(list(sources))
         self.readings = run / READINGS
+        self._cells = CellsBeside(options.cells, [sensor.name for sensor in sensors.sensors], self.readings)
         if not options.replay:
             with writing_run(run):
                 self.readings.mkdir(parents=True, exist_ok=True)
@@ -183,7 +188,13 @@ class LiveRun:
         thread.start()
         try:
             if not self._options.replay:
-                session = LiveSession(self.present, self._sources, log=ArrivalLog(self.readings), factors=self._factors)
+                session = LiveSession(
+                    self.present,
+                    self._sources,
+                    log=ArrivalLog(self.readings),
+                    factors=self._factors,
+                    beside=lambda arrival: self._cells.take(arrival, on_notice),
+                )
                 session.run(stop=stop, on_answer=show, on_notice=on_notice)
                 return session.readings
             logs = [source for source in self._sources if isinstance(source, GrowingLog)]
@@ -195,6 +206,7 @@ class LiveRun:
                 time.sleep(LOOK_S)
             return readings
         finally:
+            self._cells.close()
             self._board.close()
             self.server.shutdown()
             self.server.server_close()

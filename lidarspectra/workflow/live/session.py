@@ -31,6 +31,8 @@ class LiveSession:
         Where every reading goes.
     factors : mapping of str to float
         On the readings of a sensor, by name; 1 where it is not named. [1]
+    beside : callable
+        Takes every reading of a sensor, too: what is told from a sensor alone, such as a cell's current.
     """
 
     def __init__(
@@ -40,7 +42,9 @@ class LiveSession:
         *,
         log: ArrivalLog,
         factors: Mapping[str, float],
+        beside: Callable[[Arrival], None] = lambda arrival: None,
     ) -> None:
+        self._beside = beside
         self._present = present
         self._sources = tuple(sources)
         self._log = log
@@ -93,6 +97,7 @@ class LiveSession:
             if isinstance(item, Notice):
                 on_notice(item)
             else:
+                self._beside(item)
                 self.readings += used(self._present, item, self._factors)
         return bool(arrivals)
 

@@ -24,9 +24,9 @@ from lidarspectra.mapping.photovoltaics.currents import (
     unknown_share,
 )
 from lidarspectra.mapping.photovoltaics.figures import agreement_figure, currents_figure, curves_figure
+from lidarspectra.mapping.photovoltaics.fit_ahead import predict_ahead
 from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
 from lidarspectra.mapping.photovoltaics.placement import face_points, joined, tilted_mounts
-from lidarspectra.mapping.photovoltaics.response_fit import predict_ahead
 from lidarspectra.mapping.photovoltaics.schedule import Shift, day_parts, gathered, parse_hours, read_schedule
 from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, Spectrum, sensor_bands
@@ -269,8 +269,8 @@ def test_a_fitted_curve_tells_later_counts_of_a_cell():
     # half a count of noise in some 200, twice: rounding and noise
     assert found.fitted_percent < 1.0
     assert found.fitted_percent < 0.5 * found.known_percent < 0.5 * found.constant_percent
-    with pytest.raises(ReadingError, match="40 readings"):
-        predict_ahead(readings[:60], counts[:60], WAVELENGTHS, curve)
+    with pytest.raises(ReadingError, match="20 readings"):
+        predict_ahead(readings[:30], counts[:30], WAVELENGTHS, curve)
     with pytest.raises(ReadingError, match="responds where the channels"):
         predict_ahead(readings, counts, WAVELENGTHS, 0.0 * curve)
     with pytest.raises(ReadingError, match="follow none"):
@@ -278,7 +278,7 @@ def test_a_fitted_curve_tells_later_counts_of_a_cell():
 
 
 def test_the_robot_s_cells_are_told_better_by_fitted_curves_than_by_digitised_ones(shared: Path):
-    from lidarspectra.workflow.cells_of_run import ahead_in_log
+    from lidarspectra.workflow.cell_fits import ahead_in_log
 
     log = shared / "sensor-logs" / "office-robot" / "solar-2023-04-20.csv"
     for column, name in ((1, "organic-green"), (2, "organic-blue")):

@@ -1,0 +1,98 @@
+"""Fitted cells beside the sensors of a run kept live: their counts and currents of now, in a file that grows."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from lidarspectra.errors import ReadingError
+from lidarspectra.hardware.incoming.arrivals import Arrival, Notice
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
+from lidarspectra.io.files import writing
+from lidarspectra.mapping.photovoltaics.cell_fit_files import SavedFit, load_fit
+
+CELLS_FILE = "cells.csv"
+COLUMNS = ("unix_s", "sensor", "cell", "count", "SE_count", "current_A", "SE_current_A", "outside")
+
+
+class CellsBeside:
+    """Keeps the current of fitted cells, reading by reading.
+
+    Parameters
+    ----------
+    cells : sequence of str
+        FIT.json@SENSOR each.
+    sensors : sequence of str
+        Names of the run's sensors.
+    folder : Path
+        Where `CELLS_FILE` is kept, if there is a cell; it is continued.
+
+    Raises
+    ------
+    ReadingError
+        If a fit cannot be read, is not one of irradiances, or names no sensor.
+    """
+
+    def __init__(self, cells: Sequence[str], sensors: Sequence[str], folder: Path) -> None:
+        self._path = folder / CELLS_FILE
+        self._file: IO[str] | None = None
+        self._fits: dict[str, list[SavedFit]] = {}
+        self._told: set[str] = set()
+        for words in cells:
+            name, _, sensor = words.rpartition("@")
+            if sensor not in sensors or not name:
+                raise ReadingError(
+                    expected=f"FIT.json@SENSOR with one of the sensors {', '.join(sensors)}",
+                    found=words,
+                    where="--cell",
+                )
+            saved = load_fit(Path(name))
+            if saved.signal != "irradiance":
+                raise ReadingError(
+                    expected="a fit of irradiances, as readings come here",
+                    found=f"a fit of {saved.signal}",
+                    where=name,
+                    todo="Fit a log with gain and integration time, or give the sensor's --calibration.",
+                )
+            self._fits.setdefault(sensor, []).append(saved)
+
+    def take(self, arrival: Arrival, on_notice: Callable[[Notice], None]) -> None:
+        """Keep the currents beside a reading that has all channels."""
+        fits = self._fits.get(arrival.sensor)
+        if not fits or not set(CHANNEL_LABELS) <= set(arrival.values):
+            return
+        light = np.array([[arrival.values[label] for label in CHANNEL_LABELS]])
+        if not np.isfinite(light).all():
+            return
+        for saved in fits:
+            counts, error = saved.fit.counts(light)
+            count, spread, outside = float(counts[0]), float(error[0]), bool(saved.fit.outside(light)[0])
+            ampere = ["", ""]
+            if saved.circuit is not None:
+                dark, each = saved.circuit.dark_count, saved.circuit.ampere_per_count
+                ampere = [f"{(count - dark) * each:.6g}", f"{spread * each:.6g}"]
+            cells = [f"{arrival.unix_s:.3f}", arrival.sensor, saved.name, f"{count:.6g}", f"{spread:.6g}", *ampere]
+            self._write(",".join([*cells, str(int(outside))]))
+            if outside and saved.name not in self._told:
+                self._told.add(saved.name)
+                text = (
+                    f"The light lies outside what the fit of '{saved.name}' was made on: its current and error hold "
+                    "less. Renew it with a few readings ('cells fit --renew')."
+                )
+                on_notice(Notice(source=arrival.sensor, text=text))
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
+
+    def _write(self, line: str) -> None:
+        with writing(self._path, error=ReadingError):
+            if self._file is None:
+                is_new = not self._path.exists()
+                self._file = self._path.open("a", encoding="utf-8", newline="\n")
+                if is_new:
+                    self._file.write(",".join(COLUMNS) + "\n")
+            self._file.write(line + "\n")
+            self._file.flush()
