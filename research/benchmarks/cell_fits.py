@@ -12,6 +12,7 @@ Another day has a gain of 0.85 to 1.15 and another offset: fitted on the first, 
 """
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -168,7 +169,7 @@ def real_table(log: Path) -> Table:
     return _table("real-log", f"{log.name}, first half to second: MAPE.", rows, headings)
 
 
-def _table(name: str, caption: str, rows: list[tuple[object, ...]], headings: list[str]) -> Table:
+def _table(name: str, caption: str, rows: Sequence[tuple[object, ...]], headings: list[str]) -> Table:
     frame = pd.DataFrame(rows, columns=headings)
     formats = {heading: ".2f" if heading.count("[%]") else ".0f" for heading in headings}
     formats |= dict.fromkeys(("within two [%]", "outside [%]", headings[-1]), ".0f")

@@ -115,7 +115,8 @@ def test_a_fit_of_irradiances_gives_back_the_cells_efficiency(tmp_path: Path) ->
     path = tmp_path / "fit.json"
     save_fit(SavedFit(fit=fit, name="mine", signal="irradiance", calibration="desk", circuit=CIRCUIT), path)
     cell = find_cell(path)
-    assert (cell.quantity, cell.area_m2) == ("efficiency", pytest.approx(36e-4))
+    assert cell.quantity == "efficiency"
+    assert cell.area_m2 == pytest.approx(36e-4)
     np.testing.assert_allclose(cell.efficiency.values, true, atol=0.05)
     assert "one kind of lamp" in cell.notes()[0]
 
