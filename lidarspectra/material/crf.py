@@ -25,12 +25,13 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array
-from scipy.special import softmax
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ArrayError
 
+_SmallFloats = NDArray[np.float32]  # enough for probabilities
 MIN_PROBABILITY = 1e-4  # [1] of a class, lower limit for the network's probabilities
 CELL_OVER_SIGMA = (1.0 / 2.0 + 1.0 / 6.0) ** -0.5  # [1] size of a lattice's cells over the kernel's sigma
 LATTICES = 4  # shifted against one another
@@ -90,27 +91,43 @@ def refine(probabilities: FloatArray, image: ByteArray, settings: CrfSettings | 
             found=f"shapes {probabilities.shape} and {image.shape}",
             where="crf.refine",
         )
-    own = np.log(np.maximum(probabilities, MIN_PROBABILITY))
-    belief = np.asarray(softmax(own, axis=-1), dtype=np.float64)
+    own = np.log(np.maximum(probabilities, MIN_PROBABILITY)).astype(np.float32)
+    belief = _softmax(own.copy())
     lattices = _lattices(image, chosen)
+    near = _sum_over(lattices, np.ones((belief[..., 0].size, 1), dtype=np.float32))
     for _ in range(chosen.rounds):
+        alike = _sum_over(lattices, belief.reshape(-1, belief.shape[2])) / near
         score = own + chosen.smoothness_weight * _blur(belief, chosen.smoothness_px)
-        score += chosen.appearance_weight * _appearance_mean(belief, lattices)
-        belief = np.asarray(softmax(score, axis=-1), dtype=np.float64)
-    return belief
+        score += chosen.appearance_weight * alike.reshape(belief.shape)
+        belief = _softmax(score)
+    refined = belief.astype(np.float64)
+    return np.asarray(refined / refined.sum(axis=-1, keepdims=True), dtype=np.float64)
 
 
-def _blur(belief: FloatArray, sigma_px: float) -> FloatArray:
+def _softmax(score: _SmallFloats) -> _SmallFloats:
+    """Probabilities of (height, width, class) scores, written in their place."""
+    score -= score.max(axis=-1, keepdims=True)
+    np.exp(score, out=score)
+    score /= score.sum(axis=-1, keepdims=True)
+    return score
+
+
+def _blur(belief: _SmallFloats, sigma_px: float) -> _SmallFloats:
     blurred = cv2.GaussianBlur(belief, (0, 0), sigma_px, borderType=cv2.BORDER_REFLECT)
-    return np.asarray(blurred, dtype=np.float64).reshape(belief.shape)
+    return np.asarray(blurred, dtype=np.float32).reshape(belief.shape)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Lattice:
-    """Cells that pixels lie in: (cell, pixel) gathering, and (cell, cell) blur."""
+    """Cells that pixels lie in: (pixel,) numbers of them, (cell, pixel) gathering, and (cell, cell) blur."""
 
+    number: IntArray
     gather: csr_array
     blur: csr_array
+
+    def sums(self, values: _SmallFloats) -> _SmallFloats:
+        """(pixel, value) sums of (pixel, value) numbers over what lies near in place and colour."""
+        return np.asarray((self.blur @ (self.gather @ values))[self.number], dtype=np.float32)
 
 
 def _lattices(image: ByteArray, settings: CrfSettings) -> list[_Lattice]:
@@ -121,6 +138,14 @@ def _lattices(image: ByteArray, settings: CrfSettings) -> list[_Lattice]:
     return [_lattice(np.floor(coordinates + number / LATTICES).astype(np.int64)) for number in range(LATTICES)]
 
 
+def _sum_over(lattices: list[_Lattice], values: _SmallFloats) -> _SmallFloats:
+    """(pixel, value) sums over all lattices."""
+    total = np.zeros_like(values)
+    for each in lattices:
+        total += each.sums(values)
+    return total
+
+
 def _lattice(cells: IntArray) -> _Lattice:
     """Lattice of the (pixel, 5) whole-numbered cells that pixels lie in."""
     low = cells.min(axis=0) - 1
@@ -128,17 +153,12 @@ def _lattice(cells: IntArray) -> _Lattice:
     step = np.concatenate([[1], np.cumprod(extent)[:-1]])
     keys, number = np.unique((cells - low) @ step, return_inverse=True)
     count, pixels = len(keys), len(cells)
-    gather = csr_array((np.ones(pixels), (number.reshape(-1), np.arange(pixels))), shape=(count, pixels))
+    number = number.reshape(-1)
+    gather = csr_array((np.ones(pixels, dtype=np.float32), (number, np.arange(pixels))), shape=(count, pixels))
     blur = eye_array(count, format="csr")
     for stride in step:
         found = np.minimum(np.searchsorted(keys, keys + stride), count - 1)
         lower = np.flatnonzero(keys[found] == keys + stride)
         pairs = coo_array((np.full(lower.size, 0.25), (lower, found[lower])), shape=(count, count))
         blur = (0.5 * eye_array(count) + pairs + pairs.T).tocsr() @ blur
-    return _Lattice(gather=gather, blur=blur)
-
-
-def _appearance_mean(belief: FloatArray, lattices: list[_Lattice]) -> FloatArray:
-    flat = np.concatenate([belief.reshape(-1, belief.shape[2]), np.ones((belief[..., 0].size, 1))], axis=1)
-    total = sum(each.gather.T @ (each.blur @ (each.gather @ flat)) for each in lattices)
-    return np.asarray(total[:, :-1] / total[:, -1:], dtype=np.float64).reshape(belief.shape)
+    return _Lattice(number=number, gather=gather, blur=blur.astype(np.float32))

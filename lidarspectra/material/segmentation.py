@@ -240,6 +240,7 @@ def load_model(path: Path, threads: int | None = None) -> Any:
         ) from cause
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 4  # what it says is in the error
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # threads that wait take no processor time
     if threads is not None:
         options.intra_op_num_threads = threads
     try:

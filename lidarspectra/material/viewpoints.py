@@ -120,7 +120,7 @@ def render_views(
     while not stopped:
         sees = visible(samples, viewpoint[None], caster, chosen)[0]
         cameras = _cameras(viewpoint, chosen)
-        shows = {name: sees & in_image(camera, samples.positions) for name, camera in cameras.items()}
+        shows = {name: _shown(camera, samples.positions, sees) for name, camera in cameras.items()}
         for direction in _directions(samples, shows, covered, every=not viewpoints):
             name = f"v{len(viewpoints)} {direction}"
             views.append(capture_image(scan, cameras[direction], name=name, caster=caster, samples=chosen.samples))
@@ -276,6 +276,13 @@ def in_image(camera: Camera, positions: FloatArray) -> BoolArray:
     with np.errstate(invalid="ignore"):
         within = (pixels >= 0).all(axis=1) & (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
     return np.asarray(within & (depth > 0))
+
+
+def _shown(camera: Camera, positions: FloatArray, sees: BoolArray) -> BoolArray:
+    """Which of the (sample,) positions [m] that are seen from a camera's place fall within its image."""
+    shown = np.zeros_like(sees)
+    shown[sees] = in_image(camera, positions[sees])
+    return shown
 
 
 def _directions(samples: SurfaceSamples, shows: dict[str, BoolArray], covered: BoolArray, *, every: bool) -> list[str]:

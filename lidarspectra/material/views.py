@@ -4,12 +4,13 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 from PIL import Image
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArrayError, MaterialError
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import Hits, RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.array_files import FASTEST, read_arrays, write_arrays
 from lidarspectra.material.projection import Camera, pixel_grid, ray_directions, shift_of_rays
@@ -17,6 +18,7 @@ from lidarspectra.spectra.colorimetry import encode_srgb
 
 VIEWS_FILE = "views.json"
 VIEWS_FORMAT = 1
+MIN_CONTRAST = 10  # [1/255] above which a pixel has more than one ray; elsewhere they would change it by 0.4 on average
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,11 +102,40 @@ class ViewSet:
         )
 
 
+def no_views(faces: int, *, coverage: float, why: str) -> ViewSet:
+    """A set without views.
+
+    Parameters
+    ----------
+    faces : int
+        Of the scan.
+    coverage : float
+        Completeness threshold T. [0-1]
+    why : str
+        In words.
+
+    Returns
+    -------
+    views : ViewSet
+    """
+    return ViewSet(
+        views=(),
+        viewpoints=np.zeros((0, 3)),
+        face_seen=np.zeros(faces),
+        area_coverage=0.0,
+        point_coverage=0.0,
+        threshold=coverage,
+        history=np.zeros(0),
+        stopped=why,
+    )
+
+
 def capture_image(scan: Scan, camera: Camera, *, name: str, caster: RayCaster, samples: int = 2) -> View:
     """Render what a camera sees (Algorithm 1's CaptureImage): nearest face by ray casting, colour from its texture.
 
-    A pixel's colour is the mean of `samples`² rays on a lattice within it, averaged as light, so that a texture finer
-    than a pixel does not alias; depth and face are those of the ray through its centre.
+    Depth, face and colour of a pixel are those of the ray through its centre. Where its colour differs from that of a
+    neighbour, as at edges and in textures finer than a pixel, it is the mean of `samples`² rays on a lattice within the
+    pixel, averaged as light (Whitted 1980, An improved illumination model for shaded display, CACM 23(6)).
 
     Parameters
     ----------
@@ -115,26 +146,22 @@ def capture_image(scan: Scan, camera: Camera, *, name: str, caster: RayCaster, s
     caster : RayCaster
         Loaded with the same scan.
     samples : int
-        Rays a pixel along each side.
+        Rays a pixel along each side, where there are more than one.
 
     Returns
     -------
     view : View
     """
-    pixels = pixel_grid(camera)
-    origins = np.broadcast_to(camera.position, (len(pixels), 3))
-    directions = ray_directions(camera, pixels)
-    centre = caster.nearest(origins, directions)
-    light = np.zeros((len(pixels), 3))
-    for row in range(samples):
-        for column in range(samples):
-            shift = (np.array([column, row]) + 0.5) / samples - 0.5
-            hits = centre
-            if shift.any():
-                hits = caster.nearest(origins, directions + shift_of_rays(camera, shift))
-            light[hits.met] += scan.appearance.sample(hits.face[hits.met], hits.barycentric[hits.met])
     shape = (camera.height, camera.width)
-    image = np.rint(255.0 * encode_srgb(light / samples**2)).astype(np.uint8).reshape(*shape, 3)
+    directions = ray_directions(camera, pixel_grid(camera))
+    centre = _cast(caster, camera, directions)
+    image = _encoded(_light(scan, centre)).reshape(*shape, 3)
+    if samples > 1:
+        chosen = np.flatnonzero(_contrast(image) > MIN_CONTRAST)
+        shifts = (np.arange(samples) + 0.5) / samples - 0.5
+        lattice = np.array([shift_of_rays(camera, np.array([x, y])) for y in shifts for x in shifts])
+        finer = _light(scan, _cast(caster, camera, (directions[chosen] + lattice[:, None]).reshape(-1, 3)))
+        image.reshape(-1, 3)[chosen] = _encoded(finer.reshape(len(lattice), -1, 3).mean(axis=0))
     return View(
         name=name,
         camera=camera,
@@ -142,6 +169,28 @@ def capture_image(scan: Scan, camera: Camera, *, name: str, caster: RayCaster, s
         depth=centre.distance.reshape(shape),
         face=centre.face.reshape(shape),
     )
+
+
+def _cast(caster: RayCaster, camera: Camera, directions: FloatArray) -> Hits:
+    """What rays of (n, 3) directions from a camera meet."""
+    return caster.nearest(np.broadcast_to(camera.position, directions.shape), directions)
+
+
+def _light(scan: Scan, hits: Hits) -> FloatArray:
+    """(n, 3) linear colour where rays met a face; black where they met none [0-1]."""
+    light = np.zeros((hits.face.size, 3))
+    light[hits.met] = scan.appearance.sample(hits.face[hits.met], hits.barycentric[hits.met])
+    return light
+
+
+def _encoded(light: FloatArray) -> ByteArray:
+    return np.asarray(np.rint(255.0 * encode_srgb(light)), dtype=np.uint8)
+
+
+def _contrast(image: ByteArray) -> ByteArray:
+    """(pixel,) range of the colours of each pixel and its eight neighbours, of the channel where it is largest."""
+    around = np.ones((3, 3), np.uint8)
+    return np.asarray((cv2.dilate(image, around) - cv2.erode(image, around)).max(axis=2).ravel(), dtype=np.uint8)
 
 
 def save_views(views: ViewSet, folder: Path) -> None:
@@ -198,7 +247,7 @@ def load_views(folder: Path) -> ViewSet:
             raise ValueError(f"format {record['format']} where {VIEWS_FORMAT} is known")
         return ViewSet(
             views=tuple(_load_view(folder, entry) for entry in record["views"]),
-            viewpoints=np.array(record["viewpoints_m"]),
+            viewpoints=np.array(record["viewpoints_m"], dtype=np.float64).reshape(-1, 3),
             face_seen=float_array(read_arrays(folder / "seen.npz")["face_seen"], name="face_seen", shape=(None,)),
             area_coverage=float(record["area_coverage"]),
             point_coverage=float(record["point_coverage"]),

@@ -26,7 +26,7 @@ from lidarspectra.material.lamp_fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
 from lidarspectra.material.material_mesh import save_material_mesh
 from lidarspectra.material.viewpoints import render_views
-from lidarspectra.material.views import ViewSet, load_views, save_views
+from lidarspectra.material.views import ViewSet, load_views, no_views, save_views
 from lidarspectra.progress import Progress, shares
 from lidarspectra.radiance.engine.engine import find_engine
 from lidarspectra.radiance.engine.options import reflections_in_words
@@ -83,6 +83,7 @@ from lidarspectra.workflow.workspace import (
 REPORT_PAGE = PAGE
 MODEL_FOLDER = "model"
 SEGMENTATION = "segmentation"
+NO_VIEWS = "no views are taken, since all surfaces are given one material"
 MATERIALS_KEYS = (
     "materials.method",
     "materials.default",
@@ -152,11 +153,17 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
 
 
 def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet]:
-    """Stage 2: render views until they cover the surfaces (Algorithm 1, CaptureImage and Viewpoint Update)."""
-    given = inputs.declare("materials.coverage", stages=(scan,))
-    coverage = given.run_file.materials.coverage
+    """Stage 2: render views until they cover the surfaces (Algorithm 1, CaptureImage and Viewpoint Update).
+
+    None where all surfaces are given one material: nobody would look at them.
+    """
+    given = inputs.declare("materials.coverage", "materials.method", stages=(scan,))
+    coverage, taken = given.run_file.materials.coverage, given.run_file.materials.method != "default"
 
     def make(folder: Path, progress: Progress) -> Notes:
+        if not taken:
+            save_views(no_views(len(scan.value.scan.faces), coverage=coverage, why=NO_VIEWS), folder)
+            return Notes(summary=NO_VIEWS)
         loading, looking, saving = shares(progress, VIEWS_SHARES)
         loading(0.0, "reading the scan")
         mesh = scan.value.scan
@@ -213,8 +220,9 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         save_materials(materials, folder, face_areas=mesh.areas)
         save_lamp_fluxes(unlit.lamp_fluxes if unlit else (), folder)
         save_material_mesh(mesh, materials, folder)
-        pictures = material_pictures(mesh, views.value, materials)
-        save_figure(segmentation_figure(pictures), folder, SEGMENTATION, kinds=("png",))
+        if views.value.views:
+            pictures = material_pictures(mesh, views.value, materials)
+            save_figure(segmentation_figure(pictures), folder, SEGMENTATION, kinds=("png",))
         return _materials_notes(materials, mesh.areas, unlit)
 
     return Stage(

@@ -44,6 +44,7 @@ def test_a_report_tells_of_the_cells_that_the_run_file_names(finished: Path) -> 
                   "energy of a day"):  # fmt: skip
         assert words in page
     assert (finished / "7-report" / "figures" / "cell-1-silicon.svg").is_file()
+    assert not list((finished / "2-views").glob("*.png"))  # all surfaces are given one material
     assert (finished / "7-report" / "tables" / "people-and-plants.csv").is_file()
 
 

@@ -76,6 +76,7 @@ FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits
     "scan": STAGES,
     "materials": MATERIALS_ON,
     "materials.coverage": STAGES[1:],
+    "materials.method": STAGES[1:],  # no views of what is given one material
     "lamps": MATERIALS_ON,
     "lamps.assumed": STAGES[5:],  # its note
     "lamps_from_scan": MATERIALS_ON,

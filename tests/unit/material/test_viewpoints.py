@@ -1,5 +1,7 @@
 """The loop of Algorithm 1 covers what can be seen, stops where nothing is gained, and its buffers are true."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -101,6 +103,31 @@ def test_antialiasing_averages_light_and_not_codes(box):
     # 64 samples leave at most the share of one row of them, an eighth, of the difference of 0.45 between the colours
     assert error[1] < 0.06
     assert error[1] < error[0]
+
+
+def test_pixels_of_one_ray_look_as_if_they_had_several(monkeypatch):
+    # Smooth waves and noise on the box's sides: the first are seen with few rays, the second with all.
+    scan, _ = box_scan(cells=2)
+    x, y = np.meshgrid(np.arange(256), np.arange(256))
+    waves = np.rint(128 + 40 * np.sin(x / 40) * np.cos(y / 30))
+    waves[128:] = np.random.default_rng(3).integers(90, 160, (128, 256))
+    appearance = replace(
+        scan.appearance,
+        images=(np.repeat(waves.astype(np.uint8)[..., None], 3, axis=2),),
+        face_image=np.zeros(len(scan.faces), dtype=np.int64),
+        corner_uv=np.random.default_rng(4).random((len(scan.faces), 3, 2)),
+    )
+    textured = replace(scan, appearance=appearance)
+    caster = RayCaster(textured)
+    camera = camera_towards(SIZE_M / 2, np.array([1.0, 0, -0.5]), width=128, height=128, field_of_view_deg=90.0)
+    few = capture_image(textured, camera, name="few", caster=caster).image.astype(np.int64)
+    monkeypatch.setattr("lidarspectra.material.views.MIN_CONTRAST", -1)  # every pixel has several
+    all_rays = capture_image(textured, camera, name="all", caster=caster).image.astype(np.int64)
+    single = capture_image(textured, camera, name="single", caster=caster, samples=1).image.astype(np.int64)
+    apart, without = np.abs(few - all_rays), np.abs(single - all_rays)
+    assert 0.1 < (few == all_rays).all(axis=2).mean() < 1.0
+    assert apart.max() <= 20  # twice the contrast that one ray is enough for
+    assert apart.mean() < 0.5 < without.mean()
 
 
 def test_the_loop_goes_where_the_uncovered_area_is(box):
