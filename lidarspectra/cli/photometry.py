@@ -24,9 +24,17 @@ def photometry(
     dim: Annotated[
         list[str] | None, typer.Option("--dim", metavar="LAMP=FACTOR", help="Dim a lamp; repeat for several.")
     ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option("--name", metavar="NAME", help="With --dim: name of this light, for RUN/people-and-plants/NAME."),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/people-and-plants.")] = None,
+    replace: Annotated[bool, typer.Option("--replace", help="Overwrite another light's results there.")] = False,
 ) -> None:
     """Map the light for people and plants: lx, CCT, CRI, TM-30, melanopic and other α-opic quantities, PPFD, YPFD.
+
+    With --dim the table says what each quantity was as traced, and how it changes; results then go to a folder of their
+    own, of that --name or scenario-1, scenario-2 and so on.
 
     Each quantity states how well the run's channels determine it. For colour rendering without the lamps' spectra, and
     for the best accuracy of all others, run with device = "full-spectrum".
@@ -38,17 +46,25 @@ def photometry(
     from lidarspectra.mapping.photometry.people_and_plants import light_at_points, summary_table
     from lidarspectra.workflow.assumed import assumptions_of_run, result_notes
     from lidarspectra.workflow.light_of_run import light_of_run, light_of_table
+    from lidarspectra.workflow.scenarios import new_scenario
     from lidarspectra.workflow.workspace import made_folder
 
     if measured is not None and dim:
         raise typer.BadParameter("a lamp cannot be dimmed in what was measured: give --measured or --dim, not both")
+    if name is not None and not dim:
+        raise typer.BadParameter("--name is for changed lamps: give --dim LAMP=FACTOR with it")
     found = light_of_run(run, parse_factors(dim or []))
     readings = None if measured is None else light_of_table(measured, found.bands)
     light, places = (found.light, found.places) if readings is None else (readings.light, readings.places)
     notes = readings.notes if readings else result_notes(assumptions_of_run(run))
     quantities = light_at_points(light, places, found.bands)
-    table = summary_table(quantities)
-    folder = made_folder(out or run / "people-and-plants")
+    table = summary_table(quantities, before=light_of_run(run).light if dim else None)
+    folder = run / "people-and-plants"
+    if dim:
+        words = [part for word in dim for part in ("--dim", word)]
+        folder = new_scenario(folder, words, name=name, out=out, replace=replace).folder
+    else:
+        folder = made_folder(out or folder)
     save_points(quantities, folder)
     save_table(table, folder)
     save_figure(quantities_figure(quantities, found.plan), folder, "maps")

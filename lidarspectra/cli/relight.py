@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarspectra.cli.terminal import console, print_note, say
+from lidarspectra.cli.terminal import console, print_note, say, shown
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lidarspectra.workflow.relighting import LampOrder
 
 FIELDS = {"--spectrum": "spectrum", "--lumens": "luminous_flux_lm", "--dim": "dim"}
@@ -17,7 +19,11 @@ FIELDS = {"--spectrum": "spectrum", "--lumens": "luminous_flux_lm", "--dim": "di
 def relight(
     context: typer.Context,
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A finished run folder.", show_default=False)],
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/relit.")] = None,
+    name: Annotated[
+        str | None, typer.Option("--name", metavar="NAME", help="Name of this light: results go to RUN/relit/NAME.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Another folder for the results.")] = None,
+    replace: Annotated[bool, typer.Option("--replace", help="Overwrite another light's results there.")] = False,
 ) -> None:
     r"""New maps for other lamp spectra, lumens or dimming, without tracing again.
 
@@ -25,19 +31,34 @@ def relight(
     --lamp NAME [--spectrum NAME|FILE] [--lumens LM] [--dim FACTOR].
 
     A new spectrum keeps the lamp's lumens, unless --lumens says otherwise or its file is in W/nm. Lamps that are not
-    named stay as they are.
+    named stay as they are. Without --name the results go to RUN/relit/scenario-1, scenario-2 and so on.
     """
     orders = parse_orders(context.args)
+    from lidarspectra.mapping.figures.tables import save_table
+    from lidarspectra.workflow.relighting import draw_relit, relit_run, save_relit
+    from lidarspectra.workflow.relit_answer import answer_table, channels_table, lamps_table
+    from lidarspectra.workflow.scenarios import new_scenario
+
+    relit = relit_run(run, orders, base=Path.cwd())
+    light = relit.light_map
+    scenario = new_scenario(run / "relit", order_words(orders), name=name, out=out, replace=replace)
+    answer = answer_table(relit.before, relit.after, light)
+    for table in (lamps_table(relit.lamps, relit.lamps_now), channels_table(relit.before, relit.after, light), answer):
+        console.print(shown(table))
+    _print_notes(light)
+    for path in (*save_relit(light, scenario.folder), *save_table(answer, scenario.folder)):
+        say(str(path))
+    for path in draw_relit(light, scenario.folder, run):  # after the answer: it takes longer
+        say(str(path))
+
+
+def _print_notes(light: "xr.Dataset") -> None:
+    """Notes on a relit map."""
     from lidarspectra.mapping.maps.assumptions import assumptions_of
     from lidarspectra.mapping.maps.spectral_map import SPECTRUM_ERROR
     from lidarspectra.radiance.sampling.folding import MAX_SPECTRUM_ERROR
     from lidarspectra.workflow.assumed import result_notes
-    from lidarspectra.workflow.relighting import draw_relit, relight_run, save_relit
 
-    folder = out or run / "relit"
-    light = relight_run(run, orders, base=Path.cwd())
-    for path in save_relit(light, folder):
-        say(str(path))
     predicted = float(light.attrs[SPECTRUM_ERROR])
     if predicted > MAX_SPECTRUM_ERROR:
         print_note(
@@ -47,13 +68,20 @@ def relight(
         )
     for note in result_notes(assumptions_of(light)):
         print_note(note)
-    mean = light["irradiance"].mean("point")
-    for band, value in zip(light["band"].to_numpy(), mean.to_numpy(), strict=True):
-        console.print(f"{band:5.0f} nm  {value:.4g} W/m²/nm")
-    if "illuminance" in light:
-        console.print(f"mean illuminance {float(light['illuminance'].mean()):.4g} lx")
-    for path in draw_relit(light, folder, run):  # after the answer: it takes longer
-        say(str(path))
+
+
+def order_words(orders: "Sequence[LampOrder]") -> tuple[str, ...]:
+    """The options that say these orders, as `parse_orders` reads them; numbers without needless digits."""
+    words: list[str] = []
+    for order in orders:
+        words += ["--lamp", order.lamp]
+        if order.spectrum is not None:
+            words += ["--spectrum", order.spectrum]
+        if order.luminous_flux_lm is not None:
+            words += ["--lumens", f"{order.luminous_flux_lm:.10g}"]
+        if order.dim != 1.0:
+            words += ["--dim", f"{order.dim:.10g}"]
+    return tuple(words)
 
 
 def parse_orders(words: Sequence[str]) -> "tuple[LampOrder, ...]":

@@ -1,10 +1,11 @@
 """Relight a traced room: other spectra, other fluxes, dimming, in under a second (docs/concepts.md, Eq. 3)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
 from lidarspectra.arguments import all_of, path_of
@@ -14,7 +15,10 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.maps.assumptions import mark_assumed
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import LampChange, relight
+from lidarspectra.mapping.photometry.point_light import PointLight, light_of_lamps
+from lidarspectra.radiance.sampling.folding import with_spectrum
 from lidarspectra.spectra.databases import lamp_spectrum
+from lidarspectra.spectra.spectrum import BandSet, Spectrum
 from lidarspectra.workflow.assumed import assumptions_of_run
 from lidarspectra.workflow.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
 from lidarspectra.workflow.workspace import require_stage, writing_run
@@ -40,6 +44,29 @@ class LampOrder:
     spectrum: str | None = None
     luminous_flux_lm: float | None = None
     dim: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RelitRun:
+    """A run under changed lamps, and before.
+
+    Parameters
+    ----------
+    light_map : xarray.Dataset
+        See `relight_run`.
+    before, after : PointLight
+        At its points.
+    lamps : tuple of Lamp
+        Of the run.
+    lamps_now : tuple of (str, float, float)
+        Of each lamp now: its spectrum's name, its full flux [lm], its dimming [1].
+    """
+
+    light_map: xr.Dataset
+    before: PointLight
+    after: PointLight
+    lamps: tuple[Lamp, ...]
+    lamps_now: tuple[tuple[str, float, float], ...]
 
 
 def relight_run(
@@ -68,10 +95,45 @@ def relight_run(
     LampError, DatabaseError, MapError
         If a lamp or spectrum is unknown, or the spectrum cannot be scaled to the flux.
     """
+    return relit_run(run, orders, base=base).light_map
+
+
+def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: str | PathLike[str] = Path()) -> RelitRun:
+    """As `relight_run`, with what it was before and is now."""
     run, base = path_of(run, name="run"), path_of(base, name="base")
     orders = all_of(orders, LampOrder, name="orders", todo="Write LampOrder(lamp='panel 1', dim=0.5).")
-    transport = transport_of_run(run)
+    transport, bands = transport_of_run(run), scene_of_run(run).bands
     lamps = {lamp.name: lamp for lamp in present_lamps_of_run(run)}
+    changes = _changes(lamps, orders, base)
+    light = relight(transport, changes, bands=bands, lamps=tuple(lamps.values()))
+    assumed = assumptions_of_run(run).without(
+        fluxes=[order.lamp for order in orders if order.luminous_flux_lm is not None or _is_absolute(order, base)],
+        spectra=[order.lamp for order in orders if order.spectrum is not None],
+    )
+    before = {name: lamp.flux for name, lamp in lamps.items()}
+    now = before | {name: change.flux for name, change in changes.items() if isinstance(change.flux, Spectrum)}
+    dims = {name: changes[name].dim if name in changes else 1.0 for name in lamps}
+    return RelitRun(
+        light_map=mark_assumed(light, assumed),
+        before=light_of_lamps(transport, before),
+        after=light_of_lamps(_with_fluxes(transport, changes, now, bands), now, dims),
+        lamps=tuple(lamps.values()),
+        lamps_now=tuple((now[name].name, luminous_flux_lm(now[name]), dims[name]) for name in lamps),
+    )
+
+
+def _with_fluxes(
+    transport: xr.Dataset, changes: Mapping[str, LampChange], now: Mapping[str, Spectrum], bands: BandSet
+) -> xr.Dataset:
+    """The transport for the spectra that were changed, with the flux of all."""
+    for name in changes:
+        transport = with_spectrum(transport, name, now[name])
+    names = [str(name) for name in transport["lamp"].to_numpy()]
+    flux = np.stack([bands.band_values(now[name], outside="zero") for name in names])
+    return transport.assign(flux=(("lamp", "band"), flux, transport["flux"].attrs))
+
+
+def _changes(lamps: Mapping[str, Lamp], orders: Sequence[LampOrder], base: Path) -> dict[str, LampChange]:
     changes: dict[str, LampChange] = {}
     for order in orders:
         if order.lamp not in lamps:
@@ -89,12 +151,7 @@ def relight_run(
                 todo="Give its changes together.",
             )
         changes[order.lamp] = _change(lamps[order.lamp], order, base)
-    light = relight(transport, changes, bands=scene_of_run(run).bands, lamps=tuple(lamps.values()))
-    assumed = assumptions_of_run(run).without(
-        fluxes=[order.lamp for order in orders if order.luminous_flux_lm is not None or _is_absolute(order, base)],
-        spectra=[order.lamp for order in orders if order.spectrum is not None],
-    )
-    return mark_assumed(light, assumed)
+    return changes
 
 
 def _is_absolute(order: LampOrder, base: Path) -> bool:

@@ -137,6 +137,13 @@ def test_a_relit_room_is_written_beside_the_run(finished: Path, tmp_path: Path) 
     answer = CliRunner().invoke(app, [*words, "--lamp", "warm", "--spectrum", "FL11", "--dim", "0.4"])
     assert answer.exit_code == 0, answer.output
     assert (tmp_path / "relit" / "map.nc").is_file()
+    assert "mean illuminance [lx]" in answer.output
+    assert "change [%]" in answer.output
+    other = [*words, "--lamp", "warm", "--dim", "0.3"]
+    answer = CliRunner().invoke(app, other)  # would overwrite the first
+    assert isinstance(answer.exception, LidarSpectraError)
+    assert "--spectrum FL11" in str(answer.exception)
+    assert CliRunner().invoke(app, [*other, "--replace"]).exit_code == 0
     answer = CliRunner().invoke(app, [*words, "--dim", "0.4"])
     assert answer.exit_code == 2
     answer = CliRunner().invoke(app, [*words, "--lamp", "warm", "--dim", "40"])

@@ -16,6 +16,7 @@ from lidarspectra.mapping.photometry.quantities import light_quantities
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra.spectrum import BandSet
 
+FIRST = "illuminance_lx"  # what a reader looks for
 MAX_RENDERED = 500  # points whose colour rendering is computed, at about 50 ms each, spread evenly over the list
 METHOD_WORDS = {
     "lamps": "the lamps' full spectra, with the room's effect on them from the channels",
@@ -105,23 +106,27 @@ def _colors(light: PointLight, kept: IntArray, rendering: bool, progress: Progre
     return columns
 
 
-def summary_table(quantities: xr.Dataset) -> Table:
+def summary_table(quantities: xr.Dataset, *, before: PointLight | None = None) -> Table:
     """Mean and range of every quantity over the points that are not buried, and the error due to the channels.
 
     Parameters
     ----------
     quantities : xarray.Dataset
         Of `light_at_points`.
+    before : PointLight, optional
+        The light before its lamps were changed, for the columns 'mean as traced' and 'change'.
 
     Returns
     -------
     table : Table
-        'channels' is the 95th percentile of the error due to these channels over the ensemble, lamps and surfaces of
-        all kinds; it adds to the standard error of the trace. Empty for quantities that are no integral.
+        The illuminance first. 'channels' is the 95th percentile of the error due to these channels over the ensemble,
+        lamps and surfaces of all kinds; it adds to the standard error of the trace. Empty for quantities that are no
+        integral.
     """
     kept = kept_points(quantities)
     rows = []
-    for quantity in light_quantities():
+    ordered = sorted(light_quantities(), key=lambda quantity: quantity.name != FIRST)
+    for quantity in ordered:
         values = quantities[quantity.name]
         rows.append((quantity.words, quantity.unit, values, float(values.attrs["channel_error_percent"])))
     rows += [(words, unit, quantities[name], np.nan) for name, (words, unit) in COLOR_COLUMNS.items()]
@@ -129,12 +134,19 @@ def summary_table(quantities: xr.Dataset) -> Table:
         [_row(words, unit, values.to_numpy()[kept], error) for words, unit, values, error in rows],
         columns=["quantity", "unit", "mean", "lowest", "highest", "channels [%]"],
     )
+    if before is not None:
+        means = [float(before.weigh(quantity.response)[0][kept].mean()) for quantity in ordered]
+        traced = np.array([*means, *(len(rows) - len(means)) * [np.nan]])
+        frame.insert(3, "mean as traced", traced)
+        frame.insert(4, "change [%]", 100.0 * (frame["mean"].to_numpy() / np.where(traced > 0, traced, np.nan) - 1.0))
     caption = (
         f"Light at {kept.size} points, computed from {METHOD_WORDS[quantities.attrs['method']]}. The last column is "
         f"the error due to having only {quantities.attrs['bands']} channels: it is smaller for 95 % of indoor spectra, "
         "and comes on top of the noise of the simulation."
     )
-    return Table(name="people-and-plants", caption=caption, frame=frame, formats={"channels [%]": ".1f"})
+    return Table(
+        name="people-and-plants", caption=caption, frame=frame, formats={"channels [%]": ".1f", "change [%]": "+.1f"}
+    )
 
 
 def _row(words: str, unit: str, values: FloatArray, error: float) -> tuple[str, str, float, float, float, float]:
