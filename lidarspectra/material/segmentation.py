@@ -95,15 +95,19 @@ class Classifier:
         Returns
         -------
         grid : CellGrid
-            It covers the picture: beyond the edges the picture is mirrored.
+            Of what the model sees whole, up to half its input from the edges; what is smaller is mirrored beyond them.
         """
-        stride, half = self.card.stride_px, self.card.input_px // 2
+        stride, own = self.card.stride_px, self.card.input_px
         parts = -(-stride // FINEST_SPACING_PX)
-        rest = [(-(length + 2 * half - self.card.input_px)) % stride for length in image.shape[:2]]
-        sides = (half, half + rest[0] + stride, half, half + rest[1] + stride)
-        padded = np.asarray(cv2.copyMakeBorder(image, *sides, cv2.BORDER_REFLECT_101), dtype=np.uint8)
-        height, width = padded.shape[0] - stride, padded.shape[1] - stride
         shift = stride / parts
+        reach = int((parts - 1) * shift)  # of the copies that are shifted by parts of the stride
+        missing = [max(own + reach - length, 0) for length in image.shape[:2]]
+        rest = [(own + reach - length - more) % stride for length, more in zip(image.shape[:2], missing, strict=True)]
+        before = [more // 2 for more in missing]
+        after = [more - first + last for more, first, last in zip(missing, before, rest, strict=True)]
+        sides = (before[0], after[0], before[1], after[1])
+        padded = np.asarray(cv2.copyMakeBorder(image, *sides, cv2.BORDER_REFLECT_101), dtype=np.uint8)
+        height, width = padded.shape[0] - reach, padded.shape[1] - reach
         answers = [
             [self._run(padded[_at(i * shift, height), _at(j * shift, width)]) for j in range(parts)]
             for i in range(parts)
@@ -114,7 +118,8 @@ class Classifier:
             for j in range(parts):
                 merged[i::parts, j::parts] = answers[i][j]
         # Predictions stand symmetrically on what the model was given.
-        first = [0.5 * (length - (n - 1) * stride) - half for length, n in ((height, rows), (width, columns))]
+        sizes = ((height, rows, before[0]), (width, columns, before[1]))
+        first = [0.5 * (length - (n - 1) * stride) - more for length, n, more in sizes]
         return CellGrid(probabilities=merged, first_px=(first[0], first[1]), spacing_px=shift)
 
     def _run(self, image: ByteArray) -> FloatArray:

@@ -24,7 +24,7 @@ scale = 0.05
 @pytest.fixture(scope="module")
 def room():
     scan, part = box_scan(noise=0.05)
-    views = render_views(scan, settings=ViewSettings(width=48, height=48, samples=1, sample_spacing_m=0.3))
+    views = render_views(scan, settings=ViewSettings(width=96, height=96, samples=1, sample_spacing_m=0.3))
     return scan, part, views
 
 
