@@ -59,6 +59,12 @@ WHITE_HUE_DEVIATION = (0.04, 0.10)  # [1] of them, wider than measured: some are
 WHITE_PAINTS = 1.0  # [1] different whites that a room is taken to have: its walls are of one paint
 WHITE_DOUBT = 2.0  # [1] scale of the robust loss on the hue of light surfaces, which may be yellow; in deviations
 COMMON = 6  # parameters that do not belong to single lamps
+OF_SOURCE = 5  # parameters of an unknown source: level, two of its hue, two of its lobes over the first
+SOURCE_LEVEL, SOURCE_LEVEL_DEVIATION = 0.0, 2.0  # [1] of the log of its light over the picture's: hardly known
+SOURCE_HUE_DEVIATION = 0.4  # [1] of the log of its cones' ratios over the picture's: daylight among lamps, or lamps
+SKY_LOBES, SKY_LOBES_DEVIATION = (-0.4, -1.3), (0.5, 0.8)  # [1] log low over high sky, ground over high sky: windows
+LOBES_DEVIATION = (1.0, 1.0)  # [1] the same of other sources, which may shine in any way
+BOUND_SOURCE = 7.0  # [1] of these logs
 CELL_M = (
     1.0  # [m] of a cluster, within which errors of light and exposure are correlated: a phone's frame shows 1 to 2 m
 )
@@ -109,6 +115,10 @@ class LightEvidence:
     face_excess : (face, 3) float, optional
         Light that a face sends in each channel of linear sRGB over what the picture shows, which is cut at white; 1 if
         left out. [1]
+    other : (source, lobe, sample) float, optional
+        Patterns of the light of unknown sources (see `unknown_light`). [any one unit]
+    other_upright : (source,) bool, optional
+        Which of them may be windows.
     """
 
     shown: FloatArray
@@ -125,6 +135,13 @@ class LightEvidence:
     unsure: FloatArray
     tint: FloatArray | None = None
     face_excess: FloatArray | None = None
+    other: FloatArray | None = None
+    other_upright: BoolArray | None = None
+
+    @property
+    def sources(self) -> int:
+        """Number of unknown sources."""
+        return 0 if self.other is None else len(self.other)
 
     def face_light(self, tone: ToneCurve, faces: IntArray | slice = slice(None)) -> FloatArray:
         """(face, 3) linear sRGB that all or some faces send through a tone curve."""
@@ -151,6 +168,8 @@ class LightFit:
         k E, in the camera's unit.
     direct_share : float
         Share of it that is direct light; in a closed room 1 minus the mean reflectance. [0-1]
+    other : (sample, 3) float or None
+        Light straight from unknown sources, in the same unit as `irradiance`; None without any.
     flux_deviations : (lamp,) float
         Standard deviations of the factors' logarithms; 0 where they were not fitted. [1]
     parameters, deviations : (parameter,) float
@@ -177,6 +196,7 @@ class LightFit:
     reflectance: FloatArray
     irradiance: FloatArray
     direct_share: float
+    other: FloatArray | None
     parameters: FloatArray
     deviations: FloatArray
     log_deviation: FloatArray
@@ -206,6 +226,7 @@ class _LightAt:
         self._nothing = exchange[:, [-1]].toarray()
         self._direct = evidence.direct[:, samples] / mean_direct
         self._emission = evidence.emission[:, samples]
+        self._other = None if evidence.other is None else evidence.other[:, :, samples]
         self._picture: tuple[ToneCurve, FloatArray, FloatArray] | None = None
         self._lamps: tuple[float, FloatArray] | None = None
 
@@ -228,6 +249,12 @@ class _LightAt:
             self._lamps = (beam, shape[:, :, None] * self._direct)
         return np.asarray(np.tensordot(factors, self._lamps[1], axes=1), dtype=np.float64)
 
+    def other(self, strengths: FloatArray) -> FloatArray | float:
+        """(n, 3) light straight from unknown sources of (source, lobe, 3) strengths."""
+        if self._other is None:
+            return 0.0
+        return np.asarray(np.einsum("jln,jlc->nc", self._other, strengths, optimize=True), dtype=np.float64)
+
     def _sent(self, tone: ToneCurve, faces: IntArray | slice) -> FloatArray:
         sent = cones_of_srgb(self._evidence.face_light(tone, faces))
         sent[self._evidence.face_lamp[faces]] = 0.0
@@ -248,11 +275,13 @@ class _Model:
         self.flux_deviation = flux_deviation
         self.redescending = redescending
         self.fit_fluxes = len(evidence.direct) > 1
-        self.count = COMMON + (len(evidence.direct) if self.fit_fluxes else 0)
+        self.lamp_count = len(evidence.direct) if self.fit_fluxes else 0
+        self.count = COMMON + self.lamp_count + OF_SOURCE * evidence.sources
         self.rows = np.flatnonzero(evidence.group >= 0)[::every]
         self.shown = evidence.shown[self.rows]
         # Mean direct light of 1 in every cone: exposure then starts near the mean of the picture.
         self.mean_direct = np.maximum(evidence.direct.sum(axis=0).mean(axis=0), 1e-30)
+        self.mean_other = np.ones(0) if evidence.other is None else evidence.other.sum(axis=1).mean(axis=1) + 1e-30
         self.some_light = _LightAt(evidence, self.rows, self.mean_direct)
         _, self.group = np.unique(evidence.group[self.rows], return_inverse=True)
         self.group_sizes = np.bincount(self.group)
@@ -273,14 +302,31 @@ class _Model:
         """Tone curve, exposure, beam exponent and flux factors of parameters."""
         tone = ToneCurve(power=float(np.exp(parameters[0])), shoulder=float(np.expm1(max(parameters[1], 0.0))))
         exposure = np.exp(parameters[2:5] + self.rough)
-        logs = parameters[COMMON:] if self.fit_fluxes else np.zeros(len(self.evidence.direct))
-        return tone, exposure, float(parameters[5]), np.exp(logs - logs.mean())
+        logs = self.flux_logs(parameters) if self.fit_fluxes else np.zeros(len(self.evidence.direct))
+        return tone, exposure, float(parameters[5]), np.exp(logs - (logs.mean() if logs.size else 0.0))
+
+    def flux_logs(self, parameters: FloatArray) -> FloatArray:
+        """(lamp,) logs of the lamps' fluxes; none where they are not fitted."""
+        return parameters[COMMON : COMMON + self.lamp_count]
+
+    def source_logs(self, parameters: FloatArray) -> FloatArray:
+        """(source, 5) logs of level, hue and lobes of the unknown sources."""
+        return parameters[COMMON + self.lamp_count :].reshape(-1, OF_SOURCE)
+
+    def strengths(self, parameters: FloatArray) -> FloatArray:
+        """(source, lobe, 3) of the unknown sources, over their patterns' mean."""
+        logs = self.source_logs(parameters)
+        hue = np.stack([logs[:, 1], np.zeros(len(logs)), logs[:, 2]], axis=1)
+        lobes = np.column_stack([np.zeros(len(logs)), logs[:, 3:]])
+        level = logs[:, :1, None] + lobes[:, :, None] + hue[:, None] + self.rough
+        return np.asarray(np.exp(level) / self.mean_other[:, None, None], dtype=np.float64)
 
     def light(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(row, 3) light that the picture shows, and irradiance times k, in cones."""
         tone, exposure, beam, factors = self.parts(parameters)
         seen, gathered = self.some_light.shown(tone)
-        return seen, np.maximum(exposure * self.some_light.direct(beam, factors) + gathered, MIN_LIGHT)
+        direct = exposure * self.some_light.direct(beam, factors) + self.some_light.other(self.strengths(parameters))
+        return seen, np.maximum(direct + gathered, MIN_LIGHT)
 
     @cached_property
     def whole_light(self) -> _LightAt:
@@ -292,6 +338,7 @@ class _Model:
         tone, exposure, beam, factors = self.parts(parameters)
         seen, gathered = self.whole_light.shown(tone)
         direct = exposure * self.whole_light.direct(beam, factors)
+        direct = direct + self.whole_light.other(self.strengths(parameters))
         return seen, np.maximum(direct + gathered, MIN_LIGHT), direct
 
     def log_reflectance(self, parameters: FloatArray) -> FloatArray:
@@ -349,7 +396,8 @@ class _Model:
             [(parameters[1] - SHOULDER_GUESS) / SHOULDER_DEVIATION],
             balance / BALANCE_DEVIATION,
             [parameters[5] / BEAM_DEVIATION],
-            parameters[COMMON:] / self.flux_deviation if self.fit_fluxes else [],
+            self.flux_logs(parameters) / self.flux_deviation if self.fit_fluxes else [],
+            *self._source_beliefs(parameters),
         ]
         bright = np.log(np.maximum(srgb_of_cones(np.exp(center)).max(axis=1), MIN_LIGHT) / BRIGHTEST_REFLECTANCE)
         share = np.sqrt(self.group_sizes / self.group_sizes.sum())
@@ -360,6 +408,18 @@ class _Model:
             doubt = CEILING_DOUBT
             parts.append(np.sign(apart) * doubt * np.sqrt(np.log1p((apart / doubt) ** 2)))
         return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
+
+    def _source_beliefs(self, parameters: FloatArray) -> list[FloatArray]:
+        """What is believed of unknown sources before the picture is looked at."""
+        if self.evidence.other_upright is None:
+            return []
+        logs, upright = self.source_logs(parameters), self.evidence.other_upright[:, None]
+        usual = np.where(upright, SKY_LOBES, 0.0)
+        return [
+            (logs[:, 0] - SOURCE_LEVEL) / SOURCE_LEVEL_DEVIATION,
+            logs[:, 1:3] / SOURCE_HUE_DEVIATION,
+            (logs[:, 3:] - usual) / np.where(upright, SKY_LOBES_DEVIATION, LOBES_DEVIATION),
+        ]
 
 
 def _from_white(center: FloatArray) -> FloatArray:
@@ -411,7 +471,8 @@ def _least(model: _Model, start: FloatArray, progress: Progress) -> OptimizeResu
         steps += 1
         return model.jacobian(parameters)
 
-    lamps = np.full(model.count - COMMON, BOUND_FLUX)
+    lamps = np.full(model.lamp_count, BOUND_FLUX)
+    lamps = np.concatenate([lamps, np.full(model.count - COMMON - model.lamp_count, BOUND_SOURCE)])
     low = np.concatenate([[-BOUNDS_POWER, 0.0], np.full(3, -BOUND_EXPOSURE), [BOUNDS_BEAM[0]], -lamps])
     high = np.concatenate([[BOUNDS_POWER, BOUND_SHOULDER], np.full(3, BOUND_EXPOSURE), [BOUNDS_BEAM[1]], lamps])
     return least_squares(
@@ -424,6 +485,9 @@ def _start(model: _Model, shoulder: float, exposure: float) -> FloatArray:
     first = np.zeros(model.count)
     first[1] = shoulder + 1e-3
     first[2:5] = exposure
+    if model.evidence.other_upright is not None:
+        sources = model.source_logs(first)
+        sources[:, 3:] = np.where(model.evidence.other_upright[:, None], SKY_LOBES, 0.0)
     return first
 
 
@@ -450,6 +514,7 @@ def _fit(model: _Model, result: OptimizeResult) -> LightFit:
         reflectance=seen / light,
         irradiance=light,
         direct_share=float(direct.mean() / light.mean()),
+        other=None if model.evidence.other is None else model.whole_light.other(model.strengths(best)),
         parameters=best,
         deviations=np.sqrt(np.diag(covariance)),
         log_deviation=np.sqrt(np.maximum(np.einsum("nci,ij,ncj->nc", slope, covariance, slope), 0.0)),
@@ -484,7 +549,8 @@ def _flux_deviations(model: _Model, covariance: FloatArray) -> FloatArray:
     if not model.fit_fluxes:
         return np.zeros(count)
     over_mean = np.eye(count) - 1.0 / count
-    variance = np.einsum("li,ij,lj->l", over_mean, covariance[COMMON:, COMMON:], over_mean)
+    own = slice(COMMON, COMMON + count)
+    variance = np.einsum("li,ij,lj->l", over_mean, covariance[own, own], over_mean)
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
 
 

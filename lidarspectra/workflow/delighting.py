@@ -41,6 +41,7 @@ from lidarspectra.material.light_exchange import exchange_matrix
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
 from lidarspectra.material.surface_hues import surface_groups
+from lidarspectra.material.unknown_light import find_unknown_sources, source_patterns
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients
@@ -204,6 +205,11 @@ def take_light_out(
     )
     colors = shown[samples.face]
     trusted = known[samples.face] & (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK)
+    face_lamp = ~known & _near_lamps(scan.centers, lamps)
+    sources = find_unknown_sources(scan, ~known & ~face_lamp & scan.appearance.photographed)
+    patterns = [source_patterns(scan, caster, each, samples.positions, samples.normals, generator) for each in sources]
+    for source in sources:
+        face_lamp[source.faces] = True
     evidence = LightEvidence(
         shown=colors,
         direct=coefficients[:, :, None] * _lamp_cones(lamps)[:, None, :],
@@ -211,12 +217,14 @@ def take_light_out(
         exchange=exchange,
         face_shown=shown,
         face_area=scan.areas,
-        face_lamp=~known & _near_lamps(scan.centers, lamps),
+        face_lamp=face_lamp,
         group=_groups(colors, samples, trusted, room),
         cell=_cells(samples.positions),
         ceiling=_ceiling(samples, trusted, room),
         white=np.zeros(len(colors), dtype=np.bool_),
         unsure=np.repeat(unsure[:, None], 3, axis=1),
+        other=np.stack(patterns) if sources else None,
+        other_upright=np.array([source.is_upright for source in sources]) if sources else None,
     )
     witnesses = _witnesses(evidence)
     if witnesses < MIN_WITNESSES or not evidence.direct.any():

@@ -134,12 +134,12 @@ def true_light(case: Case) -> Light:
 
 def true_colors(case: Case) -> FloatArray:
     """(face, 3) true reflectance in linear sRGB; 1 where the scan shows no surface."""
-    colors = xyz_to_linear_srgb(_on_color_grid(case.truth) @ tristimulus_table())[case.face_truth]
+    colors = xyz_to_linear_srgb(on_color_grid(case.truth) @ tristimulus_table())[case.face_truth]
     colors[~surface_colors(case.scan)[1]] = 1.0
     return colors
 
 
-def _on_color_grid(materials: Sequence[Material]) -> FloatArray:
+def on_color_grid(materials: Sequence[Material]) -> FloatArray:
     """(material, wavelength) reflectances."""
     return np.stack([m.reflectance.at(COLOR_GRID_NM, outside="nearest") for m in materials])
 
@@ -147,7 +147,7 @@ def _on_color_grid(materials: Sequence[Material]) -> FloatArray:
 def reflectance_errors(found: MaterialMap, case: Case) -> tuple[float, float]:
     """Area-weighted mean absolute error in linear sRGB, and over 400 to 700 nm."""
     weights = tristimulus_table()
-    spectra, truth = _on_color_grid(found.materials), _on_color_grid(case.truth)
+    spectra, truth = on_color_grid(found.materials), on_color_grid(case.truth)
     colors, true_colors = (xyz_to_linear_srgb(values @ weights) for values in (spectra, truth))
     known = surface_colors(case.scan)[1]
     apart = np.abs(colors[found.face_material] - true_colors[case.face_truth]).mean(axis=1)

@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.config import SensorsSection, read_run_file
 from lidarspectra.errors import PlanError
 from lidarspectra.hardware.phone.readers import read_scan
@@ -115,9 +115,14 @@ def phone_scan(
     *,
     seed: int,
     light: SurfaceLight | None = None,
+    direct: DirectLight | None = None,
+    shining: BoolArray | None = None,
     progress: Progress = silent,
 ) -> Built:
-    """Scan a room with the virtual phone and write scan.glb; parameters as in `build`, and the light if it is known."""
+    """Scan a room with the virtual phone and write scan.glb.
+
+    Parameters as in `build`; the light, straight and in all, and which surfaces shine, if they are known.
+    """
     shape_generator, light_generator, camera_generator = np.random.default_rng(seed).spawn(3)
     progress(0.0, "scanning the shape")
     shape = scan_shape(room, plan.file.phone, shape_generator)
@@ -126,8 +131,10 @@ def phone_scan(
     if light is None:
         light = surface_light(plan, room, folder, light_generator, progress=part_of(progress, 0.15, 0.7))
     progress(0.7, "photographing")
-    direct = direct_light(plan, room, folder, light.wavelengths_nm)
-    texture = photograph(room, shape, atlas, light, direct, plan.file.camera, camera_generator)
+    if direct is None:
+        direct = direct_light(plan, room, folder, light.wavelengths_nm)
+    camera = plan.file.camera
+    texture = photograph(room, shape, atlas, light, direct, camera, camera_generator, shining=shining)
     progress(0.95, "writing")
     origin, faces, uv = split_at_charts(shape.faces, atlas)
     path = folder / "scan.glb"
@@ -231,7 +238,7 @@ def surface_light(
             progress=progress,
         )
     wavelengths = np.arange(VISIBLE_NM[0], VISIBLE_NM[1] + WAVELENGTH_STEP_NM / 2, WAVELENGTH_STEP_NM)
-    coefficients = _direct_coefficients(room, lamps, positions, normals)
+    coefficients = lamp_coefficients(room, lamps, positions, normals)
     band_direct = coefficients @ lamp_band_flux([lamp.flux for lamp in lamps], bands)
     # Both are sampled: where little is reflected, the difference may come out below 0.
     band_reflected = np.maximum(band_irradiance - band_direct, 0.0)
@@ -248,12 +255,10 @@ def direct_light(plan: RoomPlan, room: TrueRoom, folder: Path, wavelengths_nm: F
     """What the lamps of a plan send straight to its true surfaces; parameters as in `surface_light`."""
     lamps = resolve_lamps(plan.file.lamps, folder)
     flux = spectral_flux(lamps, wavelengths_nm)
-    return lambda positions, normals: _direct_coefficients(room, lamps, positions, normals) @ flux
+    return lambda positions, normals: lamp_coefficients(room, lamps, positions, normals) @ flux
 
 
-def _direct_coefficients(
-    room: TrueRoom, lamps: Sequence[Lamp], positions: FloatArray, normals: FloatArray
-) -> FloatArray:
+def lamp_coefficients(room: TrueRoom, lamps: Sequence[Lamp], positions: FloatArray, normals: FloatArray) -> FloatArray:
     """(point, lamp) irradiance straight from the lamps, over their flux [m⁻²]."""
     with tempfile.TemporaryDirectory() as scratch:
         return direct_coefficients(room.scan, lamps, positions + LIFT_M * normals, normals, Path(scratch)).T

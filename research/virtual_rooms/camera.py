@@ -91,6 +91,8 @@ def photograph(
     direct: DirectLight,
     settings: CameraSection,
     generator: np.random.Generator,
+    *,
+    shining: BoolArray | None = None,
 ) -> ByteArray:
     """Paint the texture of a scanned shape.
 
@@ -108,6 +110,8 @@ def photograph(
     settings : CameraSection
     generator : Generator
         Exposure, grain and noise.
+    shining : (surface,) bool, optional
+        Which of the room's surfaces are cut at white because they shine; the lamps' if left out.
 
     Returns
     -------
@@ -115,7 +119,9 @@ def photograph(
         sRGB encoded.
     """
     corner_color = _corner_colors(room, shape, atlas, light, direct, settings)
-    linear, lit = _seen_light(room, shape, atlas, corner_color, settings, generator)
+    if shining is None:
+        shining = np.array([surface.lamp is not None for surface in room.surfaces])
+    linear, lit = _seen_light(room, shape, atlas, corner_color, shining, settings, generator)
     shown = atlas.covered & ~lit
     bright = np.quantile(linear[shown].max(axis=1), 1.0 - settings.bright_share)
     exposed = linear * (settings.bright_level / bright)
@@ -136,10 +142,11 @@ def _seen_light(
     shape: ScannedShape,
     atlas: Atlas,
     corner_color: FloatArray,
+    shining: BoolArray,
     settings: CameraSection,
     generator: np.random.Generator,
 ) -> tuple[FloatArray, BoolArray]:
-    """White-balanced linear colour of every pixel, and which pixels show a lit lamp.
+    """White-balanced linear colour of every pixel, and which pixels show what shines.
 
     Between the (face, 3, material, 3) colours of the corners, with the patterns of exposure and materials.
     """
@@ -148,7 +155,6 @@ def _seen_light(
     lit = np.zeros(size * size, dtype=np.bool_)
     exposure = _Pattern(generator, settings.exposure_spread, (1.0, 1.0, 1.0))
     grains = [_Pattern(generator, material.grain, material.grain_size) for material in room.materials]
-    lamps = np.array([surface.lamp is not None for surface in room.surfaces])
     # Seen along the chart's own direction, so that a step shows as a clean edge and not as its own slope.
     directions = atlas.chart_normal[atlas.face_chart]
     for first in range(0, size * size, TEXELS_AT_ONCE):
@@ -166,7 +172,7 @@ def _seen_light(
             if room.materials[number].grain > 0:
                 factor[chosen] *= 1.0 + np.clip(grain(points[chosen]), -0.9, None)
         linear[texel] *= factor[:, None]
-        lit[texel] = lamps[room.face_surface[true_face]]
+        lit[texel] = shining[room.face_surface[true_face]]
     return linear.reshape(size, size, 3), lit.reshape(size, size)
 
 

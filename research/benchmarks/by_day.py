@@ -1,0 +1,113 @@
+"""Reflectances and maps from scans taken by day, in mixed light, with blinds half drawn, lamps off.
+
+    python -m research.scenes.by_day FOLDER
+    python -m research.benchmarks.by_day FOLDER [--only office-day ...] [--raw]
+
+Of each scan in the folder: area-weighted mean of the absolute reflectance error and of its signed one (linear sRGB),
+the map by the lamps alone against the true room's, how many surfaces (by area, over 400 to 700 nm) lie within one and
+two stated deviations, processor time of taking the light out, and what the run says. `--raw`: with the light left in.
+"""
+
+import argparse
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.mapping.maps.metrics import compare_maps
+from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.estimate import estimate_materials
+from lidarspectra.material.material_map import MaterialMap
+from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.room.room import find_room
+from lidarspectra.spectra.colorimetry import xyz_to_linear_srgb
+from lidarspectra.spectra.databases import load_reflectances, tristimulus_table
+from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
+from lidarspectra.workflow.delighting import take_light_out, with_light_uncertainty
+from research.benchmarks.delighting import (
+    VISIBLE,
+    Case,
+    Light,
+    light,
+    on_color_grid,
+    read_case,
+    reflectance_errors,
+    true_light,
+)
+
+HEADER = (
+    f"{'scan':24s} {'':5s} {'error':>6s} {'bias':>7s} {'NRMSE':>6s} {'median':>7s} {'bias':>8s} {'one':>6s} {'two':>6s} "
+    f"{'time':>6s}"
+)
+
+
+def reflectance_bias(found: MaterialMap, case: Case) -> float:
+    """Area-weighted mean of the reflectance less the true one, linear sRGB [1]."""
+    weights = tristimulus_table()
+    estimate, truth = (xyz_to_linear_srgb(on_color_grid(each) @ weights) for each in (found.materials, case.truth))
+    known = surface_colors(case.scan)[1]
+    apart = (estimate[found.face_material] - truth[case.face_truth]).mean(axis=1)
+    return float(np.average(apart, weights=case.scan.areas * known))
+
+
+def coverage(found: MaterialMap, case: Case) -> tuple[float, float]:
+    """Shares of area and wavelengths whose truth lies within one and two stated deviations."""
+    estimate, truth = on_color_grid(found.materials), on_color_grid(case.truth)
+    deviation = np.zeros_like(estimate)
+    for row, material in enumerate(found.materials):
+        if material.uncertainty is not None:
+            deviation[row] = material.uncertainty.at(COLOR_GRID_NM, outside="nearest")
+    apart = np.abs(estimate[found.face_material] - truth[case.face_truth])[:, VISIBLE]
+    stated = deviation[found.face_material][:, VISIBLE]
+    areas = case.scan.areas * surface_colors(case.scan)[1]
+    one, two = (float(np.average((apart <= times * stated).mean(axis=1), weights=areas)) for times in (1, 2))
+    return one, two
+
+
+def run(folder: Path, references: dict[int, Light], *, raw: bool) -> None:
+    """Print a scan's rows."""
+    case = read_case(folder)
+    # The same for all scans of a room with the same windows and points.
+    key = hash(((folder / "plan.toml").read_bytes(), (folder / "truth" / "points.csv").read_bytes()))
+    if key not in references:
+        references[key] = true_light(case)
+    reference = references[key]
+    views = render_views(case.scan, settings=ViewSettings(width=128, height=128))
+    library = load_reflectances()
+    start = time.process_time()
+    delit = take_light_out(case.scan, find_room(case.scan), case.lamps)
+    took = time.process_time() - start
+    found = estimate_materials(case.scan, views, library=library, face_color=delit.face_color)
+    maps = {"delit": with_light_uncertainty(found, delit, case.scan.areas)}
+    if raw:
+        maps["raw"] = estimate_materials(case.scan, views, library=library)
+    for name, materials in maps.items():
+        errors = compare_maps(light(case.scan, materials, case).irradiance, reference.irradiance)
+        one, two = coverage(materials, case)
+        print(
+            f"{folder.name:24s} {name:5s} {reflectance_errors(materials, case)[0]:6.3f} "
+            f"{reflectance_bias(materials, case):+7.3f} {errors.nrmse_all:6.3f} {errors.mape_median:5.1f} % "
+            f"{errors.bias_percent:+6.1f} % {100 * one:4.0f} % {100 * two:4.0f} % {took:4.0f} s",
+            flush=True,
+        )
+    print(f"  {delit.words or 'light left in'}")
+    print("".join(f"  {warning}\n" for warning in delit.warnings), end="", flush=True)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--only", nargs="+", default=[""], help="scans whose names begin so")
+    parser.add_argument("--raw", action="store_true")
+    given = parser.parse_args(arguments)
+    references: dict[int, Light] = {}
+    print(HEADER)
+    for folder in sorted(given.folder.iterdir()):
+        if (folder / "scan.glb").is_file() and folder.name.startswith(tuple(given.only)):
+            run(folder, references, raw=given.raw)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,187 @@
+"""Make scans of the scenes as a phone takes them by day: with windows, lamps off, other cameras.
+
+    python -m research.scenes.by_day FOLDER [--scene office ...] [--case day ...] [--seed 1 2 3]
+
+    FOLDER/office-day-1/plan.toml, room.toml, scan.glb, truth/   as in scenes/, the windows in the plan besides
+
+Truth is the room's at night: plan.toml has the windows as panes of dark glass. The light in the picture comes from
+`virtual_rooms.day_light`, not from the product's trace. Each seed has its own exposure, white balance and tone curve.
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.spectra.databases import color_matching_functions, lamp_spectrum
+from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from research.scenes.build import (
+    SCENES,
+    VISIBLE_NM,
+    WAVELENGTH_STEP_NM,
+    Built,
+    lamp_coefficients,
+    phone_scan,
+    spectral_flux,
+    write_points,
+    write_run_file,
+    write_truth,
+)
+from research.virtual_rooms.camera import DirectLight, SurfaceLight
+from research.virtual_rooms.day_light import Opening, flux_per_zenith, opening_of, reflected_light, straight_light
+from research.virtual_rooms.room_plan import BoxSection, CameraSection, RoomPlan, read_plan
+from research.virtual_rooms.true_room import TrueRoom, true_room
+
+WINDOW = "window"  # names of parts that are windows begin so
+GLASS = "window glass"
+# Boxes flush in an outer wall, low and high corners [m].
+WINDOWS = {
+    "office": (((3.09, 1.6, 0.95), (3.14, 2.8, 2.05)),),
+    "apartment": (((3.2, -0.04, 0.9), (4.8, 0.01, 2.1)), ((0.8, 6.29, 0.9), (2.0, 6.34, 2.1))),
+    "large-office": (((1.5, -0.04, 0.9), (4.5, 0.01, 2.2)), ((7.0, -0.04, 0.9), (10.0, 0.01, 2.2))),
+}
+FLUX_RATIO = {"office": 1.0, "apartment": 2.0, "large-office": 1.0}  # [1] of all windows over all lamps, in lumens
+# Tone curve, exposure (share of white at which the brightest 3 % are), white balance; plain sRGB, filmic, lifted.
+CAMERAS = ((0.6, 0.8, 0.85), (0.0, 0.6, 0.6), (1.2, 0.4, 1.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A light that a room is scanned in.
+
+    Parameters
+    ----------
+    day : float
+        Factor on the windows' light. [1]
+    lamps : float
+        Factor on the lamps' light. [1]
+    open_share : float
+        Share of a window that its blind leaves free, from below. [0-1]
+    """
+
+    day: float = 1.0
+    lamps: float = 1.0
+    open_share: float = 1.0
+
+
+CASES = {
+    "night": Case(day=0.0),
+    "day": Case(),
+    "blinds": Case(open_share=0.5),
+    "off": Case(lamps=0.0),
+}
+
+
+def build_by_day(scene: str, case: Case, folder: Path, *, seed: int) -> Built:
+    """Make a scan and its truth.
+
+    Parameters
+    ----------
+    scene : str
+        In `WINDOWS`.
+    case : Case
+    folder : Path
+        Made.
+    seed : int
+        Of the shape's noise; it chooses the camera too.
+
+    Returns
+    -------
+    built : Built
+    """
+    (folder / "truth").mkdir(parents=True, exist_ok=True)
+    plan = _with_windows(scene, case, folder, seed)
+    room = true_room(plan)
+    wavelengths = np.arange(VISIBLE_NM[0], VISIBLE_NM[1] + WAVELENGTH_STEP_NM / 2, WAVELENGTH_STEP_NM)
+    direct = _direct(scene, case, plan, room, folder, wavelengths)
+    generator = np.random.default_rng(seed + 1000)
+    positions, faces = room.sample(plan.file.camera.light_spacing_m, generator)
+    normals = room.normals[faces]
+    straight = direct(positions, normals)
+    reflectance = np.stack([m.reflectance.at(wavelengths, outside="nearest") for m in room.materials])
+    reflected = reflected_light(
+        room, positions, normals, reflectance[room.face_material[faces]], straight, generator
+    )  # fmt: skip
+    light = SurfaceLight(
+        positions=positions, normals=normals, wavelengths_nm=wavelengths, direct=straight, reflected=reflected
+    )
+    shining = np.array(
+        [
+            (surface.lamp is not None and case.lamps > 0) or (surface.part.startswith(WINDOW) and case.day > 0)
+            for surface in room.surfaces
+        ]
+    )
+    built = phone_scan(plan, room, folder, seed=seed, light=light, direct=direct, shining=shining)
+    write_truth(folder / "truth", plan, room, built.true_face)
+    write_run_file(folder / "room.toml", plan.file, built.file)
+    points = SCENES / scene / "points.csv"
+    if points.is_file():
+        (folder / "points.csv").write_bytes(points.read_bytes())
+    write_points(folder)
+    return built
+
+
+def _with_windows(scene: str, case: Case, folder: Path, seed: int) -> RoomPlan:
+    """The scene's plan with windows and this seed's camera, written to the folder and read again."""
+    text = (SCENES / scene / "plan.toml").read_text()
+    text = text.replace('"../reflectances.csv"', '"reflectances.csv"')
+    (folder / "reflectances.csv").write_bytes((SCENES / "reflectances.csv").read_bytes())
+    text += f'\n[[materials]]\nname = "{GLASS}"\nreflectance = "plastic-black"\n'
+    for number, (low, high) in enumerate(WINDOWS[scene]):
+        top = low[2] + case.open_share * (high[2] - low[2])
+        text += (
+            f'\n[[parts]]\nname = "{WINDOW} {number + 1}"\nshape = "box"\nlow = {list(low)}\n'
+            f'high = {[high[0], high[1], round(top, 3)]}\nmaterial = "{GLASS}"\n'
+        )
+    (folder / "plan.toml").write_text(text)
+    plan = read_plan(folder / "plan.toml")
+    tone, level, balance = CAMERAS[(seed - 1) % len(CAMERAS)]
+    camera = plan.file.camera.model_copy(update={"tone": tone, "bright_level": level, "white_balance": balance})
+    return replace(plan, file=plan.file.model_copy(update={"camera": CameraSection(**camera.model_dump())}))
+
+
+def _direct(
+    scene: str, case: Case, plan: RoomPlan, room: TrueRoom, folder: Path, wavelengths: FloatArray
+) -> DirectLight:
+    lamps = resolve_lamps(plan.file.lamps, folder)
+    flux = spectral_flux(lamps, wavelengths)
+    luminous = color_matching_functions(wavelengths)[:, 1]
+    daylight = lamp_spectrum("D65").spectrum.at(wavelengths, outside="nearest")
+    inside = np.mean([0.5 * (np.array(each.low) + np.array(each.high)) for each in plan.file.rooms], axis=0)
+    boxes = [part for part in plan.file.parts if isinstance(part, BoxSection) and part.name.startswith(WINDOW)]
+    openings: list[Opening] = [opening_of(box, inside, daylight) for box in boxes]
+    per_zenith = sum(flux_per_zenith(opening) for opening in openings)
+    zenith = FLUX_RATIO[scene] * float((flux @ luminous).sum()) / (per_zenith * float(daylight @ luminous))
+    openings = [replace(opening, radiance=case.day * zenith * daylight) for opening in openings]
+
+    def light(positions: FloatArray, normals: FloatArray) -> FloatArray:
+        total = np.zeros((len(positions), wavelengths.size))
+        if case.lamps > 0:
+            total += case.lamps * lamp_coefficients(room, lamps, positions, normals) @ flux
+        if case.day > 0:
+            total += straight_light(room, openings, positions, normals)
+        return total
+
+    return light
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--scene", nargs="+", choices=sorted(WINDOWS), default=sorted(WINDOWS))
+    parser.add_argument("--case", nargs="+", choices=sorted(CASES), default=list(CASES))
+    parser.add_argument("--seed", nargs="+", type=int, default=[1, 2, 3])
+    given = parser.parse_args(arguments)
+    for scene in given.scene:
+        for name in given.case:
+            for seed in given.seed:
+                built = build_by_day(scene, CASES[name], given.folder / f"{scene}-{name}-{seed}", seed=seed)
+                print(f"{built.file}: {built.words}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
