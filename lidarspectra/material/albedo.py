@@ -168,8 +168,10 @@ class LightFit:
         k E, in the camera's unit.
     direct_share : float
         Share of it that is direct light; in a closed room 1 minus the mean reflectance. [0-1]
+    straight : (sample, 3) float
+        Light straight from lamps and unknown sources, in the same unit as `irradiance`.
     other : (sample, 3) float or None
-        Light straight from unknown sources, in the same unit as `irradiance`; None without any.
+        That of unknown sources alone; None without any.
     flux_deviations : (lamp,) float
         Standard deviations of the factors' logarithms; 0 where they were not fitted. [1]
     parameters, deviations : (parameter,) float
@@ -196,6 +198,7 @@ class LightFit:
     reflectance: FloatArray
     irradiance: FloatArray
     direct_share: float
+    straight: FloatArray
     other: FloatArray | None
     parameters: FloatArray
     deviations: FloatArray
@@ -514,7 +517,8 @@ def _fit(model: _Model, result: OptimizeResult) -> LightFit:
         reflectance=seen / light,
         irradiance=light,
         direct_share=float(direct.mean() / light.mean()),
-        other=None if model.evidence.other is None else model.whole_light.other(model.strengths(best)),
+        straight=direct,
+        other=None if model.evidence.other is None else np.asarray(model.whole_light.other(model.strengths(best))),
         parameters=best,
         deviations=np.sqrt(np.diag(covariance)),
         log_deviation=np.sqrt(np.maximum(np.einsum("nci,ij,ncj->nc", slope, covariance, slope), 0.0)),

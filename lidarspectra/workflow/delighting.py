@@ -41,7 +41,7 @@ from lidarspectra.material.light_exchange import exchange_matrix
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
 from lidarspectra.material.surface_hues import surface_groups
-from lidarspectra.material.unknown_light import find_unknown_sources, source_patterns
+from lidarspectra.material.unknown_light import UnknownSource, find_unknown_sources, source_patterns
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients
@@ -84,6 +84,8 @@ MAX_UNCERTAIN = 0.5  # [1] largest standard deviation of log k for it to be iden
 BEAM_EXPONENT = 0.3  # [1] difference from the Lambertian exponent, above which the user is warned
 FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp whose flux differs by more, significantly, draws a warning
 OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area, above which light of unknown lamps draws a warning
+UNLIT, UNLIT_SHARE = 0.5, 0.95  # [1] of white, which this share of a lamp's surroundings must not reach: it is off
+GREEN_NM = (500.0, 600.0)  # [nm] where the middle cone responds
 CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
 SHARES = (
     0.1,
@@ -181,8 +183,6 @@ def take_light_out(
         return Delighting(face_color=None, face_deviation=None, fit=None, words="")  # colours drawn without light
     if not scan.appearance.known:
         return _left_in("the scan has no colours. Scan again with colour, or assign materials by hand.")
-    if not lamps:
-        return _left_in("no lamps are known. Give the lamps that were lit as [[lamps]] in the run file.")
     coloring, lighting, exchanging, fitting, fitting_again = shares(
         progress, (*SHARES[:-1], 0.0 if fluxes_stated else SHARES[-1])
     )
@@ -190,24 +190,29 @@ def take_light_out(
     clear = clear_lamps(lamps, scan)
     lamps, scan = clear.lamps, clear.scan
     shown, known = surface_colors(scan)
+    sources = find_unknown_sources(scan, ~known & scan.appearance.photographed & ~_near_lamps(scan.centers, lamps))
+    lamps, unlit = _seen_lit(scan, shown, known, lamps, sources)
+    if not lamps and not sources:
+        return _left_in("no lamps are known. Give the lamps that were lit as [[lamps]] in the run file.")
     generator = np.random.default_rng(SEED)
     caster = RayCaster(scan)
     samples = _samples(scan, caster, generator)
-    with tempfile.TemporaryDirectory() as folder:
-        coefficients = direct_coefficients(
-            scan, lamps, samples.positions, samples.normals, Path(folder),
-            engine=engine, workers=workers, progress=lighting,
-        )  # fmt: skip
+    coefficients = np.zeros((0, len(samples.face)))
+    if lamps:
+        with tempfile.TemporaryDirectory() as folder:
+            coefficients = direct_coefficients(
+                scan, lamps, samples.positions, samples.normals, Path(folder),
+                engine=engine, workers=workers, progress=lighting,
+            )  # fmt: skip
     exchanging(0.0, "form factors between surfaces")
     unsure = _shadow_edges(samples, coefficients)
+    patterns = [source_patterns(scan, caster, each, samples.positions, samples.normals, generator) for each in sources]
     exchange = exchange_matrix(
         caster, len(scan.faces), samples.positions, samples.normals, rays=RAYS, generator=generator
     )
     colors = shown[samples.face]
     trusted = known[samples.face] & (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK)
     face_lamp = ~known & _near_lamps(scan.centers, lamps)
-    sources = find_unknown_sources(scan, ~known & ~face_lamp & scan.appearance.photographed)
-    patterns = [source_patterns(scan, caster, each, samples.positions, samples.normals, generator) for each in sources]
     for source in sources:
         face_lamp[source.faces] = True
     evidence = LightEvidence(
@@ -227,7 +232,7 @@ def take_light_out(
         other_upright=np.array([source.is_upright for source in sources]) if sources else None,
     )
     witnesses = _witnesses(evidence)
-    if witnesses < MIN_WITNESSES or not evidence.direct.any():
+    if witnesses < MIN_WITNESSES or not (evidence.direct.any() or sources):
         return _left_in(
             "too few of its surfaces receive direct light of the lamps. Check the lamps' places in the run file."
         )
@@ -251,6 +256,8 @@ def take_light_out(
         words=_in_words(fit),
         warnings=(
             *(_flux_warnings(fit, lamps) if fluxes_stated else flux_notes(fluxes)),
+            *_unlit_note(unlit),
+            *_source_note(sources, fit),
             *_beam_warning(fit),
             *_unsettled(fit),
             *_other_light(scan, known, evidence, spread @ fit.irradiance),
@@ -312,8 +319,7 @@ def _fit(
     """Fit camera and light, group surfaces by the hue that results, and fit again."""
     library, daylight = load_reflectances(), lamp_spectrum("D65").spectrum
     spread = _spread(scan, samples)
-    bands = np.stack([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps])
-    bands /= bands.sum(axis=0).mean()
+    bands = np.array([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps]).reshape(len(lamps), len(BANDS))
     first, *following = shares(progress, ROUND_SHARES)
     fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
     shadow_edges, ceiling = evidence.unsure, evidence.ceiling
@@ -323,7 +329,7 @@ def _fit(
         evidence = replace(evidence, face_excess=_beyond_white(evidence.face_shown, spread @ fit.irradiance))
         faces = _face_reflectance(evidence, fit, spread)
         faces[evidence.face_lamp] = 0.0
-        direct = np.einsum("ls,lb->sb", coefficients * fit.flux_factors[:, None], bands)
+        direct = _spectral(np.einsum("ls,lb->sb", coefficients * fit.flux_factors[:, None], bands), fit, daylight)
         evidence = replace(
             evidence,
             unsure=_unsure(shadow_edges, fit.irradiance),
@@ -336,6 +342,19 @@ def _fit(
         )
         fit = fit_light(evidence, flux_deviation=flux_deviation, start=fit.parameters, progress=part)
     return fit, evidence, spread
+
+
+def _spectral(of_lamps: FloatArray, fit: LightFit, daylight: Spectrum) -> FloatArray:
+    """(sample, band) direct light in the camera's unit, from the lamps' in any; unnamed sources are taken for daylight.
+
+    The middle cone's response tells how much of either there is.
+    """
+    green = (BANDS.centers_nm > GREEN_NM[0]) & (BANDS.centers_nm < GREEN_NM[1])
+    other = np.zeros(len(of_lamps)) if fit.other is None else fit.other[:, 1]
+    lamps = np.maximum(fit.straight[:, 1] - other, 0.0)
+    sky = BANDS.band_values(daylight, outside="nearest")
+    scale = lamps / np.maximum(of_lamps[:, green].mean(axis=1), 1e-30)
+    return np.asarray(scale[:, None] * of_lamps + other[:, None] * (sky / sky[green].mean()), dtype=np.float64)
 
 
 def _witnesses(evidence: LightEvidence) -> int:
@@ -356,7 +375,8 @@ def _doubt(fit: LightFit) -> str | None:
             f"the lamps' direct light would be only {100 * fit.direct_share:.0f} % of all light in the room, which "
             "surfaces darker than white cannot reflect. Check the lamps' places, and give all lamps that were lit."
         )
-    if fit.deviations[2:5].max() > MAX_UNCERTAIN:
+    unsure = fit.deviations[2:5].max() if fit.other is None else float(np.median(fit.log_deviation))
+    if unsure > MAX_UNCERTAIN:
         return (
             "the strength of the lamps' light is not identifiable from its colours. Scan more of the walls beside the "
             "lamps, or assign materials by hand."
@@ -389,6 +409,34 @@ def _flux_warnings(fit: LightFit, lamps: Sequence[Lamp]) -> tuple[str, ...]:
     return (
         f"Compared with the other lamps, some do not have the stated flux in the scan: {', '.join(differing)} of it. "
         "The simulation uses the stated fluxes; check them, and whether these lamps were dimmed.",
+    )
+
+
+def _unlit_note(names: Sequence[str]) -> tuple[str, ...]:
+    """A note on lamps that were off."""
+    if not names:
+        return ()
+    which = ", ".join(f"'{name}'" for name in names)
+    return (
+        f"{len(names)} of the run file's lamps look dark in the scan's picture and were taken to be off when it was "
+        f"made: {which}. So reflectances do not count their light, and the map does. If they were lit, their places "
+        "are wrong: check them.",
+    )
+
+
+def _source_note(sources: Sequence[UnknownSource], fit: LightFit) -> tuple[str, ...]:
+    """A note on light that no lamp of the run file explains."""
+    if not sources or fit.other is None:
+        return ()
+    share = float(fit.other.mean() / max(float(fit.straight.mean()), 1e-30))
+    area = sum(source.area_m2 for source in sources)
+    places = "; ".join(
+        f"{source.area_m2:.1f} m² at ({', '.join(f'{value:.1f}' for value in source.center)}) m" for source in sources
+    )
+    return (
+        f"{area:.1f} m² of the scan shine and belong to no lamp of the run file: windows, screens or other lamps "
+        f"({places}). They gave {100 * share:.0f} % of the direct light in the picture, which was taken out with the "
+        "lamps'. The map does not count them: give windows under [daylight], lamps under [[lamps]].",
     )
 
 
@@ -498,6 +546,26 @@ def _near_lamps(centers: FloatArray, lamps: Sequence[Lamp]) -> BoolArray:
     for lamp in lamps:
         near |= lamp.distance(centers) < LAMP_GLOW_M
     return near
+
+
+def _seen_lit(
+    scan: Scan, shown: FloatArray, known: BoolArray, lamps: Sequence[Lamp], sources: Sequence[UnknownSource]
+) -> tuple[tuple[Lamp, ...], tuple[str, ...]]:
+    """Lamps without those that the picture shows dark, and these ones' names.
+
+    Only where something else is seen shining: a picture may show no lamp at all, whatever was lit.
+    """
+    near = [lamp.distance(scan.centers) < LAMP_GLOW_M for lamp in lamps]
+    shine = [bool((each & ~known).any()) for each in near]
+    if not sources and not any(shine):
+        return tuple(lamps), ()
+    bright = shown.max(axis=1)
+    off = [
+        bool(each.any()) and not lit and float(np.quantile(bright[each], UNLIT_SHARE)) < UNLIT
+        for each, lit in zip(near, shine, strict=True)
+    ]
+    lit_ones = tuple(lamp for lamp, is_off in zip(lamps, off, strict=True) if not is_off)
+    return lit_ones, tuple(lamp.name for lamp, is_off in zip(lamps, off, strict=True) if is_off)
 
 
 def _groups(colors: FloatArray, samples: _Samples, trusted: BoolArray, room: Room) -> IntArray:
