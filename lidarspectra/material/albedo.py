@@ -34,6 +34,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.sparse import csr_array
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.material.light_evidence import LightEvidence
 from lidarspectra.material.sharpened_cones import cones_of_srgb, srgb_of_cones
 from lidarspectra.material.tone_curve import ToneCurve
 from lidarspectra.progress import Progress, shares, silent
@@ -77,76 +78,6 @@ STEP = 1e-3  # [1] of a parameter, for slopes by differences
 USUAL_STEPS = 8  # of a fit
 BOUNDS_BEAM = (-0.5, 4.0)  # [1]
 BOUND_FLUX = 2.5  # [1] of the log of a lamp's flux over the others': a lamp dimmed to a tenth is hardly lit
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LightEvidence:
-    """Data of the fit: the light at points of the surfaces.
-
-    Parameters
-    ----------
-    shown : (sample, 3) float
-        Linear sRGB that the picture shows there. [0-1]
-    direct : (lamp, sample, 3) float
-        Direct light, in cones, in any one unit.
-    emission : (lamp, sample) float
-        Cosine between a lamp's axis and the way to the sample; 1 for lamps whose beam is known. [0-1]
-    exchange : (sample, face + 1) sparse float
-        See `light_exchange.exchange_matrix`.
-    face_shown : (face, 3) float
-        Linear sRGB of the faces. [0-1]
-    face_area : (face,) float
-        [m²]
-    face_lamp : (face,) bool
-        Faces that show a known lamp: their light is in `direct`.
-    group : (sample,) int
-        Points of one surface; -1 for those that are not used.
-    cell : (sample,) int
-        Cluster of neighbouring points, whose errors are correlated.
-    ceiling : (sample,) bool
-        Points of a ceiling that may be taken for white.
-    white : (sample,) bool
-        Points so light that their surface is most likely a white one.
-    unsure : (sample, 3) float
-        Relative standard deviation of the light there in each cone, by shadows' edges of uncertain place, and by stray
-        light in the picture of a dark place. [1]
-    tint : (sample, 3) float, optional
-        Ratio of apparent reflectance to that in daylight (see `colored_light`); 1 if left out. [1]
-    face_excess : (face, 3) float, optional
-        Light that a face sends in each channel of linear sRGB over what the picture shows, which is cut at white; 1 if
-        left out. [1]
-    other : (source, lobe, sample) float, optional
-        Patterns of the light of unknown sources (see `unknown_light`). [any one unit]
-    other_upright : (source,) bool, optional
-        Which of them may be windows.
-    """
-
-    shown: FloatArray
-    direct: FloatArray
-    emission: FloatArray
-    exchange: csr_array
-    face_shown: FloatArray
-    face_area: FloatArray
-    face_lamp: BoolArray
-    group: IntArray
-    cell: IntArray
-    ceiling: BoolArray
-    white: BoolArray
-    unsure: FloatArray
-    tint: FloatArray | None = None
-    face_excess: FloatArray | None = None
-    other: FloatArray | None = None
-    other_upright: BoolArray | None = None
-
-    @property
-    def sources(self) -> int:
-        """Number of unknown sources."""
-        return 0 if self.other is None else len(self.other)
-
-    def face_light(self, tone: ToneCurve, faces: IntArray | slice = slice(None)) -> FloatArray:
-        """(face, 3) linear sRGB that all or some faces send through a tone curve."""
-        light = tone.light(self.face_shown[faces])
-        return light if self.face_excess is None else light * self.face_excess[faces]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -208,6 +139,12 @@ class LightFit:
     witnesses: int
     cost: float
     steps: int
+
+    def without_sources(self, left_out: BoolArray) -> FloatArray:
+        """Parameters without those of some of the (source,) unknown sources."""
+        count = OF_SOURCE * left_out.size
+        own, sources = np.split(self.parameters, [self.parameters.size - count])
+        return np.concatenate([own, sources.reshape(-1, OF_SOURCE)[~left_out].ravel()])
 
     @property
     def explained(self) -> float:

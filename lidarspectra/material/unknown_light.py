@@ -30,6 +30,8 @@ NEAREST_M = 0.05  # [m] closer, a place's light is taken as from there
 OFF_M = 0.02  # [m] off the mesh, clear of its noise
 STEEP = 0.4  # [1] sine of the height above which light falls steeply
 LOBES = 3
+PANE_M2 = 0.25  # [m²] of an upright source from which it is taken for a window's pane
+PANE_REFLECTANCE = 0.1  # [1] of a window as the room sees it at night: two panes reflect .15, the dark outside nothing
 VERTICAL = 0.5  # [1] of a normal's height, below which a source is upright, as windows are
 
 
@@ -55,6 +57,11 @@ class UnknownSource:
     def is_upright(self) -> bool:
         """Whether it may be a window in a wall."""
         return bool(abs(self.normal[2]) < VERTICAL)
+
+    @property
+    def is_pane(self) -> bool:
+        """Whether it is taken for the pane of a window."""
+        return self.is_upright and self.area_m2 >= PANE_M2
 
 
 def find_unknown_sources(scan: Scan, clipped: BoolArray) -> tuple[UnknownSource, ...]:

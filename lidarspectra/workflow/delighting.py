@@ -11,20 +11,16 @@ from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.albedo import (
     BRIGHTEST_REFLECTANCE,
     CELL_M,
-    COMMON,
     LOG_SCATTER,
-    MAX_STEPS,
     STATED_FLUX_DEVIATION,
-    LightEvidence,
     LightFit,
     fit_light,
 )
@@ -37,54 +33,57 @@ from lidarspectra.material.lamp_fluxes import (
     flux_notes,
     identifiable_lamps,
 )
+from lidarspectra.material.light_evidence import LightEvidence
 from lidarspectra.material.light_exchange import exchange_matrix
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
-from lidarspectra.material.surface_hues import surface_groups
-from lidarspectra.material.unknown_light import UnknownSource, find_unknown_sources, source_patterns
+from lidarspectra.material.unknown_light import (
+    PANE_REFLECTANCE,
+    UnknownSource,
+    find_unknown_sources,
+    source_patterns,
+)
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients
 from lidarspectra.radiance.scene.clearance import clear_lamps
-from lidarspectra.room.hidden_layers import covered_places
 from lidarspectra.room.room import Room
 from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.workflow.delighting_notes import (
+    beam_note,
+    doubt,
+    fit_in_words,
+    flux_warnings,
+    other_light_note,
+    source_note,
+    unlit_note,
+    unsettled_note,
+    whiter_than_paint_note,
+)
+from lidarspectra.workflow.delighting_samples import (
+    Samples,
+    ceiling_of,
+    cells_of,
+    groups_of,
+    lamp_emission,
+    near_lamps,
+    samples_of,
+    seen_lit,
+    shadow_edges_of,
+    spread_of,
+)
 
-SAMPLES = 6_000  # surface points with a light estimate; with 3,000, reflectances differ by 1 %
 RAYS = 128  # rays per sample for the form factors to other surfaces
-LIFT_M = 0.02  # [m] distance of samples from the mesh, clear of its noise
-SMOOTH_FACES = 24  # faces whose normals are averaged, since a phone's noise tilts small triangles
-SMOOTH_COSINE = 0.7  # [1] of the normals, below which faces belong to different surfaces
-EDGE_NEIGHBORS = 7  # nearest samples, itself included, by which the edge of a shadow is detected
-INDIRECT = 0.5  # [1] typical ratio of reflected light to the mean direct light
-ALMOST_ONE = 1.0 - 1e-9  # [1] largest cosine at a lamp of assumed beam; 1 marks lamps of known beam
-LAMP_GLOW_M = 0.12  # [m] largest distance of bright faces from a known lamp that they show
 CLIPPED, DARK = 0.97, 0.012  # [1] limits of a sample's brightest channel for it to be used
-CEILING_DEPTH_M = 0.15  # [m] depth below the ceiling's plane that still counts as ceiling
-CEILING_CONFIDENCE = 0.3  # [1] least share of the plan with a ceiling for it to be used
 NEUTRAL = 0.12  # [1] largest spread of a white ceiling's reflectance over the three channels
 ROUNDS = 3  # of grouping by hue and fitting; in the first the hues are still tinted by the light
-NEIGHBORS = 8  # samples from which a face's light is interpolated
-NORMAL_WEIGHT_M = 0.5  # [m] distance equivalent to a turn of one radian
-DEPTH_WEIGHT = 6.0  # [1] distance across a face's plane over one along it: the wall behind a door has another light
-LAYERS = 3  # times as many neighbours are looked at, to find enough in the face's own plane
-SOFTEN_M = 0.05  # [m] softens the weight of the nearest sample
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
 LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly white (research/benchmarks/whites.py)
-MIN_WHITE = 0.75  # [1] least reflectance of a surface called white
-WHITE_SHARE = 0.05  # [1] of the scan's area brighter than paint, above which the user is warned
 STRAY_LIGHT = 0.02  # [1] of white, from neighbouring places: edges are rounded, frames blended, lenses glare
 MIN_PHOTOGRAPHED = 0.2  # [1] least share of the area whose colour shows light; the rest was drawn by a program
 MIN_WITNESSES = 16  # least independent places, over twice the number of unknowns
-MIN_EXPLAINED = 0.3  # [1] share of the scatter within surfaces that the lamps' light must explain
-MIN_DIRECT = 0.15  # [1] share of direct light in a closed room of mean reflectance 0.85, white on all sides
-MAX_UNCERTAIN = 0.5  # [1] largest standard deviation of log k for it to be identifiable
-BEAM_EXPONENT = 0.3  # [1] difference from the Lambertian exponent, above which the user is warned
-FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp whose flux differs by more, significantly, draws a warning
-OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area, above which light of unknown lamps draws a warning
-UNLIT, UNLIT_SHARE = 0.5, 0.95  # [1] of white, which this share of a lamp's surroundings must not reach: it is off
 GREEN_NM = (500.0, 600.0)  # [nm] where the middle cone responds
 CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
 SHARES = (
@@ -135,10 +134,13 @@ def _left_in(reason: str, fit: LightFit | None = None) -> Delighting:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Samples:
-    face: IntArray
-    positions: FloatArray
-    normals: FloatArray
+class _Surfaces:
+    """A scan, and the points of it that are looked at; of those with usable colours `trusted` is True."""
+
+    scan: Scan
+    room: Room
+    samples: Samples
+    trusted: BoolArray
 
 
 def take_light_out(
@@ -190,13 +192,13 @@ def take_light_out(
     clear = clear_lamps(lamps, scan)
     lamps, scan = clear.lamps, clear.scan
     shown, known = surface_colors(scan)
-    sources = find_unknown_sources(scan, ~known & scan.appearance.photographed & ~_near_lamps(scan.centers, lamps))
-    lamps, unlit = _seen_lit(scan, shown, known, lamps, sources)
+    sources = find_unknown_sources(scan, ~known & scan.appearance.photographed & ~near_lamps(scan.centers, lamps))
+    lamps, unlit = seen_lit(scan, shown, known, lamps, sources)
     if not lamps and not sources:
         return _left_in("no lamps are known. Give the lamps that were lit as [[lamps]] in the run file.")
     generator = np.random.default_rng(SEED)
     caster = RayCaster(scan)
-    samples = _samples(scan, caster, generator)
+    samples = samples_of(scan, caster, generator)
     coefficients = np.zeros((0, len(samples.face)))
     if lamps:
         with tempfile.TemporaryDirectory() as folder:
@@ -205,63 +207,67 @@ def take_light_out(
                 engine=engine, workers=workers, progress=lighting,
             )  # fmt: skip
     exchanging(0.0, "form factors between surfaces")
-    unsure = _shadow_edges(samples, coefficients)
+    unsure = shadow_edges_of(samples, coefficients)
     patterns = [source_patterns(scan, caster, each, samples.positions, samples.normals, generator) for each in sources]
     exchange = exchange_matrix(
         caster, len(scan.faces), samples.positions, samples.normals, rays=RAYS, generator=generator
     )
     colors = shown[samples.face]
     trusted = known[samples.face] & (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK)
-    face_lamp = ~known & _near_lamps(scan.centers, lamps)
+    face_lamp = ~known & near_lamps(scan.centers, lamps)
     for source in sources:
         face_lamp[source.faces] = True
     evidence = LightEvidence(
         shown=colors,
         direct=coefficients[:, :, None] * _lamp_cones(lamps)[:, None, :],
-        emission=_emission(lamps, samples),
+        emission=lamp_emission(lamps, samples),
         exchange=exchange,
         face_shown=shown,
         face_area=scan.areas,
         face_lamp=face_lamp,
-        group=_groups(colors, samples, trusted, room),
-        cell=_cells(samples.positions),
-        ceiling=_ceiling(samples, trusted, room),
+        group=groups_of(colors, samples, trusted, room),
+        cell=cells_of(samples.positions),
+        ceiling=ceiling_of(samples, trusted, room),
         white=np.zeros(len(colors), dtype=np.bool_),
         unsure=np.repeat(unsure[:, None], 3, axis=1),
         other=np.stack(patterns) if sources else None,
         other_upright=np.array([source.is_upright for source in sources]) if sources else None,
     )
+    surfaces = _Surfaces(scan=scan, room=room, samples=samples, trusted=trusted)
     witnesses = _witnesses(evidence)
     if witnesses < MIN_WITNESSES or not (evidence.direct.any() or sources):
         return _left_in(
             "too few of its surfaces receive direct light of the lamps. Check the lamps' places in the run file."
         )
     unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
-    found = _fit(scan, room, lamps, samples, trusted, evidence, coefficients, unsure_of, fitting)
+    found = _fit(surfaces, lamps, sources, evidence, coefficients, unsure_of, fitting)
     identifiable = identifiable_lamps(found[0])
     if not fluxes_stated and not identifiable.all():  # fluxes that are not identifiable must not absorb other errors
         unsure_of = np.where(identifiable, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
-        found = _fit(scan, room, lamps, samples, trusted, evidence, coefficients, unsure_of, fitting_again)
-    fit, evidence, spread = found
-    if (doubt := _doubt(fit)) is not None:
-        return _left_in(doubt, fit)
+        found = _fit(surfaces, lamps, sources, evidence, coefficients, unsure_of, fitting_again)
+    fit, evidence, spread, sources = found
+    if (why := doubt(fit)) is not None:
+        return _left_in(why, fit)
     face_color = _face_reflectance(evidence, fit, spread)
     face_color[~known] = 1.0
+    for source in sources:
+        if source.is_pane:
+            face_color[source.faces] = PANE_REFLECTANCE
     progress(1.0, "light taken out")
     fluxes = () if fluxes_stated else estimated_fluxes([lamp.name for lamp in lamps], fit, identifiable)
     return Delighting(
         face_color=face_color,
         face_deviation=np.asarray(spread @ fit.log_deviation, dtype=np.float64),
         fit=fit,
-        words=_in_words(fit),
+        words=fit_in_words(fit),
         warnings=(
-            *(_flux_warnings(fit, lamps) if fluxes_stated else flux_notes(fluxes)),
-            *_unlit_note(unlit),
-            *_source_note(sources, fit),
-            *_beam_warning(fit),
-            *_unsettled(fit),
-            *_other_light(scan, known, evidence, spread @ fit.irradiance),
-            *_whiter_than_paint(srgb_of_cones(fit.reflectance[evidence.group >= 0]), float(scan.areas.sum())),
+            *(flux_warnings(fit, lamps) if fluxes_stated else flux_notes(fluxes)),
+            *unlit_note(unlit),
+            *source_note(sources, fit),
+            *beam_note(fit),
+            *unsettled_note(fit),
+            *other_light_note(scan, known, evidence, spread @ fit.irradiance),
+            *whiter_than_paint_note(srgb_of_cones(fit.reflectance[evidence.group >= 0]), float(scan.areas.sum())),
         ),
         lamp_fluxes=fluxes,
     )
@@ -306,25 +312,32 @@ def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_
 
 
 def _fit(
-    scan: Scan,
-    room: Room,
+    surfaces: _Surfaces,
     lamps: Sequence[Lamp],
-    samples: _Samples,
-    trusted: BoolArray,
+    sources: tuple[UnknownSource, ...],
     evidence: LightEvidence,
     coefficients: FloatArray,
     flux_deviation: FloatArray,
     progress: Progress,
-) -> tuple[LightFit, LightEvidence, csr_array]:
-    """Fit camera and light, group surfaces by the hue that results, and fit again."""
+) -> tuple[LightFit, LightEvidence, csr_array, tuple[UnknownSource, ...]]:
+    """Fit camera and light, group surfaces by the hue that results, and fit again.
+
+    Sources that turn out to be white surfaces in strong light are none from the second fit on.
+    """
+    scan, room, samples, trusted = surfaces.scan, surfaces.room, surfaces.samples, surfaces.trusted
     library, daylight = load_reflectances(), lamp_spectrum("D65").spectrum
-    spread = _spread(scan, samples)
+    spread = spread_of(scan, samples)
     bands = np.array([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps]).reshape(len(lamps), len(BANDS))
     first, *following = shares(progress, ROUND_SHARES)
     fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
     shadow_edges, ceiling = evidence.unsure, evidence.ceiling
     for part in following:
         part(0.0, "surfaces of one hue")
+        shines = _shines(sources, scan, spread @ fit.irradiance)
+        evidence, start = evidence.without_sources(~shines), fit.without_sources(~shines)
+        for source, keeps in zip(sources, shines, strict=True):
+            evidence.face_lamp[source.faces] = keeps
+        sources = tuple(source for source, keeps in zip(sources, shines, strict=True) if keeps)
         reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
         evidence = replace(evidence, face_excess=_beyond_white(evidence.face_shown, spread @ fit.irradiance))
         faces = _face_reflectance(evidence, fit, spread)
@@ -333,15 +346,24 @@ def _fit(
         evidence = replace(
             evidence,
             unsure=_unsure(shadow_edges, fit.irradiance),
-            group=_groups(reflectance, samples, trusted, room),
+            group=groups_of(reflectance, samples, trusted, room),
             ceiling=_neutral(ceiling, reflectance),
             white=_whites(reflectance, ceiling),
             tint=apparent_ratio(
                 reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct), library, daylight
             ),
         )
-        fit = fit_light(evidence, flux_deviation=flux_deviation, start=fit.parameters, progress=part)
-    return fit, evidence, spread
+        fit = fit_light(evidence, flux_deviation=flux_deviation, start=start, progress=part)
+    return fit, evidence, spread, sources
+
+
+def _shines(sources: Sequence[UnknownSource], scan: Scan, light: FloatArray) -> BoolArray:
+    """(source,) whether the (face, 3) light that falls there is too weak to make even white paint come out white."""
+    brightest = [
+        np.average(srgb_of_cones(light[source.faces]), axis=0, weights=scan.areas[source.faces]).max()
+        for source in sources
+    ]
+    return np.array([BRIGHTEST_REFLECTANCE * each < 1.0 for each in brightest], dtype=np.bool_)
 
 
 def _spectral(of_lamps: FloatArray, fit: LightFit, daylight: Spectrum) -> FloatArray:
@@ -362,226 +384,10 @@ def _witnesses(evidence: LightEvidence) -> int:
     return len(np.unique(np.stack([evidence.group[used], evidence.cell[used]], axis=1), axis=0))
 
 
-def _doubt(fit: LightFit) -> str | None:
-    """Why a fit cannot be used; None if it can."""
-    if fit.explained < MIN_EXPLAINED:
-        return (
-            f"the lamps' light explains only {100 * max(fit.explained, 0.0):.0f} % of the brightness differences "
-            "within its surfaces; it may be unlit, or lit by other lamps or by daylight. Give the lamps that were lit, "
-            "or scan again with these lamps on and the daylight shut out."
-        )
-    if fit.direct_share < MIN_DIRECT:
-        return (
-            f"the lamps' direct light would be only {100 * fit.direct_share:.0f} % of all light in the room, which "
-            "surfaces darker than white cannot reflect. Check the lamps' places, and give all lamps that were lit."
-        )
-    unsure = fit.deviations[2:5].max() if fit.other is None else float(np.median(fit.log_deviation))
-    if unsure > MAX_UNCERTAIN:
-        return (
-            "the strength of the lamps' light is not identifiable from its colours. Scan more of the walls beside the "
-            "lamps, or assign materials by hand."
-        )
-    return None
-
-
-def _in_words(fit: LightFit) -> str:
-    uncertain = 100 * float(np.median(fit.log_deviation))
-    return (
-        f"the room's light removed: tone curve of power {fit.tone.power:.2f} and shoulder {fit.tone.shoulder:.2f}, "
-        f"the lamps' light explains {100 * fit.explained:.0f} % of the differences within surfaces, "
-        f"which leaves reflectances uncertain by {uncertain:.0f} %"
-    )
-
-
-def _flux_warnings(fit: LightFit, lamps: Sequence[Lamp]) -> tuple[str, ...]:
-    """A note on the lamps that the picture shows much brighter or dimmer than was assumed."""
-    if not fit.flux_deviations.any():
-        return ()
-    sure = np.abs(np.log(fit.flux_factors)) > SURE_DEVIATIONS * fit.flux_deviations
-    far = np.abs(np.log(fit.flux_factors)) > np.log(FLUX_FACTOR)
-    differing = [
-        f"'{lamp.name}' {factor:.2f} times"
-        for lamp, factor, differs in zip(lamps, fit.flux_factors, sure & far, strict=True)
-        if differs
-    ]
-    if not differing:
-        return ()
-    return (
-        f"Compared with the other lamps, some do not have the stated flux in the scan: {', '.join(differing)} of it. "
-        "The simulation uses the stated fluxes; check them, and whether these lamps were dimmed.",
-    )
-
-
-def _unlit_note(names: Sequence[str]) -> tuple[str, ...]:
-    """A note on lamps that were off."""
-    if not names:
-        return ()
-    which = ", ".join(f"'{name}'" for name in names)
-    return (
-        f"{len(names)} of the run file's lamps look dark in the scan's picture and were taken to be off when it was "
-        f"made: {which}. So reflectances do not count their light, and the map does. If they were lit, their places "
-        "are wrong: check them.",
-    )
-
-
-def _source_note(sources: Sequence[UnknownSource], fit: LightFit) -> tuple[str, ...]:
-    """A note on light that no lamp of the run file explains."""
-    if not sources or fit.other is None:
-        return ()
-    share = float(fit.other.mean() / max(float(fit.straight.mean()), 1e-30))
-    area = sum(source.area_m2 for source in sources)
-    places = "; ".join(
-        f"{source.area_m2:.1f} m² at ({', '.join(f'{value:.1f}' for value in source.center)}) m" for source in sources
-    )
-    return (
-        f"{area:.1f} m² of the scan shine and belong to no lamp of the run file: windows, screens or other lamps "
-        f"({places}). They gave {100 * share:.0f} % of the direct light in the picture, which was taken out with the "
-        "lamps'. The map does not count them: give windows under [daylight], lamps under [[lamps]].",
-    )
-
-
-def _beam_warning(fit: LightFit) -> tuple[str, ...]:
-    """A note where the picture shows that the lamps' beam is not Lambertian."""
-    if abs(fit.beam) < max(BEAM_EXPONENT, SURE_DEVIATIONS * fit.deviations[COMMON - 1]):
-        return ()
-    how = "narrower" if fit.beam > 0 else "wider"
-    below = "brighter below the lamps and darker on the walls" if fit.beam > 0 else "darker below the lamps"
-    return (
-        f"The light on the walls suggests that panels, strips and discs have a beam {how} than the Lambertian one that "
-        f"the simulation assumes (intensity as the cosine to the power {1 + fit.beam:.1f}), so that the real room is "
-        f"{below}. Give an IES or LDT file of the lamps if you have one.",
-    )
-
-
-def _unsettled(fit: LightFit) -> tuple[str, ...]:
-    if fit.steps < MAX_STEPS:
-        return ()
-    return (
-        f"The fit of camera and light did not converge in {MAX_STEPS} steps, so that reflectances may be off by more "
-        "than their stated uncertainty. Check the lamps' places and which of them were lit.",
-    )
-
-
-def _other_light(scan: Scan, known: BoolArray, evidence: LightEvidence, light: FloatArray) -> tuple[str, ...]:
-    """A note on clipped areas that no known lamp explains; (face, 3) light is that on a white surface."""
-    other = ~known & ~evidence.face_lamp & (light.max(axis=1) < 1.0)
-    area = float(scan.areas[other].sum())
-    if area < OTHER_LIGHT_SHARE * float(scan.areas.sum()):
-        return ()
-    return (
-        f"{area:.1f} m² of the scan are as bright as lamps but belong to no known lamp (windows, screens, other "
-        "lamps). Their brightness is clipped in the picture, so that their light is underestimated and surfaces near "
-        "them may come out too bright. Add lamps that were lit to the run file, or scan with windows and screens dark.",
-    )
-
-
-def _whiter_than_paint(reflectance: FloatArray, area_m2: float) -> tuple[str, ...]:
-    """A note on white surfaces of which most came out brighter than paint and were limited to it, beyond mere noise.
-
-    The (sample, 3) reflectances stand evenly over the scan's area [m²].
-    """
-    bright = reflectance.max(axis=1)
-    share = float(np.mean(bright > BRIGHTEST_REFLECTANCE))
-    if share < WHITE_SHARE or np.median(bright[bright > MIN_WHITE]) < BRIGHTEST_REFLECTANCE:
-        return ()
-    return (
-        f"{share * area_m2:.0f} m² came out brighter than fresh white paint and were limited to its reflectance of "
-        f"{BRIGHTEST_REFLECTANCE:.2f}: more light falls there than the known lamps give, or the picture is "
-        "overexposed. Check that all lamps that were lit are in the run file.",
-    )
-
-
-def _samples(scan: Scan, caster: RayCaster, generator: np.random.Generator) -> _Samples:
-    """Points spread evenly by area, with normals averaged over their surroundings; none behind another layer."""
-    share = np.cumsum(scan.areas) / scan.areas.sum()
-    count = min(SAMPLES, 4 * len(scan.faces))
-    face = np.searchsorted(share, (np.arange(count) + generator.random(count)) / count).clip(0, len(scan.faces) - 1)
-    root = np.sqrt(generator.random(count))
-    turn = generator.random(count)
-    weights = np.stack([1.0 - root, root * (1.0 - turn), root * turn], axis=1)
-    positions = np.einsum("nk,nkc->nc", weights, scan.corners[face])
-    shown = ~covered_places(caster, positions, scan.normals[face])
-    face, positions = face[shown], positions[shown]
-    normals = _smooth_normals(scan, face)
-    return _Samples(face=face, positions=positions + LIFT_M * normals, normals=normals)
-
-
-def _shadow_edges(samples: _Samples, coefficients: FloatArray) -> FloatArray:
-    """(sample,) standard deviation of direct light among nearest samples of similar normal, over all light."""
-    total = coefficients.sum(axis=0)
-    total = total / max(float(total.mean()), 1e-30)
-    place = np.hstack([samples.positions, NORMAL_WEIGHT_M * samples.normals])
-    _, near = cKDTree(place).query(place, k=min(EDGE_NEIGHBORS, len(place)))
-    return np.asarray(total[near].std(axis=1) / (total + INDIRECT), dtype=np.float64)
-
-
-def _smooth_normals(scan: Scan, face: IntArray) -> FloatArray:
-    """Area-weighted normals of the faces around each given face, of those with a similar normal."""
-    count = min(SMOOTH_FACES, len(scan.faces))
-    _, near = cKDTree(scan.centers).query(scan.centers[face], k=count)
-    near = np.reshape(near, (face.size, count))
-    alike = np.einsum("nkc,nc->nk", scan.normals[near], scan.normals[face]) > SMOOTH_COSINE
-    total = np.einsum("nk,nkc->nc", alike * scan.areas[near], scan.normals[near]) + 1e-12 * scan.normals[face]
-    return np.asarray(total / np.linalg.norm(total, axis=1, keepdims=True), dtype=np.float64)
-
-
 def _lamp_cones(lamps: Sequence[Lamp]) -> FloatArray:
     """(lamp, 3) flux in cones."""
     daylight, weights = lamp_spectrum("D65").spectrum, tristimulus_table()
     return np.stack([cones_of_light(lamp.flux, daylight, COLOR_GRID_NM, weights) for lamp in lamps])
-
-
-def _emission(lamps: Sequence[Lamp], samples: _Samples) -> FloatArray:
-    """(lamp, sample) cosine at matt lamps between their axis and the way to the samples; 1 at others."""
-    cosine = np.ones((len(lamps), len(samples.face)))
-    for row, lamp in enumerate(lamps):
-        if lamp.shape.is_assumed_matt:
-            away = samples.positions - lamp.center
-            cosine[row] = np.clip(away @ lamp.normal / np.linalg.norm(away, axis=1), 0.0, ALMOST_ONE)
-    return cosine
-
-
-def _near_lamps(centers: FloatArray, lamps: Sequence[Lamp]) -> BoolArray:
-    near = np.zeros(len(centers), dtype=np.bool_)
-    for lamp in lamps:
-        near |= lamp.distance(centers) < LAMP_GLOW_M
-    return near
-
-
-def _seen_lit(
-    scan: Scan, shown: FloatArray, known: BoolArray, lamps: Sequence[Lamp], sources: Sequence[UnknownSource]
-) -> tuple[tuple[Lamp, ...], tuple[str, ...]]:
-    """Lamps without those that the picture shows dark, and these ones' names.
-
-    Only where something else is seen shining: a picture may show no lamp at all, whatever was lit.
-    """
-    near = [lamp.distance(scan.centers) < LAMP_GLOW_M for lamp in lamps]
-    shine = [bool((each & ~known).any()) for each in near]
-    if not sources and not any(shine):
-        return tuple(lamps), ()
-    bright = shown.max(axis=1)
-    off = [
-        bool(each.any()) and not lit and float(np.quantile(bright[each], UNLIT_SHARE)) < UNLIT
-        for each, lit in zip(near, shine, strict=True)
-    ]
-    lit_ones = tuple(lamp for lamp, is_off in zip(lamps, off, strict=True) if not is_off)
-    return lit_ones, tuple(lamp.name for lamp, is_off in zip(lamps, off, strict=True) if is_off)
-
-
-def _groups(colors: FloatArray, samples: _Samples, trusted: BoolArray, room: Room) -> IntArray:
-    return surface_groups(colors, samples.positions, samples.normals, trusted, turn_deg=room.wall_angle_deg)
-
-
-def _cells(positions: FloatArray) -> IntArray:
-    _, cell = np.unique(np.floor(positions / CELL_M), axis=0, return_inverse=True)
-    return np.asarray(cell.reshape(-1), dtype=np.int64)
-
-
-def _ceiling(samples: _Samples, trusted: BoolArray, room: Room) -> BoolArray:
-    if room.ceiling_confidence < CEILING_CONFIDENCE:
-        return np.zeros(len(trusted), dtype=np.bool_)
-    high = samples.positions[:, 2] > room.ceiling_z - CEILING_DEPTH_M
-    return np.asarray(trusted & high & (samples.normals[:, 2] < -SMOOTH_COSINE), dtype=np.bool_)
 
 
 def _neutral(ceiling: BoolArray, reflectance: FloatArray) -> BoolArray:
@@ -600,26 +406,6 @@ def _whites(reflectance: FloatArray, ceiling: BoolArray) -> BoolArray:
 def _unsure(shadow_edges: FloatArray, irradiance: FloatArray) -> FloatArray:
     """(sample, 3) relative uncertainty of the (sample, 3) light: at shadow edges, and by stray light."""
     return np.asarray(np.hypot(shadow_edges, STRAY_LIGHT / irradiance), dtype=np.float64)
-
-
-def _spread(scan: Scan, samples: _Samples) -> csr_array:
-    """(face, sample) weights that interpolate light to faces from the nearest samples of similar normal and plane."""
-    positions = samples.positions - LIFT_M * samples.normals
-    place = np.hstack([positions, NORMAL_WEIGHT_M * samples.normals])
-    centers, normals = scan.centers, scan.normals
-    count = min(NEIGHBORS, len(place))
-    distance, near = cKDTree(place).query(
-        np.hstack([centers, NORMAL_WEIGHT_M * normals]), k=min(LAYERS * NEIGHBORS, len(place))
-    )
-    distance, near = np.reshape(distance, (len(centers), -1)), np.reshape(near, (len(centers), -1))
-    depth = np.einsum("nkc,nc->nk", positions[near] - centers[:, None], normals)
-    distance = np.hypot(distance, DEPTH_WEIGHT * depth)
-    chosen = np.argsort(distance, axis=1, kind="stable")[:, :count]
-    distance, near = np.take_along_axis(distance, chosen, axis=1), np.take_along_axis(near, chosen, axis=1)
-    weight = 1.0 / (distance**2 + SOFTEN_M**2)
-    weight /= weight.sum(axis=1, keepdims=True)
-    row = np.repeat(np.arange(len(distance)), count)
-    return csr_array((weight.ravel(), (row, np.ravel(near))), shape=(len(distance), len(place)))
 
 
 def _beyond_white(shown: FloatArray, irradiance: FloatArray) -> FloatArray:

@@ -37,8 +37,8 @@ from research.benchmarks.delighting import (
 )
 
 HEADER = (
-    f"{'scan':24s} {'':5s} {'error':>6s} {'bias':>7s} {'NRMSE':>6s} {'median':>7s} {'bias':>8s} {'one':>6s} {'two':>6s} "
-    f"{'time':>6s}"
+    f"{'scan':24s} {'':5s} {'error':>6s} {'bias':>7s} {'NRMSE':>6s} {'median':>7s} {'bias':>8s} "
+    f"{'one':>6s} {'two':>6s} {'time':>6s}"
 )
 
 

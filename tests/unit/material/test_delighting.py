@@ -10,15 +10,9 @@ from lidarspectra.lamps.shapes import Strip
 from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, MAX_STEPS, fit_light
 from lidarspectra.material.sharpened_cones import cones_of_srgb
 from lidarspectra.spectra.spectrum import Spectrum
-from lidarspectra.workflow.delighting import (
-    STRAY_LIGHT,
-    _beyond_white,
-    _near_lamps,
-    _unsettled,
-    _unsure,
-    _whiter_than_paint,
-    _whites,
-)
+from lidarspectra.workflow.delighting import STRAY_LIGHT, _beyond_white, _unsure, _whites
+from lidarspectra.workflow.delighting_notes import unsettled_note, whiter_than_paint_note
+from lidarspectra.workflow.delighting_samples import near_lamps
 
 from .lit_walls import evidence
 
@@ -34,7 +28,7 @@ STRIP = Lamp(
 def test_a_white_desk_under_a_long_lamp_is_no_lamp() -> None:
     # Within half of the lamp's length, as its own ends are: they are told by where the lamp shines.
     desk, end, plate = [6.5, 1.8, 0.74], [10.4, 1.6, 2.67], [6.0, 1.7, 2.7]
-    assert _near_lamps(np.array([desk, end, plate]), [STRIP]).tolist() == [False, True, True]
+    assert near_lamps(np.array([desk, end, plate]), [STRIP]).tolist() == [False, True, True]
 
 
 def light(level: float) -> np.ndarray:
@@ -55,11 +49,11 @@ def test_what_its_light_cannot_make_white_sends_no_more_than_it_shows() -> None:
 def test_a_note_tells_of_white_surfaces_that_came_out_brighter_than_paint_and_not_of_noise_about_white() -> None:
     floor = np.full((60, 3), 0.2)
     bright = np.vstack([floor, np.full((30, 3), 0.95), np.full((10, 3), 0.85)])
-    (note,) = _whiter_than_paint(bright, 200.0)
+    (note,) = whiter_than_paint_note(bright, 200.0)
     assert note.startswith("60 m² came out brighter")
     noisy = np.vstack([floor, np.linspace(0.76, 0.94, 40)[:, None] * np.ones(3)])
-    assert _whiter_than_paint(noisy, 200.0) == ()
-    assert _whiter_than_paint(floor, 200.0) == ()
+    assert whiter_than_paint_note(noisy, 200.0) == ()
+    assert whiter_than_paint_note(floor, 200.0) == ()
 
 
 def test_whites_are_light_surfaces_other_than_the_ceiling() -> None:
@@ -76,6 +70,6 @@ def test_what_strays_in_counts_most_in_the_cone_of_least_light() -> None:
 def test_a_note_tells_of_a_fit_that_has_not_settled() -> None:
     fit = fit_light(evidence(1), flux_deviation=np.array([0.15]))
     assert 0 < fit.steps < MAX_STEPS
-    assert _unsettled(fit) == ()
-    (note,) = _unsettled(replace(fit, steps=MAX_STEPS))
+    assert unsettled_note(fit) == ()
+    (note,) = unsettled_note(replace(fit, steps=MAX_STEPS))
     assert "did not converge" in note

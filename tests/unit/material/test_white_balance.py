@@ -10,11 +10,11 @@ from lidarspectra.material.albedo import (
     MIN_EMISSION,
     WHITE_HUE,
     WHITE_HUE_DEVIATION,
-    LightEvidence,
     _from_white,
     _LightAt,
     fit_light,
 )
+from lidarspectra.material.light_evidence import LightEvidence
 from lidarspectra.material.sharpened_cones import cones_of_srgb
 from lidarspectra.material.tone_curve import ToneCurve
 

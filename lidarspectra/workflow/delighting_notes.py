@@ -1,0 +1,152 @@
+"""What is said of taking the light out of a picture: what came of it, why it cannot be used, what to look after."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, FloatArray
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, COMMON, MAX_STEPS, LightFit
+from lidarspectra.material.light_evidence import LightEvidence
+from lidarspectra.material.unknown_light import UnknownSource
+
+MIN_WHITE = 0.75  # [1] least reflectance of a surface called white
+WHITE_SHARE = 0.05  # [1] of the scan's area brighter than paint, above which the user is warned
+MIN_EXPLAINED = 0.3  # [1] share of the scatter within surfaces that the lamps' light must explain
+MIN_DIRECT = 0.15  # [1] share of direct light in a closed room of mean reflectance 0.85, white on all sides
+MAX_UNCERTAIN = 0.5  # [1] largest standard deviation of log k for it to be identifiable
+BEAM_EXPONENT = 0.3  # [1] difference from the Lambertian exponent, above which the user is warned
+FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp whose flux differs by more, significantly, draws a warning
+OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area, above which light of unknown lamps draws a warning
+
+
+def doubt(fit: LightFit) -> str | None:
+    """Why a fit cannot be used; None if it can."""
+    if fit.explained < MIN_EXPLAINED:
+        return (
+            f"the lamps' light explains only {100 * max(fit.explained, 0.0):.0f} % of the brightness differences "
+            "within its surfaces; it may be unlit, or lit by other lamps or by daylight. Give the lamps that were lit, "
+            "or scan again with these lamps on and the daylight shut out."
+        )
+    if fit.direct_share < MIN_DIRECT:
+        return (
+            f"the lamps' direct light would be only {100 * fit.direct_share:.0f} % of all light in the room, which "
+            "surfaces darker than white cannot reflect. Check the lamps' places, and give all lamps that were lit."
+        )
+    unsure = fit.deviations[2:5].max() if fit.other is None else float(np.median(fit.log_deviation))
+    if unsure > MAX_UNCERTAIN:
+        return (
+            "the strength of the lamps' light is not identifiable from its colours. Scan more of the walls beside the "
+            "lamps, or assign materials by hand."
+        )
+    return None
+
+
+def fit_in_words(fit: LightFit) -> str:
+    """The result in one line."""
+    uncertain = 100 * float(np.median(fit.log_deviation))
+    return (
+        f"the room's light removed: tone curve of power {fit.tone.power:.2f} and shoulder {fit.tone.shoulder:.2f}, "
+        f"the lamps' light explains {100 * fit.explained:.0f} % of the differences within surfaces, "
+        f"which leaves reflectances uncertain by {uncertain:.0f} %"
+    )
+
+
+def flux_warnings(fit: LightFit, lamps: Sequence[Lamp]) -> tuple[str, ...]:
+    """A note on the lamps that the picture shows much brighter or dimmer than was assumed."""
+    if not fit.flux_deviations.any():
+        return ()
+    sure = np.abs(np.log(fit.flux_factors)) > SURE_DEVIATIONS * fit.flux_deviations
+    far = np.abs(np.log(fit.flux_factors)) > np.log(FLUX_FACTOR)
+    differing = [
+        f"'{lamp.name}' {factor:.2f} times"
+        for lamp, factor, differs in zip(lamps, fit.flux_factors, sure & far, strict=True)
+        if differs
+    ]
+    if not differing:
+        return ()
+    return (
+        f"Compared with the other lamps, some do not have the stated flux in the scan: {', '.join(differing)} of it. "
+        "The simulation uses the stated fluxes; check them, and whether these lamps were dimmed.",
+    )
+
+
+def unlit_note(names: Sequence[str]) -> tuple[str, ...]:
+    """A note on lamps that were off."""
+    if not names:
+        return ()
+    which = ", ".join(f"'{name}'" for name in names)
+    return (
+        f"{len(names)} of the run file's lamps look dark in the scan's picture and were taken to be off when it was "
+        f"made: {which}. So reflectances do not count their light, and the map does. If they were lit, their places "
+        "are wrong: check them.",
+    )
+
+
+def source_note(sources: Sequence[UnknownSource], fit: LightFit) -> tuple[str, ...]:
+    """A note on light that no lamp of the run file explains."""
+    if not sources or fit.other is None:
+        return ()
+    share = float(fit.other.mean() / max(float(fit.straight.mean()), 1e-30))
+    area = sum(source.area_m2 for source in sources)
+    places = "; ".join(
+        f"{source.area_m2:.1f} m² at ({', '.join(f'{value:.1f}' for value in source.center)}) m" for source in sources
+    )
+    return (
+        f"{area:.1f} m² of the scan shine and belong to no lamp of the run file: windows, screens or other lamps "
+        f"({places}). They gave {100 * share:.0f} % of the direct light in the picture, which was taken out with the "
+        "lamps'. The map does not count them: give windows under [daylight], lamps under [[lamps]].",
+    )
+
+
+def beam_note(fit: LightFit) -> tuple[str, ...]:
+    """A note where the picture shows that the lamps' beam is not Lambertian."""
+    if abs(fit.beam) < max(BEAM_EXPONENT, SURE_DEVIATIONS * fit.deviations[COMMON - 1]):
+        return ()
+    how = "narrower" if fit.beam > 0 else "wider"
+    below = "brighter below the lamps and darker on the walls" if fit.beam > 0 else "darker below the lamps"
+    return (
+        f"The light on the walls suggests that panels, strips and discs have a beam {how} than the Lambertian one that "
+        f"the simulation assumes (intensity as the cosine to the power {1 + fit.beam:.1f}), so that the real room is "
+        f"{below}. Give an IES or LDT file of the lamps if you have one.",
+    )
+
+
+def unsettled_note(fit: LightFit) -> tuple[str, ...]:
+    """A note on a fit that did not come to its end."""
+    if fit.steps < MAX_STEPS:
+        return ()
+    return (
+        f"The fit of camera and light did not converge in {MAX_STEPS} steps, so that reflectances may be off by more "
+        "than their stated uncertainty. Check the lamps' places and which of them were lit.",
+    )
+
+
+def other_light_note(scan: Scan, known: BoolArray, evidence: LightEvidence, light: FloatArray) -> tuple[str, ...]:
+    """A note on clipped areas that no known lamp explains; (face, 3) light is that on a white surface."""
+    other = ~known & ~evidence.face_lamp & (light.max(axis=1) < 1.0)
+    area = float(scan.areas[other].sum())
+    if area < OTHER_LIGHT_SHARE * float(scan.areas.sum()):
+        return ()
+    return (
+        f"{area:.1f} m² of the scan are as bright as lamps but belong to no known lamp (windows, screens, other "
+        "lamps). Their brightness is clipped in the picture, so that their light is underestimated and surfaces near "
+        "them may come out too bright. Add lamps that were lit to the run file, or scan with windows and screens dark.",
+    )
+
+
+def whiter_than_paint_note(reflectance: FloatArray, area_m2: float) -> tuple[str, ...]:
+    """A note on white surfaces of which most came out brighter than paint and were limited to it, beyond mere noise.
+
+    The (sample, 3) reflectances stand evenly over the scan's area [m²].
+    """
+    bright = reflectance.max(axis=1)
+    share = float(np.mean(bright > BRIGHTEST_REFLECTANCE))
+    if share < WHITE_SHARE or np.median(bright[bright > MIN_WHITE]) < BRIGHTEST_REFLECTANCE:
+        return ()
+    return (
+        f"{share * area_m2:.0f} m² came out brighter than fresh white paint and were limited to its reflectance of "
+        f"{BRIGHTEST_REFLECTANCE:.2f}: more light falls there than the known lamps give, or the picture is "
+        "overexposed. Check that all lamps that were lit are in the run file.",
+    )

@@ -1,0 +1,124 @@
+"""Windows and other light that nobody named: found where the picture is cut, and told apart from the lamps'."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.material.albedo import fit_light
+from lidarspectra.material.light_evidence import LightEvidence
+from lidarspectra.material.sharpened_cones import srgb_of_cones
+from lidarspectra.material.unknown_light import LOBES, find_unknown_sources, source_patterns
+
+
+def sheet(corner: tuple[float, ...], along: tuple[float, ...], up: tuple[float, ...], steps: int) -> np.ndarray:
+    """(face, 3, 3) triangles of a parallelogram, facing along x up."""
+    start, first, second = np.array(corner), np.array(along) / steps, np.array(up) / steps
+    faces = []
+    for i in range(steps):
+        for j in range(steps):
+            cell = start + i * first + j * second
+            faces += [(cell, cell + first, cell + first + second), (cell, cell + first + second, cell + second)]
+    return np.array(faces)
+
+
+def room_with_window() -> tuple[Scan, np.ndarray]:
+    """A floor of 4 m x 4 m, a window of 1 m x 1 m in a wall at x = 0, a screen of 4 cm; and which faces shine."""
+    floor = sheet((0, -2, 0), (4, 0, 0), (0, 4, 0), 8)
+    window = sheet((0, -0.5, 1), (0, 1, 0), (0, 0, 1), 10)
+    led = sheet((3, 1, 1), (0, 0.2, 0), (0, 0, 0.2), 2)
+    corners = np.concatenate([floor, window, led])
+    shines = np.zeros(len(corners), dtype=np.bool_)
+    shines[len(floor) :] = True
+    return bare_scan(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)), shines
+
+
+def test_what_shines_is_one_source_a_window_and_a_highlight_is_none() -> None:
+    scan, shines = room_with_window()
+    (source,) = find_unknown_sources(scan, shines)
+    assert source.area_m2 == pytest.approx(1.0)
+    assert source.center == pytest.approx([0.0, 0.0, 1.5])
+    assert source.normal == pytest.approx([1.0, 0.0, 0.0])
+    assert source.is_pane
+    assert find_unknown_sources(scan, np.zeros_like(shines)) == ()
+
+
+def test_light_of_a_window_is_that_of_its_solid_angle_and_falls_or_rises() -> None:
+    scan, shines = room_with_window()
+    (source,) = find_unknown_sources(scan, shines)
+    positions = np.array([[3.0, 0.0, 1.5], [2.0, 0.0, 0.02], [2.0, 0.0, 2.6], [2.0, 0.0, -0.5]])
+    normals = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    patterns = source_patterns(scan, RayCaster(scan), source, positions, normals, np.random.default_rng(1))
+    assert patterns.shape == (LOBES, 4)
+    # Form factor from a point to a parallel rectangle before it, four quarters (Howell's catalogue, B-3).
+    a = 0.5 / 3.0
+    quarter = a / np.hypot(1, a) * np.arctan(a / np.hypot(1, a)) / np.pi
+    assert patterns[:, 0].sum() == pytest.approx(4 * quarter, rel=0.02)
+    on_floor, on_ceiling, below = patterns[:, 1], patterns[:, 2], patterns[:, 3]
+    assert on_floor[2] == 0
+    assert on_floor[0] > 0
+    assert on_floor[0] + on_floor[1] == pytest.approx(on_floor.sum())
+    assert on_ceiling[:2].sum() == 0
+    assert on_ceiling[2] > 0
+    assert below.sum() == 0  # the floor is between
+
+
+def lit_by_both(generator: np.random.Generator) -> tuple[LightEvidence, np.ndarray]:
+    """Four surfaces under a lamp and a window of another colour; and their reflectance in cones."""
+    count, groups = 100, 4
+    group = np.repeat(np.arange(groups), count)
+    reflectance = np.array([[0.7, 0.7, 0.66], [0.3, 0.25, 0.2], [0.12, 0.16, 0.2], [0.5, 0.5, 0.45]])[group]
+    lamp, steep, flat, rising = generator.uniform(0.2, 1.8, (4, group.size))
+    light = 0.4 * lamp[:, None] * np.array([1.0, 0.9, 0.7])
+    light = light + (0.5 * steep + 0.3 * flat + 0.1 * rising)[:, None] * np.array([0.8, 1.0, 1.3])
+    shown = srgb_of_cones(0.5 * reflectance * light)
+    evidence = LightEvidence(
+        shown=shown,
+        direct=np.repeat(lamp[None, :, None], 3, axis=2),
+        emission=np.ones((1, group.size)),
+        exchange=csr_array((group.size, group.size + 1)),
+        face_shown=shown,
+        face_area=np.ones(group.size),
+        face_lamp=np.zeros(group.size, dtype=np.bool_),
+        group=group,
+        cell=np.arange(group.size),
+        ceiling=group == 0,
+        white=np.zeros(group.size, dtype=np.bool_),
+        unsure=np.zeros((group.size, 3)),
+        other=np.stack([steep, flat, rising])[None],
+        other_upright=np.array([True]),
+    )
+    return evidence, reflectance
+
+
+def apart(evidence: LightEvidence, reflectance: np.ndarray) -> tuple[float, float]:
+    """Deviation of log reflectances within surfaces, and the share of the light that is the lamp's."""
+    fit = fit_light(evidence, flux_deviation=np.array([0.15]))
+    error = np.log(fit.reflectance / reflectance)
+    within = max(float(np.std(error[evidence.group == number])) for number in range(4))
+    other = 0.0 if fit.other is None else float(fit.other.mean())
+    return within, 1.0 - other / float(fit.straight.mean())
+
+
+def test_lamp_and_window_are_told_apart_by_their_patterns() -> None:
+    evidence, reflectance = lit_by_both(np.random.default_rng(3))
+    within, share = apart(evidence, reflectance)
+    assert within < 0.08  # the tone curve's priors bend dark surfaces
+    assert share == pytest.approx(0.4 * 0.87 / (0.4 * 0.87 + 0.9 * 1.03), abs=0.04)
+    within_without, _ = apart(replace(evidence, other=None, other_upright=None), reflectance)
+    assert within_without > 0.2
+
+
+def test_a_room_lit_by_its_window_alone_needs_no_lamp() -> None:
+    evidence, _ = lit_by_both(np.random.default_rng(3))
+    dark = replace(
+        evidence, direct=np.zeros((0, *evidence.direct.shape[1:])), emission=np.zeros((0, len(evidence.group)))
+    )
+    fit = fit_light(dark, flux_deviation=np.zeros(0))
+    assert fit.flux_factors.shape == (0,)
+    assert fit.other is not None
+    assert fit.other == pytest.approx(fit.straight)
+    assert fit.without_sources(np.array([True])).shape == (6,)
