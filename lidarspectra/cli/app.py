@@ -21,6 +21,7 @@ from lidarspectra.cli import annual as annual_cli
 from lidarspectra.cli import calibrate as calibrate_cli
 from lidarspectra.cli import databases as databases_cli
 from lidarspectra.cli import design as design_cli
+from lidarspectra.cli import export as export_cli
 from lidarspectra.cli import fingerprints as fingerprints_cli
 from lidarspectra.cli import live as live_cli
 from lidarspectra.cli import localize as localize_cli
@@ -72,6 +73,7 @@ app.command("relight", context_settings={"allow_extra_args": True, "ignore_unkno
 app.command("photometry")(photometry_cli.photometry)
 app.command("photocurrent")(photocurrent_cli.photocurrent)
 app.add_typer(photocurrent_cli.app, name="cells")
+app.command("export")(export_cli.export)
 app.command("annual")(annual_cli.annual)
 app.command("fingerprints")(fingerprints_cli.fingerprints)
 app.add_typer(localize_cli.app, name="localize")

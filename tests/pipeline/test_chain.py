@@ -155,6 +155,19 @@ def test_a_relit_room_is_written_beside_the_run(finished: Path, tmp_path: Path) 
     assert isinstance(answer.exception, LidarSpectraError)
 
 
+def test_a_run_is_exported_for_other_programs(finished: Path, tmp_path: Path) -> None:
+    words = ["export", str(finished.with_suffix(".run")), "--out", str(tmp_path)]
+    answer = CliRunner().invoke(app, words)
+    assert answer.exit_code == 0, answer.output
+    assert {path.name for path in tmp_path.iterdir()} == {"map.vtu", "room.vtu", "room-illuminance-lx.glb"}
+    answer = CliRunner().invoke(app, [*words, "--glb", "--quantity", "560"])
+    assert answer.exit_code == 0, answer.output
+    assert (tmp_path / "room-560.glb").is_file()
+    answer = CliRunner().invoke(app, [*words, "--quantity", "brightness"])
+    assert isinstance(answer.exception, LidarSpectraError)
+    assert "illuminance_lx" in str(answer.exception)
+
+
 def test_giving_what_was_assumed_traces_nothing_again_and_ends_the_note(
     finished: Path, tmp_path: Path, room_text: str
 ) -> None:
