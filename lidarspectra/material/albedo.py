@@ -28,9 +28,9 @@ Cameron, Miller (2015) A practitioner's guide to cluster-robust inference, J. Hu
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
 from scipy.sparse import csr_array
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
@@ -38,6 +38,9 @@ from lidarspectra.material.light_evidence import LightEvidence
 from lidarspectra.material.sharpened_cones import cones_of_srgb, srgb_of_cones
 from lidarspectra.material.tone_curve import ToneCurve
 from lidarspectra.progress import Progress, shares, silent
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 MIN_LIGHT = 1e-5  # [1] of white, floor of cone responses before their logarithm
 LOG_SCATTER = 0.07  # [1] usual deviation of log ρ within a surface: grain, uneven exposure, noise of the mesh
@@ -402,7 +405,9 @@ def fit_light(
     return _fit(model, best)
 
 
-def _least(model: _Model, start: FloatArray, progress: Progress) -> OptimizeResult:
+def _least(model: _Model, start: FloatArray, progress: Progress) -> "OptimizeResult":
+    from scipy.optimize import least_squares  # loads slowly
+
     steps = 0
 
     def slopes(parameters: FloatArray) -> FloatArray:
@@ -431,7 +436,7 @@ def _start(model: _Model, shoulder: float, exposure: float) -> FloatArray:
     return first
 
 
-def _fit(model: _Model, result: OptimizeResult) -> LightFit:
+def _fit(model: _Model, result: "OptimizeResult") -> LightFit:
     best = np.asarray(result.x)
     covariance = _covariance(model, np.asarray(result.jac), np.asarray(result.fun))
     seen, light, direct = model.all_light(best)

@@ -7,13 +7,12 @@ CIE L*a*b*, where equal distances look about equally different.
 from dataclasses import dataclass
 
 import numpy as np
-from colour.difference import delta_E_CIE2000
-from sklearn.cluster import KMeans
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.surface_samples import surface_samples
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab
+from lidarspectra.threads import one_thread
 
 SATURATED = 0.94  # [1] linear; all channels above it: a lamp, its mirror image, or a blown-out highlight (sRGB 248)
 MAX_SATURATED = 0.7  # [1] of a face; what is left of it is the lamp's glow
@@ -50,6 +49,8 @@ class PrimaryColors:
 
 def color_difference(lab: FloatArray, others: FloatArray) -> FloatArray:
     """CIEDE2000 colour differences (CIE 142-2001), by colour-science; shapes (..., 3) broadcast."""
+    from colour.difference import delta_E_CIE2000  # loads slowly
+
     return np.asarray(delta_E_CIE2000(lab, others), dtype=np.float64)
 
 
@@ -175,8 +176,11 @@ def primary_colors(lab: FloatArray, weights: FloatArray, *, most: int, random: n
 def _k_means(points: FloatArray, weights: FloatArray, count: int, seed: int) -> FloatArray:
     if count == 1:
         return np.average(points, axis=0, weights=weights)[None]
+    from sklearn.cluster import KMeans  # loads slowly
+
     model = KMeans(n_clusters=count, n_init=CLUSTER_STARTS, tol=CLUSTER_TOLERANCE, random_state=seed)
-    model.fit(points, sample_weight=weights)
+    with one_thread():
+        model.fit(points, sample_weight=weights)
     return np.asarray(model.cluster_centers_, dtype=np.float64)
 
 

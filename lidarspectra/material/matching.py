@@ -26,9 +26,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal, cast
 
-import colour
 import numpy as np
-from colour.recovery import XYZ_to_sd_Jakob2019
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MaterialError
@@ -279,6 +277,9 @@ def _logistic(logit: FloatArray) -> FloatArray:
 
 def _smooth(wanted: FloatArray, library: ReflectanceLibrary, allowed: IntArray, differences: FloatArray) -> Match:
     """Recover a smooth spectrum by Jakob and Hanika's method (colour-science), for libraries without statistics."""
+    import colour  # loads slowly
+    from colour.recovery import XYZ_to_sd_Jakob2019
+
     shape = colour.SpectralShape(COLOR_GRID_NM[0], COLOR_GRID_NM[-1], COLOR_GRID_NM[1] - COLOR_GRID_NM[0])
     observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape)
     daylight = colour.SDS_ILLUMINANTS["D65"].copy().align(shape)

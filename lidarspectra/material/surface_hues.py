@@ -4,9 +4,9 @@ Points must not be separated by brightness: its change over a surface is the evi
 """
 
 import numpy as np
-from sklearn.cluster import KMeans
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.threads import one_thread
 
 HUES = 7  # that a room is sorted into
 HUE_DIGITS = 6  # decimals by which hues differ; what is less is round-off
@@ -50,7 +50,10 @@ def surface_groups(
         return group
     hue = log_hue(colors[member]).round(HUE_DIGITS)
     count = min(HUES, len(np.unique(hue, axis=0)))  # K-means complains where there are fewer to be found
-    found = KMeans(count, n_init=HUE_STARTS, random_state=SEED).fit(hue)
+    from sklearn.cluster import KMeans  # loads slowly
+
+    with one_thread():
+        found = KMeans(count, n_init=HUE_STARTS, random_state=SEED).fit(hue)
     offset = np.rint(places[own, axis] / PLANE_M)
     keys = np.stack([axis, np.sign(facing[own, axis]), offset], axis=1)[member]
     _, label = np.unique(np.column_stack([keys, found.labels_]), axis=0, return_inverse=True)

@@ -32,7 +32,6 @@ from lidarspectra.workflow import plausible_numbers as plausible
 from lidarspectra.workflow.findings import Findings, listed
 from lidarspectra.workflow.inputs import Inputs
 from lidarspectra.workflow.lamps_of_run import resolve_lamps
-from lidarspectra.workflow.report_applications import check_cell
 from lidarspectra.workflow.scan_checks import ScanExtent, check_in_scan
 from lidarspectra.workflow.sensing_of_run import receptor_of_run
 
@@ -291,6 +290,8 @@ def _check_grid(grid: GridSection, findings: Findings) -> None:
 
 
 def _check_cell(key: str, section: CellSection, base: Path, findings: Findings) -> None:
+    from lidarspectra.workflow.report_applications import check_cell  # loads what draws
+
     findings.number(f"{key}.area_cm2", section.area_cm2, plausible.CELL_AREA)
     findings.number(f"{key}.volt", section.volt, plausible.CELL_VOLTAGE)
     findings.number(f"{key}.scale", section.scale, plausible.CELL_SCALE)

@@ -16,15 +16,12 @@ from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.mapping.figures.figure_style import save_figure
-from lidarspectra.mapping.figures.material_figures import segmentation_figure
 from lidarspectra.mapping.maps.assumptions import mark_assumed
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, load_map, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import spectral_map
-from lidarspectra.mapping.report.report import PAGE, write_report
+from lidarspectra.mapping.report import PAGE
 from lidarspectra.material.lamp_fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
-from lidarspectra.material.material_mesh import save_material_mesh
 from lidarspectra.material.viewpoints import render_views
 from lidarspectra.material.views import ViewSet, load_views, no_views, save_views
 from lidarspectra.progress import Progress, shares
@@ -66,7 +63,6 @@ from lidarspectra.workflow.lamps_of_run import (
     without_names,
 )
 from lidarspectra.workflow.materials_of_run import materials_of_run
-from lidarspectra.workflow.report_of_run import StagesBefore, material_pictures, report_of_run
 from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
 from lidarspectra.workflow.trace_notes import glass_notes, trace_warnings, truncation_in_words
 from lidarspectra.workflow.whole_room import missing_in_words, whole_room
@@ -162,6 +158,7 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
 
     def make(folder: Path, progress: Progress) -> Notes:
         if not taken:
+            progress(0.0, "saving")
             save_views(no_views(len(scan.value.scan.faces), coverage=coverage, why=NO_VIEWS), folder)
             return Notes(summary=NO_VIEWS)
         loading, looking, saving = shares(progress, VIEWS_SHARES)
@@ -200,6 +197,11 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
     )
 
     def make(folder: Path, progress: Progress) -> Notes:
+        from lidarspectra.mapping.figures.figure_style import save_figure  # these load what draws, and trimesh
+        from lidarspectra.mapping.figures.material_figures import segmentation_figure
+        from lidarspectra.material.material_mesh import save_material_mesh
+        from lidarspectra.workflow.report_of_run import material_pictures
+
         delighting, estimating, saving = shares(progress, (DELIGHTING_SHARE if delight else 0.0, *MATERIALS_SHARES))
         delighting(0.0, "reading scan and views")
         scanned = scan.value if section.names else without_names(scan.value)
@@ -447,9 +449,6 @@ def report_stage(
     light_map: StageResult[xr.Dataset],
 ) -> Stage[Path]:
     """Stage 7: figures, tables and one page about all the others."""
-    before = StagesBefore(
-        scan=scan, views=views, materials=materials, scene=scene, transport=transport, spectral_map=light_map
-    )
     cells = inputs.declare("cells").run_file.cells
     given = inputs.declare(
         "people_and_plants",
@@ -457,7 +456,7 @@ def report_stage(
         "calibration",
         "report.figures",
         databases=("cells",) if cells else (),
-        stages=before.all,
+        stages=(scan, views, materials, scene, transport, light_map),
         others={
             "title": inputs.name,
             "run_file_text": inputs.text,
@@ -465,6 +464,12 @@ def report_stage(
     )
 
     def make(folder: Path, progress: Progress) -> Notes:
+        from lidarspectra.mapping.report.report import write_report  # these load what draws
+        from lidarspectra.workflow.report_of_run import StagesBefore, report_of_run
+
+        before = StagesBefore(
+            scan=scan, views=views, materials=materials, scene=scene, transport=transport, spectral_map=light_map
+        )
         applies = given.run_file.people_and_plants or given.run_file.cells
         reading, applying, writing = shares(progress, (READING_SHARE, APPLYING_SHARE if applies else 0.0, PAGE_SHARE))
         report = report_of_run(

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import trimesh
-from scipy.ndimage import distance_transform_edt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -96,6 +94,8 @@ def unwrap(vertices: FloatArray, faces: IntArray, directions: FloatArray, size_p
     ScanError
         If the image is too small for the charts.
     """
+    import trimesh
+
     adjacency = np.asarray(trimesh.Trimesh(vertices, faces, process=False).face_adjacency, dtype=np.int64)
     side = _smoothed(_sides(directions), adjacency)
     chart = _joined(_charts(side, adjacency), adjacency)
@@ -105,6 +105,8 @@ def unwrap(vertices: FloatArray, faces: IntArray, directions: FloatArray, size_p
     corner_px = corner[chart][:, None, :] + PADDING_PX + flat * scale
     texel_face = _drawn(corner_px, size_px)
     covered = texel_face >= 0
+    from scipy.ndimage import distance_transform_edt  # loads slowly
+
     nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
     return Atlas(
         size_px=size_px,

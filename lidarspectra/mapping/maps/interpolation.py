@@ -12,7 +12,6 @@ import numpy as np
 import xarray as xr
 from matplotlib.path import Path as Polygon
 from numpy.typing import NDArray
-from scipy.interpolate import CloughTocher2DInterpolator, RBFInterpolator
 from scipy.spatial import ConvexHull, Delaunay, QhullError, cKDTree
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
@@ -337,6 +336,8 @@ def _hull(places: FloatArray) -> ConvexHull:
 def _inner_interpolant(places: FloatArray, values: FloatArray, method: Method) -> Interpolant:
     if method == "linear":
         return _linear_interpolant(places, values)
+    from scipy.interpolate import CloughTocher2DInterpolator, RBFInterpolator  # loads slowly, and maps are linear
+
     if method == "cubic":
         cubic = CloughTocher2DInterpolator(places, values)
         return lambda targets: np.asarray(cubic(targets), dtype=np.float64)

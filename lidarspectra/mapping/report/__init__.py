@@ -1,1 +1,3 @@
 """The report page."""
+
+PAGE = "index.html"

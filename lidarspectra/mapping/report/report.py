@@ -8,6 +8,7 @@ from lidarspectra.errors import MapError
 from lidarspectra.io.files import writing
 from lidarspectra.mapping.figures.channel_figures import ReportView
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.mapping.report import PAGE
 from lidarspectra.mapping.report import report_page as html
 from lidarspectra.mapping.report import report_sections as parts
 from lidarspectra.mapping.report.key_figures import key_figures
@@ -18,7 +19,6 @@ from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.mapping.report.room_view import room_view_data, shown_points
 from lidarspectra.progress import Progress, shares, silent
 
-PAGE = "index.html"
 ROOM = "Room in 3D"
 ROOM_SHARE = 0.1  # of the time, in the unit of the sections' shares: the room in 3D and the page itself
 
