@@ -54,7 +54,7 @@ def export_run(run: Path, kinds: Sequence[Kind], *, quantity: str | None, out: P
     kinds : sequence of 'glb', 'usdz', 'vtk'
     quantity : str or None
         In false colour in GLB and USDZ: a name of `light_quantities`, or a channel's label ('560'); the illuminance by
-        default, or the channel nearest 560 nm where there is none.
+        default, or the channel nearest 560 nm where the channels do not cover V(λ).
     out : Path
         Folder; made if absent.
 
@@ -147,11 +147,10 @@ def _read(run: Path) -> _RunToShow:
         )
     values: dict[str, FloatArray] = {}
     words: dict[str, str] = {}
-    if "illuminance" in light_map:
-        light = light_of_run(run).light
-        for quantity in light_quantities():
-            values[quantity.name] = light.weigh(quantity.response)[0]
-            words[quantity.name] = f"{quantity.words} [{quantity.unit}]"
+    light = light_of_run(run).light
+    for quantity in light_quantities():
+        values[quantity.name] = light.weigh(quantity.response)[0]
+        words[quantity.name] = f"{quantity.words} [{quantity.unit}]"
     irradiance = light_map["irradiance"].transpose("point", "band").to_numpy().astype(np.float64)
     for number, label in enumerate(map(str, light_map["band_label"].to_numpy())):
         values[label] = irradiance[:, number]
@@ -168,7 +167,7 @@ def _read(run: Path) -> _RunToShow:
 
 def _chosen(shown: _RunToShow, quantity: str | None) -> str:
     if quantity is None:
-        if ILLUMINANCE in shown.values:
+        if "illuminance" in shown.light_map:
             return ILLUMINANCE
         centers = shown.light_map["band"].to_numpy()
         return str(shown.light_map["band_label"].to_numpy()[np.abs(centers - 560.0).argmin()])
