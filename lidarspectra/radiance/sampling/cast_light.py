@@ -175,7 +175,7 @@ class CastLight:
         """(place,) light straight from one surface of a lamp, per unit of its flux [m⁻²]."""
         found = np.zeros(len(places))
         lift = SENSOR_OFFSET_M * normals  # clear of the sensor's own surface
-        for where, ways, values in _samples(
+        for where, ways, values in light_samples(
             shining, places, normals, rays=rays, near_rays=near_rays, near=NEAR, generator=generator
         ):
             lit = np.nonzero(values > 0)
@@ -219,7 +219,7 @@ class CastLight:
         irradiance = np.zeros((len(rays), len(self.lamps)))
         for shining in self.shining:
             row = self.lamps.index(shining.lamp)
-            for where, ways, values in _samples(
+            for where, ways, values in light_samples(
                 shining, places, normals, rays=1, near_rays=1, near=NEAR_REFLECTED, generator=generator
             ):
                 some = np.nonzero(values > 0)
@@ -269,7 +269,7 @@ class ReflectedOnce:
         self.missing -= len(radiance)
 
 
-def _samples(
+def light_samples(
     shining: ShiningSurface,
     places: FloatArray,
     normals: FloatArray,

@@ -1,7 +1,9 @@
 """Direct irradiance at surface points, lamp by lamp.
 
-A black room reflects nothing, so all its light is direct; lamps and obstacles are written as in any scene. The
-distribution of a lamp's light is the same at all wavelengths, so one grey pass serves every spectrum.
+Lamps whose radiance has a formula or a table are cast (`cast_light`); the mesh alone casts shadows then, not the
+lamps. The others, as windows, are asked of Radiance: a black room reflects nothing, so all its light is direct, and
+lamps and obstacles are written as in any scene. The distribution of a lamp's light is the same at all wavelengths, so
+one grey pass serves every spectrum.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,14 +13,18 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
+from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.engine.engine import Engine, EngineJob, find_engine, float_rows
 from lidarspectra.radiance.engine.options import SHARED_OPTIONS
+from lidarspectra.radiance.sampling.arrivals import BEFORE_LAMP
+from lidarspectra.radiance.sampling.cast_light import NEAR, NEAR_RAYS, light_samples
 from lidarspectra.radiance.sampling.trace import available_cores
 from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass, write_scene
+from lidarspectra.radiance.scene.shining import ShiningSurface, find_shining
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
 
 GREY_NM = (400.0, 700.0)  # [nm] any range is right for a grey spectrum
@@ -26,6 +32,8 @@ GREY_BANDS = 3  # the least number in a pass
 LAMP_PART = 0.2  # [1] -ds: a 0.6 m panel at 2.3 m is cut into 4 parts
 REPEATS = 6  # shadow rays to random points of each lamp part: penumbrae are right within 10 %
 POINTS_PER_JOB = 2_000
+CAST_RAYS = 32  # to a lamp from each point: penumbrae as above
+SEED = 20261123  # of the points on lamps; the same scan gives the same materials
 # After SHARED_OPTIONS, overriding -u+: the same random numbers in every run, so that materials are reproducible to the
 # bit. They are stratified, and without reflections their correlation along a path does no harm.
 REPEATABLE = ("-u-",)
@@ -54,7 +62,7 @@ def direct_coefficients(
     normals : (point, 3) float
         Unit vectors.
     folder : Path
-        For the scene's files.
+        For the scene's files, if the engine is asked.
     engine : Engine, optional
         Default: the one that pyradiance brings.
     workers : int, optional
@@ -71,7 +79,52 @@ def direct_coefficients(
     SceneError, EngineError
         As `write_scene` and the tracing do.
     """
-    engine = find_engine() if engine is None else engine
+    shining = find_shining(lamps)
+    coefficients = _cast(scan, shining, positions, normals, lamps=len(lamps))
+    asked = sorted(set(range(len(lamps))) - {each.lamp for each in shining})
+    if asked:
+        coefficients[asked] = _traced(
+            scan, [lamps[number] for number in asked], positions, normals, folder,
+            engine=find_engine() if engine is None else engine, workers=workers, progress=progress,
+        )  # fmt: skip
+    progress(1.0, "direct light of the lamps")
+    return coefficients
+
+
+def _cast(
+    scan: Scan, shining: Sequence[ShiningSurface], positions: FloatArray, normals: FloatArray, *, lamps: int
+) -> FloatArray:
+    """(lamp, point) coefficients by ray casting, 0 of lamps that have no shining surface [m⁻²]."""
+    found = np.zeros((lamps, len(positions)))
+    if not shining:
+        return found
+    caster, generator = RayCaster(scan), np.random.default_rng(SEED)
+    for first in range(0, len(positions), POINTS_PER_JOB):
+        part = slice(first, first + POINTS_PER_JOB)
+        for each in shining:
+            for where, ways, values in light_samples(
+                each, positions[part], normals[part],
+                rays=CAST_RAYS, near_rays=NEAR_RAYS, near=NEAR, generator=generator,
+            ):  # fmt: skip
+                lit = np.nonzero(values > 0)
+                starts = positions[part][where[lit[0]]]
+                values[lit] *= ~caster.nearest(starts, ways[lit], max_distance=BEFORE_LAMP).met
+                found[each.lamp, first + where] += values.sum(axis=1)
+    return found
+
+
+def _traced(
+    scan: Scan,
+    lamps: Sequence[Lamp],
+    positions: FloatArray,
+    normals: FloatArray,
+    folder: Path,
+    *,
+    engine: Engine,
+    workers: int | None,
+    progress: Progress,
+) -> FloatArray:
+    """(lamp, point) coefficients by the engine [m⁻²]."""
     grey = Spectrum(wavelengths_nm=np.array(GREY_NM), values=np.ones(2))
     scene = write_scene(
         scan,
