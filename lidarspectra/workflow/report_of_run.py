@@ -4,12 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamp_file import load_lamps
 from lidarspectra.mapping.figures.floor_plan import floor_plan
 from lidarspectra.mapping.figures.material_figures import MaterialPictures, material_code, mean_shown_colors, painted
+from lidarspectra.mapping.maps.interpolation import map_planes
 from lidarspectra.mapping.report.report import ReportInput, ReportView, StageRow
 from lidarspectra.mapping.report.room_view import RoomSurfaces
 from lidarspectra.material.material_map import MaterialMap
@@ -74,7 +76,9 @@ def report_of_run(
     mesh, found_room = before.scan.value.scan, before.scan.value.room
     views, materials, transport = before.views.value, before.materials.value, before.transport.value
     lamps = load_lamps(before.spectral_map.folder)
-    plan = floor_plan(mesh, found_room)
+    planes = map_planes(before.spectral_map.value)
+    level_m = float(np.median(before.spectral_map.value["z"].to_numpy()[planes[0]])) if planes else None
+    plan = floor_plan(mesh, found_room, level_m=level_m)
     face_color = mesh.face_colors()
     pictures = material_pictures(mesh, views, materials)
     reading(1.0, "scan and materials are read")

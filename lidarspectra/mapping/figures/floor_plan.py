@@ -7,12 +7,43 @@ from typing import ClassVar
 import numpy as np
 from matplotlib.figure import Figure
 
-from lidarspectra.arrays import FloatArray, float_array
+from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.errors import MapError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.mapping.figures.figure_style import PAGE_WIDTH_IN, new_figure
+from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.furniture import furniture_outlines
 from lidarspectra.room.room import Room
+
+AIR_ACROSS = 100  # cells on the longer side in which air is told from what is solid
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AirOnLevel:
+    """Where a level of the room is air, and where it is inside furniture or walls.
+
+    Parameters
+    ----------
+    height_m : float
+        Of the level above the floor. [m]
+    lowest : (2,) float
+        Centre of the first cell. [m]
+    cell_m : float
+        [m]
+    is_air : (row, column) bool
+        Rows along y.
+    """
+
+    height_m: float
+    lowest: FloatArray
+    cell_m: float
+    is_air: BoolArray
+
+    def at(self, places: FloatArray) -> BoolArray:
+        """(place,) whether each of (place, 2) positions [m] is in the air; the nearest cell counts."""
+        rows, columns = self.is_air.shape
+        cell = np.rint((places - self.lowest) / self.cell_m).astype(np.int64)
+        return np.asarray(self.is_air[np.clip(cell[:, 1], 0, rows - 1), np.clip(cell[:, 0], 0, columns - 1)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,11 +58,14 @@ class FloorPlan:
         Silhouettes of what stands in the room. [m]
     other_outlines : tuple of (corner, 2) float
         Walls of further rooms in the same scan. [m]
+    air : AirOnLevel, optional
+        Of the maps' level: nothing is drawn inside what is solid there.
     """
 
     outline: FloatArray
     furniture: tuple[FloatArray, ...] = ()
     other_outlines: tuple[FloatArray, ...] = ()
+    air: AirOnLevel | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "outline", float_array(self.outline, name="FloorPlan.outline", shape=(None, 2)))
@@ -45,9 +79,33 @@ class FloorPlan:
         object.__setattr__(self, "other_outlines", tuple(shape for shape in others if shape.shape[0] >= 3))
 
 
-def floor_plan(scan: Scan, room: Room) -> FloorPlan:
-    """A scanned room from above, with what stands in it."""
-    return FloorPlan(outline=room.outline, furniture=furniture_outlines(scan, room), other_outlines=room.other_outlines)
+def floor_plan(scan: Scan, room: Room, *, level_m: float | None = None) -> FloorPlan:
+    """A scanned room from above, with what stands in it.
+
+    Parameters
+    ----------
+    scan : Scan
+    room : Room
+    level_m : float, optional
+        Height of the maps in the scan's coordinates, for `FloorPlan.air`. [m]
+    """
+    return FloorPlan(
+        outline=room.outline,
+        furniture=furniture_outlines(scan, room),
+        other_outlines=room.other_outlines,
+        air=None if level_m is None else air_on_level(scan, room, level_m),
+    )
+
+
+def air_on_level(scan: Scan, room: Room, level_m: float) -> AirOnLevel:
+    """Where a level of a room [m, in the scan's coordinates] is air; see `FreeSpace.inside`."""
+    low, high = room.outline.min(axis=0), room.outline.max(axis=0)
+    cell_m = float((high - low).max()) / AIR_ACROSS
+    x, y = (np.arange(first + 0.5 * cell_m, last, cell_m) for first, last in zip(low, high, strict=True))
+    places = np.stack(np.meshgrid(x, y), axis=-1)
+    points = np.concatenate([places, np.full((*places.shape[:2], 1), level_m)], axis=-1)
+    is_air = FreeSpace(scan, room).inside(points.reshape(-1, 3)).reshape(y.size, x.size)
+    return AirOnLevel(height_m=level_m - room.floor_z, lowest=np.array([x[0], y[0]]), cell_m=cell_m, is_air=is_air)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,15 +181,16 @@ class PanelLayout:
 
 
 def single_plan(
-    plan: FloorPlan, legend_in: float = 0.95, title_in: float = 0.0
+    plan: FloorPlan, legend_in: float = 0.95, title_in: float = 0.0, below_in: float = 0.0
 ) -> tuple[Figure, tuple[float, float, float, float], tuple[float, float, float, float]]:
     """A figure of one plan: itself, and the places of the plan and of a colour bar [in]."""
     low, high = plan_extent(plan)
     across, deep = (float(size) for size in high - low)
     scale = min(6.4 / across, 5.2 / deep)
     width, height = across * scale, deep * scale
-    figure = new_figure(0.7 + width + legend_in, 0.6 + height + 0.15 + title_in)
-    return figure, (0.6, 0.55, width, height), (0.6 + width + 0.1, 0.55 + 0.05 * height, 0.13, 0.9 * height)
+    figure = new_figure(0.7 + width + legend_in, 0.6 + height + 0.15 + title_in + below_in)
+    up = 0.55 + below_in
+    return figure, (0.6, up, width, height), (0.6 + width + 0.1, up + 0.05 * height, 0.13, 0.9 * height)
 
 
 def plan_extent(plan: FloorPlan) -> tuple[FloatArray, FloatArray]:

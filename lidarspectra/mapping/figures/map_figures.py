@@ -47,6 +47,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
     field_grid,
     has_unknown,
     legend_handles,
+    level_words,
 )
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.interpolation import Method, map_planes, plan_places
@@ -57,6 +58,7 @@ ColorScale = Literal["panel", "shared"]
 MAX_PANELS = 24  # of more bands an even selection is drawn: smaller panels are unreadable
 PANEL_CELLS = 120  # across a panel of a few centimetres
 MAX_TITLE = 110  # characters over a plan
+TITLE_IN, LEGEND_IN = 0.25, 0.3  # [in] above and below a map
 SINGLE_CELLS = 200  # across a map of half a page
 
 
@@ -108,7 +110,7 @@ def maps_figure(
         axes.set_title(f"{labels[number]} nm", pad=3.0)
         if scale == "panel":
             draw_colorbar(figure, layout.colorbar_box(number), norm, LIGHT_MAP)
-    words = f"spectral irradiance\n[{irradiance_unit(prefix)}]"
+    words = "\n".join(filter(None, ["spectral irradiance", f"[{irradiance_unit(prefix)}]", level_words(plan)]))
     if len(shown) < checked.sizes["band"]:
         words += f"\n{len(shown)} of {checked.sizes['band']} bands"
     if scale == "shared":
@@ -137,17 +139,19 @@ def error_figure(
     per_point = relative.mean(axis=1)
     low, high = plan_extent(plan)
     width, height = (float(size) * min(3.9 / (high - low)[0], 3.3 / (high - low)[1]) for size in high - low)
-    figure = new_figure(PAGE_WIDTH_IN, 4.2)
-    axes = place(figure, 0.6, 0.6, width, height)
+    figure = new_figure(PAGE_WIDTH_IN, 4.2 + LEGEND_IN)
+    up = 0.6 + LEGEND_IN
+    axes = place(figure, 0.6, up, width, height)
     norm = Normalize(0.0, float(per_point[chosen].max()) or 1.0)
     grid = field_grid(plan_places(checked)[chosen], per_point[chosen, None], plan, cells_across=SINGLE_CELLS)
     draw_field(axes, plan, grid, 0, norm, ERROR_MAP)
     draw_points(axes, checked, chosen, per_point if grid is None else None, norm, ERROR_MAP)
     draw_frame(axes, plan, left=True, bottom=True)
-    axes.set_title("mean over bands", pad=4.0)
+    axes.set_title(", ".join(filter(None, ["mean over bands", level_words(plan)])), pad=4.0)
+    _legend_below(figure, legend_handles(checked, plan, unknown=has_unknown(grid, plan)))
     label = "standard error [% of the band's mean]"
-    draw_colorbar(figure, (0.7 + width, 0.6 + 0.05 * height, 0.12, 0.9 * height), norm, ERROR_MAP, label=label)
-    _draw_histogram(place(figure, 2.5 + width, 0.6, 7.3 - width, 3.0), relative[chosen].ravel(), target)
+    draw_colorbar(figure, (0.7 + width, up + 0.05 * height, 0.12, 0.9 * height), norm, ERROR_MAP, label=label)
+    _draw_histogram(place(figure, 2.5 + width, up, 7.3 - width, 3.0), relative[chosen].ravel(), target)
     return figure
 
 
@@ -166,16 +170,23 @@ def illuminance_figure(
     """
     checked = check_map(dataset, where="map to draw")
     chosen = _chosen(checked, points)
-    figure, box, bar = single_plan(plan)
+    figure, box, bar = single_plan(plan, title_in=TITLE_IN, below_in=LEGEND_IN)
     axes = place(figure, *box)
     norm = Normalize(0.0, float(illuminance_lx[chosen].max()) or 1.0)
     grid = field_grid(plan_places(checked)[chosen], illuminance_lx[chosen, None], plan, cells_across=SINGLE_CELLS)
     draw_field(axes, plan, grid, 0, norm, LIGHT_MAP)
-    draw_isolines(axes, grid)
+    draw_isolines(axes, grid, plan)
     draw_points(axes, checked, chosen, illuminance_lx if grid is None else None, norm, LIGHT_MAP)
     draw_frame(axes, plan, left=True, bottom=True)
     draw_colorbar(figure, bar, norm, LIGHT_MAP, label="illuminance [lx]")
+    axes.set_title(", ".join(filter(None, ["illuminance", level_words(plan)])), pad=4.0)
+    _legend_below(figure, legend_handles(checked, plan, unknown=has_unknown(grid, plan)))
     return figure
+
+
+def _legend_below(figure: Figure, handles: list[Line2D | Patch]) -> None:
+    """A legend along the lower edge of a figure."""
+    figure.legend(handles=handles, loc="lower left", ncols=len(handles), borderaxespad=0.2, handlelength=1.6)
 
 
 def plan_figure(dataset: xr.Dataset, plan: FloorPlan, lamps: tuple[Lamp, ...]) -> Figure:

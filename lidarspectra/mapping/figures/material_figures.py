@@ -16,6 +16,10 @@ CODE_COLORS = (
     (31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75), (227, 119, 194),
     (188, 189, 34), (23, 190, 207), (174, 199, 232), (255, 187, 120), (152, 223, 138), (255, 152, 150), (197, 176, 213),
 )  # fmt: skip  # sRGB of the largest kinds, easy to distinguish
+CLASSES = (
+    "painted", "wood", "foliage", "brick", "fabric", "leather", "plastic", "paper", "glass", "metal", "tile", "carpet",
+    "ceramic", "stone",
+)  # fmt: skip  # each has its own of these colours in every room
 OTHER_COLOR = (127, 127, 127)  # sRGB of all smaller ones
 NOTHING_COLOR = (0, 0, 0)  # sRGB where a ray left the scan
 UNKNOWN_CLASSES = ("unknown", "")
@@ -36,11 +40,14 @@ class MaterialCode:
         The kinds that have a colour of their own, largest first.
     of_material : (material,) int
         Which kind each material is; -1 for the small ones.
+    colors : tuple of (int, int, int)
+        sRGB of each kind.
     """
 
     kind: str
     names: tuple[str, ...]
     of_material: IntArray
+    colors: tuple[tuple[int, int, int], ...]
 
     def image(self, face: IntArray, face_material: IntArray) -> ByteArray:
         """Colour-code a view.
@@ -56,7 +63,7 @@ class MaterialCode:
         image : (row, column, 3) uint8
             sRGB.
         """
-        palette = np.array([*CODE_COLORS[: len(self.names)], OTHER_COLOR, NOTHING_COLOR], dtype=np.uint8)
+        palette = np.array([*self.colors, OTHER_COLOR, NOTHING_COLOR], dtype=np.uint8)
         kind = np.append(np.where(self.of_material < 0, len(self.names), self.of_material), len(self.names) + 1)
         of_face = np.append(kind[face_material], len(self.names) + 1)
         return np.asarray(palette[of_face[face]], dtype=np.uint8)
@@ -87,6 +94,8 @@ class MaterialPictures:
 def material_code(names: tuple[str, ...], classes: tuple[str, ...], areas_m2: FloatArray) -> MaterialCode:
     """Give the largest classes colours, or the largest materials where no classes are known.
 
+    A class of `CLASSES` has the same colour in every room.
+
     Parameters
     ----------
     names, classes : tuple of str
@@ -105,7 +114,16 @@ def material_code(names: tuple[str, ...], classes: tuple[str, ...], areas_m2: Fl
         kind="class" if classified else "material",
         names=tuple(largest),
         of_material=np.array([number.get(kind, -1) for kind in kinds], dtype=np.int64),
+        colors=_colors(largest),
     )
+
+
+def _colors(names: list[str]) -> tuple[tuple[int, int, int], ...]:
+    """Colours (sRGB) of the kinds: a class's own, and for others those that are left, in order."""
+    own = dict(zip(CLASSES, CODE_COLORS, strict=True))
+    taken = [own[name] for name in names if name in own]
+    left = iter(color for color in CODE_COLORS if color not in taken)
+    return tuple(own[name] if name in own else next(left) for name in names)
 
 
 @styled
@@ -144,7 +162,7 @@ def segmentation_figure(pictures: MaterialPictures) -> Figure:
 
 
 def _legend_handles(code: MaterialCode) -> list[Patch]:
-    entries = [*zip(code.names, CODE_COLORS, strict=False)]
+    entries = [*zip(code.names, code.colors, strict=True)]
     if (code.of_material < 0).any():
         entries.append(("smaller ones", OTHER_COLOR))
     return [Patch(facecolor=_unit(color), label=plain(name, longest=24)) for name, color in entries]

@@ -52,16 +52,25 @@ def field_grid(
     values : (n, value) float
         In any unit.
     plan : FloorPlan
-        Its outline clips the picture, so that a slanted wall has no steps.
+        Its outline clips the picture, so that a slanted wall has no steps; what is solid has no value.
     cells_across, method
         See `grid_values`.
     """
     (x0, y0), (x1, y1) = plan.outline.min(axis=0), plan.outline.max(axis=0)
     box = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
     try:
-        return grid_values(places, values, box, method=method, cells_across=cells_across)
+        grid = grid_values(places, values, box, method=method, cells_across=cells_across)
     except MapError:
         return None
+    if plan.air is not None:
+        solid = ~plan.air.at(_centers(grid)) & inside_polygon(plan.outline, _centers(grid))
+        grid.cells[:, solid.reshape(grid.cells.shape[1:])] = np.nan
+    return grid
+
+
+def _centers(grid: Grid) -> FloatArray:
+    """(cell, 2) centres of a grid's cells, row by row [m]."""
+    return np.stack(np.meshgrid(grid.x, grid.y), axis=-1).reshape(-1, 2)
 
 
 def draw_field(
@@ -82,17 +91,18 @@ def has_unknown(grid: Grid | None, plan: FloorPlan) -> bool:
     """Whether a part of the room has no value on the map."""
     if grid is None:
         return False
-    centers = np.stack(np.meshgrid(grid.x, grid.y), axis=-1).reshape(-1, 2)
-    return bool(np.isnan(grid.cells[0]).ravel()[inside_polygon(plan.outline, centers)].any())
+    return bool(np.isnan(grid.cells[0]).ravel()[inside_polygon(plan.outline, _centers(grid))].any())
 
 
-def draw_isolines(axes: Axes, grid: Grid | None) -> None:
-    """Isolux lines with their values, dark with a light halo so that they show on any ground."""
-    if grid is None or not np.nanmax(grid.cells[0]) > np.nanmin(grid.cells[0]):
+def draw_isolines(axes: Axes, grid: Grid | None, plan: FloorPlan) -> None:
+    """Isolux lines with their values, within the walls; dark with a light halo so that they show on any ground."""
+    if grid is None:
         return
-    low, high = float(np.nanmin(grid.cells[0])), float(np.nanmax(grid.cells[0]))
-    levels = MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(low, high)
-    cells = np.ma.masked_invalid(grid.cells[0])
+    outside = ~inside_polygon(plan.outline, _centers(grid)).reshape(grid.cells.shape[1:])
+    cells = np.ma.masked_invalid(np.where(outside, np.nan, grid.cells[0]))
+    if cells.count() == 0 or not cells.max() > cells.min():
+        return
+    levels = MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(float(cells.min()), float(cells.max()))
     lines = axes.contour(grid.x, grid.y, cells, levels=levels, colors="#202020", linewidths=0.9)
     lines.set_path_effects(HALO)
     for text in axes.clabel(lines, fmt=FuncFormatter(lambda value, _: f"{value:g} lx"), fontsize=7.5):
@@ -166,6 +176,11 @@ def draw_colorbar(
         bar.set_label(label)
 
 
+def level_words(plan: FloorPlan) -> str:
+    """Height of a plan's maps above the floor; empty where the plan does not know it."""
+    return "" if plan.air is None else f"{plan.air.height_m:.2f} m above the floor"
+
+
 def legend_handles(dataset: xr.Dataset, plan: FloorPlan, *, unknown: bool) -> list[Line2D | Patch]:
     """Legend entries of a map, only for what is drawn on it."""
     handles: list[Line2D | Patch] = [Line2D([], [], color=INK, linewidth=1.4, label="walls")]
@@ -179,7 +194,7 @@ def legend_handles(dataset: xr.Dataset, plan: FloorPlan, *, unknown: bool) -> li
     if plan.furniture:
         handles.append(Line2D([], [], color=FURNITURE_COLOR, linewidth=0.9, linestyle="--", label="furniture"))
     if unknown:
-        handles.append(Patch(label="no point near", **UNKNOWN))
+        handles.append(Patch(label="no point near" if plan.air is None else "solid, or no point near", **UNKNOWN))
     return handles
 
 

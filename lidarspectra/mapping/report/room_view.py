@@ -20,7 +20,7 @@ from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArrayError
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.figure_style import LIGHT_MAP, irradiance_unit, prefix_of, printable
-from lidarspectra.mapping.figures.material_figures import CODE_COLORS, OTHER_COLOR, MaterialCode, material_code
+from lidarspectra.mapping.figures.material_figures import OTHER_COLOR, MaterialCode, material_code
 from lidarspectra.mapping.figures.plan_drawing import color_norm
 from lidarspectra.mapping.maps.interpolation import MIN_POINTS, map_planes, plan_places
 from lidarspectra.mapping.maps.map_schema import POSITION, kept_points
@@ -234,7 +234,7 @@ def _points(spectral_map: xr.Dataset, illuminance_lx: FloatArray | None) -> dict
 def _materials(
     materials: tuple[Material, ...], areas_m2: FloatArray, code: MaterialCode, bands_nm: FloatArray
 ) -> list[dict[str, Any]]:
-    code_colors = [_hex(np.array(CODE_COLORS[kind] if kind >= 0 else OTHER_COLOR) / 255.0) for kind in code.of_material]
+    code_colors = [_hex(np.array(code.colors[kind] if kind >= 0 else OTHER_COLOR) / 255.0) for kind in code.of_material]
     daylight = encode_srgb(daylight_colors(materials))
     return [
         {

@@ -7,6 +7,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.container import ErrorbarContainer
+from matplotlib.contour import ContourSet
 from PIL import Image
 
 from lidarspectra.errors import MapError
@@ -19,7 +20,7 @@ from lidarspectra.mapping.figures.channel_figures import (
     spectra_figure,
 )
 from lidarspectra.mapping.figures.figure_style import inline_svg, plain, prefix_of, save_figure
-from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.mapping.figures.floor_plan import AirOnLevel, FloorPlan
 from lidarspectra.mapping.figures.map_figures import (
     error_figure,
     illuminance_figure,
@@ -101,6 +102,47 @@ def test_a_shared_scale_is_the_same_in_all_panels(make_transport, plan):
     own = {axes.images[0].get_clim() for axes in maps_figure(one_map, plan).axes if axes.images}
     assert len(limits) == 1
     assert len(own) == 14
+
+
+def _cell_centers(first: float, last: float, count: int):
+    return first + (np.arange(count) + 0.5) * (last - first) / count
+
+
+def test_no_map_is_drawn_inside_what_is_solid_and_the_height_is_said(make_transport, plan):
+    one_map = spectral_map(make_transport())
+    is_air = np.ones((30, 30), dtype=np.bool_)
+    is_air[2:10, 2:14] = False  # the table, as if it were a cupboard
+    air = AirOnLevel(height_m=0.3, lowest=np.array([0.05, 0.05]), cell_m=0.1, is_air=is_air)
+    solid = FloorPlan(outline=SQUARE, furniture=(TABLE,), air=air)
+    drawings = {
+        "maps": maps_figure(one_map, solid),
+        "error": error_figure(one_map, solid),
+        "illuminance": illuminance_figure(one_map, solid, np.linspace(100, 500, 176)),
+    }
+    for name, figure in drawings.items():
+        field = next(axes.images[0] for axes in figure.axes if axes.images)
+        left, right, bottom, top = field.get_extent()
+        down, across = field.get_array().shape
+        columns, rows = _cell_centers(left, right, across), _cell_centers(bottom, top, down)
+        x, y = np.meshgrid(columns, rows)
+        inside = (x > 0.25) & (x < 1.35) & (y > 0.25) & (y < 0.95)
+        assert np.ma.getmaskarray(field.get_array())[inside].all(), name
+        assert not np.ma.getmaskarray(field.get_array())[(x > 1.6) & (y > 1.2)].any(), name
+        words = [axes.get_title() for axes in figure.axes] + [
+            legend.get_title().get_text() for legend in figure.legends
+        ]
+        assert any("0.30 m above the floor" in each for each in words), name
+        shown = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+        assert {"walls", "furniture", "solid, or no point near"} <= set(shown), name
+
+
+def test_isolux_lines_end_at_the_walls(make_transport):
+    corner = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [1.5, 3.0], [1.5, 1.5], [0.0, 1.5]])  # of an L
+    figure = illuminance_figure(spectral_map(make_transport()), FloorPlan(outline=corner), np.linspace(100, 500, 176))
+    lines = next(each for each in figure.axes[0].collections if isinstance(each, ContourSet))
+    points = np.concatenate([path.vertices for path in lines.get_paths() if len(path.vertices)])
+    assert len(points) > 20
+    assert not ((points[:, 0] < 1.45) & (points[:, 1] > 1.55)).any()
 
 
 @pytest.mark.parametrize("kind", ["maps", "shared", "error", "illuminance", "plan", "spectra", "reflectances"])

@@ -24,6 +24,18 @@ def test_where_classes_are_known_they_have_the_colours_the_largest_first() -> No
     np.testing.assert_array_equal(code.of_material, [0, 1, 0])
 
 
+def test_a_class_keeps_its_colour_from_room_to_room() -> None:
+    areas = np.array([1.0, 2.5, 2.0])
+    rooms = [
+        material_code(("a", "b", "c"), classes, areas)
+        for classes in (("wood", "painted", "moss"), ("painted", "straw", "wood"))
+    ]
+    of_room = [dict(zip(code.names, code.colors, strict=True)) for code in rooms]
+    for name in ("wood", "painted"):
+        assert of_room[0][name] == of_room[1][name]
+    assert all(len(set(colors.values())) == 3 for colors in of_room)  # and no two kinds of a room share one
+
+
 def test_without_classes_each_material_has_a_colour_and_small_ones_share_grey() -> None:
     count = len(CODE_COLORS) + 3
     code = material_code(("same name",) * count, ("unknown",) * count, np.arange(count, 0, -1.0))

@@ -219,6 +219,19 @@ def test_a_table_sorts_by_its_heading_and_downloads_with_all_digits(open_page, p
     pd.testing.assert_frame_equal(by_band, whole, check_dtype=False, rtol=1e-8)  # the file has nine digits
 
 
+def test_on_a_phone_no_figure_is_cut_and_a_press_enlarges_it(open_page, page_file):
+    page = open_page(page_file)
+    page.set_viewport_size({"width": 420, "height": 800})
+    assert page.evaluate("document.documentElement.scrollWidth") <= 420
+    for plate in page.locator(".plate").all():
+        if plate.is_visible():  # some are folded
+            assert plate.evaluate("(node) => node.scrollWidth <= node.clientWidth")
+    first = page.locator(".plate").first
+    first.focus()
+    page.keyboard.press("Enter")
+    assert first.evaluate("(node) => node.scrollWidth > node.clientWidth")
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_words_stand_out_from_the_ground_in_light_and_dark(open_page, page_file, scheme):
     page = open_page(page_file, color_scheme=scheme)

@@ -41,3 +41,12 @@ for (const table of document.querySelectorAll("table[data-name]")) {
   });
   table.parentElement.nextElementSibling.append(" ", button); // the line that names the files beside the page
 }
+
+// On a narrow screen a figure is as wide as the page; pressed, it is large enough to read, and scrolls.
+for (const plate of document.querySelectorAll(".plate")) {
+  Object.assign(plate, { tabIndex: 0, title: "Press to enlarge on a small screen" });
+  plate.addEventListener("click", () => plate.classList.toggle("large"));
+  plate.addEventListener("keydown", (event) => {
+    if (event.key === "Enter") plate.classList.toggle("large");
+  });
+}
