@@ -27,7 +27,7 @@ PositionsOption = Annotated[
 MinCountOption = Annotated[
     float, typer.Option("--min-count", min=0.0, help="Leave out channels whose reference count is below this.")
 ]
-MethodName = Literal["network", "discriminant", "neighbours", "ridge"]
+MethodName = Literal["together", "network", "discriminant", "neighbours", "ridge"]
 NO_FIX_NOTE = (
     "No position was found: the sources ended before the running median had its first {first} frames."
     " Give more readings, a smaller --first, or readings of the empty room with --empty."
@@ -137,7 +137,7 @@ def live(
     empty: Annotated[
         Path | None, typer.Option("--empty", metavar="FILE", help="Readings of the empty room, the reference.")
     ] = None,
-    method: Annotated[MethodName, typer.Option("--method", help="Estimator.")] = "network",
+    method: Annotated[MethodName, typer.Option("--method", help="Estimator.")] = "together",
     period: Annotated[float, typer.Option("--period", metavar="S", min=0.01, help="Time between frames.")] = 1.0,
     max_age: Annotated[float, typer.Option("--max-age", metavar="S", min=0.01, help="Ignore older readings.")] = 5,
     window: Annotated[

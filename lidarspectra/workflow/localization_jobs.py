@@ -173,11 +173,11 @@ def errors_from_files(
             f"The model was trained on {', '.join(known)}, so that this test says nothing on new readings. Test it on "
             "readings that it was not trained on.",
         )
-    if errors["network"].has_distances:
-        tables.append(place_table(errors["network"], name="places", caption="The network's errors by place"))
+    if errors["together"].has_distances:
+        tables.append(place_table(errors["together"], name="places", caption="Errors by place"))
         save_figure(error_curves_figure({caption: errors}), out, "errors")
         plan = plan_of_run(run) if run is not None else None
-        save_figure(error_map_figure(errors["network"], plan), out, "error-map")
+        save_figure(error_map_figure(errors["together"], plan), out, "error-map")
     else:
         notes = (*notes, NO_METRES_NOTE)
     for table in tables:

@@ -56,7 +56,7 @@ class LiveSettings:
         Number of latest frames whose features are averaged.
     """
 
-    method: Method = "network"
+    method: Method = "together"
     window: MedianWindow = field(default_factory=MedianWindow)
     average: int = 1
 

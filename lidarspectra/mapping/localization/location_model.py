@@ -44,6 +44,7 @@ from lidarspectra.mapping.localization.locators import (
     NetworkPlaces,
     NetworkSettings,
     RidgePlaces,
+    TogetherPlaces,
     fit_network,
     fit_ridge,
 )
@@ -55,7 +56,7 @@ from lidarspectra.progress import Progress, silent
 MODEL_FILE, NETWORK_FILE, DISCRIMINANT_FILE = "model.nc", "network.onnx", "discriminant.onnx"
 SCHEMA = "lidarspectra location model 2"
 MAX_NEIGHBOURS = 20_000  # fingerprints that are kept to compare with; longer tables are thinned evenly
-MAX_TRAINED = 12_000  # readings drawn for training the network; more take longer and do not improve it
+MAX_TRAINED = 6_000  # readings drawn for training the network; more take longer and do not improve it
 
 Against = Literal["own", "running", "trained"]
 """Reference of the readings: their own, the running median up to each, or that of the training."""
@@ -127,6 +128,7 @@ class LocationModel:
     def locators(self) -> Mapping[Method, Locator]:
         """All of them by name."""
         return {
+            "together": TogetherPlaces(locators=(self.network, self.neighbours, self.ridge)),
             "network": self.network,
             "discriminant": self.discriminant,
             "neighbours": self.neighbours,
@@ -173,11 +175,11 @@ class LocationModel:
             usable = reference >= self.space.settings.min_count
         return self.space.features(readings, reference, usable=usable)
 
-    def locate(self, table: xr.Dataset, method: Method = "network", *, against: Against = "own") -> Located:
+    def locate(self, table: xr.Dataset, method: Method = "together", *, against: Against = "own") -> Located:
         """Locate readings by one method; parameters as in `features`."""
         return self.locate_features(self.features(table, against=against), method)
 
-    def locate_features(self, features: FloatArray, method: Method = "network") -> Located:
+    def locate_features(self, features: FloatArray, method: Method = "together") -> Located:
         """Locate features by one method."""
         return Located(scores=self.locators[method].scores(features), places=self.places)
 

@@ -1,8 +1,9 @@
 """Classifiers of places from features: a neural network, nearest neighbours, and ridge regression.
 
-A fourth, the linear discriminant, has a module of its own (`discriminant`). Each gives a score for every place that sum
-to 1, and the position is the mean of the places with these weights. For the ridge on one-hot places that mean equals
-the ridge regression on the coordinates, since both are linear.
+A fourth, the linear discriminant, has a module of its own (`discriminant`). The default, together, is the mean of
+network, neighbours and ridge, whose errors differ: on one night or another each of them is the worst. Each gives a
+score for every place that sum to 1, and the position is the mean of the places with these weights. For the ridge on
+one-hot places that mean equals the ridge regression on the coordinates, since both are linear.
 
 The network (one hidden layer, ReLU, softmax) takes the place of that of Iris, which is not published. It is trained by
 scikit-learn and stored as an ONNX graph, which onnxruntime runs here and on devices.
@@ -18,11 +19,12 @@ from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import MapError
 from lidarspectra.io.onnx_errors import onnx_errors
 
-Method = Literal["network", "discriminant", "neighbours", "ridge"]
-METHODS: tuple[Method, ...] = ("network", "discriminant", "neighbours", "ridge")
+Method = Literal["together", "network", "discriminant", "neighbours", "ridge"]
+METHODS: tuple[Method, ...] = ("together", "network", "discriminant", "neighbours", "ridge")
 NEIGHBOURS = 5  # nearest fingerprints that vote
 RIDGE_ALPHAS = np.logspace(-1, 6, 15)  # [1] tried by leave-one-out
 READINGS_PER_STEP = 200  # of the network's training
+CONFIDENCE_POWER = 1.5  # [1] of the mean scores: then they are as often right as they say on virtual nights
 TINY = 1e-12  # [1] squared distance, in units of noise
 READINGS_AT_ONCE = 256  # bounds the memory of distances
 
@@ -120,6 +122,25 @@ def fit_ridge(features: FloatArray, place: IntArray, place_count: int) -> RidgeP
     return RidgePlaces(weights=fitted.coef_.T.astype(np.float64), offset=fitted.intercept_.astype(np.float64))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TogetherPlaces:
+    """The mean of several locators' scores, negative ones counted as 0, to a power that makes them probabilities.
+
+    Parameters
+    ----------
+    locators : tuple of Locator
+    """
+
+    locators: tuple[Locator, ...]
+
+    def scores(self, features: FloatArray) -> FloatArray:
+        """(reading, place) probabilities."""
+        parts = [np.maximum(locator.scores(features), 0.0) for locator in self.locators]
+        mean = sum((part / np.maximum(part.sum(axis=1, keepdims=True), TINY) for part in parts), np.zeros(1))
+        sharp = (mean / len(parts)) ** CONFIDENCE_POWER
+        return np.asarray(sharp / np.maximum(sharp.sum(axis=1, keepdims=True), TINY), dtype=np.float64)
+
+
 @dataclass(frozen=True, kw_only=True)
 class NetworkSettings:
     """How the network is made.
@@ -136,7 +157,7 @@ class NetworkSettings:
     """
 
     hidden: int = 128
-    updates: int = 3000
+    updates: int = 1000
     penalty: float = 1e-3
     seed: int = 0
 
@@ -183,6 +204,7 @@ def fit_network(features: FloatArray, place: IntArray, place_count: int, setting
     """
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.neural_network import MLPClassifier
+    from threadpoolctl import threadpool_limits
 
     if np.unique(place).size != place_count or place_count < 2:
         raise MapError(
@@ -193,6 +215,7 @@ def fit_network(features: FloatArray, place: IntArray, place_count: int, setting
     given = np.nan_to_num(features)
     mean = given.mean(axis=0)
     scale = 1.0 / max(float(given.std()), 1e-12)
+    scaled = ((given - mean) * scale).astype(np.float32)  # features are known to a few digits
     batches = -(-len(given) // READINGS_PER_STEP)
     network = MLPClassifier(
         (settings.hidden,),
@@ -202,18 +225,20 @@ def fit_network(features: FloatArray, place: IntArray, place_count: int, setting
         n_iter_no_change=settings.updates,  # no early stopping
         random_state=settings.seed,
     )
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), threadpool_limits(1):  # threads wait for one another over matrices of this size
         warnings.simplefilter("ignore", ConvergenceWarning)  # the number of steps is fixed
-        network.fit((given - mean) * scale, place)
-    output_weights, output_offset = network.coefs_[1], network.intercepts_[1]
+        network.fit(scaled, place)
+    coefficients = [np.asarray(values, dtype=np.float64) for values in network.coefs_]
+    offsets = [np.asarray(values, dtype=np.float64) for values in network.intercepts_]
+    output_weights, output_offset = coefficients[1], offsets[1]
     if place_count == 2:  # scikit-learn has one logistic output then; a softmax over (0, x) is the same
         output_weights = np.hstack([np.zeros_like(output_weights), output_weights])
         output_offset = np.concatenate([np.zeros(1), output_offset])
     return NetworkWeights(
         mean=mean,
         scale=scale,
-        hidden_weights=network.coefs_[0],
-        hidden_offset=network.intercepts_[0],
+        hidden_weights=coefficients[0],
+        hidden_offset=offsets[0],
         place_weights=output_weights,
         place_offset=output_offset,
     )

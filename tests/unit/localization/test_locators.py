@@ -51,14 +51,14 @@ def test_the_onnx_graph_tells_what_scikit_learn_tells(classes: int, model: Locat
     settings = NetworkSettings(hidden=16, updates=300, penalty=1e-2, seed=3)
     weights = fit_network(features, place, classes, settings)
     own = MLPClassifier((16,), alpha=1e-2, max_iter=300, n_iter_no_change=300, batch_size=200, random_state=3)
-    given = (features - weights.mean) * weights.scale
+    given = ((features - weights.mean) * weights.scale).astype(np.float32)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
         own.fit(given, place)
     places = Places(labels=tuple("abcd")[:classes], positions_m=np.full((classes, 3), np.nan))
     network = NetworkPlaces(network_graph(weights, places, model.space), where="test")
-    # Single precision over two sums of some dozen terms
-    assert network.scores(features) == pytest.approx(own.predict_proba(given), abs=2e-5)
+    # Single precision over 300 steps of training, whose sums are in another order on other threads
+    assert network.scores(features) == pytest.approx(own.predict_proba(given), abs=1e-3)
 
 
 def test_the_graph_gives_the_position_and_says_what_it_takes(model: LocationModel, make_table: Maker) -> None:
@@ -67,7 +67,7 @@ def test_the_graph_gives_the_position_and_says_what_it_takes(model: LocationMode
     features = np.nan_to_num(model.features(make_table(7)))
     session = onnxruntime.InferenceSession(model.network.model)
     probability, position = session.run(None, {"features": features.astype(np.float32)})
-    located = model.locate_features(features)
+    located = model.locate_features(features, "network")
     assert probability == pytest.approx(located.scores, abs=1e-6)
     assert position == pytest.approx(located.positions_m, abs=1e-5)  # [m]
     told = json.loads(onnx.load_from_string(model.network.model).metadata_props[0].value)

@@ -1,0 +1,157 @@
+"""Localization from night to night: virtual nights, on which the default locator is chosen, and a real one.
+
+    python -m research.benchmarks.localization_nights [--offices 3] [--night NIGHT.csv]
+
+A locator learns from a survey of a virtual office (`research.virtual_nights`), and is tested on other people there on
+another night: dies that drift, lamps that age or are replaced, furniture that was moved, daylight through blinds, and
+all of it. Dies jump by 20 % on all. Readings are compared with the running median, as `localize live` does, and with
+the median of the whole night. Told beside is how often the default locator is right where it says so.
+
+With --night, halves of the visits of a real night, the first to learn from and the second in order of time.
+"""
+
+import argparse
+import time
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.mapping.figures.tables import Table, table_markdown
+from lidarspectra.mapping.localization.fingerprint_files import read_fingerprints
+from lidarspectra.mapping.localization.location_model import Against, LocationModel, train_locator
+from lidarspectra.mapping.localization.locators import METHODS
+from lidarspectra.mapping.localization.scoring import score_across, score_within
+from lidarspectra.mapping.localization.time_splits import time_splits
+from research.virtual_nights.nights import KINDS, SAME_ROOM, Night, as_table, visits_to
+from research.virtual_nights.office import make_office
+
+FRAMES = 20  # of a visit
+FEW = (0, 1, 5)  # readings of the new night at each place
+CONFIDENCES = (0.0, 0.5, 0.7, 0.9, 1.01)
+SURE = "all of it"  # the kind of night on which a few readings are tried
+Scores = dict[str, list[float]]
+
+
+def right(model: LocationModel, table: xr.Dataset, against: Against) -> Mapping[str, tuple[FloatArray, FloatArray]]:
+    """Per method: whether each located reading was right, and how probable its place was."""
+    features = model.features(table, against=against)
+    known = np.isfinite(features).any(axis=1)
+    truth = table["label"].to_numpy().astype(str)[known]
+    labels = np.array(model.places.labels)
+    found = {}
+    for method in METHODS:
+        scores = model.locators[method].scores(features[known])
+        found[method] = ((labels[scores.argmax(axis=1)] == truth).astype(np.float64), scores.max(axis=1))
+    return found
+
+
+def few_of(table: xr.Dataset, count: int) -> tuple[xr.Dataset, xr.Dataset]:
+    """The first readings at each place, and the others."""
+    labels = table["label"].to_numpy().astype(str)
+    turn = np.zeros(labels.size, dtype=np.int64)
+    for label in np.unique(labels):
+        own = np.flatnonzero(labels == label)
+        turn[own] = np.arange(own.size)
+    rest = table.isel(fingerprint=np.flatnonzero(turn >= max(FEW)))
+    return table.isel(fingerprint=np.flatnonzero(turn < count)), rest
+
+
+def virtual_tables(offices: int) -> list[Table]:
+    """Shares of right places by kind of night and method; confidence; a few readings of a new night."""
+    shares: dict[tuple[str, str], Scores] = {}
+    sure: list[tuple[FloatArray, FloatArray]] = []
+    few: dict[int, list[float]] = {count: [] for count in FEW}
+    for number in range(offices):
+        office, generator = make_office(number), np.random.default_rng(number)
+        survey = Night(office, SAME_ROOM, 10 * number + 1, 100 + number)
+        learned = as_table(*survey.counts(visits_to(office, generator, FRAMES)), office, "survey")
+        model = train_locator(learned)
+        for kind, settings in KINDS.items():
+            night = Night(office, settings, 1000 + number, 100 + number)
+            visits = visits_to(office, generator, FRAMES, order="lot")
+            tested = as_table(*night.counts(visits), office, kind)
+            for against in ("running", "own"):
+                found = right(model, tested, "running" if against == "running" else "own")
+                for method, (ok, probability) in found.items():
+                    shares.setdefault((kind, against), {}).setdefault(method, []).append(100.0 * float(ok.mean()))
+                    if method == METHODS[0] and against == "running":
+                        sure.append((ok, probability))
+            if kind == SURE:
+                for count in FEW:
+                    fresh, rest = few_of(tested, count)
+                    renewed = train_locator([learned, fresh]) if count else model
+                    few[count].append(100.0 * float(right(renewed, rest, "own")[METHODS[0]][0].mean()))
+    rows = [
+        (kind, against, *(float(np.mean(found[method])) for method in METHODS))
+        for (kind, against), found in sorted(shares.items(), key=lambda item: item[0][1], reverse=True)
+    ]
+    for against in ("running", "own"):
+        kept = [row for row in rows if row[1] == against]
+        rows.append(("mean", against, *(float(np.mean([row[2 + i] for row in kept])) for i in range(len(METHODS)))))
+    ok, probability = (np.concatenate([pair[i] for pair in sure]) for i in (0, 1))
+    confident = []
+    for low, high in pairwise(CONFIDENCES):
+        chosen = (probability >= low) & (probability < high)
+        if chosen.any():
+            said, was = 100.0 * float(probability[chosen].mean()), 100.0 * float(ok[chosen].mean())
+            confident.append((f"{low:g} to {min(high, 1.0):g}", int(chosen.sum()), said, was))
+    return [
+        _table("nights", f"Right places [%] in {offices} virtual offices, from a survey to another night.", rows,
+               ["night", "reference", *METHODS]),
+        _table("confidence", f"How often '{METHODS[0]}' is right, by what it says.", confident,
+               ["probability", "readings", "said [%]", "right [%]"]),
+        _table("few", f"A new night ('{SURE}'), with a few of its readings at each place learned too.",
+               [(count, float(np.mean(values))) for count, values in few.items()], ["readings a place", "right [%]"]),
+    ]  # fmt: skip
+
+
+def real_table(path: Path) -> Table:
+    """A real night: the first half of each visit to learn from, the second in order of time."""
+    night = read_fingerprints(path)
+    split = time_splits(night["label"].to_numpy().astype(str).tolist())[0]
+    model = train_locator(night.isel(fingerprint=np.flatnonzero(split.train)))
+    tested = night.isel(fingerprint=np.flatnonzero(split.test))
+    rows = []
+    for against in ("running", "own"):
+        found = right(model, tested, "running" if against == "running" else "own")
+        rows.append((against, *(100.0 * float(found[method][0].mean()) for method in METHODS)))
+    return _table("real-night", f"{path.name}, halves of each visit: right places [%].", rows, ["reference", *METHODS])
+
+
+def score_seconds(path: Path) -> float:
+    """Processor time of `localize score` of two nights of this size [s]."""
+    night = read_fingerprints(path)
+    start = time.process_time()
+    for _ in range(2):
+        score_within(night)
+        score_across(night, night)
+    return time.process_time() - start
+
+
+def _table(name: str, caption: str, rows: Sequence[tuple[object, ...]], headings: list[str]) -> Table:
+    formats = {heading: ".1f" for heading in headings if heading in METHODS or "[%]" in heading}
+    return Table(name=name, caption=caption, frame=pd.DataFrame(rows, columns=headings), formats=formats)
+
+
+def main() -> None:
+    """Run it."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--offices", type=int, default=3)
+    parser.add_argument("--night", type=Path, help="a real night, as docs/howto-localize.md has them")
+    arguments = parser.parse_args()
+    tables = virtual_tables(arguments.offices)
+    if arguments.night is not None:
+        tables.append(real_table(arguments.night))
+    for table in tables:
+        print(f"\n{table.caption}\n\n{table_markdown(table)}", flush=True)
+    if arguments.night is not None:
+        print(f"\n'score' of two nights of this size: {score_seconds(arguments.night):.0f} s of processor time")
+
+
+if __name__ == "__main__":
+    main()
