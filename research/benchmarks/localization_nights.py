@@ -43,7 +43,7 @@ def right(model: LocationModel, table: xr.Dataset, against: Against) -> Mapping[
     known = np.isfinite(features).any(axis=1)
     truth = table["label"].to_numpy().astype(str)[known]
     labels = np.array(model.places.labels)
-    found = {}
+    found: dict[str, tuple[FloatArray, FloatArray]] = {}
     for method in METHODS:
         scores = model.locators[method].scores(features[known])
         found[method] = ((labels[scores.argmax(axis=1)] == truth).astype(np.float64), scores.max(axis=1))

@@ -123,7 +123,8 @@ class Night:
         total = sum(visit.frames for visit in visits)
         drift = self._walk(total, (SENSORS, 3), self._settings.die_drift)[:, :, DIE_INDEX]
         cloud = np.exp(self._walk(total, (1, 1), 0.5))
-        frames, labels = [], []
+        frames: list[FloatArray] = []
+        labels: list[str] = []
         for visit in visits:
             stances = [self._light(visit) for _ in range(STANCES if visit.people else 1)]
             chosen = np.repeat(np.arange(len(stances)), -(-visit.frames // len(stances)))[: visit.frames]
