@@ -1,1 +1,1 @@
-"""Virtual nights: fixed sensors in an office, people at places, and all that differs from one night to the next."""
+"""Virtual nights: fixed sensors in an office, people at places, and what differs from night to night."""
