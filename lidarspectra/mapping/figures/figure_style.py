@@ -37,6 +37,7 @@ PAGE_COLORS = {INK: "currentColor", MUTED: "var(--muted, #6a7178)", BLUE: "var(-
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (3, 1)), (0, (1, 1)), "-")
 LIGHT_MAP = "inferno"  # dark where it is dark; even steps of lightness
+DIFFERENCE_MAP = "RdBu_r"  # white in the middle
 ERROR_MAP = "cividis"  # another quantity, another map
 POINTS_PER_IN = 72.0
 DPI = 200  # [1/in] of the PNG files

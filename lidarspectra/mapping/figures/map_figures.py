@@ -16,12 +16,14 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.figure_style import (
     BLUE,
+    DIFFERENCE_MAP,
     ERROR_MAP,
     INK,
     LIGHT_MAP,
     MUTED,
     PAGE_WIDTH_IN,
     VERMILION,
+    Prefix,
     irradiance_unit,
     new_figure,
     place,
@@ -53,7 +55,7 @@ from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.interpolation import Method, map_planes, plan_places
 from lidarspectra.mapping.maps.map_schema import check_map, kept_points
 
-ColorScale = Literal["panel", "shared"]
+ColorScale = Literal["panel", "shared", "shape"]
 
 MAX_PANELS = 24  # of more bands an even selection is drawn: smaller panels are unreadable
 PANEL_CELLS = 120  # across a panel of a few centimetres
@@ -81,8 +83,9 @@ def maps_figure(
         The room.
     points : (n,) int, optional
         Points on one plane; the largest of `map_planes` if left out. Too few for a map are drawn as points alone.
-    scale : 'panel' or 'shared'
-        A colour scale for each band, which shows where its light is, or one for all, which shows how much.
+    scale : 'panel', 'shared' or 'shape'
+        A colour scale for each band, which shows where its light is; one for all, which shows how much; or what differs
+        between the bands: each over its own mean, against the mean of that over all bands. [%]
     method : str
         See `grid_map`.
 
@@ -94,30 +97,45 @@ def maps_figure(
     chosen = _chosen(checked, points)
     shown = _shown_bands(checked.sizes["band"])
     values = checked["irradiance"].to_numpy()[:, shown]
-    prefix = prefix_of(values[chosen])
+    prefix = Prefix(symbol="", factor=1.0) if scale == "shape" else prefix_of(values[chosen])
+    values = _shapes_percent(values, chosen) if scale == "shape" else values
     grid = field_grid(plan_places(checked)[chosen], values[chosen], plan, cells_across=PANEL_CELLS, method=method)
     labels = checked["band_label"].to_numpy()[shown]
     layout = PanelLayout.of(plan, len(shown), colorbars=scale == "panel")
     figure = new_figure(PAGE_WIDTH_IN, layout.height_in)
-    shared = Normalize(0.0, float(values[chosen].max()) * prefix.factor)
+    shared, colors = Normalize(0.0, float(values[chosen].max()) * prefix.factor), LIGHT_MAP
+    if scale == "shape":
+        most = float(np.abs(values[chosen]).max()) or 1.0
+        shared, colors = Normalize(-most, most), DIFFERENCE_MAP
     for number in range(len(shown)):
         axes = place(figure, *layout.box(number))
         field = values[:, number] * prefix.factor
-        norm = shared if scale == "shared" else color_norm(field[chosen])
-        draw_field(axes, plan, grid, number, norm, LIGHT_MAP, factor=prefix.factor)
-        draw_points(axes, checked, chosen, field if grid is None else None, norm, LIGHT_MAP)
+        norm = color_norm(field[chosen]) if scale == "panel" else shared
+        draw_field(axes, plan, grid, number, norm, colors, factor=prefix.factor)
+        draw_points(axes, checked, chosen, field if grid is None else None, norm, colors)
         draw_frame(axes, plan, left=number % layout.columns == 0, bottom=number + layout.columns >= len(shown))
         axes.set_title(f"{labels[number]} nm", pad=3.0)
         if scale == "panel":
             draw_colorbar(figure, layout.colorbar_box(number), norm, LIGHT_MAP)
-    words = "\n".join(filter(None, ["spectral irradiance", f"[{irradiance_unit(prefix)}]", level_words(plan)]))
+    what = ["deviation from the channels' mean shape", "[%]"]
+    if scale != "shape":
+        what = ["spectral irradiance", f"[{irradiance_unit(prefix)}]"]
+    words = "\n".join(filter(None, [*what, level_words(plan)]))
     if len(shown) < checked.sizes["band"]:
         words += f"\n{len(shown)} of {checked.sizes['band']} bands"
-    if scale == "shared":
-        draw_colorbar(figure, layout.shared_box(), shared, LIGHT_MAP, label=words.replace("\n", " "))
+    if scale != "panel":
+        draw_colorbar(figure, layout.shared_box(), shared, colors, label=words.replace("]\n", "], ").replace("\n", " "))
         words = ""
     draw_panel_legend(figure, layout, legend_handles(checked, plan, unknown=has_unknown(grid, plan)), words)
     return figure
+
+
+def _shapes_percent(values: FloatArray, chosen: IntArray) -> FloatArray:
+    """(point, band) each band over its mean at the chosen points, against the mean of that over bands [%]."""
+    mean = values[chosen].mean(axis=0)
+    relative = values / np.where(mean > 0, mean, 1.0)
+    level = relative.mean(axis=1, keepdims=True)
+    return np.asarray(100.0 * (relative / np.where(level > 0, level, 1.0) - 1.0), dtype=np.float64)
 
 
 @styled

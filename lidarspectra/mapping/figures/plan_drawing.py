@@ -194,7 +194,7 @@ def legend_handles(dataset: xr.Dataset, plan: FloorPlan, *, unknown: bool) -> li
     if plan.furniture:
         handles.append(Line2D([], [], color=FURNITURE_COLOR, linewidth=0.9, linestyle="--", label="furniture"))
     if unknown:
-        handles.append(Patch(label="no point near" if plan.air is None else "solid, or no point near", **UNKNOWN))
+        handles.append(Patch(label="no point near" if plan.air is None else "solid or unknown", **UNKNOWN))
     return handles
 
 

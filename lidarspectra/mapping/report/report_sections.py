@@ -135,7 +135,12 @@ def maps_section(report: ReportInput, writer: ReportWriter) -> str:
         "maps-shared", maps_figure(dataset, report.plan, scale="shared"), "The same maps on one scale for all bands."
     )
     bands = writer.table(tables.bands_table(dataset))
-    return note + own + html.details("The maps on one shared scale", shared) + bands
+    content = note + own + html.details("The maps on one shared scale", shared)
+    if dataset.sizes["band"] > 1:
+        words = "What differs between the channels: each over its own mean, against the mean of that over all channels."
+        shape = writer.figure("maps-shape", maps_figure(dataset, report.plan, scale="shape"), words)
+        content += html.details("What differs between the channels", shape)
+    return content + bands
 
 
 def spectra_section(report: ReportInput, writer: ReportWriter) -> str:

@@ -133,7 +133,7 @@ def test_no_map_is_drawn_inside_what_is_solid_and_the_height_is_said(make_transp
         ]
         assert any("0.30 m above the floor" in each for each in words), name
         shown = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-        assert {"walls", "furniture", "solid, or no point near"} <= set(shown), name
+        assert {"walls", "furniture", "solid or unknown"} <= set(shown), name
 
 
 def test_isolux_lines_end_at_the_walls(make_transport):
@@ -143,6 +143,21 @@ def test_isolux_lines_end_at_the_walls(make_transport):
     points = np.concatenate([path.vertices for path in lines.get_paths() if len(path.vertices)])
     assert len(points) > 20
     assert not ((points[:, 0] < 1.45) & (points[:, 1] > 1.55)).any()
+
+
+def test_maps_of_shape_show_what_differs_between_the_bands_alone(make_transport, plan):
+    one_map = spectral_map(make_transport())
+    place = np.linspace(1.0, 2.0, 176)
+    light = place[:, None] * np.arange(1.0, 15.0)[None, :]  # the same shape, fourteen levels
+    light[:, 3] *= np.where(place > 1.5, 1.2, 0.8)
+    one_map["irradiance"][:] = light
+    fields = [axes.images[0].get_array() for axes in maps_figure(one_map, plan, scale="shape").axes if axes.images]
+    relative = light / light.mean(axis=0)
+    wanted = 100 * (relative / relative.mean(axis=1, keepdims=True) - 1)
+    for number in (0, 3):
+        assert fields[number].max() == pytest.approx(wanted[:, number].max(), abs=0.3)  # between points linear
+        assert fields[number].min() == pytest.approx(wanted[:, number].min(), abs=0.3)
+    np.testing.assert_allclose(fields[0].compressed(), fields[5].compressed(), atol=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["maps", "shared", "error", "illuminance", "plan", "spectra", "reflectances"])

@@ -152,7 +152,7 @@ def test_words_from_users_stay_words_wherever_they_stand(report, lamps, make_mat
 
 
 def test_every_figure_lies_beside_the_page_in_the_kinds_asked_for_and_every_table_in_three_forms(whole):
-    figures = {"maps", "maps-shared", "spectra", "illuminance", "standard-error", "plan", "reflectances"}
+    figures = {"maps", "maps-shared", "maps-shape", "spectra", "illuminance", "standard-error", "plan", "reflectances"}
     assert {path.name for path in (whole / "figures").iterdir()} == {
         f"{name}.{kind}" for name in figures for kind in ("svg", "png")
     }

@@ -91,8 +91,10 @@ def test_reflectances_that_are_off_alike_change_the_reflected_light_as_in_an_int
 def test_the_page_shows_the_card_and_the_table_and_no_standard_error_alone(report, tmp_path):
     write_report(tmp_path, assuming(report, lamps=tuple(lamp.name for lamp in report.lamps)))
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
-    summary = page[page.index('<section id="summary"') : page.index('<section id="room-in-3d"')]
-    assert "<dt>Trust</dt><dd>guesses<small>flux and spectrum of 2 lamps (100 % of the light)</small>" in summary
+    facts = page[page.index('class="facts"') : page.index('<section id="room-in-3d"')]
+    assert "flux and spectrum of 2 lamps (100 % of the light)" in facts
+    assert '<a href="#trust">Trust</a>' in facts
+    summary = page[page.index('<section id="summary"') : page.index('<section id="spectral-maps"')]
     assert "of the simulation alone, not of what is assumed" in summary
     assert "over points and bands, from an assumed flux" in summary
     assert 'data-name="trust"' in summary
