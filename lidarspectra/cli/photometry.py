@@ -28,6 +28,10 @@ def photometry(
         str | None,
         typer.Option("--name", metavar="NAME", help="With --dim: name of this light, for RUN/people-and-plants/NAME."),
     ] = None,
+    week: Annotated[
+        Path | None,
+        typer.Option("--week", metavar="WEEK.csv", help="lamp,from,to[,dim][,days]: doses of a week by the hour."),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/people-and-plants.")] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Overwrite another light's results there.")] = False,
 ) -> None:
@@ -53,6 +57,11 @@ def photometry(
         raise typer.BadParameter("a lamp cannot be dimmed in what was measured: give --measured or --dim, not both")
     if name is not None and not dim:
         raise typer.BadParameter("--name is for changed lamps: give --dim LAMP=FACTOR with it")
+    if week is not None:
+        if measured is not None or dim:
+            raise typer.BadParameter("--week says itself when lamps are dimmed: give it without --measured and --dim")
+        _week(run, week, out or run / "people-and-plants")
+        return
     found = light_of_run(run, parse_factors(dim or []))
     readings = None if measured is None else light_of_table(measured, found.bands)
     light, places = (found.light, found.places) if readings is None else (readings.light, readings.places)
@@ -74,6 +83,29 @@ def photometry(
     for note in notes:
         print_note(note)
     say(f"Points, table and maps: {folder}")
+
+
+def _week(run: Path, schedule: Path, out: Path) -> None:
+    """Write and print a week of light."""
+    from lidarspectra.mapping.figures.figure_style import save_figure
+    from lidarspectra.mapping.figures.tables import save_table
+    from lidarspectra.mapping.maps.map_schema import kept_points
+    from lidarspectra.mapping.photometry.week import read_week, week_figure, week_of_light, week_table
+    from lidarspectra.workflow.assumed import assumptions_of_run, result_notes
+    from lidarspectra.workflow.light_of_run import light_of_run
+    from lidarspectra.workflow.workspace import made_folder
+
+    found = light_of_run(run)
+    gathered = week_of_light(found.light, found.lamp_names, read_week(schedule))
+    kept = kept_points(found.places)
+    table = week_table(gathered, kept)
+    folder = made_folder(out)
+    save_table(table, folder)
+    save_figure(week_figure(gathered, kept), folder, "week")
+    console.print(shown(table))
+    for note in result_notes(assumptions_of_run(run)):
+        print_note(note)
+    say(f"Table and figure of the week: {folder}")
 
 
 def parse_factors(words: list[str]) -> dict[str, float]:

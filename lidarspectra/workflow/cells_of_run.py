@@ -17,13 +17,13 @@ from lidarspectra.mapping.figures.tables import Table, save_table
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.maps.point_values import save_points
 from lidarspectra.mapping.photometry.indoor_spectra import indoor_spectra
+from lidarspectra.mapping.photometry.schedule import parse_hours, read_schedule
 from lidarspectra.mapping.photovoltaics.cells import Cell, find_cell
 from lidarspectra.mapping.photovoltaics.current_map import area_of, current_map, currents_table
 from lidarspectra.mapping.photovoltaics.currents import unknown_share
 from lidarspectra.mapping.photovoltaics.figures import currents_figure
 from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
 from lidarspectra.mapping.photovoltaics.placement import best_mounts, joined, tilted_mounts, wall_mounts
-from lidarspectra.mapping.photovoltaics.schedule import parse_hours, read_schedule
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import load_room
 from lidarspectra.spectra.sensor_files import find_bands

@@ -13,10 +13,10 @@ from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.photometry.figures import quantities_figure
 from lidarspectra.mapping.photometry.people_and_plants import light_at_points, summary_table
 from lidarspectra.mapping.photometry.point_light import light_of_lamps
+from lidarspectra.mapping.photometry.schedule import Shift, parse_hours
 from lidarspectra.mapping.photovoltaics.cells import Cell, find_cell
 from lidarspectra.mapping.photovoltaics.current_map import area_of, current_map, currents_table
 from lidarspectra.mapping.photovoltaics.figures import currents_figure
-from lidarspectra.mapping.photovoltaics.schedule import Shift, parse_hours
 from lidarspectra.mapping.report.applications import Application, ApplicationFigure
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra.spectrum import BandSet, Spectrum

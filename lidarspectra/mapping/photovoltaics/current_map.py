@@ -12,9 +12,9 @@ from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.maps.point_values import places_of
 from lidarspectra.mapping.photometry.point_light import light_of_lamps
+from lidarspectra.mapping.photometry.schedule import Shift, day_parts, gathered
 from lidarspectra.mapping.photovoltaics.cells import Cell
 from lidarspectra.mapping.photovoltaics.currents import cell_current_density, cut_lamps, maximum_power, power_held
-from lidarspectra.mapping.photovoltaics.schedule import Shift, day_parts, gathered
 from lidarspectra.spectra.spectrum import Spectrum
 
 COULOMB_PER_MAH = 3.6  # [C/mAh]

@@ -10,6 +10,7 @@ from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.maps.point_values import points_frame
 from lidarspectra.mapping.photometry.indoor_spectra import indoor_spectra
 from lidarspectra.mapping.photometry.point_light import PointLight
+from lidarspectra.mapping.photometry.schedule import Shift, day_parts, gathered, parse_hours, read_schedule
 from lidarspectra.mapping.photovoltaics.cells import AMPERE_PER_WATT_NM, Cell, Circuit, find_cell, list_cells
 from lidarspectra.mapping.photovoltaics.current_map import current_map, currents_table
 from lidarspectra.mapping.photovoltaics.currents import (
@@ -27,7 +28,6 @@ from lidarspectra.mapping.photovoltaics.figures import agreement_figure, current
 from lidarspectra.mapping.photovoltaics.fit_ahead import predict_ahead
 from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
 from lidarspectra.mapping.photovoltaics.placement import face_points, joined, tilted_mounts
-from lidarspectra.mapping.photovoltaics.schedule import Shift, day_parts, gathered, parse_hours, read_schedule
 from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, Spectrum, sensor_bands
 

@@ -1,0 +1,86 @@
+"""A week of light by the hour, held against closed forms and colour-science."""
+
+from pathlib import Path
+
+import colour
+import numpy as np
+import pytest
+from scipy import constants
+
+from lidarspectra.errors import MapError
+from lidarspectra.mapping.photometry.point_light import LampShare, PointLight
+from lidarspectra.mapping.photometry.week import hourly_dims, read_week, week_figure, week_of_light, week_table
+from lidarspectra.spectra.spectrum import Spectrum
+
+NM = np.arange(380.0, 781.0)
+LAMPS = ("shelf", "office")
+
+
+def spectrum_of(name: str) -> Spectrum:
+    values = colour.SDS_ILLUMINANTS[name].copy().align(colour.SpectralShape(380, 780, 1)).values
+    return Spectrum(wavelengths_nm=NM, values=np.asarray(values) / np.sum(values), name=name)
+
+
+@pytest.fixture
+def light() -> PointLight:
+    """Two points: 40 and 20 W/m² of D65 by the shelf's lamp, 2 and 3 W/m² of FL2 by the office's."""
+    centers = np.array([400.0, 500.0, 600.0, 700.0])
+    levels = (np.array([40.0, 20.0]), np.array([2.0, 3.0]))
+    shares = tuple(
+        LampShare(flux=spectrum_of(name), coefficient=np.repeat(level[:, None], 4, axis=1))
+        for name, level in zip(("D65", "FL2"), levels, strict=True)
+    )
+    return PointLight(centers_nm=centers, irradiance=np.ones((2, 4)), irradiance_se=np.zeros((2, 4)), lamps=shares)
+
+
+def schedule(folder: Path, text: str) -> Path:
+    path = folder / "week.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_doses_are_those_of_an_independent_library(light: PointLight, tmp_path: Path) -> None:
+    path = schedule(tmp_path, "days,lamp,from,to,dim\nmon-fri,shelf,6,22,0.5\nsat+sun,office,9:30,12,1\n")
+    week = week_of_light(light, LAMPS, read_week(path))
+    d65, fl2 = spectrum_of("D65").values, spectrum_of("FL2").values
+    # illuminance by colour-science, its own V(λ)
+    lit = colour.SpectralDistribution(40.0 * 0.5 * d65, NM)
+    assert week["illuminance_lx"].to_numpy()[10, 0] == pytest.approx(colour.luminous_flux(lit), rel=2e-3)
+    # photons by the constants: 16 h at half of 40 W/m²
+    photons = np.trapezoid((d65 * NM)[20:321], NM[20:321]) * 1e-9 / (constants.h * constants.c * constants.N_A)
+    assert week["dli_mol_m2"].to_numpy()[0, 0] == pytest.approx(20.0 * photons * 16 * 3600, rel=2e-3)
+    # α-opic EDI of D65 is its illuminance; 16 h of it
+    dose = colour.luminous_flux(lit) * 16.0
+    assert week["melanopic_dose_lx_h"].to_numpy()[2, 0] == pytest.approx(dose, rel=5e-3)
+    # on Saturday the other lamp for two and a half hours, half of the first
+    office = colour.luminous_flux(colour.SpectralDistribution(3.0 * fl2, NM))
+    saturday = week["illuminance_lx"].to_numpy()[5 * 24 : 6 * 24, 1]
+    assert saturday[9] == pytest.approx(0.5 * office, rel=2e-3)
+    assert saturday.sum() == pytest.approx(2.5 * office, rel=2e-3)
+
+
+def test_a_shift_over_midnight_and_over_the_end_of_the_week(tmp_path: Path) -> None:
+    dims = hourly_dims(read_week(schedule(tmp_path, "lamp,from,to,days\n*,22,2,sun\n")), LAMPS)
+    lit = np.flatnonzero(dims[0])
+    assert lit.tolist() == [0, 1, 166, 167]
+    both = hourly_dims(read_week(schedule(tmp_path, "lamp,from,to,dim\n*,8,9,.3\nshelf,8,9,.5\n")), LAMPS)
+    assert both[:, 8] == pytest.approx([0.8, 0.3])
+    assert both[:, 8 + 24 * 6] == pytest.approx([0.8, 0.3])  # without days: every day
+    with pytest.raises(MapError, match="mon-fri"):
+        read_week(schedule(tmp_path, "lamp,from,to,days\n*,8,9,friday\n"))
+    with pytest.raises(MapError, match="'attic'"):
+        hourly_dims(read_week(schedule(tmp_path, "lamp,from,to\nattic,8,9\n")), LAMPS)
+
+
+def test_the_week_is_told_and_drawn(light: PointLight, tmp_path: Path) -> None:
+    path = schedule(tmp_path, "lamp,from,to\nshelf,6,22\n")
+    week = week_of_light(light, LAMPS, read_week(path))
+    table = week_table(week, np.array([0, 1]))
+    assert table.frame["DLI [mol/m²], highest"].iloc[0] == pytest.approx(
+        2.0 * table.frame["DLI [mol/m²], lowest"].iloc[0]
+    )
+    figure = week_figure(week, np.array([0, 1]))
+    assert any("mol/m²" in text.get_text() for axes in figure.axes for text in axes.texts)
+    with pytest.raises(MapError, match="each lamp"):
+        week_of_light(PointLight(centers_nm=light.centers_nm, irradiance=light.irradiance,
+                                 irradiance_se=light.irradiance_se), LAMPS, read_week(path))  # fmt: skip
