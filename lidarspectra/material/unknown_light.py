@@ -21,6 +21,7 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.material.light_exchange import cosine_directions
 
 LINK_M = 0.15  # [m] clipped faces nearer to one another are one source
 MIN_AREA_M2 = 0.06  # [m²] of a source; smaller ones are highlights
@@ -30,6 +31,8 @@ NEAREST_M = 0.05  # [m] closer, a place's light is taken as from there
 OFF_M = 0.02  # [m] off the mesh, clear of its noise
 STEEP = 0.4  # [1] sine of the height above which light falls steeply
 LOBES = 3
+OPEN_SHARE = 0.01  # [1] of all directions that leave the scan, from which what lies beyond is a source
+OPEN_RAYS = 256  # from a point
 PANE_M2 = 0.25  # [m²] of an upright source from which it is taken for a window's pane
 PANE_REFLECTANCE = 0.1  # [1] of a window as the room sees it at night: two panes reflect .15, the dark outside nothing
 VERTICAL = 0.5  # [1] of a normal's height, below which a source is upright, as windows are
@@ -46,12 +49,15 @@ class UnknownSource:
     center, normal : (3,) float
         Means over its area. [m, 1]
     area_m2 : float
+    open_share : float
+        Of what lies beyond the scan: mean share of directions that leave it; 0 for a place on its surface. [0-1]
     """
 
     faces: IntArray
     center: FloatArray
     normal: FloatArray
     area_m2: float
+    open_share: float = 0.0
 
     @property
     def is_upright(self) -> bool:
@@ -105,6 +111,39 @@ def find_unknown_sources(scan: Scan, clipped: BoolArray) -> tuple[UnknownSource,
     return tuple(found)
 
 
+def beyond_scan(open_share: float) -> UnknownSource:
+    """What lies beyond the scan, as one source."""
+    nothing = np.zeros(3)
+    return UnknownSource(
+        faces=np.zeros(0, dtype=np.int64), center=nothing, normal=nothing, area_m2=0.0, open_share=open_share
+    )
+
+
+def opening_patterns(
+    caster: RayCaster, positions: FloatArray, normals: FloatArray, generator: np.random.Generator
+) -> FloatArray:
+    """Irradiance from each lobe of what lies beyond the scan, of radiance 1/π: through holes where windows were, say.
+
+    Parameters
+    ----------
+    caster : RayCaster
+        Of the scan.
+    positions, normals : (point, 3) float
+        [m, 1]
+    generator : numpy.random.Generator
+        Turns the directions.
+
+    Returns
+    -------
+    patterns : (lobe, point) float
+        Share of cosine-weighted directions that meet nothing, by lobe. [0-1]
+    """
+    ways = cosine_directions(normals, OPEN_RAYS, generator)
+    met = caster.nearest(np.repeat(positions, OPEN_RAYS, axis=0), ways.reshape(-1, 3)).met.reshape(len(positions), -1)
+    lobe = _lobe(ways[..., 2])
+    return np.stack([(~met & (lobe == number)).mean(axis=1) for number in range(LOBES)])
+
+
 def source_patterns(
     scan: Scan,
     caster: RayCaster,
@@ -150,7 +189,10 @@ def source_patterns(
         some = np.flatnonzero(factor > 0)
         blocked = caster.nearest(positions[some], way[some], max_distance=1.0 - 1e-4).met
         factor[some[blocked]] = 0.0
-        height = toward[:, 2]
-        lobe = np.where(height > STEEP, 0, np.where(height > 0, 1, 2))
-        np.add.at(patterns, (lobe, np.arange(len(positions))), factor)
+        np.add.at(patterns, (_lobe(toward[:, 2]), np.arange(len(positions))), factor)
     return patterns
+
+
+def _lobe(height: FloatArray) -> IntArray:
+    """Lobe of light that comes from directions of this sine of elevation."""
+    return np.where(height > STEEP, 0, np.where(height > 0, 1, 2)).astype(np.int64)

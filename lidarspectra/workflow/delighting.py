@@ -38,9 +38,12 @@ from lidarspectra.material.light_exchange import exchange_matrix
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
 from lidarspectra.material.unknown_light import (
+    OPEN_SHARE,
     PANE_REFLECTANCE,
     UnknownSource,
+    beyond_scan,
     find_unknown_sources,
+    opening_patterns,
     source_patterns,
 )
 from lidarspectra.progress import Progress, shares, silent
@@ -212,6 +215,11 @@ def take_light_out(
     exchange = exchange_matrix(
         caster, len(scan.faces), samples.positions, samples.normals, rays=RAYS, generator=generator
     )
+    open_share = float(exchange[:, [-1]].mean())
+    if open_share > OPEN_SHARE and (sources or lamps):
+        sources = (*sources, beyond_scan(open_share))
+        patterns.append(opening_patterns(caster, samples.positions, samples.normals, generator))
+        exchange = _closed(exchange)
     colors = shown[samples.face]
     trusted = known[samples.face] & (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK)
     face_lamp = ~known & near_lamps(scan.centers, lamps)
@@ -329,6 +337,7 @@ def _fit(
     spread = spread_of(scan, samples)
     bands = np.array([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps]).reshape(len(lamps), len(BANDS))
     first, *following = shares(progress, ROUND_SHARES)
+    evidence = replace(evidence, face_lamp=evidence.face_lamp.copy())
     fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
     shadow_edges, ceiling = evidence.unsure, evidence.ceiling
     for part in following:
@@ -361,9 +370,17 @@ def _shines(sources: Sequence[UnknownSource], scan: Scan, light: FloatArray) -> 
     """(source,) whether the (face, 3) light that falls there is too weak to make even white paint come out white."""
     brightest = [
         np.average(srgb_of_cones(light[source.faces]), axis=0, weights=scan.areas[source.faces]).max()
+        if source.faces.size
+        else 0.0
         for source in sources
     ]
     return np.array([BRIGHTEST_REFLECTANCE * each < 1.0 for each in brightest], dtype=np.bool_)
+
+
+def _closed(exchange: csr_array) -> csr_array:
+    """The same form factors, none to what lies beyond the scan."""
+    inside = csr_array(exchange[:, :-1])
+    return csr_array((inside.data, inside.indices, inside.indptr), shape=exchange.shape)
 
 
 def _spectral(of_lamps: FloatArray, fit: LightFit, daylight: Spectrum) -> FloatArray:

@@ -89,14 +89,16 @@ def source_note(sources: Sequence[UnknownSource], fit: LightFit) -> tuple[str, .
     if not sources or fit.other is None:
         return ()
     share = float(fit.other.mean() / max(float(fit.straight.mean()), 1e-30))
-    area = sum(source.area_m2 for source in sources)
-    places = "; ".join(
-        f"{source.area_m2:.1f} m² at ({', '.join(f'{value:.1f}' for value in source.center)}) m" for source in sources
-    )
+    places = [
+        f"{100 * source.open_share:.0f} % of all directions, which leave the scan"
+        if source.open_share > 0
+        else f"{source.area_m2:.1f} m² at ({', '.join(f'{value:.1f}' for value in source.center)}) m"
+        for source in sources
+    ]
     return (
-        f"{area:.1f} m² of the scan shine and belong to no lamp of the run file: windows, screens or other lamps "
-        f"({places}). They gave {100 * share:.0f} % of the direct light in the picture, which was taken out with the "
-        "lamps'. The map does not count them: give windows under [daylight], lamps under [[lamps]].",
+        "Light in the picture comes from what is no lamp of the run file: windows, screens, other lamps, other rooms "
+        f"({'; '.join(places)}). It was fitted with the lamps' as {100 * share:.0f} % of the direct light and taken "
+        "out. The map does not have it: give windows under [daylight], lamps under [[lamps]].",
     )
 
 

@@ -20,7 +20,7 @@ import gzip
 import io
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -117,15 +117,21 @@ def phone_scan(
     light: SurfaceLight | None = None,
     direct: DirectLight | None = None,
     shining: BoolArray | None = None,
+    without: str | None = None,
     progress: Progress = silent,
 ) -> Built:
     """Scan a room with the virtual phone and write scan.glb.
 
-    Parameters as in `build`; the light, straight and in all, and which surfaces shine, if they are known.
+    Parameters as in `build`; the light, straight and in all, and which surfaces shine, if they are known; and the
+    beginning of the names of parts that the phone does not see, such as glass.
     """
     shape_generator, light_generator, camera_generator = np.random.default_rng(seed).spawn(3)
     progress(0.0, "scanning the shape")
     shape = scan_shape(room, plan.file.phone, shape_generator)
+    if without is not None:
+        named = np.array([surface.part.startswith(without) for surface in room.surfaces])
+        seen = ~named[room.face_surface[shape.true_face]]
+        shape = replace(shape, faces=shape.faces[seen], true_face=shape.true_face[seen])
     progress(0.1, "unwrapping it")
     atlas = unwrap(shape.vertices, shape.faces, room.normals[shape.true_face], plan.file.camera.texture_px)
     if light is None:

@@ -60,11 +60,14 @@ class Case:
         Factor on the lamps' light. [1]
     open_share : float
         Share of a window that its blind leaves free, from below. [0-1]
+    pane : bool
+        Whether the scan has the glass as a surface; else there is a hole.
     """
 
     day: float = 1.0
     lamps: float = 1.0
     open_share: float = 1.0
+    pane: bool = True
 
 
 CASES = {
@@ -72,6 +75,7 @@ CASES = {
     "day": Case(),
     "blinds": Case(open_share=0.5),
     "off": Case(lamps=0.0),
+    "holes": Case(pane=False),
 }
 
 
@@ -114,7 +118,16 @@ def build_by_day(scene: str, case: Case, folder: Path, *, seed: int) -> Built:
             for surface in room.surfaces
         ]
     )
-    built = phone_scan(plan, room, folder, seed=seed, light=light, direct=direct, shining=shining)
+    built = phone_scan(
+        plan,
+        room,
+        folder,
+        seed=seed,
+        light=light,
+        direct=direct,
+        shining=shining,
+        without=None if case.pane else WINDOW,
+    )
     write_truth(folder / "truth", plan, room, built.true_face)
     write_run_file(folder / "room.toml", plan.file, built.file)
     points = SCENES / scene / "points.csv"

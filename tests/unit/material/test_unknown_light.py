@@ -11,7 +11,7 @@ from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.material.albedo import fit_light
 from lidarspectra.material.light_evidence import LightEvidence
 from lidarspectra.material.sharpened_cones import srgb_of_cones
-from lidarspectra.material.unknown_light import LOBES, find_unknown_sources, source_patterns
+from lidarspectra.material.unknown_light import LOBES, STEEP, find_unknown_sources, opening_patterns, source_patterns
 
 
 def sheet(corner: tuple[float, ...], along: tuple[float, ...], up: tuple[float, ...], steps: int) -> np.ndarray:
@@ -64,6 +64,14 @@ def test_light_of_a_window_is_that_of_its_solid_angle_and_falls_or_rises() -> No
     assert on_ceiling[:2].sum() == 0
     assert on_ceiling[2] > 0
     assert below.sum() == 0  # the floor is between
+
+
+def test_what_lies_beyond_the_scan_shines_in_from_where_nothing_is_met() -> None:
+    scan, _ = room_with_window()
+    positions, normals = np.array([[2.0, 1.0, 0.02], [2.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    patterns = opening_patterns(RayCaster(scan), positions, normals, np.random.default_rng(1))
+    assert patterns[:, 0] == pytest.approx([1 - STEEP**2, STEEP**2, 0.0], abs=0.02)  # nearly all is open above
+    assert patterns[:, 1] == pytest.approx([0.0, 0.0, 1.0])
 
 
 def lit_by_both(generator: np.random.Generator) -> tuple[LightEvidence, np.ndarray]:
