@@ -1,6 +1,7 @@
 """A small room, and the command line as a user starts it."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,7 +16,10 @@ import pytest
 import trimesh
 from PIL import Image
 
+from lidarspectra.workflow.pipeline import run
+
 RoomWriter = Callable[..., Path]
+RunCopier = Callable[[Path], Path]
 
 ROOM = """
 [scan]
@@ -79,6 +83,25 @@ def room_text() -> str:
 def write_room() -> RoomWriter:
     """(folder, text) -> run file: writes it with the room's textured scan; the scan's name has a space."""
     return _write_room
+
+
+@pytest.fixture(scope="session")
+def _whole_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run file of the room's run up to its map, which nobody may change."""
+    run_file = _write_room(tmp_path_factory.mktemp("whole") / "room")
+    run(run_file, last="map")
+    return run_file
+
+
+@pytest.fixture(scope="session")
+def copy_run(_whole_run: Path) -> Callable[[Path], Path]:
+    """(folder) -> run file: the room and its run up to the map, made once for all, copied into a new folder."""
+
+    def copy(folder: Path) -> Path:
+        shutil.copytree(_whole_run.parent, folder)
+        return folder / _whole_run.name
+
+    return copy
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,7 @@ from lidarspectra.workflow.calibration_light import (
     traced_light,
     weights_of,
 )
-from tests.pipeline.conftest import CommandLine, RoomWriter
+from tests.pipeline.conftest import CommandLine, RunCopier
 
 pytestmark = pytest.mark.slow
 
@@ -31,10 +31,9 @@ PLACES = np.array([[0.6, 1.6, 1.3], [1.5, 0.8, 1.3], [1.2, 0.6, 0.5]])  # the fi
 
 
 @pytest.fixture(scope="module")
-def run(write_room: RoomWriter, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(copy_run: RunCopier, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run of the small room."""
-    run_file = write_room(tmp_path_factory.mktemp("calibrate") / "room")
-    return ls.run(run_file, last="map").folder
+    return copy_run(tmp_path_factory.mktemp("calibrate") / "room").with_suffix(".run")
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +70,7 @@ def test_the_command_finds_what_was_wrong_and_the_run_goes_on_from_there(
     assert re.findall(r"^\d (\w+) +kept", again.stdout, re.MULTILINE) == ["scan", "views", "materials"]
     assert "calibrated by readings.csv" in again.stdout
     page = (run.parent / "room.calibrated.run" / "7-report" / "index.html").read_text(encoding="utf-8")
-    for words in ("Calibration", "Chi-square is", "place 2 down", "told by the readings", "calibration.png"):
+    for words in ("Calibration", "Chi-square is", "place 2 down", "told by the readings", "calibration.svg"):
         assert words in page
     kept = ls.load_map(run / "6-map" / "map.nc")
     made = ls.load_map(run.parent / "room.calibrated.run" / "6-map" / "map.nc")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import lidarspectra as ls
-from tests.pipeline.conftest import CommandLine, RoomWriter
+from tests.pipeline.conftest import CommandLine, RunCopier
 
 pytestmark = pytest.mark.slow
 
@@ -24,9 +24,9 @@ PATIENCE_S = 120.0
 
 
 @pytest.fixture(scope="module")
-def run(write_room: RoomWriter, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(copy_run: RunCopier, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run of the small room."""
-    return ls.run(write_room(tmp_path_factory.mktemp("live") / "room"), last="map").folder
+    return copy_run(tmp_path_factory.mktemp("live") / "room").with_suffix(".run")
 
 
 @pytest.fixture(scope="module")
