@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import csr_array
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.material.light_evidence import LightEvidence
 from lidarspectra.material.sharpened_cones import cones_of_srgb, srgb_of_cones
 from lidarspectra.material.tone_curve import ToneCurve
@@ -68,6 +68,9 @@ SOURCE_LEVEL, SOURCE_LEVEL_DEVIATION = 0.0, 2.0  # [1] of the log of its light o
 SOURCE_HUE_DEVIATION = 0.4  # [1] of the log of its cones' ratios over the picture's: daylight among lamps, or lamps
 SKY_LOBES, SKY_LOBES_DEVIATION = (-0.4, -1.3), (0.5, 0.8)  # [1] log low over high sky, ground over high sky: windows
 LOBES_DEVIATION = (1.0, 1.0)  # [1] the same of other sources, which may shine in any way
+UPRIGHT_LOBES = np.array(
+    [0.25, 0.25, 0.5]
+)  # [1] shares of an upright surface's radiosity in the lobes, if all are alike
 BOUND_SOURCE = 7.0  # [1] of these logs
 CELL_M = (
     1.0  # [m] of a cluster, within which errors of light and exposure are correlated: a phone's frame shows 1 to 2 m
@@ -106,6 +109,8 @@ class LightFit:
         Light straight from lamps and unknown sources, in the same unit as `irradiance`.
     other : (sample, 3) float or None
         That of unknown sources alone; None without any.
+    radiosity : (source, 3) float
+        What unknown sources send, in the same unit.
     flux_deviations : (lamp,) float
         Standard deviations of the factors' logarithms; 0 where they were not fitted. [1]
     parameters, deviations : (parameter,) float
@@ -134,6 +139,7 @@ class LightFit:
     direct_share: float
     straight: FloatArray
     other: FloatArray | None
+    radiosity: FloatArray
     parameters: FloatArray
     deviations: FloatArray
     log_deviation: FloatArray
@@ -142,12 +148,6 @@ class LightFit:
     witnesses: int
     cost: float
     steps: int
-
-    def without_sources(self, left_out: BoolArray) -> FloatArray:
-        """Parameters without those of some of the (source,) unknown sources."""
-        count = OF_SOURCE * left_out.size
-        own, sources = np.split(self.parameters, [self.parameters.size - count])
-        return np.concatenate([own, sources.reshape(-1, OF_SOURCE)[~left_out].ravel()])
 
     @property
     def explained(self) -> float:
@@ -460,6 +460,7 @@ def _fit(model: _Model, result: "OptimizeResult") -> LightFit:
         irradiance=light,
         direct_share=float(direct.mean() / light.mean()),
         straight=direct,
+        radiosity=np.einsum("jlc,l->jc", model.strengths(best), UPRIGHT_LOBES),
         other=None if model.evidence.other is None else np.asarray(model.whole_light.other(model.strengths(best))),
         parameters=best,
         deviations=np.sqrt(np.diag(covariance)),

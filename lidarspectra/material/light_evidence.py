@@ -1,6 +1,6 @@
 """Evidence for the light in a picture: what points of the surfaces show, and what may light them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from scipy.sparse import csr_array
 
@@ -71,15 +71,6 @@ class LightEvidence:
     def sources(self) -> int:
         """Number of unknown sources."""
         return 0 if self.other is None else len(self.other)
-
-    def without_sources(self, left_out: BoolArray) -> "LightEvidence":
-        """The same without some of the (source,) unknown sources."""
-        if self.other is None or self.other_upright is None or not left_out.any():
-            return self
-        keep = ~left_out
-        if not keep.any():
-            return replace(self, other=None, other_upright=None)
-        return replace(self, other=self.other[keep], other_upright=self.other_upright[keep])
 
     def face_light(self, tone: ToneCurve, faces: IntArray | slice = slice(None)) -> FloatArray:
         """(face, 3) linear sRGB that all or some faces send through a tone curve."""

@@ -87,6 +87,7 @@ LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly whi
 STRAY_LIGHT = 0.02  # [1] of white, from neighbouring places: edges are rounded, frames blended, lenses glare
 MIN_PHOTOGRAPHED = 0.2  # [1] least share of the area whose colour shows light; the rest was drawn by a program
 MIN_WITNESSES = 16  # least independent places, over twice the number of unknowns
+SHINES = 2.0  # [1] of the light that falls on a source; paint sends less, and fits are not so sure
 GREEN_NM = (500.0, 600.0)  # [nm] where the middle cone responds
 CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
 SHARES = (
@@ -202,13 +203,7 @@ def take_light_out(
     generator = np.random.default_rng(SEED)
     caster = RayCaster(scan)
     samples = samples_of(scan, caster, generator)
-    coefficients = np.zeros((0, len(samples.face)))
-    if lamps:
-        with tempfile.TemporaryDirectory() as folder:
-            coefficients = direct_coefficients(
-                scan, lamps, samples.positions, samples.normals, Path(folder),
-                engine=engine, workers=workers, progress=lighting,
-            )  # fmt: skip
+    coefficients = _direct(scan, lamps, samples, engine=engine, workers=workers, progress=lighting)
     exchanging(0.0, "form factors between surfaces")
     unsure = shadow_edges_of(samples, coefficients)
     patterns = [source_patterns(scan, caster, each, samples.positions, samples.normals, generator) for each in sources]
@@ -248,16 +243,17 @@ def take_light_out(
             "too few of its surfaces receive direct light of the lamps. Check the lamps' places in the run file."
         )
     unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
-    found = _fit(surfaces, lamps, sources, evidence, coefficients, unsure_of, fitting)
+    found = _fit(surfaces, lamps, evidence, coefficients, unsure_of, fitting)
     identifiable = identifiable_lamps(found[0])
     if not fluxes_stated and not identifiable.all():  # fluxes that are not identifiable must not absorb other errors
         unsure_of = np.where(identifiable, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
-        found = _fit(surfaces, lamps, sources, evidence, coefficients, unsure_of, fitting_again)
-    fit, evidence, spread, sources = found
+        found = _fit(surfaces, lamps, evidence, coefficients, unsure_of, fitting_again)
+    fit, evidence, spread = found
     if (why := doubt(fit)) is not None:
         return _left_in(why, fit)
     face_color = _face_reflectance(evidence, fit, spread)
     face_color[~known] = 1.0
+    sources = _shines(sources, fit, scan, spread @ fit.irradiance)
     for source in sources:
         if source.is_pane:
             face_color[source.faces] = PANE_REFLECTANCE
@@ -322,31 +318,21 @@ def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_
 def _fit(
     surfaces: _Surfaces,
     lamps: Sequence[Lamp],
-    sources: tuple[UnknownSource, ...],
     evidence: LightEvidence,
     coefficients: FloatArray,
     flux_deviation: FloatArray,
     progress: Progress,
-) -> tuple[LightFit, LightEvidence, csr_array, tuple[UnknownSource, ...]]:
-    """Fit camera and light, group surfaces by the hue that results, and fit again.
-
-    Sources that turn out to be white surfaces in strong light are none from the second fit on.
-    """
+) -> tuple[LightFit, LightEvidence, csr_array]:
+    """Fit camera and light, group surfaces by the hue that results, and fit again."""
     scan, room, samples, trusted = surfaces.scan, surfaces.room, surfaces.samples, surfaces.trusted
     library, daylight = load_reflectances(), lamp_spectrum("D65").spectrum
     spread = spread_of(scan, samples)
     bands = np.array([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps]).reshape(len(lamps), len(BANDS))
     first, *following = shares(progress, ROUND_SHARES)
-    evidence = replace(evidence, face_lamp=evidence.face_lamp.copy())
     fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
     shadow_edges, ceiling = evidence.unsure, evidence.ceiling
     for part in following:
         part(0.0, "surfaces of one hue")
-        shines = _shines(sources, scan, spread @ fit.irradiance)
-        evidence, start = evidence.without_sources(~shines), fit.without_sources(~shines)
-        for source, keeps in zip(sources, shines, strict=True):
-            evidence.face_lamp[source.faces] = keeps
-        sources = tuple(source for source, keeps in zip(sources, shines, strict=True) if keeps)
         reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
         evidence = replace(evidence, face_excess=_beyond_white(evidence.face_shown, spread @ fit.irradiance))
         faces = _face_reflectance(evidence, fit, spread)
@@ -362,19 +348,39 @@ def _fit(
                 reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct), library, daylight
             ),
         )
-        fit = fit_light(evidence, flux_deviation=flux_deviation, start=start, progress=part)
-    return fit, evidence, spread, sources
+        fit = fit_light(evidence, flux_deviation=flux_deviation, start=fit.parameters, progress=part)
+    return fit, evidence, spread
 
 
-def _shines(sources: Sequence[UnknownSource], scan: Scan, light: FloatArray) -> BoolArray:
-    """(source,) whether the (face, 3) light that falls there is too weak to make even white paint come out white."""
-    brightest = [
-        np.average(srgb_of_cones(light[source.faces]), axis=0, weights=scan.areas[source.faces]).max()
-        if source.faces.size
-        else 0.0
-        for source in sources
-    ]
-    return np.array([BRIGHTEST_REFLECTANCE * each < 1.0 for each in brightest], dtype=np.bool_)
+def _direct(
+    scan: Scan,
+    lamps: Sequence[Lamp],
+    samples: Samples,
+    *,
+    engine: Engine | None,
+    workers: int | None,
+    progress: Progress,
+) -> FloatArray:
+    """(lamp, sample) direct light of each lamp over its flux [m⁻²]."""
+    if not lamps:
+        return np.zeros((0, len(samples.face)))
+    with tempfile.TemporaryDirectory() as folder:
+        return direct_coefficients(
+            scan, lamps, samples.positions, samples.normals, Path(folder),
+            engine=engine, workers=workers, progress=progress,
+        )  # fmt: skip
+
+
+def _shines(
+    sources: Sequence[UnknownSource], fit: LightFit, scan: Scan, light: FloatArray
+) -> tuple[UnknownSource, ...]:
+    """Sources that send more than white paint would in the (face, 3) light there: what is cut at white may be paint."""
+    chosen = []
+    for source, sent in zip(sources, fit.radiosity, strict=True):
+        there = np.average(light[source.faces], axis=0, weights=scan.areas[source.faces]) if source.faces.size else 0.0
+        if (sent > SHINES * np.asarray(there)).any():
+            chosen.append(source)
+    return tuple(chosen)
 
 
 def _closed(exchange: csr_array) -> csr_array:
