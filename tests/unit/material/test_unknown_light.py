@@ -8,10 +8,14 @@ from scipy.sparse import csr_array
 
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Panel
 from lidarspectra.material.albedo import fit_light
 from lidarspectra.material.light_evidence import LightEvidence
 from lidarspectra.material.sharpened_cones import srgb_of_cones
 from lidarspectra.material.unknown_light import LOBES, STEEP, find_unknown_sources, opening_patterns, source_patterns
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.workflow.delighting_samples import seen_lit
 
 
 def sheet(corner: tuple[float, ...], along: tuple[float, ...], up: tuple[float, ...], steps: int) -> np.ndarray:
@@ -72,6 +76,30 @@ def test_what_lies_beyond_the_scan_shines_in_from_where_nothing_is_met() -> None
     patterns = opening_patterns(RayCaster(scan), positions, normals, np.random.default_rng(1))
     assert patterns[:, 0] == pytest.approx([1 - STEEP**2, STEEP**2, 0.0], abs=0.02)  # nearly all is open above
     assert patterns[:, 1] == pytest.approx([0.0, 0.0, 1.0])
+
+
+def test_a_lamp_that_looks_dark_beside_a_bright_window_was_off() -> None:
+    scan, shines = room_with_window()
+    lamps = [
+        Lamp(
+            name=name,
+            shape=Panel(0.4, 0.4),
+            center=np.array([x, 0.0, 0.05]),
+            normal=np.array([0.0, 0.0, 1.0]),
+            flux=Spectrum(wavelengths_nm=[400, 700], values=[1.0, 1.0]),
+        )
+        for name, x in (("dark", 1.0), ("lit", 3.0))
+    ]
+    shown = np.full((len(scan.faces), 3), 0.2)
+    known = ~shines
+    known[np.linalg.norm(scan.centers - [3.0, 0.0, 0.0], axis=1) < 0.4] = False
+    sources = find_unknown_sources(scan, shines)
+    lit, off = seen_lit(scan, shown, known, lamps, sources)
+    assert ([lamp.name for lamp in lit], off) == (["lit"], ("dark",))
+    nothing = np.ones_like(known)  # a picture that shows no light at all tells nothing of lamps
+    assert seen_lit(scan, shown, nothing, lamps, ()) == (tuple(lamps), ())
+    bright = seen_lit(scan, np.full_like(shown, 0.8), known, lamps, sources)
+    assert bright == (tuple(lamps), ())
 
 
 def lit_by_both(generator: np.random.Generator) -> tuple[LightEvidence, np.ndarray]:
