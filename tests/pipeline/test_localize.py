@@ -78,7 +78,7 @@ def test_nights_are_scored_within_and_across(folder: Path) -> None:
     assert "cannot be given in metres" in told
     assert "Each place was visited only once" in told
     table = pd.read_csv(folder / "score" / "nights.csv").set_index("test")["top 1 [%]"]
-    assert len(table) == 4 * (2 + 2 * 2)  # methods; nights within, and pairs against two references
+    assert len(table) == 5 * (2 + 2 * 2)  # methods; nights within, and pairs against two references
     assert table["one.csv, within the night, ridge"] > 90
     assert table["one.csv to two.csv, own reference, ridge"] > 90
     assert table["one.csv to two.csv, first night's reference, ridge"] < 60
