@@ -5,7 +5,8 @@
     FOLDER/office-day-1/plan.toml, room.toml, scan.glb, truth/   as in scenes/, the windows in the plan besides
 
 Truth is the room's at night: plan.toml has the windows as panes of dark glass. The windows' light in the picture, and
-all that is reflected, come from `virtual_rooms.day_light`, not from the product's trace. Each seed has its own exposure, white balance and tone curve.
+all that is reflected, come from `virtual_rooms.day_light`, not from the product's trace. Each seed has its own
+exposure, white balance and tone curve.
 """
 
 import argparse
