@@ -34,6 +34,7 @@ LOBES = 3
 OPEN_SHARE = 0.01  # [1] of all directions that leave the scan, from which what lies beyond is a source
 OPEN_RAYS = 256  # from a point
 PANE_M2 = 0.25  # [m²] of an upright source from which it is taken for a window's pane
+PANE_DEVIATION = 1.0  # [1] of its logarithm: a blind may be drawn when the map's light burns
 PANE_REFLECTANCE = 0.1  # [1] of a window as the room sees it at night: two panes reflect .15, the dark outside nothing
 VERTICAL = 0.5  # [1] of a normal's height, below which a source is upright, as windows are
 

@@ -1,4 +1,4 @@
-"""De-light a scan's colours, from the lamps' direct light (by Radiance) and the light between its surfaces.
+"""De-light a scan's colours, from the direct light of lamps and other sources and the light between its surfaces.
 
 `material.albedo` has the method; here its evidence is gathered (samples of the surfaces, form factors between them,
 direct light of the lamps), and its result is interpolated from the samples to all faces.
@@ -39,6 +39,7 @@ from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
 from lidarspectra.material.unknown_light import (
     OPEN_SHARE,
+    PANE_DEVIATION,
     PANE_REFLECTANCE,
     UnknownSource,
     beyond_scan,
@@ -211,7 +212,7 @@ def take_light_out(
         caster, len(scan.faces), samples.positions, samples.normals, rays=RAYS, generator=generator
     )
     open_share = float(exchange[:, [-1]].mean())
-    if open_share > OPEN_SHARE and (sources or lamps):
+    if open_share > OPEN_SHARE:
         sources = (*sources, beyond_scan(open_share))
         patterns.append(opening_patterns(caster, samples.positions, samples.normals, generator))
         exchange = _closed(exchange)
@@ -254,14 +255,16 @@ def take_light_out(
     face_color = _face_reflectance(evidence, fit, spread)
     face_color[~known] = 1.0
     sources = _shines(sources, fit, scan, spread @ fit.irradiance)
+    face_deviation = np.asarray(spread @ fit.log_deviation, dtype=np.float64)
     for source in sources:
         if source.is_pane:
             face_color[source.faces] = PANE_REFLECTANCE
+            face_deviation[source.faces] = PANE_DEVIATION
     progress(1.0, "light taken out")
     fluxes = () if fluxes_stated else estimated_fluxes([lamp.name for lamp in lamps], fit, identifiable)
     return Delighting(
         face_color=face_color,
-        face_deviation=np.asarray(spread @ fit.log_deviation, dtype=np.float64),
+        face_deviation=face_deviation,
         fit=fit,
         words=fit_in_words(fit),
         warnings=(
@@ -410,7 +413,8 @@ def _witnesses(evidence: LightEvidence) -> int:
 def _lamp_cones(lamps: Sequence[Lamp]) -> FloatArray:
     """(lamp, 3) flux in cones."""
     daylight, weights = lamp_spectrum("D65").spectrum, tristimulus_table()
-    return np.stack([cones_of_light(lamp.flux, daylight, COLOR_GRID_NM, weights) for lamp in lamps])
+    cones = [cones_of_light(lamp.flux, daylight, COLOR_GRID_NM, weights) for lamp in lamps]
+    return np.array(cones, dtype=np.float64).reshape(len(lamps), 3)
 
 
 def _neutral(ceiling: BoolArray, reflectance: FloatArray) -> BoolArray:

@@ -1,22 +1,18 @@
 """A wall behind a door, and walls scanned twice: what is before them has its own light, so its own reflectance."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import lidarspectra as ls
-from lidarspectra.arrays import FloatArray
-from lidarspectra.geometry.rays import RayCaster
-from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.light_exchange import exchange_matrix
-from lidarspectra.radiance.sampling.direct_light import direct_coefficients
 from lidarspectra.room.room import find_room
-from lidarspectra.spectra.colorimetry import encode_srgb
 from lidarspectra.workflow.delighting import take_light_out
+
+from .lit_rooms import Part, all_light, joined, lamp_light, painted, plane
 
 pytestmark = pytest.mark.slow  # a room photographed by radiosity and de-lit, twice
 
@@ -28,18 +24,7 @@ FLOOR, WALLS, CEILING, OF_DOOR = 0.25, 0.7, 0.8, 0.33
 EXPOSURE = 0.004
 
 
-def plane(corner: FloatArray, along: FloatArray, across: FloatArray, edge_m: float) -> tuple[FloatArray, FloatArray]:
-    """Vertices and faces of a rectangle, facing along x across; triangles of this size."""
-    n, m = (max(1, round(float(np.linalg.norm(side)) / edge_m)) for side in (along, across))
-    u, v = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, m + 1), indexing="ij")
-    points = corner + u[..., None] * along + v[..., None] * across
-    index = np.arange((n + 1) * (m + 1)).reshape(n + 1, m + 1)
-    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    faces = np.concatenate([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]).reshape(-1, 3)
-    return points.reshape(-1, 3), faces
-
-
-def surfaces(wall_edge_m: float) -> list[tuple[float, tuple[FloatArray, FloatArray]]]:
+def surfaces(wall_edge_m: float) -> list[Part]:
     """Reflectance and mesh of the room's surfaces; the door, the last one, hangs before the wall at y = 0."""
     x, y, z = np.diag([LENGTH_M, WIDTH_M, HEIGHT_M])
     zero = np.zeros(3)
@@ -58,25 +43,12 @@ def surfaces(wall_edge_m: float) -> list[tuple[float, tuple[FloatArray, FloatArr
 def photographed(wall_edge_m: float, lamps: list[Lamp], folder: Path) -> Scan:
     """The lit room as a camera shows it."""
     parts = surfaces(wall_edge_m)
-    starts = np.cumsum([0, *(len(vertices) for _, (vertices, _) in parts)])
-    faces = np.concatenate([mesh + start for (_, (_, mesh)), start in zip(parts, starts, strict=False)])
-    scan = bare_scan(np.concatenate([vertices for _, (vertices, _) in parts]), faces)
-    member = np.repeat(np.arange(len(parts)), [len(mesh) for _, (_, mesh) in parts])
-    reflectance = np.array([value for value, _ in parts])[member]
-    places = scan.centers + 1e-3 * scan.normals
-    direct = direct_coefficients(scan, lamps, places, scan.normals, folder).sum(axis=0)
-    shares = exchange_matrix(
-        RayCaster(scan), len(scan.faces), places, scan.normals, rays=512, generator=np.random.default_rng(1)
-    )[:, :-1]
-    light = direct
-    for _ in range(40):
-        light = direct + shares @ (reflectance * light)
-    seen = reflectance * light
+    scan, member, reflectance = joined(parts)
+    direct = lamp_light(scan, lamps, folder)
+    seen = reflectance * all_light(scan, reflectance, direct)
     behind = (member == 5) & (scan.centers[:, 0] > DOOR[0]) & (scan.centers[:, 0] < DOOR[1])
     seen[behind & (scan.centers[:, 2] < DOOR[2])] = seen[member == 6].mean()  # the camera paints it like the door
-    color = encode_srgb(np.clip(EXPOSURE / direct.mean() * 60.0 * seen, 0.0, 1.0))
-    corner_color = np.repeat(np.repeat(color[:, None, None], 3, axis=1), 3, axis=2)
-    return replace(scan, appearance=replace(scan.appearance, corner_color=corner_color, known=True, color_source=None))
+    return painted(scan, EXPOSURE / direct.mean() * 60.0 * seen)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,134 @@
+"""A room photographed by day: its window's light is taken out with the lamps', or alone."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lidarspectra as ls
+from lidarspectra.arrays import BoolArray, FloatArray
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.material.light_exchange import cosine_directions
+from lidarspectra.material.unknown_light import PANE_REFLECTANCE
+from lidarspectra.room.room import find_room
+from lidarspectra.workflow.delighting import Delighting, take_light_out
+
+from .lit_rooms import OFF_M, all_light, joined, lamp_light, painted, plane
+
+pytestmark = pytest.mark.slow  # rooms photographed by radiosity and de-lit, each some seconds
+
+LENGTH_M, WIDTH_M, HEIGHT_M = 4.4, 3.2, 2.6
+EDGE_M = 0.2
+FLOOR, WALLS, CEILING, DESK, DARK = 0.25, 0.5, 0.8, 0.85, 0.12
+WINDOW = (1.0, 2.2, 0.9, 2.1)  # [m] from y to y, from z to z, in the wall at x = 0
+GROUND = 0.15  # [1] radiance of the ground over the sky's
+RAYS = 512
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Room:
+    """A scan, what is true of it, and where its window is."""
+
+    scan: Scan
+    reflectance: FloatArray
+    window: BoolArray
+    desk: BoolArray
+    lamps: list[Lamp]
+
+
+def room(folder: Path, *, day: float, lit: float, bright: float = 0.85) -> Room:
+    """A room in the light of a window, `day` times the lamps' flux, and of the lamps; all but `1 - bright` unclipped."""
+    x, y, z = np.diag([LENGTH_M, WIDTH_M, HEIGHT_M])
+    zero = np.zeros(3)
+    scan, member, reflectance = joined(
+        [
+            (FLOOR, plane(zero, x, y, EDGE_M)),
+            (CEILING, plane(z, y, x, EDGE_M)),
+            (WALLS, plane(zero, y, z, EDGE_M)),
+            (WALLS, plane(x, z, y, EDGE_M)),
+            (WALLS, plane(y, x, z, EDGE_M)),
+            (WALLS, plane(zero, z, x, EDGE_M)),
+            (DESK, plane(np.array([0.3, 1.0, 0.75]), np.array([0.8, 0, 0]), np.array([0, 1.2, 0]), EDGE_M)),
+            (DESK, plane(np.array([0.3, 1.0, 0.72]), np.array([0, 1.2, 0]), np.array([0.8, 0, 0]), EDGE_M)),
+            (DARK, plane(np.array([3.6, 0.1, 1.1]), np.array([0, 0, 1.0]), np.array([0.7, 0, 0]), EDGE_M)),
+        ]
+    )
+    at = scan.centers
+    window = (
+        (member == 2)
+        & (at[:, 1] > WINDOW[0])
+        & (at[:, 1] < WINDOW[1])
+        & (at[:, 2] > WINDOW[2])
+        & (at[:, 2] < WINDOW[3])
+    )
+    reflectance[window] = 0.0
+    lamps = [
+        ls.make_lamp("panel", (at_x, 1.6, 2.5), name=f"{at_x}", size=0.6, spectrum="LED-B3", luminous_flux_lm=3000)
+        for at_x in (1.4, 3.0)
+    ]
+    ways = cosine_directions(scan.normals, RAYS, np.random.default_rng(2))
+    hits = RayCaster(scan).nearest(np.repeat(at + OFF_M * scan.normals, RAYS, axis=0), ways.reshape(-1, 3))
+    radiance = np.where(ways[..., 2] > 0, 1.0, GROUND) * (window[hits.face] & hits.met).reshape(len(at), RAYS)
+    sky = radiance.mean(axis=1)
+    flux_of_sky = scan.areas[window].sum() * 0.5 * (1.0 + GROUND)
+    direct = lit * lamp_light(scan, lamps, folder) + day * len(lamps) * sky / flux_of_sky
+    seen = reflectance * all_light(scan, reflectance, direct)
+    exposed = seen / np.quantile(seen, bright)
+    picture = painted(scan, 0.8 * exposed, window if day > 0 else None)
+    return Room(scan=picture, reflectance=reflectance, window=window, desk=(member == 6), lamps=lamps)
+
+
+def error(made: Room, found: Delighting) -> float:
+    """Mean absolute error of reflectance over the area that shows a surface."""
+    assert found.face_color is not None
+    counts = ~made.window & (made.scan.face_colors().max(axis=1) < 0.97)
+    apart = np.abs(found.face_color.mean(axis=1) - made.reflectance)
+    return float(np.average(apart[counts], weights=made.scan.areas[counts]))
+
+
+def de_lit(made: Room, lamps: list[Lamp]) -> Delighting:
+    return take_light_out(made.scan, find_room(made.scan), lamps, workers=2)
+
+
+@pytest.mark.parametrize(("day", "lit"), [(2.0, 1.0), (0.7, 1.0)])
+def test_a_window_beside_lamps_leaves_the_reflectances_right(tmp_path: Path, day: float, lit: float) -> None:
+    made = room(tmp_path, day=day, lit=lit)
+    found = de_lit(made, made.lamps)
+    assert error(made, found) < 0.05
+    assert found.face_color is not None
+    assert found.face_deviation is not None
+    assert found.face_color[made.window] == pytest.approx(PANE_REFLECTANCE)
+    assert (found.face_deviation[made.window] >= 1.0).all()  # a blind may be drawn, or the night be bright
+    assert any("no lamp of the run file" in warning for warning in found.warnings)
+
+
+def test_a_room_in_which_all_lamps_were_off_is_lit_by_its_window(tmp_path: Path) -> None:
+    made = room(tmp_path, day=1.0, lit=0.0)
+    found = de_lit(made, [])
+    assert error(made, found) < 0.05
+    assert found.fit is not None
+    assert found.fit.other == pytest.approx(found.fit.straight)
+
+
+def test_white_paint_that_is_cut_at_white_stays_paint(tmp_path: Path) -> None:
+    """The desk below the window, and much of the ceiling, are as white in the picture as the window."""
+    made = room(tmp_path, day=2.0, lit=1.0, bright=0.55)
+    assert (made.scan.face_colors()[made.desk].min(axis=1) > 0.97).all()
+    found = de_lit(made, made.lamps)
+    assert found.face_color is not None
+    assert (found.face_color[made.desk] > 2 * PANE_REFLECTANCE).all()
+    assert found.face_color[made.window] == pytest.approx(PANE_REFLECTANCE)
+
+
+def test_a_picture_by_night_has_no_source_but_its_lamps(tmp_path: Path) -> None:
+    made = room(tmp_path, day=0.0, lit=1.0)
+    found = de_lit(made, made.lamps)
+    assert found.face_color is not None
+    assert not found.warnings
+    white = made.scan.face_colors().min(axis=1) > 0.97  # ceiling and desk: where something might have shone
+    assert white.any()
+    assert (found.face_color[white] > 4 * PANE_REFLECTANCE).all()
+    assert error(made, found) < 0.05
