@@ -40,7 +40,7 @@ class Room:
 
 
 def room(folder: Path, *, day: float, lit: float, bright: float = 0.85) -> Room:
-    """A room in the light of a window, `day` times the lamps' flux, and of the lamps; all but `1 - bright` unclipped."""
+    """A room lit by its lamps and `day` times their flux from a window; .8 shows the quantile `bright` of its light."""
     x, y, z = np.diag([LENGTH_M, WIDTH_M, HEIGHT_M])
     zero = np.zeros(3)
     scan, member, reflectance = joined(
