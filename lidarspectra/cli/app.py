@@ -154,12 +154,17 @@ def _run(
     last: StageName = "report",
     workers: int | None = None,
     cluster: str | None = None,
+    lines: bool = False,
 ) -> "RunSummary":
     from lidarspectra.config import read_run_file
 
     read_run_file(run_file)  # report a mistake in it before the libraries load, which takes seconds
     from lidarspectra.workflow.pipeline import run
 
+    if lines:
+        from lidarspectra.workflow.progress_printer import ProgressPrinter
+
+        return run(run_file, out, first=first, last=last, workers=workers, cluster=cluster, listener=ProgressPrinter())
     columns = (
         SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}"),
         TimeElapsedColumn(),
@@ -195,12 +200,19 @@ def run_command(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Check, print which stages would run, and run none: as 'check' does.")
     ] = False,
+    lines: Annotated[
+        bool,
+        typer.Option(
+            "--lines",
+            help="Progress as lines on standard error ('42 %  trace: ...'), for programs that start this one.",
+        ),
+    ] = False,
 ) -> None:
     """Make maps and a report from a run file, by all stages that are not up to date."""
     if dry_run:
         _check(run_file, out, first=start, workers=workers, cluster=cluster)
         return
-    _show_summary(_run(run_file, out, first=start, workers=workers, cluster=cluster))
+    _show_summary(_run(run_file, out, first=start, workers=workers, cluster=cluster, lines=lines))
 
 
 @app.command("check")

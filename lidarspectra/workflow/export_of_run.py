@@ -1,4 +1,4 @@
-"""A finished run as files of other programs: GLB and USDZ for viewers, VTK for ParaView."""
+"""A finished run as files of other programs: GLB and USDZ for viewers, VTK for ParaView, arrays for Blender."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError, WorkspaceError
 from lidarspectra.geometry.scan import Scan, load_scan
+from lidarspectra.mapping.export.blender import BLENDER_FILE, save_blender_room
 from lidarspectra.mapping.export.gltf import save_glb
 from lidarspectra.mapping.export.lit_room import TexturedMesh, legend_mesh, map_mesh, room_mesh
 from lidarspectra.mapping.export.vtk import save_vtu
@@ -23,11 +24,12 @@ from lidarspectra.mapping.photometry.quantities import light_quantities
 from lidarspectra.mapping.report.room_view import point_triangles
 from lidarspectra.material.material_map import MaterialMap, load_materials
 from lidarspectra.room.room import load_room
+from lidarspectra.workflow.blender_of_run import blender_room
 from lidarspectra.workflow.light_of_run import light_of_run
 from lidarspectra.workflow.workspace import made_folder, require_stage
 
-Kind = Literal["glb", "usdz", "vtk"]
-KINDS: tuple[Kind, ...] = ("glb", "usdz", "vtk")
+Kind = Literal["glb", "usdz", "vtk", "blender"]
+KINDS: tuple[Kind, ...] = ("glb", "usdz", "vtk", "blender")
 CEILING_M = 0.15  # [m] surfaces so close under the ceiling are its own, with its lamps
 ILLUMINANCE = "illuminance_lx"
 
@@ -51,7 +53,7 @@ def export_run(run: Path, kinds: Sequence[Kind], *, quantity: str | None, out: P
     ----------
     run : Path
         A finished run.
-    kinds : sequence of 'glb', 'usdz', 'vtk'
+    kinds : sequence of 'glb', 'usdz', 'vtk', 'blender'
     quantity : str or None
         In false colour in GLB and USDZ: a name of `light_quantities`, or a channel's label ('560'); the illuminance by
         default, or the channel nearest 560 nm where the channels do not cover V(λ).
@@ -69,10 +71,14 @@ def export_run(run: Path, kinds: Sequence[Kind], *, quantity: str | None, out: P
     """
     if "usdz" in kinds:
         _require_usd()
-    shown = _read(run)
-    chosen = _chosen(shown, quantity)
     folder = made_folder(out)
     files: list[Path] = []
+    if "blender" in kinds:
+        files.append(save_blender_room(blender_room(run), folder / BLENDER_FILE))
+        if len(kinds) == 1:
+            return tuple(files)
+    shown = _read(run)
+    chosen = _chosen(shown, quantity)
     if "glb" in kinds or "usdz" in kinds:
         meshes = lit_meshes(shown.scan, shown.ceiling_z, shown.light_map, shown.values[chosen], shown.words[chosen])
         stem = f"room-{re.sub(r'[^A-Za-z0-9]+', '-', chosen)}"

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from lidarspectra.cli.app import app
 from lidarspectra.errors import LidarSpectraError
+from lidarspectra.mapping.maps.map_files import load_map
 from lidarspectra.progress import Progress, silent
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.workflow import trace_notes
@@ -167,6 +168,36 @@ def test_a_run_is_exported_for_other_programs(finished: Path, tmp_path: Path) ->
     answer = CliRunner().invoke(app, [*words, "--quantity", "brightness"])
     assert isinstance(answer.exception, LidarSpectraError)
     assert "illuminance_lx" in str(answer.exception)
+
+
+def test_the_lamps_shares_in_the_file_for_blender_sum_up_to_the_map(finished: Path, tmp_path: Path) -> None:
+    from lidarspectra.workflow.relighting import LampOrder, relight_run
+
+    run_folder = finished.with_suffix(".run")
+    answer = CliRunner().invoke(app, ["export", str(run_folder), "--blender", "--out", str(tmp_path)])
+    assert answer.exit_code == 0, answer.output
+    with np.load(tmp_path / "room.npz", allow_pickle=False) as held:
+        about = json.loads(str(held["about"]))
+        names = [layer["name"] for layer in about["layers"]]
+        lamps = [lamp["name"] for lamp in about["lamps"]]
+        shares, faces, face_material = held["shares"].astype(float), held["faces"], held["face_material"]
+    light = load_map(run_folder / "6-map" / "map.nc")
+    channels = [names.index(f"E_{label}") for label in light["band_label"].to_numpy()]
+    # of single precision, 6e-8 a lamp
+    assert shares.sum(axis=0)[:, channels] == pytest.approx(light["irradiance"].to_numpy(), rel=1e-6)
+    assert shares.sum(axis=0)[:, names.index("illuminance_lx")] == pytest.approx(light["illuminance"], rel=1e-6)
+    dimmed = relight_run(run_folder, [LampOrder(lamp="warm", dim=0.25)], base=tmp_path)
+    factors = [0.25 if name == "warm" else 1.0 for name in lamps]
+    assert np.einsum("l,lpk->pk", factors, shares)[:, channels] == pytest.approx(dimmed["irradiance"].data, rel=1e-6)
+    assert len(faces) == len(face_material)
+    assert face_material.max() < len(about["materials"])
+
+
+def test_progress_is_told_in_lines_to_programs_that_ask_for_it(finished: Path) -> None:
+    answer = CliRunner().invoke(app, ["run", str(finished), "--lines"])
+    assert answer.exit_code == 0, answer.output
+    assert "trace is up to date: " in answer.stderr
+    assert "trace is up to date: " not in answer.stdout  # where the tables are
 
 
 def test_giving_what_was_assumed_traces_nothing_again_and_ends_the_note(
