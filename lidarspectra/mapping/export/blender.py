@@ -1,7 +1,7 @@
 """A run as one file of plain arrays, which the Blender extension reads: NumPy is all that Blender's Python has.
 
-`room.npz` holds the surfaces, the sensor points, and each lamp's share of every quantity at every point, so that whoever
-reads it dims lamps by a sum: Q = Σ_lamp dim x share. What is not an array stands in `about`, a JSON text.
+`room.npz` holds the surfaces, the sensor points, and each lamp's share of every quantity at every point, so that
+whoever reads it dims lamps by a sum: Q = Σ_lamp dim x share. What is not an array stands in `about`, a JSON text.
 """
 
 import io
@@ -78,7 +78,7 @@ class BlenderRoom:
     lamps : tuple of Lamp
         In the order of `shares`.
     dims : tuple of float or None
-        What the run file dims each lamp to; None for a lamp that is not in its `[[lamps]]` (found in the scan, daylight).
+        What the run file dims each lamp to; None for a lamp found in the scan, and for daylight.
     materials : tuple of Material
     lamp_spectra, reflectances : tuple of str
         Names of the databases, to choose from.
