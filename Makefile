@@ -7,7 +7,7 @@ BIN := .venv/bin
 endif
 JOBS ?= auto
 
-.PHONY: demo test quick coverage test-lowest fuzz lint hooks docs experiments setup setup-test clean
+.PHONY: demo test quick coverage test-lowest fuzz lint hooks docs experiments blender test-blender setup setup-test clean
 
 setup: .venv/.installed
 setup-test: .venv/.installed-test
@@ -60,6 +60,22 @@ test-lowest:
 hooks: setup-test
 	$(BIN)/pre-commit install
 
+# The Blender extension as a zip in dist, checked; needs nothing but Python.
+blender:
+	$(PYTHON) blender/build.py dist
+
+# Its tests in Blender's Python, with the program of .venv: 1 GB, and the Python that this Blender has (5.0 and before: 3.11).
+BPY ?= 4.5.1
+BLENDER_PYTHON ?= $(PYTHON)
+BLENDER_BIN := .venv-blender-$(BPY)/$(notdir $(BIN))
+.venv-blender-$(BPY)/.installed:
+	$(BLENDER_PYTHON) -m venv .venv-blender-$(BPY)
+	$(BLENDER_BIN)/python -m pip install --quiet bpy==$(BPY) "pytest>=8.3"
+	$(BLENDER_BIN)/python -c "open('.venv-blender-$(BPY)/.installed', 'w').close()"
+
+test-blender: setup .venv-blender-$(BPY)/.installed
+	$(BLENDER_BIN)/python -m pytest -c blender/pytest.ini blender/tests
+
 # 10,000 damaged files for every reader: an hour or more on two cores; FUZZ="--only glb" for one (tests/fuzz/campaign.py).
 fuzz: setup-test
 	$(BIN)/python tests/fuzz/campaign.py $(FUZZ)
@@ -72,4 +88,4 @@ experiments: setup-test
 	$(BIN)/python -m research.benchmarks.experiments $(QUICK)
 
 clean:
-	$(PYTHON) -c "import shutil; [shutil.rmtree(name, ignore_errors=True) for name in ('.venv', '.venv-lowest')]"
+	$(PYTHON) -c "import glob, shutil; [shutil.rmtree(name, ignore_errors=True) for name in glob.glob('.venv*')]"

@@ -18,7 +18,7 @@ WIDTH = 22  # [1] characters of the column of names
 
 
 def drawing_lines(project: Path) -> Iterator[str]:
-    """The drawing of a checkout, line by line: the package from its top floor to the ground, then research."""
+    """The drawing of a checkout, line by line: the package from top floor to ground, then what stands beside it."""
     package = project / "lidarspectra"
     levels = floors(project)
     for number in range(len(levels), 0, -1):
@@ -29,6 +29,8 @@ def drawing_lines(project: Path) -> Iterator[str]:
             yield _line(" 0  ", path.name, path)
     yield ""
     yield from _folder_lines(project / "research", "    ")
+    yield ""
+    yield from _folder_lines(project / "blender", "    ")
 
 
 def floors(project: Path) -> tuple[tuple[str, ...], ...]:

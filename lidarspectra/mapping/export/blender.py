@@ -147,6 +147,7 @@ def _about(room: BlenderRoom) -> dict[str, Any]:
                 "name": material.name,
                 "category": material.category,
                 "source": material.source,
+                "provenance": material.provenance,
                 "specularity": material.specularity,
                 "roughness": material.roughness,
                 "color": colors[number].tolist(),

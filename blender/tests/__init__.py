@@ -1,0 +1,1 @@
+"""Tests of the extension in Blender's Python: `make test-blender`."""
