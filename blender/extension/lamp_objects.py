@@ -48,7 +48,7 @@ def show_lamps_of_run(scene: Any, room: RoomFile) -> None:
             if lamp["shape"] == NO_SUN:
                 continue  # it comes through the windows, and is dimmed with none
             table = {key: lamp[key] for key in ("name", "shape", "center", "normal", "rotation_deg", "size")}
-            table |= {key: lamp[key] for key in ("luminous_flux_lm", "beam_angle_deg") if lamp[key]}
+            table |= {key: lamp[key] for key in ("luminous_flux_lm", "beam_angle_deg", "dim") if lamp[key]}
             thing = make_lamp(scene, table)
             thing.lidarspectra.in_run_file = False
         settings = thing.lidarspectra
@@ -85,14 +85,14 @@ def make_lamp(scene: Any, table: Table) -> Any:
     return thing
 
 
-def table_of(thing: Any, folder: Path) -> Table:
+def table_of(thing: Any, folder: Path, before: Path) -> Table:
     """A lamp's table of the run file, as it is now.
 
     Parameters
     ----------
     thing : bpy.types.Object
-    folder : Path
-        Of the run file, where names of files start.
+    folder, before : Path
+        Of the run file, where names of files start: as it is written, and as it was read.
     """
     settings, light = thing.lidarspectra, thing.data
     original: Table = json.loads(settings.original) if settings.original else {}
@@ -108,12 +108,12 @@ def table_of(thing: Any, folder: Path) -> Table:
         "normal": original.get("normal", DEFAULTS["normal"]) if settings.shape in WITHOUT_AXIS else normal.tolist(),
         "rotation_deg": original.get("rotation_deg", 0.0) if settings.shape in ROUND else rotation_of(normal, length),
         "beam_angle_deg": math.degrees(light.spot_size) if settings.shape == "spot" and light.type == "SPOT" else None,
-        "spectrum": _file_name(settings.spectrum, folder) or None,
+        "spectrum": _file_name(settings.spectrum, folder, before) or None,
         "cct_k": None if settings.spectrum else settings.cct_k,
         "luminous_flux_lm": settings.luminous_flux_lm or None,
         "dim": settings.dim,
         "dim_in_scan": settings.dim_in_scan,
-        "file": _file_name(settings.file, folder) if settings.shape == "ies" else None,
+        "file": _file_name(settings.file, folder, before) if settings.shape == "ies" else None,
     }
     return merged(original, now)
 
@@ -177,11 +177,13 @@ def _size(thing: Any, scale: Any, original: Table) -> Any:
     return [length, width * float(scale[1])]
 
 
-def _file_name(name: str, folder: Path) -> str:
+def _file_name(name: str, folder: Path, before: Path) -> str:
     """A name of a database as it is; a file's path relative to the run file's folder where it is in it."""
     if not name:
         return ""
     path = Path(bpy.path.abspath(name))
     if not path.is_absolute():
-        return name
+        if folder == before or not (before / name).is_file():
+            return name
+        path = before / name
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)

@@ -1,5 +1,7 @@
 """Meshes, their attributes and materials, from arrays."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
@@ -46,6 +48,20 @@ def set_colors(mesh: Any, name: str, domain: str, colors: Floats) -> None:
     mesh.color_attributes[name].data.foreach_set("color", np.ascontiguousarray(colors, dtype=np.float32).ravel())
     mesh.color_attributes.active_color = mesh.color_attributes[name]
     mesh.update()
+
+
+@contextmanager
+def whole_mesh(thing: Any) -> Iterator[Any]:
+    """A mesh object's mesh with its attributes, which Blender hides while it is edited: a copy of it then."""
+    if thing.mode != "EDIT":
+        yield thing.data
+        return
+    thing.update_from_editmode()
+    mesh = thing.data.copy()
+    try:
+        yield mesh
+    finally:
+        bpy.data.meshes.remove(mesh)
 
 
 def values_of(mesh: Any, name: str, dtype: type[np.generic] = np.int32) -> NDArray[Any] | None:

@@ -69,12 +69,13 @@ class LIDARSPECTRA_OT_import_scan(FileOperator, ImportHelper):
         else:
             import_scan(scene, scan, unit=self.unit, up=self.up)
             options = [f"--unit={self.unit}", f"--up={self.up}"]  # '-z' would be read as an option of its own
-            running.start(
-                context,
-                ["init", str(scan), *options],
-                "looking through the scan",
-                lambda: open_run_file(scene, run_file),
-            )
+            try:
+                running.start(
+                    context, ["init", str(scan), *options], "looking through the scan",
+                    lambda: open_run_file(scene, run_file),
+                )  # fmt: skip
+            except ExtensionError as fault:
+                scene.lidarspectra.message = f"The scan is here, but its run file could not be made. {fault}"
 
 
 class LIDARSPECTRA_OT_open_run_file(FileOperator, ImportHelper):

@@ -7,7 +7,7 @@ import numpy as np
 
 from . import legend
 from .collections_of_scene import emptied, put
-from .meshes import LIGHT, mesh_of, set_colors, set_values, shining_material, surface_material, values_of
+from .meshes import LIGHT, mesh_of, set_colors, set_values, shining_material, surface_material, values_of, whole_mesh
 from .painting import MAP, POINTS, ROLE, object_of, repaint
 from .room_file import Floats, RoomFile
 
@@ -63,12 +63,12 @@ def assignments(scene: Any) -> tuple[Any, Any, Any, list[str]] | None:
     thing = next((each for each in _things(scene, "Room") if each.get(ROLE) == ROOM), None)
     if thing is None:
         return None
-    thing.update_from_editmode()
-    face, before = values_of(thing.data, FACE), values_of(thing.data, SLOT)
+    with whole_mesh(thing) as mesh:
+        face, before = values_of(mesh, FACE), values_of(mesh, SLOT)
+        slot = np.empty(len(mesh.polygons), dtype=np.int32)
+        mesh.polygons.foreach_get("material_index", slot)
     if face is None or before is None:
         return None
-    slot = np.empty(len(thing.data.polygons), dtype=np.int32)
-    thing.data.polygons.foreach_get("material_index", slot)
     names = [
         "" if held.material is None else held.material.lidarspectra.reflectance.strip() for held in thing.material_slots
     ]
@@ -105,7 +105,7 @@ def _show_points(scene: Any, room: RoomFile) -> None:
     radius = np.clip(MARK_SHARE * _spacing(points), *MARK_M)
     rim = np.cos(turn)[:, None] * along[:, None] + np.sin(turn)[:, None] * across[:, None]
     places = points[:, None] + radius * rim + 2 * LIFT_M * normals[:, None]
-    faces = np.arange(len(points) * corners).reshape(-1, corners)[:, ::-1]
+    faces = np.arange(len(points) * corners).reshape(-1, corners)
     thing = bpy.data.objects.new(POINTS, mesh_of(POINTS, places.reshape(-1, 3), faces))
     thing.data.materials.append(shining_material("LiDARSpectra light", LIGHT))
     set_values(thing.data, "point", "INT", "POINT", np.repeat(np.arange(len(points), dtype=np.int32), corners))

@@ -1,5 +1,6 @@
 """The run file of a scene: opened as objects, and written with what was changed in them."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,7 @@ import bpy
 
 from .collections_of_scene import found
 from .faults import ExtensionError
-from .lamp_objects import lamps_of_scene, show_lamps, table_of
+from .lamp_objects import lamps_of_scene, name_of, show_lamps, table_of
 from .lamp_tables import Table, tidy
 from .loaded import run_file_of_scene
 from .material_table import assignments_table
@@ -67,7 +68,9 @@ def write_run_file(scene: Any, path: Path) -> list[Path]:
         text, content = _moved(content, source.parent)
     tables: dict[Path, str] = {}
     changes: dict[str, Any] = {}
-    lamps = [table_of(thing, path.parent) for thing in lamps_of_scene(scene) if thing.lidarspectra.in_run_file]
+    lamps = [
+        table_of(thing, path.parent, source.parent) for thing in lamps_of_scene(scene) if thing.lidarspectra.in_run_file
+    ]
     _no_name_twice(lamps)
     if lamps or "lamps" in content:
         changes["lamps"] = _in_order(lamps, content.get("lamps", []))
@@ -88,15 +91,14 @@ def write_run_file(scene: Any, path: Path) -> list[Path]:
 
 def _remember(scene: Any, path: Path) -> None:
     """What was written is what the next one is compared with."""
-    import json
-
     scene.lidarspectra.run_file = str(path)
     held = {table["name"]: table for table in read_run_file(path)[1].get("lamps", [])}
     for thing in lamps_of_scene(scene):
         settings = thing.lidarspectra
-        table = held.get(table_of(thing, path.parent)["name"])
+        table = held.get(name_of(thing))
         if settings.in_run_file and table is not None:
             settings.original = json.dumps(table)
+            settings.spectrum, settings.file = str(table.get("spectrum") or ""), str(table.get("file") or "")
 
 
 def _no_name_twice(lamps: list[Table]) -> None:

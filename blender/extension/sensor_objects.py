@@ -8,7 +8,7 @@ import numpy as np
 
 from .collections_of_scene import collection, emptied, found, put
 from .faults import ExtensionError
-from .meshes import mesh_of, set_values, values_of
+from .meshes import mesh_of, set_values, values_of, whole_mesh
 from .room_file import Floats
 from .sensor_points import grid_on_triangles
 
@@ -59,14 +59,12 @@ def grid_on_selected_faces(scene: Any, thing: Any, spacing_m: float) -> Any:
     thing.update_from_editmode()
     shape = bmesh.new()
     shape.from_mesh(thing.data)
-    chosen = [face for face in shape.faces if face.select]
-    place = np.array(thing.matrix_world)
-    area = sum((np.array(face.normal) * face.calc_area() for face in chosen), np.zeros(3))
-    bmesh.ops.triangulate(shape, faces=chosen)
-    corners = np.array([[vertex.co[:] for vertex in face.verts] for face in shape.faces if face.select]).reshape(
-        -1, 3, 3
-    )
+    bmesh.ops.delete(shape, geom=[face for face in shape.faces if not face.select], context="FACES_ONLY")
+    bmesh.ops.triangulate(shape, faces=shape.faces)
+    area = sum((np.array(face.normal) * face.calc_area() for face in shape.faces), np.zeros(3))
+    corners = np.array([[vertex.co[:] for vertex in face.verts] for face in shape.faces]).reshape(-1, 3, 3)
     shape.free()
+    place = np.array(thing.matrix_world)
     normal = np.linalg.inv(place[:3, :3]).T @ area
     if np.linalg.norm(normal) > 0:
         normal /= np.linalg.norm(normal)
@@ -112,13 +110,12 @@ def sensors_of_scene(scene: Any) -> tuple[Floats, Floats]:
 
 def _lines(thing: Any) -> tuple[Floats, Floats]:
     """Feet and tips of a mesh's lines, in its own coordinates."""
-    thing.update_from_editmode()
-    mesh = thing.data
-    places = np.empty(3 * len(mesh.vertices), dtype=np.float32)
-    mesh.vertices.foreach_get("co", places)
-    edges = np.empty(2 * len(mesh.edges), dtype=np.int32)
-    mesh.edges.foreach_get("vertices", edges)
-    foot = values_of(mesh, FOOT)
+    with whole_mesh(thing) as mesh:
+        places = np.empty(3 * len(mesh.vertices), dtype=np.float32)
+        mesh.vertices.foreach_get("co", places)
+        edges = np.empty(2 * len(mesh.edges), dtype=np.int32)
+        mesh.edges.foreach_get("vertices", edges)
+        foot = values_of(mesh, FOOT)
     ends = edges.reshape(-1, 2)
     if foot is not None:
         ends = np.where(foot[ends[:, :1]] > 0, ends, ends[:, ::-1])
