@@ -79,6 +79,8 @@ class LampSection(Section):
     dim: Fraction = 1.0
     dim_in_scan: Fraction = 1.0
     """Factor on the flux while the room was scanned; 0 where it was off."""
+    flux_deviation: Annotated[float, Field(gt=0, lt=1)] | None = None
+    """Relative standard deviation of the flux; None is that of data sheets, or of guesses where it is assumed. [1]"""
     file: str | None = None
     """IES LM-63 or EULUMDAT (.ldt) file, for shape 'ies'."""
     assumed: bool | tuple[Literal["flux", "spectrum"], ...] = False

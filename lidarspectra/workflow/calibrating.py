@@ -18,25 +18,21 @@ from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.measured_readings import Scale, Unit
 from lidarspectra.io.files import write_whole
 from lidarspectra.mapping.calibration.model import (
-    ASSUMED_FLUX_SD,
-    FLUX_SD,
     LOCAL_SD,
-    REFLECTANCE_SD,
     LightModel,
     Observations,
     Priors,
     error_covariance,
-    error_scale,
 )
 from lidarspectra.mapping.calibration.model_error import fit_with_model_error
 from lidarspectra.mapping.calibration.posterior import Posterior, disagreement
 from lidarspectra.mapping.figures.tables import Table, save_table
+from lidarspectra.mapping.maps.light_unknowns import error_scale
 from lidarspectra.mapping.maps.visible_bands import covers_vision
 from lidarspectra.mapping.photovoltaics.cells import find_cell
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport
 from lidarspectra.room.sensor_points import SensorPoints
-from lidarspectra.room.surface_parts import PARTS
 from lidarspectra.workflow.calibration_doubts import doubts, require_inside, require_light
 from lidarspectra.workflow.calibration_light import (
     RunRoom,
@@ -56,9 +52,9 @@ from lidarspectra.workflow.calibration_results import (
     untold,
 )
 from lidarspectra.workflow.calibration_spectra import spectra_told
+from lidarspectra.workflow.unknowns_of_run import priors_of_room
 from lidarspectra.workflow.workspace import STAGES, StageName, Workspace, require_stage, stage_folder, writing_run
 
-CERTAIN_SD = 0.03  # [1] of reflectances that the user assigned
 FIRST_SHARE = 0.85  # of the progress: the traces of the derivatives
 KEPT: tuple[StageName, ...] = STAGES[:3]  # stages that a calibrated run takes over: it changes nothing before the scene
 
@@ -81,6 +77,8 @@ class Calibration:
         Relative deviation of the light at the run's points, by fluxes, reflectances and the model's own error. [1]
     local_sd : float
         The model's own error at a place of usual light, as the misfit tells it. [1]
+    covariance : (lamp + part, lamp + part) float
+        Of the logarithms of the factors on fluxes and reflectances, after the readings. [1]
     chi_square : float
         Of readings and priors.
     numbers : int
@@ -98,6 +96,7 @@ class Calibration:
     map_sd_before: FloatArray
     map_sd_after: FloatArray
     local_sd: float
+    covariance: FloatArray
     chi_square: float
     numbers: int
     spectra: Table | None
@@ -195,6 +194,7 @@ def calibrate_run(
         map_sd_before=map_sd_before,
         map_sd_after=map_sd_after,
         local_sd=posterior.local_sd,
+        covariance=posterior.covariance[: posterior.lamps + posterior.parts, : posterior.lamps + posterior.parts],
         chi_square=posterior.chi_square,
         numbers=readings.numbers.value.size,
         spectra=spectra.table,
@@ -250,6 +250,7 @@ def summary_text(calibration: Calibration) -> str:
             "chi_square": calibration.chi_square,
             "numbers": calibration.numbers,
             "local_sd": calibration.local_sd,
+            "covariance": calibration.covariance.tolist(),
             "map_sd": [float(each.mean()) for each in (calibration.map_sd_before, calibration.map_sd_after)],
             "notes": list(calibration.notes),
         },
@@ -258,29 +259,11 @@ def summary_text(calibration: Calibration) -> str:
 
 
 def priors_of(room: RunRoom, meter_sd: FloatArray) -> Priors:
-    """How well a run knows its lamps and reflectances, and its user the meter.
-
-    Fluxes that were guessed, of lamps found in the scan and of windows are known worst. The level of a part's
-    reflectance is known as well as its materials are, as if all erred alike.
-    """
-    known = {lamp.name for lamp in room.run_file.lamps if "flux" not in lamp.guesses}
-    known |= set(room.run_file.calibration.determined if room.run_file.calibration else ())
-    flux_sd = np.array([FLUX_SD if lamp.name in known else ASSUMED_FLUX_SD for lamp in room.lamps])
-    deviation = []
-    for material in room.materials.materials:
-        value = float(material.reflectance.at([555.0], outside="nearest")[0])
-        if material.uncertainty is not None and value > 0:
-            deviation.append(float(material.uncertainty.at([555.0], outside="nearest")[0]) / value)
-        else:
-            deviation.append(CERTAIN_SD if material.provenance == "assigned" else REFLECTANCE_SD)
-    face, areas = np.array(deviation)[room.materials.face_material], room.scan.areas
-    total = np.bincount(room.part, weights=areas, minlength=len(PARTS))
-    mean = np.bincount(room.part, weights=areas * face, minlength=len(PARTS)) / np.maximum(total, 1e-12)
-    return Priors(
-        flux_sd=flux_sd,
-        reflectance_sd=np.where(total > 0, np.clip(mean, CERTAIN_SD, 0.5), REFLECTANCE_SD),
-        meter_sd=meter_sd,
+    """How well a run knows its lamps and reflectances (`unknowns_of_run.priors_of_room`), and its user the meter."""
+    known = priors_of_room(
+        room.run_file, [lamp.name for lamp in room.lamps], room.materials, room.part, room.scan.areas
     )
+    return replace(known, meter_sd=meter_sd)
 
 
 def _weights(readings: Readings, room: RunRoom, cell: str | None, area_cm2: float | None) -> FloatArray:

@@ -16,11 +16,12 @@ from lidarspectra.hardware.sensor.measured_readings import Scale
 from lidarspectra.io.files import write_whole, writing
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.calibration.figures import readings_figure
-from lidarspectra.mapping.calibration.model import UNKNOWN_METER_SD, error_covariance, error_scale
+from lidarspectra.mapping.calibration.model import UNKNOWN_METER_SD, error_covariance
 from lidarspectra.mapping.calibration.planning import choose_readings
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import floor_plan
 from lidarspectra.mapping.figures.tables import Table
+from lidarspectra.mapping.maps.light_unknowns import error_scale
 from lidarspectra.progress import Progress, silent
 from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport
 from lidarspectra.room.free_space import FreeSpace

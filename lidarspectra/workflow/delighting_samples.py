@@ -1,26 +1,20 @@
 """Points of a scan's surfaces at which light is estimated: where, which lie on one surface, which lamps they show."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.albedo import CELL_M
 from lidarspectra.material.surface_hues import surface_groups
 from lidarspectra.material.unknown_light import UnknownSource
-from lidarspectra.room.hidden_layers import covered_places
 from lidarspectra.room.room import Room
+from lidarspectra.room.surface_samples import LIFT_M, SMOOTH_COSINE, Samples
 
-SAMPLES = 6_000  # surface points with a light estimate; with 3,000, reflectances differ by 1 %
-LIFT_M = 0.02  # [m] distance of samples from the mesh, clear of its noise
-SMOOTH_FACES = 24  # faces whose normals are averaged, since a phone's noise tilts small triangles
-SMOOTH_COSINE = 0.7  # [1] of the normals, below which faces belong to different surfaces
 EDGE_NEIGHBORS = 7  # nearest samples, itself included, by which the edge of a shadow is detected
 INDIRECT = 0.5  # [1] typical ratio of reflected light to the mean direct light
 ALMOST_ONE = 1.0 - 1e-9  # [1] largest cosine at a lamp of assumed beam; 1 marks lamps of known beam
@@ -35,38 +29,6 @@ SOFTEN_M = 0.05  # [m] softens the weight of the nearest sample
 UNLIT, UNLIT_SHARE = 0.5, 0.95  # [1] of white, which this share of a lamp's surroundings must not reach: it is off
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Samples:
-    """Points just off a scan's surfaces.
-
-    Parameters
-    ----------
-    face : (sample,) int
-        Of the scan.
-    positions, normals : (sample, 3) float
-        [m, 1]
-    """
-
-    face: IntArray
-    positions: FloatArray
-    normals: FloatArray
-
-
-def samples_of(scan: Scan, caster: RayCaster, generator: np.random.Generator) -> Samples:
-    """Points spread evenly by area, with normals averaged over their surroundings; none behind another layer."""
-    share = np.cumsum(scan.areas) / scan.areas.sum()
-    count = min(SAMPLES, 4 * len(scan.faces))
-    face = np.searchsorted(share, (np.arange(count) + generator.random(count)) / count).clip(0, len(scan.faces) - 1)
-    root = np.sqrt(generator.random(count))
-    turn = generator.random(count)
-    weights = np.stack([1.0 - root, root * (1.0 - turn), root * turn], axis=1)
-    positions = np.einsum("nk,nkc->nc", weights, scan.corners[face])
-    shown = ~covered_places(caster, positions, scan.normals[face])
-    face, positions = face[shown], positions[shown]
-    normals = _smooth_normals(scan, face)
-    return Samples(face=face, positions=positions + LIFT_M * normals, normals=normals)
-
-
 def shadow_edges_of(samples: Samples, coefficients: FloatArray) -> FloatArray:
     """(sample,) standard deviation of direct light among nearest samples of similar normal, over all light."""
     total = coefficients.sum(axis=0)
@@ -74,16 +36,6 @@ def shadow_edges_of(samples: Samples, coefficients: FloatArray) -> FloatArray:
     place = np.hstack([samples.positions, NORMAL_WEIGHT_M * samples.normals])
     _, near = cKDTree(place).query(place, k=min(EDGE_NEIGHBORS, len(place)))
     return np.asarray(total[near].std(axis=1) / (total + INDIRECT), dtype=np.float64)
-
-
-def _smooth_normals(scan: Scan, face: IntArray) -> FloatArray:
-    """Area-weighted normals of the faces around each given face, of those with a similar normal."""
-    count = min(SMOOTH_FACES, len(scan.faces))
-    _, near = cKDTree(scan.centers).query(scan.centers[face], k=count)
-    near = np.reshape(near, (face.size, count))
-    alike = np.einsum("nkc,nc->nk", scan.normals[near], scan.normals[face]) > SMOOTH_COSINE
-    total = np.einsum("nk,nkc->nc", alike * scan.areas[near], scan.normals[near]) + 1e-12 * scan.normals[face]
-    return np.asarray(total / np.linalg.norm(total, axis=1, keepdims=True), dtype=np.float64)
 
 
 def lamp_emission(lamps: Sequence[Lamp], samples: Samples) -> FloatArray:

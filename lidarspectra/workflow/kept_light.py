@@ -27,7 +27,7 @@ from lidarspectra.workflow.workspace import StageRecord
 
 Settings = Mapping[str, Any]
 Table = dict[str, Any]
-NAME_KEYS = ("name", "assumed")
+NAME_KEYS = ("name", "assumed", "flux_deviation")  # which no light depends on
 FLUX_KEYS = ("luminous_flux_lm", "radiant_flux_W")
 LIGHT_KEYS = (*NAME_KEYS, *FLUX_KEYS, "spectrum", "cct_k", "dim", "dim_in_scan")
 FOUND_LIGHT_KEYS = ("spectrum", "cct_k", "luminous_exitance_lm_m2")

@@ -85,7 +85,9 @@ def resolve_lamps(sections: Sequence[LampSection], folder: Path) -> tuple[Lamp, 
     lamps = []
     for section in sections:
         if section.dim > 0:
-            lamp = make_lamp(**section.model_dump(exclude={"dim", "dim_in_scan", "assumed"}), folder=folder)
+            lamp = make_lamp(
+                **section.model_dump(exclude={"dim", "dim_in_scan", "flux_deviation", "assumed"}), folder=folder
+            )
             lamps.append(replace(lamp, flux=lamp.flux.scaled(section.dim)))
     return tuple(lamps)
 

@@ -13,6 +13,7 @@ from lidarspectra.errors import LampError
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.maps.assumptions import mark_assumed
+from lidarspectra.mapping.maps.light_unknowns import load_unknowns
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import LampChange, relight
 from lidarspectra.mapping.photometry.point_light import PointLight, light_of_lamps
@@ -21,7 +22,7 @@ from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 from lidarspectra.workflow.assumed import assumptions_of_run
 from lidarspectra.workflow.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
-from lidarspectra.workflow.workspace import require_stage, writing_run
+from lidarspectra.workflow.workspace import require_stage, stage_folder, writing_run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +106,13 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
     transport, bands = transport_of_run(run), scene_of_run(run).bands
     lamps = {lamp.name: lamp for lamp in present_lamps_of_run(run)}
     changes = _changes(lamps, orders, base)
-    light = relight(transport, changes, bands=bands, lamps=tuple(lamps.values()))
+    light = relight(
+        transport,
+        changes,
+        bands=bands,
+        lamps=tuple(lamps.values()),
+        unknowns=load_unknowns(stage_folder(run, "map")),
+    )
     assumed = assumptions_of_run(run).without(
         fluxes=[order.lamp for order in orders if order.luminous_flux_lm is not None or _is_absolute(order, base)],
         spectra=[order.lamp for order in orders if order.spectrum is not None],

@@ -17,6 +17,7 @@ from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.maps.assumptions import mark_assumed
+from lidarspectra.mapping.maps.light_unknowns import save_unknowns, uncertainty_in_words
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, load_map, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report import PAGE
@@ -65,6 +66,7 @@ from lidarspectra.workflow.lamps_of_run import (
 from lidarspectra.workflow.materials_of_run import materials_of_run
 from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
 from lidarspectra.workflow.trace_notes import glass_notes, trace_warnings, truncation_in_words
+from lidarspectra.workflow.unknowns_of_run import unknowns_of_map
 from lidarspectra.workflow.whole_room import missing_in_words, whole_room
 from lidarspectra.workflow.workspace import (
     Notes,
@@ -100,6 +102,7 @@ VIEWS_SHARES = (0.01, 0.83, 0.16)  # reading, rendering views, saving
 DELIGHTING_SHARE, MATERIALS_SHARES = 0.3, (0.62, 0.08)  # de-lighting (if enabled); estimating, saving
 SCENE_SHARES = (0.05, 0.85, 0.1)  # finding lamps, writing, checking for lamps inside walls
 TRACE_SHARES = (0.18, 0.7, 0.05, 0.07)  # placing the sensors, tracing, light by way of openings, saving
+MAP_SHARES = (0.8, 0.2)  # what is not known of the light; the map and its files
 READING_SHARE, APPLYING_SHARE, PAGE_SHARE = 0.03, 0.5, 0.97  # of the report; applications only if the run file has any
 TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays by the clock: runs agree within noise
 
@@ -408,6 +411,7 @@ def map_stage(
     run_file = given.run_file
 
     def make(folder: Path, progress: Progress) -> Notes:
+        finding, saving = shares(progress, MAP_SHARES)
         traced, scanned = load_lamps(scene.folder), scan.value
         lamps = present_lamps(run_file, traced, materials.folder, base=given.base)
         save_lamps(lamps, folder)
@@ -415,7 +419,20 @@ def map_stage(
             assumed_lamps(run_file, [lamp.name for lamp in lamps]),
             scan=assumed_of_scan(run_file.scan.assumed, scanned.scan.record, scanned.room),
         )
-        light_map = mark_assumed(spectral_map(transport.value, lamps=lamps), assumed)
+        finding(0.0, "what is not known")
+        unknowns = unknowns_of_map(
+            run_file,
+            folder.parent,
+            scanned,
+            calibrated_materials(materials.value, scanned, run_file.calibration),
+            lamps,
+            scene.value.bands,
+            transport.value,
+            workers=inputs.workers,
+        )
+        saving(0.0, "saving")
+        save_unknowns(unknowns, folder)
+        light_map = mark_assumed(spectral_map(transport.value, lamps=lamps, unknowns=unknowns), assumed)
         save_map(light_map, folder / MAP_FILE)
         save_map_table(light_map, folder / MAP_TABLE_FILE)
         mean = light_map["irradiance"].mean("point")
@@ -423,6 +440,7 @@ def map_stage(
             summary=f"{light_map.sizes['band']} channels x {light_map.sizes['point']} points; "
             f"mean {float(mean.min()):.3g} to {float(mean.max()):.3g} W/m²/nm"
             + (f", {float(light_map['illuminance'].mean()):.0f} lx" if "illuminance" in light_map else "")
+            + (f" {words}" if (words := uncertainty_in_words(light_map.attrs)) else "")
             + (f"; assumed: {words}" if (words := assumed.in_words()) else ""),
             warnings=(
                 *calibration_notes(run_file.calibration),

@@ -5,40 +5,51 @@
 
 Of each scan in the folder: area-weighted mean of the absolute reflectance error and of its signed one (linear sRGB),
 the map by the lamps alone against the true room's, how many surfaces (by area, over 400 to 700 nm) lie within one and
-two stated deviations, processor time of taking the light out, and what the run says. `--raw`: with the light left in.
+two stated deviations; the map's stated uncertainty, lamps known exactly, and the shares of its points and channels
+within one and two of it; by how much each part's level is off, of what is stated; processor time of taking the light
+out, and what the run says. `--raw`: with the light left in.
 """
 
 import argparse
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
+from lidarspectra.config import read_run_file
 from lidarspectra.mapping.maps.metrics import compare_maps
+from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
+from lidarspectra.room.surface_parts import PARTS, surface_parts
 from lidarspectra.spectra.colorimetry import xyz_to_linear_srgb
 from lidarspectra.spectra.databases import load_reflectances, tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
+from lidarspectra.spectra.spectrum import sensor_bands
 from lidarspectra.workflow.delighting import take_light_out, with_light_uncertainty
+from lidarspectra.workflow.lamps_of_run import ScannedRoom
+from lidarspectra.workflow.unknowns_of_run import REFERENCE_NM, levels_covariance, unknowns_of_map
 from research.benchmarks.delighting import (
     VISIBLE,
     Case,
     Light,
-    light,
+    light_of,
     on_color_grid,
     read_case,
     reflectance_errors,
+    traced,
     true_light,
 )
 
 HEADER = (
     f"{'scan':24s} {'':5s} {'error':>6s} {'bias':>7s} {'NRMSE':>6s} {'median':>7s} {'bias':>8s} "
-    f"{'one':>6s} {'two':>6s} {'time':>6s}"
+    f"{'one':>6s} {'two':>6s} {'stated':>7s} {'one':>6s} {'two':>6s} {'time':>6s}"
 )
 
 
@@ -65,6 +76,38 @@ def coverage(found: MaterialMap, case: Case) -> tuple[float, float]:
     return one, two
 
 
+def coverage_of_map(
+    materials: MaterialMap, case: Case, transport: xr.Dataset, reference: Light
+) -> tuple[float, float, float]:
+    """Root mean square of a map's stated uncertainty over its mean, and shares of its numbers within one and two."""
+    run_file = read_run_file(case.folder / "room.toml")
+    unknowns = unknowns_of_map(
+        run_file, case.folder, ScannedRoom(scan=case.scan, room=find_room(case.scan)), materials, case.lamps,
+        sensor_bands("as7265x-14"), transport,
+    )  # fmt: skip
+    exact = unknowns.covariance.copy()
+    exact[: unknowns.lamps] = exact[:, : unknowns.lamps] = 0.0  # the benchmark's lamps have just the fluxes given
+    found = spectral_map(transport, unknowns=replace(unknowns, covariance=exact))
+    stated = found["irradiance_sd"].to_numpy()
+    apart = np.abs(found["irradiance"].to_numpy() - reference.irradiance)
+    rms = float(np.sqrt((stated**2).mean()) / found["irradiance"].to_numpy().mean())
+    return rms, float((apart <= stated).mean()), float((apart <= 2 * stated).mean())
+
+
+def levels(found: MaterialMap, case: Case) -> str:
+    """Of each part of the room by how much its level of reflectance is off, and its stated deviation, in words."""
+    part = surface_parts(case.scan, find_room(case.scan))
+    stated = np.sqrt(np.diag(levels_covariance(found, part, case.scan.areas)))
+    areas = case.scan.areas * surface_colors(case.scan)[1]
+    estimate, truth = (
+        np.array([float(each.reflectance.at([REFERENCE_NM], outside="nearest")[0]) for each in materials])[index]
+        for materials, index in ((found.materials, found.face_material), (case.truth, case.face_truth))
+    )
+    total = [np.bincount(part, weights=areas * each, minlength=len(PARTS)) for each in (estimate, truth)]
+    pairs = zip(PARTS, total[0] / np.maximum(total[1], 1e-9) - 1.0, stated, strict=True)
+    return ", ".join(f"{name} {100 * off:+.1f} of {100 * deviation:.1f} %" for name, off, deviation in pairs)
+
+
 def run(folder: Path, references: dict[int, Light], *, raw: bool) -> None:
     """Print a scan's rows."""
     case = read_case(folder)
@@ -83,14 +126,18 @@ def run(folder: Path, references: dict[int, Light], *, raw: bool) -> None:
     if raw:
         maps["raw"] = estimate_materials(case.scan, views, library=library)
     for name, materials in maps.items():
-        errors = compare_maps(light(case.scan, materials, case).irradiance, reference.irradiance)
+        transport = traced(case.scan, materials, case)
+        errors = compare_maps(light_of(transport).irradiance, reference.irradiance)
         one, two = coverage(materials, case)
+        stated, map_one, map_two = coverage_of_map(materials, case, transport, reference)
         print(
             f"{folder.name:24s} {name:5s} {reflectance_errors(materials, case)[0]:6.3f} "
             f"{reflectance_bias(materials, case):+7.3f} {errors.nrmse_all:6.3f} {errors.mape_median:5.1f} % "
-            f"{errors.bias_percent:+6.1f} % {100 * one:4.0f} % {100 * two:4.0f} % {took:4.0f} s",
+            f"{errors.bias_percent:+6.1f} % {100 * one:4.0f} % {100 * two:4.0f} % {100 * stated:5.1f} % "
+            f"{100 * map_one:4.0f} % {100 * map_two:4.0f} % {took:4.0f} s",
             flush=True,
         )
+        print(f"  levels off: {levels(materials, case)}")
     print(f"  {delit.words or 'light left in'}")
     print("".join(f"  {warning}\n" for warning in delit.warnings), end="", flush=True)
 

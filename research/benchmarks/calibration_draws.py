@@ -12,10 +12,10 @@ from lidarspectra.mapping.calibration.model import (
     Observations,
     Priors,
     error_covariance,
-    error_scale,
 )
 from lidarspectra.mapping.calibration.model_error import fit_with_model_error
 from lidarspectra.mapping.calibration.planning import choose_readings
+from lidarspectra.mapping.maps.light_unknowns import error_scale
 from lidarspectra.room.surface_parts import PARTS
 from research.benchmarks.calibration_rooms import FAULTS, KNOWN_METER_SD, RoomLight
 

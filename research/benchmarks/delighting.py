@@ -23,6 +23,7 @@ from typing import Literal
 from unittest.mock import patch
 
 import numpy as np
+import xarray as xr
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.config import read_run_file
@@ -110,11 +111,20 @@ class Light:
     deviation: FloatArray
 
 
-def light(scan: Scan, materials: MaterialMap, case: Case) -> Light:
+def traced(scan: Scan, materials: MaterialMap, case: Case) -> xr.Dataset:
     """Trace a scene's light at its sensor points."""
     with tempfile.TemporaryDirectory() as scratch:
         scene = write_scene(scan, materials, case.lamps, sensor_bands("as7265x-14"), Path(scratch))
-        transport = trace(scene, case.points, noise="standard", seed=1)
+        return trace(scene, case.points, noise="standard", seed=1)
+
+
+def light(scan: Scan, materials: MaterialMap, case: Case) -> Light:
+    """A scene's light at its sensor points."""
+    return light_of(traced(scan, materials, case))
+
+
+def light_of(transport: xr.Dataset) -> Light:
+    """The light of a trace."""
     found = spectral_map(transport)
     return Light(
         irradiance=found["irradiance"].to_numpy().astype(np.float64),

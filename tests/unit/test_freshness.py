@@ -222,6 +222,7 @@ def test_a_change_of_any_key_makes_the_stages_stale_that_read_it_and_those_after
 KEPT_BY_EDITS: dict[str, tuple[StageName, ...]] = {  # of keys that materials or scene read: what stays all the same
     "": (),
     "lamps.name": ("materials", "scene"),
+    "lamps.flux_deviation": ("materials", "scene"),
     "lamps.dim": ("materials", "scene"),
     "lamps.dim_in_scan": ("scene",),
     "lamps.luminous_flux_lm": ("scene",),  # of one lamp of several: the picture's light is another

@@ -15,7 +15,6 @@ from lidarspectra.errors import MapError
 READING_SD = 0.03  # [1] of a single reading: the meter's noise, its cosine error and its place
 LOCAL_SD = 0.03  # [1] of the model at one place and direction: things that the scan lacks, gloss, edges
 ERROR_REACH_M = 1.0  # [m] of the model's own error: furniture's shadows and the light of one lamp reach about so far
-MAX_ERROR_SCALE = 4.0  # [1]
 FLUX_SD = 0.15  # [1] of a lamp's flux that a data sheet states (ageing, dirt, driver)
 ASSUMED_FLUX_SD = 0.4  # [1] of one that was guessed
 REFLECTANCE_SD = 0.07  # [1] of a part's level, where the materials state no deviation
@@ -157,23 +156,6 @@ class Priors:
         return np.asarray(own + self.local_sd**2 * readings.model_error, dtype=np.float64)
 
 
-def error_scale(light: FloatArray, typical: FloatArray | float) -> FloatArray:
-    """By how much the model's own error is larger at dark places, sqrt(typical / light) from 1 to `MAX_ERROR_SCALE`.
-
-    Where little light comes, each shadow and each reflection that the model lacks is a larger part of it.
-
-    Parameters
-    ----------
-    light : (n,) float
-        By all lamps. [unit of the quantity]
-    typical : float or (n,) float
-        Mean of the map in the same quantity.
-    """
-    with np.errstate(divide="ignore"):
-        ratio = np.sqrt(typical / light)
-    return np.asarray(np.clip(ratio, 1.0, MAX_ERROR_SCALE), dtype=np.float64)
-
-
 def error_covariance(positions: FloatArray, normals: FloatArray, scale: FloatArray) -> FloatArray:
     """Covariance of the model's own error between places and directions, s s' exp(-d²/2L²) ((1 + n·n')/2)².
 
@@ -185,7 +167,7 @@ def error_covariance(positions: FloatArray, normals: FloatArray, scale: FloatArr
     positions, normals : (n, 3) float
         [m], and unit vectors.
     scale : (n,) float
-        See `error_scale`. [1]
+        See `light_unknowns.error_scale`. [1]
 
     Returns
     -------

@@ -24,6 +24,7 @@ from lidarspectra.mapping.figures.figure_style import (
     prefix_of,
     styled,
 )
+from lidarspectra.mapping.maps.light_unknowns import error_bars
 from lidarspectra.mapping.maps.map_schema import check_map
 from lidarspectra.material.material_map import Material
 from lidarspectra.spectra.colorimetry import hex_color
@@ -113,7 +114,7 @@ def choose_points(dataset: xr.Dataset, furniture: tuple[FloatArray, ...] = ()) -
 
 @styled
 def spectra_figure(dataset: xr.Dataset, points: tuple[ChosenPoint, ...]) -> Figure:
-    """Spectral irradiance at chosen points with bars of two standard errors.
+    """Spectral irradiance at chosen points with bars of twice what the map states (`light_unknowns.error_bars`).
 
     Parameters
     ----------
@@ -127,7 +128,8 @@ def spectra_figure(dataset: xr.Dataset, points: tuple[ChosenPoint, ...]) -> Figu
         raise MapError(expected="at least one point", found="none", where="figure of spectra")
     rows = [point.index for point in points]
     irradiance = checked["irradiance"].to_numpy()[rows]
-    errors = BARS_SE * checked["irradiance_se"].to_numpy()[rows]
+    bars, words = error_bars(checked)
+    errors = BARS_SE * bars[rows]
     prefix = prefix_of(irradiance)
     bands = checked["band"].to_numpy()
     figure = new_figure(PAGE_WIDTH_IN, 4.1)
@@ -150,7 +152,7 @@ def spectra_figure(dataset: xr.Dataset, points: tuple[ChosenPoint, ...]) -> Figu
     axes.set_xlabel("wavelength [nm]")
     axes.set_ylabel(f"spectral irradiance [{irradiance_unit(prefix)}]")
     axes.grid(visible=True)
-    title = f"bars: ± {BARS_SE:g} standard errors"
+    title = f"bars: ± {BARS_SE:g} {words}"
     legend = axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.02), labelspacing=1.1, title=title, alignment="left")
     legend.get_title().set_fontsize(8.5)
     return figure

@@ -20,6 +20,7 @@ from lidarspectra.spectra.spectrum import BandSet
 
 MAP_FILE, MAP_TABLE_FILE = "map.nc", "map.csv"  # in the folder of a run's map stage, and of a relighting
 _LUX_COLUMNS = {"illuminance": "illuminance_lx", "illuminance_se": "SE_illuminance_lx"}  # of the table
+_UNCERTAIN_LUX_COLUMN = "SD_illuminance_lx"
 
 
 def save_map(dataset: xr.Dataset, path: str | PathLike[str]) -> Path:
@@ -81,7 +82,8 @@ def map_table(dataset: xr.Dataset) -> pd.DataFrame:
     -------
     table : pandas.DataFrame
         x, y, z [m], nx, ny, nz [1], buried (0 or 1), E_410 ... and their standard errors SE_410 ... [W/m²/nm]; where
-        the bands tell it illuminance_lx and SE_illuminance_lx [lx]; where the map rests on guesses assumed, in every
+        the bands tell it illuminance_lx and SE_illuminance_lx [lx]; where the map states its uncertainty
+        SD_illuminance_lx [lx] and SD_410 ... [W/m²/nm]; where the map rests on guesses assumed, in every
         row what is assumed: 'flux and spectrum of 2 lamps; the ceiling'.
     """
     checked = check_map(dataset, where="map to tabulate")
@@ -92,6 +94,11 @@ def map_table(dataset: xr.Dataset) -> pd.DataFrame:
         columns |= {f"{prefix}_{label}": values[:, b] for b, label in enumerate(checked["band_label"].to_numpy())}
     if has_illuminance(checked):
         columns |= {column: checked[name].to_numpy() for name, column in _LUX_COLUMNS.items()}
+    if "illuminance_sd" in checked:
+        columns[_UNCERTAIN_LUX_COLUMN] = checked["illuminance_sd"].to_numpy()
+    if "irradiance_sd" in checked:
+        values = checked["irradiance_sd"].to_numpy()
+        columns |= {f"SD_{label}": values[:, b] for b, label in enumerate(checked["band_label"].to_numpy())}
     table = pd.DataFrame(columns)
     if assumed := assumptions_of(checked).in_words("; "):  # without commas, for who splits lines at them
         table[ASSUMED] = assumed
@@ -153,6 +160,10 @@ def read_map_table(path: Path, *, bands: BandSet) -> xr.Dataset:
     }
     if set(_LUX_COLUMNS.values()) <= set(table.columns):
         values |= {name: _numbers_of(table, column, path) for name, column in _LUX_COLUMNS.items()}
+    if _UNCERTAIN_LUX_COLUMN in table.columns:
+        values["illuminance_sd"] = _numbers_of(table, _UNCERTAIN_LUX_COLUMN, path)
+    if {f"SD_{label}" for label in bands.labels} <= set(table.columns):
+        values["irradiance_sd"] = np.stack([_numbers_of(table, f"SD_{label}", path) for label in bands.labels], axis=1)
     source = xr.Dataset(
         coords={name: ("point", table[name].to_numpy(np.float64)) for name in (*POSITION, *DIRECTION)}
         | {

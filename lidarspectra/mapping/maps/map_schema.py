@@ -7,7 +7,10 @@ A map is an xarray Dataset with the dims (point, band):
                                                              reflected more often than was followed; where it is known
     opening                     (point, band)  [W m-2 nm-1]  what a bright wall in openings of the scan would add;
                                                              where default walls close them, what comes from those
+    irradiance_sd               (point, band)  [W m-2 nm-1]  standard uncertainty for everything that is not known,
+                                                             the standard error among it (`light_unknowns`)
     illuminance, illuminance_se (point,)       [lx]          where the bands cover V(λ) (`visible_bands`)
+    illuminance_sd              (point,)       [lx]          where irradiance_sd is
     x, y, z                     (point,)       [m]
     nx, ny, nz                  (point,)       [1]           direction that the sensor faces
     buried                      (point,)                     inside furniture or outside the room: value is meaningless
@@ -15,7 +18,9 @@ A map is an xarray Dataset with the dims (point, band):
 
 `check_map` validates this schema wherever a map is made or read. The attribute `illuminance_from` says whether the
 illuminance was computed from the lamps' whole spectra ('lamps') or from the band values alone ('bands'); `assumed`, in
-the map of a run, what of it is a guess (`assumptions`). Maps of versions without illuminance are read without it.
+the map of a run, what of it is a guess (`assumptions`); `uncertainty` and `uncertainty_of_...` the root mean square of
+the uncertainty over points, over the mean light, in all and by cause. Maps of earlier versions are read without what
+they lack.
 """
 
 from collections.abc import Iterable, Mapping
@@ -56,9 +61,17 @@ ESTIMATES = {
     "truncation": "estimate of the light that is missing, since it was reflected more often than followed",
     "opening": "light that a bright wall in the openings of the scan would add, or that default walls there add",
 }
+UNCERTAINTIES = {
+    "irradiance_sd": "standard uncertainty of the spectral irradiance, for everything that is not known",
+}
 ILLUMINANCES = {
     "illuminance": "illuminance",
     "illuminance_se": "standard error of the illuminance, the largest that any correlation of the bands allows",
+}
+
+
+UNCERTAIN_ILLUMINANCES = {
+    "illuminance_sd": "standard uncertainty of the illuminance, for everything that is not known",
 }
 
 
@@ -85,12 +98,16 @@ def check_map(dataset: xr.Dataset, *, where: str) -> xr.Dataset:
     wanted = {name: (dim,) for name, (dim, _, _) in _COORDINATES.items()}
     require_variables(dataset, wanted | dict.fromkeys(IRRADIANCES, ("point", "band")), where=where)
     units = {name: unit for name, (_, unit, _) in _COORDINATES.items()} | dict.fromkeys(IRRADIANCES, IRRADIANCE_UNIT)
-    for name in ESTIMATES.keys() & dataset.keys():  # not in the maps of earlier versions, nor of plain rtrace
+    # Not in the maps of earlier versions; estimates are not in those of plain rtrace either.
+    for name in (ESTIMATES | UNCERTAINTIES).keys() & dataset.keys():
         require_variables(dataset, {name: ("point", "band")}, where=where)
         units[name] = IRRADIANCE_UNIT
     if has_illuminance(dataset):
         require_variables(dataset, dict.fromkeys(ILLUMINANCES, ("point",)), where=where)
         units |= dict.fromkeys(ILLUMINANCES, ILLUMINANCE_UNIT)
+    for name in UNCERTAIN_ILLUMINANCES.keys() & dataset.keys():
+        require_variables(dataset, {name: ("point",)}, where=where)
+        units[name] = ILLUMINANCE_UNIT
     for name, unit in units.items():
         found = dataset[name].attrs.get("units")
         if unit is not None and str(found) != unit:
@@ -127,12 +144,12 @@ def map_dataset(values: Mapping[str, FloatArray], source: xr.Dataset) -> xr.Data
         coords[name] = (dim, source[name].to_numpy(), attrs)
     variables: dict[str, tuple[tuple[str, ...], FloatArray, dict[str, str]]] = {
         name: (("point", "band"), values[name], {"units": IRRADIANCE_UNIT, "long_name": long_name})
-        for name, long_name in (IRRADIANCES | ESTIMATES).items()
+        for name, long_name in (IRRADIANCES | ESTIMATES | UNCERTAINTIES).items()
         if name in values
     }
     variables |= {
         name: (("point",), values[name], {"units": ILLUMINANCE_UNIT, "long_name": long_name})
-        for name, long_name in ILLUMINANCES.items()
+        for name, long_name in (ILLUMINANCES | UNCERTAIN_ILLUMINANCES).items()
         if name in values
     }
     carried = {key: value for key, value in source.attrs.items() if isinstance(value, str | int | float | np.generic)}
@@ -183,14 +200,14 @@ def _check_numbers(dataset: xr.Dataset) -> None:
 
 
 def _check_values(dataset: xr.Dataset, points: int, channels: int) -> None:
-    for name in (*IRRADIANCES, *(ESTIMATES.keys() & dataset.keys())):
+    for name in (*IRRADIANCES, *((ESTIMATES | UNCERTAINTIES).keys() & dataset.keys())):
         largest = float(np.abs(dataset[name]).max()) if dataset[name].dtype.kind in "fiu" else np.inf
         if largest > LARGEST_VALUE:
             raise ArrayError(expected=f"numbers up to {LARGEST_VALUE:g}", found=f"{largest:g}", where=name)
-    for name in ESTIMATES.keys() & dataset.keys():
+    for name in (ESTIMATES | UNCERTAINTIES).keys() & dataset.keys():
         float_array(dataset[name].to_numpy(), name=name, shape=(points, channels))
     if has_illuminance(dataset):
-        for name in ILLUMINANCES:
+        for name in (*ILLUMINANCES, *(UNCERTAIN_ILLUMINANCES.keys() & dataset.keys())):
             float_array(dataset[name].to_numpy(), name=name, shape=(points,))
     irradiance = float_array(dataset["irradiance"].to_numpy(), name="irradiance", shape=(points, channels))
     errors = float_array(dataset["irradiance_se"].to_numpy(), name="irradiance_se", shape=(points, channels))

@@ -14,6 +14,7 @@ from lidarspectra.arguments import all_of, instance_of
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ArrayError, MapError
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.maps.light_unknowns import LightUnknowns, deviations, stated_uncertainty
 from lidarspectra.mapping.maps.map_schema import (
     ESTIMATES,
     check_map,
@@ -64,7 +65,11 @@ class LampChange:
 
 
 def spectral_map(
-    transport: xr.Dataset, flux: ArrayLike | None = None, *, lamps: Sequence[Lamp] | None = None
+    transport: xr.Dataset,
+    flux: ArrayLike | None = None,
+    *,
+    lamps: Sequence[Lamp] | None = None,
+    unknowns: LightUnknowns | None = None,
 ) -> xr.Dataset:
     """Spectral irradiance at every point, E_b = Σ_lamp coefficient[lamp, b] x flux[lamp, b] (docs/concepts.md, Eq. 3).
 
@@ -78,6 +83,8 @@ def spectral_map(
         The traced ones. With them, and without `flux`, the illuminance is E_v = 683 lm/W Σ_lamp ∫ V c_lamp Φ_lamp dλ
         over their whole spectra; without them it is taken from the band values, a few per cent off for lamps with
         lines.
+    unknowns : LightUnknowns, optional
+        What is not known of the light; with them the map states its uncertainty.
 
     Returns
     -------
@@ -96,10 +103,15 @@ def spectral_map(
     spectra = None
     if lamps is not None and flux is None:
         spectra = {lamp.name: lamp.flux for lamp in all_of(lamps, Lamp, name="lamps")}
-    return _light_map(transport, flux, spectra)
+    return _light_map(transport, flux, spectra, unknowns)
 
 
-def _light_map(transport: xr.Dataset, flux: ArrayLike | None, spectra: Mapping[str, Spectrum] | None) -> xr.Dataset:
+def _light_map(
+    transport: xr.Dataset,
+    flux: ArrayLike | None,
+    spectra: Mapping[str, Spectrum] | None,
+    unknowns: LightUnknowns | None,
+) -> xr.Dataset:
     """The map for a flux in every band and, for the illuminance, the spectra [W/nm] that it comes of."""
     traced = transport["flux"].transpose("lamp", "band").to_numpy().astype(np.float64)
     used = traced if flux is None else _checked_flux(flux, traced.shape)
@@ -113,12 +125,60 @@ def _light_map(transport: xr.Dataset, flux: ArrayLike | None, spectra: Mapping[s
             estimate = transport[f"{name}_coefficient"].transpose("lamp", "point", "band").to_numpy()
             values[name] = np.einsum("lpb,lb->pb", estimate, used)
     centers = transport["band"].to_numpy()
-    if not covers_vision(centers):
-        return check_map(map_dataset(values, transport), where="spectral map")
-    values |= _illuminance(values, centers, coefficient, _visible_flux(transport, spectra))
+    is_visible = covers_vision(centers)
+    weights = _visible_flux(transport, spectra) if is_visible else None
+    if is_visible:
+        values |= _illuminance(values, centers, coefficient, weights)
+    stated = {} if unknowns is None else _uncertainty(values, transport, unknowns, used, weights)
     light = map_dataset(values, transport)
-    light.attrs["illuminance_from"] = "bands" if spectra is None else "lamps"
+    light.attrs |= stated
+    if is_visible:
+        light.attrs["illuminance_from"] = "bands" if spectra is None else "lamps"
     return check_map(light, where="spectral map")
+
+
+def _uncertainty(
+    values: dict[str, FloatArray],
+    transport: xr.Dataset,
+    unknowns: LightUnknowns,
+    flux: FloatArray,
+    weights: FloatArray | None,
+) -> dict[str, float]:
+    """Add the uncertainties to the values of a map; the attributes that state them."""
+    coefficient = transport["coefficient"].transpose("lamp", "point", "band").to_numpy().astype(np.float64)
+    irradiance = values["irradiance"]
+    counted = np.isin(np.arange(len(irradiance)), kept_points(transport))
+    none = np.zeros_like(irradiance)
+    slots = transport["slot_error"].to_numpy() * irradiance if "slot_error" in transport else none
+    own = np.sqrt(values["irradiance_se"] ** 2 + values.get("truncation", none) ** 2 + slots**2)
+    opening = values.get("opening", none)
+    found = deviations(
+        unknowns,
+        coefficient * flux[:, None],
+        unknowns.slope * unknowns.spread[:, None],
+        opening=opening,
+        simulation=own,
+        counted=counted,
+    )
+    values["irradiance_sd"] = found.total
+    if "illuminance" not in values:
+        return stated_uncertainty(found, irradiance, counted)
+    if weights is None:
+        weights = flux * band_weights(transport["band"].to_numpy(), luminosity())
+    by_band = np.einsum("lpb,lb->pb", coefficient, weights)
+    share = by_band / np.where(irradiance > 0, irradiance, np.inf)
+    lux = by_band.sum(axis=1, keepdims=True)
+    slope = np.einsum("kpb,pb->kp", unknowns.slope * unknowns.spread[:, None], by_band)[..., None]
+    visible = deviations(
+        unknowns,
+        np.einsum("lpb,lb->lp", coefficient, weights)[..., None],
+        slope / np.where(lux > 0, lux, np.inf),
+        opening=(opening * share).sum(axis=1, keepdims=True),
+        simulation=(own * np.abs(share)).sum(axis=1, keepdims=True),
+        counted=counted,
+    )
+    values["illuminance_sd"] = visible.total[:, 0]
+    return stated_uncertainty(visible, lux, counted)
 
 
 def _visible_flux(transport: xr.Dataset, spectra: Mapping[str, Spectrum] | None) -> FloatArray | None:
@@ -151,6 +211,7 @@ def relight(
     *,
     bands: BandSet | None = None,
     lamps: Sequence[Lamp] | None = None,
+    unknowns: LightUnknowns | None = None,
 ) -> xr.Dataset:
     """A new map for new lamp spectra or dimming, without tracing again.
 
@@ -170,6 +231,8 @@ def relight(
     lamps : sequence of Lamp, optional
         The traced ones, for an illuminance over whole spectra as in `spectral_map`; not where a change holds band
         values.
+    unknowns : LightUnknowns, optional
+        As in `spectral_map`; the slopes are those under the traced lamps.
 
     Returns
     -------
@@ -205,7 +268,7 @@ def relight(
         flux[row] *= change.dim
         spectra = _changed_spectra(spectra, name, change)
     require_variables(transport, _TRANSPORT, where="transport")
-    light = _light_map(transport, flux, spectra)
+    light = _light_map(transport, flux, spectra, unknowns)
     light.attrs[SPECTRUM_ERROR] = max(errors, default=0.0)
     return _with_its_own_error(light, transport)
 

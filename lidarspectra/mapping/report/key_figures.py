@@ -5,6 +5,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray
 from lidarspectra.mapping.figures.figure_style import irradiance_unit, prefix_of
 from lidarspectra.mapping.maps.assumptions import assumptions_of
+from lidarspectra.mapping.maps.light_unknowns import error_bars, uncertainty_in_words
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry import covers_vision, light_of_lamps, light_of_map
 from lidarspectra.mapping.photometry.quantities import light_quantity
@@ -36,7 +37,7 @@ def _facts_of_eye(report: ReportInput) -> tuple[Fact, ...]:
         Fact(
             name="Mean illuminance",
             value=f"{lux.mean():.3g} lx",
-            remark=f"± {error.mean():.2g} lx by the simulation; {lux.min():.0f} to {lux.max():.0f} lx{guessed}",
+            remark=f"{_uncertain(report, float(error.mean()))}; {lux.min():.0f} to {lux.max():.0f} lx{guessed}",
             fact="mean",
             key="illuminance_lx",
             number=float(lux.mean()),
@@ -55,16 +56,21 @@ def _facts_of_eye(report: ReportInput) -> tuple[Fact, ...]:
     )
 
 
+def _uncertain(report: ReportInput, simulated_lx: float) -> str:
+    return uncertainty_in_words(report.spectral_map.attrs) or f"± {simulated_lx:.2g} lx by the simulation"
+
+
 def _facts_of_channels(report: ReportInput) -> tuple[Fact, ...]:
     kept = kept_points(report.spectral_map)
     values = report.spectral_map["irradiance"].to_numpy()[kept]
-    error = report.spectral_map["irradiance_se"].to_numpy()[kept]
+    bars, _ = error_bars(report.spectral_map)
+    error = bars[kept]
     prefix, centers = prefix_of(values), report.spectral_map["band"].to_numpy()
     return (
         Fact(
             name="Mean irradiance",
             value=f"{values.mean() * prefix.factor:.3g}",
-            remark=f"± {error.mean() * prefix.factor:.2g} {irradiance_unit(prefix)}, over points and bands",
+            remark=f"± {error.mean() * prefix.factor:.2g} {irradiance_unit(prefix)} at a point, over points and bands",
         ),
         _uniformity(values.mean(axis=1), key="", of="the irradiance"),
         Fact(name="Bands", value=f"{centers.size}", remark=f"{centers[0]:g} to {centers[-1]:g} nm"),

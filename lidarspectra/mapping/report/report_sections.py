@@ -23,6 +23,7 @@ from lidarspectra.mapping.figures.map_figures import (
 from lidarspectra.mapping.figures.material_figures import light_figure, segmentation_figure
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.interpolation import leave_one_out, map_planes
+from lidarspectra.mapping.maps.light_unknowns import error_bars, uncertainty_in_words
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry import covers_vision, illuminance, illuminance_from_map
 from lidarspectra.mapping.report import report_page as html
@@ -97,11 +98,12 @@ def time_section(report: ReportInput, writer: ReportWriter) -> str:
 
 def room_section(report: ReportInput) -> str:
     """The 3D view and how to read it."""
+    bars = error_bars(report.spectral_map)[1]
     notes = [
         "Dots are the sensor points, and the plane between neighbouring points on one level is coloured in; grey dots "
         "are buried in furniture or walls, and their values are meaningless. Walls seen from behind are hidden, and "
-        "surfaces are shaded slightly so that edges show. Error bars of an irradiance are ± 2 standard errors of the "
-        "simulation, those of a reflectance ± 2 standard deviations of its estimate."
+        f"surfaces are shaded slightly so that edges show. Error bars of an irradiance are ± 2 {bars}, those of a "
+        "reflectance ± 2 standard deviations of its estimate."
     ]
     count = report.spectral_map.sizes["point"]
     if count > MAX_POINTS:
@@ -151,7 +153,7 @@ def spectra_section(report: ReportInput, writer: ReportWriter) -> str:
             "All sensor points are buried in furniture or walls, so that no spectrum is meaningful. Move them into "
             "free air: change the height of the grid, or the points, under [sensors] in the run file."
         )
-    caption = "Spectral irradiance at chosen points; error bars are ± 2 standard errors of the simulation."
+    caption = f"Spectral irradiance at chosen points; error bars are ± 2 {error_bars(report.spectral_map)[1]}."
     figure = writer.figure("spectra", spectra_figure(report.spectral_map, points), caption)
     return figure + html.details("The numbers", writer.table(tables.chosen_points_table(report.spectral_map, points)))
 
@@ -178,6 +180,8 @@ def accuracy_section(report: ReportInput, writer: ReportWriter) -> str:
         "noise": f"{attrs.get('noise', 'not recorded')}; {_target_words(report)}",
         "achieved standard error": f"{_achieved_percent(report):.2g} % of the mean irradiance",
     }
+    if uncertainty := uncertainty_in_words(report.spectral_map.attrs):
+        rows["uncertainty for all causes"] = f"{uncertainty}; see the table of trust"
     if assumed := assumptions_of(report.spectral_map).in_words():
         rows["guesses that no standard error knows of"] = assumed
     if "missed_target" in report.transport:

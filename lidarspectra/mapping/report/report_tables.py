@@ -167,10 +167,18 @@ def bands_table(spectral_map: xr.Dataset) -> Table:
             "median SE [%]": np.median(relative, axis=0),
         }
     )
-    formats = {"band [nm]": "g", "width [nm]": "g", "median SE [%]": ".2f"}
+    if "irradiance_sd" in spectral_map:
+        frame["median uncertainty [%]"] = np.median(_own_uncertainty(spectral_map), axis=0)
+    formats = {"band [nm]": "g", "width [nm]": "g", "median SE [%]": ".2f", "median uncertainty [%]": ".0f"}
     formats |= dict.fromkeys([name for name in map(str, frame.columns) if "W/m²/nm" in name], ".2e")
-    caption = "Spectral irradiance by band; the standard error (SE) as a share of the band's mean." + _guesses(
-        spectral_map
+    caption = (
+        "Spectral irradiance by band; the standard error (SE) as a share of the band's mean"
+        + (
+            ", the uncertainty for all causes as a share of each point's own light."
+            if "irradiance_sd" in spectral_map
+            else "."
+        )
+        + _guesses(spectral_map)
     )
     return Table(name="bands", caption=caption, frame=frame, formats=formats)
 
@@ -189,15 +197,23 @@ def chosen_points_table(spectral_map: xr.Dataset, points: Sequence[ChosenPoint])
 
 
 def points_table(spectral_map: xr.Dataset) -> Table:
-    """The whole map, one row per point (see `map_table`), without the standard errors."""
+    """The whole map, one row per point (see `map_table`), without errors of the bands."""
     whole = map_table(spectral_map)
-    frame = whole[[name for name in whole.columns if not name.startswith("SE_") and name != ASSUMED]]  # the caption's
+    errors = ("SE_", *(f"SD_{label}" for label in spectral_map["band_label"].to_numpy()), ASSUMED)  # the caption's
+    frame = whole[[name for name in whole.columns if not name.startswith(errors)]]
     formats = dict.fromkeys(("x", "y", "z"), ".3f") | dict.fromkeys(("nx", "ny", "nz"), ".2f")
     formats |= dict.fromkeys([name for name in frame.columns if name.startswith("E_")], ".3e")
     caption = "All points: position [m], direction [1], spectral irradiance E by band [W/m²/nm]." + _guesses(
         spectral_map
     )
     return Table(name="points", caption=caption, frame=frame, formats=formats)
+
+
+def _own_uncertainty(spectral_map: xr.Dataset) -> FloatArray:
+    """(point, band) uncertainty over the light there, of points that are not buried [%]."""
+    kept = kept_points(spectral_map)
+    light, deviation = (spectral_map[name].to_numpy()[kept] for name in ("irradiance", "irradiance_sd"))
+    return np.asarray(100.0 * np.divide(deviation, light, out=np.zeros(light.shape), where=light > 0), dtype=np.float64)
 
 
 def _guesses(spectral_map: xr.Dataset) -> str:

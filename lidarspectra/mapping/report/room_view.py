@@ -23,6 +23,7 @@ from lidarspectra.mapping.figures.figure_style import LIGHT_MAP, irradiance_unit
 from lidarspectra.mapping.figures.material_figures import OTHER_COLOR, MaterialCode, material_code
 from lidarspectra.mapping.figures.plan_drawing import color_norm
 from lidarspectra.mapping.maps.interpolation import MIN_POINTS, map_planes, plan_places
+from lidarspectra.mapping.maps.light_unknowns import error_bars
 from lidarspectra.mapping.maps.map_schema import POSITION, kept_points
 from lidarspectra.material.material_map import Material
 from lidarspectra.material.material_mesh import daylight_colors
@@ -220,7 +221,7 @@ def _points(spectral_map: xr.Dataset, illuminance_lx: FloatArray | None) -> dict
         "numbers": packed(shown + 1, "<u4"),
         "places": packed(places, "<f4"),
         "irradiance": packed(irradiance, "<f4"),
-        "error": packed(thinned["irradiance_se"].to_numpy(), "<f4"),
+        "error": packed(error_bars(thinned)[0], "<f4"),
         "illuminance": None if illuminance_lx is None else packed(illuminance_lx[shown], "<f4"),
         "buried": packed(thinned["buried"].to_numpy(), "u1"),
         "triangles": packed(point_triangles(thinned), "<u4"),

@@ -10,6 +10,7 @@ import pandas as pd
 from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2
 from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, counted_lamps
+from lidarspectra.mapping.maps.light_unknowns import ALL_CAUSES, CAUSES, OF_CAUSE
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.report.report_input import ReportInput
 
@@ -50,6 +51,7 @@ def trust_rows(report: ReportInput) -> tuple[TrustRow, ...]:
         *_material_rows(report),
         *_lamp_rows(report, assumed),
         _simulation_row(report),
+        *_total_rows(report),
     )
 
 
@@ -74,12 +76,20 @@ def trust_table(report: ReportInput) -> Table:
 def trust_card(report: ReportInput) -> tuple[str, str, str]:
     """Name, value and remark of the card that sums it up."""
     assumed = assumptions_of(report.spectral_map)
+    stated = report.spectral_map.attrs.get(ALL_CAUSES)
+    value = "guesses" if assumed else "no guesses"
+    if stated is not None:
+        value = f"± {_percent(float(stated))}{' by guesses' if assumed else ''}"
     if not assumed:
-        return "Trust", "no guesses", "see the table below"
+        return (
+            "Trust",
+            value,
+            "at a point (1 standard uncertainty); no guesses" if stated is not None else "see the table below",
+        )
     share = _light_share(report, assumed.all_lamps)
     lamps = replace(assumed, scan=()).in_words()
     light = f"{lamps} ({_percent(share)} of the light)" if lamps else ""
-    return "Trust", "guesses", ", ".join(words for words in (light, Assumptions(scan=assumed.scan).in_words()) if words)
+    return "Trust", value, ", ".join(words for words in (light, Assumptions(scan=assumed.scan).in_words()) if words)
 
 
 def _scan_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
@@ -252,6 +262,21 @@ def _simulation_row(report: ReportInput) -> TrustRow:
         how=f"{attrs.get('accuracy', 'unknown')} accuracy, {attrs.get('noise', 'unknown')} noise",
         effect=("" if error is None else f"± {_percent(float(error), digits=2)} of the mean (1 standard error)")
         + ("" if missing is None else f"; {_percent(float(missing), digits=2)} left out beyond the last reflection"),
+    )
+
+
+def _total_rows(report: ReportInput) -> Iterator[TrustRow]:
+    """What all of the above do together, as far as it has a number."""
+    attrs = report.spectral_map.attrs
+    if ALL_CAUSES not in attrs:
+        return
+    parts = [f"{cause} {_percent(float(attrs[f'{OF_CAUSE}{cause}']), digits=1)}" for cause in CAUSES]
+    yield TrustRow(
+        what="all together",
+        known="computed",
+        how=f"root mean square over points: {', '.join(parts)} of the mean light",
+        effect=f"± {_percent(float(attrs[ALL_CAUSES]))} at a point (1 standard uncertainty); an error of a lamp or of "
+        "a wall is the same all over the map",
     )
 
 

@@ -12,11 +12,11 @@ from lidarspectra.mapping.calibration.model import (
     Observations,
     Priors,
     error_covariance,
-    error_scale,
 )
 from lidarspectra.mapping.calibration.model_error import fit_with_model_error
 from lidarspectra.mapping.calibration.planning import choose_readings
 from lidarspectra.mapping.calibration.posterior import disagreement, fit, swapped, turned_over
+from lidarspectra.mapping.maps.light_unknowns import error_scale
 
 LAMPS, PARTS, ROWS = 3, 4, 8
 

@@ -1,0 +1,239 @@
+"""What a run does not know of its room's light, from its own stages, and from readings where it is calibrated."""
+
+import json
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from scipy.linalg import block_diag
+
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.config import CalibrationSection, RunFile
+from lidarspectra.errors import WorkspaceError
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.calibration.model import ASSUMED_FLUX_SD, FLUX_SD, LOCAL_SD, REFLECTANCE_SD, Priors
+from lidarspectra.mapping.maps.light_unknowns import LightUnknowns
+from lidarspectra.mapping.maps.reflected_change import Surfaces, reflectance_effects
+from lidarspectra.mapping.maps.spectral_map import spectral_map
+from lidarspectra.material.material_map import Material, MaterialMap
+from lidarspectra.radiance.sampling.direct_light import direct_coefficients
+from lidarspectra.radiance.scene.clearance import clear_lamps
+from lidarspectra.room.surface_parts import PARTS, surface_parts
+from lidarspectra.room.surface_samples import samples_of
+from lidarspectra.spectra.spectrum import BandSet
+from lidarspectra.workflow.calibration_results import SUMMARY
+from lidarspectra.workflow.lamps_of_run import ScannedRoom
+
+CERTAIN_SD = 0.03  # [1] of reflectances that the user assigned
+LARGEST_SD = 0.5  # [1] of a part's level
+COMMON_SHARE = 0.5  # [1] of a material's deviation that all have in common: exposure and white balance of the picture
+REFERENCE_NM = 555.0  # [nm] where the level of a reflectance is taken
+STEEPEST = 4.0  # [1] d ln E / d ln rho: 1 for a sensor that looks at the part, 1 / (1 - rho) in a closed room
+SAMPLES = 800  # of the surfaces; with 3,000, deviations differ by 2 to 4 %
+SEED = 20261124
+
+
+def priors_of_room(
+    run_file: RunFile, lamps: Sequence[str], materials: MaterialMap, part: IntArray, areas: FloatArray
+) -> Priors:
+    """How well a run knows its lamps and reflectances.
+
+    Unless the run file states it, fluxes that were guessed, of lamps found in the scan and of windows are known worst.
+    The level of a part's reflectance is known as well as its materials are, as if all erred alike.
+
+    Parameters
+    ----------
+    run_file : RunFile
+        With `lamps`, what is assumed of them, and `calibration`.
+    lamps : sequence of str
+        Of the run, windows and sun among them.
+    materials : MaterialMap
+    part : (face,) int
+        Of the room, for every face.
+    areas : (face,) float
+        [m²]
+    """
+    stated = {lamp.name: lamp.flux_deviation for lamp in run_file.lamps if lamp.flux_deviation is not None}
+    known = {lamp.name for lamp in run_file.lamps if "flux" not in lamp.guesses}
+    known |= set(run_file.calibration.determined if run_file.calibration else ())
+    usual = {name: FLUX_SD if name in known else ASSUMED_FLUX_SD for name in lamps}
+    deviation = levels_deviation(materials, part, areas, np.array([REFERENCE_NM]))[:, 0]
+    return Priors(
+        flux_sd=np.array([stated.get(name, usual[name]) for name in lamps]),
+        reflectance_sd=deviation,
+    )
+
+
+def unknowns_of_map(
+    run_file: RunFile,
+    run: Path,
+    scanned: ScannedRoom,
+    materials: MaterialMap,
+    lamps: Sequence[Lamp],
+    bands: BandSet,
+    transport: xr.Dataset,
+    *,
+    workers: int | None = None,
+) -> LightUnknowns:
+    """What is not known of the light of a run's map.
+
+    Parameters
+    ----------
+    run_file : RunFile
+    run : Path
+        Its folder, with what a calibration found.
+    scanned : ScannedRoom
+    materials : MaterialMap
+        As they were traced.
+    lamps : sequence of Lamp
+        As they are in the map.
+    bands : BandSet
+    transport : xarray.Dataset
+    workers : int, optional
+        Processes; one a core by default.
+
+    Returns
+    -------
+    unknowns : LightUnknowns
+    """
+    clear = clear_lamps(lamps, scanned.scan)  # as the scene stage did
+    scan, part = clear.scan, surface_parts(scanned.scan, scanned.room)
+    priors = priors_of_room(run_file, [lamp.name for lamp in lamps], materials, part, scan.areas)
+    in_bands = levels_deviation(materials, part, scan.areas, bands.centers_nm)
+    told = _told(run_file.calibration, run / "calibration" / SUMMARY, len(lamps))
+    if told is None:
+        levels = levels_covariance(materials, part, scan.areas)
+        told = block_diag(np.diag(priors.flux_sd**2), levels), LOCAL_SD
+    covariance, local_sd = told
+    own = levels_deviation(materials, part, scan.areas, np.array([REFERENCE_NM]))
+    light = spectral_map(transport)["irradiance"].to_numpy()
+    positions, normals = (
+        np.stack([transport[f"{kind}{axis}"].to_numpy() for axis in "xyz"], axis=1) for kind in ("", "n")
+    )
+    effect = _reflected(scan, part, materials, clear.lamps, bands, positions, normals, workers=workers)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.nan_to_num(effect / light, nan=0.0, posinf=0.0, neginf=0.0)
+    return LightUnknowns(
+        covariance=covariance,
+        slope=np.clip(slope, 0.0, STEEPEST),
+        spread=in_bands / own,
+        local_sd=local_sd,
+    )
+
+
+def _reflected(
+    scan: Scan,
+    part: IntArray,
+    materials: MaterialMap,
+    lamps: Sequence[Lamp],
+    bands: BandSet,
+    positions: FloatArray,
+    normals: FloatArray,
+    *,
+    workers: int | None,
+) -> FloatArray:
+    """(part, point, band) derivative of the irradiance by the logarithm of each part's reflectance [W/m²/nm]."""
+    generator = np.random.default_rng(SEED)
+    caster = RayCaster(scan)
+    samples = samples_of(scan, caster, generator, count=SAMPLES)
+    with tempfile.TemporaryDirectory(prefix="lidarspectra-") as folder:
+        coefficients = direct_coefficients(
+            scan, lamps, samples.positions, samples.normals, Path(folder), workers=workers
+        )
+    flux = np.stack([bands.band_values(lamp.flux, outside="zero") for lamp in lamps])
+    reflectance = np.stack([bands.band_values(each.reflectance, outside="nearest") for each in materials.materials])
+    surfaces = Surfaces(part=part, material=materials.face_material, reflectance=reflectance, part_count=len(PARTS))
+    return reflectance_effects(caster, surfaces, samples, coefficients.T @ flux, positions, normals, generator)
+
+
+def levels_deviation(materials: MaterialMap, part: IntArray, areas: FloatArray, at_nm: FloatArray) -> FloatArray:
+    """(part, wavelength) relative deviation of the level of each part's reflectance.
+
+    Parameters
+    ----------
+    materials : MaterialMap
+    part : (face,) int
+        Index into `PARTS`, for every face.
+    areas : (face,) float
+        [m²]
+    at_nm : (wavelength,) float
+        [nm]
+
+    Returns
+    -------
+    deviation : (part, wavelength) float
+        That of its materials, weighed by area. [1]
+    """
+    of_material = np.stack([_relative_deviation(material, at_nm) for material in materials.materials])
+    total = np.bincount(part, weights=areas, minlength=len(PARTS))
+    of_part = np.zeros((len(PARTS), at_nm.size))
+    for column in range(at_nm.size):
+        weights = areas * of_material[materials.face_material, column]
+        of_part[:, column] = np.bincount(part, weights=weights, minlength=len(PARTS)) / np.maximum(total, 1e-12)
+    return np.where(total[:, None] > 0, np.clip(of_part, CERTAIN_SD, LARGEST_SD), REFLECTANCE_SD)
+
+
+def levels_covariance(materials: MaterialMap, part: IntArray, areas: FloatArray) -> FloatArray:
+    """Covariance of the logarithms of the parts' levels of reflectance.
+
+    Of each material's deviation a share is common to all, since one picture made them; the rest is its own, and averages
+    out over the materials of a part, weighed by what they reflect.
+
+    Parameters
+    ----------
+    materials : MaterialMap
+    part : (face,) int
+        Index into `PARTS`, for every face.
+    areas : (face,) float
+        [m²]
+
+    Returns
+    -------
+    covariance : (part, part) float
+        [1]
+    """
+    at = np.array([REFERENCE_NM])
+    deviation = np.array([_relative_deviation(material, at)[0] for material in materials.materials])
+    reflectance = np.array(
+        [float(material.reflectance.at(at, outside="nearest")[0]) for material in materials.materials]
+    )
+    count = len(PARTS) * deviation.size
+    index = part * deviation.size + materials.face_material
+    reflected = np.bincount(index, weights=areas, minlength=count).reshape(len(PARTS), -1) * reflectance
+    total = reflected.sum(axis=1, keepdims=True)
+    weight = np.where(total > 0, reflected / np.where(total > 0, total, 1.0), 1.0 / deviation.size)
+    common = np.clip(weight @ deviation, CERTAIN_SD, LARGEST_SD)
+    own = np.clip(weight**2 @ deviation**2, CERTAIN_SD**2, LARGEST_SD**2)
+    return COMMON_SHARE**2 * np.outer(common, common) + (1.0 - COMMON_SHARE**2) * np.diag(own)
+
+
+def _relative_deviation(material: Material, at_nm: FloatArray) -> FloatArray:
+    value = material.reflectance.at(at_nm, outside="nearest")
+    if material.uncertainty is None:
+        return np.full(at_nm.size, CERTAIN_SD if material.provenance == "assigned" else REFLECTANCE_SD)
+    deviation = material.uncertainty.at(at_nm, outside="nearest")
+    return np.where(value > 0, deviation / np.where(value > 0, value, 1.0), REFLECTANCE_SD)
+
+
+def _told(section: CalibrationSection | None, path: Path, lamps: int) -> tuple[FloatArray, float] | None:
+    """Covariance and own error that readings left, where the run's folder has them of just this calibration."""
+    if section is None or not path.is_file():
+        return None
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        if summary["factors"] != section.model_dump(mode="json") or "covariance" not in summary:
+            return None  # changed by hand since, or of an earlier version
+        covariance, local_sd = np.array(summary["covariance"], dtype=np.float64), float(summary["local_sd"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise WorkspaceError(
+            expected="what 'lidarspectra calibrate' wrote of its readings",
+            found=str(error),
+            where=str(path),
+            todo="Calibrate again with --force, or delete the folder: the uncertainty is then that of before.",
+        ) from error
+    size = lamps + len(PARTS)
+    return (covariance, local_sd) if covariance.shape == (size, size) else None

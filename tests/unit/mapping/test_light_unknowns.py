@@ -1,0 +1,153 @@
+"""The uncertainty of a map: lamps, reflectances, openings, what the scan lacks, and the simulation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lidarspectra.errors import MapError
+from lidarspectra.mapping.maps.light_unknowns import (
+    ALL_CAUSES,
+    CAUSES,
+    OF_CAUSE,
+    UNKNOWNS_FILE,
+    LightUnknowns,
+    error_bars,
+    load_unknowns,
+    save_unknowns,
+    uncertainty_in_words,
+)
+from lidarspectra.mapping.maps.map_files import load_map, map_table, read_map_table, save_map, save_map_table
+from lidarspectra.mapping.maps.spectral_map import LampChange, relight, spectral_map
+from lidarspectra.spectra.spectrum import sensor_bands
+
+LAMPS, PARTS, POINTS, BANDS = 2, 4, 176, 14
+
+
+def unknowns(covariance: np.ndarray, *, slope: float = 0.3, local_sd: float = 0.0) -> LightUnknowns:
+    return LightUnknowns(
+        covariance=covariance,
+        slope=np.full((PARTS, POINTS, BANDS), slope),
+        spread=np.ones((PARTS, BANDS)),
+        local_sd=local_sd,
+    )
+
+
+def known_but(**of: float) -> np.ndarray:
+    """Variances by number of the unknown, all others exact."""
+    variance = np.zeros(LAMPS + PARTS)
+    for name, deviation in of.items():
+        variance[int(name.removeprefix("u"))] = deviation**2
+    return np.diag(variance)
+
+
+@pytest.fixture
+def exact(make_transport):
+    """A transport without noise."""
+    transport = make_transport()
+    return transport.assign(coefficient_se=transport["coefficient_se"] * 0)
+
+
+def test_an_unknown_flux_is_that_lamp_s_share_of_the_light(exact):
+    found = spectral_map(exact, unknowns=unknowns(known_but(u1=0.2)))
+    of_lamp = (exact["coefficient"] * exact["flux"]).isel(lamp=1).transpose("point", "band").to_numpy()
+    np.testing.assert_allclose(found["irradiance_sd"], 0.2 * of_lamp, rtol=1e-9)
+
+
+def test_fluxes_that_err_by_themselves_add_as_squares_and_those_that_err_alike_add_up(exact):
+    light = spectral_map(exact)["irradiance"].to_numpy()
+    each = 0.1 * (exact["coefficient"] * exact["flux"]).transpose("lamp", "point", "band").to_numpy()
+    apart = spectral_map(exact, unknowns=unknowns(known_but(u0=0.1, u1=0.1)))["irradiance_sd"]
+    np.testing.assert_allclose(apart, np.sqrt((each**2).sum(axis=0)), rtol=1e-9)
+    alike = known_but(u0=0.1, u1=0.1)
+    alike[0, 1] = alike[1, 0] = 0.01
+    np.testing.assert_allclose(spectral_map(exact, unknowns=unknowns(alike))["irradiance_sd"], 0.1 * light, rtol=1e-9)
+
+
+def test_an_unknown_reflectance_counts_by_its_slope_and_its_spread_in_the_band(exact):
+    wide = np.ones((PARTS, BANDS))
+    wide[2, 5] = 3.0
+    found = spectral_map(exact, unknowns=replace(unknowns(known_but(u4=0.1)), spread=wide))  # u4 is part 2
+    relative = (found["irradiance_sd"] / found["irradiance"]).to_numpy()
+    np.testing.assert_allclose(np.delete(relative, 5, axis=1), 0.03, rtol=1e-9)
+    np.testing.assert_allclose(relative[:, 5], 0.09, rtol=1e-9)
+
+
+def test_what_readings_told_of_a_product_cancels(exact):
+    """After a calibration, a brighter lamp and a darker wall may be as likely: the light is known, neither is."""
+    covariance = known_but(u0=0.1, u1=0.1, u2=0.1)
+    covariance[np.ix_([0, 1], [0, 1])] = 0.01
+    covariance[2, :2] = covariance[:2, 2] = -0.01
+    found = spectral_map(exact, unknowns=unknowns(covariance, slope=1.0))
+    np.testing.assert_allclose(found["irradiance_sd"], 0.0, atol=1e-6 * float(found["irradiance"].max()))
+    assert found.attrs[f"{OF_CAUSE}lamps"] == pytest.approx(found.attrs[f"{OF_CAUSE}reflectances"])
+
+
+def test_dark_places_are_known_less_well_for_what_the_scan_lacks(exact):
+    found = spectral_map(exact, unknowns=unknowns(known_but(), local_sd=0.03))
+    light, deviation = (found[name].to_numpy()[:, 3] for name in ("irradiance", "irradiance_sd"))
+    bright = light >= light.mean()
+    np.testing.assert_allclose(deviation[bright] / light[bright], 0.03, rtol=1e-9)
+    assert (deviation[~bright] / light[~bright] > 0.03).all()
+
+
+def test_openings_and_the_simulation_count_too(make_transport):
+    transport = make_transport()
+    none = unknowns(known_but())
+    found = spectral_map(transport, unknowns=none)
+    np.testing.assert_allclose(found["irradiance_sd"], found["irradiance_se"], rtol=1e-9)
+    opened = transport.assign(opening_coefficient=0.5 * transport["coefficient"])
+    wider = spectral_map(opened, unknowns=none)
+    expected = np.hypot(found["irradiance_se"], 0.5 / np.sqrt(3) * found["irradiance"])
+    np.testing.assert_allclose(wider["irradiance_sd"], expected, rtol=1e-9)
+
+
+def test_illuminance_has_an_uncertainty_of_its_own(exact):
+    found = spectral_map(exact, unknowns=unknowns(known_but(u0=0.1, u1=0.1, u2=0.05)))
+    relative = (found["illuminance_sd"] / found["illuminance"]).to_numpy()
+    assert np.all(relative > 0.3 * 0.05)
+    assert np.all(relative < np.hypot(0.1, 0.3 * 0.05) + 1e-9)  # two lamps that err apart are at most 10 %
+    assert found.attrs[ALL_CAUSES] == pytest.approx(
+        np.sqrt((found["illuminance_sd"] ** 2).mean() / found["illuminance"].mean() ** 2)
+    )
+    squares = sum(found.attrs[f"{OF_CAUSE}{cause}"] ** 2 for cause in CAUSES)
+    assert found.attrs[ALL_CAUSES] == pytest.approx(np.sqrt(squares))
+    assert uncertainty_in_words(found.attrs).startswith("± ")
+    assert "lamps" in uncertainty_in_words(found.attrs)
+    assert uncertainty_in_words({}) == ""
+
+
+def test_a_relit_map_has_the_uncertainty_of_its_lamps(exact):
+    state = unknowns(known_but(u0=0.3))
+    assert relight(exact, {"panel 1": LampChange(dim=0.0)}, unknowns=state)["irradiance_sd"].max() == 0
+    assert relight(exact, {"panel 2": LampChange(dim=0.0)}, unknowns=state)["irradiance_sd"].max() > 0
+    assert "irradiance_sd" not in relight(exact, {})
+
+
+def test_error_bars_are_the_uncertainty_where_a_map_has_it(exact, make_transport):
+    assert error_bars(spectral_map(exact, unknowns=unknowns(known_but(u0=0.1))))[1] == "standard uncertainties"
+    assert error_bars(spectral_map(make_transport()))[1] == "standard errors of the simulation"
+
+
+def test_files_keep_it(exact, tmp_path):
+    state = unknowns(known_but(u0=0.1, u3=0.2), slope=0.25, local_sd=0.03)
+    save_unknowns(state, tmp_path)
+    back = load_unknowns(tmp_path)
+    assert back is not None
+    np.testing.assert_array_equal(back.covariance, state.covariance)
+    np.testing.assert_array_equal(back.slope, state.slope)
+    assert back.local_sd == state.local_sd
+    assert load_unknowns(tmp_path / "elsewhere") is None
+    found = spectral_map(exact, unknowns=state)
+    again = load_map(save_map(found, tmp_path / "map.nc"))
+    np.testing.assert_array_equal(again["illuminance_sd"], found["illuminance_sd"])
+    assert again.attrs[ALL_CAUSES] == found.attrs[ALL_CAUSES]
+    assert {"SD_410", "SD_illuminance_lx"} <= set(map_table(found).columns)
+    table = read_map_table(save_map_table(found, tmp_path / "map.csv"), bands=sensor_bands("as7265x-14"))
+    np.testing.assert_allclose(table["irradiance_sd"], found["irradiance_sd"], rtol=1e-8)
+
+
+def test_a_damaged_file_is_told(tmp_path):
+    (tmp_path / UNKNOWNS_FILE).write_bytes(b"no")
+    with pytest.raises(MapError, match="map stage"):
+        load_unknowns(tmp_path)
