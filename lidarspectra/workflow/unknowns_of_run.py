@@ -180,8 +180,8 @@ def levels_deviation(materials: MaterialMap, part: IntArray, areas: FloatArray, 
 def levels_covariance(materials: MaterialMap, part: IntArray, areas: FloatArray) -> FloatArray:
     """Covariance of the logarithms of the parts' levels of reflectance.
 
-    Of each material's deviation a share is common to all, since one picture made them; the rest is its own, and averages
-    out over the materials of a part, weighed by what they reflect.
+    Of each material's deviation a share is common to all, since one picture made them; the rest is its own, and
+    averages out over the materials of a part, weighed by what they reflect.
 
     Parameters
     ----------
