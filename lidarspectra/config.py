@@ -156,6 +156,17 @@ class DaylightSection(Section):
     windows: Annotated[tuple[WindowSection, ...], Field(min_length=1)]
 
 
+class CardSection(Section):
+    """`[[materials.cards]]`: a matt grey or white card of known reflectance that lay or hung in the room."""
+
+    center: Vector
+    """Its middle. [m]"""
+    size: Annotated[float, Field(ge=0.05, le=2.0)] = 0.2
+    """Its shorter side. [m]"""
+    reflectance: Annotated[float, Field(gt=0.01, lt=1)]
+    """The same at all wavelengths: 0.18 of a photographer's grey card, about 0.85 of office paper."""
+
+
 class MaterialsSection(Section):
     """`[materials]`: how faces get their reflectance."""
 
@@ -177,6 +188,8 @@ class MaterialsSection(Section):
     """Completeness threshold T of Algorithm 1."""
     delight: bool = True
     """Take the room's light out of the scan's colours, from the lamps' known light."""
+    cards: tuple[CardSection, ...] = ()
+    """Cards of known reflectance in the picture, which fix the level of all others; with `delight` alone."""
 
     @model_validator(mode="after")
     def _file_with_method(self) -> Self:

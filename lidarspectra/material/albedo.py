@@ -50,6 +50,7 @@ CENTER_ROUNDS = 6  # re-weightings that find a group's robust centre
 CEILING_REFLECTANCE = 0.80  # [1] EN 12464-1:2021: 0.7 to 0.9
 CEILING_DEVIATION = 0.12  # [1] of its logarithm
 CEILING_DOUBT = 2.0  # [1] scale of the robust loss on the ceiling's prior, in standard deviations
+CARD_DEVIATION = 0.03  # [1] of the logarithm of a card's reflectance: grain, exposure from frame to frame
 POWER_DEVIATION = 0.15  # [1] of log g about g = 1
 SHOULDER_GUESS, SHOULDER_DEVIATION = 0.4, 0.5  # [1] of log(1 + s): phones lift shadows, most by less than 2.5
 BALANCE_DEVIATION = 0.2  # [1] of log k between cones, about white half-way between the lamps and all light in the room
@@ -239,6 +240,8 @@ class _Model:
         noise = np.hypot(PICTURE_NOISE / seen, evidence.unsure[self.rows])
         self.clarity = 1.0 / np.hypot(1.0, noise / LOG_SCATTER)
         self.ceiling = np.flatnonzero(evidence.ceiling[self.rows])
+        self.cards = np.flatnonzero(evidence.card >= 0) if evidence.card is not None else np.empty(0, dtype=np.int64)
+        self.card_light = _LightAt(evidence, self.cards, self.mean_direct) if self.cards.size else None
         self.rough = np.log(np.maximum(cones_of_srgb(evidence.shown[evidence.group >= 0]).mean(axis=0), MIN_LIGHT))
 
     def parts(self, parameters: FloatArray) -> tuple[ToneCurve, FloatArray, float, FloatArray]:
@@ -350,7 +353,22 @@ class _Model:
             apart = (np.median(values[self.ceiling], axis=0) - np.log(CEILING_REFLECTANCE)) / CEILING_DEVIATION
             doubt = CEILING_DOUBT
             parts.append(np.sign(apart) * doubt * np.sqrt(np.log1p((apart / doubt) ** 2)))
+        parts.append(self._card_beliefs(parameters))
         return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
+
+    def _card_beliefs(self, parameters: FloatArray) -> FloatArray:
+        """(card, 3) how far the cards' reflectances come out from what they are, in standard deviations."""
+        if self.card_light is None or self.evidence.card is None or self.evidence.card_log is None:
+            return np.empty((0, 3))
+        tone, exposure, beam, factors = self.parts(parameters)
+        seen, gathered = self.card_light.shown(tone)
+        direct = exposure * self.card_light.direct(beam, factors) + self.card_light.other(self.strengths(parameters))
+        values = np.log(seen / np.maximum(direct + gathered, MIN_LIGHT))
+        which, of_card = np.unique(self.evidence.card[self.cards], return_inverse=True)
+        means = np.stack([np.bincount(of_card, weights=column) for column in values.T], axis=1)
+        noise = np.stack([np.bincount(of_card, weights=column) for column in (PICTURE_NOISE / seen).T], axis=1)
+        count = np.bincount(of_card)[:, None]
+        return (means / count - self.evidence.card_log[which]) / np.hypot(CARD_DEVIATION, noise / count)
 
     def _source_beliefs(self, parameters: FloatArray) -> list[FloatArray]:
         """What is believed of unknown sources before the picture is looked at."""

@@ -48,6 +48,10 @@ class LightEvidence:
         Patterns of the light of unknown sources (see `unknown_light`). [any one unit]
     other_upright : (source,) bool, optional
         Which of them may be windows.
+    card : (sample,) int, optional
+        Which card of known reflectance each is a point of; -1 for none.
+    card_log : (card, 3) float, optional
+        Log reflectance of these cards, in cones.
     """
 
     shown: FloatArray
@@ -66,6 +70,8 @@ class LightEvidence:
     face_excess: FloatArray | None = None
     other: FloatArray | None = None
     other_upright: BoolArray | None = None
+    card: IntArray | None = None
+    card_log: FloatArray | None = None
 
     @property
     def sources(self) -> int:

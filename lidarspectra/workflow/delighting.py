@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_array
 
-from lidarspectra.arrays import BoolArray, FloatArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
@@ -24,6 +24,7 @@ from lidarspectra.material.albedo import (
     LightFit,
     fit_light,
 )
+from lidarspectra.material.cards import Card, SeenCards, look_at_cards
 from lidarspectra.material.colored_light import BANDS, Exchange, apparent_ratio
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.lamp_fluxes import (
@@ -52,7 +53,7 @@ from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients
 from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.room.room import Room
-from lidarspectra.room.surface_samples import Samples, samples_of
+from lidarspectra.room.surface_samples import LIFT_M, Samples, samples_of
 from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra.spectrum import Spectrum
@@ -153,6 +154,7 @@ def take_light_out(
     room: Room,
     lamps: Sequence[Lamp],
     *,
+    cards: Sequence[Card] = (),
     fluxes_stated: bool = True,
     engine: Engine | None = None,
     workers: int | None = None,
@@ -167,6 +169,8 @@ def take_light_out(
         In it.
     lamps : sequence of Lamp
         That were lit when it was scanned. The scale of their fluxes does not matter.
+    cards : sequence of Card
+        Of known reflectance, in the picture.
     fluxes_stated : bool
         Whether the lamps' relative fluxes are known. If False they are a first guess with a wide prior, and are
         estimated from the light on the walls.
@@ -184,6 +188,8 @@ def take_light_out(
     ------
     SceneError, EngineError
         As the tracing does.
+    MaterialError
+        If there is no surface at a card's place.
     """
     photographed = scan.appearance.photographed
     if scan.appearance.known and scan.areas[photographed].sum() < MIN_PHOTOGRAPHED * scan.areas.sum():
@@ -204,6 +210,8 @@ def take_light_out(
     generator = np.random.default_rng(SEED)
     caster = RayCaster(scan)
     samples = samples_of(scan, caster, generator, count=SAMPLES)
+    seen_cards = look_at_cards(scan, caster, cards)
+    samples, card = _with_cards(samples, seen_cards)
     coefficients = _direct(scan, lamps, samples, engine=engine, workers=workers, progress=lighting)
     exchanging(0.0, "form factors between surfaces")
     unsure = shadow_edges_of(samples, coefficients)
@@ -216,8 +224,8 @@ def take_light_out(
         sources = (*sources, beyond_scan(open_share))
         patterns.append(opening_patterns(caster, samples.positions, samples.normals, generator))
         exchange = _closed(exchange)
-    colors = shown[samples.face]
-    trusted = known[samples.face] & (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK)
+    colors = np.concatenate([shown[samples.face[card < 0]], seen_cards.shown])
+    trusted = known[samples.face] & (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK) & (card < 0)
     face_lamp = ~known & near_lamps(scan.centers, lamps)
     for source in sources:
         face_lamp[source.faces] = True
@@ -234,6 +242,8 @@ def take_light_out(
         ceiling=ceiling_of(samples, trusted, room),
         white=np.zeros(len(colors), dtype=np.bool_),
         unsure=np.repeat(unsure[:, None], 3, axis=1),
+        card=card,
+        card_log=seen_cards.log_reflectance,
         other=np.stack(patterns) if sources else None,
         other_upright=np.array([source.is_upright for source in sources]) if sources else None,
     )
@@ -256,10 +266,8 @@ def take_light_out(
     face_color[~known] = 1.0
     sources = _shines(sources, fit, scan, spread @ fit.irradiance)
     face_deviation = np.asarray(spread @ fit.log_deviation, dtype=np.float64)
-    for source in sources:
-        if source.is_pane:
-            face_color[source.faces] = PANE_REFLECTANCE
-            face_deviation[source.faces] = PANE_DEVIATION
+    for pane in (source.faces for source in sources if source.is_pane):
+        face_color[pane], face_deviation[pane] = PANE_REFLECTANCE, PANE_DEVIATION
     progress(1.0, "light taken out")
     fluxes = () if fluxes_stated else estimated_fluxes([lamp.name for lamp in lamps], fit, identifiable)
     return Delighting(
@@ -269,6 +277,7 @@ def take_light_out(
         words=fit_in_words(fit),
         warnings=(
             *(flux_warnings(fit, lamps) if fluxes_stated else flux_notes(fluxes)),
+            *seen_cards.notes,
             *unlit_note(unlit),
             *source_note(sources, fit),
             *beam_note(fit),
@@ -278,6 +287,16 @@ def take_light_out(
         ),
         lamp_fluxes=fluxes,
     )
+
+
+def _with_cards(samples: Samples, cards: SeenCards) -> tuple[Samples, IntArray]:
+    """The samples and the cards' points after them, and (sample,) which card each is of, -1 for none."""
+    joined = Samples(
+        face=np.concatenate([samples.face, cards.face]),
+        positions=np.concatenate([samples.positions, cards.positions + LIFT_M * cards.normals]),
+        normals=np.concatenate([samples.normals, cards.normals]),
+    )
+    return joined, np.concatenate([np.full(samples.face.size, -1, dtype=np.int64), cards.card])
 
 
 def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_areas: FloatArray) -> MaterialMap:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray
@@ -21,6 +22,7 @@ from lidarspectra.mapping.maps.light_unknowns import save_unknowns, uncertainty_
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, load_map, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report import PAGE
+from lidarspectra.material.cards import Card
 from lidarspectra.material.lamp_fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
 from lidarspectra.material.viewpoints import render_views
@@ -92,6 +94,7 @@ MATERIALS_KEYS = (
     "materials.names",
     "materials.colors",
     "materials.delight",
+    "materials.cards",
 )
 LAMP_KEYS = ("lamps", "lamps_from_scan")
 DAYLIGHT_KEYS = tuple(f"daylight.{key}" for key in (*MOMENT_KEYS, "windows"))  # of the moment: not the year's weather
@@ -510,7 +513,11 @@ def _without_light(given: Declared, scanned: ScannedRoom, progress: Progress) ->
     lamps = lamps_in_picture(given.run_file, scanned, base=given.base)
     found = given.run_file.lamps_from_scan
     stated = found is None or found.fluxes == "area"
-    return take_light_out(scanned.scan, scanned.room, lamps, fluxes_stated=stated, progress=progress)
+    cards = [
+        Card(center=np.array(each.center), size_m=each.size, reflectance=each.reflectance)
+        for each in given.run_file.materials.cards
+    ]
+    return take_light_out(scanned.scan, scanned.room, lamps, cards=cards, fluxes_stated=stated, progress=progress)
 
 
 def _materials_notes(materials: MaterialMap, face_areas: FloatArray, unlit: Delighting | None) -> Notes:

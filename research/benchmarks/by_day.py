@@ -7,7 +7,8 @@ Of each scan in the folder: area-weighted mean of the absolute reflectance error
 the map by the lamps alone against the true room's, how many surfaces (by area, over 400 to 700 nm) lie within one and
 two stated deviations; the map's stated uncertainty, lamps known exactly, and the shares of its points and channels
 within one and two of it; by how much each part's level is off, of what is stated; processor time of taking the light
-out, and what the run says. `--raw`: with the light left in.
+out, and what the run says. Scans with cards have rows with one of them and with both told. `--raw`: with the light left
+in.
 """
 
 import argparse
@@ -22,6 +23,7 @@ import xarray as xr
 from lidarspectra.config import read_run_file
 from lidarspectra.mapping.maps.metrics import compare_maps
 from lidarspectra.mapping.maps.spectral_map import spectral_map
+from lidarspectra.material.cards import Card
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.material_map import MaterialMap
@@ -123,6 +125,15 @@ def run(folder: Path, references: dict[int, Light], *, raw: bool) -> None:
     took = time.process_time() - start
     found = estimate_materials(case.scan, views, library=library, face_color=delit.face_color)
     maps = {"delit": with_light_uncertainty(found, delit, case.scan.areas)}
+    cards = [
+        Card(center=np.array(card.center), size_m=card.size, reflectance=card.reflectance)
+        for card in read_run_file(folder / "room.toml").materials.cards
+    ]
+    for name, some in {"card": cards[:1], "two": cards}.items() if cards else ():
+        told = take_light_out(case.scan, find_room(case.scan), case.lamps, cards=some)
+        found = estimate_materials(case.scan, views, library=library, face_color=told.face_color)
+        maps[name] = with_light_uncertainty(found, told, case.scan.areas)
+        print("".join(f"  {note}\n" for note in told.warnings if "card" in note), end="")
     if raw:
         maps["raw"] = estimate_materials(case.scan, views, library=library)
     for name, materials in maps.items():

@@ -18,6 +18,8 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.spectra.databases import color_matching_functions, lamp_spectrum
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.spectra.spectrum_files import TableRow, read_table, write_table
 from lidarspectra.workflow.lamps_of_run import resolve_lamps
 from research.scenes.build import (
     SCENES,
@@ -44,6 +46,13 @@ WINDOWS = {
     "apartment": (((3.2, -0.04, 0.9), (4.8, 0.01, 2.1)), ((0.8, 6.29, 0.9), (2.0, 6.34, 2.1))),
     "large-office": (((1.5, -0.04, 0.9), (4.5, 0.01, 2.2)), ((7.0, -0.04, 0.9), (10.0, 0.01, 2.2))),
 }
+CARDS = {"grey card": 0.18, "white paper": 0.85}  # [1] reflectance
+CARD_M = (0.3, 0.21)
+CARDS_AT = {  # middles on the floor [m]
+    "office": ((1.1, 0.5), (1.5, 0.8)),
+    "apartment": ((3.6, 1.0), (3.6, 0.5)),
+    "large-office": ((4.1, 2.2), (4.1, 2.7)),
+}
 FLUX_RATIO = {"office": 1.0, "apartment": 2.0, "large-office": 1.0}  # [1] of all windows over all lamps, in lumens
 # Tone curve, exposure (share of white at which the brightest 3 % are), white balance; plain sRGB, filmic, lifted.
 CAMERAS = ((0.6, 0.8, 0.85), (0.0, 0.6, 0.6), (1.2, 0.4, 1.0))
@@ -63,12 +72,15 @@ class Case:
         Share of a window that its blind leaves free, from below. [0-1]
     pane : bool
         Whether the scan has the glass as a surface; else there is a hole.
+    cards : bool
+        Whether a grey card and a sheet of white paper lie on the floor.
     """
 
     day: float = 1.0
     lamps: float = 1.0
     open_share: float = 1.0
     pane: bool = True
+    cards: bool = False
 
 
 CASES = {
@@ -77,6 +89,7 @@ CASES = {
     "blinds": Case(open_share=0.5),
     "off": Case(lamps=0.0),
     "holes": Case(pane=False),
+    "cards": Case(cards=True),
 }
 
 
@@ -131,6 +144,9 @@ def build_by_day(scene: str, case: Case, folder: Path, *, seed: int) -> Built:
     )
     write_truth(folder / "truth", plan, room, built.true_face)
     write_run_file(folder / "room.toml", plan.file, built.file)
+    if case.cards:
+        with (folder / "room.toml").open("a", encoding="utf-8") as file:
+            file.write(_told_cards(scene))
     points = SCENES / scene / "points.csv"
     if points.is_file():
         (folder / "points.csv").write_bytes(points.read_bytes())
@@ -150,11 +166,38 @@ def _with_windows(scene: str, case: Case, folder: Path, seed: int) -> RoomPlan:
             f'\n[[parts]]\nname = "{WINDOW} {number + 1}"\nshape = "box"\nlow = {list(low)}\n'
             f'high = {[high[0], high[1], round(top, 3)]}\nmaterial = "{GLASS}"\n'
         )
+    if case.cards:
+        text += _cards(scene, folder / "reflectances.csv")
     (folder / "plan.toml").write_text(text)
     plan = read_plan(folder / "plan.toml")
     tone, level, balance = CAMERAS[(seed - 1) % len(CAMERAS)]
     camera = plan.file.camera.model_copy(update={"tone": tone, "bright_level": level, "white_balance": balance})
     return replace(plan, file=plan.file.model_copy(update={"camera": CameraSection(**camera.model_dump())}))
+
+
+def _cards(scene: str, table: Path) -> str:
+    """Parts and materials of the plan; their reflectances are added to the table."""
+    rows = list(read_table(table))
+    wavelengths = rows[0].spectrum.wavelengths_nm
+    text = ""
+    for (name, value), (x, y) in zip(CARDS.items(), CARDS_AT[scene], strict=True):
+        key = name.replace(" ", "-")
+        flat = Spectrum(wavelengths_nm=wavelengths, values=np.full(wavelengths.size, value))
+        rows.append(TableRow(id=key, name=name, category="paper", spectrum=flat))
+        low = [round(x - CARD_M[0] / 2, 3), round(y - CARD_M[1] / 2, 3), -0.01]
+        high = [round(x + CARD_M[0] / 2, 3), round(y + CARD_M[1] / 2, 3), 0.004]
+        text += f'\n[[materials]]\nname = "{name}"\nreflectance = "{key}"\n'
+        text += f'\n[[parts]]\nname = "{name}"\nshape = "box"\nlow = {low}\nhigh = {high}\nmaterial = "{name}"\n'
+    write_table(table, rows)
+    return text
+
+
+def _told_cards(scene: str) -> str:
+    """The cards as a run file has them."""
+    return "".join(
+        f"\n[[materials.cards]]\ncenter = [{x}, {y}, 0.0]\nsize = {min(CARD_M)}\nreflectance = {value}\n"
+        for value, (x, y) in zip(CARDS.values(), CARDS_AT[scene], strict=True)
+    )
 
 
 def _direct(

@@ -53,6 +53,7 @@ ROOMS: dict[str, dict[str, Any]] = {
     "lamps": {
         **REST,
         "lamps": [LAMP, IES, SPOT],
+        "materials": {"cards": [{"center": [1, 1, 0], "reflectance": 0.18}]},
         "calibration": {"measured": "readings.csv", "lamps": {"one": 1.1}, "reflectance": {"floor": 0.9}},
         "daylight": DAYLIGHT,
         "sensors": {"grid": {"count": 9}, "field_of_view_deg": 30},

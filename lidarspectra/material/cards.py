@@ -1,0 +1,154 @@
+"""Cards of known reflectance that lie or hang in a scan: a photographer's grey card, a sheet of white paper.
+
+What the picture shows of a card, over the light that falls there, is its reflectance: one card fixes the level of all
+others, and two of different grey the camera's tone curve as well.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.errors import MaterialError
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.material.sharpened_cones import cones_of_srgb
+
+REACH_M = 0.15  # [m] from a card's stated middle to the surface that it lies on: a tape measure, the scan's drift
+LOOKS = 200  # directions in which the surface is sought
+OFF_M = 0.05  # [m] from which the card is looked at
+ACROSS = 6  # points along each side that are looked at
+MIDDLE = 0.6  # [1] of a card's size: its rim is blurred, and may be a few centimetres off
+CLIPPED, DARK = 0.97, 0.012  # [1] limits of the brightest channel for a point to be used
+LEAST_POINTS = 9  # of a card that must be usable
+GOLDEN_TURN = np.pi * (3.0 - np.sqrt(5.0))  # [rad]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Card:
+    """A matt grey or white card.
+
+    Parameters
+    ----------
+    center : (3,) float
+        Its middle. [m]
+    size_m : float
+        Its shorter side. [m]
+    reflectance : float
+        The same at all wavelengths. [0-1]
+    """
+
+    center: FloatArray
+    size_m: float
+    reflectance: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SeenCards:
+    """Points of cards, as a picture shows them.
+
+    Parameters
+    ----------
+    card : (point,) int
+        Which one each is of.
+    face : (point,) int
+        Of the scan.
+    positions, normals : (point, 3) float
+        On the surface. [m, 1]
+    shown : (point, 3) float
+        Linear sRGB. [0-1]
+    log_reflectance : (card, 3) float
+        In sharpened cones.
+    notes : tuple of str
+        Cards that tell nothing, as full sentences.
+    """
+
+    card: IntArray
+    face: IntArray
+    positions: FloatArray
+    normals: FloatArray
+    shown: FloatArray
+    log_reflectance: FloatArray
+    notes: tuple[str, ...]
+
+
+def look_at_cards(scan: Scan, caster: RayCaster, cards: Sequence[Card]) -> SeenCards:
+    """Points of cards in a scan's texture.
+
+    Parameters
+    ----------
+    scan : Scan
+        With colours.
+    caster : RayCaster
+        Of it.
+    cards : sequence of Card
+
+    Returns
+    -------
+    seen : SeenCards
+        Without points of cards that are cut at white, or too dark.
+
+    Raises
+    ------
+    MaterialError
+        If no surface is near a card's place.
+    """
+    found: list[tuple[int, IntArray, FloatArray, FloatArray, FloatArray]] = []
+    notes = []
+    for number, card in enumerate(cards):
+        face, places = _points_of(scan, caster, card)
+        shown = scan.appearance.sample(face, places[1])
+        usable = np.flatnonzero((shown.max(axis=1) < CLIPPED) & (shown.max(axis=1) > DARK))
+        if usable.size < LEAST_POINTS:
+            why = "cut at white" if (shown.max(axis=1) >= CLIPPED).mean() > 0.5 else "too dark, or not there"
+            notes.append(
+                f"The card at ({_place(card)}) tells nothing: in the picture it is {why}. Put it where it is lit less "
+                "strongly, or use a grey one, and scan again; or take it out of [[materials.cards]]."
+            )
+            continue
+        found.append((number, face[usable], places[0][usable], scan.normals[face[usable]], shown[usable]))
+    levels = np.array([card.reflectance for card in cards])
+    empty = np.empty((0, 3))
+    nothing: IntArray = np.empty(0, dtype=np.int64)
+    return SeenCards(
+        card=np.concatenate([np.full(each[1].size, each[0], dtype=np.int64) for each in found] or [nothing]),
+        face=np.concatenate([each[1] for each in found] or [nothing]),
+        positions=np.concatenate([each[2] for each in found] or [empty]),
+        normals=np.concatenate([each[3] for each in found] or [empty]),
+        shown=np.concatenate([each[4] for each in found] or [empty]),
+        log_reflectance=np.log(cones_of_srgb(np.repeat(levels[:, None], 3, axis=1))) if levels.size else empty,
+        notes=tuple(notes),
+    )
+
+
+def _points_of(scan: Scan, caster: RayCaster, card: Card) -> tuple[IntArray, tuple[FloatArray, FloatArray]]:
+    """Faces, positions and barycentric coordinates of points in the middle of a card."""
+    height = 1.0 - 2.0 * (np.arange(LOOKS) + 0.5) / LOOKS
+    turn = GOLDEN_TURN * np.arange(LOOKS)
+    level = np.sqrt(1.0 - height**2)
+    ways = np.stack([level * np.cos(turn), level * np.sin(turn), height], axis=1)
+    starts = np.broadcast_to(card.center, (LOOKS, 3)) - 1e-3 * ways
+    hits = caster.nearest(starts, ways, max_distance=REACH_M)
+    if not hits.met.any():
+        raise MaterialError(
+            expected=f"a surface within {100 * REACH_M:.0f} cm of a card's middle",
+            found="none",
+            where=f"card at ({_place(card)}) m, [[materials.cards]]",
+            todo="Give the place in metres, in the scan's axes: 'lidarspectra scan' prints its extent, and the report "
+            "shows it.",
+        )
+    normal = scan.normals[hits.face[int(np.argmin(hits.distance))]]
+    aside = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    along = np.cross(normal, aside)
+    along /= np.linalg.norm(along)
+    steps = (np.arange(ACROSS) + 0.5) / ACROSS - 0.5
+    u, v = (grid.reshape(-1, 1) * MIDDLE * card.size_m for grid in np.meshgrid(steps, steps))
+    start = card.center + u * along + v * np.cross(normal, along) + OFF_M * normal
+    hits = caster.nearest(start, np.broadcast_to(-normal, start.shape), max_distance=OFF_M + REACH_M)
+    met = np.flatnonzero(hits.met)
+    return hits.face[met], (start[met] - hits.distance[met, None] * normal, hits.barycentric[met])
+
+
+def _place(card: Card) -> str:
+    return ", ".join(f"{value:.2f}" for value in card.center)

@@ -1,0 +1,108 @@
+"""A card of known reflectance sets the level where nothing else in the picture tells it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import lidarspectra as ls
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import MaterialError
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.material.cards import Card, look_at_cards
+from lidarspectra.room.room import find_room
+from lidarspectra.workflow.delighting import take_light_out
+
+from .lit_rooms import all_light, joined, lamp_light, painted, plane
+
+pytestmark = pytest.mark.slow  # a room photographed by radiosity and de-lit, twice
+
+LENGTH_M, WIDTH_M, HEIGHT_M = 4.0, 3.2, 2.6
+FLOOR, WALLS, CEILING, CARD = 0.15, 0.3, 0.5, 0.18  # a ceiling far darker than most
+CENTER = (2.0, 1.6, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Room:
+    """A scan in lamps' light, and what is true of it."""
+
+    scan: Scan
+    reflectance: FloatArray
+    is_card: np.ndarray
+    lamps: list[Lamp]
+
+
+@pytest.fixture(scope="module")
+def dim_room(tmp_path_factory: pytest.TempPathFactory) -> Room:
+    x, y, z = np.diag([LENGTH_M, WIDTH_M, HEIGHT_M])
+    zero = np.zeros(3)
+    scan, member, reflectance = joined(
+        [
+            (FLOOR, plane(zero, x, y, 0.2)),
+            (CEILING, plane(z, y, x, 0.2)),
+            (WALLS, plane(zero, y, z, 0.2)),
+            (WALLS, plane(x, z, y, 0.2)),
+            (WALLS, plane(y, x, z, 0.2)),
+            (WALLS, plane(zero, z, x, 0.2)),
+            (CARD, plane(np.array([1.85, 1.45, 0.01]), np.array([0.3, 0, 0]), np.array([0, 0.3, 0]), 0.1)),
+        ]
+    )
+    lamps = [
+        ls.make_lamp("panel", (at_x, 1.6, 2.3), name=f"{at_x}", size=0.5, spectrum="LED-B3", luminous_flux_lm=3000)
+        for at_x in (1.2, 2.8)
+    ]
+    direct = lamp_light(scan, lamps, tmp_path_factory.mktemp("light"))
+    seen = reflectance * all_light(scan, reflectance, direct)
+    return Room(
+        scan=painted(scan, 0.7 * seen / np.quantile(seen, 0.98)),
+        reflectance=reflectance,
+        is_card=(member == 6),
+        lamps=lamps,
+    )
+
+
+def levels(room: Room, *cards: Card) -> tuple[float, float]:
+    """Mean of the estimated reflectance over the true one, and its stated deviation."""
+    found = take_light_out(room.scan, find_room(room.scan), room.lamps, cards=cards, workers=2)
+    assert found.face_color is not None
+    assert found.face_deviation is not None
+    counts = ~room.is_card
+    ratio = found.face_color.mean(axis=1)[counts] / room.reflectance[counts]
+    return float(np.median(ratio)), float(np.median(found.face_deviation[counts]))
+
+
+def card(reflectance: float = CARD, *, center: tuple[float, float, float] = CENTER) -> Card:
+    return Card(center=np.array(center), size_m=0.3, reflectance=reflectance)
+
+
+def test_a_card_fixes_the_level_and_narrows_the_deviation(dim_room: Room) -> None:
+    without, unsure = levels(dim_room)
+    with_card, sure = levels(dim_room, card())
+    assert with_card == pytest.approx(1.0, abs=0.04)
+    assert abs(with_card - 1.0) < abs(without - 1.0)
+    assert sure < unsure
+
+
+def test_a_card_that_is_cut_at_white_is_left_out_and_told(dim_room: Room) -> None:
+    shown = dim_room.scan.face_colors().mean(axis=1)
+    shown[dim_room.is_card] = 1.0
+    white = painted(dim_room.scan, shown)
+    seen = look_at_cards(white, RayCaster(white), [card()])
+    assert seen.card.size == 0
+    assert "cut at white" in seen.notes[0]
+    assert "[[materials.cards]]" in seen.notes[0]
+
+
+def test_points_of_a_card_are_its_own(dim_room: Room) -> None:
+    seen = look_at_cards(dim_room.scan, RayCaster(dim_room.scan), [card()])
+    assert seen.card.size >= 25
+    assert dim_room.is_card[seen.face].all()
+    assert np.ptp(seen.positions[:, 0]) < 0.3
+    np.testing.assert_allclose(seen.positions[:, 2], 0.01, atol=1e-6)
+
+
+def test_a_card_in_the_air_is_refused(dim_room: Room) -> None:
+    with pytest.raises(MaterialError, match="surface within 15 cm"):
+        look_at_cards(dim_room.scan, RayCaster(dim_room.scan), [card(center=(2.0, 1.6, 1.3))])
