@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
+
 from lidarspectra.arguments import path_of
 from lidarspectra.config import RunFile, ScanSection
 from lidarspectra.errors import LidarSpectraError, RunFileError, ScanError, SensorError
@@ -14,7 +16,9 @@ from lidarspectra.hardware.phone.readers import UnitChoice, UpChoice, read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.io.files import writing
 from lidarspectra.io.toml_sections import check_sections
-from lidarspectra.material.lit_lamps import search_lit_lamps
+from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.lit_lamps import LampSearch, search_lit_lamps
+from lidarspectra.material.unknown_light import UnknownSource, find_unknown_sources
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room
@@ -27,6 +31,7 @@ from lidarspectra.workflow.proposed_lamps import propose_panels
 from lidarspectra.workflow.whole_room import whole_room
 
 SENSOR_COUNTS = (176, 100, 50, 25, 10, 5, 1)  # the paper's count, then what smaller rooms hold
+NEAR_M = 0.3  # [m] of a lamp's middle: what shines there is the lamp
 PICTURE_SUFFIX = ".plan.png"  # of the run file's name
 
 
@@ -203,9 +208,20 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
         no_sensor=no_sensor,
         lamps=lamps,
         panels=None if lamps.lamps else propose_panels(room, free),
+        panes=_panes(scan, lamps),
         has_color=scan.appearance.known,
     )
     return _Looked(summary=summary, scan=scan, points=points)
+
+
+def _panes(scan: Scan, lamps: LampSearch) -> tuple[UnknownSource, ...]:
+    """Upright places that shine and are none of the lamps: windows by day, or large screens."""
+    known = surface_colors(scan)[1]
+    shining = find_unknown_sources(scan, ~known & scan.appearance.photographed)
+    near = [[float(np.linalg.norm(each.center - lamp.center)) for lamp in lamps.lamps] for each in shining]
+    return tuple(
+        each for each, away in zip(shining, near, strict=True) if each.is_pane and min(away, default=np.inf) > NEAR_M
+    )
 
 
 def _grid(scan: Scan, room: Room, free: FreeSpace, height: float) -> tuple[SensorPoints | None, SensorError | None]:

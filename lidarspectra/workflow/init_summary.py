@@ -9,6 +9,7 @@ from lidarspectra.errors import SensorError
 from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.hardware.phone.orientation import AXIS_UNCERTAIN, METRES_PER_UNIT, UNIT_UNCERTAIN
 from lidarspectra.material.lit_lamps import LampSearch, LitLamp
+from lidarspectra.material.unknown_light import UnknownSource
 from lidarspectra.room.room import Room
 from lidarspectra.workflow.assumed import CEILING_SHARE, uncertain_of_scan
 from lidarspectra.workflow.proposed_lamps import ProposedPanels
@@ -40,6 +41,8 @@ class InitSummary:
         Lamps lit in the texture, and bright patches that were rejected.
     panels : ProposedPanels or None
         Proposed where no lamp is lit.
+    panes : tuple of UnknownSource
+        Windows by day or large screens: upright places that shine and are no lamps.
     has_color : bool
         False for a scan without colour, in which no lamp can be seen.
     picture : Path or None
@@ -55,6 +58,7 @@ class InitSummary:
     no_sensor: SensorError | None
     lamps: LampSearch
     panels: ProposedPanels | None
+    panes: tuple[UnknownSource, ...]
     has_color: bool
     picture: Path | None = None
 
@@ -98,6 +102,8 @@ class InitSummary:
         )
         yield f"sensors   {counted(self.sensor_count, 'point')} {self.sensor_height_m:g} m above the floor"
         yield f"lamps     {self.lamps_in_words()}"
+        if self.panes:
+            yield f"by day?   light comes from {self.panes_in_words()}"
         yield f"wrote     {self.run_file}"
 
     def lamps_in_words(self) -> str:
@@ -105,6 +111,12 @@ class InitSummary:
         if self.panels is not None:
             return f"none lit; {counted(len(self.panels), 'panel')} proposed (assumed)"
         return f"{lamps_in_words(self.lamps.lamps)} (flux and spectrum assumed)"
+
+    def panes_in_words(self) -> str:
+        """Where what shines and is no lamp is: 'a window or screen of 1.2 m² at (3.1, 2.2, 1.5) m'."""
+        places = [", ".join(f"{value + 0.0:.1f}" for value in pane.center) for pane in self.panes]
+        pairs = zip(self.panes, places, strict=True)
+        return ", ".join(f"a window or screen of {pane.area_m2:.1f} m² at ({place}) m" for pane, place in pairs)
 
     def _advice(self) -> Iterator[str]:
         if self.assumed_of_scan:
@@ -123,6 +135,11 @@ class InitSummary:
             )
         if 0.0 < self.room.floor_confidence < FLOOR_SHARE:
             yield "Little of the floor is in the scan, so that the room's outline may be wrong: check its size above."
+        if self.panes:
+            yield (
+                "By day the light of windows is taken out of the scan's colours with the lamps', and the map has the "
+                "lamps alone; for daylight in the map give the windows under [daylight]."
+            )
         yield self._lamp_advice()
 
     def _sizes(self) -> Iterator[str]:

@@ -147,7 +147,7 @@ def _found(summary: InitSummary, name: str) -> str:
 def _lamp_lines(summary: InitSummary) -> Iterator[str]:
     yield ""
     if summary.panels is not None:
-        yield from _panel_lines(summary.panels, has_color=summary.has_color)
+        yield from _panel_lines(summary.panels, has_color=summary.has_color, by_day=bool(summary.panes))
         return
     lamps = summary.lamps.lamps
     yield f"# Lit in the scan's texture: {lamps_in_words(lamps)}. What a picture cannot show is ASSUMED; please edit:"
@@ -172,7 +172,7 @@ def _lamp_lines(summary: InitSummary) -> Iterator[str]:
         yield ASSUMED
 
 
-def _panel_lines(panels: ProposedPanels, *, has_color: bool) -> Iterator[str]:
+def _panel_lines(panels: ProposedPanels, *, has_color: bool, by_day: bool) -> Iterator[str]:
     why = "No lamp is lit in the scan's texture" if has_color else "The scan has no colour to find lamps by"
     yield f"# {why}, so these panels are ASSUMED: places, sizes, fluxes and spectrum. Replace"
     yield "# them by the lamps that hang in the room: panel, disc, strip, bulb, spot, point, ies or window."
@@ -186,14 +186,21 @@ def _panel_lines(panels: ProposedPanels, *, has_color: bool) -> Iterator[str]:
         yield f"rotation_deg = {panels.rotation_deg:.1f}"
         yield f"spectrum = {toml_value(SPECTRUM)}  # assumed, a white LED; see: lidarspectra databases list"
         yield f"luminous_flux_lm = {_significant(panels.luminous_flux_lm)}  # assumed; on the lamp's label"
+        if by_day:
+            yield "dim_in_scan = 0.0  # no lamp was lit when the room was scanned: by day"
         yield ASSUMED
 
 
 def _other_lines(summary: InitSummary) -> Iterator[str]:
+    if summary.panes:
+        yield ""
+        yield f"# In the picture light comes from {summary.panes_in_words()}:"
+        yield "# a window by day is taken out of the colours with the lamps' light. The map has daylight only where you"
+        yield "# give [daylight] with its windows: see docs/run-file.md."
     yield ""
     yield "[materials]"
     yield 'method = "estimate"  # from the scan\'s colours; "default" gives every surface one material'
-    if summary.panels is not None:
+    if summary.panels is not None and not summary.panes:
         yield "delight = false  # the lamps above are not those that lit the scan; true when they are"
     yield ""
     yield "[sensors]"

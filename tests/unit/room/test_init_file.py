@@ -73,6 +73,7 @@ def test_the_assumptions_are_marked_in_the_file(lit_room, tmp_path) -> None:
     assert text.count('assumed = ["flux", "spectrum"]') == 3
     run_file = read_run_file(tmp_path / "room.toml")
     assert all(lamp.guesses == {"flux", "spectrum"} for lamp in run_file.lamps)
+    assert all(lamp.dim_in_scan == 1 for lamp in run_file.lamps)
     assert run_file.scan.assumed == ()  # a GLB declares unit and axis
     assert run_file.materials.delight
     assert "10,000 lm for each m²" in text
@@ -116,6 +117,22 @@ def test_without_lit_lamps_a_grid_of_panels_is_proposed_as_assumed(dark_room, tm
     assert not run_file.materials.delight  # these lamps did not light the scan
     assert any("No lamp is lit" in line for line in summary.lines())
     assert any("2 panels proposed (assumed)" in line for line in summary.lines())
+
+
+def test_a_window_that_shines_by_day_is_told_and_lamps_that_were_off_are_marked(builder, ceiling, tmp_path) -> None:
+    """Its light is then taken out of the colours, with none of the proposed lamps'."""
+    room = builder(step_m=0.1, noise_m=0.004)
+    dark = ceiling((0.0, 0.0), (4.0, 3.0)).picture
+    room.box([0, 0, 0], [4, 3, 2.5], inward=True, pictures={"top": dark, "south": np.full_like(dark, 120)})
+    room.box([1.5, 0.0, 1.0], [2.7, 0.06, 2.0], color=(255, 255, 255))
+    room.write_glb(tmp_path / "room.glb")
+    summary = write_init(tmp_path / "room.glb", tmp_path / "room.toml")
+    assert summary.panels is not None
+    assert [round(float(pane.center[0]), 1) for pane in summary.panes] == [2.1]
+    assert any("window or screen" in line for line in summary.lines())
+    run_file = read_run_file(tmp_path / "room.toml")
+    assert all(lamp.dim_in_scan == 0 for lamp in run_file.lamps)
+    assert run_file.materials.delight
 
 
 def test_proposed_panels_hang_well(dark_room, tmp_path) -> None:
