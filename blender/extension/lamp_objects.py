@@ -16,7 +16,8 @@ from .room_file import RoomFile
 LIGHT_KIND = {"panel": "AREA", "strip": "AREA", "window": "AREA", "disc": "AREA", "spot": "SPOT", "bulb": "POINT",
               "point": "POINT", "ies": "AREA"}  # fmt: skip
 LM_PER_W = 179.0  # [lm/W] of white light in RGB rendering (Radiance's WHTEFFICACY); for pictures in Blender alone
-NO_SUN = "sun"
+MIN_COMPONENT = 0.01  # [1] of a colour; deep red light has no blue, to which no eye adapts
+SUN = "sun"
 
 
 def lamps_of_scene(scene: Any) -> list[Any]:
@@ -42,10 +43,11 @@ def show_lamps(scene: Any, tables: list[Table]) -> None:
 def show_lamps_of_run(scene: Any, room: RoomFile) -> None:
     """Give lamps the light of a run, and make those that the run found or that the scene has not."""
     held = {name_of(thing): thing for thing in lamps_of_scene(scene)}
+    adapted = adapted_colors(room.lamps)
     for lamp in room.lamps:
         thing = held.get(lamp["name"])
         if thing is None:
-            if lamp["shape"] == NO_SUN:
+            if lamp["shape"] == SUN:
                 continue  # it comes through the windows, and is dimmed with none
             table = {key: lamp[key] for key in ("name", "shape", "center", "normal", "rotation_deg", "size")}
             table |= {key: lamp[key] for key in ("luminous_flux_lm", "beam_angle_deg", "dim") if lamp[key]}
@@ -54,10 +56,26 @@ def show_lamps_of_run(scene: Any, room: RoomFile) -> None:
         settings = thing.lidarspectra
         settings.name_in_run, settings.name_of_object = lamp["name"], thing.name
         settings.dim_of_run = lamp["dim"] if lamp["dim"] else 1.0
-        settings.unit_color = lamp["color"]
+        settings.unit_color = adapted[lamp["name"]]
         if settings.luminous_flux_lm == 0 and lamp["luminous_flux_lm"]:
             thing["lumens_in_run"] = lamp["luminous_flux_lm"]
         show_power(thing)
+
+
+def adapted_colors(lamps: list[dict[str, Any]]) -> dict[str, list[float]]:
+    """Linear sRGB of lamps to an eye adapted to the light of all (von Kries), the greatest component 1."""
+    color = {lamp["name"]: np.maximum(lamp["color"], MIN_COMPONENT) for lamp in lamps}
+    whole = sum(
+        (lamp["luminous_flux_lm"] * color[lamp["name"]] / _luminance(color[lamp["name"]]) for lamp in lamps),
+        np.zeros(3),
+    )
+    white = whole if whole.any() else np.ones(3)
+    return {name: (each / white / (each / white).max()).tolist() for name, each in color.items()}
+
+
+def _luminance(color: Any) -> float:
+    """Y of linear sRGB (IEC 61966-2-1)."""
+    return float(color @ [0.2126, 0.7152, 0.0722])
 
 
 def make_lamp(scene: Any, table: Table) -> Any:
@@ -125,9 +143,8 @@ def show_power(thing: Any) -> None:
         return
     lumens = settings.luminous_flux_lm or float(thing.get("lumens_in_run", 0.0))
     color = np.array(settings.unit_color)
-    luminance = float(color @ [0.2126, 0.7152, 0.0722])
     thing.data.color = color.tolist()
-    thing.data.energy = settings.dim * lumens / LM_PER_W / max(luminance, 1e-3)
+    thing.data.energy = settings.dim * lumens / LM_PER_W / _luminance(color)
 
 
 def rebuild(thing: Any) -> None:
@@ -136,6 +153,29 @@ def rebuild(thing: Any) -> None:
     light.type = LIGHT_KIND[thing.lidarspectra.shape]
     if thing.data.type == "AREA":  # a type that was changed is another class of light
         thing.data.shape = "DISK" if thing.lidarspectra.shape == "disc" else "RECTANGLE"
+
+
+def adopt(scene: Any, found_by: Table) -> int:
+    """Take the lamps that a run found in the scan into the run file, as they are; gives their number.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    found_by : dict
+        `[lamps_from_scan]` of the run file, which says their spectrum.
+    """
+    lamps = [thing for thing in lamps_of_scene(scene) if is_found(thing)]
+    for thing in lamps:
+        settings = thing.lidarspectra
+        settings.in_run_file = True
+        settings.spectrum = str(found_by.get("spectrum") or "")
+        settings.cct_k = float(found_by.get("cct_k") or settings.cct_k)
+    return len(lamps)
+
+
+def is_found(thing: Any) -> bool:
+    """Whether the run found a lamp in the scan; windows are the run file's `[daylight]`."""
+    return not thing.lidarspectra.in_run_file and thing.lidarspectra.shape != "window"
 
 
 def remove_lamps(scene: Any) -> None:

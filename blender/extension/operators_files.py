@@ -72,7 +72,7 @@ class LIDARSPECTRA_OT_import_scan(FileOperator, ImportHelper):
             try:
                 running.start(
                     context, ["init", str(scan), *options], "looking through the scan",
-                    lambda: open_run_file(scene, run_file),
+                    lambda scene: open_run_file(scene, run_file),
                 )  # fmt: skip
             except ExtensionError as fault:
                 scene.lidarspectra.message = f"The scan is here, but its run file could not be made. {fault}"
@@ -148,7 +148,7 @@ class LIDARSPECTRA_OT_run(FileOperator):
         write_run_file(context.scene, run_file)
         folder = run_folder_of(run_file)
         running.start(
-            context, running.run_arguments(run_file), "starting", lambda: load_run(bpy.context, folder, export=True)
+            context, running.run_arguments(run_file), "starting", lambda _: load_run(bpy.context, folder, export=True)
         )
 
 
@@ -187,7 +187,7 @@ def load_run(context: Any, folder: Path, *, export: bool = False) -> None:
     if not export and light.is_file() and light.stat().st_mtime >= table.stat().st_mtime:
         show(scene, light)
         return
-    running.start(context, running.export_arguments(folder), "reading the run", lambda: show(scene, light))
+    running.start(context, running.export_arguments(folder), "reading the run", lambda scene: show(scene, light))
 
 
 def show(scene: Any, light: Path) -> None:

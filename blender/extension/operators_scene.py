@@ -8,10 +8,12 @@ from bpy.props import EnumProperty, IntProperty, StringProperty
 from . import choices
 from .collections_of_scene import put
 from .faults import ExtensionError
-from .lamp_objects import lamps_of_scene, make_lamp, rebuild, show_power
+from .lamp_objects import adopt, is_found, lamps_of_scene, make_lamp, rebuild, show_power
 from .lamp_tables import SHAPES
+from .loaded import run_file_of_scene
 from .meshes import surface_material
 from .painting import MAP, POINTS, object_of
+from .run_file import read_run_file
 from .sensor_objects import add_sensor, grid_on_selected_faces
 
 NEW_SIZES: dict[str, list[float]] = {"panel": [0.6, 0.6], "strip": [1.2, 0.1], "window": [1.0, 1.2], "disc": [0.3]}
@@ -72,6 +74,31 @@ class LIDARSPECTRA_OT_make_lamp(bpy.types.Operator):
             thing.lidarspectra.is_lamp = True
             put(context.scene, "Lamps", thing)
             show_power(thing)
+        return {"FINISHED"}
+
+
+class LIDARSPECTRA_OT_adopt(bpy.types.Operator):
+    """Take the lamps that the run found in the scan into the run file, so that they can be moved and changed."""
+
+    bl_idname = "lidarspectra.adopt"
+    bl_label = "Take found lamps over"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """Only where there are any."""
+        return any(is_found(thing) for thing in lamps_of_scene(context.scene))
+
+    def execute(self, context: Any) -> set[str]:
+        """Take them over with the spectrum that the run file gives them all."""
+        run_file = run_file_of_scene(context.scene)
+        try:
+            content = {} if run_file is None else read_run_file(run_file)[1]
+        except ExtensionError as fault:
+            self.report({"ERROR"}, str(fault))
+            return {"CANCELLED"}
+        count = adopt(context.scene, content.get("lamps_from_scan", {}))
+        self.report({"INFO"}, f"{count} lamps are the run file's now")
         return {"FINISHED"}
 
 
@@ -211,6 +238,7 @@ class LIDARSPECTRA_OT_points(bpy.types.Operator):
 CLASSES = (
     LIDARSPECTRA_OT_add_lamp,
     LIDARSPECTRA_OT_make_lamp,
+    LIDARSPECTRA_OT_adopt,
     LIDARSPECTRA_OT_shape,
     LIDARSPECTRA_OT_add_sensor,
     LIDARSPECTRA_OT_sensors_on_faces,

@@ -36,9 +36,9 @@ def factors(scene: Any) -> dict[str, float]:
 def shown_values(room: RoomFile, scene: Any) -> tuple[Floats, Scale, Summary]:
     """(point,) values of the shown layer, their scale and their summary, in the unit of the layer."""
     layer = min(scene.lidarspectra.layer, len(room.layers) - 1)
-    values = room.light(factors(scene))[:, layer]
+    values = room.light(factors(scene), layer)
     kept = ~room.arrays["buried"] if not room.arrays["buried"].all() else np.ones(len(values), dtype=bool)
-    of_run = values if scene.lidarspectra.fit_scale else room.light({})[:, layer]
+    of_run = values if scene.lidarspectra.fit_scale else room.light({}, layer)
     return values, scale_of(of_run[kept]), summary_of(values[kept])
 
 

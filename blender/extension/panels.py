@@ -100,6 +100,8 @@ class LIDARSPECTRA_PT_lamps(_Panel):
         row = layout.row(align=True)
         row.operator_menu_enum("lidarspectra.add_lamp", "shape", icon="ADD")
         row.operator("lidarspectra.make_lamp", icon="LIGHT_AREA")
+        if bpy.ops.lidarspectra.adopt.poll():
+            layout.operator("lidarspectra.adopt", icon="FILE_TICK")
         active = context.object
         if active is not None and active.type == "LIGHT" and active.lidarspectra.is_lamp:
             self._active(layout.box(), active)

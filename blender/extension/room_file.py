@@ -55,21 +55,26 @@ class RoomFile:
     reflectances: list[str]
     arrays: dict[str, NDArray[Any]]
 
-    def light(self, factors: dict[str, float]) -> Floats:
-        """Light of every layer under dimmed lamps, Q = Σ_lamp factor x share.
+    def light(self, factors: dict[str, float], layer: int | None = None) -> Floats:
+        """Light under dimmed lamps, Q = Σ_lamp factor x share.
 
         Parameters
         ----------
         factors : dict of str to float
             On the light that a lamp has in the run, by name; 1 for those that are left out.
+        layer : int, optional
+            One layer alone.
 
         Returns
         -------
-        light : (point, layer) float
+        light : (point, layer) or (point,) float
             [unit of the layer]
         """
-        weights = np.array([factors.get(lamp["name"], 1.0) for lamp in self.lamps])
-        return np.tensordot(weights, self.arrays["shares"].astype(np.float64), axes=1)
+        shares = self.arrays["shares"] if layer is None else self.arrays["shares"][:, :, layer]
+        light = np.zeros(shares.shape[1:])
+        for lamp, share in zip(self.lamps, shares, strict=True):
+            light += factors.get(lamp["name"], 1.0) * share.astype(np.float64)
+        return light
 
 
 def read_room(path: Path) -> RoomFile:

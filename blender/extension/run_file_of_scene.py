@@ -8,7 +8,7 @@ import bpy
 
 from .collections_of_scene import found
 from .faults import ExtensionError
-from .lamp_objects import lamps_of_scene, name_of, show_lamps, table_of
+from .lamp_objects import is_found, lamps_of_scene, name_of, show_lamps, table_of
 from .lamp_tables import Table, tidy
 from .loaded import run_file_of_scene
 from .material_table import assignments_table
@@ -75,6 +75,11 @@ def write_run_file(scene: Any, path: Path) -> list[Path]:
     if lamps or "lamps" in content:
         changes["lamps"] = _in_order(lamps, content.get("lamps", []))
     if lamps and "lamps_from_scan" in content:
+        if any(is_found(thing) for thing in lamps_of_scene(scene)):
+            raise ExtensionError(
+                expected="lamps that were found in the scan, or lamps of the run file", found="both", where="lamps",
+                todo="Take the found ones into the run file (a button under Lamps), or delete yours.",
+            )  # fmt: skip
         changes["lamps_from_scan"] = None
     changes["sensors"] = _sensors(scene, content.get("sensors", {}), path, tables)
     if (materials := _materials(scene, content.get("materials", {}), path, tables)) is not None:

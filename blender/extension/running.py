@@ -12,7 +12,8 @@ from .process import Job, find_program
 TICK_S = 0.3  # [s] between two looks at a running program
 _RUNNING: dict[str, Any] = {}  # the job and what follows it; there is one at a time
 
-Follow = Callable[[], None]
+Follow = Callable[[Any], None]
+"""What follows a program that ended well; takes the scene, since Blender's undo makes older references invalid."""
 
 
 def job() -> Job | None:
@@ -23,7 +24,7 @@ def job() -> Job | None:
 
 def program(context: Any) -> str:
     """Path of the program that the preferences name; raises ExtensionError if there is none."""
-    return find_program(context.preferences.addons[__package__].preferences.program)
+    return find_program(bpy.path.abspath(context.preferences.addons[__package__].preferences.program))
 
 
 def start(context: Any, arguments: Sequence[str], words: str, follow: Follow) -> None:
@@ -38,11 +39,12 @@ def start(context: Any, arguments: Sequence[str], words: str, follow: Follow) ->
         raise ExtensionError(
             expected="one program at a time", found="one that runs", where="LiDARSpectra", todo="Wait, or stop it."
         )
-    _RUNNING.update(job=Job([program(context), *arguments]), follow=follow, scene=context.scene.name)
     settings = context.scene.lidarspectra
+    started = Job([program(context), *arguments])
+    _RUNNING.update(job=started, follow=follow, scene=context.scene.name, run_file=settings.run_file)
     settings.job_words, settings.job_fraction, settings.message = words, 0.0, ""
     if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=TICK_S)
+        bpy.app.timers.register(_tick, first_interval=TICK_S, persistent=True)  # another file may be opened meanwhile
 
 
 def stop() -> None:
@@ -74,16 +76,18 @@ def look() -> bool:
     if status is None:
         settings.job_words = held.words if held.words != "starting" else settings.job_words
         return True
-    follow = _RUNNING["follow"]
+    follow, is_same = _RUNNING["follow"], settings.run_file == _RUNNING["run_file"]
     _RUNNING.clear()
     settings.job_words = ""
     if held.was_stopped:
         settings.message = "Stopped. Finished stages are kept: the next run continues after them."
     elif status != 0:
         settings.message = held.message() or f"lidarspectra ended with status {status}."
+    elif not is_same:
+        settings.message = "The program has ended; this is another room now. Load the run to see its light."
     else:
         try:
-            follow()
+            follow(scene)
         except ExtensionError as fault:
             settings.message = str(fault)
     return job() is not None  # what follows may have started another
@@ -107,7 +111,11 @@ def run_arguments(run_file: Path) -> list[str]:
 
 def _tick() -> float | None:
     goes_on = look()
-    for window in bpy.context.window_manager.windows:
+    windows = bpy.context.window_manager.windows
+    if not goes_on and len(windows):
+        with bpy.context.temp_override(window=windows[0]):
+            bpy.ops.ed.undo_push(message="LiDARSpectra")  # what was loaded is a step of its own
+    for window in windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
                 area.tag_redraw()

@@ -107,11 +107,20 @@ def test_lamps_of_the_run_are_lights_of_their_size_colour_and_power(loaded) -> N
     assert west.data.type == "AREA"
     assert (west.data.size, west.data.size_y) == pytest.approx((0.6, 0.3))
     assert list(west.location) == pytest.approx([1.0, 1.0, 2.5])
-    assert list(west.data.color) == pytest.approx([1.0, 0.8, 0.6])
-    luminance = 0.2126 + 0.7152 * 0.8 + 0.0722 * 0.6
-    full = west.data.energy / west.lidarspectra.dim
-    assert full == pytest.approx(1790.0 / 179.0 / luminance, rel=1e-5)
+    assert list(west.data.color) == pytest.approx([1.0, 1.0, 1.0])  # the eye is adapted to it
+    assert west.data.energy / west.lidarspectra.dim == pytest.approx(1790.0 / 179.0, rel=1e-5)
     assert np.array(west.matrix_world.to_3x3())[:, 2] == pytest.approx([0, 0, 1])  # shines down, along its -z
+
+
+def test_lamps_keep_their_differences_in_colour_and_their_power(loaded) -> None:
+    warm, cool = [1.0, 0.6, 0.3], [0.8, 0.9, 1.0]
+    lamps = [{"name": str(n), "color": color, "luminous_flux_lm": 1000.0} for n, color in enumerate((warm, cool))]
+    seen = [np.array(color) for color in module("lamp_objects").adapted_colors(lamps).values()]
+    assert seen[0] / seen[1] / (seen[0] / seen[1])[0] == pytest.approx(np.array(warm) / cool / (warm[0] / cool[0]))
+    light = sum(color / (color @ [0.2126, 0.7152, 0.0722]) for color in seen)
+    assert np.ptp(light) < 0.25 * light.mean()  # together nearly white
+    (alone,) = module("lamp_objects").adapted_colors(lamps[:1]).values()
+    assert alone == pytest.approx([1.0, 1.0, 1.0])
 
 
 def test_a_file_that_was_saved_and_opened_again_still_dims(loaded, tmp_path) -> None:
