@@ -47,6 +47,8 @@ class ScanSection(Section):
     """Draw vertices onto the planes of walls, tables and other flat things, and straighten their edges."""
     max_faces: Annotated[int, Field(ge=100)] | None = None
     """Decimate to at most so many triangles."""
+    frames: bool = True
+    """Take the colours from the frames, where the scan is an app's raw data; else the mesh's own."""
     assumed: tuple[Literal["unit", "up"], ...] = ()
     """Which of them are guesses, not known: said in the notes, the map and the report."""
 

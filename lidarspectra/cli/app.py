@@ -314,7 +314,12 @@ def demo(
 
 @app.command()
 def init(
-    scan: Annotated[Path, typer.Argument(metavar="SCAN", help="GLB, glTF, OBJ, PLY, STL or USDZ.", show_default=False)],
+    scan: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SCAN", help="GLB, glTF, OBJ, PLY, STL or USDZ; or a folder of frames.", show_default=False
+        ),
+    ],
     out: Annotated[
         Path | None, typer.Option("--out", metavar="ROOM.toml", help="The run file. Default: SCAN's name with .toml.")
     ] = None,
@@ -342,10 +347,10 @@ def init(
     Where no room is found, it writes a run file with what to fill in, and says why.
     """
     from lidarspectra.workflow.init_choices import InitChoices
-    from lidarspectra.workflow.init_file import write_init
+    from lidarspectra.workflow.init_file import run_file_of, write_init
 
     choices = InitChoices(unit=unit, up=up, height=height, floor=floor, ceiling=ceiling)
-    summary = write_init(scan, out or scan.with_suffix(".toml"), choices=choices, force=force)
+    summary = write_init(scan, out or run_file_of(scan), choices=choices, force=force)
     for line in summary.lines():
         say(line)
 

@@ -5,9 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray, float_array, int_array
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArrayError
-from lidarspectra.geometry.textures import mean_texture_colors, sample_image
+from lidarspectra.geometry.textures import TextureArray, mean_texture_colors, sample_image
 from lidarspectra.spectra.colorimetry import decode_srgb
 
 PHOTOGRAPHED, DRAWN, NO_COLOR = 0, 1, 2  # where a face's colour is from: see `Appearance.color_source`
@@ -16,13 +16,46 @@ CLOSED_KINDS = ("closed ceiling", "closed floor", "closed side")  # kinds of par
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class LinearLight:
+    """How well colours are known that were put together from frames: radiance over one white, no picture of it.
+
+    Parameters
+    ----------
+    power_deviation, shoulder_deviation : float
+        Standard deviations of the logs of the tone curve that was taken out, log g and log(1 + s). [1]
+    face_deviation : (face,) float
+        Relative standard deviation of each face's colour, from the spread between views. [1]
+    face_cut : (face,) float
+        Share of each face that every frame shows cut at white: its radiance is a lower bound. [0-1]
+    """
+
+    power_deviation: float
+    shoulder_deviation: float
+    face_deviation: FloatArray
+    face_cut: FloatArray
+
+    def select(self, faces: IntArray) -> "LinearLight":
+        """Of some faces, (n,) int."""
+        return replace(self, face_deviation=self.face_deviation[faces], face_cut=self.face_cut[faces])
+
+    def with_more(self, count: int) -> "LinearLight":
+        """The same followed by faces that no frame saw."""
+        more = np.zeros(count)
+        return replace(
+            self,
+            face_deviation=np.concatenate([self.face_deviation, more]),
+            face_cut=np.concatenate([self.face_cut, more]),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Appearance:
     """The colour of every face: a texture image with coordinates, or colours at its corners.
 
     Parameters
     ----------
-    images : tuple of (height, width, 3) uint8
-        Texture images, sRGB encoded, first row at the top.
+    images : tuple of (height, width, 3) uint8 or float32
+        Texture images, first row at the top: bytes are sRGB encoded, floats linear and not cut at 1.
     face_image : (face,) int
         Which image a face takes its colour from; -1 where it has corner colours instead.
     corner_uv : (face, 3, 2) float
@@ -38,9 +71,11 @@ class Appearance:
         Kinds of parts that the file names ('wall', 'door', ...), and that `face_kind` counts.
     face_kind : (face,) int, optional
         What each face is part of; -1, the default, where the file does not say.
+    linear : LinearLight, optional
+        Where the colours are the frames' radiance.
     """
 
-    images: tuple[ByteArray, ...]
+    images: tuple[TextureArray, ...]
     face_image: IntArray
     corner_uv: FloatArray
     corner_color: FloatArray
@@ -48,6 +83,7 @@ class Appearance:
     color_source: IntArray | None = None
     kinds: tuple[str, ...] = ()
     face_kind: IntArray | None = None
+    linear: LinearLight | None = None
 
     def __post_init__(self) -> None:
         face_image = int_array(self.face_image, name="Appearance.face_image", shape=(None,))
@@ -61,9 +97,9 @@ class Appearance:
                 where="Appearance.face_image",
             )
         for image in self.images:
-            if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            if image.ndim != 3 or image.shape[2] != 3 or image.dtype not in (np.uint8, np.float32):
                 raise ArrayError(
-                    expected="(height, width, 3) uint8 images",
+                    expected="(height, width, 3) images of uint8 or float32",
                     found=f"{image.shape} {image.dtype}",
                     where="Appearance.images",
                 )
@@ -79,6 +115,9 @@ class Appearance:
                 found=f"{kind.min()} to {kind.max()}",
                 where="Appearance.face_kind",
             )
+        if self.linear is not None:
+            float_array(self.linear.face_deviation, name="LinearLight.face_deviation", shape=(count,))
+            float_array(self.linear.face_cut, name="LinearLight.face_cut", shape=(count,))
         object.__setattr__(self, "color_source", source)
         object.__setattr__(self, "face_kind", kind)
         object.__setattr__(self, "images", tuple(_read_only(image) for image in self.images))
@@ -148,6 +187,7 @@ class Appearance:
             color_source=self.sources[faces],
             kinds=self.kinds,
             face_kind=self.face_kinds[faces],
+            linear=None if self.linear is None else self.linear.select(faces),
         )
 
     @property
@@ -206,10 +246,11 @@ class Appearance:
             color_source=np.concatenate([self.sources, other.sources]),
             kinds=kinds,
             face_kind=np.concatenate([self.face_kinds, place[other.face_kinds]]),
+            linear=None if self.linear is None else self.linear.with_more(other.face_image.size),
         )
 
 
-def _read_only(image: ByteArray) -> ByteArray:
+def _read_only(image: TextureArray) -> TextureArray:
     view = image.view()
     view.flags.writeable = False
     return view

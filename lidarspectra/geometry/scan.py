@@ -12,18 +12,21 @@ from PIL import Image
 from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArrayError, LidarSpectraError, ScanError
 from lidarspectra.geometry.appearance import Appearance as Appearance
-from lidarspectra.geometry.textures import decode_image
+from lidarspectra.geometry.appearance import LinearLight
+from lidarspectra.geometry.textures import TextureArray, decode_image
 from lidarspectra.geometry.triangles import triangle_areas, triangle_crosses
 from lidarspectra.io.files import writing
 
 MESH_FILE = "mesh.npz"
 RECORD_FILE = "scan.json"
 _FORMAT_VERSION = 1
+_MAX_HALF = 65504.0  # [1] largest 16-bit float
 _DAMAGE = (
     OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, LidarSpectraError,
 )  # fmt: skip  # what a damaged JSON, NPZ or PNG makes its reader raise
 _ARRAYS = ("vertices", "faces", "face_image", "corner_uv", "corner_color")
 _PART_ARRAYS = ("color_source", "face_kind")  # not in the folders of earlier versions
+_LINEAR_ARRAYS = ("face_deviation", "face_cut")  # of colours from frames
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -260,6 +263,9 @@ def save_scan(scan: Scan, folder: Path) -> None:
         "color_known": appearance.known,
         "bounds_m": scan.bounds.tolist(),
         "kinds": appearance.kinds,
+        "linear": None
+        if (linear := appearance.linear) is None
+        else {"power_deviation": linear.power_deviation, "shoulder_deviation": linear.shoulder_deviation},
         "record": asdict(scan.record),
     }
     with writing(folder, error=ScanError):
@@ -274,10 +280,14 @@ def save_scan(scan: Scan, folder: Path) -> None:
             corner_color=appearance.corner_color,
             color_source=appearance.sources,
             face_kind=appearance.face_kinds,
+            **({} if linear is None else {name: getattr(linear, name) for name in _LINEAR_ARRAYS}),
         )
         for number, image in enumerate(appearance.images):
-            # Low compression: a fifth of the time for a tenth more bytes.
-            Image.fromarray(image).save(_texture_path(folder, number), compress_level=1)
+            if image.dtype == np.uint8:
+                # Low compression: a fifth of the time for a tenth more bytes.
+                Image.fromarray(image).save(_texture_path(folder, number), compress_level=1)
+            else:  # of 11 bits, finer than any frame's 8
+                np.save(_radiance_path(folder, number), np.minimum(image, _MAX_HALF).astype(np.float16))
         (folder / RECORD_FILE).write_text(json.dumps(about, indent=2, ensure_ascii=False), encoding="utf-8")
 
 
@@ -308,12 +318,12 @@ def load_scan(folder: Path) -> Scan:
         with (folder / MESH_FILE).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             vertices, faces, face_image, corner_uv, corner_color = (arrays[name] for name in _ARRAYS)
             parts = {name: arrays[name] for name in _PART_ARRAYS if name in arrays}
+            said = about.get("linear")
+            linear = None if said is None else LinearLight(**said, **{name: arrays[name] for name in _LINEAR_ARRAYS})
         if faces.shape[0] != about["faces"]:
             raise ValueError(f"{faces.shape[0]} faces in place of {about['faces']}")
-        images = tuple(
-            decode_image(path.read_bytes(), name=str(path))
-            for path in (_texture_path(folder, number) for number in range(about["images"]))
-        )
+        load = _load_texture if linear is None else _load_radiance
+        images = tuple(load(folder, number) for number in range(about["images"]))
         return Scan(
             vertices=vertices,
             faces=faces,
@@ -324,6 +334,7 @@ def load_scan(folder: Path) -> Scan:
                 corner_color=corner_color,
                 known=bool(about["color_known"]),
                 kinds=tuple(about.get("kinds", ())),
+                linear=linear,
                 **parts,
             ),
             record=_with_tuples(record),
@@ -371,6 +382,19 @@ def load_bounds(folder: Path) -> FloatArray:
 
 def _texture_path(folder: Path, number: int) -> Path:
     return folder / f"texture{number}.png"
+
+
+def _load_texture(folder: Path, number: int) -> TextureArray:
+    path = _texture_path(folder, number)
+    return decode_image(path.read_bytes(), name=str(path))
+
+
+def _radiance_path(folder: Path, number: int) -> Path:
+    return folder / f"radiance{number}.npy"
+
+
+def _load_radiance(folder: Path, number: int) -> TextureArray:
+    return np.asarray(np.load(_radiance_path(folder, number), allow_pickle=False), dtype=np.float32)
 
 
 def _with_tuples(record: ScanRecord) -> ScanRecord:

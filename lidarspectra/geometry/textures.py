@@ -11,10 +11,9 @@ import warnings
 import zlib
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
-from lidarspectra.arrays import ByteArray, FloatArray, IntArray
+from lidarspectra.arrays import ByteArray, FloatArray, IntArray, SmallFloatArray
 from lidarspectra.errors import ScanError
 from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 
@@ -26,7 +25,8 @@ MAX_SUBDIVISION = 48  # a face is sampled at up to the square of this
 TEXELS_PER_SAMPLE = 4.0  # bilinear samples two texels apart still see every texel
 EDGE_TEXELS_PER_SAMPLE = 8.0  # along the longest edge of a narrow face
 
-_SmallFloats = NDArray[np.float32]
+TextureArray = ByteArray | SmallFloatArray
+"""A texture: bytes are sRGB encoded, floats linear and not cut at 1."""
 
 _DECODER_FAULTS = (
     OSError, ValueError, SyntaxError, EOFError, KeyError, IndexError, TypeError, OverflowError, MemoryError,
@@ -37,7 +37,7 @@ _DECODER_FAULTS = (
 _LINEAR_OF_BYTE = decode_srgb(np.arange(256) / 255.0).astype(np.float32)
 
 
-def decode_image(data: bytes, *, name: str) -> ByteArray:
+def decode_image(data: bytes, *, name: str, least_px: int | None = None) -> ByteArray:
     """Decode an image file to sRGB bytes.
 
     Grayscale, 16 bit, palette, CMYK and transparent images become plain RGB; transparency is dropped, not blended.
@@ -48,6 +48,8 @@ def decode_image(data: bytes, *, name: str) -> ByteArray:
         The file's content (PNG, JPEG, WebP, BMP, TIFF, TGA or GIF).
     name : str
         Where it is, for the error.
+    least_px : int, optional
+        A JPEG may be decoded at a half, a quarter or an eighth of its size, but no narrower than this. [px]
 
     Returns
     -------
@@ -65,6 +67,8 @@ def decode_image(data: bytes, *, name: str) -> ByteArray:
             warnings.simplefilter("ignore")
             with Image.open(io.BytesIO(data), formats=IMAGE_FORMATS) as image:
                 _check_pixels(image.width * image.height, limit=MAX_IMAGE_PIXELS, name=name)
+                if least_px is not None and image.width > least_px:
+                    image.draft("RGB", (least_px, max(1, least_px * image.height // image.width)))
                 return _to_rgb_bytes(image)
     except Image.DecompressionBombError as cause:
         found = f"{size[1]} pixels" if (size := re.search(r"(\d+) pixels", str(cause))) else str(cause)
@@ -138,13 +142,13 @@ def tint_image(image: ByteArray, factor_linear: FloatArray) -> ByteArray:
     return np.stack([table[image[:, :, channel], channel] for channel in range(3)], axis=2)
 
 
-def sample_image(image: ByteArray, uv: FloatArray) -> FloatArray:
+def sample_image(image: TextureArray, uv: FloatArray) -> FloatArray:
     """Colour of an image at texture coordinates: bilinear between pixel centres in linear light, repeating outside.
 
     Parameters
     ----------
-    image : (height, width, 3) uint8
-        sRGB encoded, first row at the top.
+    image : (height, width, 3) uint8 or float32
+        sRGB encoded or, as floats, linear; first row at the top.
     uv : (n, 2) float
         v up, (0, 0) the lower left corner; outside 0 to 1 the image repeats. [1]
 
@@ -163,12 +167,15 @@ def sample_image(image: ByteArray, uv: FloatArray) -> FloatArray:
     return _mix(top, bottom, down).astype(np.float64)
 
 
-def _linear(pixels: ByteArray, index: IntArray) -> _SmallFloats:
+def _linear(pixels: TextureArray, index: IntArray) -> SmallFloatArray:
     """(n, 3) linear colour of some pixels."""
-    return np.asarray(_LINEAR_OF_BYTE.take(pixels.take(index, axis=0)), dtype=np.float32)
+    if pixels.dtype == np.float32:
+        return np.asarray(pixels.take(index, axis=0), dtype=np.float32)
+    levels: ByteArray = np.asarray(pixels.take(index, axis=0), dtype=np.uint8)
+    return np.asarray(_LINEAR_OF_BYTE.take(levels), dtype=np.float32)
 
 
-def _neighbours(coordinate: FloatArray, count: int) -> tuple[_SmallFloats, IntArray, IntArray]:
+def _neighbours(coordinate: FloatArray, count: int) -> tuple[SmallFloatArray, IntArray, IntArray]:
     """Weight of the second, and the numbers of both pixels whose centres enclose a coordinate [1] that repeats."""
     position = (coordinate - np.floor(coordinate)) * count - 0.5
     first = np.floor(position)
@@ -176,7 +183,7 @@ def _neighbours(coordinate: FloatArray, count: int) -> tuple[_SmallFloats, IntAr
     return (position - first).astype(np.float32), number % count, (number + 1) % count
 
 
-def _mix(first: _SmallFloats, second: _SmallFloats, weight: _SmallFloats) -> _SmallFloats:
+def _mix(first: SmallFloatArray, second: SmallFloatArray, weight: SmallFloatArray) -> SmallFloatArray:
     return np.asarray(first + (second - first) * weight[:, np.newaxis], dtype=np.float32)
 
 
@@ -199,13 +206,13 @@ def subdivision_barycentrics(parts: int) -> FloatArray:
     return np.column_stack([first_two, 1.0 - first_two.sum(axis=1)])
 
 
-def mean_texture_colors(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
+def mean_texture_colors(image: TextureArray, corner_uv: FloatArray) -> FloatArray:
     """Mean linear colour of a texture over each face, by samples spread evenly over its area.
 
     Parameters
     ----------
-    image : (height, width, 3) uint8
-        sRGB encoded.
+    image : (height, width, 3) uint8 or float32
+        sRGB encoded or, as floats, linear.
     corner_uv : (n, 3, 2) float
         Texture coordinates of the faces' corners. [1]
 

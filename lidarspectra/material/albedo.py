@@ -51,8 +51,6 @@ CEILING_REFLECTANCE = 0.80  # [1] EN 12464-1:2021: 0.7 to 0.9
 CEILING_DEVIATION = 0.12  # [1] of its logarithm
 CEILING_DOUBT = 2.0  # [1] scale of the robust loss on the ceiling's prior, in standard deviations
 CARD_DEVIATION = 0.03  # [1] of the logarithm of a card's reflectance: grain, exposure from frame to frame
-POWER_DEVIATION = 0.15  # [1] of log g about g = 1
-SHOULDER_GUESS, SHOULDER_DEVIATION = 0.4, 0.5  # [1] of log(1 + s): phones lift shadows, most by less than 2.5
 BALANCE_DEVIATION = 0.2  # [1] of log k between cones, about white half-way between the lamps and all light in the room
 BEAM_DEVIATION = 0.4  # [1] of the beam exponent about that of matt lamps
 MIN_EMISSION = 1e-3  # [1] cosine below which a lamp is seen from its edge
@@ -66,6 +64,7 @@ WHITE_DOUBT = 2.0  # [1] scale of the robust loss on the hue of light surfaces, 
 COMMON = 6  # parameters that do not belong to single lamps
 OF_SOURCE = 5  # parameters of an unknown source: level, two of its hue, two of its lobes over the first
 SOURCE_LEVEL, SOURCE_LEVEL_DEVIATION = 0.0, 2.0  # [1] of the log of its light over the picture's: hardly known
+SOURCE_SEEN_DEVIATION = 0.3  # [1] of the log of a source's light about what frames show of it: it differs by direction
 SOURCE_HUE_DEVIATION = 0.4  # [1] of the log of its cones' ratios over the picture's: daylight among lamps, or lamps
 SKY_LOBES, SKY_LOBES_DEVIATION = (-0.4, -1.3), (0.5, 0.8)  # [1] log low over high sky, ground over high sky: windows
 LOBES_DEVIATION = (1.0, 1.0)  # [1] the same of other sources, which may shine in any way
@@ -337,9 +336,10 @@ class _Model:
         lit = np.log(self.light(parameters)[1].mean(axis=0))
         balance = 0.5 * (parameters[2:5] + self.rough + lit)
         balance = balance - balance.mean()
+        tone = self.evidence.tone_prior
         parts = [
-            [parameters[0] / POWER_DEVIATION],
-            [(parameters[1] - SHOULDER_GUESS) / SHOULDER_DEVIATION],
+            [parameters[0] / tone.power_deviation],
+            [(parameters[1] - tone.shoulder) / tone.shoulder_deviation],
             balance / BALANCE_DEVIATION,
             [parameters[5] / BEAM_DEVIATION],
             self.flux_logs(parameters) / self.flux_deviation if self.fit_fluxes else [],
@@ -380,7 +380,16 @@ class _Model:
             (logs[:, 0] - SOURCE_LEVEL) / SOURCE_LEVEL_DEVIATION,
             logs[:, 1:3] / SOURCE_HUE_DEVIATION,
             (logs[:, 3:] - usual) / np.where(upright, SKY_LOBES_DEVIATION, LOBES_DEVIATION),
+            *self._source_sightings(parameters),
         ]
+
+    def _source_sightings(self, parameters: FloatArray) -> list[FloatArray]:
+        """How far the light of unknown sources is from what frames show of them, where they are not cut at white."""
+        if self.evidence.other_shown is None:
+            return []
+        sent = np.einsum("jlc,l->jc", self.strengths(parameters), UPRIGHT_LOBES)
+        shown = np.maximum(cones_of_srgb(self.evidence.other_shown), MIN_LIGHT)
+        return [np.log(sent / shown)[np.isfinite(shown)] / SOURCE_SEEN_DEVIATION]
 
 
 def _from_white(center: FloatArray) -> FloatArray:
@@ -446,7 +455,8 @@ def _least(model: _Model, start: FloatArray, progress: Progress) -> "OptimizeRes
 
 def _start(model: _Model, shoulder: float, exposure: float) -> FloatArray:
     first = np.zeros(model.count)
-    first[1] = shoulder + 1e-3
+    tone = model.evidence.tone_prior
+    first[1] = min(shoulder, tone.shoulder + tone.shoulder_deviation) + 1e-3
     first[2:5] = exposure
     if model.evidence.other_upright is not None:
         sources = model.source_logs(first)

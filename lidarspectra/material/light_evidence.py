@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from scipy.sparse import csr_array
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.material.tone_curve import ToneCurve
+from lidarspectra.material.tone_curve import USUAL_TONE, ToneCurve, TonePrior
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,6 +52,10 @@ class LightEvidence:
         Which card of known reflectance each is a point of; -1 for none.
     card_log : (card, 3) float, optional
         Log reflectance of these cards, in cones.
+    other_shown : (source, 3) float, optional
+        Linear sRGB that frames tell of them; NaN where they are cut at white in all. [1]
+    tone_prior : TonePrior, optional
+        What is known of the camera's curve; a usual phone's if left out.
     """
 
     shown: FloatArray
@@ -72,6 +76,8 @@ class LightEvidence:
     other_upright: BoolArray | None = None
     card: IntArray | None = None
     card_log: FloatArray | None = None
+    other_shown: FloatArray | None = None
+    tone_prior: TonePrior = USUAL_TONE
 
     @property
     def sources(self) -> int:

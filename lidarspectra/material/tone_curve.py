@@ -23,6 +23,27 @@ DARKEST = 1e-4  # [1] of what a picture shows: half of the lowest level of 8 bit
 
 
 @dataclass(frozen=True, kw_only=True)
+class TonePrior:
+    """What is known of a tone curve before a fit.
+
+    Parameters
+    ----------
+    power_deviation : float
+        Standard deviation of log g about g = 1. [1]
+    shoulder, shoulder_deviation : float
+        Mean and standard deviation of log(1 + s); phones lift shadows, most by less than 2.5. [1]
+    """
+
+    power_deviation: float = 0.15
+    shoulder: float = 0.4
+    shoulder_deviation: float = 0.5
+
+
+USUAL_TONE = TonePrior()
+"""Of a picture of which nothing else is known."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ToneCurve:
     """A tone curve.
 

@@ -15,6 +15,7 @@ from typing import Any, cast
 
 from lidarspectra.config import LampSection, LampsFromScanSection, RunFile
 from lidarspectra.errors import UndeclaredError
+from lidarspectra.hardware.phone.capture_files import open_capture
 from lidarspectra.io.files import hash_file
 from lidarspectra.io.toml_sections import Section
 from lidarspectra.material.assignments import spectrum_files
@@ -175,11 +176,13 @@ def _hashes(base: Path, names: Iterable[str | None]) -> dict[str, str]:
 
 
 def _scan_files(name: str, base: Path) -> Iterable[str]:
-    """The scan's file and, for formats of several files, those beside it that it may read.
+    """The scan's file and, for formats of several files, those beside it that it may read; all files of a folder.
 
     Which of them it reads is known only after parsing it; a file too many at worst costs a needless run.
     """
     file = base / name
+    if file.is_dir():
+        return sorted((Path(name) / each).as_posix() for each in open_capture(file).names)
     if not file.is_file() or file.suffix.lower() not in MULTI_FILE_FORMATS:
         return (name,)
     beside = sorted(path.name for path in file.parent.iterdir() if path.suffix.lower() in COMPANION_SUFFIXES)

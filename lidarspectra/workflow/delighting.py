@@ -25,6 +25,7 @@ from lidarspectra.material.albedo import (
     fit_light,
 )
 from lidarspectra.material.cards import Card, SeenCards, look_at_cards
+from lidarspectra.material.clipped_light import CLIPPED, beyond_white
 from lidarspectra.material.colored_light import BANDS, Exchange, apparent_ratio
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.lamp_fluxes import (
@@ -36,6 +37,13 @@ from lidarspectra.material.lamp_fluxes import (
 )
 from lidarspectra.material.light_evidence import LightEvidence
 from lidarspectra.material.light_exchange import exchange_matrix
+from lidarspectra.material.linear_evidence import (
+    UnseenFaces,
+    shown_of_sources,
+    spread_of_views,
+    tone_prior_of,
+    unseen_faces,
+)
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
 from lidarspectra.material.unknown_light import (
@@ -81,7 +89,7 @@ from lidarspectra.workflow.delighting_samples import (
 
 SAMPLES = 6_000  # surface points with a light estimate; with 3,000, reflectances differ by 1 %
 RAYS = 128  # rays per sample for the form factors to other surfaces
-CLIPPED, DARK = 0.97, 0.012  # [1] limits of a sample's brightest channel for it to be used
+DARK = 0.012  # [1] of a sample's brightest channel, from which it is used; up to `CLIPPED`
 NEUTRAL = 0.12  # [1] largest spread of a white ceiling's reflectance over the three channels
 ROUNDS = 3  # of grouping by hue and fitting; in the first the hues are still tinted by the light
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
@@ -147,6 +155,7 @@ class _Surfaces:
     room: Room
     samples: Samples
     trusted: BoolArray
+    unseen: UnseenFaces
 
 
 def take_light_out(
@@ -214,7 +223,7 @@ def take_light_out(
     samples, card = _with_cards(samples, seen_cards)
     coefficients = _direct(scan, lamps, samples, engine=engine, workers=workers, progress=lighting)
     exchanging(0.0, "form factors between surfaces")
-    unsure = shadow_edges_of(samples, coefficients)
+    unsure = np.hypot(shadow_edges_of(samples, coefficients), spread_of_views(scan)[samples.face])
     patterns = [source_patterns(scan, caster, each, samples.positions, samples.normals, generator) for each in sources]
     exchange = exchange_matrix(
         caster, len(scan.faces), samples.positions, samples.normals, rays=RAYS, generator=generator
@@ -229,12 +238,14 @@ def take_light_out(
     face_lamp = ~known & near_lamps(scan.centers, lamps)
     for source in sources:
         face_lamp[source.faces] = True
+    unseen = unseen_faces(scan, known)
+    surfaces = _Surfaces(scan=scan, room=room, samples=samples, trusted=trusted, unseen=unseen)
     evidence = LightEvidence(
         shown=colors,
         direct=coefficients[:, :, None] * _lamp_cones(lamps)[:, None, :],
         emission=lamp_emission(lamps, samples),
         exchange=exchange,
-        face_shown=shown,
+        face_shown=unseen.filled(shown),
         face_area=scan.areas,
         face_lamp=face_lamp,
         group=groups_of(colors, samples, trusted, room),
@@ -246,8 +257,9 @@ def take_light_out(
         card_log=seen_cards.log_reflectance,
         other=np.stack(patterns) if sources else None,
         other_upright=np.array([source.is_upright for source in sources]) if sources else None,
+        other_shown=shown_of_sources(scan, sources),
+        tone_prior=tone_prior_of(scan.appearance.linear),
     )
-    surfaces = _Surfaces(scan=scan, room=room, samples=samples, trusted=trusted)
     witnesses = _witnesses(evidence)
     if witnesses < MIN_WITNESSES or not (evidence.direct.any() or sources):
         return _left_in(
@@ -262,8 +274,7 @@ def take_light_out(
     fit, evidence, spread = found
     if (why := doubt(fit)) is not None:
         return _left_in(why, fit)
-    face_color = _face_reflectance(evidence, fit, spread)
-    face_color[~known] = 1.0
+    face_color = unseen.filled(np.where(known[:, None], _face_reflectance(evidence, fit, spread), 1.0))
     sources = _shines(sources, fit, scan, spread @ fit.irradiance)
     face_deviation = np.asarray(spread @ fit.log_deviation, dtype=np.float64)
     for pane in (source.faces for source in sources if source.is_pane):
@@ -356,7 +367,12 @@ def _fit(
     for part in following:
         part(0.0, "surfaces of one hue")
         reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
-        evidence = replace(evidence, face_excess=_beyond_white(evidence.face_shown, spread @ fit.irradiance))
+        light = spread @ fit.irradiance
+        excess = surfaces.unseen.excess(
+            beyond_white(evidence.face_shown, light), evidence.face_shown,
+            _face_reflectance(evidence, fit, spread), srgb_of_cones(light),
+        )  # fmt: skip
+        evidence = replace(evidence, face_excess=excess)
         faces = _face_reflectance(evidence, fit, spread)
         faces[evidence.face_lamp] = 0.0
         direct = _spectral(np.einsum("ls,lb->sb", coefficients * fit.flux_factors[:, None], bands), fit, daylight)
@@ -452,17 +468,6 @@ def _whites(reflectance: FloatArray, ceiling: BoolArray) -> BoolArray:
 def _unsure(shadow_edges: FloatArray, irradiance: FloatArray) -> FloatArray:
     """(sample, 3) relative uncertainty of the (sample, 3) light: at shadow edges, and by stray light."""
     return np.asarray(np.hypot(shadow_edges, STRAY_LIGHT / irradiance), dtype=np.float64)
-
-
-def _beyond_white(shown: FloatArray, irradiance: FloatArray) -> FloatArray:
-    """(face, 3) expected radiosity of faces over the (face, 3) that a picture shows, from (face, 3) irradiance E.
-
-    A face clipped at white in all channels, and so of unknown colour, has at least the reflectance that just reaches
-    white, 1/E, and at most that of fresh paint, ρ. With a uniform prior between them its mean radiosity is (1 + ρE)/2.
-    Where E is too low for white (a screen, a window), the shown value is kept.
-    """
-    expected = 0.5 * (1.0 + BRIGHTEST_REFLECTANCE * srgb_of_cones(irradiance))
-    return np.where((shown >= CLIPPED).all(axis=1, keepdims=True), np.maximum(expected, 1.0), 1.0)
 
 
 def _face_reflectance(evidence: LightEvidence, fit: LightFit, spread: csr_array) -> FloatArray:

@@ -12,7 +12,7 @@ from lidarspectra.arguments import path_of
 from lidarspectra.config import RunFile, ScanSection
 from lidarspectra.errors import LidarSpectraError, RunFileError, ScanError, SensorError
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.hardware.phone.readers import UnitChoice, UpChoice, read_scan
+from lidarspectra.hardware.phone.readers import UnitChoice, UpChoice, read_scan_and_frames
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.io.files import writing
 from lidarspectra.io.toml_sections import check_sections
@@ -24,6 +24,7 @@ from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, grid_points
 from lidarspectra.workflow.assumed import uncertain_of_scan
+from lidarspectra.workflow.frames_of_run import frame_colors
 from lidarspectra.workflow.init_choices import SENSOR_HEIGHT_M, InitChoices
 from lidarspectra.workflow.init_summary import InitSummary
 from lidarspectra.workflow.init_text import bare_text, run_file_text
@@ -102,13 +103,19 @@ def init(
     path = path_of(scan, name="scan", meaning="the name of a scan's file, as a str or a Path")
     choices = InitChoices(unit=unit, up=up, height=height, floor=floor, ceiling=ceiling)
     try:
-        summary = _look(path, path.with_suffix(".toml"), choices, progress).summary
+        summary = _look(path, run_file_of(path), choices, progress).summary
     except _NoRoom as found:
         raise found.cause from None
     if summary.no_sensor is not None:
         raise summary.no_sensor
     text = run_file_text(summary, path.name)
-    return _checked(text, path.name).with_origin(folder=path.parent.resolve(), name=path.stem, text=text)
+    name = path.name if path.is_dir() else path.stem
+    return _checked(text, path.name).with_origin(folder=path.parent.resolve(), name=name, text=text)
+
+
+def run_file_of(scan_path: Path) -> Path:
+    """Where a scan's run file is written by default: beside it, under its name."""
+    return scan_path.parent / f"{scan_path.name}.toml" if scan_path.is_dir() else scan_path.with_suffix(".toml")
 
 
 def write_init(
@@ -127,7 +134,7 @@ def write_init(
     Parameters
     ----------
     scan_path : Path
-        The phone's file.
+        The phone's file, or a folder of frames.
     out_path : Path
         The run file to write.
     choices : InitChoices, optional
@@ -159,7 +166,7 @@ def write_init(
         looked = _look(scan_path, out_path, choices, progress)
     except (_NoRoom, ScanError) as found:
         cause, scan = (found.cause, found.scan) if isinstance(found, _NoRoom) else (found, None)
-        if not scan_path.is_file() or out_path.exists():  # what the user has edited is worth more than a bare file
+        if not scan_path.exists() or out_path.exists():  # what the user has edited is worth more than a bare file
             raise cause from None
         _write(out_path, bare_text(cause, file, scan, choices))
         unsure = scan is not None and bool({*uncertain_of_scan(scan.record), *choices.given})
@@ -179,8 +186,13 @@ def write_init(
 
 def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progress) -> _Looked:
     """Findings in a scan, for a run file at `out_path`."""
-    raw = read_scan(scan_path, unit=choices.unit, up=choices.up, progress=part_of(progress, 0.0, 0.3))
-    scan = repair_scan(raw, flatten=ScanSection(file=scan_path.name).flatten, progress=part_of(progress, 0.3, 0.6))
+    raw, capture = read_scan_and_frames(
+        scan_path, unit=choices.unit, up=choices.up, progress=part_of(progress, 0.0, 0.2)
+    )
+    usual = ScanSection(file=scan_path.name)
+    scan = repair_scan(raw, flatten=usual.flatten, progress=part_of(progress, 0.2, 0.4))
+    colors = frame_colors(scan, capture, wanted=usual.frames, progress=part_of(progress, 0.4, 0.6))
+    scan = scan if colors is None else colors.scan
     progress(0.6, "finding floor, walls and ceiling")
     try:
         scan, room, _ = whole_room(

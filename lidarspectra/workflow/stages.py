@@ -13,7 +13,7 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.geometry.scan import load_scan, save_scan
-from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.hardware.phone.readers import read_scan_and_frames
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
 from lidarspectra.lamps.lamps import Lamp
@@ -46,6 +46,7 @@ from lidarspectra.workflow.assumed import assumed_lamps, assumed_of_scan, lamp_n
 from lidarspectra.workflow.calibration_of_run import calibrated_lamps, calibrated_materials, calibration_notes
 from lidarspectra.workflow.declared import Declared
 from lidarspectra.workflow.delighting import Delighting, take_light_out, with_light_uncertainty
+from lidarspectra.workflow.frames_of_run import frame_colors, frame_notes, frames_in_words, save_frames
 from lidarspectra.workflow.inputs import Inputs
 from lidarspectra.workflow.kept_light import (
     lamp_names,
@@ -100,7 +101,7 @@ LAMP_KEYS = ("lamps", "lamps_from_scan")
 DAYLIGHT_KEYS = tuple(f"daylight.{key}" for key in (*MOMENT_KEYS, "windows"))  # of the moment: not the year's weather
 SENSOR_KEYS = ("sensors.grid", "sensors.points", "sensors.field_of_view_deg", "sensors.receptor", "sensors.lift")
 # Shares of a stage's time, on a first run; `workspace` corrects them by what the last run took.
-SCAN_SHARES = (0.1, 0.65, 0.1, 0.15)  # reading, repairing, finding the room, saving
+SCAN_SHARES = (0.1, 0.65, 0.6, 0.1, 0.15)  # reading, repairing, colours from frames, finding the room, saving
 VIEWS_SHARES = (0.01, 0.83, 0.16)  # reading, rendering views, saving
 DELIGHTING_SHARE, MATERIALS_SHARES = 0.3, (0.62, 0.08)  # de-lighting (if enabled); estimating, saving
 SCENE_SHARES = (0.05, 0.85, 0.1)  # finding lamps, writing, checking for lamps inside walls
@@ -116,8 +117,10 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
     section = given.run_file.scan
 
     def make(folder: Path, progress: Progress) -> Notes:
-        reading, repairing, finding, saving = shares(progress, SCAN_SHARES)
-        raw = read_scan(given.base / section.file, unit=section.unit, up=section.up, progress=reading)
+        reading, repairing, coloring, finding, saving = shares(progress, SCAN_SHARES)
+        raw, capture = read_scan_and_frames(
+            given.base / section.file, unit=section.unit, up=section.up, progress=reading
+        )
         scan = repair_scan(
             raw,
             close_holes=section.close_holes,
@@ -126,6 +129,8 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
             max_faces=section.max_faces,
             progress=repairing,
         )
+        colors = frame_colors(scan, capture, wanted=section.frames, progress=coloring)
+        scan = scan if colors is None else colors.scan
         finding(0.0, "finding floor, walls and ceiling")
         scan, found_room, _ = whole_room(
             scan,
@@ -138,12 +143,15 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
         saving(0.0, "saving")
         save_scan(scan, folder)
         save_room(found_room, folder)
+        if colors is not None and capture is not None:
+            save_frames(colors, capture, folder)
         record = scan.record
         return Notes(
             summary=f"{record.faces_kept} triangles, {record.area_m2:.0f} m²; room {found_room.area_m2:.1f} m² x "
             f"{found_room.height_m:.2f} m; {record.holes_closed} holes closed "
-            f"({100 * record.hole_area_m2 / record.area_m2:.1f} % of the area){missing_in_words(record)}",
-            warnings=(*record.notes, *scan_notes(section)),
+            f"({100 * record.hole_area_m2 / record.area_m2:.1f} % of the area){missing_in_words(record)}"
+            f"{frames_in_words(colors)}",
+            warnings=(*record.notes, *frame_notes(colors, capture), *scan_notes(section)),
         )
 
     return Stage(

@@ -19,7 +19,7 @@ import csv
 import gzip
 import io
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -31,7 +31,7 @@ from lidarspectra.config import SensorsSection, read_run_file
 from lidarspectra.errors import PlanError
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
-from lidarspectra.hardware.phone.texture_atlas import split_at_charts, unwrap
+from lidarspectra.hardware.phone.texture_atlas import Atlas, split_at_charts, unwrap
 from lidarspectra.io.files import write_whole
 from lidarspectra.io.toml_text import toml_value
 from lidarspectra.lamps.lamps import Lamp
@@ -51,7 +51,7 @@ from lidarspectra.workflow.sensing_of_run import sensor_points
 from research.experiments.true_light import true_materials
 from research.virtual_rooms.camera import DirectLight, SurfaceLight, photograph
 from research.virtual_rooms.glb_file import write_glb
-from research.virtual_rooms.phone import scan_shape
+from research.virtual_rooms.phone import ScannedShape, scan_shape
 from research.virtual_rooms.room_plan import PlanFile, RoomPlan, RoomSection, read_plan
 from research.virtual_rooms.true_room import TrueRoom, true_room
 
@@ -63,6 +63,10 @@ ASSIGNMENTS, WALLS = "assignments.csv", "walls.csv"
 POINTS_ALONG = 10  # sensor points along each edge of an exact box: their mean is 0.3 % above the walls' (6: 0.7 %)
 LIFT_M = 1e-3  # [m] light is asked for just off the surface
 LIGHT_RELATIVE_SE = 0.02  # [1] of the mean at a point: far below what exposure varies by in a phone's texture
+
+
+Besides = Callable[[RoomPlan, TrueRoom, ScannedShape, Atlas, SurfaceLight, DirectLight], None]
+"""What is made of a scanned shape and its light beside the texture."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,12 +122,14 @@ def phone_scan(
     direct: DirectLight | None = None,
     shining: BoolArray | None = None,
     without: str | None = None,
+    besides: Besides | None = None,
     progress: Progress = silent,
 ) -> Built:
     """Scan a room with the virtual phone and write scan.glb.
 
     Parameters as in `build`; the light, straight and in all, and which surfaces shine, if they are known; and the
-    beginning of the names of parts that the phone does not see, such as glass.
+    beginning of the names of parts that the phone does not see, such as glass. What else is to be made of the same
+    shape and light, `besides`.
     """
     shape_generator, light_generator, camera_generator = np.random.default_rng(seed).spawn(3)
     progress(0.0, "scanning the shape")
@@ -141,6 +147,8 @@ def phone_scan(
         direct = direct_light(plan, room, folder, light.wavelengths_nm)
     camera = plan.file.camera
     texture = photograph(room, shape, atlas, light, direct, camera, camera_generator, shining=shining)
+    if besides is not None:
+        besides(plan, room, shape, atlas, light, direct)
     progress(0.95, "writing")
     origin, faces, uv = split_at_charts(shape.faces, atlas)
     path = folder / "scan.glb"

@@ -25,6 +25,7 @@ from research.scenes.build import (
     SCENES,
     VISIBLE_NM,
     WAVELENGTH_STEP_NM,
+    Besides,
     Built,
     lamp_coefficients,
     phone_scan,
@@ -93,7 +94,7 @@ CASES = {
 }
 
 
-def build_by_day(scene: str, case: Case, folder: Path, *, seed: int) -> Built:
+def build_by_day(scene: str, case: Case, folder: Path, *, seed: int, besides: Besides | None = None) -> Built:
     """Make a scan and its truth.
 
     Parameters
@@ -105,6 +106,8 @@ def build_by_day(scene: str, case: Case, folder: Path, *, seed: int) -> Built:
         Made.
     seed : int
         Of the shape's noise; it chooses the camera too.
+    besides : callable, optional
+        What else is made of the same shape and light.
 
     Returns
     -------
@@ -141,6 +144,7 @@ def build_by_day(scene: str, case: Case, folder: Path, *, seed: int) -> Built:
         direct=direct,
         shining=shining,
         without=None if case.pane else WINDOW,
+        besides=besides,
     )
     write_truth(folder / "truth", plan, room, built.true_face)
     write_run_file(folder / "room.toml", plan.file, built.file)
@@ -205,14 +209,7 @@ def _direct(
 ) -> DirectLight:
     lamps = resolve_lamps(plan.file.lamps, folder)
     flux = spectral_flux(lamps, wavelengths)
-    luminous = color_matching_functions(wavelengths)[:, 1]
-    daylight = lamp_spectrum("D65").spectrum.at(wavelengths, outside="nearest")
-    inside = np.mean([0.5 * (np.array(each.low) + np.array(each.high)) for each in plan.file.rooms], axis=0)
-    boxes = [part for part in plan.file.parts if isinstance(part, BoxSection) and part.name.startswith(WINDOW)]
-    openings: list[Opening] = [opening_of(box, inside, daylight) for box in boxes]
-    per_zenith = sum(flux_per_zenith(opening) for opening in openings)
-    zenith = FLUX_RATIO[scene] * float((flux @ luminous).sum()) / (per_zenith * float(daylight @ luminous))
-    openings = [replace(opening, radiance=case.day * zenith * daylight) for opening in openings]
+    openings = openings_of(scene, case, plan, folder, wavelengths)
 
     def light(positions: FloatArray, normals: FloatArray) -> FloatArray:
         total = np.zeros((len(positions), wavelengths.size))
@@ -223,6 +220,19 @@ def _direct(
         return total
 
     return light
+
+
+def openings_of(scene: str, case: Case, plan: RoomPlan, folder: Path, wavelengths: FloatArray) -> list[Opening]:
+    """The windows of a scene, in the order of its parts, with the radiance that they have in a case."""
+    flux = spectral_flux(resolve_lamps(plan.file.lamps, folder), wavelengths)
+    luminous = color_matching_functions(wavelengths)[:, 1]
+    daylight = lamp_spectrum("D65").spectrum.at(wavelengths, outside="nearest")
+    inside = np.mean([0.5 * (np.array(each.low) + np.array(each.high)) for each in plan.file.rooms], axis=0)
+    boxes = [part for part in plan.file.parts if isinstance(part, BoxSection) and part.name.startswith(WINDOW)]
+    openings: list[Opening] = [opening_of(box, inside, daylight) for box in boxes]
+    per_zenith = sum(flux_per_zenith(opening) for opening in openings)
+    zenith = FLUX_RATIO[scene] * float((flux @ luminous).sum()) / (per_zenith * float(daylight @ luminous))
+    return [replace(opening, radiance=case.day * zenith * daylight) for opening in openings]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

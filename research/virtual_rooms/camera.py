@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, float_array
+from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.texture_atlas import Atlas, split_at_charts
 from lidarspectra.spectra.colorimetry import BRADFORD, SRGB_FROM_XYZ, SRGB_WHITE_XYZ, encode_srgb
@@ -118,10 +118,10 @@ def photograph(
     texture : (texture_px, texture_px, 3) uint8
         sRGB encoded.
     """
-    corner_color = _corner_colors(room, shape, atlas, light, direct, settings)
     if shining is None:
         shining = np.array([surface.lamp is not None for surface in room.surfaces])
-    linear, lit = _seen_light(room, shape, atlas, corner_color, shining, settings, generator)
+    linear, surface = seen_light(room, shape, atlas, light, direct, settings, generator)
+    lit = shining[surface]
     shown = atlas.covered & ~lit
     bright = np.quantile(linear[shown].max(axis=1), 1.0 - settings.bright_share)
     exposed = linear * (settings.bright_level / bright)
@@ -137,22 +137,23 @@ def tone_curve(linear: FloatArray, strength: float) -> FloatArray:
     return curve
 
 
-def _seen_light(
+def seen_light(
     room: TrueRoom,
     shape: ScannedShape,
     atlas: Atlas,
-    corner_color: FloatArray,
-    shining: BoolArray,
+    light: SurfaceLight,
+    direct: DirectLight,
     settings: CameraSection,
     generator: np.random.Generator,
-) -> tuple[FloatArray, BoolArray]:
-    """White-balanced linear colour of every pixel, and which pixels show what shines.
+) -> tuple[FloatArray, IntArray]:
+    """White-balanced linear colour of every pixel, and the room's surface that it shows.
 
-    Between the (face, 3, material, 3) colours of the corners, with the patterns of exposure and materials.
+    Between the colours of the corners, with the patterns of exposure and materials; parameters as in `photograph`.
     """
+    corner_color = _corner_colors(room, shape, atlas, light, direct, settings)
     size = atlas.size_px
     linear = np.empty((size * size, 3), dtype=np.float64)
-    lit = np.zeros(size * size, dtype=np.bool_)
+    surface = np.zeros(size * size, dtype=np.int64)
     exposure = _Pattern(generator, settings.exposure_spread, (1.0, 1.0, 1.0))
     grains = [_Pattern(generator, material.grain, material.grain_size) for material in room.materials]
     # Seen along the chart's own direction, so that a step shows as a clean edge and not as its own slope.
@@ -172,8 +173,8 @@ def _seen_light(
             if room.materials[number].grain > 0:
                 factor[chosen] *= 1.0 + np.clip(grain(points[chosen]), -0.9, None)
         linear[texel] *= factor[:, None]
-        lit[texel] = shining[room.face_surface[true_face]]
-    return linear.reshape(size, size, 3), lit.reshape(size, size)
+        surface[texel] = room.face_surface[true_face]
+    return linear.reshape(size, size, 3), surface.reshape(size, size)
 
 
 def _corner_colors(
@@ -226,8 +227,15 @@ def material_colors(room: TrueRoom, light: SurfaceLight, irradiance: FloatArray,
 
     Nothing is below 0.
     """
-    observer = color_matching_functions(light.wavelengths_nm)
     reflectance = np.stack([m.reflectance.at(light.wavelengths_nm, outside="nearest") for m in room.materials])
+    return light_colors(reflectance, light, irradiance, settings)
+
+
+def light_colors(
+    reflectance: FloatArray, light: SurfaceLight, irradiance: FloatArray, settings: CameraSection
+) -> FloatArray:
+    """(n, material, 3) as `material_colors`, of (material, wavelength) reflectances."""
+    observer = color_matching_functions(light.wavelengths_nm)
     per_material = reflectance[:, :, None] * observer
     xyz = np.einsum("pw,mwc->pmc", irradiance, per_material, optimize=True)
     white = light.irradiance.mean(axis=0) @ observer

@@ -1,6 +1,7 @@
 """Read scan files: detect the format, read it, and convert it to metres with z up."""
 
 import logging
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Literal
@@ -9,9 +10,11 @@ from lidarspectra.arguments import path_of
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.scan import Scan, ScanRecord
 from lidarspectra.geometry.triangles import triangle_areas
+from lidarspectra.hardware.phone.captures import is_capture, read_capture
+from lidarspectra.hardware.phone.frames import Capture
 from lidarspectra.hardware.phone.gltf import read_gltf
 from lidarspectra.hardware.phone.obj import read_obj
-from lidarspectra.hardware.phone.orientation import Orientation, find_orientation
+from lidarspectra.hardware.phone.orientation import METRES_PER_UNIT, Orientation, find_orientation, upright_rotation
 from lidarspectra.hardware.phone.raw_mesh import (
     FileFolder,
     JoinedMesh,
@@ -39,7 +42,8 @@ def read_scan(
     Parameters
     ----------
     path : str or path
-        GLB or glTF, OBJ with MTL and textures, PLY with vertex colours or a texture, STL, or (extra 'usd') USDZ.
+        GLB or glTF, OBJ with MTL and textures, PLY with vertex colours or a texture, STL, or (extra 'usd') USDZ; or a
+        folder or zip archive of an app's raw data (3D Scanner App, Polycam), of which this takes the mesh.
     unit, up : str
         Unit and upward axis of the file's coordinates; 'auto' takes them from the format and the room's geometry.
     progress : callable
@@ -56,18 +60,44 @@ def read_scan(
         If the file is missing, cut off, malformed, too large, of no known format, or holds no usable mesh.
     """
     path = path_of(path, name="path", meaning="the name of a scan's file, as a str or a Path")
+    return read_scan_and_frames(path, unit=unit, up=up, progress=progress)[0]
+
+
+def read_scan_and_frames(
+    path: Path, *, unit: UnitChoice = "auto", up: UpChoice = "auto", progress: Progress = silent
+) -> tuple[Scan, Capture | None]:
+    """Read a scan and, where it is an app's raw data, its frames, whose poses are brought to the scan's axes.
+
+    Parameters
+    ----------
+    path : Path
+        As of `read_scan`.
+    unit, up, progress
+        As of `read_scan`.
+
+    Returns
+    -------
+    scan : Scan
+        With the colours that the app gave its mesh.
+    capture : Capture or None
+        None for a mesh's file.
+
+    Raises
+    ------
+    ScanError
+        As `read_scan` does.
+    """
     where = path.name
     progress(0.0, f"reading {where}")
-    if not path.is_file():
-        raise ScanError(
-            expected="a scan file",
-            found="a folder" if path.is_dir() else "nothing there",
-            where=str(path),
-            todo="Check the path.",
-        )
-    suffix = path.suffix.lower()
-    _check_suffix(suffix, where=where)
-    raw = _read_raw(path, suffix)
+    if not path.exists():
+        raise ScanError(expected="a scan file", found="nothing there", where=str(path), todo="Check the path.")
+    capture = read_capture(path) if is_capture(path) else None
+    if capture is None:
+        suffix = path.suffix.lower()
+        _check_suffix(suffix, where=where)
+        raw = _read_raw(path, suffix)
+    else:
+        raw = _captured_mesh(capture)
     progress(0.6, "joining meshes")
     mesh = join_parts(raw, where=where)
     progress(0.8, "finding unit and upward axis")
@@ -83,7 +113,21 @@ def read_scan(
     )
     scan = _oriented(mesh, orientation, where=where)
     progress(1.0, "scan read")
-    return scan
+    if capture is None:
+        return scan, None
+    turn, metres = upright_rotation(orientation.up), METRES_PER_UNIT[orientation.unit]
+    return scan, replace(capture, frames=tuple(frame.moved(turn, metres) for frame in capture.frames))
+
+
+def _captured_mesh(capture: Capture) -> RawMesh:
+    if capture.mesh is None:
+        raise ScanError(
+            expected="a mesh beside the frames",
+            found="none",
+            where=f"{capture.where} ({capture.app})",
+            todo="Let the app make its mesh, and export the raw data again.",
+        )
+    return replace(capture.mesh, notes=(*capture.notes, *capture.mesh.notes))
 
 
 def _check_suffix(suffix: str, *, where: str) -> None:
@@ -91,8 +135,6 @@ def _check_suffix(suffix: str, *, where: str) -> None:
         return
     if suffix in _POINT_CLOUDS:
         found, todo = "a point cloud", "Export the scan as a textured mesh (GLB is best)."
-    elif suffix == ".zip":
-        found, todo = "a ZIP archive", "Unpack it and give the mesh file in it."
     else:
         found, todo = f"'{suffix}'", "Export the scan in one of these formats (GLB is best)."
     raise ScanError(expected=f"one of {', '.join(FORMATS)}", found=found, where=where, todo=todo)

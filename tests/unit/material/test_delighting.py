@@ -8,9 +8,10 @@ import pytest
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Strip
 from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, MAX_STEPS, fit_light
+from lidarspectra.material.clipped_light import beyond_white
 from lidarspectra.material.sharpened_cones import cones_of_srgb
 from lidarspectra.spectra.spectrum import Spectrum
-from lidarspectra.workflow.delighting import STRAY_LIGHT, _beyond_white, _unsure, _whites
+from lidarspectra.workflow.delighting import STRAY_LIGHT, _unsure, _whites
 from lidarspectra.workflow.delighting_notes import unsettled_note, whiter_than_paint_note
 from lidarspectra.workflow.delighting_samples import near_lamps
 
@@ -37,13 +38,13 @@ def light(level: float) -> np.ndarray:
 
 def test_what_is_cut_at_white_sends_between_white_and_what_fresh_paint_would() -> None:
     shown = np.array([[1.0, 1.0, 0.98], [1.0, 1.0, 0.5]])
-    excess = _beyond_white(shown, np.repeat(light(2.0), 2, axis=0))
+    excess = beyond_white(shown, np.repeat(light(2.0), 2, axis=0))
     assert excess[0] == pytest.approx([0.5 * (1 + BRIGHTEST_REFLECTANCE * 2.0)] * 3)
     assert excess[1] == pytest.approx([1.0] * 3)
 
 
 def test_what_its_light_cannot_make_white_sends_no_more_than_it_shows() -> None:
-    assert _beyond_white(np.ones((1, 3)), light(0.9)) == pytest.approx(np.ones((1, 3)))
+    assert beyond_white(np.ones((1, 3)), light(0.9)) == pytest.approx(np.ones((1, 3)))
 
 
 def test_a_note_tells_of_white_surfaces_that_came_out_brighter_than_paint_and_not_of_noise_about_white() -> None:

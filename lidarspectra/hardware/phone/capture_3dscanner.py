@@ -1,0 +1,90 @@
+"""Frames of 3D Scanner App, its export "All data": `frame_N.jpg`, `frame_N.json`, `depth_N.png`, `conf_N.png`.
+
+The pose is ARKit's (`cameraPoseARFrame`, row-major, camera to world, y up, looking along -z), the mesh `export.obj` in
+the same axes. `exposureDuration` is told, the ISO is not, so that the exposure is not known.
+"""
+
+import re
+
+from lidarspectra.hardware.phone.capture_files import CaptureFiles
+from lidarspectra.hardware.phone.frames import (
+    Capture,
+    DepthMap,
+    Frame,
+    FrameFault,
+    LeftOut,
+    checked_frame,
+    decode_depth,
+    decode_picture,
+    image_size,
+)
+from lidarspectra.hardware.phone.obj import read_obj
+from lidarspectra.hardware.phone.raw_mesh import FileFolder, RawMesh
+
+APP = "3D Scanner App"
+MESHES = ("export.obj", "textured_output.obj")  # the first that there is; both in the axes of the poses
+_FRAME = re.compile(r"frame_(\d+)\.(?:json|jpg)")
+
+
+def is_3dscanner(files: CaptureFiles) -> bool:
+    """Whether a folder has this app's layout."""
+    return any(_FRAME.fullmatch(name) and name.endswith(".json") for name in files.names)
+
+
+def read_3dscanner(files: CaptureFiles) -> Capture:
+    """Read the frames and the mesh.
+
+    Parameters
+    ----------
+    files : CaptureFiles
+
+    Returns
+    -------
+    capture : Capture
+
+    Raises
+    ------
+    ScanError
+        If the mesh is damaged.
+    """
+    frames, left_out = [], []
+    numbers = {match[1] for name in files.names if (match := _FRAME.fullmatch(name))}
+    for number in sorted(numbers, key=int):
+        try:
+            frames.append(_frame(files, number))
+        except FrameFault as fault:
+            left_out.append(LeftOut(name=number, reason=str(fault)))
+    return Capture(app=APP, where=files.where, frames=tuple(frames), left_out=tuple(left_out), mesh=_mesh(files))
+
+
+def _frame(files: CaptureFiles, number: str) -> Frame:
+    about = files.read_json(f"frame_{number}.json")
+    picture = f"frame_{number}.jpg"
+    size = image_size(files.read(picture))
+
+    def depth() -> DepthMap | None:
+        name, sure = f"depth_{number}.png", f"conf_{number}.png"
+        if name not in files.names:
+            return None
+        return decode_depth(files.read(name), files.read(sure) if sure in files.names else None, size)
+
+    return checked_frame(
+        name=number,
+        camera_to_world=about.get("cameraPoseARFrame"),
+        intrinsics=about.get("intrinsics"),
+        size_px=size,
+        time_s=about.get("time"),
+        exposure_s=about.get("exposureDuration"),
+        read_image=lambda least_px: decode_picture(files.read(picture), size, least_px),
+        read_depth=depth,
+    )
+
+
+def _mesh(files: CaptureFiles) -> RawMesh | None:
+    name = next((each for each in MESHES if each in files.names), None)
+    if name is None:
+        return None
+    data = files.read_whole(name)
+    root = files.path / files.base if files.path.is_dir() else files.path / "archive"  # textures in one are not read
+    mesh = read_obj(data, folder=FileFolder(root=root, where=f"{files.where}/{name}"))
+    return RawMesh(parts=mesh.parts, images=mesh.images, unit="m", up="+y")

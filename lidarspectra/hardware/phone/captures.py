@@ -1,0 +1,79 @@
+"""Read an app's raw data, whichever app's it is: frames with poses, depth, and the mesh.
+
+Layouts are recognised by their files' names. A frame that cannot be used is left out with its reason; nothing else is.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.capture_3dscanner import is_3dscanner, read_3dscanner
+from lidarspectra.hardware.phone.capture_files import ARCHIVE_SUFFIXES, CaptureFiles, open_capture
+from lidarspectra.hardware.phone.capture_polycam import is_polycam, read_polycam
+from lidarspectra.hardware.phone.frames import Capture, without_jumps
+
+APPS: tuple[tuple[Callable[[CaptureFiles], bool], Callable[[CaptureFiles], Capture]], ...] = (
+    (is_3dscanner, read_3dscanner),
+    (is_polycam, read_polycam),
+)
+LAYOUTS = "3D Scanner App's 'All data', or Polycam's raw data"
+
+
+def is_capture(path: Path) -> bool:
+    """Whether a path is a folder or archive, which may hold raw data, rather than a mesh's file."""
+    return path.is_dir() or path.suffix.lower() in ARCHIVE_SUFFIXES
+
+
+def read_capture(path: Path) -> Capture:
+    """Read an app's raw data.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder, or a zip archive of it.
+
+    Returns
+    -------
+    capture : Capture
+        Pictures are decoded later, one by one.
+
+    Raises
+    ------
+    ScanError
+        If it is no app's layout, its mesh is damaged, or no frame can be used.
+    """
+    files = open_capture(path)
+    for base in _bases(files):
+        inside = files.below(base)
+        for is_layout, read in APPS:
+            if is_layout(inside):
+                return _checked(read(inside))
+    raise ScanError(
+        expected=f"raw data of an app ({LAYOUTS})",
+        found=f"{'a folder' if path.is_dir() else 'an archive'} of {len(files.names)} files in no such layout",
+        where=str(path),
+        todo="Export the app's raw data, or give the mesh's file itself (GLB is best).",
+    )
+
+
+def _bases(files: CaptureFiles) -> list[str]:
+    """Folders in which a layout may begin, the outermost first."""
+    bases = {""}
+    for name in files.names:
+        parts = name.split("/")[:-1]
+        bases |= {"/".join(parts[: count + 1]) + "/" for count in range(min(len(parts), 2))}
+    return sorted((each for each in bases if not each.startswith("__MACOSX")), key=lambda each: (each.count("/"), each))
+
+
+def _checked(capture: Capture) -> Capture:
+    frames, jumped = without_jumps(capture.frames)
+    if not frames:
+        reason = f", the first because {capture.left_out[0].reason}" if capture.left_out else ""
+        raise ScanError(
+            expected="frames with picture and pose",
+            found=f"{len(capture.left_out)} that cannot be used{reason}",
+            where=f"{capture.where} ({capture.app})",
+            todo="Export the raw data again.",
+        )
+    return replace(capture, frames=frames, left_out=(*capture.left_out, *jumped))

@@ -1,0 +1,319 @@
+"""Frames of a phone: pictures with pose, intrinsics, exposure and depth, and what an app exported of them.
+
+Only what these records name is ever taken from an app's files. Positions on Earth, dates, names of devices and people
+stand beside it in some of them (EXIF, `info.json`) and are not read.
+"""
+
+import io
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from PIL import Image
+
+from lidarspectra.arrays import ByteArray, FloatArray, float_array
+from lidarspectra.errors import ArrayError, ScanError
+from lidarspectra.geometry.textures import IMAGE_FORMATS, decode_image
+from lidarspectra.hardware.phone.raw_mesh import PARSER_FAULTS, RawMesh
+
+MAX_DEPTH_PIXELS = 2048 * 2048  # [px] phones write 256 x 192
+ROTATION_TOLERANCE = 1e-2  # [1] of R^T R from the identity; poses are written as 32-bit floats or better
+MAX_SPEED_M_S = 6.0  # [m/s] nobody walks faster with a phone before them; a pose that jumped back and forth has it
+MIN_STEP_S = 1e-3  # [s] two frames are not nearer in time
+FOCAL_RANGE = (0.2, 10.0)  # [1] of the focal length over the picture's width: 5° to 136° of view
+MAX_NAMED = 5  # frames named in a note
+ASPECT_TOLERANCE = 0.02  # [1] between the sides of a picture and of its depth
+
+ReadImage = Callable[[int], ByteArray]
+"""From the least width [px] to the picture, which may be decoded at a half or a quarter of its size."""
+
+
+class FrameFault(Exception):  # noqa: N818 - it never leaves the readers: the frame is left out and its reason kept
+    """Why a single frame cannot be used, as a short reason for the user."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthMap:
+    """What the LiDAR measured for a frame.
+
+    Parameters
+    ----------
+    depth_m : (row, column) float32
+        Along the camera's axis; 0 where nothing was measured. [m]
+    confidence : (row, column) uint8
+        0 low, 1 medium, 2 high, as ARKit says it.
+    """
+
+    depth_m: FloatArray
+    confidence: ByteArray
+
+
+ReadDepth = Callable[[], DepthMap | None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frame:
+    """One picture of a scan.
+
+    Parameters
+    ----------
+    name : str
+        As the app numbers it.
+    camera_to_world : (4, 4) float
+        Pose, rigid: camera x to the right, y up, looking along -z. [m]
+    intrinsics : (3, 3) float
+        Focal lengths and principal point of the picture as it is stored. [px]
+    size_px : (int, int)
+        Width and height. [px]
+    time_s : float or None
+        On any clock. [s]
+    exposure_s, iso : float or None
+        Exposure time and sensitivity; None where the app does not say. [s], [1]
+    read_image : callable
+        Decodes the picture, sRGB bytes, at a least width [px]; raises FrameFault if it is damaged.
+    read_depth : callable
+        Decodes the depth; None without any; raises FrameFault if it is damaged.
+    """
+
+    name: str
+    camera_to_world: FloatArray
+    intrinsics: FloatArray
+    size_px: tuple[int, int]
+    time_s: float | None = None
+    exposure_s: float | None = None
+    iso: float | None = None
+    read_image: ReadImage
+    read_depth: ReadDepth
+
+    @property
+    def position(self) -> FloatArray:
+        """(3,) where the camera was [m]."""
+        return np.asarray(self.camera_to_world[:3, 3], dtype=np.float64)
+
+    def moved(self, rotation: FloatArray, scale: float = 1.0) -> "Frame":
+        """The same frame in axes turned by a (3, 3) rotation; positions are multiplied by a scale [1]."""
+        pose = np.eye(4)
+        pose[:3, :3] = rotation @ self.camera_to_world[:3, :3]
+        pose[:3, 3] = scale * (rotation @ self.position)
+        return replace(self, camera_to_world=pose)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """A frame that is not used.
+
+    Parameters
+    ----------
+    name : str
+    reason : str
+        Part of a sentence ("its picture is cut off").
+    """
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Capture:
+    """What an app exported of a scan, frame by frame.
+
+    Parameters
+    ----------
+    app : str
+        Whose layout it is.
+    where : str
+        Name of its folder or file.
+    frames : tuple of Frame
+        Those that can be used, in the order of time; metres, y up.
+    left_out : tuple of LeftOut
+        The others.
+    mesh : RawMesh or None
+        The app's own mesh, in the axes of the poses; None if it exported none.
+    notes : tuple of str
+        What the user should know.
+    """
+
+    app: str
+    where: str
+    frames: tuple[Frame, ...]
+    left_out: tuple[LeftOut, ...] = ()
+    mesh: RawMesh | None = None
+    notes: tuple[str, ...] = ()
+
+
+def checked_frame(
+    *,
+    name: str,
+    camera_to_world: object,
+    intrinsics: object,
+    size_px: tuple[int, int],
+    read_image: ReadImage,
+    read_depth: ReadDepth,
+    time_s: object = None,
+    exposure_s: object = None,
+    iso: object = None,
+) -> Frame:
+    """A frame of what an app's file says, or a FrameFault that says why it cannot be used."""
+    pose = _numbers(camera_to_world, (4, 4), "its pose")
+    turn = pose[:3, :3]
+    if np.abs(turn.T @ turn - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(turn) < 0:
+        raise FrameFault("its pose is no rotation and shift")
+    matrix = _numbers(intrinsics, (3, 3), "its intrinsics")
+    width, height = size_px
+    focal, center = np.array([matrix[0, 0], matrix[1, 1]]), matrix[:2, 2]
+    low, high = FOCAL_RANGE
+    inside = (center > 0).all() and center[0] < width and center[1] < height
+    if not (inside and (focal > low * width).all() and (focal < high * width).all()):
+        raise FrameFault("its intrinsics do not belong to a picture of its size")
+    return Frame(
+        name=name,
+        camera_to_world=np.vstack([pose[:3], [0.0, 0.0, 0.0, 1.0]]),
+        intrinsics=np.array([[focal[0], 0.0, center[0]], [0.0, focal[1], center[1]], [0.0, 0.0, 1.0]]),
+        size_px=size_px,
+        time_s=_finite(time_s),
+        exposure_s=_positive(exposure_s),
+        iso=_positive(iso),
+        read_image=read_image,
+        read_depth=read_depth,
+    )
+
+
+def _numbers(values: object, shape: tuple[int, int], what: str) -> FloatArray:
+    try:
+        numbers = np.asarray(values, dtype=np.float64).reshape(shape)
+        return float_array(numbers, name=what, shape=shape)
+    except (ValueError, TypeError, OverflowError, ArrayError) as cause:
+        raise FrameFault(f"{what} is missing or no matrix of finite numbers") from cause
+
+
+def _finite(value: object) -> float | None:
+    if isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value):
+        return float(value)
+    return None
+
+
+def _positive(value: object) -> float | None:
+    number = _finite(value)
+    return number if number is not None and number > 0 else None
+
+
+def image_size(data: bytes) -> tuple[int, int]:
+    """(width, height) of an encoded picture [px], from its header; FrameFault if it has none."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of odd metadata, which are not looked at
+            with Image.open(io.BytesIO(data), formats=IMAGE_FORMATS) as image:
+                return image.width, image.height
+    except (*PARSER_FAULTS, SyntaxError, Image.DecompressionBombError) as cause:
+        raise FrameFault("its picture cannot be read") from cause
+
+
+def decode_picture(data: bytes, size_px: tuple[int, int], least_px: int) -> ByteArray:
+    """Decode a frame's picture of a known size, as (height, width, 3) sRGB bytes at no less than a width [px].
+
+    Raises
+    ------
+    FrameFault
+        If it is damaged, or has another shape than its header says.
+    """
+    try:
+        picture = decode_image(data, name="picture", least_px=least_px)
+    except ScanError as cause:
+        raise FrameFault("its picture is cut off or damaged") from cause
+    height, width = picture.shape[:2]
+    if abs((width / height) / (size_px[0] / size_px[1]) - 1.0) > ASPECT_TOLERANCE:
+        raise FrameFault("its picture has another shape than its header says")
+    return picture
+
+
+def decode_depth(
+    depth: bytes, confidence: bytes | None, size_px: tuple[int, int], *, confidence_scale: float = 1.0
+) -> DepthMap:
+    """Decode depth [mm, 16 bit] and confidence as apps write them (PNG).
+
+    Parameters
+    ----------
+    depth : bytes
+    confidence : bytes or None
+        High everywhere if there is none.
+    size_px : (int, int)
+        Of the picture: both show the same field of view. [px]
+    confidence_scale : float
+        Of the file's values over 0, 1, 2. [1]
+
+    Raises
+    ------
+    FrameFault
+        If one is damaged, or of another shape than the other or the picture.
+    """
+    millimetres = _single_channel(depth, "its depth")
+    sure = np.full(millimetres.shape, 2.0) if confidence is None else _single_channel(confidence, "its confidence")
+    return depth_map(millimetres / 1000.0, np.rint(sure / confidence_scale), size_px)
+
+
+def depth_map(depth_m: FloatArray, confidence: FloatArray, size_px: tuple[int, int]) -> DepthMap:
+    """Check depth [m] and confidence [0, 1, 2] against the picture's size; FrameFault if they do not fit."""
+    if confidence.shape != depth_m.shape:
+        raise FrameFault("its confidence has another size than its depth")
+    aspect = (depth_m.shape[1] / max(depth_m.shape[0], 1)) / (size_px[0] / size_px[1])
+    if depth_m.size == 0 or abs(aspect - 1.0) > ASPECT_TOLERANCE:
+        raise FrameFault("its depth has another shape than its picture")
+    known = np.isfinite(depth_m) & (depth_m > 0)
+    return DepthMap(
+        depth_m=np.where(known, depth_m, 0.0).astype(np.float32),
+        confidence=np.where(known, np.clip(confidence, 0, 2), 0).astype(np.uint8),
+    )
+
+
+def _single_channel(data: bytes, what: str) -> FloatArray:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(io.BytesIO(data), formats=("PNG",)) as image:
+                if image.width * image.height > MAX_DEPTH_PIXELS:
+                    raise FrameFault(f"{what} is larger than any phone's")
+                values = np.asarray(image, dtype=np.float64)
+    except (*PARSER_FAULTS, SyntaxError, Image.DecompressionBombError) as cause:
+        raise FrameFault(f"{what} is cut off or damaged") from cause
+    if values.ndim != 2:
+        raise FrameFault(f"{what} has more than one channel")
+    return values
+
+
+def without_jumps(frames: Sequence[Frame]) -> tuple[tuple[Frame, ...], tuple[LeftOut, ...]]:
+    """Leave out frames whose pose jumped away from those before and after, which lie near each other."""
+    kept, out = [], []
+    for number, frame in enumerate(frames):
+        neighbours = [frames[each] for each in (number - 1, number + 1) if 0 <= each < len(frames)]
+        fast = [_speed(frame, each) > MAX_SPEED_M_S for each in neighbours]
+        steady = len(neighbours) == 2 and _speed(*neighbours) <= MAX_SPEED_M_S
+        if steady and all(fast):
+            out.append(LeftOut(name=frame.name, reason="its pose jumps away from its neighbours'"))
+        else:
+            kept.append(frame)
+    return tuple(kept), tuple(out)
+
+
+def _speed(one: Frame, other: Frame) -> float:
+    """Of the way between two frames [m/s]; 0 where their times are not known."""
+    if one.time_s is None or other.time_s is None:
+        return 0.0
+    return float(np.linalg.norm(one.position - other.position)) / max(abs(one.time_s - other.time_s), MIN_STEP_S)
+
+
+def left_out_note(left_out: Sequence[LeftOut], total: int) -> tuple[str, ...]:
+    """A note on the frames that are not used, by reason; none if all are."""
+    if not left_out:
+        return ()
+    names: dict[str, list[str]] = {}
+    for each in left_out:
+        names.setdefault(each.reason, []).append(each.name)
+    parts = [
+        f"{len(some)} because {reason} ({', '.join(some[:MAX_NAMED])}{', ...' if len(some) > MAX_NAMED else ''})"
+        for reason, some in names.items()
+    ]
+    return (
+        f"{len(left_out)} of {total} frames of the scan are not used: {'; '.join(parts)}. What only they saw takes its "
+        "colour from its surroundings; export or copy the scan again if that is a large part of the room.",
+    )

@@ -1,0 +1,130 @@
+"""Radiance on the surface from many frames: the best views of every texel, and a robust mean of them.
+
+Each texel keeps its few best views, so that memory does not grow with the number of frames. What is cut at white in a
+frame tells only that the radiance is not below that frame's white: where some frame was exposed for less, the lamp or
+window has its radiance from there. The spread between views is the texel's own deviation: gloss, passers-by, poses.
+
+References
+----------
+Geman, McClure (1987) Statistical methods for tomographic image reconstruction, Bull. ISI 52, 5 (redescending loss).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, SmallFloatArray
+
+VIEWS = 10  # that a texel keeps; more change its mean by less than their spread
+ROUNDS = 4  # re-weightings about the median
+ROBUST_SCALE = 1.5  # [1] of the redescending loss, in standard deviations
+MIN_SPREAD, SINGLE_SPREAD = 0.02, 0.15  # [1] of views of one texel; and where there is but one view
+DARKEST = 1e-4  # [1] of white, floor before logarithms
+BLOCK_TEXELS = 200_000  # combined at once, which bounds temporaries to about 100 MB
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fused:
+    """Radiance of texels.
+
+    Parameters
+    ----------
+    light : (texel, 3) float32
+        Linear, over the white of a frame of mean gain; may be above 1. NaN where no frame saw it. [1]
+    deviation : (texel,) float32
+        Standard deviation of its logarithm, from the spread between views. [1]
+    views : (texel,) int
+        That agree on it.
+    at_least : (texel,) bool
+        Whether every frame is cut at white there, so that `light` is a lower bound.
+    """
+
+    light: SmallFloatArray
+    deviation: SmallFloatArray
+    views: IntArray
+    at_least: BoolArray
+
+
+class BestViews:
+    """The best views of each texel so far.
+
+    Parameters
+    ----------
+    texels : int
+        How many.
+    """
+
+    def __init__(self, texels: int) -> None:
+        self._light = np.full((VIEWS, texels, 3), np.nan, dtype=np.float32)
+        self._weight = np.zeros((VIEWS, texels), dtype=np.float32)
+        self._bound = np.zeros((texels, 3), dtype=np.float32)
+
+    def add(self, index: IntArray, light: FloatArray, weight: FloatArray, clipped: BoolArray) -> None:
+        """Add a frame.
+
+        Parameters
+        ----------
+        index : (seen,) int
+            Texels, each once.
+        light : (seen, 3) float
+            Radiance by this frame alone. [1]
+        weight : (seen,) float
+            How well it shows each. [1]
+        clipped : (seen,) bool
+            Where it is cut at white: `light` is then a lower bound.
+        """
+        bound = index[clipped]
+        self._bound[bound] = np.maximum(self._bound[bound], light[clipped].astype(np.float32))
+        index, light, weight = index[~clipped], light[~clipped], weight[~clipped]
+        worst = self._weight[:, index].argmin(axis=0)
+        better = weight > self._weight[worst, index]
+        slot, place = worst[better], index[better]
+        self._light[slot, place] = light[better]
+        self._weight[slot, place] = weight[better]
+
+    def fused(self) -> Fused:
+        """Robust means of all texels."""
+        count = self._bound.shape[0]
+        light = np.full((count, 3), np.nan, dtype=np.float32)
+        deviation = np.full(count, SINGLE_SPREAD, dtype=np.float32)
+        views = np.zeros(count, dtype=np.int64)
+        for start in range(0, count, BLOCK_TEXELS):
+            part = slice(start, start + BLOCK_TEXELS)
+            light[part], deviation[part], views[part] = _robust_mean(self._light[:, part], self._weight[:, part])
+        at_least = (views == 0) & (self._bound > 0).any(axis=1)
+        light[at_least] = self._bound[at_least]
+        return Fused(light=light, deviation=deviation, views=views, at_least=at_least)
+
+
+def _robust_mean(light: SmallFloatArray, weight: SmallFloatArray) -> tuple[SmallFloatArray, SmallFloatArray, IntArray]:
+    """Mean, its relative deviation, and the number of views that agree, of (view, texel, 3) light."""
+    seen = weight > 0
+    values = np.log(np.maximum(np.where(seen[:, :, None], light, 1.0), DARKEST))
+    center = _weighted_median(values, weight)
+    green = np.abs(values[:, :, 1] - center[:, 1])
+    spread = 1.4826 * _weighted_median(green[:, :, None], weight)[:, 0]
+    spread = np.maximum(spread, MIN_SPREAD)
+    share = weight
+    for _ in range(ROUNDS):
+        apart = np.abs(values - center).max(axis=2) / (ROBUST_SCALE * spread)
+        share = weight / (1.0 + apart**2) ** 2
+        total = np.maximum(share.sum(axis=0), 1e-12)
+        center = (share[:, :, None] * values).sum(axis=0) / total[:, None]
+    agree = (share > np.where(seen, 0.25 * weight, np.inf)).sum(axis=0)
+    effective = share.sum(axis=0) ** 2 / np.maximum((share**2).sum(axis=0), 1e-20)
+    deviation = np.where(agree > 1, spread / np.sqrt(np.maximum(effective, 1.0)), SINGLE_SPREAD)
+    none = weight.max(axis=0) <= 0
+    return (
+        np.where(none[:, None], np.nan, np.exp(center)).astype(np.float32),
+        deviation.astype(np.float32),
+        agree.astype(np.int64),
+    )
+
+
+def _weighted_median(values: SmallFloatArray, weight: SmallFloatArray) -> SmallFloatArray:
+    """(texel, channel) weighted median over the first axis of (view, texel, channel) values."""
+    order = np.argsort(np.where((weight > 0)[:, :, None], values, np.inf), axis=0)
+    mass = np.take_along_axis(np.broadcast_to(weight[:, :, None], values.shape), order, axis=0).cumsum(axis=0)
+    row = (mass >= 0.5 * mass[-1]).argmax(axis=0)
+    middle = np.take_along_axis(np.take_along_axis(values, order, axis=0), row[None], axis=0)[0]
+    return np.asarray(middle, dtype=np.float32)

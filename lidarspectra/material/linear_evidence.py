@@ -1,0 +1,103 @@
+"""What colours from frames add to the evidence for light: a known tone curve, and the radiance of what shines.
+
+And what they lack: faces that no frame saw. An app's texture invents colours there; here such a face is taken to be of
+the material of the nearest face that looks the same way, and to send what that material would in the light there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.geometry.appearance import LinearLight
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.material.tone_curve import USUAL_TONE, TonePrior
+from lidarspectra.material.unknown_light import UnknownSource
+
+MIN_DEVIATION = 0.02  # [1] of log g and log(1 + s): no curve has just two parameters
+MAX_CUT = 0.2  # [1] of a face, cut at white in all frames
+NORMAL_WEIGHT_M = 0.15  # [m] distance equivalent to a turn of one radian: a board's underside is like its top
+MIN_SHOWN = 1e-3  # [1] of white, floor of what is divided by
+MIN_TOLD = 0.5  # [1] of a source's area whose radiance some frame tells
+
+
+def tone_prior_of(linear: LinearLight | None) -> TonePrior:
+    """What is known of the curve that is left in a scan's colours: a phone's, or hardly one where frames told it."""
+    if linear is None:
+        return USUAL_TONE
+    return TonePrior(
+        power_deviation=max(linear.power_deviation, MIN_DEVIATION),
+        shoulder=0.0,
+        shoulder_deviation=max(linear.shoulder_deviation, MIN_DEVIATION),
+    )
+
+
+def spread_of_views(scan: Scan) -> FloatArray:
+    """(face,) relative deviation of what frames show of each face; 0 in a scan without frames [1]."""
+    linear = scan.appearance.linear
+    return np.zeros(len(scan.faces)) if linear is None else linear.face_deviation
+
+
+def shown_of_sources(scan: Scan, sources: Sequence[UnknownSource]) -> FloatArray | None:
+    """(source, 3) linear sRGB that frames tell of what shines; NaN where they do not; None without frames."""
+    linear = scan.appearance.linear
+    if linear is None or not sources:
+        return None
+    shown = np.full((len(sources), 3), np.nan)
+    colors, areas = scan.face_colors(), scan.areas
+    for row, source in enumerate(sources):
+        told = source.faces[linear.face_cut[source.faces] < MAX_CUT]
+        if told.size and areas[told].sum() > MIN_TOLD * areas[source.faces].sum():
+            shown[row] = np.average(colors[told], axis=0, weights=areas[told])
+    return shown
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UnseenFaces:
+    """Faces without a colour, and those whose material they are taken to have.
+
+    Parameters
+    ----------
+    faces, like : (unseen,) int
+        Of the scan.
+    """
+
+    faces: IntArray
+    like: IntArray
+
+    def filled(self, values: FloatArray) -> FloatArray:
+        """(face, 3) values, those of unseen faces being the ones of the faces that they are like."""
+        result = values.copy()
+        result[self.faces] = values[self.like]
+        return result
+
+    def excess(self, excess: FloatArray, shown: FloatArray, reflectance: FloatArray, light: FloatArray) -> FloatArray:
+        """(face, 3) factors on what faces show, so that unseen ones send their reflectance times the light there."""
+        result = excess.copy()
+        result[self.faces] = reflectance[self.like] * light[self.faces] / np.maximum(shown[self.faces], MIN_SHOWN)
+        return result
+
+
+def unseen_faces(scan: Scan, known: BoolArray) -> UnseenFaces:
+    """Faces that no frame saw; none in a scan of another kind, or if they have a name.
+
+    Parameters
+    ----------
+    scan : Scan
+    known : (face,) bool
+        Whose colour is a surface's.
+
+    Returns
+    -------
+    unseen : UnseenFaces
+    """
+    nowhere = np.zeros(0, dtype=np.int64)
+    if scan.appearance.linear is None or not known.any():
+        return UnseenFaces(faces=nowhere, like=nowhere)
+    faces = np.flatnonzero(~scan.appearance.photographed & (scan.appearance.face_kinds < 0))
+    seen = np.flatnonzero(known)
+    place = np.hstack([scan.centers, NORMAL_WEIGHT_M * scan.normals])
+    like = seen[cKDTree(place[seen]).query(place[faces])[1]] if faces.size else nowhere
+    return UnseenFaces(faces=faces, like=np.asarray(like, dtype=np.int64))

@@ -1,0 +1,117 @@
+"""Frames in a run: colours of the scan from them, what the run keeps of them, and what it says.
+
+Kept are names of frames, their gains and what was fitted. Positions on Earth, dates, names of devices and titles, which
+apps write beside the frames and into pictures, are not read, so that no run holds them.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.errors import ScanError
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.hardware.phone.frames import Capture, left_out_note
+from lidarspectra.io.files import write_whole, writing
+from lidarspectra.material.frame_colors import FrameColors, color_from_frames
+from lidarspectra.progress import Progress, silent
+
+FRAMES_FILE = "frames.json"
+NOT_KEPT = ("position on Earth", "date and time", "device", "title", "EXIF")
+LOOSE_DEVIATION = 0.1  # [1] of a gain's logarithm, from which the user is told of drift
+CUT_M2 = 0.02  # [m²] cut at white in all frames, from which the user is told
+SEEN_SHARE = 0.9  # [1] of the area, below which the user is told
+
+
+def frame_colors(
+    scan: Scan, capture: Capture | None, *, wanted: bool, progress: Progress = silent
+) -> FrameColors | None:
+    """Colours of a repaired scan from its frames; None where there are none, or they are not wanted."""
+    if capture is None or not wanted:
+        return None
+    return color_from_frames(scan, capture.frames, progress=progress)
+
+
+def frames_in_words(colors: FrameColors | None) -> str:
+    """What the frames gave, as an end of the stage's line."""
+    if colors is None:
+        return ""
+    radiometry = colors.radiometry
+    gain = np.exp(radiometry.log_gain[radiometry.tied, 1])
+    return (
+        f"; colours of {len(colors.frames)} frames (gain {gain.min():.2f} to {gain.max():.2f}, held-out observations "
+        f"differ by {100 * radiometry.after:.1f} %, as shown by {100 * radiometry.before:.1f} %; no GPS or date kept)"
+    )
+
+
+def frame_notes(colors: FrameColors | None, capture: Capture | None) -> tuple[str, ...]:
+    """Notes on frames: those left out, gains that may drift, what no frame saw, what all show cut at white."""
+    if capture is None:
+        return ()
+    total = len(capture.frames) + len(capture.left_out)
+    if colors is None:
+        return left_out_note(capture.left_out, total)
+    notes = list(left_out_note((*capture.left_out, *colors.left_out), total))
+    loose = float(np.median(colors.radiometry.deviation))
+    if loose > LOOSE_DEVIATION:
+        notes.append(
+            f"The frames overlap so little that their brightnesses are known by {100 * loose:.0f} % only, and "
+            "reflectances far from one another with them. Scan again in loops that come back to where they began."
+        )
+    if colors.seen_share < SEEN_SHARE:
+        notes.append(
+            f"{100 * (1 - colors.seen_share):.0f} % of the scan's area is in none of the frames and has no colour, so "
+            "it takes the material of its neighbours. Export more frames, or set frames = false in [scan] if the app's "
+            "own texture has it."
+        )
+    if colors.cut_m2 > CUT_M2:
+        notes.append(
+            f"{colors.cut_m2:.1f} m² are cut at white in every frame that shows them, so that their radiance is only "
+            "known to be above it. Where lamps and windows matter, let the phone look straight at them for a second: "
+            "it then exposes for them."
+        )
+    return tuple(notes)
+
+
+def save_frames(colors: FrameColors, capture: Capture, folder: Path) -> None:
+    """Write what is known of the frames as JSON.
+
+    Parameters
+    ----------
+    colors : FrameColors
+    capture : Capture
+    folder : Path
+        Of the scan stage.
+
+    Raises
+    ------
+    ScanError
+        If it cannot be written.
+    """
+    radiometry = colors.radiometry
+    about = {
+        "app": capture.app,
+        "not_kept": NOT_KEPT,
+        "tone_curve": {"power": radiometry.tone.power, "shoulder": radiometry.tone.shoulder},
+        "tone_deviation": {"log_power": radiometry.power_deviation, "log_1_shoulder": radiometry.shoulder_deviation},
+        "vignetting": radiometry.vignetting.tolist(),
+        "held_out_deviation": {"as_shown": radiometry.before, "solved": radiometry.after},
+        "seen_share": colors.seen_share,
+        "recovered_m2": colors.recovered_m2,
+        "cut_m2": colors.cut_m2,
+        "frames": [
+            {
+                "name": frame.name,
+                "position_m": frame.position.tolist(),
+                "gain": np.exp(gain).tolist(),
+                "log_gain_deviation": float(deviation),
+                "tied": bool(tied),
+            }
+            for frame, gain, deviation, tied in zip(
+                colors.frames, radiometry.log_gain, radiometry.deviation, radiometry.tied, strict=True
+            )
+        ],
+        "left_out": {each.name: each.reason for each in (*capture.left_out, *colors.left_out)},
+    }
+    with writing(folder, error=ScanError):
+        write_whole(folder / FRAMES_FILE, json.dumps(about, indent=1) + "\n")

@@ -1,0 +1,145 @@
+"""What the frames themselves buy over an app's texture: the same virtual phone, walk and light, by both.
+
+    python -m research.scenes.frames FOLDER
+    python -m research.benchmarks.frames FOLDER [--only office-day ...] [--no-map]
+    python -m research.benchmarks.frames --capture RAW_DATA     a real capture: held-out observations alone
+
+Of each scan in the folder, by its texture and by its frames: area-weighted mean of the absolute reflectance error
+(linear sRGB), of all faces and of those that some frame saw, and of the signed one of these; the map by the lamps alone
+against the true room's; how many surfaces (by area, over 400 to 700 nm) lie within one and two stated deviations.
+Of the frames, how far the gains are from the true ones, what held-out observations differ by as they are shown and
+after the solve, and the processor time.
+"""
+
+import argparse
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.hardware.phone.captures import read_capture
+from lidarspectra.hardware.phone.orientation import upright_rotation
+from lidarspectra.hardware.phone.readers import read_scan_and_frames
+from lidarspectra.mapping.maps.metrics import compare_maps
+from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.estimate import estimate_materials
+from lidarspectra.material.frame_colors import FrameColors, color_from_frames
+from lidarspectra.material.material_map import MaterialMap
+from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.room.room import find_room
+from lidarspectra.spectra.colorimetry import xyz_to_linear_srgb
+from lidarspectra.spectra.databases import load_reflectances, tristimulus_table
+from lidarspectra.workflow.delighting import take_light_out, with_light_uncertainty
+from research.benchmarks.by_day import coverage
+from research.benchmarks.delighting import Case, Light, light, on_color_grid, read_case, reflectance_errors, true_light
+from research.scenes.frames import FRAMES, GAINS
+
+HEADER = (
+    f"{'scan':18s} {'':8s} {'error':>6s} {'seen':>6s} {'bias':>7s} {'NRMSE':>6s} {'bias':>8s} {'one':>6s} {'two':>6s}"
+)
+
+
+def run(folder: Path, *, with_map: bool) -> None:
+    """Print a scan's rows."""
+    case = read_case(folder)
+    reference = true_light(case) if with_map else None
+    capture = read_capture(folder / FRAMES)
+    frames = tuple(frame.moved(upright_rotation("+y")) for frame in capture.frames)
+    start = time.process_time()
+    colors = color_from_frames(case.scan, frames)
+    took = time.process_time() - start
+    # Errors are weighed over the faces whose texture shows a surface, of both alike.
+    seen = surface_colors(case.scan)[1] & colors.scan.appearance.photographed
+    _row(folder.name, "texture", case, case.scan, seen, reference)
+    _row(folder.name, "frames", case, colors.scan, seen, reference)
+    print(f"  {capture.app}: {radiometry_words(colors)}, gains off by {gain_error(folder, colors):.3f}; {took:.0f} s")
+
+
+def error_where(found: MaterialMap, case: Case, chosen: BoolArray) -> tuple[float, float]:
+    """Area-weighted mean absolute and signed error over some faces, in linear sRGB [1]."""
+    weights = tristimulus_table()
+    estimate, truth = (xyz_to_linear_srgb(on_color_grid(each) @ weights) for each in (found.materials, case.truth))
+    apart = (estimate[found.face_material] - truth[case.face_truth])[chosen]
+    areas = case.scan.areas[chosen]
+    absolute, signed = (float(np.average(each.mean(axis=1), weights=areas)) for each in (np.abs(apart), apart))
+    return absolute, signed
+
+
+def _row(name: str, kind: str, case: Case, scan: Scan, seen: BoolArray, reference: Light | None) -> None:
+    views = render_views(scan, settings=ViewSettings(width=128, height=128))
+    delit = take_light_out(scan, find_room(scan), case.lamps)
+    found = estimate_materials(scan, views, library=load_reflectances(), face_color=delit.face_color)
+    materials = with_light_uncertainty(found, delit, scan.areas)
+    of_map = ""
+    if reference is not None:
+        errors = compare_maps(light(scan, materials, replace(case, scan=scan)).irradiance, reference.irradiance)
+        of_map = f"{errors.nrmse_all:6.3f} {errors.bias_percent:+6.1f} %"
+    one, two = coverage(materials, case)
+    of_seen = error_where(materials, case, seen)
+    print(
+        f"{name:18s} {kind:8s} {reflectance_errors(materials, case)[0]:6.3f} {of_seen[0]:6.3f} {of_seen[1]:+7.3f} "
+        f"{of_map:15s} {100 * one:4.0f} % {100 * two:4.0f} %",
+        flush=True,
+    )
+    print(
+        f"  {delit.words or 'light left in'}\n" + "".join(f"  {warning}\n" for warning in delit.warnings),
+        end="",
+        flush=True,
+    )
+
+
+def radiometry_words(colors: FrameColors) -> str:
+    """What the solve says of itself."""
+    found = colors.radiometry
+    gain = np.exp(found.log_gain[found.tied, 1])
+    return (
+        f"{len(colors.frames)} frames, {len(colors.left_out)} left out, gain {gain.min():.2f} to {gain.max():.2f} "
+        f"± {100 * np.median(found.deviation):.1f} %, shoulder {found.tone.shoulder:.2f} (log ± "
+        f"{found.shoulder_deviation:.2f}), power {found.tone.power:.2f} (log ± {found.power_deviation:.2f}), held-out "
+        f"observations differ by {100 * found.before:.1f} % as shown, {100 * found.after:.1f} % solved; "
+        f"{100 * colors.seen_share:.0f} % seen, {colors.recovered_m2:.1f} m² above white told, {colors.cut_m2:.1f} not"
+    )
+
+
+def gain_error(folder: Path, colors: FrameColors) -> float:
+    """Root mean square error of the logs of the gains, over their mean."""
+    true = np.log(np.loadtxt(folder / GAINS, delimiter=",", skiprows=1))
+    names = [frame.name for frame in read_capture(folder / FRAMES).frames]
+    rows = [names.index(frame.name) for frame in colors.frames]
+    apart = colors.radiometry.log_gain - true[rows]
+    return float((apart - apart.mean(axis=0)).std())
+
+
+def real(path: Path) -> None:
+    """Print what the solve makes of a real capture."""
+    scan, capture = read_scan_and_frames(path, unit="m", up="+y")
+    if capture is None:
+        raise SystemExit(f"{path}: no raw data")
+    start = time.process_time()
+    colors = color_from_frames(scan, capture.frames)
+    print(f"{path.name} ({capture.app}): {radiometry_words(colors)}; {time.process_time() - start:.0f} s")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--only", nargs="+", default=[""], help="scans whose names begin so")
+    parser.add_argument("--no-map", action="store_true", help="reflectances alone")
+    parser.add_argument("--capture", action="store_true", help="the folder is a real capture")
+    given = parser.parse_args(arguments)
+    if given.capture:
+        real(given.folder)
+        return
+    print(HEADER)
+    for folder in sorted(given.folder.iterdir()):
+        if (folder / FRAMES).is_dir() and folder.name.startswith(tuple(given.only)):
+            run(folder, with_map=not given.no_map)
+
+
+if __name__ == "__main__":
+    main()

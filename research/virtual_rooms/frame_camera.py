@@ -1,0 +1,301 @@
+"""The frames of a virtual phone: pictures along a walk, exposed anew, with noise, vignetting and wrong poses.
+
+The camera looks at the scanned shape, whose every texel sends the light that the true surface sends there; lamps and
+windows send theirs, far above white. Each frame is exposed for what it shows, lags behind as a phone does, and its
+white balance wanders. What is written beside it is the pose with an error, and depth with noise: in the layout of
+3D Scanner App (the exposure's ISO untold) or of Polycam (exposure time and ISO told).
+"""
+
+import io
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.geometry.textures import sample_image
+from lidarspectra.hardware.phone.orientation import upright_rotation
+from lidarspectra.hardware.phone.texture_atlas import Atlas
+from lidarspectra.spectra.colorimetry import encode_srgb
+from research.virtual_rooms.camera import tone_curve
+from research.virtual_rooms.phone import ScannedShape
+from research.virtual_rooms.true_room import TrueRoom
+
+Layout = Literal["3dscanner", "polycam"]
+WIDTH_PX, HEIGHT_PX, FOCAL_PX = 640, 480, 483.0  # [px] a phone's 1920 x 1440 and 1448 over three
+DEPTH_PX = (192, 256)  # [px] rows and columns
+PATH_HEIGHT_M, PATH_REACH = 1.45, 0.3  # [m], [1] of the room's extent
+LAPS, FRAMES_PER_SWEEP = 2, 12  # around the room; from floor to ceiling and back
+PITCH_DEG = (-50.0, 62.0)  # [deg] of a sweep
+FRAME_S = 0.5  # [s] between frames
+EXPOSED_SHARE, EXPOSED_LEVEL = 0.9, 0.75  # [1] the radiance that this share of a frame does not pass gets this level
+EXPOSURE_LAG = 0.5  # [1] of the log of the last frame's exposure in this one's
+EXPOSURE_RANGE = 2.5  # [1] of the log of exposure about the median frame's
+BALANCE_STEP = 0.015  # [1] of the log of red and blue over green from frame to frame
+BALANCE_RETURN = 0.9  # [1] of it that stays
+VIGNETTING = -0.12  # [1] log of light in a corner: most of a phone's is corrected
+NOISE, SHOT_NOISE = 0.003, 0.004  # [1] of white, and of its root
+BLUR_PX = 0.7  # [px] mean of the motion blur's deviation
+JPEG_QUALITY = 90
+DEPTH_NOISE, DEPTH_BIAS = 0.008, 0.004  # [1] of depth, pixel by pixel and frame by frame
+EXPOSURE_UNSURE = 0.02  # [1] of the exposure that is told
+BASE_EXPOSURE_S, BASE_ISO = 1 / 60, 200.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shining:
+    """What the scanned shape sends.
+
+    Parameters
+    ----------
+    texture : (size, size, 3) float32
+        Radiosity in linear colour, in any one unit.
+    sky : (size, size) bool
+        Where it is a window, whose radiance depends on the direction.
+    """
+
+    texture: "np.ndarray[tuple[int, ...], np.dtype[np.float32]]"
+    sky: "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FramePlan:
+    """How frames are taken.
+
+    Parameters
+    ----------
+    count : int
+        Of frames.
+    tone : float
+        Strength of the tone curve.
+    pose_m, pose_deg : float
+        Root mean square of the poses' errors. [m], [deg]
+    """
+
+    count: int = 120
+    tone: float = 0.6
+    pose_m: float = 0.01
+    pose_deg: float = 0.5
+
+
+def write_frames(
+    folder: Path,
+    room: TrueRoom,
+    shape: ScannedShape,
+    atlas: Atlas,
+    shining: Shining,
+    plan: FramePlan,
+    sky: Callable[[FloatArray], FloatArray],
+    generator: np.random.Generator,
+    *,
+    layout: Layout = "3dscanner",
+) -> FloatArray:
+    """Take and write the frames of a walk.
+
+    Parameters
+    ----------
+    folder : Path
+        Made; the app's layout begins in it.
+    room : TrueRoom
+        In whose air the walk is.
+    shape : ScannedShape
+    atlas : Atlas
+        Of the shape.
+    shining : Shining
+    plan : FramePlan
+    sky : callable
+        From the (n,) sines of elevation of directions out of a window to the radiance over the texture's.
+    generator : numpy.random.Generator
+    layout : str
+
+    Returns
+    -------
+    gain : (frame, 3) float
+        True gains, over the texture's unit.
+    """
+    caster = RayCaster(bare_scan(shape.vertices, shape.faces))
+    poses = _walk(room, plan.count, generator)
+    seen = [_look(pose, caster, atlas, shining, sky) for pose in poses]
+    gain = _gains([light for light, _ in seen], generator)
+    write = _write_3dscanner if layout == "3dscanner" else _write_polycam
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, (pose, (light, depth)) in enumerate(zip(poses, seen, strict=True)):
+        picture = _picture(light * gain[number], plan.tone, generator)
+        told = _with_error(pose, plan, generator)
+        write(folder, number, _y_up(told), picture, _lidar(depth, generator), _told_exposure(gain[number], generator))
+    _write_mesh(folder, shape, layout)
+    return gain
+
+
+def _walk(room: TrueRoom, count: int, generator: np.random.Generator) -> list[FloatArray]:
+    """Camera-to-world poses, z up, of a phone held upright that sweeps from floor to ceiling along the walls."""
+    low, high = room.vertices.min(axis=0), room.vertices.max(axis=0)
+    middle, reach = 0.5 * (low + high), PATH_REACH * (high - low)
+    poses = []
+    for number in range(count):
+        angle = 2 * np.pi * LAPS * number / count
+        position = np.array(
+            [middle[0] + reach[0] * np.cos(angle), middle[1] + reach[1] * np.sin(angle), low[2] + PATH_HEIGHT_M]
+        )
+        if not room.in_air(position[None])[0]:
+            continue
+        # Across the room on one lap, along the near wall on the next: walls are seen from far and near.
+        lap = int(LAPS * number / count)
+        heading = angle + (np.pi if lap % 2 == 0 else 0.0) + generator.normal(scale=0.1)
+        phase = 0.5 - 0.5 * np.cos(2 * np.pi * number / FRAMES_PER_SWEEP)
+        pitch = np.radians(PITCH_DEG[0] + phase * (PITCH_DEG[1] - PITCH_DEG[0]))
+        ahead = np.array([np.cos(pitch) * np.cos(heading), np.cos(pitch) * np.sin(heading), np.sin(pitch)])
+        side = np.array([np.sin(heading), -np.cos(heading), 0.0])
+        above = np.cross(side, ahead)
+        # The sensor's rows run upright in a phone that is held upright: camera x down, y to the right.
+        pose = np.eye(4)
+        pose[:3, 0], pose[:3, 1], pose[:3, 2] = -above, side, -ahead
+        pose[:3, 3] = position
+        poses.append(pose)
+    return poses
+
+
+def _look(
+    pose: FloatArray, caster: RayCaster, atlas: Atlas, shining: Shining, sky: Callable[[FloatArray], FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """(row, column, 3) light and (row, column) depth along the axis [m]; 0 where the shape has a hole."""
+    columns, rows = np.meshgrid(np.arange(WIDTH_PX) + 0.5, np.arange(HEIGHT_PX) + 0.5)
+    x, y = (columns - WIDTH_PX / 2) / FOCAL_PX, -(rows - HEIGHT_PX / 2) / FOCAL_PX
+    ways = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3) @ pose[:3, :3].T
+    hits = caster.nearest(np.broadcast_to(pose[:3, 3], ways.shape), ways)
+    front = hits.met & (np.einsum("nc,nc->n", caster.normals[hits.face], ways) < 0)
+    light = np.zeros((len(ways), 3))
+    uv = np.einsum("nk,nkc->nc", hits.barycentric[front], atlas.corner_uv[hits.face[front]])
+    light[front] = sample_image(shining.texture, uv)
+    texel = np.clip(np.stack([1.0 - uv[:, 1], uv[:, 0]]) * atlas.size_px, 0, atlas.size_px - 1).astype(np.int64)
+    out = np.flatnonzero(front)[shining.sky[texel[0], texel[1]]]
+    light[out] *= sky(ways[out, 2] / np.linalg.norm(ways[out], axis=1))[:, None]
+    depth = np.where(front, hits.distance, 0.0)
+    return light.reshape(HEIGHT_PX, WIDTH_PX, 3), np.where(np.isfinite(depth), depth, 0.0).reshape(HEIGHT_PX, WIDTH_PX)
+
+
+def _gains(seen: list[FloatArray], generator: np.random.Generator) -> FloatArray:
+    """(frame, 3) gains of an automatic exposure that lags, and of a white balance that wanders."""
+    wanted = np.array([EXPOSED_LEVEL / np.quantile(light.max(axis=2), EXPOSED_SHARE) for light in seen])
+    middle = float(np.median(np.log(wanted)))
+    log, balance = float(np.log(wanted[0])), np.zeros(3)
+    gains = []
+    for each in wanted:
+        target = float(np.clip(np.log(each), middle - EXPOSURE_RANGE, middle + EXPOSURE_RANGE))
+        log = EXPOSURE_LAG * log + (1.0 - EXPOSURE_LAG) * target
+        balance = BALANCE_RETURN * balance + generator.normal(scale=BALANCE_STEP, size=3) * (1.0, 0.0, 1.0)
+        gains.append(np.exp(log + balance))
+    return np.array(gains)
+
+
+def _picture(exposed: FloatArray, tone: float, generator: np.random.Generator) -> bytes:
+    """JPEG of exposed light: vignetting, motion blur, noise, cut at white, tone curve."""
+    rows, columns = np.indices(exposed.shape[:2])
+    radius2 = ((rows - HEIGHT_PX / 2) ** 2 + (columns - WIDTH_PX / 2) ** 2) / (0.25 * (HEIGHT_PX**2 + WIDTH_PX**2))
+    light = exposed * np.exp(VIGNETTING * radius2)[..., None]
+    turn, length = generator.uniform(0, np.pi), generator.exponential(BLUR_PX)
+    size = 2 * int(np.ceil(3 * length)) + 1
+    across = np.arange(size) - size // 2
+    kernel = np.exp(-0.5 * ((np.cos(turn) * across + np.sin(turn) * across[:, None]) / max(length, 0.05)) ** 2)
+    kernel *= np.exp(-0.5 * ((np.sin(turn) * across - np.cos(turn) * across[:, None]) / 0.3) ** 2)
+    light = cv2.filter2D(light, -1, kernel / kernel.sum())
+    light = light + generator.normal(size=light.shape) * np.hypot(NOISE, SHOT_NOISE * np.sqrt(np.maximum(light, 0.0)))
+    shown = encode_srgb(tone_curve(np.clip(light, 0.0, 1.0), tone))
+    data = io.BytesIO()
+    Image.fromarray(np.rint(255.0 * shown).astype(np.uint8)).save(data, format="JPEG", quality=JPEG_QUALITY)
+    return data.getvalue()
+
+
+def _with_error(pose: FloatArray, plan: FramePlan, generator: np.random.Generator) -> FloatArray:
+    told = pose.copy()
+    turn = Rotation.from_rotvec(np.radians(plan.pose_deg) / np.sqrt(3.0) * generator.normal(size=3)).as_matrix()
+    told[:3, :3] = turn @ pose[:3, :3]
+    told[:3, 3] += plan.pose_m / np.sqrt(3.0) * generator.normal(size=3)
+    return told
+
+
+def _y_up(pose: FloatArray) -> FloatArray:
+    """The same pose in axes with y up, as ARKit has them."""
+    turned = np.eye(4)
+    turned[:3] = upright_rotation("+y").T @ pose[:3]
+    return turned
+
+
+def _lidar(depth: FloatArray, generator: np.random.Generator) -> tuple[bytes, bytes]:
+    """PNG of depth [mm] and of confidence, at the LiDAR's resolution."""
+    small = cv2.resize(depth, DEPTH_PX[::-1], interpolation=cv2.INTER_NEAREST)
+    factor = 1.0 + DEPTH_BIAS * generator.normal() + DEPTH_NOISE * generator.normal(size=small.shape)
+    millimetres = np.clip(1000.0 * small * factor, 0, 65535).astype(np.uint16)
+    edge = cv2.Laplacian(small, cv2.CV_64F)
+    sure = np.where(small <= 0, 0, np.where(np.abs(edge) > 0.05 * small, 1, 2)).astype(np.uint8)
+    return _png(millimetres), _png(sure)
+
+
+def _png(values: "np.ndarray[tuple[int, ...], np.dtype[np.integer]]") -> bytes:
+    data = io.BytesIO()
+    Image.fromarray(values).save(data, format="PNG")
+    return data.getvalue()
+
+
+def _told_exposure(gain: FloatArray, generator: np.random.Generator) -> float:
+    return float(gain[1] * np.exp(EXPOSURE_UNSURE * generator.normal()))
+
+
+def _write_3dscanner(
+    folder: Path, number: int, pose: FloatArray, picture: bytes, lidar: tuple[bytes, bytes], exposure: float
+) -> None:
+    about = {
+        "frame_index": number,
+        "time": FRAME_S * number,
+        "exposureDuration": BASE_EXPOSURE_S,
+        "cameraPoseARFrame": pose.ravel().tolist(),
+        "intrinsics": [FOCAL_PX, 0, WIDTH_PX / 2, 0, FOCAL_PX, HEIGHT_PX / 2, 0, 0, 1],
+    }
+    (folder / f"frame_{number:05d}.json").write_text(json.dumps(about), encoding="utf-8")
+    (folder / f"frame_{number:05d}.jpg").write_bytes(picture)
+    (folder / f"depth_{number:05d}.png").write_bytes(lidar[0])
+    (folder / f"conf_{number:05d}.png").write_bytes(lidar[1])
+
+
+def _write_polycam(
+    folder: Path, number: int, pose: FloatArray, picture: bytes, lidar: tuple[bytes, bytes], exposure: float
+) -> None:
+    stem = f"{1_000_000 + round(1e6 * FRAME_S * number)}"
+    about = {f"t_{row}{column}": float(pose[row, column]) for row in range(3) for column in range(4)}
+    about |= {"fx": FOCAL_PX, "fy": FOCAL_PX, "cx": WIDTH_PX / 2, "cy": HEIGHT_PX / 2}
+    about |= {"width": WIDTH_PX, "height": HEIGHT_PX, "blur_score": 100.0}
+    about |= {"exposure_time": BASE_EXPOSURE_S, "iso": BASE_ISO * exposure}
+    sure = np.asarray(Image.open(io.BytesIO(lidar[1]))).astype(np.int64) * 127.5
+    files = {
+        "cameras": (f"{stem}.json", json.dumps(about).encode()),
+        "images": (f"{stem}.jpg", picture),
+        "depth": (f"{stem}.png", lidar[0]),
+        "confidence": (f"{stem}.png", _png(sure.astype(np.uint8))),
+    }
+    for name, (file, content) in files.items():
+        (folder / "keyframes" / name).mkdir(parents=True, exist_ok=True)
+        (folder / "keyframes" / name / file).write_bytes(content)
+
+
+def _write_mesh(folder: Path, shape: ScannedShape, layout: Layout) -> None:
+    """The app's mesh, without colour, in the axes of the poses."""
+    vertices: FloatArray = shape.vertices @ upright_rotation("+y")
+    faces: IntArray = shape.faces
+    if layout == "polycam":
+        import trimesh
+
+        mesh = trimesh.Trimesh(vertices, faces, process=False)
+        mesh.export(folder / "raw.glb")
+        (folder / "mesh_info.json").write_text(json.dumps({"alignmentTransform": np.eye(4).ravel().tolist()}))
+        return
+    lines = [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in vertices]
+    lines += [f"f {a} {b} {c}" for a, b, c in faces + 1]
+    (folder / "export.obj").write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,0 +1,182 @@
+"""Frames of a box whose faces' radiance is known, taken at different exposures, give that radiance back."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from lidarspectra.errors import ScanError
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan, bare_scan, load_scan, save_scan
+from lidarspectra.hardware.phone.frames import DepthMap, Frame, FrameFault
+from lidarspectra.material.frame_colors import FrameColors, color_from_frames
+from lidarspectra.material.frame_views import MeshView
+from lidarspectra.material.linear_evidence import tone_prior_of
+from lidarspectra.material.tone_curve import ToneCurve
+from lidarspectra.spectra.colorimetry import encode_srgb
+
+SIZE_PX, FOCAL_PX = (160, 120), 90.0
+TONE = ToneCurve(shoulder=0.5)
+LAMP_RADIANCE = 4.0  # of white in a frame of mean gain
+
+
+@dataclass(frozen=True)
+class Box:
+    """A room, the radiance of its faces, and frames of it with their gains."""
+
+    scan: Scan
+    radiance: np.ndarray
+    lamp: np.ndarray
+    frames: tuple[Frame, ...]
+    gain: np.ndarray
+
+
+def look(scan: Scan, frame_pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(row, column) face and depth [m] that a pose shows."""
+    columns, rows = np.meshgrid(np.arange(SIZE_PX[0]) + 0.5, np.arange(SIZE_PX[1]) + 0.5)
+    x, y = (columns - SIZE_PX[0] / 2) / FOCAL_PX, -(rows - SIZE_PX[1] / 2) / FOCAL_PX
+    ways = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3) @ frame_pose[:3, :3].T
+    hits = RayCaster(scan).nearest(np.broadcast_to(frame_pose[:3, 3], ways.shape), ways)
+    return hits.face.reshape(columns.shape), hits.distance.reshape(columns.shape)
+
+
+def pose_of(yaw: float, pitch: float, position: np.ndarray) -> np.ndarray:
+    """Camera-to-world, z up."""
+    ahead = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
+    side = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
+    pose = np.eye(4)
+    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = side, np.cross(side, ahead), -ahead, position
+    return pose
+
+
+def shot(name: str, scan: Scan, pose: np.ndarray, light: np.ndarray, *, person: bool = False) -> Frame:
+    """A frame that shows (face, 3) exposed light; with a person in the middle that the LiDAR sees too."""
+    face, depth = look(scan, pose)
+    picture, measured = TONE.shown(light[face]), depth.astype(np.float32)
+    if person:
+        picture[40:80, 60:100], measured[40:80, 60:100] = 0.02, 0.8
+    image = np.rint(255 * encode_srgb(picture)).astype(np.uint8)
+    small = DepthMap(depth_m=measured[2::4, 2::4], confidence=np.full((30, 40), 2, dtype=np.uint8))
+    center = (SIZE_PX[0] / 2, SIZE_PX[1] / 2)
+    return Frame(
+        name=name,
+        camera_to_world=pose,
+        intrinsics=np.array([[FOCAL_PX, 0, center[0]], [0, FOCAL_PX, center[1]], [0, 0, 1]]),
+        size_px=SIZE_PX,
+        read_image=lambda least_px: image,
+        read_depth=lambda: small,
+    )
+
+
+@pytest.fixture(scope="module")
+def box() -> Box:
+    solid = trimesh.creation.box(extents=(4.0, 3.0, 2.6))
+    vertices, faces = trimesh.remesh.subdivide_to_size(solid.vertices, solid.faces, max_edge=0.4)
+    room = trimesh.Trimesh(vertices, faces, process=False)
+    room.invert()
+    scan = bare_scan(np.asarray(room.vertices), np.asarray(room.faces))
+    generator = np.random.default_rng(5)
+    side = np.abs(scan.normals).argmax(axis=1) + 3 * (scan.normals.max(axis=1) > 0.5)
+    radiance = np.exp(generator.normal(-1.6, 0.4, size=(6, 3)))[side]
+    lamp = (scan.normals[:, 2] < -0.5) & (np.abs(scan.centers[:, :2]).max(axis=1) < 0.5)
+    radiance[lamp] = LAMP_RADIANCE
+    frames, gains = [], []
+    for number in range(32):
+        yaw, pitch = 2 * np.pi * number / 16, (-0.6, 0.1, 0.9)[number % 3]
+        position = np.array([-0.9 * np.cos(yaw), -0.9 * np.sin(yaw), 0.0])  # looks across the room
+        gain = np.exp(generator.normal(0, 0.4)) * np.exp(generator.normal(0, 0.03, size=3))
+        gain = gain * (0.15 if number % 12 == 2 else 1.0)  # now and then the phone exposes for the lamp
+        gains.append(gain)
+        pose = pose_of(yaw, pitch, position)
+        frames.append(shot(f"{number}", scan, pose, radiance * gain, person=number % 6 == 0))
+    return Box(scan=scan, radiance=radiance, lamp=lamp, frames=tuple(frames), gain=np.array(gains))
+
+
+@pytest.fixture(scope="module")
+def colors(box: Box) -> FrameColors:
+    return color_from_frames(box.scan, box.frames, texel_m=0.03)
+
+
+def test_the_radiance_of_surfaces_comes_back_up_to_one_factor_a_channel(box: Box, colors: FrameColors) -> None:
+    ratio = (colors.scan.face_colors() / box.radiance)[~box.lamp]
+    ratio /= np.median(ratio, axis=0)
+    assert np.abs(np.log(ratio)).mean() < 0.03  # 8 bits and a curve that is fitted
+    assert np.quantile(np.abs(np.log(ratio)), 0.95) < 0.12  # texels at corners of the box
+
+
+def test_gains_come_back(box: Box, colors: FrameColors) -> None:
+    true = np.log(box.gain) - np.log(box.gain).mean(axis=0)
+    assert np.abs(colors.radiometry.log_gain - true).std() < 0.03
+
+
+def test_a_lamp_that_most_frames_cut_at_white_gets_its_radiance_from_the_dark_ones(
+    box: Box, colors: FrameColors
+) -> None:
+    found = colors.scan.face_colors()
+    level = np.median((found / box.radiance)[~box.lamp], axis=0)
+    assert np.median(found[box.lamp] / level) == pytest.approx(LAMP_RADIANCE, rel=0.15)
+    assert colors.recovered_m2 > 0.5  # of about 1 m²
+
+
+def test_the_curve_that_is_left_is_held_to_a_line(colors: FrameColors) -> None:
+    prior = tone_prior_of(colors.scan.appearance.linear)
+    assert prior.shoulder == 0.0
+    assert prior.shoulder_deviation < tone_prior_of(None).shoulder_deviation
+
+
+def test_radiance_is_saved_and_read_again(colors: FrameColors, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    save_scan(colors.scan, tmp_path)
+    again = load_scan(tmp_path)
+    assert again.face_colors() == pytest.approx(colors.scan.face_colors(), rel=2e-3)  # 16-bit floats
+    linear, kept = colors.scan.appearance.linear, again.appearance.linear
+    assert linear is not None
+    assert kept is not None
+    assert kept.shoulder_deviation == linear.shoulder_deviation
+    assert np.array_equal(kept.face_cut, linear.face_cut)
+
+
+def test_a_damaged_picture_and_a_wrong_pose_are_left_out_by_name(box: Box) -> None:
+    def broken(least_px: int) -> np.ndarray:
+        raise FrameFault("its picture is cut off or damaged")
+
+    turned = box.frames[3].camera_to_world @ np.diag([-1.0, 1.0, -1.0, 1.0])  # looks the other way
+    turned[:3, 3] += (0.9, 0.0, 0.0)
+    frames = [*box.frames]
+    frames[1] = replace(frames[1], read_image=broken)
+    frames[3] = replace(frames[3], camera_to_world=turned)
+    found = color_from_frames(box.scan, frames[:12], texel_m=0.05)
+    assert {each.name for each in found.left_out} == {"1", "3"}
+    assert len(found.frames) == 10
+
+
+def test_frames_of_another_place_are_refused(box: Box) -> None:
+    away = [replace(frame, camera_to_world=pose_of(0, 0, np.array([50.0, 0, 0])) , read_depth=lambda: None)
+            for frame in box.frames[:4]]  # fmt: skip
+    with pytest.raises(ScanError, match="frames that show the mesh"):
+        color_from_frames(box.scan, away, texel_m=0.05)
+
+
+def test_a_frame_sees_what_lies_before_and_not_what_lies_behind(box: Box) -> None:
+    screen = trimesh.creation.box(
+        extents=(0.05, 1.0, 1.0), transform=trimesh.transformations.translation_matrix((1, 0, 0))
+    )
+    both = bare_scan(
+        np.concatenate([box.scan.vertices, np.asarray(screen.vertices)]),
+        np.concatenate([box.scan.faces, np.asarray(screen.faces) + len(box.scan.vertices)]),
+    )
+    view = MeshView(RayCaster(both))
+    frame = shot("0", both, pose_of(0.0, 0.0, np.zeros(3)), np.full((len(both.faces), 3), 0.3))
+    points = np.array([[0.975, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.4, 0.0], [1.025, 0.0, 0.0], [-2.0, 0.0, 0.0]])
+    normals = np.array([[-1.0, 0, 0], [-1.0, 0, 0], [-1.0, 0, 0], [1.0, 0, 0], [1.0, 0, 0]])
+    sight = view.sight(frame, view.depth(frame), frame.read_depth(), points, normals)
+    assert sight.index.tolist() == [0, 2]
+
+
+def test_jpegs_are_averaged_in_light_not_in_bytes() -> None:
+    from lidarspectra.material.frame_views import averaged, linear_table
+
+    stripes = np.zeros((480, 960, 3), dtype=np.uint8)
+    stripes[:, ::2] = 188  # half of white
+    picture = averaged(stripes, linear_table().astype(np.float32))
+    assert picture.light == pytest.approx(0.25, abs=0.01)

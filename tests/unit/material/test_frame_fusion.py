@@ -1,0 +1,66 @@
+"""Radiance of texels: passers-by are outliers, what is cut at white is told by darker frames, or bounded."""
+
+import numpy as np
+import pytest
+
+from lidarspectra.material.frame_fusion import VIEWS, BestViews
+
+ALL = np.arange(3)
+
+
+def added(views: BestViews, level: float, *, weight: float = 1.0, clipped: bool = False) -> None:
+    views.add(ALL, np.full((3, 3), level), np.full(3, weight), np.full(3, clipped))
+
+
+def test_the_mean_of_views_ignores_a_passer_by() -> None:
+    views = BestViews(3)
+    for level in (0.30, 0.31, 0.29, 0.30, 0.9):
+        added(views, level)
+    fused = views.fused()
+    assert fused.light == pytest.approx(0.30, rel=0.02)
+    assert (fused.views == 4).all()
+    assert (fused.deviation < 0.05).all()
+
+
+def test_a_lamp_gets_its_radiance_from_the_frame_that_is_not_cut_at_white() -> None:
+    views = BestViews(3)
+    for bound in (1.0, 0.8, 1.2):
+        added(views, bound, weight=5.0, clipped=True)
+    added(views, 7.5, weight=0.1)
+    fused = views.fused()
+    assert fused.light == pytest.approx(7.5)
+    assert not fused.at_least.any()
+
+
+def test_what_every_frame_shows_cut_is_at_least_the_highest_of_their_whites() -> None:
+    views = BestViews(3)
+    for bound in (1.0, 2.5, 1.2):
+        added(views, bound, clipped=True)
+    fused = views.fused()
+    assert fused.light == pytest.approx(2.5)
+    assert fused.at_least.all()
+
+
+def test_a_texel_that_no_frame_saw_has_no_light() -> None:
+    views = BestViews(2)
+    views.add(np.array([0]), np.full((1, 3), 0.5), np.ones(1), np.zeros(1, dtype=np.bool_))
+    fused = views.fused()
+    assert np.isnan(fused.light[1]).all()
+    assert fused.light[0] == pytest.approx(0.5)
+
+
+def test_memory_does_not_grow_with_frames_and_the_best_views_stay() -> None:
+    views = BestViews(3)
+    for number in range(5 * VIEWS):
+        added(views, 0.2, weight=0.1)
+        if number % 5 == 0:
+            added(views, 0.4, weight=1.0)
+    assert views.fused().light == pytest.approx(0.4)
+
+
+def test_views_that_differ_make_a_surface_uncertain() -> None:
+    steady, glossy = BestViews(3), BestViews(3)
+    for level in (0.2, 0.25, 0.3, 0.35, 0.4):
+        added(steady, 0.3)
+        added(glossy, level)
+    assert (glossy.fused().deviation > 3 * steady.fused().deviation).all()

@@ -1,0 +1,187 @@
+"""Raw data of apps: frames with their poses in the mesh's axes, and what is broken left out by name."""
+
+import contextlib
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.captures import read_capture
+from lidarspectra.hardware.phone.frames import Capture, FrameFault
+from lidarspectra.hardware.phone.readers import read_scan, read_scan_and_frames
+
+from .capture_layouts import SIZE_PX, box_room, gray_shots, jpeg, turning_pose, write_3dscanner, write_polycam
+from .test_reader_fuzz import damaged
+
+CASES = 60
+
+
+@pytest.fixture(scope="module")
+def scanner_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    room = box_room()
+    return write_3dscanner(tmp_path_factory.mktemp("captures") / "scan", room, gray_shots(room))
+
+
+@pytest.fixture
+def copied(scanner_folder: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(scanner_folder, tmp_path / "scan"))
+
+
+def reasons(capture: Capture) -> dict[str, str]:
+    return {each.name: each.reason for each in capture.left_out}
+
+
+def test_a_folder_of_3d_scanner_app_gives_the_mesh_and_its_frames_in_one_system_of_axes(scanner_folder: Path) -> None:
+    scan, capture = read_scan_and_frames(scanner_folder)
+    assert capture is not None
+    assert np.allclose(scan.bounds[1] - scan.bounds[0], (4.0, 3.0, 2.6), atol=1e-6)  # z up
+    assert [frame.name for frame in capture.frames] == [f"{number:05d}" for number in range(6)]
+    ahead = -capture.frames[0].camera_to_world[:3, 2]
+    assert np.allclose(ahead, (0.0, 1.0, 0.0), atol=1e-9)  # -z of axes with y up is +y of those with z up
+    assert capture.frames[0].read_image(SIZE_PX[0]).shape == (72, 96, 3)
+    depth = capture.frames[0].read_depth()
+    assert depth is not None
+    assert depth.depth_m[9, 12] == pytest.approx(1.5, abs=2e-3)  # half of the room's 3 m
+    assert capture.frames[0].exposure_s == pytest.approx(1 / 60)
+    assert capture.frames[0].iso is None
+
+
+def test_an_archive_is_read_like_the_folder_wherever_the_layout_begins_in_it(
+    scanner_folder: Path, tmp_path: Path
+) -> None:
+    archive = Path(shutil.make_archive(str(tmp_path / "a"), "zip", scanner_folder.parent, scanner_folder.name))
+    inside, outside = read_capture(archive), read_capture(scanner_folder)
+    assert len(inside.frames) == len(outside.frames)
+    for one, other in zip(inside.frames, outside.frames, strict=True):
+        assert np.array_equal(one.camera_to_world, other.camera_to_world)
+        assert np.array_equal(one.read_image(1), other.read_image(1))
+    assert len(read_scan(archive).faces) == len(read_scan(scanner_folder).faces)
+
+
+def test_polycams_poses_are_turned_with_its_mesh_and_exposures_are_read(tmp_path: Path) -> None:
+    room = box_room()
+    alignment = turning_pose(30.0, 0.0, (1.0, 0.2, -0.5))
+    capture = read_capture(write_polycam(tmp_path / "raw", room, gray_shots(room), alignment))
+    assert capture.app == "Polycam"
+    assert capture.mesh is not None
+    assert np.allclose(capture.frames[0].position, alignment[:3, 3])
+    assert np.allclose(capture.frames[0].camera_to_world[:3, :3], alignment[:3, :3])
+    corners = np.concatenate([part.vertices for part in capture.mesh.parts])
+    assert np.allclose((corners.min(axis=0) + corners.max(axis=0)) / 2, alignment[:3, 3], atol=1e-5)
+    assert capture.frames[0].iso == 100.0
+    depth = capture.frames[0].read_depth()
+    assert depth is not None
+    assert set(np.unique(depth.confidence)) == {2}
+
+
+def test_polycams_corrected_cameras_go_with_the_exposures_of_the_plain_ones(tmp_path: Path) -> None:
+    room = box_room()
+    folder = write_polycam(tmp_path / "raw", room, gray_shots(room), np.eye(4))
+    for name in ("cameras", "images"):
+        shutil.copytree(folder / "keyframes" / name, folder / "keyframes" / f"corrected_{name}")
+    for path in (folder / "keyframes" / "corrected_cameras").iterdir():
+        about = json.loads(path.read_text())
+        about["t_03"] += 0.25
+        path.write_text(json.dumps({key: value for key, value in about.items() if key not in ("iso", "exposure_time")}))
+    frame = read_capture(folder).frames[0]
+    assert frame.position[0] == pytest.approx(0.25)
+    assert frame.iso == 100.0
+
+
+def test_broken_frames_are_left_out_by_name_and_the_others_stay(copied: Path) -> None:
+    (copied / "frame_00001.json").unlink()
+    about = json.loads((copied / "frame_00002.json").read_text())
+    about["cameraPoseARFrame"] = about["cameraPoseARFrame"][:-1]
+    (copied / "frame_00002.json").write_text(json.dumps(about))
+    (copied / "frame_00003.jpg").write_bytes(b"")
+    capture = read_capture(copied)
+    assert [frame.name for frame in capture.frames] == ["00000", "00004", "00005"]
+    assert set(reasons(capture)) == {"00001", "00002", "00003"}
+    assert "pose" in reasons(capture)["00002"]
+
+
+def test_a_cut_picture_and_a_depth_of_another_shape_are_faults_of_their_frames(copied: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (SIZE_PX[1], SIZE_PX[0], 3), dtype=np.uint8)
+    data = jpeg(noise)
+    (copied / "frame_00000.jpg").write_bytes(data[: 3 * len(data) // 4])
+    (copied / "depth_00001.png").write_bytes((copied / "frame_00001.jpg").read_bytes())
+    frames = {frame.name: frame for frame in read_capture(copied).frames}
+    with pytest.raises(FrameFault, match="picture"):
+        frames["00000"].read_image(1000)
+    with pytest.raises(FrameFault, match="depth"):
+        frames["00001"].read_depth()
+
+
+def test_a_pose_that_jumps_away_and_back_is_left_out(copied: Path) -> None:
+    about = json.loads((copied / "frame_00003.json").read_text())
+    about["cameraPoseARFrame"][3] += 8.0  # m, in half a second
+    (copied / "frame_00003.json").write_text(json.dumps(about))
+    capture = read_capture(copied)
+    assert "jumps" in reasons(capture)["00003"]
+    assert len(capture.frames) == 5
+
+
+def test_a_folder_of_something_else_is_refused_and_says_what_it_should_be(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("nothing")
+    with pytest.raises(ScanError, match=r"3D Scanner App.*Polycam"):
+        read_scan(tmp_path)
+
+
+def test_a_link_in_a_folder_is_not_followed(copied: Path, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.jpg"
+    secret.write_bytes((copied / "frame_00000.jpg").read_bytes())
+    (copied / "frame_00000.jpg").unlink()
+    (copied / "frame_00000.jpg").symlink_to(secret)
+    assert "00000" in reasons(read_capture(copied))
+
+
+@pytest.mark.parametrize(
+    "name", ["frame_00000.json", "frame_00000.jpg", "depth_00000.png", "conf_00000.png", "export.obj"]
+)
+def test_a_damaged_file_of_3d_scanner_app_gives_frames_or_our_error(copied: Path, name: str) -> None:
+    data = (copied / name).read_bytes()
+    rng = np.random.default_rng(7)
+    for _ in range(CASES):
+        (copied / name).write_bytes(damaged(data, rng))
+        read_all(copied)
+
+
+@pytest.mark.parametrize("name", ["mesh_info.json", "keyframes/cameras/1000000.json", "raw.glb"])
+def test_a_damaged_file_of_polycam_gives_frames_or_our_error(tmp_path: Path, name: str) -> None:
+    room = box_room()
+    folder = write_polycam(tmp_path / "raw", room, gray_shots(room, 3), turning_pose(20.0, 0.0))
+    data = (folder / name).read_bytes()
+    rng = np.random.default_rng(8)
+    for _ in range(CASES):
+        (folder / name).write_bytes(damaged(data, rng))
+        read_all(folder)
+
+
+def test_a_damaged_archive_gives_frames_or_our_error(scanner_folder: Path, tmp_path: Path) -> None:
+    archive = Path(shutil.make_archive(str(tmp_path / "a"), "zip", scanner_folder))
+    data = archive.read_bytes()
+    rng = np.random.default_rng(9)
+    refused = 0
+    for _ in range(CASES):
+        archive.write_bytes(damaged(data, rng))
+        refused += not read_all(archive)
+    assert refused > 5  # one that is cut off has no listing
+
+
+def read_all(path: Path) -> bool:
+    """Read mesh, poses, pictures and depths; whether it could be read at all."""
+    try:
+        scan, capture = read_scan_and_frames(path)
+    except ScanError:
+        return False
+    assert np.isfinite(scan.vertices).all()
+    assert capture is not None
+    for frame in capture.frames[:2]:
+        assert np.isfinite(frame.camera_to_world).all()
+        for read in (lambda frame=frame: frame.read_image(64), frame.read_depth):
+            with contextlib.suppress(FrameFault):
+                read()
+    return True
