@@ -60,10 +60,12 @@ if TYPE_CHECKING:
     from lidarspectra.workflow.inputs import copy_scene
     from lidarspectra.workflow.light_of_run import light_of_run
     from lidarspectra.workflow.live.live_run import present_light
+    from lidarspectra.workflow.picture_of_run import RoomPicture, picture_run, save_picture
     from lidarspectra.workflow.pipeline import RunSummary, run
     from lidarspectra.workflow.progress_printer import ProgressPrinter
     from lidarspectra.workflow.relighting import LampOrder, relight_run
     from lidarspectra.workflow.room_model import RoomModel, Surface
+    from lidarspectra.workflow.rules_of_run import RuleCheck, rules_run
 
 _HOMES = {
     "AnnualDaylight": "workflow.annual",
@@ -84,7 +86,9 @@ _HOMES = {
     "ProgressPrinter": "workflow.progress_printer",
     "RadianceScene": "radiance.scene.scene_record",
     "Room": "room.room",
+    "RoomPicture": "workflow.picture_of_run",
     "RoomModel": "workflow.room_model",
+    "RuleCheck": "workflow.rules_of_run",
     "RunCheck": "workflow.check",
     "RunFile": "config",
     "RunSummary": "workflow.pipeline",
@@ -122,6 +126,7 @@ _HOMES = {
     "make_lamp": "lamps.make_lamp",
     "one_material": "material.estimate",
     "photocurrent_density": "mapping.photovoltaics.currents",
+    "picture_run": "workflow.picture_of_run",
     "place_points": "room.sensor_points",
     "plan_readings": "workflow.calibration_plan",
     "present_light": "workflow.live.live_run",
@@ -133,11 +138,13 @@ _HOMES = {
     "relight_run": "workflow.relighting",
     "render_views": "material.viewpoints",
     "repair_scan": "hardware.phone.repair",
+    "rules_run": "workflow.rules_of_run",
     "run": "workflow.pipeline",
     "save_calibration": "workflow.calibrating",
     "save_design": "workflow.designing",
     "save_map": "mapping.maps.map_files",
     "save_map_table": "mapping.maps.map_files",
+    "save_picture": "workflow.picture_of_run",
     "save_plan": "workflow.calibration_plan",
     "scenes_folder": "spectra.databases",
     "sensor_bands": "spectra.spectrum",
@@ -170,6 +177,8 @@ __all__ = [
     "RadianceScene",
     "Room",
     "RoomModel",
+    "RoomPicture",
+    "RuleCheck",
     "RunCheck",
     "RunFile",
     "RunSummary",
@@ -208,6 +217,7 @@ __all__ = [
     "make_lamp",
     "one_material",
     "photocurrent_density",
+    "picture_run",
     "place_points",
     "plan_readings",
     "present_light",
@@ -219,11 +229,13 @@ __all__ = [
     "relight_run",
     "render_views",
     "repair_scan",
+    "rules_run",
     "run",
     "save_calibration",
     "save_design",
     "save_map",
     "save_map_table",
+    "save_picture",
     "save_plan",
     "scenes_folder",
     "sensor_bands",

@@ -272,6 +272,49 @@ class PeopleAndPlantsSection(Section):
     """Colour rendering too, some 50 ms a point."""
 
 
+class AreaSection(Section):
+    """`[[rules.areas]]`: an area of the plan that people or plants need light in."""
+
+    name: Name
+    polygon: Annotated[tuple[tuple[float, float], ...], Field(min_length=3)]
+    """Corners in the plan, in the scan's axes. [m]"""
+    height: Annotated[float, Field(ge=0)] = 0.75
+    """Of the task above the floor. [m]"""
+    eye_height: Annotated[float, Field(gt=0)] = 1.2
+    """Of people's eyes above the floor: 1.2 seated, 1.6 standing. [m]"""
+    activity: Literal["writing", "filing", "drawing", "meeting", "reception", "archive", "corridor", "classroom"] = (
+        "writing"
+    )
+    """Row of EN 12464-1 that the limits are of."""
+    illuminance_lx: Positive | None = None
+    """Maintained illuminance in place of the activity's. [lx]"""
+    uniformity: Fraction | None = None
+    """U0 in place of the activity's. [1]"""
+    cylindrical_lx: Positive | None = None
+    """[lx]"""
+    ugr: Positive | None = None
+    looks_deg: tuple[float, ...] | None = None
+    """Where its people look, counter-clockwise from the x axis; along the walls to all four sides if None. [deg]"""
+    dli_mol_m2: Positive | None = None
+    """Daily light integral that its plants need. [mol/m²]"""
+
+
+class RulesSection(Section):
+    """`[rules]`: what the light is held against by `lidarspectra rules`."""
+
+    maintenance_factor: Annotated[float, Field(gt=0, le=1)] = 0.8
+    """Of the run's light, what is left before lamps and room are cleaned. [1]"""
+    walls_lx: Positive | None = None
+    """Mean on the walls, in place of the activities' highest. [lx]"""
+    ceiling_lx: Positive | None = None
+    """[lx]"""
+    photoperiod_h: Annotated[float, Field(gt=0, le=24)] = 16.0
+    """Hours a day that the lamps are lit, for plants. [h]"""
+    glare: bool = True
+    """Render what people see, for UGR and DGP."""
+    areas: tuple[AreaSection, ...] = ()
+
+
 class CellSection(Section):
     """`[[cells]]`: a solar cell whose current the report maps."""
 
@@ -359,7 +402,8 @@ class RunFile(Section):
 
     Parameters
     ----------
-    scan, lamps, lamps_from_scan, daylight, materials, sensors, trace, people_and_plants, cells, calibration, report
+    scan, lamps, lamps_from_scan, daylight, materials, sensors, trace, people_and_plants, cells, calibration, rules,
+    report
         Its tables; see docs/run-file.md for every key.
     """
 
@@ -373,6 +417,7 @@ class RunFile(Section):
     people_and_plants: PeopleAndPlantsSection | None = None
     cells: tuple[CellSection, ...] = ()
     calibration: CalibrationSection | None = None
+    rules: RulesSection | None = None
     report: ReportSection = ReportSection()
     _origin: "Origin | None" = PrivateAttr(default=None)
 

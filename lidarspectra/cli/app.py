@@ -27,7 +27,9 @@ from lidarspectra.cli import live as live_cli
 from lidarspectra.cli import localize as localize_cli
 from lidarspectra.cli import photocurrent as photocurrent_cli
 from lidarspectra.cli import photometry as photometry_cli
+from lidarspectra.cli import picture as picture_cli
 from lidarspectra.cli import relight as relight_cli
+from lidarspectra.cli import rules as rules_cli
 from lidarspectra.cli import sensor as sensor_cli
 from lidarspectra.cli.last_resort import bug_report
 from lidarspectra.cli.options import ClusterOption, OutOption, RunFileArgument, WorkersOption
@@ -70,6 +72,8 @@ app.command("calibrate")(calibrate_cli.calibrate)
 app.command("design")(design_cli.design)
 app.command("live")(live_cli.live)
 app.command("relight", context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(relight_cli.relight)
+app.command("picture", context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(picture_cli.picture)
+app.command("rules")(rules_cli.rules)
 app.command("photometry")(photometry_cli.photometry)
 app.command("photocurrent")(photocurrent_cli.photocurrent)
 app.add_typer(photocurrent_cli.app, name="cells")

@@ -84,8 +84,14 @@ def order_words(orders: "Sequence[LampOrder]") -> tuple[str, ...]:
     return tuple(words)
 
 
-def parse_orders(words: Sequence[str]) -> "tuple[LampOrder, ...]":
+def parse_orders(words: Sequence[str], *, needed: bool = True) -> "tuple[LampOrder, ...]":
     """Read `--lamp NAME --dim 0.4 --lamp NAME --spectrum FL11`: options belong to the lamp before them.
+
+    Parameters
+    ----------
+    words : sequence of str
+    needed : bool
+        Whether no lamp at all is a mistake.
 
     Raises
     ------
@@ -111,7 +117,7 @@ def parse_orders(words: Sequence[str]) -> "tuple[LampOrder, ...]":
             raise typer.BadParameter(f"{option} is given twice for lamp '{groups[-1]['lamp']}'")
         else:
             groups[-1][FIELDS[option]] = value if option == "--spectrum" else _number(option, value)
-    if not groups:
+    if needed and not groups:
         raise typer.BadParameter("name at least one lamp: --lamp NAME --dim 0.5")
     return tuple(LampOrder(**group) for group in groups)  # type: ignore[arg-type]
 

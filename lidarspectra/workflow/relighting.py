@@ -1,7 +1,7 @@
 """Relight a traced room: other spectra, other fluxes, dimming, in under a second (docs/concepts.md, Eq. 3)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
@@ -23,6 +23,8 @@ from lidarspectra.spectra.spectrum import BandSet, Spectrum
 from lidarspectra.workflow.assumed import assumptions_of_run
 from lidarspectra.workflow.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
 from lidarspectra.workflow.workspace import require_stage, stage_folder, writing_run
+
+OFF = 1e-9  # [1] of its flux that a lamp sends which is off: a lamp without any is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,6 +129,23 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
         lamps=tuple(lamps.values()),
         lamps_now=tuple((now[name].name, luminous_flux_lm(now[name]), dims[name]) for name in lamps),
     )
+
+
+def changed_lamps(lamps: Sequence[Lamp], orders: Sequence[LampOrder], base: Path) -> tuple[Lamp, ...]:
+    """Lamps with what orders say of their flux, spectrum and dimming; one that is off keeps next to nothing of it.
+
+    Raises
+    ------
+    LampError, DatabaseError
+        If a lamp or spectrum is unknown, or the spectrum cannot be scaled to the flux.
+    """
+    changes = _changes({lamp.name: lamp for lamp in lamps}, orders, base)
+    found = []
+    for lamp in lamps:
+        change = changes.get(lamp.name)
+        flux = lamp.flux if change is None or not isinstance(change.flux, Spectrum) else change.flux
+        found.append(replace(lamp, flux=flux if change is None else flux.scaled(max(change.dim, OFF))))
+    return tuple(found)
 
 
 def _with_fluxes(

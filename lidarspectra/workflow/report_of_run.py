@@ -23,6 +23,7 @@ from lidarspectra.workflow.calibration_report import calibration_sections
 from lidarspectra.workflow.declared import Declared
 from lidarspectra.workflow.lamps_of_run import ScannedRoom
 from lidarspectra.workflow.report_applications import report_applications, shown_cells
+from lidarspectra.workflow.rules_report import rules_sections
 from lidarspectra.workflow.workspace import StageResult, versions
 
 SHOWN_VIEWS = 6  # the first six are the cube faces around the first viewpoint
@@ -60,7 +61,7 @@ def report_of_run(
     Parameters
     ----------
     given : Declared
-        With `people_and_plants`, `cells`, `calibration` and `report` of the run file.
+        With `people_and_plants`, `cells`, `calibration`, `rules` and `report` of the run file.
     before : StagesBefore
     title : str
     run_file_text : str
@@ -89,6 +90,7 @@ def report_of_run(
         plan=plan,
         applications=(
             *calibration_sections(given.run_file.calibration, before.scan.folder.parent / "calibration", plan),
+            *rules_sections(given.run_file.rules, before.scan.folder.parent),
             *report_applications(
                 given.run_file,
                 transport,

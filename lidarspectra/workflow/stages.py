@@ -483,6 +483,7 @@ def report_stage(
         "people_and_plants",
         "cells",
         "calibration",
+        "rules",
         "report.figures",
         databases=("cells",) if cells else (),
         stages=(scan, views, materials, scene, transport, light_map),

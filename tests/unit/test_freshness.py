@@ -47,6 +47,7 @@ REST = {
     "scan": {"file": "room.glb", "max_faces": 1000},
     "people_and_plants": {},
     "report": {"figures": ["svg", "pdf"]},
+    "rules": {"areas": [{"name": "desk", "polygon": [[0, 0], [1, 0], [1, 1]], "dli_mol_m2": 12}]},
     "cells": [{"cell": "cell.csv", "area_cm2": 1, "hours": "8-17", "volt": 0.4}],
 }
 ROOMS: dict[str, dict[str, Any]] = {
@@ -93,6 +94,7 @@ FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits
     "people_and_plants": STAGES[6:],
     "cells": STAGES[6:],
     "report": STAGES[6:],
+    "rules": STAGES[6:],
 }
 WITHOUT_DELIGHTING = {**FIRST_STAGES, "lamps": STAGES[3:], "lamps_from_scan": STAGES[3:]}
 
@@ -152,7 +154,7 @@ OTHER_WORDS = {
     "shape": "disc", "size": [0.4, 0.4], "unit": "cm", "up": "+z", "fluxes": "area", "method": "default",
     "model": "none", "matching": "nearest", "databases": ["builtin", "mine"], "accuracy": "low", "noise": "fine",
     "noise_of": "point", "mode": "rgb", "hours": "9-18", "time": "2026-06-21T13:00:00+02:00", "file": "another",
-    "workers": 3, "assumed": ["unit"], "determined": ["one"], "figures": ["png"],
+    "workers": 3, "assumed": ["unit"], "determined": ["one"], "figures": ["png"], "activity": "archive",
 }  # fmt: skip
 
 
@@ -164,6 +166,8 @@ def others(key: str, value: Any) -> Iterator[Any]:
         yield {name: 2.0 * factor for name, factor in value.items()}
     elif isinstance(value, (int, float)):
         yield from (value + 1, value * 0.5, value + 1000)
+    elif isinstance(value, tuple) and value and isinstance(value[0], tuple):
+        yield [[each + 0.25 for each in corner] for corner in value]
     elif isinstance(value, tuple) and key not in OTHER_WORDS:
         yield [each + 0.25 for each in value]
     elif isinstance(value, str) and key not in OTHER_WORDS:

@@ -1,0 +1,1 @@
+"""Rules that light is held against, and the probability that a room keeps them."""

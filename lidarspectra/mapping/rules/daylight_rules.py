@@ -1,0 +1,93 @@
+"""EN 17037 and LM-83 from a year of daylight, where one was made (`lidarspectra annual`).
+
+The year's uncertainty is a factor on all its light, so that each measure is computed at several factors, and read off
+between them at each draw.
+
+References
+----------
+EN 17037:2018, table A.1, minimum: 300 lx on half of the plane and 100 lx on 95 % of it, in half of the daylight hours.
+IES LM-83-12: sDA300/50% of 55 % (acceptable), ASE1000,250h of 10 % at most.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.mapping.maps.map_schema import kept_points
+from lidarspectra.mapping.photometry.annual_light import YEAR_FILE, load_year
+from lidarspectra.mapping.photometry.annual_metrics import AUTONOMY_LX, OCCUPIED_H, OCCUPIED_HOURS, SUN_HOURS, SUN_LX
+from lidarspectra.mapping.rules.chances import Draws
+from lidarspectra.mapping.rules.limits import Criterion
+
+DAYLIGHT_HOURS = 4380  # of a year, EN 17037
+TARGET_SHARE, LEAST_SHARE = 50.0, 95.0  # [%] of the plane
+TARGET_LX, LEAST_LX = 300.0, 100.0
+SDA_PERCENT, ASE_PERCENT = 55.0, 10.0
+STEPS = 41  # factors at which a measure is computed
+REACH_SD = 4.0  # that they span
+
+
+def daylight_criteria(folder: Path, draws: Draws, relative_sd: float) -> tuple[Criterion, ...]:
+    """Requirements on a year of daylight.
+
+    Parameters
+    ----------
+    folder : Path
+        `RUN/annual`; nothing is asked where it has no year.
+    draws : Draws
+        How many there are; daylight has a factor of its own.
+    relative_sd : float
+        Of that factor. [1]
+    """
+    path = folder / YEAR_FILE
+    if not path.is_file():
+        return ()
+    year = load_year(path)
+    kept = kept_points(year)
+    light, sun = (
+        year[name].transpose("hour", "point").to_numpy().astype(np.float64)[:, kept]
+        for name in ("illuminance", "sun_illuminance")
+    )
+    occupied = _occupied(year)
+    generator = np.random.default_rng(draws.level.size)
+    factors = np.exp(relative_sd * generator.standard_normal(draws.level.size))
+
+    def share(values: FloatArray, limit: float, hours: float) -> Callable[[float], float]:
+        return lambda factor: 100.0 * float(((values * factor >= limit).sum(axis=0) >= hours).mean())
+
+    half = 0.5 * DAYLIGHT_HOURS
+    measures = (
+        ("EN 17037", f"plane with {TARGET_LX:g} lx in half of the daylight hours", TARGET_SHARE, "at least",
+         share(light, TARGET_LX, half)),
+        ("EN 17037", f"plane with {LEAST_LX:g} lx in half of the daylight hours", LEAST_SHARE, "at least",
+         share(light, LEAST_LX, half)),
+        ("IES LM-83", "sDA300/50%", SDA_PERCENT, "at least", share(light[occupied], AUTONOMY_LX, 0.5 * OCCUPIED_HOURS)),
+        ("IES LM-83", "ASE1000,250h", ASE_PERCENT, "at most", share(sun[occupied], SUN_LX, SUN_HOURS + 1)),
+    )  # fmt: skip
+    return tuple(
+        Criterion(
+            rule=rule,
+            what=what,
+            where="the run's points",
+            unit="%",
+            limit=limit,
+            sense="at least" if sense == "at least" else "at most",
+            traced=measure(1.0),
+            draws=_at(measure, factors, relative_sd),
+        )
+        for rule, what, limit, sense, measure in measures
+    )
+
+
+def _occupied(year: xr.Dataset) -> FloatArray:
+    hour = year["time"].dt.hour.to_numpy()
+    return np.asarray((hour >= OCCUPIED_H[0]) & (hour < OCCUPIED_H[1]))
+
+
+def _at(measure: Callable[[float], float], factors: FloatArray, relative_sd: float) -> FloatArray:
+    """(draw,) a measure at many factors, from a few."""
+    some = np.exp(np.linspace(-REACH_SD, REACH_SD, STEPS) * relative_sd)
+    return np.interp(factors, some, [measure(float(factor)) for factor in some])
