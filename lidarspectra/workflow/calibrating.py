@@ -87,8 +87,6 @@ class Calibration:
         Likely lamp spectra out of the databases; None where the readings cannot tell them.
     notes : tuple of str
         As full sentences.
-    covariance : (lamp + part, lamp + part) float
-        Of the logarithms of fluxes and reflectances, after the readings; for `rules`.
     """
 
     run_file: RunFile
@@ -103,7 +101,6 @@ class Calibration:
     numbers: int
     spectra: Table | None
     notes: tuple[str, ...]
-    covariance: FloatArray
 
     def __repr__(self) -> str:
         before, after = (100 * float(np.median(each)) for each in (self.map_sd_before, self.map_sd_after))
@@ -202,7 +199,6 @@ def calibrate_run(
         numbers=readings.numbers.value.size,
         spectra=spectra.table,
         notes=(*readings.notes, *spectra.notes, *said, *untold(room, posterior)),
-        covariance=posterior.covariance[: len(room.lamps) + len(PARTS), : len(room.lamps) + len(PARTS)],
     )
 
 
@@ -257,7 +253,6 @@ def summary_text(calibration: Calibration) -> str:
             "covariance": calibration.covariance.tolist(),
             "map_sd": [float(each.mean()) for each in (calibration.map_sd_before, calibration.map_sd_after)],
             "notes": list(calibration.notes),
-            "covariance": calibration.covariance.tolist(),
         },
         indent=1,
     )

@@ -1,6 +1,5 @@
 """The light that rules ask for, at its points, in every state that a run's uncertainty allows."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,9 +7,10 @@ import numpy as np
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.errors import MapError
-from lidarspectra.mapping.calibration.model import LOCAL_SD, LightModel
+from lidarspectra.errors import MapError, WorkspaceError
+from lidarspectra.mapping.calibration.model import LightModel
 from lidarspectra.mapping.maps.assumptions import assumptions_of
+from lidarspectra.mapping.maps.light_unknowns import load_unknowns
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.mapping.maps.response_weights import lamp_weights
 from lidarspectra.mapping.maps.visible_bands import uncovered
@@ -19,10 +19,7 @@ from lidarspectra.mapping.photometry.quantities import light_quantity
 from lidarspectra.mapping.rules.chances import Draws, Uncertainty, draw_own_error, draw_states
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.sampling.trace import trace
-from lidarspectra.room.surface_parts import PARTS
-from lidarspectra.workflow.calibrating import priors_of
 from lidarspectra.workflow.calibration_light import RunRoom, TracedLight, traced_light
-from lidarspectra.workflow.calibration_results import SUMMARY
 from lidarspectra.workflow.light_of_run import scene_of_run
 from lidarspectra.workflow.rule_points import RulePoints
 from lidarspectra.workflow.workspace import require_stage
@@ -110,7 +107,7 @@ def rule_light(
     slopes = traced_light(
         room, points.points, noise="draft", workers=workers, progress=part_of(progress, BASE_SHARE, 1.0)
     )
-    uncertainty = uncertainty_of_run(run, room)
+    uncertainty = uncertainty_of_run(run)
     generator = np.random.default_rng(SEED)
     value, error = light_of_lamps(transport, {lamp.name: lamp.flux for lamp in room.lamps}).weigh(
         light_quantity(LUX).response
@@ -134,34 +131,29 @@ def rule_light(
     )
 
 
-def uncertainty_of_run(run: Path, room: RunRoom) -> Uncertainty:
-    """What a finished run does not know: fluxes and reflectances, what lies beyond the scan, its last reflections."""
-    light_map = load_map(require_stage(run, "map") / MAP_FILE)
+def uncertainty_of_run(run: Path) -> Uncertainty:
+    """What a finished run does not know: fluxes and reflectances, what lies beyond the scan, its last reflections.
+
+    Raises
+    ------
+    WorkspaceError
+        If its map was made by a version that kept no covariance.
+    """
+    folder = require_stage(run, "map")
+    light_map, unknowns = load_map(folder / MAP_FILE), load_unknowns(folder)
+    if unknowns is None:
+        raise WorkspaceError(
+            expected="a map with the covariance of what is not known of it",
+            found="one of an earlier version",
+            where=str(folder),
+            todo="Make the map again: 'lidarspectra run ROOM.toml --from map'.",
+        )
     opening = float(light_map.attrs.get("opening_share", 0.0))
-    covariance, local_sd = _calibrated(run, room)
     assumed = assumptions_of(light_map)
     return Uncertainty(
-        covariance=priors_of(room, np.zeros(0)).covariance() if covariance is None else covariance,
-        local_sd=local_sd,
+        covariance=unknowns.covariance,
+        local_sd=unknowns.local_sd,
         opening_share=-opening if light_map.attrs.get("opening_closed") else opening,
         truncated_share=float(light_map.attrs.get("truncated_share", 0.0)),
         spectrum_sd=GUESSED_SPECTRUM_SD if assumed.lamps or assumed.spectra else 0.0,
     )
-
-
-def _calibrated(run: Path, room: RunRoom) -> tuple[FloatArray | None, float]:
-    """Covariance that readings left of fluxes and reflectances, and the model's own error that they told.
-
-    None and the usual error where the run is not of just this calibration, or of one that kept no covariance.
-    """
-    section, path = room.run_file.calibration, run / "calibration" / SUMMARY
-    if section is None or not path.is_file():
-        return None, LOCAL_SD
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-        same = summary["factors"] == section.model_dump(mode="json")
-        covariance = np.array(summary["covariance"], dtype=np.float64)
-    except (OSError, ValueError, KeyError, TypeError):
-        return None, LOCAL_SD
-    size = len(room.lamps) + len(PARTS)
-    return (covariance, float(summary["local_sd"])) if same and covariance.shape == (size, size) else (None, LOCAL_SD)

@@ -3,8 +3,8 @@
     E_p = F(p) Σ_l A_lp exp(s_l + Σ_k G_lpk r_k) · (1 + o u) · (1 + t v) · exp(e_p) · (1 + n_p)
 
 with the light A of lamp l at point p as traced, the logarithms s of the lamps' fluxes and r of the reflectances of the
-room's parts (their joint covariance: the priors of a calibration, or what its readings left), light o that may come
-from beyond the scan (u between 0 and 1) or came from walls that were closed by guess, light t after the last
+room's parts (their joint covariance as the map keeps it, and as readings left it where it is calibrated), light o that
+may come from beyond the scan (u between 0 and 1) or came from walls that were closed by guess, light t after the last
 reflection that was traced (v between 0 and 2), the model's own error e, alike at neighbouring points, and the trace's
 noise n of each point. All but e and n are common to all points, so that they do not average out in a mean. F is 1, or
 a maintenance factor.
@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.mapping.calibration.model import LightModel, error_covariance, error_scale
+from lidarspectra.mapping.calibration.model import LightModel, error_covariance
+from lidarspectra.mapping.maps.light_unknowns import error_scale
 
 DRAWS = 4000  # a probability of one half is then known within .8 %
 JITTER = 1e-9  # [1] on the diagonal of a covariance whose points may coincide
