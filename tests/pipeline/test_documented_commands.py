@@ -71,6 +71,7 @@ ELSEWHERE = {
     "lidarspectra design scan.run --target wanted.toml": "needs such a file; howto-design.md has some",
     "lidarspectra calibrate scan.run": "needs readings of that room; test_calibrate.py",
     "lidarspectra run scan.calibrated.toml": "the same",
+    "lidarspectra rules scan.run": "needs channels that cover V; test_rules.py",
     "lidarspectra evaluate room.run --measured measured.csv": "test_virtual_robot.py",
 }  # the start of a command: why it is not run here, and where it is; test_commands.py still reads its words
 PAGES = [PROJECT / "README.md", PROJECT / "CONTRIBUTING.md", *sorted((PROJECT / "docs").glob("*.md"))]

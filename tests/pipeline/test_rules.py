@@ -1,0 +1,110 @@
+"""Rules and pictures of a small room, by command and in the report."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from lidarspectra.cli.app import app
+from lidarspectra.errors import RunFileError
+from lidarspectra.workflow.calibration_light import run_room
+from lidarspectra.workflow.pipeline import run
+from lidarspectra.workflow.rule_points import rule_points
+
+AREAS = """
+[rules]
+glare = true
+photoperiod_h = 10
+[[rules.areas]]
+name = "desk"
+polygon = [[0.4, 0.4], [1.6, 0.4], [1.6, 1.2], [0.4, 1.2]]
+illuminance_lx = {limit}
+looks_deg = [0]
+dli_mol_m2 = 0.01
+"""
+LOWEST, HIGHEST = 1.0, 100_000.0  # [lx] limits that no uncertainty leaves in doubt
+
+
+def told(*words: object) -> str:
+    result = CliRunner().invoke(app, [str(word) for word in words], env={"COLUMNS": "300"})
+    assert result.exit_code == 0, (result.output, result.exception)
+    return result.output
+
+
+def with_areas(run_file: Path, limit: float) -> Path:
+    """The run file with areas, and the run with it up to the map."""
+    run_file.write_text(run_file.read_text(encoding="utf-8") + AREAS.format(limit=limit), encoding="utf-8")
+    run(run_file, last="map")
+    return run_file
+
+
+@pytest.mark.slow  # six traces, three renderings and a report: half a minute
+def test_rules_by_command_stand_in_the_report_until_the_rules_change(
+    tmp_path: Path, copy_run: Callable[[Path], Path]
+) -> None:
+    run_file = with_areas(copy_run(tmp_path / "room"), LOWEST)
+    folder = run_file.with_suffix(".run")
+    printed = told("rules", folder)
+    assert "maintained cylindrical illuminance" in printed
+    found = json.loads((folder / "rules" / "rules.json").read_text(encoding="utf-8"))
+    rows = {(row["rule"], row["what"], row["where"]): row for row in found["rows"]}
+    light = rows["EN 12464-1", "maintained illuminance", "desk"]
+    assert light["probability"] > 0.999
+    assert light["low"] < light["value"] < light["high"]
+    assert rows["plants", "daily light integral in 10 h", "desk"]["probability"] > 0.999
+    assert 0.0 < rows["EN 12464-1", "UGR of luminaires", "desk"]["value"] < 40.0
+    (look,) = found["looks"]
+    assert look["angle_deg"] == 0.0
+    assert (folder / "rules" / look["picture"]).is_file()
+    page = run(run_file).report.read_text(encoding="utf-8")
+    assert 'id="rules"' in page
+    run_file.write_text(run_file.read_text(encoding="utf-8").replace(f"= {LOWEST}", f"= {HIGHEST}"), encoding="utf-8")
+    assert 'id="rules"' not in run(run_file).report.read_text(encoding="utf-8")
+
+
+def test_an_area_outside_the_room_is_refused_by_name(tmp_path: Path, copy_run: Callable[[Path], Path]) -> None:
+    run_file = copy_run(tmp_path / "room")
+    text = run_file.read_text(encoding="utf-8") + AREAS.format(limit=500.0).replace("[0.4, 0.4]", "[9.4, 9.4]")
+    text = text.replace("[1.6, 0.4], [1.6, 1.2], [0.4, 1.2]", "[9.6, 9.4], [9.6, 9.6]")
+    run_file.write_text(text, encoding="utf-8")
+    run(run_file, last="map")
+    room = run_room(run_file.with_suffix(".run"))
+    assert room.run_file.rules is not None
+    with pytest.raises(RunFileError, match="'desk'"):
+        rule_points(room, room.run_file.rules.areas)
+
+
+@pytest.mark.slow
+def test_a_picture_of_a_dimmed_room_is_darker_and_keeps_its_name(
+    tmp_path: Path, copy_run: Callable[[Path], Path]
+) -> None:
+    folder = copy_run(tmp_path / "room").with_suffix(".run")
+    view = ("--from", "2.0,0.3,1.6", "--to", "0.5,1.5,1.0", "--size", "48x36", "--fast")
+    told("picture", folder, *view, "--name", "full")
+    told(
+        "picture",
+        folder,
+        *view,
+        "--name",
+        "dim",
+        "--lamp",
+        'lamp "one" !rm',
+        "--dim",
+        "0",
+        "--lamp",
+        "warm",
+        "--dim",
+        "0.1",
+    )
+    full, dim = ((folder / "pictures" / name / "picture.hdr").read_bytes() for name in ("full", "dim"))
+    exponents = [np.frombuffer(each[-48 * 36 * 4 :], dtype=np.uint8)[3::4].astype(float) for each in (full, dim)]
+    assert (exponents[0] - exponents[1]).mean() > 3.0  # less than an eighth of the light
+    with Image.open(folder / "pictures" / "dim" / "picture.png") as picture:
+        assert picture.size == (48, 36)
+    refused = CliRunner().invoke(app, ["picture", str(folder), "--from", "20,0,1"])
+    assert refused.exit_code == 1
+    assert "an eye in the room" in str(refused.exception)
