@@ -56,6 +56,15 @@ def test_the_map_has_every_layer_as_an_attribute_and_the_shown_one_as_a_colour(l
     assert shown.data.vertices[0].co.z == pytest.approx(0.503)
 
 
+def test_views_show_the_colours_as_they_are(installed, write_light) -> None:
+    bpy.ops.wm.read_homefile(use_empty=False, use_factory_startup=True)  # with a window
+    bpy.ops.lidarspectra.load_run(filepath=str(write_light()))
+    (window,) = bpy.context.window_manager.windows
+    (view,) = [area.spaces.active.shading for area in window.screen.areas if area.type == "VIEW_3D"]
+    assert (view.type, view.light, view.color_type) == ("SOLID", "FLAT", "VERTEX")
+    assert bpy.context.scene.view_settings.view_transform == "Standard"
+
+
 def test_points_are_discs_in_the_same_colours_that_face_as_the_sensors_do(loaded) -> None:
     marks, shown = bpy.data.objects["Points"], bpy.data.objects["Map"]
     assert len(marks.data.polygons) == 4

@@ -154,6 +154,26 @@ def test_a_scan_gets_a_run_file_from_the_program_when_it_is_imported(scene, prog
     assert len(lamps) == len(tomllib.loads((folder / "scan.toml").read_text())["lamps"]) > 0
 
 
+def test_blenders_timer_looks_on_until_the_program_has_ended_and_loads_nothing_into_another_room(installed) -> None:
+    import sys
+
+    bpy.ops.wm.read_homefile(use_empty=False, use_factory_startup=True)  # with a window
+    scene, running, process = bpy.context.scene, module("running"), module("process")
+    assert running._tick() is None
+    followed: list[str] = []
+    for room in ("", "another.toml"):
+        scene.lidarspectra.run_file = ""
+        job = process.Job([sys.executable, "-c", "pass"])
+        running._RUNNING.update(
+            job=job, follow=lambda scene: followed.append(scene.name), scene=scene.name, run_file=""
+        )
+        scene.lidarspectra.run_file = room
+        while running._tick() is not None:
+            pass
+    assert followed == [scene.name]
+    assert "another room" in scene.lidarspectra.message
+
+
 def test_disabling_ends_the_program(scene, tmp_path: Path) -> None:
     import sys
 
