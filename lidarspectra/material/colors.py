@@ -15,6 +15,7 @@ from lidarspectra.spectra.colorimetry import linear_srgb_to_lab
 from lidarspectra.threads import one_thread
 
 SATURATED = 0.94  # [1] linear; all channels above it: a lamp, its mirror image, or a blown-out highlight (sRGB 248)
+ABOVE_WHITE = 1.2  # [1] twice the level of the brightest surfaces (`frame_colors.PAINT_LEVEL`)
 MAX_SATURATED = 0.7  # [1] of a face; what is left of it is the lamp's glow
 TINY_M2 = 1e-12  # [m²] keeps a mean over faces without area defined
 COLOR_SPACING_M = 0.05  # [m] of the points by which saturated parts of a face are found
@@ -55,8 +56,11 @@ def color_difference(lab: FloatArray, others: FloatArray) -> FloatArray:
 
 
 def saturated(linear: FloatArray) -> BoolArray:
-    """Which of (n, 3) linear sRGB colours show light rather than a surface: every channel is near its end."""
-    return np.asarray((linear >= SATURATED).all(axis=1))
+    """Which of (n, 3) linear sRGB colours show light rather than a surface.
+
+    Of a picture, every channel is near its end; radiance of frames, which does not end at white, is above it in one.
+    """
+    return np.asarray((linear >= SATURATED).all(axis=1) | (linear.max(axis=1) >= ABOVE_WHITE))
 
 
 def surface_colors(scan: Scan) -> tuple[FloatArray, BoolArray]:

@@ -15,6 +15,7 @@ from lidarspectra.geometry.appearance import NO_COLOR, PHOTOGRAPHED, Appearance,
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.frames import Frame, FrameFault, LeftOut
+from lidarspectra.hardware.phone.raw_mesh import NO_COLOR_NOTE
 from lidarspectra.hardware.phone.texture_atlas import Atlas, unwrap
 from lidarspectra.material.frame_fusion import BestViews, Fused
 from lidarspectra.material.frame_gains import CELL_M, Observations, Radiometry, solve_radiometry
@@ -30,6 +31,7 @@ DARK, BRIGHT = 0.004, 0.9  # [1] of white, between which a picture tells a ratio
 MIN_VIEWS = 2  # frames that show a point, for it to tie them
 TEXEL_BLUR = 3.0  # [1] weight falls by this power of a frame's sharpness over its neighbours'
 NEIGHBOURS = 5  # frames before and after
+EVEN = 1e-3  # [1] sharpness of a picture of an even wall, which is not blurred
 PAINT_SHARE, PAINT_LEVEL = 0.95, 0.6  # the radiance that this share of the surface does not pass is this much of white
 CUT_SHARE = 0.5  # [1] of white, above which a channel of a pixel with a clipped part is taken for cut
 LAMP_LEVEL = 1.2  # [1] of white, at least, of what all frames are cut at
@@ -246,11 +248,10 @@ def _may_show(frame: Frame, centers: FloatArray, normals: FloatArray, reach_m: f
 
 def _relative_sharpness(sharpness: FloatArray) -> FloatArray:
     """Over the median of the frames around, which show about the same; at most 1."""
-    padded = np.pad(sharpness, NEIGHBOURS, mode="reflect") if sharpness.size > NEIGHBOURS else sharpness
-    if padded is sharpness:
-        return np.minimum(sharpness / max(float(np.median(sharpness)), 1e-9), 1.0)
-    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1), axis=1)
-    return np.minimum(sharpness / np.maximum(around, 1e-9), 1.0)
+    reach = min(NEIGHBOURS, sharpness.size - 1)
+    padded = np.pad(sharpness, reach, mode="reflect")
+    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1), axis=1)
+    return np.asarray(np.minimum((sharpness + EVEN) / (around + EVEN), 1.0), dtype=np.float64)
 
 
 def _colored(scan: Scan, seen: _Seen, radiometry: Radiometry, texels: _Texels, fused: Fused) -> FrameColors:
@@ -288,9 +289,10 @@ def _colored(scan: Scan, seen: _Seen, radiometry: Radiometry, texels: _Texels, f
             / np.maximum(np.bincount(face, minlength=len(scan.faces)), 1),
         ),
     )
+    notes = tuple(note for note in scan.record.notes if not note.startswith(NO_COLOR_NOTE))
     above = known & ~fused.at_least & (fused.light.max(axis=1) > 1.0)
     return FrameColors(
-        scan=replace(scan, appearance=appearance),
+        scan=replace(scan, appearance=appearance, record=replace(scan.record, notes=notes)),
         radiometry=radiometry,
         frames=seen.frames,
         left_out=seen.left_out,

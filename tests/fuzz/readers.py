@@ -150,6 +150,40 @@ def read_a_room(path: Path) -> object:
     return ls.run(cheap, path.parent / "room.run", last="scene", workers=1)
 
 
+def capture_seeds(folder: Path) -> Iterator[Files]:
+    """Raw data of two apps, as archives."""
+    import shutil
+    import sys
+
+    sys.path.append(str(PROJECT / "tests" / "unit" / "scan"))
+    import capture_layouts as layouts
+
+    room = layouts.box_room()
+    shots = layouts.gray_shots(room, 3)
+    layouts.write_3dscanner(folder / "scanner", room, shots)
+    layouts.write_polycam(folder / "polycam", room, shots, layouts.turning_pose(20.0, 0.0))
+    for name in ("scanner", "polycam"):
+        archive = Path(shutil.make_archive(str(folder / name), "zip", folder / name))
+        yield {"a.zip": archive.read_bytes()}
+
+
+def read_a_capture(path: Path) -> object:
+    """Mesh, poses, pictures and depths; a frame may be at fault by itself."""
+    from lidarspectra.hardware.phone.frames import FrameFault
+    from lidarspectra.hardware.phone.readers import read_scan_and_frames
+
+    scan, capture = read_scan_and_frames(path)
+    assert capture is not None
+    for frame in capture.frames:
+        assert np.isfinite(frame.camera_to_world).all()
+        for read in (lambda frame=frame: frame.read_image(64), frame.read_depth):
+            try:
+                read()
+            except FrameFault as fault:
+                str(fault)
+    return scan
+
+
 def read_a_scan(path: Path) -> object:
     from lidarspectra.hardware.phone.readers import read_scan
 
@@ -764,6 +798,7 @@ READERS = (
         damage=(m.change_zip, m.raw, m.text),
         cases_a_process=1_000,  # USD's library loses some 2 MB with every damaged file, and says so nowhere
     ),
+    Reader(name="capture", seeds=capture_seeds, read=read_a_capture, damage=(m.change_zip, m.change_zip, m.raw)),
     Reader(
         name="room",
         seeds=room_seeds,

@@ -19,6 +19,7 @@ from lidarspectra.hardware.phone.part_names import AIR, ROOM_KIND, counted_kinds
 Unit = Literal["m", "cm", "mm", "in", "ft"]
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 
+NO_COLOR_NOTE = "The file has no colour"  # beginning of a note, which does not hold once frames have coloured the mesh
 NEUTRAL_COLOR = 0.735  # sRGB-encoded; linear 0.5, used where a file holds no colour
 MAX_FACES = 20_000_000  # about 6 GB as a Scan
 MAX_FILE_BYTES = 2 * 1024**3  # [byte] a room with an 8k texture is below 0.2 GB
@@ -361,7 +362,7 @@ def _join_appearance(parts: list[MeshPart], images: tuple[ByteArray, ...]) -> tu
         )
     if uncolored == total and unnamed:
         notes.append(
-            "The file has no colour, so all surfaces were given a neutral gray and their materials cannot be estimated"
+            f"{NO_COLOR_NOTE}, so all surfaces were given a neutral gray and their materials cannot be estimated"
             " from it. Export the scan with a texture or vertex colours, or assign materials in a file."
         )
     elif unnamed:

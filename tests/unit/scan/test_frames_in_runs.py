@@ -1,0 +1,51 @@
+"""What a run keeps of frames: gains and names, and nothing that says where, when and by whom a room was scanned."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.hardware.phone.readers import read_scan_and_frames
+from lidarspectra.material.frame_colors import color_from_frames
+from lidarspectra.workflow.declared import FILES
+from lidarspectra.workflow.frames_of_run import FRAMES_FILE, NOT_KEPT, frame_notes, frames_in_words, save_frames
+
+from .capture_layouts import GPS, box_room, gray_shots, write_3dscanner
+
+
+def test_a_run_keeps_gains_and_faults_of_frames_and_no_personal_field(tmp_path: Path) -> None:
+    room = box_room()
+    folder = write_3dscanner(tmp_path / "scan", room, gray_shots(room))
+    (folder / "frame_00002.jpg").write_bytes(b"")
+    scan, capture = read_scan_and_frames(folder)
+    assert capture is not None
+    colors = color_from_frames(scan, capture.frames, texel_m=0.1)
+    save_frames(colors, capture, tmp_path)
+    text = (tmp_path / FRAMES_FILE).read_text(encoding="utf-8")
+    assert not any(str(value) in text for value in GPS.values())
+    about = json.loads(text)
+    assert about["not_kept"] == list(NOT_KEPT)
+    assert list(about["left_out"]) == ["00002"]
+    gains = np.array([frame["gain"] for frame in about["frames"]])
+    assert np.abs(np.log(gains)).max() < 0.02  # all are the same gray
+    words = " ".join(frame_notes(colors, capture))
+    assert "1 of 6 frames" in words
+    assert "00002" in words
+    assert "no GPS" in frames_in_words(colors)
+
+
+def test_the_gray_room_is_coloured_by_its_frames_and_says_nothing_of_a_file_without_colour(tmp_path: Path) -> None:
+    room = box_room()
+    scan, capture = read_scan_and_frames(write_3dscanner(tmp_path / "scan", room, gray_shots(room)))
+    assert any("no colour" in note for note in scan.record.notes)
+    assert capture is not None
+    colored = color_from_frames(scan, capture.frames, texel_m=0.1).scan
+    assert colored.appearance.known
+    assert not any("no colour" in note for note in colored.record.notes)
+
+
+def test_every_file_of_a_folder_of_frames_makes_the_scan_stale(tmp_path: Path) -> None:
+    room = box_room()
+    write_3dscanner(tmp_path / "scan", room, gray_shots(room, 2))
+    names = set(FILES["scan.file"]("scan", tmp_path))
+    assert {"scan/frame_00001.jpg", "scan/depth_00000.png", "scan/export.obj"} <= names
