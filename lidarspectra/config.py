@@ -282,10 +282,10 @@ class AreaSection(Section):
     """Of the task above the floor. [m]"""
     eye_height: Annotated[float, Field(gt=0)] = 1.2
     """Of people's eyes above the floor: 1.2 seated, 1.6 standing. [m]"""
-    activity: Literal["writing", "filing", "drawing", "meeting", "reception", "archive", "corridor", "classroom"] = (
-        "writing"
-    )
-    """Row of EN 12464-1 that the limits are of."""
+    activity: Literal[
+        "writing", "filing", "drawing", "meeting", "reception", "archive", "corridor", "classroom", "plants"
+    ] = "writing"
+    """Row of EN 12464-1 that the limits are of; none of people's for plants."""
     illuminance_lx: Positive | None = None
     """Maintained illuminance in place of the activity's. [lx]"""
     uniformity: Fraction | None = None

@@ -17,6 +17,7 @@ from lidarspectra.config import AreaSection, RulesSection
 from lidarspectra.mapping.calibration.model import FLUX_SD
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
+from lidarspectra.mapping.photometry.annual_light import YEAR_FILE, load_year
 from lidarspectra.mapping.photometry.schedule import SECONDS_PER_HOUR
 from lidarspectra.mapping.photometry.week import UMOL_PER_MOL
 from lidarspectra.mapping.rules.daylight_rules import daylight_criteria
@@ -133,13 +134,16 @@ def rules_run(run: str | PathLike[str], *, workers: int | None = None, progress:
     looks: tuple[Look, ...] = ()
     if section.glare:
         looks = _looks(room, light, workers=workers, progress=part_of(progress, end, 1.0))
-    criteria = [*_surface_criteria(section, light)]
+    criteria = list(_surface_criteria(section, light))
     for area in points.areas:
-        criteria += _area_criteria(section, area, light)
-        criteria += _eye_criteria(area, light, daylit=room.run_file.daylight is not None)
-        criteria += _ugr_criteria(area, light, [look for look in looks if look.area == area.area.name])
+        if area.area.activity in WORK_PLACES:
+            criteria += _area_criteria(section, area, light)
+            criteria += _eye_criteria(area, light, daylit=room.run_file.daylight is not None)
+            criteria += _ugr_criteria(area, light, [look for look in looks if look.area == area.area.name])
         criteria += _plant_criteria(section, area, light)
-    criteria += daylight_criteria(run / "annual", light.draws, _daylight_sd(light))
+    year = run / "annual" / YEAR_FILE
+    if year.is_file():
+        criteria += daylight_criteria(load_year(year), light.draws, _daylight_sd(light))
     return RuleCheck(
         section=section,
         areas=tuple(each.area for each in points.areas),
@@ -178,12 +182,16 @@ def _area_criteria(section: RulesSection, points: AreaPoints, light: RuleLight) 
 
 def _surface_criteria(section: RulesSection, light: RuleLight) -> Iterator[Criterion]:
     """Walls and ceiling, EN 12464-1: the highest that the areas' activities ask for."""
-    places = [WORK_PLACES[each.area.activity] for each in light.points.areas]
-    wanted = {
-        "walls": max(each.walls_lx for each in places) if section.walls_lx is None else section.walls_lx,
-        "ceiling": max(each.ceiling_lx for each in places) if section.ceiling_lx is None else section.ceiling_lx,
+    places = [WORK_PLACES[each.area.activity] for each in light.points.areas if each.area.activity in WORK_PLACES]
+    highest = {
+        "walls": max((each.walls_lx for each in places), default=0.0),
+        "ceiling": max((each.ceiling_lx for each in places), default=0.0),
     }
+    given = {"walls": section.walls_lx, "ceiling": section.ceiling_lx}
+    wanted = {part: highest[part] if given[part] is None else float(given[part] or 0.0) for part in highest}
     for part, index in light.points.surfaces.items():
+        if wanted[part] <= 0.0:
+            continue  # no people work here
         drawn = light.drawn(LUX, index)
         means = tuple(section.maintenance_factor * _mean(each) for each in drawn)
         yield _of(EN, "maintained illuminance", part, "lx", wanted[part], means)
@@ -255,7 +263,8 @@ def _of(
 def _looks(room: RunRoom, light: RuleLight, *, workers: int | None, progress: Progress) -> tuple[Look, ...]:
     """Render what people see, and judge its glare."""
     points = light.points.points
-    places = [(area.area.name, int(eye)) for area in light.points.areas for eye in area.eyes]
+    people = [area for area in light.points.areas if area.area.activity in WORK_PLACES]
+    places = [(area.area.name, int(eye)) for area in people for eye in area.eyes]
     views = [
         View(
             eye=points.positions[eye],

@@ -108,6 +108,8 @@ def _of(section: RulesSection, run: Path) -> dict[str, Any]:
 
 
 def _save_looks(check: RuleCheck, folder: Path) -> tuple[LookRow, ...]:
+    for path in folder.glob("look-*"):  # of an earlier check
+        path.unlink()
     found = []
     for number, look in enumerate(check.looks, start=1):
         name = f"look-{number}.png"

@@ -25,6 +25,11 @@ polygon = [[0.4, 0.4], [1.6, 0.4], [1.6, 1.2], [0.4, 1.2]]
 illuminance_lx = {limit}
 looks_deg = [0]
 dli_mol_m2 = 0.01
+[[rules.areas]]
+name = "herbs"
+polygon = [[1.6, 1.2], [2.0, 1.2], [2.0, 1.6], [1.6, 1.6]]
+activity = "plants"
+dli_mol_m2 = 1000
 """
 LOWEST, HIGHEST = 1.0, 100_000.0  # [lx] limits that no uncertainty leaves in doubt
 
@@ -56,6 +61,8 @@ def test_rules_by_command_stand_in_the_report_until_the_rules_change(
     assert light["probability"] > 0.999
     assert light["low"] < light["value"] < light["high"]
     assert rows["plants", "daily light integral in 10 h", "desk"]["probability"] > 0.999
+    assert rows["plants", "daily light integral in 10 h", "herbs"]["probability"] < 0.001
+    assert {rule for rule, _, where in rows if where == "herbs"} == {"plants"}
     assert 0.0 < rows["EN 12464-1", "UGR of luminaires", "desk"]["value"] < 40.0
     (look,) = found["looks"]
     assert look["angle_deg"] == 0.0

@@ -10,14 +10,12 @@ IES LM-83-12: sDA300/50% of 55 % (acceptable), ASE1000,250h of 10 % at most.
 """
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.mapping.maps.map_schema import kept_points
-from lidarspectra.mapping.photometry.annual_light import YEAR_FILE, load_year
 from lidarspectra.mapping.photometry.annual_metrics import AUTONOMY_LX, OCCUPIED_H, OCCUPIED_HOURS, SUN_HOURS, SUN_LX
 from lidarspectra.mapping.rules.chances import Draws
 from lidarspectra.mapping.rules.limits import Criterion
@@ -30,22 +28,18 @@ STEPS = 41  # factors at which a measure is computed
 REACH_SD = 4.0  # that they span
 
 
-def daylight_criteria(folder: Path, draws: Draws, relative_sd: float) -> tuple[Criterion, ...]:
+def daylight_criteria(year: xr.Dataset, draws: Draws, relative_sd: float) -> tuple[Criterion, ...]:
     """Requirements on a year of daylight.
 
     Parameters
     ----------
-    folder : Path
-        `RUN/annual`; nothing is asked where it has no year.
+    year : xarray.Dataset
+        Of `annual_light`; hours that it does not have are dark.
     draws : Draws
         How many there are; daylight has a factor of its own.
     relative_sd : float
         Of that factor. [1]
     """
-    path = folder / YEAR_FILE
-    if not path.is_file():
-        return ()
-    year = load_year(path)
     kept = kept_points(year)
     light, sun = (
         year[name].transpose("hour", "point").to_numpy().astype(np.float64)[:, kept]

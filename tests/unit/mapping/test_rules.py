@@ -3,12 +3,15 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
 from scipy.stats import norm
 
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.mapping.calibration.model import LightModel
 from lidarspectra.mapping.rules.chances import Uncertainty, draw_own_error, draw_states
+from lidarspectra.mapping.rules.daylight_rules import daylight_criteria
 from lidarspectra.mapping.rules.limits import WORK_PLACES, Criterion, chance
 from lidarspectra.mapping.rules.rule_figures import chance_words, rules_figure, rules_table, whole_table
 from lidarspectra.mapping.rules.rule_record import (
@@ -109,6 +112,24 @@ def test_a_record_comes_back_with_tables_and_a_figure(tmp_path: Path) -> None:
     (tmp_path / RECORD_FILE).write_text('{"rows": [{}]}', encoding="utf-8")
     with pytest.raises(WorkspaceError, match="rules"):
         load_rules(tmp_path)
+
+
+def test_a_year_of_daylight_is_judged_with_its_uncertainty() -> None:
+    times = pd.date_range("2023-01-01 00:30", periods=8760, freq="h")
+    by_day = np.isin(times.hour, np.arange(8, 18))
+    light = np.outer(by_day, [400.0, 290.0])  # lx in 3650 hours at two points
+    year = xr.Dataset(
+        {"illuminance": (("hour", "point"), light), "sun_illuminance": (("hour", "point"), 0.0 * light)},
+        {"time": ("hour", times), "buried": ("point", np.zeros(2, dtype=bool))},
+    )
+    draws = draw_states(uncertainty(0.0), LAMPS, np.random.default_rng(4), count=20_000)
+    found = {(each.rule, each.what): each for each in daylight_criteria(year, draws, 0.15)}
+    half = found["IES LM-83", "sDA300/50%"]
+    assert half.traced == 50.0  # one of two points
+    # both points are needed for 55 %: the darker one has 300 lx with a factor of 300/290; 3 %: steps of the factor
+    assert half.probability == pytest.approx(norm.sf(np.log(300 / 290) / 0.15), abs=0.03)
+    assert found["EN 17037", "plane with 100 lx in half of the daylight hours"].probability > 0.999
+    assert found["IES LM-83", "ASE1000,250h"].probability > 0.999
 
 
 def test_an_office_asks_for_what_the_standard_does() -> None:
