@@ -20,7 +20,7 @@ MIN_DEVIATION = 0.02  # [1] of log g and log(1 + s): no curve has just two param
 MAX_CUT = 0.2  # [1] of a face, cut at white in all frames
 NORMAL_WEIGHT_M = 0.15  # [m] distance equivalent to a turn of one radian: a board's underside is like its top
 MIN_SHOWN = 1e-3  # [1] of white, floor of what is divided by
-MIN_TOLD = 0.5  # [1] of a source's area whose radiance some frame tells
+MIN_TOLD = 0.9  # [1] of a source's area whose radiance some frame tells: a window's lower half is the darker one
 
 
 def tone_prior_of(linear: LinearLight | None) -> TonePrior:

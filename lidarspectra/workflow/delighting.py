@@ -293,7 +293,7 @@ def take_light_out(
             *source_note(sources, fit),
             *beam_note(fit),
             *unsettled_note(fit),
-            *other_light_note(scan, known, evidence, spread @ fit.irradiance),
+            *other_light_note(scan, known | ~scan.appearance.photographed, evidence, spread @ fit.irradiance),
             *whiter_than_paint_note(srgb_of_cones(fit.reflectance[evidence.group >= 0]), float(scan.areas.sum())),
         ),
         lamp_fluxes=fluxes,
