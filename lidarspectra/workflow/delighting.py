@@ -45,6 +45,7 @@ from lidarspectra.material.linear_evidence import (
     unseen_faces,
 )
 from lidarspectra.material.material_map import MaterialMap
+from lidarspectra.material.one_paint import one_paint
 from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
 from lidarspectra.material.unknown_light import (
     OPEN_SHARE,
@@ -260,8 +261,7 @@ def take_light_out(
         other_shown=shown_of_sources(scan, sources),
         tone_prior=tone_prior_of(scan.appearance.linear),
     )
-    witnesses = _witnesses(evidence)
-    if witnesses < MIN_WITNESSES or not (evidence.direct.any() or sources):
+    if _witnesses(evidence) < MIN_WITNESSES or not (evidence.direct.any() or sources):
         return _left_in(
             "too few of its surfaces receive direct light of the lamps. Check the lamps' places in the run file."
         )
@@ -274,9 +274,11 @@ def take_light_out(
     fit, evidence, spread = found
     if (why := doubt(fit)) is not None:
         return _left_in(why, fit)
-    face_color = unseen.filled(np.where(known[:, None], _face_reflectance(evidence, fit, spread), 1.0))
+    face_color = _face_reflectance(evidence, fit, spread)
+    paints = one_paint(scan, face_color, known, turn_deg=room.wall_angle_deg)
+    face_color = unseen.filled(np.where(known[:, None], paints.color, 1.0))
     sources = _shines(sources, fit, scan, spread @ fit.irradiance)
-    face_deviation = np.asarray(spread @ fit.log_deviation, dtype=np.float64)
+    face_deviation = np.hypot(spread @ fit.log_deviation, paints.deviation(CELL_M)[:, None])
     for pane in (source.faces for source in sources if source.is_pane):
         face_color[pane], face_deviation[pane] = PANE_REFLECTANCE, PANE_DEVIATION
     progress(1.0, "light taken out")
@@ -285,7 +287,7 @@ def take_light_out(
         face_color=face_color,
         face_deviation=face_deviation,
         fit=fit,
-        words=fit_in_words(fit),
+        words="; ".join(words for words in (fit_in_words(fit), paints.in_words()) if words),
         warnings=(
             *(flux_warnings(fit, lamps) if fluxes_stated else flux_notes(fluxes)),
             *seen_cards.notes,

@@ -1,0 +1,155 @@
+"""One paint, one reflectance: what changes along a plane of one hue in a picture is light, until shown otherwise.
+
+De-lighting leaves the errors of its light on large surfaces as slow changes of reflectance along them. Faces of one
+plane and one hue whose lightness lies about a common one are therefore taken for one paint; what is clearly lighter or
+darker there, as a grey door in a white wall, is another, and keeps its own.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.material.surface_hues import surface_groups
+
+ALIKE = 0.3  # [1] of the logarithm of reflectance, about the commonest, that light may have changed by
+STEP, BLUR = 0.02, 0.06  # [1] of that logarithm: of the histogram, and by which it is smoothed
+LEAST_M2 = 0.5  # [m²] of a paint
+PAINTS = 3  # of one hue in one plane
+SAME_HUE = 0.06  # [1] largest difference of the logarithms' differences between channels, of one hue
+SAME_PLANE_M = 0.06  # [m]
+FLAT = 0.95  # [1] cosine between planes
+FLOOR = 0.005  # [1] of reflectances before their logarithm
+GREEN = 1  # channel by which lightness is told: a picture's least noisy one
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Paints:
+    """Paints on the planes of a scan.
+
+    Parameters
+    ----------
+    color : (face, 3) float
+        Reflectance in linear sRGB, of each paint's faces the mean. [0-1]
+    paint : (face,) int
+        -1 for faces of none.
+    spread : (paint,) float
+        Standard deviation of the logarithm of reflectance over its faces, before. [1]
+    area_m2 : (paint,) float
+        [m²]
+    """
+
+    color: FloatArray
+    paint: IntArray
+    spread: FloatArray
+    area_m2: FloatArray
+
+    def deviation(self, place_m: float) -> FloatArray:
+        """(face,) deviation of the mean's logarithm, if places of so many metres err independently [1]."""
+        if not self.spread.size:
+            return np.zeros(len(self.color))
+        own = self.spread / np.sqrt(np.maximum(1.0, self.area_m2 / place_m**2))
+        return np.where(self.paint >= 0, own[self.paint], 0.0)
+
+    def in_words(self) -> str:
+        """How many there are, and how much they were evened; empty if there is none."""
+        if not self.spread.size:
+            return ""
+        mean = float(np.average(self.spread, weights=self.area_m2))
+        return (
+            f"{self.spread.size} paints on {self.area_m2.sum():.0f} m² of planes, each given one reflectance, which "
+            f"varied by {100 * mean:.0f} % along them"
+        )
+
+
+def one_paint(scan: Scan, color: FloatArray, usable: BoolArray, *, turn_deg: float) -> Paints:
+    """Give each paint the mean of its faces' reflectances.
+
+    Parameters
+    ----------
+    scan : Scan
+    color : (face, 3) float
+        Estimated reflectance in linear sRGB. [0-1]
+    usable : (face,) bool
+        Which show a surface; others are left as they are.
+    turn_deg : float
+        Turn of the room's walls from the x axis. [deg]
+
+    Returns
+    -------
+    paints : Paints
+    """
+    group = surface_groups(color, scan.centers, scan.normals, usable, turn_deg=turn_deg)
+    logs = np.log(np.maximum(color, FLOOR))
+    evened, paint = color.copy(), np.full(len(color), -1, dtype=np.int64)
+    spread: list[float] = []
+    for member in _one_plane_one_hue(scan, logs, group):
+        weights = scan.areas[member]
+        mean = np.average(logs[member], axis=0, weights=weights)
+        evened[member] = np.exp(mean)
+        paint[member] = len(spread)
+        spread.append(float(np.sqrt(np.average((logs[member, GREEN] - mean[GREEN]) ** 2, weights=weights))))
+    area = np.bincount(paint[paint >= 0], weights=scan.areas[paint >= 0], minlength=len(spread))
+    return Paints(color=evened, paint=paint, spread=np.array(spread), area_m2=area.astype(np.float64))
+
+
+def _one_plane_one_hue(scan: Scan, logs: FloatArray, group: IntArray) -> list[IntArray]:
+    """Faces of each paint; groups that differ neither in plane nor in hue nor much in lightness are joined."""
+    found: list[IntArray] = []
+    for number in range(int(group.max(initial=-1)) + 1):
+        left = np.flatnonzero(group == number)
+        for _ in range(PAINTS):
+            lightness = logs[left, GREEN]
+            member = left[np.abs(lightness - _commonest(lightness, scan.areas[left])) < ALIKE]
+            if scan.areas[member].sum() < LEAST_M2:
+                break
+            found.append(member)
+            left = np.setdiff1d(left, member, assume_unique=True)
+    found.sort(key=lambda member: -float(scan.areas[member].sum()))
+    seen = [_Patch.of(scan, logs, member) for member in found]
+    joined: dict[int, list[IntArray]] = {}  # by the largest of each
+    for number, member in enumerate(found):
+        alike = next((other for other in joined if seen[number].is_like(seen[other])), number)
+        joined.setdefault(alike, []).append(member)
+    return [np.concatenate(members) for members in joined.values()]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Patch:
+    """Means over some faces."""
+
+    normal: FloatArray
+    center: FloatArray
+    logs: FloatArray
+
+    @classmethod
+    def of(cls, scan: Scan, logs: FloatArray, faces: IntArray) -> Self:
+        normal, center, color = (
+            np.average(values[faces], axis=0, weights=scan.areas[faces])
+            for values in (scan.normals, scan.centers, logs)
+        )
+        return cls(normal=normal, center=center, logs=color)
+
+    def is_like(self, other: Self) -> bool:
+        """Whether both lie in one plane, and differ in colour by no more than light may have changed it."""
+        away = abs(float((self.center - other.center) @ other.normal))
+        apart = self.logs - other.logs
+        return bool(
+            self.normal @ other.normal > FLAT
+            and away < SAME_PLANE_M
+            and abs(apart[GREEN]) < ALIKE
+            and np.ptp(apart) < SAME_HUE
+        )
+
+
+def _commonest(values: FloatArray, weights: FloatArray) -> float:
+    """Where most of the weight lies: the mode of a smoothed histogram."""
+    if not values.size:
+        return 0.0
+    edges = np.arange(values.min() - STEP, values.max() + 2 * STEP, STEP)
+    smooth = gaussian_filter1d(np.histogram(values, bins=edges, weights=weights)[0], BLUR / STEP, mode="constant")
+    best = int(np.argmax(smooth))
+    return float(0.5 * (edges[best] + edges[best + 1]))

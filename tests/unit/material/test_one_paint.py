@@ -1,0 +1,68 @@
+"""Planes of one hue get one reflectance; what is clearly lighter or darker keeps its own."""
+
+import numpy as np
+import pytest
+
+from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.material.one_paint import one_paint
+
+SIDE_M, STEP_M = 4.0, 0.1
+WALL, DOOR = np.array([0.5, 0.45, 0.4]), 0.4
+
+
+@pytest.fixture
+def wall() -> Scan:
+    """A square wall of small triangles, in the plane y = 0."""
+    count = round(SIDE_M / STEP_M)
+    u, v = np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij")
+    points = STEP_M * np.stack([u.ravel(), np.zeros(u.size), v.ravel()], axis=1)
+    index = np.arange(u.size).reshape(u.shape)
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    return bare_scan(points, np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3))
+
+
+def shaded(scan: Scan, amount: float) -> np.ndarray:
+    """(face, 3) the wall's colour, with an error of the light that grows along it."""
+    error = amount * (scan.centers[:, 0] / SIDE_M - 0.5)
+    return np.exp(error)[:, None] * WALL
+
+
+def test_what_changes_slowly_along_a_plane_is_evened_and_its_spread_stated(wall: Scan) -> None:
+    found = one_paint(wall, shaded(wall, 0.3), np.ones(len(wall.faces), dtype=bool), turn_deg=0.0)
+    np.testing.assert_allclose(found.color, np.broadcast_to(WALL, found.color.shape), rtol=0.02)
+    assert len(np.unique(found.color, axis=0)) == 1
+    assert found.spread == pytest.approx([0.3 / np.sqrt(12)], rel=0.05)
+    assert found.area_m2 == pytest.approx([SIDE_M**2])
+    np.testing.assert_allclose(found.deviation(1.0), 0.3 / np.sqrt(12) / SIDE_M, rtol=0.05)
+    assert "1 paints on 16 m²" in found.in_words()
+
+
+def test_a_door_of_another_grey_is_another_paint(wall: Scan) -> None:
+    color = shaded(wall, 0.1)
+    door = (wall.centers[:, 0] < 1.0) & (wall.centers[:, 2] < 2.0)
+    color[door] *= DOOR
+    found = one_paint(wall, color, np.ones(len(door), dtype=bool), turn_deg=0.0)
+    np.testing.assert_allclose(found.color[door], np.broadcast_to(DOOR * WALL, (int(door.sum()), 3)), rtol=0.08)
+    np.testing.assert_allclose(found.color[~door], np.broadcast_to(WALL, (int((~door).sum()), 3)), rtol=0.04)
+    assert found.spread.size == 2
+
+
+def test_another_hue_stays_apart_and_what_shows_no_surface_is_left_alone(wall: Scan) -> None:
+    color = shaded(wall, 0.1)
+    poster = (wall.centers[:, 0] > 2.5) & (wall.centers[:, 2] > 2.5)
+    color[poster] = [0.5, 0.15, 0.1]
+    lamp = wall.centers[:, 2] < 0.3
+    color[lamp] = 1.0
+    found = one_paint(wall, color, ~lamp, turn_deg=0.0)
+    np.testing.assert_array_equal(found.color[lamp], 1.0)
+    assert (found.paint[lamp] == -1).all()
+    np.testing.assert_allclose(found.color[poster], np.broadcast_to([0.5, 0.15, 0.1], (int(poster.sum()), 3)))
+
+
+def test_a_scan_of_nothing_but_small_things_has_no_paint(wall: Scan) -> None:
+    few = np.zeros(len(wall.faces), dtype=bool)
+    few[:10] = True
+    found = one_paint(wall, shaded(wall, 0.3), few, turn_deg=0.0)
+    assert found.spread.size == 0
+    assert found.in_words() == ""
+    assert not found.deviation(1.0).any()
