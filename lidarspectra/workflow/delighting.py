@@ -237,8 +237,7 @@ def take_light_out(
     colors = np.concatenate([shown[samples.face[card < 0]], seen_cards.shown])
     trusted = known[samples.face] & (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK) & (card < 0)
     face_lamp = ~known & near_lamps(scan.centers, lamps)
-    for source in sources:
-        face_lamp[source.faces] = True
+    face_lamp[np.concatenate([np.empty(0, dtype=np.int64), *(source.faces for source in sources)])] = True
     unseen = unseen_faces(scan, known)
     surfaces = _Surfaces(scan=scan, room=room, samples=samples, trusted=trusted, unseen=unseen)
     evidence = LightEvidence(
