@@ -224,7 +224,6 @@ def take_light_out(
     samples, card = _with_cards(samples, seen_cards)
     coefficients = _direct(scan, lamps, samples, engine=engine, workers=workers, progress=lighting)
     exchanging(0.0, "form factors between surfaces")
-    unsure = np.hypot(shadow_edges_of(samples, coefficients), spread_of_views(scan)[samples.face])
     patterns = [source_patterns(scan, caster, each, samples.positions, samples.normals, generator) for each in sources]
     exchange = exchange_matrix(
         caster, len(scan.faces), samples.positions, samples.normals, rays=RAYS, generator=generator
@@ -252,7 +251,7 @@ def take_light_out(
         cell=cells_of(samples.positions),
         ceiling=ceiling_of(samples, trusted, room),
         white=np.zeros(len(colors), dtype=np.bool_),
-        unsure=np.repeat(unsure[:, None], 3, axis=1),
+        unsure=_three(np.hypot(shadow_edges_of(samples, coefficients), spread_of_views(scan)[samples.face])),
         card=card,
         card_log=seen_cards.log_reflectance,
         other=np.stack(patterns) if sources else None,
@@ -299,6 +298,11 @@ def take_light_out(
         ),
         lamp_fluxes=fluxes,
     )
+
+
+def _three(values: FloatArray) -> FloatArray:
+    """(n, 3) of (n,) values that are the same in all cones."""
+    return np.repeat(values[:, None], 3, axis=1)
 
 
 def _with_cards(samples: Samples, cards: SeenCards) -> tuple[Samples, IntArray]:
