@@ -402,9 +402,10 @@ class RunFile(Section):
 
     Parameters
     ----------
-    scan, lamps, lamps_from_scan, daylight, materials, sensors, trace, people_and_plants, cells, calibration, rules,
-    report
+    scan, lamps, lamps_from_scan, daylight, materials, sensors, trace
         Its tables; see docs/run-file.md for every key.
+    people_and_plants, cells, calibration, rules, report
+        What else is asked for, and what readings told.
     """
 
     scan: ScanSection

@@ -73,6 +73,7 @@ ELSEWHERE = {
     "lidarspectra run scan.calibrated.toml": "the same",
     "lidarspectra rules scan.run": "needs channels that cover V; test_rules.py",
     "lidarspectra evaluate room.run --measured measured.csv": "test_virtual_robot.py",
+    "lidarspectra init FOLDER": "needs the frames of an app; tests/unit/scan/test_frames_in_runs.py",
 }  # the start of a command: why it is not run here, and where it is; test_commands.py still reads its words
 PAGES = [PROJECT / "README.md", PROJECT / "CONTRIBUTING.md", *sorted((PROJECT / "docs").glob("*.md"))]
 
