@@ -191,7 +191,7 @@ class MaterialsSection(Section):
     delight: bool = True
     """Take the room's light out of the scan's colours, from the lamps' known light."""
     cards: tuple[CardSection, ...] = ()
-    """Cards of known reflectance in the picture, which fix the level of all others; with `delight` alone."""
+    """Cards of known reflectance in the picture, witnesses of the level of all others; with `delight` alone."""
 
     @model_validator(mode="after")
     def _file_with_method(self) -> Self:
