@@ -65,7 +65,7 @@ class Condition:
 
     @property
     def unit(self) -> str:
-        """Of `value`."""
+        """Of the value."""
         return {"uniformity": "1", "spectrum": "%"}.get(self.kind, self.quantity.unit)
 
     def value(self, light: PointLight) -> tuple[float, float]:
