@@ -96,7 +96,7 @@ class Criterion:
     draws: FloatArray
 
     @property
-    def value(self) -> float:
+    def estimate(self) -> float:
         """Best estimate: the median of the draws [unit]."""
         return float(np.median(self.draws))
 

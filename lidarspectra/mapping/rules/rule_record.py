@@ -80,7 +80,7 @@ def rule_rows(criteria: Sequence[Criterion]) -> tuple[RuleRow, ...]:
             limit=each.limit,
             sense=each.sense,
             traced=each.traced,
-            value=each.value,
+            value=each.estimate,
             low=each.range[0],
             high=each.range[1],
             probability=each.probability,
