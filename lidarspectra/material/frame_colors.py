@@ -29,6 +29,7 @@ POINTS = 20_000  # by which frames are tied to one another
 POINT_SPACING_M = 0.05  # [m] least distance on average
 DARK, BRIGHT = 0.004, 0.9  # [1] of white, between which a picture tells a ratio
 MIN_VIEWS = 2  # frames that show a point, for it to tie them
+UNTIED = "no other frame shows, neither too dark nor cut at white, a surface that it shows"
 TEXEL_BLUR = 3.0  # [1] weight falls by this power of a frame's sharpness over its neighbours'
 NEIGHBOURS = 5  # frames before and after
 EVEN = 1e-3  # [1] sharpness of a picture of an even wall, which is not blurred
@@ -46,12 +47,13 @@ class FrameColors:
     Parameters
     ----------
     scan : Scan
-        With the frames' radiance as its texture.
-    radiometry : Radiometry
+        With the frames' radiance as its texture; as it was if no frame is used.
+    radiometry : Radiometry or None
+        None if no frame is used.
     frames : tuple of Frame
-        Those used, as the rows of `radiometry`.
+        Those used, as the rows of `radiometry`; none if no two of them show the same surface.
     left_out : tuple of LeftOut
-        Those that turned out damaged, or whose pose does not fit the mesh.
+        Those that turned out damaged, whose pose does not fit the mesh, or whose exposure no other frame tells.
     seen_share : float
         Share of the area that some frame saw. [0-1]
     recovered_m2 : float
@@ -63,7 +65,7 @@ class FrameColors:
     """
 
     scan: Scan
-    radiometry: Radiometry
+    radiometry: Radiometry | None
     frames: tuple[Frame, ...]
     left_out: tuple[LeftOut, ...]
     seen_share: float
@@ -101,12 +103,17 @@ def color_from_frames(
     generator = np.random.default_rng(SEED)
     view = MeshView(RayCaster(scan))
     seen = _observe(scan, view, frames, generator, looking)
-    if not seen.frames:
+    if not seen.shows_mesh:
         reason = seen.left_out[0].reason if seen.left_out else "none shows it"
         raise ScanError(
             expected="frames that show the mesh", found=f"{len(frames)} that do not ({reason})",
             where=scan.record.file,
             todo="Check that mesh and frames are of one scan, or set frames = false in [scan] for the mesh's colours.",
+        )  # fmt: skip
+    if not seen.frames:
+        return FrameColors(
+            scan=scan, radiometry=None, frames=(), left_out=seen.left_out, seen_share=0.0, recovered_m2=0.0,
+            cut_m2=0.0, spread=0.0,
         )  # fmt: skip
     solving(0.0, "one radiometry for all frames")
     radiometry = solve_radiometry(seen.observations, generator)
@@ -121,12 +128,13 @@ def color_from_frames(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Seen:
-    """Frames that can be used, their sharpness [1], what they show of the points, and those that cannot."""
+    """Frames that can be used, their sharpness [1], what they show, those that cannot; whether any shows the mesh."""
 
     frames: tuple[Frame, ...]
     sharpness: FloatArray
     observations: Observations
     left_out: tuple[LeftOut, ...]
+    shows_mesh: bool
 
 
 def _observe(
@@ -155,21 +163,25 @@ def _observe(
         parts.append((sight.index[good], which, light[good], uneven[good], sight.radius2[good]))
         usable.append(frame)
         sharpness.append(picture.sharpness)
-    if not usable or not any(part[0].size for part in parts):
+    if not any(part[0].size for part in parts):
         return _Seen(
-            frames=(), sharpness=np.zeros(0), observations=_none(), left_out=tuple(left_out)
+            frames=(), sharpness=np.zeros(0), observations=_none(), left_out=tuple(left_out), shows_mesh=False
         )  # fmt: skip
     point, which, light, uneven, radius2 = (np.concatenate(each) for each in zip(*parts, strict=True))
     tying = np.bincount(point, minlength=len(points))[point] >= MIN_VIEWS
     _, renumbered = np.unique(point[tying], return_inverse=True)
+    tied, of_tied = np.unique(which[tying], return_inverse=True)
+    left_out += [LeftOut(name=usable[each].name, reason=UNTIED) for each in range(len(usable)) if each not in tied]
+    kept = tuple(usable[each] for each in tied)
     observations = Observations(
-        point=renumbered.astype(np.int64), frame=which[tying], shown=light[tying], uneven=uneven[tying],
-        radius2=radius2[tying], cell=cell[point[tying]], frames=len(usable),
-        points=int(renumbered.max(initial=-1)) + 1, exposure=_exposures(usable),
+        point=renumbered.astype(np.int64), frame=of_tied.astype(np.int64), shown=light[tying], uneven=uneven[tying],
+        radius2=radius2[tying], cell=cell[point[tying]], frames=len(kept),
+        points=int(renumbered.max(initial=-1)) + 1, exposure=_exposures(kept),
     )  # fmt: skip
     return _Seen(
-        frames=tuple(usable), sharpness=np.array(sharpness), observations=observations, left_out=tuple(left_out)
-    )
+        frames=kept, sharpness=np.array(sharpness)[tied], observations=observations, left_out=tuple(left_out),
+        shows_mesh=True,
+    )  # fmt: skip
 
 
 def _none() -> Observations:
@@ -219,7 +231,7 @@ def _fuse(
     reach = float(np.sqrt(scan.areas.max())) * 2.0
     for number, (frame, picture) in enumerate(zip(seen.frames, pictures(seen.frames, table), strict=True)):
         progress(number / len(seen.frames), "combining frames")
-        if not isinstance(picture, Picture) or not radiometry.tied[number]:
+        if not isinstance(picture, Picture):
             continue
         some = np.flatnonzero(_may_show(frame, centers, normals, reach)[face])
         sight = view.sight(frame, view.depth(frame), picture.depth, points[some], normals[face[some]])

@@ -105,11 +105,9 @@ class Radiometry:
     shoulder_deviation, power_deviation : float
         Standard deviations of log(1 + s) and log g of the curve. [1]
     log_gain : (frame, 3) float
-        Mean 0 in each channel over the frames that are tied to others. [1]
+        Mean 0 in each channel. [1]
     deviation : (frame,) float
         Standard deviation of a gain's logarithm, over the mean of all. [1]
-    tied : (frame,) bool
-        Whether the frame shares points with others.
     vignetting : (2,) float
         a, b. [1]
     before, after : float
@@ -122,7 +120,6 @@ class Radiometry:
     power_deviation: float
     log_gain: FloatArray
     deviation: FloatArray
-    tied: BoolArray
     vignetting: FloatArray
     before: float
     after: float
@@ -145,7 +142,7 @@ def solve_radiometry(seen: Observations, generator: np.random.Generator) -> Radi
     Parameters
     ----------
     seen : Observations
-        Of points that two or more frames show.
+        Of points that two or more frames show, some in every frame: others have no gain.
     generator : numpy.random.Generator
         Draws the points that curves are compared by, and the observations that are held out.
 
@@ -167,15 +164,12 @@ def _radiometry(seen: Observations, generator: np.random.Generator) -> Radiometr
     before = _disagreement(seen, held, ToneCurve(), np.zeros_like(check.log_gain), np.zeros(2))
     after = _disagreement(seen, held, tone, check.log_gain, check.vignetting)
     solved = _solve(seen, tone, ROUNDS)
-    tied = np.bincount(seen.frame, minlength=seen.frames) > 0
-    gain = solved.log_gain - (solved.log_gain[tied].mean(axis=0) if tied.any() else 0.0)
     return Radiometry(
         tone=tone,
         shoulder_deviation=shoulder_deviation,
         power_deviation=power_deviation,
-        log_gain=np.where(tied[:, None], gain, np.nan_to_num(seen.exposure)[:, None]),
-        deviation=np.where(tied, _deviations(seen, solved, tied), GAIN_DEVIATION),
-        tied=tied,
+        log_gain=solved.log_gain - solved.log_gain.mean(axis=0),
+        deviation=_deviations(seen, solved),
         vignetting=solved.vignetting,
         before=before,
         after=after,
@@ -238,7 +232,9 @@ def _solve(seen: Observations, tone: ToneCurve, rounds: int) -> _Solved:
         np.hypot(NOISE, UNEVEN_SHARE * seen.uneven)[:, None], DARK_NOISE / np.maximum(seen.shown, 1e-3)
     )
     power = np.stack([seen.radius2, seen.radius2**2], axis=1)
-    points = csr_array((np.ones(seen.point.size), (seen.point, np.arange(seen.point.size))))
+    points = csr_array(
+        (np.ones(seen.point.size), (seen.point, np.arange(seen.point.size))), shape=(seen.points, seen.point.size)
+    )
     gain, vignetting = np.zeros((seen.frames, 3)), np.zeros(2)
     weights = deviation**-2
     misfit, normal = 0.0, np.zeros((0, 0))
@@ -297,11 +293,10 @@ def _least_squares(
     return solution[:count], solution[count:], normal
 
 
-def _deviations(seen: Observations, solved: _Solved, tied: BoolArray) -> FloatArray:
+def _deviations(seen: Observations, solved: _Solved) -> FloatArray:
     """(frame,) standard deviation of the gains over their mean."""
     covariance = np.linalg.inv(solved.normal)[: seen.frames, : seen.frames]
-    mean = tied / max(int(tied.sum()), 1)
-    over = np.eye(seen.frames) - mean
+    over = np.eye(seen.frames) - 1.0 / seen.frames
     return np.asarray(np.sqrt(np.maximum(np.einsum("fi,ij,fj->f", over, covariance, over), 0.0)), dtype=np.float64)
 
 

@@ -14,6 +14,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.frames import Capture, left_out_note
 from lidarspectra.io.files import write_whole, writing
 from lidarspectra.material.frame_colors import FrameColors, color_from_frames
+from lidarspectra.material.frame_gains import Radiometry
 from lidarspectra.progress import Progress, silent
 
 FRAMES_FILE = "frames.json"
@@ -21,6 +22,10 @@ NOT_KEPT = ("position on Earth", "date and time", "device", "title", "EXIF")
 LOOSE_DEVIATION = 0.1  # [1] of a gain's logarithm, from which the user is told of drift
 CUT_M2 = 0.02  # [m²] cut at white in all frames, from which the user is told
 SEEN_SHARE = 0.9  # [1] of the area, below which the user is told
+NONE_USED = (
+    "No frame is left, so the scan keeps the colours of its mesh, if it has any. Scan so that every surface is in two "
+    "frames or more, or export more frames."
+)
 
 
 def frame_colors(
@@ -34,10 +39,10 @@ def frame_colors(
 
 def frames_in_words(colors: FrameColors | None) -> str:
     """What the frames gave, as an end of the stage's line."""
-    if colors is None:
+    if colors is None or colors.radiometry is None:
         return ""
     radiometry = colors.radiometry
-    gain = np.exp(radiometry.log_gain[radiometry.tied, 1])
+    gain = np.exp(radiometry.log_gain[:, 1])
     return (
         f"; colours of {len(colors.frames)} frames (gain {gain.min():.2f} to {gain.max():.2f}, held-out observations "
         f"differ by {100 * radiometry.after:.1f} %, as shown by {100 * radiometry.before:.1f} %; no GPS or date kept)"
@@ -51,7 +56,10 @@ def frame_notes(colors: FrameColors | None, capture: Capture | None) -> tuple[st
     total = len(capture.frames) + len(capture.left_out)
     if colors is None:
         return left_out_note(capture.left_out, total)
-    notes = list(left_out_note((*capture.left_out, *colors.left_out), total))
+    left_out = (*capture.left_out, *colors.left_out)
+    if colors.radiometry is None:
+        return left_out_note(left_out, total, then=NONE_USED)
+    notes = list(left_out_note(left_out, total))
     loose = float(np.median(colors.radiometry.deviation))
     if loose > LOOSE_DEVIATION:
         notes.append(
@@ -88,10 +96,18 @@ def save_frames(colors: FrameColors, capture: Capture, folder: Path) -> None:
     ScanError
         If it cannot be written.
     """
-    radiometry = colors.radiometry
     about = {
         "app": capture.app,
         "not_kept": NOT_KEPT,
+        **({} if colors.radiometry is None else _fitted(colors, colors.radiometry)),
+        "left_out": {each.name: each.reason for each in (*capture.left_out, *colors.left_out)},
+    }
+    with writing(folder, error=ScanError):
+        write_whole(folder / FRAMES_FILE, json.dumps(about, indent=1) + "\n")
+
+
+def _fitted(colors: FrameColors, radiometry: Radiometry) -> dict[str, object]:
+    return {
         "tone_curve": {"power": radiometry.tone.power, "shoulder": radiometry.tone.shoulder},
         "tone_deviation": {"log_power": radiometry.power_deviation, "log_1_shoulder": radiometry.shoulder_deviation},
         "vignetting": radiometry.vignetting.tolist(),
@@ -105,13 +121,7 @@ def save_frames(colors: FrameColors, capture: Capture, folder: Path) -> None:
                 "position_m": frame.position.tolist(),
                 "gain": np.exp(gain).tolist(),
                 "log_gain_deviation": float(deviation),
-                "tied": bool(tied),
             }
-            for frame, gain, deviation, tied in zip(
-                colors.frames, radiometry.log_gain, radiometry.deviation, radiometry.tied, strict=True
-            )
+            for frame, gain, deviation in zip(colors.frames, radiometry.log_gain, radiometry.deviation, strict=True)
         ],
-        "left_out": {each.name: each.reason for each in (*capture.left_out, *colors.left_out)},
     }
-    with writing(folder, error=ScanError):
-        write_whole(folder / FRAMES_FILE, json.dumps(about, indent=1) + "\n")

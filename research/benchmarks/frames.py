@@ -95,7 +95,9 @@ def _row(name: str, kind: str, case: Case, scan: Scan, seen: BoolArray, referenc
 def radiometry_words(colors: FrameColors) -> str:
     """What the solve says of itself."""
     found = colors.radiometry
-    gain = np.exp(found.log_gain[found.tied, 1])
+    if found is None:
+        return "no two frames show the same surface"
+    gain = np.exp(found.log_gain[:, 1])
     return (
         f"{len(colors.frames)} frames, {len(colors.left_out)} left out, gain {gain.min():.2f} to {gain.max():.2f} "
         f"± {100 * np.median(found.deviation):.1f} %, shoulder {found.tone.shoulder:.2f} (log ± "
@@ -110,6 +112,8 @@ def gain_error(folder: Path, colors: FrameColors) -> float:
     true = np.log(np.loadtxt(folder / GAINS, delimiter=",", skiprows=1))
     names = [frame.name for frame in read_capture(folder / FRAMES).frames]
     rows = [names.index(frame.name) for frame in colors.frames]
+    if colors.radiometry is None:
+        return float("nan")
     apart = colors.radiometry.log_gain - true[rows]
     return float((apart - apart.mean(axis=0)).std())
 

@@ -24,6 +24,10 @@ MIN_STEP_S = 1e-3  # [s] two frames are not nearer in time
 FOCAL_RANGE = (0.2, 10.0)  # [1] of the focal length over the picture's width: 5° to 136° of view
 MAX_NAMED = 5  # frames named in a note
 ASPECT_TOLERANCE = 0.02  # [1] between the sides of a picture and of its depth
+FEW_LEFT_OUT = (
+    "What only they saw takes its colour from its surroundings; export or copy the scan again if that is a large part "
+    "of the room."
+)
 
 ReadImage = Callable[[int], ByteArray]
 """From the least width [px] to the picture, which may be decoded at a half or a quarter of its size."""
@@ -302,8 +306,8 @@ def _speed(one: Frame, other: Frame) -> float:
     return float(np.linalg.norm(one.position - other.position)) / max(abs(one.time_s - other.time_s), MIN_STEP_S)
 
 
-def left_out_note(left_out: Sequence[LeftOut], total: int) -> tuple[str, ...]:
-    """A note on the frames that are not used, by reason; none if all are."""
+def left_out_note(left_out: Sequence[LeftOut], total: int, *, then: str = FEW_LEFT_OUT) -> tuple[str, ...]:
+    """A note on the frames that are not used, by reason, and what comes of it; none if all are."""
     if not left_out:
         return ()
     names: dict[str, list[str]] = {}
@@ -313,7 +317,4 @@ def left_out_note(left_out: Sequence[LeftOut], total: int) -> tuple[str, ...]:
         f"{len(some)} because {reason} ({', '.join(some[:MAX_NAMED])}{', ...' if len(some) > MAX_NAMED else ''})"
         for reason, some in names.items()
     ]
-    return (
-        f"{len(left_out)} of {total} frames of the scan are not used: {'; '.join(parts)}. What only they saw takes its "
-        "colour from its surroundings; export or copy the scan again if that is a large part of the room.",
-    )
+    return (f"{len(left_out)} of {total} frames of the scan are not used: {'; '.join(parts)}. {then}",)

@@ -10,7 +10,7 @@ from lidarspectra.errors import ScanError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan, load_scan, save_scan
 from lidarspectra.hardware.phone.frames import DepthMap, Frame, FrameFault
-from lidarspectra.material.frame_colors import FrameColors, color_from_frames
+from lidarspectra.material.frame_colors import UNTIED, FrameColors, color_from_frames
 from lidarspectra.material.frame_views import MeshView
 from lidarspectra.material.linear_evidence import tone_prior_of
 from lidarspectra.material.tone_curve import ToneCurve
@@ -106,6 +106,7 @@ def test_the_radiance_of_surfaces_comes_back_up_to_one_factor_a_channel(box: Box
 
 
 def test_gains_come_back(box: Box, colors: FrameColors) -> None:
+    assert colors.radiometry is not None
     true = np.log(box.gain) - np.log(box.gain).mean(axis=0)
     assert np.abs(colors.radiometry.log_gain - true).std() < 0.03
 
@@ -148,6 +149,23 @@ def test_a_damaged_picture_and_a_wrong_pose_are_left_out_by_name(box: Box) -> No
     found = color_from_frames(box.scan, frames[:12], texel_m=0.05)
     assert {each.name for each in found.left_out} == {"1", "3"}
     assert len(found.frames) == 10
+
+
+def test_a_frame_that_shares_no_surface_with_the_others_is_left_out_by_name(box: Box) -> None:
+    up = [frame for number, frame in enumerate(box.frames[:12]) if number % 3 == 2]
+    alone = shot("alone", box.scan, pose_of(0.0, -np.pi / 2, np.zeros(3)), box.radiance)
+    found = color_from_frames(box.scan, [*up, alone], texel_m=0.05)
+    assert {each.name: each.reason for each in found.left_out} == {"alone": UNTIED}
+    assert [frame.name for frame in found.frames] == [frame.name for frame in up]
+
+
+@pytest.mark.parametrize("yaws", [(0.0,), (0.0, np.pi)])
+def test_frames_that_share_no_surface_leave_the_meshs_own_colours(box: Box, yaws: tuple[float, ...]) -> None:
+    frames = [shot(f"{yaw:.0f}", box.scan, pose_of(yaw, 0.0, np.zeros(3)), box.radiance) for yaw in yaws]
+    found = color_from_frames(box.scan, frames, texel_m=0.05)
+    assert found.scan is box.scan
+    assert (found.radiometry, found.frames) == (None, ())
+    assert [each.name for each in found.left_out] == [frame.name for frame in frames]
 
 
 def test_frames_of_another_place_are_refused(box: Box) -> None:

@@ -8,7 +8,14 @@ import numpy as np
 from lidarspectra.hardware.phone.readers import read_scan_and_frames
 from lidarspectra.material.frame_colors import color_from_frames
 from lidarspectra.workflow.declared import FILES
-from lidarspectra.workflow.frames_of_run import FRAMES_FILE, NOT_KEPT, frame_notes, frames_in_words, save_frames
+from lidarspectra.workflow.frames_of_run import (
+    FRAMES_FILE,
+    NOT_KEPT,
+    frame_colors,
+    frame_notes,
+    frames_in_words,
+    save_frames,
+)
 
 from .capture_layouts import GPS, box_room, gray_shots, write_3dscanner
 
@@ -42,6 +49,20 @@ def test_the_gray_room_is_coloured_by_its_frames_and_says_nothing_of_a_file_with
     colored = color_from_frames(scan, capture.frames, texel_m=0.1).scan
     assert colored.appearance.known
     assert not any("no colour" in note for note in colored.record.notes)
+
+
+def test_a_single_frame_leaves_the_meshs_colours_and_the_run_says_why(tmp_path: Path) -> None:
+    room = box_room()
+    scan, capture = read_scan_and_frames(write_3dscanner(tmp_path / "scan", room, gray_shots(room, 1)))
+    colors = frame_colors(scan, capture, wanted=True)
+    assert capture is not None
+    assert colors is not None
+    save_frames(colors, capture, tmp_path)
+    assert list(json.loads((tmp_path / FRAMES_FILE).read_text(encoding="utf-8"))["left_out"]) == ["00000"]
+    (note,) = frame_notes(colors, capture)
+    assert "1 of 1 frames" in note
+    assert "colours of its mesh" in note
+    assert not frames_in_words(colors)
 
 
 def test_every_file_of_a_folder_of_frames_makes_the_scan_stale(tmp_path: Path) -> None:
