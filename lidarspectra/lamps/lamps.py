@@ -6,7 +6,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import LampError
-from lidarspectra.lamps.shapes import Shape
+from lidarspectra.lamps.shapes import Shape, Sun, Window
 from lidarspectra.lamps.surfaces import Place, Surface
 from lidarspectra.spectra.spectrum import Spectrum
 
@@ -140,3 +140,8 @@ class Lamp:
             for index, surface in enumerate(self.surfaces)
         ]
         return np.concatenate([places for places, _ in parts]), np.concatenate([normals for _, normals in parts])
+
+
+def is_daylight(lamp: Lamp) -> bool:
+    """Whether a lamp stands for daylight: a window with what comes through it, or the sun."""
+    return isinstance(lamp.shape, Window | Sun)

@@ -14,6 +14,7 @@ import numpy as np
 from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.config import AreaSection, RulesSection
+from lidarspectra.lamps.lamps import is_daylight
 from lidarspectra.mapping.calibration.model import FLUX_SD
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
@@ -275,6 +276,7 @@ def _looks(room: RunRoom, light: RuleLight, *, workers: int | None, progress: Pr
         )
         for _, eye in places
     ]
+    daylight = [number for number, lamp in enumerate(room.lamps) if is_daylight(lamp)]
     with tempfile.TemporaryDirectory(prefix="lidarspectra-") as name:
         scene = observer_scene(room, room.lamps, Path(name))
         pictures = render(scene, views, smooth=False, workers=workers, progress=progress)
@@ -283,7 +285,7 @@ def _looks(room: RunRoom, light: RuleLight, *, workers: int | None, progress: Pr
             area=area,
             angle_deg=round(float(np.degrees(np.arctan2(*points.normals[eye][1::-1]))), 1) % 360.0,
             picture=picture,
-            luminaires=luminaires_of(picture),
+            luminaires=luminaires_of(picture, daylight=daylight),
             glare=evalglare(picture),
         )
         for (area, eye), picture in zip(places, pictures, strict=True)

@@ -2,7 +2,8 @@
 
 UGR = 8 lg(0.25/L_b Σ L² ω / p²) over the luminaires in view: luminance L and solid angle ω of the shining surface of
 each, its position index p, and the background's luminance L_b = E_i/π with the illuminance E_i at the eye of all that
-is no luminaire (CIE 117:1995). Which pixels are a luminaire's is known here, not guessed from a threshold.
+is no luminaire (CIE 117:1995). Which pixels are a luminaire's is known here, not guessed from a threshold. UGR is made
+for electric luminaires: the light of windows counts to the background, and their glare is DGP's.
 
 `evalglare` (Wienold) finds sources of glare by their luminance, here above `THRESHOLD_CD_M2`, as it must in daylight,
 and gives DGP, the daylight glare probability, with its own UGR beside it.
@@ -15,6 +16,7 @@ it, below it that of Iwata and Tokura 1997, both as in evalglare. Wienold and Ch
 """
 
 import tempfile
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -132,8 +134,14 @@ def position_index(directions: FloatArray, forward: FloatArray, up: FloatArray) 
     return np.clip(np.where(upward >= 0.0, above, below), 1.0, MAX_INDEX)
 
 
-def luminaires_of(picture: Picture) -> Luminaires:
+def luminaires_of(picture: Picture, *, daylight: Collection[int] = ()) -> Luminaires:
     """The luminaires in a picture.
+
+    Parameters
+    ----------
+    picture : Picture
+    daylight : collection of int
+        Lamps of the scene that are windows or the sun: part of the background, not luminaires.
 
     Raises
     ------
@@ -145,8 +153,9 @@ def luminaires_of(picture: Picture) -> Luminaires:
     directions, _ = view.directions()
     solid = view.solid_angles()
     cosine = np.clip(directions @ view.direction, 0.0, None)
+    shining = (picture.lamp >= 0) & ~np.isin(picture.lamp, list(daylight))
     found = []
-    for lamp in np.unique(picture.lamp[picture.lamp >= 0]):
+    for lamp in np.unique(picture.lamp[shining]):
         seen = picture.lamp == lamp
         omega = float(solid[seen].sum())
         luminance = float((picture.luminance * solid)[seen].sum()) / max(omega, 1e-300)
@@ -162,7 +171,7 @@ def luminaires_of(picture: Picture) -> Luminaires:
         luminance=columns[2],
         solid_angle=columns[3],
         direct_lx=columns[4],
-        indirect_lx=picture.illuminance(lamps=False),
+        indirect_lx=float((picture.luminance * solid * cosine)[~shining].sum()),
     )
 
 

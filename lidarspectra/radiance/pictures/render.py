@@ -57,18 +57,11 @@ class Picture:
         """(row, column) luminance [cd/m²]."""
         return self.xyz[..., 1]
 
-    def illuminance(self, *, lamps: bool = True) -> float:
-        """∫ L cosθ dω over the picture: a fisheye of 180 degrees has the eye's whole illuminance [lx].
-
-        Parameters
-        ----------
-        lamps : bool
-            Whether what lamps send straight to the eye counts.
-        """
+    def illuminance(self) -> float:
+        """∫ L cosθ dω over the picture: a fisheye of 180 degrees has the eye's whole illuminance [lx]."""
         directions, inside = self.view.directions()
         weight = self.view.solid_angles() * np.clip(directions @ self.view.direction, 0.0, None) * inside
-        shown = np.ones_like(inside) if lamps else self.lamp < 0
-        return float((self.luminance * weight)[shown].sum())
+        return float((self.luminance * weight).sum())
 
 
 def render(
