@@ -31,6 +31,7 @@ from lidarspectra.radiance.pictures.render import Picture
 THRESHOLD_CD_M2 = (
     2000.0  # [cd/m²] above which evalglare takes a pixel for glare: its manual's for electric and daylight
 )
+MAX_RADIUS = 3.0  # [1] of Iwata and Tokura below the line of sight, in which p is at most 4.6; as evalglare
 MAX_INDEX = 16.0  # of the position: farther from the line of sight than any table goes
 LEAST_UGR = 5.0  # below it there is no glare; CIE 117 gives the range of UGR as 10 to 30
 _COLUMNS = ("dgp", "ugr")
@@ -118,7 +119,7 @@ def position_index(directions: FloatArray, forward: FloatArray, up: FloatArray) 
     Returns
     -------
     index : (...) float
-        1 in the line of sight, at most 16. [1]
+        1 in the line of sight, at most 16, and 4.6 below it. [1]
     """
     ahead = np.clip(directions @ forward, -1.0, 1.0)
     sideways, upward = directions @ np.cross(forward, up), directions @ up
@@ -129,7 +130,7 @@ def position_index(directions: FloatArray, forward: FloatArray, up: FloatArray) 
         + (21.0 + 0.26667 * tau - 0.002963 * tau**2) * 1e-5 * sigma**2
     )
     # Iwata and Tokura, with R the distance below and beside the line of sight, over the distance along it
-    radius = np.hypot(sideways, upward) / np.maximum(ahead, 1e-6)
+    radius = np.minimum(np.hypot(sideways, upward) / np.maximum(ahead, 1e-6), MAX_RADIUS)
     below = np.where(radius < 0.6, 1.0 + 0.8 * radius, 1.0 + 1.2 * radius)
     return np.clip(np.where(upward >= 0.0, above, below), 1.0, MAX_INDEX)
 

@@ -45,3 +45,16 @@ def test_ugr_is_that_of_the_electric_luminaires_and_a_window_lights_the_backgrou
 
 def test_a_window_alone_has_no_ugr(picture: Picture) -> None:
     assert luminaires_of(picture, daylight=[0, 1]).ugr == -np.inf
+
+
+@pytest.mark.parametrize(
+    ("below_deg", "expected"),
+    [
+        (30.0, 1.0 + 0.8 * np.tan(np.radians(30.0))),
+        (60.0, 1.0 + 1.2 * np.tan(np.radians(60.0))),
+        (80.0, 4.6),  # evalglare takes R for 3 at most: 1 + 1.2 * 3, where the formula alone has 7.8
+        (90.0, 4.6),
+    ],
+)
+def test_the_position_index_below_the_line_of_sight_is_iwata_s(below_deg: float, expected: float) -> None:
+    assert float(position_index(toward(0.0, -below_deg), FORWARD, UP)) == pytest.approx(expected, rel=1e-6)
