@@ -310,6 +310,8 @@ class RulesSection(Section):
     """[lx]"""
     photoperiod_h: Annotated[float, Field(gt=0, le=24)] = 16.0
     """Hours a day that the lamps are lit, for plants. [h]"""
+    well_daylight_points: bool = False
+    """Whether the room earns points for daylight (WELL v2, L05 or L06), which lower what L03 asks of electric light."""
     glare: bool = True
     """Render what people see, for UGR and DGP."""
     areas: tuple[AreaSection, ...] = ()

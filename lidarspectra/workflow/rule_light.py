@@ -1,13 +1,14 @@
 """The light that rules ask for, at its points, in every state that a run's uncertainty allows."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MapError, WorkspaceError
+from lidarspectra.lamps.lamps import is_daylight
 from lidarspectra.mapping.calibration.model import LightModel
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.light_unknowns import load_unknowns
@@ -65,9 +66,18 @@ class RuleLight:
         every = np.broadcast_to(weights, (points.size, *weights.shape))
         return LightModel(light=light, slope=self.slopes.model(every, points).slope)
 
-    def drawn(self, quantity: str, points: IntArray) -> tuple[FloatArray, FloatArray]:
-        """(point,) light as traced, and (draw, point) in each state."""
+    @property
+    def electric(self) -> BoolArray:
+        """(lamp,) whether each is a lamp, not a window or the sun."""
+        return np.array([not is_daylight(lamp) for lamp in self.room.lamps], dtype=np.bool_)
+
+    def drawn(
+        self, quantity: str, points: IntArray, *, lamps: BoolArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """(point,) light as traced, and (draw, point) in each state, of all or of some (lamp,) lamps."""
         model = self.model(quantity, points)
+        if lamps is not None:
+            model = replace(model, light=model.light * lamps)
         drawn = self.draws.light(model) * self.own_error[:, points]
         if quantity == EDI:
             drawn = drawn * self.draws.spectrum[:, None]

@@ -60,8 +60,8 @@ def test_rules_by_command_stand_in_the_report_until_the_rules_change(
     light = rows["EN 12464-1", "maintained illuminance", "desk"]
     assert light["probability"] > 0.999
     assert light["low"] < light["value"] < light["high"]
-    assert rows["plants", "daily light integral in 10 h", "desk"]["probability"] > 0.999
-    assert rows["plants", "daily light integral in 10 h", "herbs"]["probability"] < 0.001
+    assert rows["plants", "daily light integral of the lamps in 10 h", "desk"]["probability"] > 0.999
+    assert rows["plants", "daily light integral of the lamps in 10 h", "herbs"]["probability"] < 0.001
     assert {rule for rule, _, where in rows if where == "herbs"} == {"plants"}
     assert 0.0 < rows["EN 12464-1", "UGR of luminaires", "desk"]["value"] < 40.0
     (look,) = found["looks"]

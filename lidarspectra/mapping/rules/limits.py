@@ -59,7 +59,7 @@ WORK_PLACES: Mapping[str, WorkPlace] = {  # EN 12464-1:2021: Em, U0, UGR, Ez, wa
 }
 SURFACE_UNIFORMITY = 0.10  # [1] U0 of walls, ceiling and cylindrical illuminance, EN 12464-1
 WELL_EDI_LX = {"1 point": 136.0, "3 points": 250.0}  # [lx] melanopic EDI, WELL v2 L03, electric light alone
-WELL_DAYLIT_EDI_LX = {"1 point": 109.0, "3 points": 163.0}  # [lx] the same where daylight earns its points
+WELL_DAYLIT_EDI_LX = {"1 point": 109.0, "3 points": 163.0}  # [lx] the same where daylight earns points by L05 or L06
 UL_EDI_LX = 175.0  # [lx] melanopic EDI of 350 lx of warm white (ratio .5), and of 200 lx of cool white (ratio .88)
 DAY_EDI_LX = 250.0  # [lx] Brown and others 2022, by day
 
