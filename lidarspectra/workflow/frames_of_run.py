@@ -31,10 +31,13 @@ NONE_USED = (
 def frame_colors(
     scan: Scan, capture: Capture | None, *, wanted: bool, progress: Progress = silent
 ) -> FrameColors | None:
-    """Colours of a repaired scan from its frames; None where there are none, or they are not wanted."""
-    if capture is None or not wanted:
+    """Colours of a repaired scan from its frames, which are closed; None without any, or if they are not wanted."""
+    if capture is None:
         return None
-    return color_from_frames(scan, capture.frames, progress=progress)
+    try:
+        return color_from_frames(scan, capture.frames, progress=progress) if wanted else None
+    finally:
+        capture.close()
 
 
 def frames_in_words(colors: FrameColors | None) -> str:

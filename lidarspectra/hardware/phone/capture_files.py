@@ -6,11 +6,9 @@ Files are read by names that the listing gave, so that no name inside can lead o
 import json
 import zipfile
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from tempfile import TemporaryDirectory
+from threading import Lock
 from typing import Any
 
 from lidarspectra.errors import ScanError
@@ -22,6 +20,52 @@ MAX_FILES = 200_000  # a scan of an hour has 60,000
 MAX_FOLDERS_DEEP = 6  # apps' layouts have at most three, and archives often one more around them
 MAX_SMALL_BYTES = 64 * 1024**2  # [byte] of one picture, pose or depth
 _ZIP_FAULTS = (OSError, ValueError, EOFError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error)
+
+
+class Archive:
+    """A zip archive, kept open between reads since its directory takes long to parse: .1 s for 10,000 files.
+
+    Files may be read by several threads; one that is read after `close` opens it again.
+
+    Parameters
+    ----------
+    path : Path
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._lock = Lock()
+        self._open: zipfile.ZipFile | None = None
+
+    def names(self) -> frozenset[str]:
+        """Of all files in it; ScanError if it is damaged."""
+        with self._lock:
+            return frozenset(item.filename for item in self._opened().infolist() if not item.is_dir())
+
+    def read(self, name: str, *, limit: int) -> bytes:
+        """Content of one of its files; ScanError if it is larger than a limit [byte], or damaged."""
+        with self._lock:
+            archive = self._opened()
+            try:
+                _check_size(archive.getinfo(name).file_size, limit, name)
+                return archive.read(name)
+            except _ZIP_FAULTS as cause:
+                raise _damaged(self._path, cause) from cause
+
+    def close(self) -> None:
+        """Close the file."""
+        with self._lock:
+            if self._open is not None:
+                self._open.close()
+                self._open = None
+
+    def _opened(self) -> zipfile.ZipFile:
+        if self._open is None:
+            try:
+                self._open = zipfile.ZipFile(self._path)
+            except _ZIP_FAULTS as cause:
+                raise _damaged(self._path, cause) from cause
+        return self._open
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,11 +80,14 @@ class CaptureFiles:
         Of all files below `base`, with forward slashes.
     base : str
         Folder inside `path` where the app's layout begins; empty or ending in a slash.
+    archive : Archive or None
+        None for a folder.
     """
 
     path: Path
     names: frozenset[str]
     base: str = ""
+    archive: Archive | None = None
 
     @property
     def where(self) -> str:
@@ -50,7 +97,12 @@ class CaptureFiles:
     def below(self, base: str) -> "CaptureFiles":
         """The same files as seen from a folder inside."""
         inside = frozenset(name.removeprefix(base) for name in self.names if name.startswith(base))
-        return CaptureFiles(path=self.path, names=inside, base=self.base + base)
+        return CaptureFiles(path=self.path, names=inside, base=self.base + base, archive=self.archive)
+
+    def close(self) -> None:
+        """Close the archive, if it is one."""
+        if self.archive is not None:
+            self.archive.close()
 
     def read(self, name: str) -> bytes:
         """Content of a file of a frame; FrameFault if there is none, or it cannot be read."""
@@ -86,27 +138,11 @@ class CaptureFiles:
         """
         if name not in self.names:
             raise ScanError(expected=f"a file {name!r}", found="none", where=self.where, todo="Export the scan again.")
-        if self.path.is_dir():
-            file = self.path / (self.base + name)
-            _check_size(file.stat().st_size if file.is_file() else 0, limit, name)
-            return read_bytes(file)
-        with _opened(self.path) as archive:
-            try:
-                _check_size(archive.getinfo(self.base + name).file_size, limit, name)
-                return archive.read(self.base + name)
-            except _ZIP_FAULTS as cause:
-                raise _damaged(self.path, cause) from cause
-
-    @contextmanager
-    def on_disk(self, name: str) -> Iterator[Path]:
-        """The path of a file, for libraries that read no bytes; unpacked for that time if it lies in an archive."""
-        if self.path.is_dir():
-            yield self.path / (self.base + name)
-            return
-        with TemporaryDirectory() as folder:
-            file = Path(folder) / f"file{PurePosixPath(name).suffix}"
-            file.write_bytes(self.read_whole(name))
-            yield file
+        if self.archive is not None:
+            return self.archive.read(self.base + name, limit=limit)
+        file = self.path / (self.base + name)
+        _check_size(file.stat().st_size if file.is_file() else 0, limit, name)
+        return read_bytes(file)
 
 
 def open_capture(path: Path) -> CaptureFiles:
@@ -119,23 +155,21 @@ def open_capture(path: Path) -> CaptureFiles:
     Returns
     -------
     files : CaptureFiles
+        To be closed.
 
     Raises
     ------
     ScanError
         If it is neither, is damaged, or holds too many files.
     """
-    if path.is_dir():
-        names = _names_in_folder(path)
-    else:
-        with _opened(path) as archive:
-            names = frozenset(item.filename for item in archive.infolist() if not item.is_dir())
+    archive = None if path.is_dir() else Archive(path)
+    names = _names_in_folder(path) if archive is None else archive.names()
     if len(names) > MAX_FILES:
         raise ScanError(
             expected=f"at most {MAX_FILES} files", found=f"{len(names)}", where=path.name,
             todo="Give the folder of one scan.",
         )  # fmt: skip
-    return CaptureFiles(path=path, names=names)
+    return CaptureFiles(path=path, names=names, archive=archive)
 
 
 def _names_in_folder(path: Path) -> frozenset[str]:
@@ -160,16 +194,6 @@ def _names_in_folder(path: Path) -> frozenset[str]:
         if len(names) > MAX_FILES:
             break
     return frozenset(names)
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
-    try:
-        archive = zipfile.ZipFile(path)
-    except _ZIP_FAULTS as cause:
-        raise _damaged(path, cause) from cause
-    with archive:
-        yield archive
 
 
 def _damaged(path: Path, cause: Exception) -> ScanError:

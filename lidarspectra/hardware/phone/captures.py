@@ -36,7 +36,7 @@ def read_capture(path: Path) -> Capture:
     Returns
     -------
     capture : Capture
-        Pictures are decoded later, one by one.
+        Pictures are decoded later, one by one; to be closed when they have been.
 
     Raises
     ------
@@ -44,6 +44,14 @@ def read_capture(path: Path) -> Capture:
         If it is no app's layout, its mesh is damaged, or no frame can be used.
     """
     files = open_capture(path)
+    try:
+        return replace(_read(files), close=files.close)
+    except ScanError:
+        files.close()
+        raise
+
+
+def _read(files: CaptureFiles) -> Capture:
     for base in _bases(files):
         inside = files.below(base)
         for is_layout, read in APPS:
@@ -51,8 +59,8 @@ def read_capture(path: Path) -> Capture:
                 return _checked(read(inside))
     raise ScanError(
         expected=f"raw data of an app ({LAYOUTS})",
-        found=f"{'a folder' if path.is_dir() else 'an archive'} of {len(files.names)} files in no such layout",
-        where=str(path),
+        found=f"{'a folder' if files.archive is None else 'an archive'} of {len(files.names)} files in no such layout",
+        where=str(files.path),
         todo="Export the app's raw data, or give the mesh's file itself (GLB is best).",
     )
 

@@ -118,6 +118,10 @@ class LeftOut:
     reason: str
 
 
+def _stay_closed() -> None:
+    """Of frames that hold no file open."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Capture:
     """What an app exported of a scan, frame by frame.
@@ -136,6 +140,8 @@ class Capture:
         The app's own mesh, in the axes of the poses; None if it exported none.
     notes : tuple of str
         What the user should know.
+    close : callable
+        Closes the archive that pictures and depths are read from; one that is read afterwards opens it again.
     """
 
     app: str
@@ -144,6 +150,7 @@ class Capture:
     left_out: tuple[LeftOut, ...] = ()
     mesh: RawMesh | None = None
     notes: tuple[str, ...] = ()
+    close: Callable[[], None] = _stay_closed
 
 
 def checked_frame(

@@ -60,7 +60,10 @@ def read_scan(
         If the file is missing, cut off, malformed, too large, of no known format, or holds no usable mesh.
     """
     path = path_of(path, name="path", meaning="the name of a scan's file, as a str or a Path")
-    return read_scan_and_frames(path, unit=unit, up=up, progress=progress)[0]
+    scan, capture = read_scan_and_frames(path, unit=unit, up=up, progress=progress)
+    if capture is not None:
+        capture.close()
+    return scan
 
 
 def read_scan_and_frames(
@@ -80,7 +83,7 @@ def read_scan_and_frames(
     scan : Scan
         With the colours that the app gave its mesh.
     capture : Capture or None
-        None for a mesh's file.
+        To be closed when its pictures were read; None for a mesh's file.
 
     Raises
     ------

@@ -3,6 +3,8 @@
 import contextlib
 import json
 import shutil
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +61,30 @@ def test_an_archive_is_read_like_the_folder_wherever_the_layout_begins_in_it(
         assert np.array_equal(one.camera_to_world, other.camera_to_world)
         assert np.array_equal(one.read_image(1), other.read_image(1))
     assert len(read_scan(archive).faces) == len(read_scan(scanner_folder).faces)
+
+
+def test_the_directory_of_an_archive_is_parsed_once_for_all_its_files(
+    scanner_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    archive = Path(shutil.make_archive(str(tmp_path / "a"), "zip", scanner_folder))
+    opened: list[zipfile.ZipFile] = []
+
+    class Counted(zipfile.ZipFile):
+        def __init__(self, path: Path) -> None:
+            super().__init__(path)
+            opened.append(self)
+
+    monkeypatch.setattr(zipfile, "ZipFile", Counted)
+    capture = read_capture(archive)
+    with ThreadPoolExecutor(4) as pool:
+        pictures = list(pool.map(lambda frame: frame.read_image(SIZE_PX[0]), capture.frames))
+    assert [picture.shape for picture in pictures] == [(72, 96, 3)] * 6
+    assert len(opened) == 1
+    capture.close()
+    assert opened[0].fp is None
+    assert capture.frames[0].read_depth() is not None  # opened again
+    capture.close()
+    assert [each.fp for each in opened] == [None, None]
 
 
 def test_polycams_poses_are_turned_with_its_mesh_and_exposures_are_read(tmp_path: Path) -> None:
