@@ -19,7 +19,7 @@ from lidarspectra.hardware.phone.frames import (
     image_size,
 )
 from lidarspectra.hardware.phone.obj import read_obj
-from lidarspectra.hardware.phone.raw_mesh import FileFolder, RawMesh
+from lidarspectra.hardware.phone.raw_mesh import RawMesh
 
 APP = "3D Scanner App"
 MESHES = ("export.obj", "textured_output.obj")  # the first that there is; both in the axes of the poses
@@ -84,7 +84,5 @@ def _mesh(files: CaptureFiles) -> RawMesh | None:
     name = next((each for each in MESHES if each in files.names), None)
     if name is None:
         return None
-    data = files.read_whole(name)
-    root = files.path / files.base if files.path.is_dir() else files.path / "archive"  # textures in one are not read
-    mesh = read_obj(data, folder=FileFolder(root=root, where=f"{files.where}/{name}"))
+    mesh = read_obj(files.read_whole(name), folder=files.beside(name))
     return RawMesh(parts=mesh.parts, images=mesh.images, unit="m", up="+y")

@@ -13,7 +13,7 @@ from typing import Any
 
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.frames import FrameFault
-from lidarspectra.hardware.phone.raw_mesh import MAX_FILE_BYTES, read_bytes
+from lidarspectra.hardware.phone.raw_mesh import MAX_FILE_BYTES, FileFolder, read_bytes
 
 ARCHIVE_SUFFIXES = (".zip", ".r3d")
 MAX_FILES = 200_000  # a scan of an hour has 60,000
@@ -99,6 +99,10 @@ class CaptureFiles:
         inside = frozenset(name.removeprefix(base) for name in self.names if name.startswith(base))
         return CaptureFiles(path=self.path, names=inside, base=self.base + base, archive=self.archive)
 
+    def beside(self, name: str) -> FileFolder:
+        """Where the mesh in one of these files finds its textures and buffers: among these files alone."""
+        return _ListedFolder(root=self.path / self.base, where=f"{self.where}/{name}", files=self)
+
     def close(self) -> None:
         """Close the archive, if it is one."""
         if self.archive is not None:
@@ -143,6 +147,16 @@ class CaptureFiles:
         file = self.path / (self.base + name)
         _check_size(file.stat().st_size if file.is_file() else 0, limit, name)
         return read_bytes(file)
+
+
+@dataclass(kw_only=True)
+class _ListedFolder(FileFolder):
+    """Files of a capture, in a folder or an archive, in place of those of a folder."""
+
+    files: CaptureFiles
+
+    def _content(self, name: PurePosixPath) -> bytes | None:
+        return self.files.read_whole(name.as_posix()) if name.as_posix() in self.files.names else None
 
 
 def open_capture(path: Path) -> CaptureFiles:

@@ -30,7 +30,7 @@ from lidarspectra.hardware.phone.frames import (
     image_size,
 )
 from lidarspectra.hardware.phone.gltf import read_gltf
-from lidarspectra.hardware.phone.raw_mesh import FileFolder, RawMesh
+from lidarspectra.hardware.phone.raw_mesh import RawMesh
 
 APP = "Polycam"
 MESH, MESH_INFO = "raw.glb", "mesh_info.json"
@@ -141,5 +141,4 @@ def _alignment(files: CaptureFiles) -> FloatArray:
 def _mesh(files: CaptureFiles) -> RawMesh | None:
     if MESH not in files.names:
         return None
-    folder = FileFolder(root=files.path if files.path.is_dir() else files.path.parent, where=f"{files.where}/{MESH}")
-    return read_gltf(files.read_whole(MESH), folder=folder)
+    return read_gltf(files.read_whole(MESH), folder=files.beside(MESH))

@@ -150,9 +150,9 @@ class FileFolder:
             If the name is a URL, absolute, or leads out of the folder, or the file is too large or unreadable.
         """
         for candidate in dict.fromkeys((name, unquote(name))):
-            path = self._inside(candidate)
-            if path.is_file():
-                return read_bytes(path)
+            data = self._content(self._inside(candidate))
+            if data is not None:
+                return data
         self.missing.append(name)
         return None
 
@@ -161,7 +161,11 @@ class FileFolder:
         data = self.read(name)
         return None if data is None else decode_image(data, name=f"texture '{name}' of {self.where}")
 
-    def _inside(self, name: str) -> Path:
+    def _content(self, name: PurePosixPath) -> bytes | None:
+        path = self.root / name
+        return read_bytes(path) if path.is_file() else None
+
+    def _inside(self, name: str) -> PurePosixPath:
         parts = PurePosixPath(name.replace("\\", "/"))
         outside = not name.strip() or "\0" in name or ":" in name or parts.is_absolute() or ".." in parts.parts
         outside = outside or any(not _is_file_name(part) for part in parts.parts)
@@ -173,7 +177,7 @@ class FileFolder:
                 where=self.where,
                 todo="Put the textures beside the scan and name them without a path.",
             )
-        return root / parts
+        return parts
 
 
 def _is_file_name(name: str) -> bool:

@@ -9,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
+from PIL import Image
 
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.captures import read_capture
 from lidarspectra.hardware.phone.frames import Capture, FrameFault
 from lidarspectra.hardware.phone.readers import read_scan, read_scan_and_frames
 
-from .capture_layouts import SIZE_PX, box_room, gray_shots, jpeg, turning_pose, write_3dscanner, write_polycam
+from .capture_layouts import SIZE_PX, box_room, gray_shots, jpeg, png, turning_pose, write_3dscanner, write_polycam
 from .test_reader_fuzz import damaged
 
 CASES = 60
@@ -101,6 +103,50 @@ def test_polycams_poses_are_turned_with_its_mesh_and_exposures_are_read(tmp_path
     depth = capture.frames[0].read_depth()
     assert depth is not None
     assert set(np.unique(depth.confidence)) == {2}
+
+
+@pytest.mark.parametrize("kind", ["folder", "archive"])
+@pytest.mark.parametrize("name", ["texture.png", "private.png", "../private.png", "/etc/passwd"])
+def test_a_mesh_finds_its_textures_in_its_own_capture_and_nowhere_else(tmp_path: Path, kind: str, name: str) -> None:
+    room = box_room()
+    outer = tmp_path / "outer"
+    write_polycam(outer / "raw", room, gray_shots(room, 3), np.eye(4))
+    (outer / "raw" / "raw.glb").write_bytes(glb_with_texture(room, name))
+    for beside in (tmp_path, outer):  # of the archive, and of the layout within the folder
+        (beside / "private.png").write_bytes(png_of((250, 0, 0)))
+    (outer / "raw" / "texture.png").write_bytes(png_of((0, 250, 0)))
+    path = outer if kind == "folder" else Path(shutil.make_archive(str(tmp_path / "a"), "zip", outer))
+    if name not in ("texture.png", "private.png"):
+        with pytest.raises(ScanError, match="own folder"):
+            read_capture(path)
+        return
+    mesh = read_capture(path).mesh
+    assert mesh is not None
+    found = [image[0, 0].tolist() for image in mesh.images]
+    assert found == ([[0, 250, 0]] if name == "texture.png" else [])
+    assert any("private.png" in note for note in mesh.notes) == (not found)
+
+
+def png_of(color: tuple[int, int, int]) -> bytes:
+    """A picture of one colour."""
+    return png(np.full((8, 8, 3), color, dtype=np.uint8))
+
+
+def glb_with_texture(room: trimesh.Trimesh, name: str) -> bytes:
+    """A GLB file whose texture is a file of a name."""
+    uv = np.random.default_rng(1).random((len(room.vertices), 2))
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=Image.new("RGB", (8, 8)))
+    mesh = room.copy()
+    mesh.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    data = mesh.export(file_type="glb")
+    length = int.from_bytes(data[12:16], "little")
+    document = json.loads(data[20 : 20 + length])
+    document["images"] = [{"uri": name}]
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + length :]
+    size = (20 + len(text) + len(rest)).to_bytes(4, "little")
+    return bytes(data[:8] + size + len(text).to_bytes(4, "little") + b"JSON" + text + rest)
 
 
 def test_polycams_corrected_cameras_go_with_the_exposures_of_the_plain_ones(tmp_path: Path) -> None:
