@@ -11,11 +11,10 @@ from lidarspectra.hardware.phone.frames import (
     Capture,
     DepthMap,
     Frame,
-    FrameFault,
-    LeftOut,
     checked_frame,
     decode_depth,
     decode_picture,
+    gathered,
     image_size,
 )
 from lidarspectra.hardware.phone.obj import read_obj
@@ -47,14 +46,9 @@ def read_3dscanner(files: CaptureFiles) -> Capture:
     ScanError
         If the mesh is damaged.
     """
-    frames, left_out = [], []
     numbers = {match[1] for name in files.names if (match := _FRAME.fullmatch(name))}
-    for number in sorted(numbers, key=int):
-        try:
-            frames.append(_frame(files, number))
-        except FrameFault as fault:
-            left_out.append(LeftOut(name=number, reason=str(fault)))
-    return Capture(app=APP, where=files.where, frames=tuple(frames), left_out=tuple(left_out), mesh=_mesh(files))
+    frames, left_out = gathered(sorted(numbers, key=int), lambda number: _frame(files, number))
+    return Capture(app=APP, where=files.where, frames=frames, left_out=left_out, mesh=_mesh(files))
 
 
 def _frame(files: CaptureFiles, number: str) -> Frame:

@@ -23,10 +23,10 @@ from lidarspectra.hardware.phone.frames import (
     DepthMap,
     Frame,
     FrameFault,
-    LeftOut,
     checked_frame,
     decode_depth,
     decode_picture,
+    gathered,
     image_size,
 )
 from lidarspectra.hardware.phone.gltf import read_gltf
@@ -67,13 +67,9 @@ def read_polycam(files: CaptureFiles) -> Capture:
         if name.startswith((*CAMERAS, *IMAGES)) and name.endswith((".json", ".jpg"))
     }
     turn = _alignment(files)
-    frames, left_out = [], []
-    for stem in sorted(stems, key=lambda each: (len(each), each)):
-        try:
-            frames.append(_frame(files, stem, turn))
-        except FrameFault as fault:
-            left_out.append(LeftOut(name=stem, reason=str(fault)))
-    return Capture(app=APP, where=files.where, frames=tuple(frames), left_out=tuple(left_out), mesh=_mesh(files))
+    in_order = sorted(stems, key=lambda each: (len(each), each))
+    frames, left_out = gathered(in_order, lambda stem: _frame(files, stem, turn))
+    return Capture(app=APP, where=files.where, frames=frames, left_out=left_out, mesh=_mesh(files))
 
 
 def _frame(files: CaptureFiles, stem: str, turn: FloatArray) -> Frame:

@@ -6,7 +6,7 @@ stand beside it in some of them (EXIF, `info.json`) and are not read.
 
 import io
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -290,6 +290,31 @@ def _single_channel(data: bytes, what: str) -> FloatArray:
     if values.ndim != 2:
         raise FrameFault(f"{what} has more than one channel")
     return values
+
+
+def gathered(names: Iterable[str], read: Callable[[str], Frame]) -> tuple[tuple[Frame, ...], tuple[LeftOut, ...]]:
+    """Read frames one by one.
+
+    Parameters
+    ----------
+    names : iterable of str
+        As the app numbers them, in the order of time.
+    read : callable
+        From a name to its frame; raises FrameFault.
+
+    Returns
+    -------
+    frames : tuple of Frame
+    left_out : tuple of LeftOut
+        Those of a fault.
+    """
+    frames, left_out = [], []
+    for name in names:
+        try:
+            frames.append(read(name))
+        except FrameFault as fault:
+            left_out.append(LeftOut(name=name, reason=str(fault)))
+    return tuple(frames), tuple(left_out)
 
 
 def without_jumps(frames: Sequence[Frame]) -> tuple[tuple[Frame, ...], tuple[LeftOut, ...]]:
