@@ -32,6 +32,10 @@ def photometry(
         Path | None,
         typer.Option("--week", metavar="WEEK.csv", help="lamp,from,to[,dim][,days]: doses of a week by the hour."),
     ] = None,
+    daylight: Annotated[
+        str | None,
+        typer.Option("--daylight", metavar="MM-DD", help="With --week: add seven days of 'annual', from this one."),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/people-and-plants.")] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Overwrite another light's results there.")] = False,
 ) -> None:
@@ -60,8 +64,10 @@ def photometry(
     if week is not None:
         if measured is not None or dim:
             raise typer.BadParameter("--week says itself when lamps are dimmed: give it without --measured and --dim")
-        _week(run, week, out or run / "people-and-plants")
+        _week(run, week, daylight, out or run / "people-and-plants")
         return
+    if daylight is not None:
+        raise typer.BadParameter("--daylight is the first day of a week by the hour: give --week WEEK.csv with it")
     found = light_of_run(run, parse_factors(dim or []))
     readings = None if measured is None else light_of_table(measured, found.bands)
     light, places = (found.light, found.places) if readings is None else (readings.light, readings.places)
@@ -85,25 +91,21 @@ def photometry(
     say(f"Points, table and maps: {folder}")
 
 
-def _week(run: Path, schedule: Path, out: Path) -> None:
+def _week(run: Path, schedule: Path, daylight: str | None, out: Path) -> None:
     """Write and print a week of light."""
     from lidarspectra.mapping.figures.figure_style import save_figure
     from lidarspectra.mapping.figures.tables import save_table
-    from lidarspectra.mapping.maps.map_schema import kept_points
-    from lidarspectra.mapping.photometry.week import read_week, week_figure, week_of_light, week_table
-    from lidarspectra.workflow.assumed import assumptions_of_run, result_notes
-    from lidarspectra.workflow.light_of_run import light_of_run
+    from lidarspectra.mapping.photometry.week import week_figure, week_table
+    from lidarspectra.workflow.week_of_run import week_of_run
     from lidarspectra.workflow.workspace import made_folder
 
-    found = light_of_run(run)
-    gathered = week_of_light(found.light, found.lamp_names, read_week(schedule))
-    kept = kept_points(found.places)
-    table = week_table(gathered, kept)
+    found = week_of_run(run, schedule, daylight_from=daylight)
+    table = week_table(found.week, found.kept)
     folder = made_folder(out)
     save_table(table, folder)
-    save_figure(week_figure(gathered, kept), folder, "week")
+    save_figure(week_figure(found.week, found.kept), folder, "week")
     console.print(shown(table))
-    for note in result_notes(assumptions_of_run(run)):
+    for note in found.notes:
         print_note(note)
     say(f"Table and figure of the week: {folder}")
 

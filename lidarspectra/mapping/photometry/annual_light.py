@@ -13,6 +13,7 @@ A year is an xarray Dataset with the dims (hour, point), of the hours with light
     illuminance, illuminance_se  (hour, point)       [lx]    daylight, without electric lamps; its standard error
     sun_illuminance              (hour, point)       [lx]    straight from the sun
     melanopic_edi                (hour, point)       [lx]    melanopic equivalent daylight illuminance (CIE S 026)
+    ppfd                         (hour, point)  [umol m-2 s-1]  photons from 400 to 700 nm
     time                         (hour,)                     middle of the hour, local standard time
     luminance                    (hour, lamp)        [cd m-2]  of the patches of the sky
     sun_normal_illuminance       (hour,)             [lx]    outside, facing the sun
@@ -39,7 +40,7 @@ from lidarspectra.radiance.scene.weather import Weather
 from lidarspectra.radiance.scene.year_sky import YearSky
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
-SCHEMA = "lidarspectra year 1"
+SCHEMA = "lidarspectra year 2"
 YEAR_FILE = "annual.nc"
 _PLACES = ("x", "y", "z", "nx", "ny", "nz", "buried")
 _SPECTRA = ("sky_spectrum", "ground_spectrum", "sun_spectrum")
@@ -48,6 +49,7 @@ _SHAPES = {
     "illuminance_se": ("hour", "point"),
     "sun_illuminance": ("hour", "point"),
     "melanopic_edi": ("hour", "point"),
+    "ppfd": ("hour", "point"),
     "luminance": ("hour", "lamp"),
     "sun_normal_illuminance": ("hour",),
 } | dict.fromkeys(_SPECTRA, ("hour", "wavelength"))
@@ -91,6 +93,7 @@ def annual_light(transport: xr.Dataset, sky: YearSky, weather: Weather) -> xr.Da
         "illuminance_se": _standard_error(lamps, transport, centers, visible),
         "sun_illuminance": straight,
         "melanopic_edi": lamps.weigh(coefficient, direct, centers, melanopic),
+        "ppfd": lamps.weigh(coefficient, direct, centers, light_quantity("ppfd_umol_m2_s").response),
         "luminance": lamps.luminance,
         "sun_normal_illuminance": sky.sun_illuminance,
         "sky_spectrum": sky.sky_spectra,
@@ -175,6 +178,7 @@ def _dataset(values: dict[str, FloatArray], transport: xr.Dataset, sky: YearSky,
     units = {
         "luminance": ("cd m-2", "luminance of the patch"),
         "sun_normal_illuminance": ("lx", "facing the sun outside"),
+        "ppfd": ("umol m-2 s-1", "photons from 400 to 700 nm"),
     }
     units |= dict.fromkeys(_SPECTRA, ("W nm-1 lm-1", "spectrum of one lumen"))
     words = {

@@ -1,7 +1,9 @@
 """A week of light by the hour from a schedule of dimming: daily light integral of plants, melanopic dose of people.
 
 Light is linear in the lamps' dim factors: Q(point, hour) = Σ_lamp q(lamp, point) d(lamp, hour), with d the mean factor
-of the lamp within the hour. The daily light integral is DLI = Σ_hours PPFD 3600 s, the melanopic dose Σ_hours EDI 1 h.
+of the lamp within the hour. Daylight, where a year of it is given, adds its own hours: seven days in a row of the
+year, its local standard time taken for the schedule's. The daily light integral is DLI = Σ_hours PPFD 3600 s, the
+melanopic dose Σ_hours EDI 1 h.
 
 References
 ----------
@@ -11,7 +13,7 @@ the dose of light as field studies of circadian light report it (Brown et al. 20
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +24,7 @@ from matplotlib.figure import Figure
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.figures.figure_style import BLUE, MUTED, PAGE_WIDTH_IN, new_figure, place, styled
+from lidarspectra.mapping.figures.figure_style import BLUE, MUTED, PAGE_WIDTH_IN, VERMILION, new_figure, place, styled
 from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.photometry.point_light import PointLight
 from lidarspectra.mapping.photometry.quantities import light_quantity
@@ -31,8 +33,11 @@ from lidarspectra.spectra.spectrum_files import read_text
 
 DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
 HOURS = 24 * len(DAYS)
+DAYS_OF_YEAR = 365
 STEPS = 60  # of an hour: a schedule changes on whole minutes
 SHOWN = ("illuminance_lx", "ppfd_umol_m2_s", "melanopic_edi_lx")
+OF_YEAR = dict(zip(SHOWN, ("illuminance", "ppfd", "melanopic_edi"), strict=True))  # names in a year of daylight
+DOSES = {"dli_mol_m2": "ppfd_umol_m2_s", "melanopic_dose_lx_h": "melanopic_edi_lx"}  # and what they are sums of
 UMOL_PER_MOL = 1e6
 
 
@@ -107,22 +112,68 @@ def hourly_dims(week: Sequence[WeekShift], lamps: Sequence[str]) -> FloatArray:
     return np.asarray(dims.reshape(len(lamps), HOURS, STEPS).mean(axis=2), dtype=np.float64)
 
 
-def week_of_light(light: PointLight, lamps: Sequence[str], week: Sequence[WeekShift]) -> xr.Dataset:
+def daylight_of_week(year: xr.Dataset, monday: str) -> dict[str, FloatArray]:
+    """Daylight of seven days of a year, by the hour.
+
+    Parameters
+    ----------
+    year : xarray.Dataset
+        Of `annual_light`.
+    monday : str
+        Month and day on which the week begins, as 06-17; a week over New Year goes on with January.
+
+    Returns
+    -------
+    daylight : dict of str to (hour, point) float
+        `SHOWN`; hours without daylight are 0.
+
+    Raises
+    ------
+    MapError
+        If it is no such date.
+    """
+    times = pd.DatetimeIndex(year["time"].to_numpy())
+    try:
+        first = pd.Timestamp(f"{times[0].year}-{monday}")
+        if len(monday) != len("06-17"):
+            raise ValueError(monday)
+    except ValueError as cause:
+        raise MapError(
+            expected="month and day on which the week begins, as 06-17", found=f"'{monday}'", where="week of daylight"
+        ) from cause
+    hour = np.asarray((times.floor("h") - first) // pd.Timedelta(hours=1), dtype=np.int64)
+    hour = np.where(hour < 0, hour + DAYS_OF_YEAR * 24, hour)
+    inside = np.flatnonzero((hour >= 0) & (hour < HOURS))
+    found = {}
+    for name, own in OF_YEAR.items():
+        found[name] = np.zeros((HOURS, year.sizes["point"]))
+        found[name][hour[inside]] = year[own].to_numpy()[inside]
+    return found
+
+
+def week_of_light(
+    light: PointLight,
+    lamps: Sequence[str],
+    week: Sequence[WeekShift],
+    daylight: Mapping[str, FloatArray] | None = None,
+) -> xr.Dataset:
     """Light by the hour at every point.
 
     Parameters
     ----------
     light : PointLight
-        With its lamps' spectra, all lit in full.
+        With its electric lamps' spectra, all lit in full.
     lamps : sequence of str
         Their names.
     week : sequence of WeekShift
+    daylight : mapping of str to (hour, point) float, optional
+        `SHOWN` by daylight, of `daylight_of_week`.
 
     Returns
     -------
     week : xarray.Dataset
         `SHOWN` (hour, point), hours of the week from Monday, 0 h; dli_mol_m2 [mol/m²] and melanopic_dose_lx_h [lx h]
-        (day, point).
+        (day, point). With daylight, the same with `daylight_` before their names: what daylight alone gives of it.
 
     Raises
     ------
@@ -137,32 +188,48 @@ def week_of_light(light: PointLight, lamps: Sequence[str], week: Sequence[WeekSh
     dims = hourly_dims(week, lamps)
     by_hour: dict[str, FloatArray] = {}
     for name in SHOWN:
-        response = light_quantity(name).response
-        each = np.stack([lamp.weigh(light.centers_nm, response).sum(axis=1) for lamp in light.lamps])
-        by_hour[name] = dims.T @ each
-    days = (len(DAYS), 24, -1)
-    dli = by_hour["ppfd_umol_m2_s"].reshape(days).sum(axis=1) * SECONDS_PER_HOUR / UMOL_PER_MOL
-    dose = by_hour["melanopic_edi_lx"].reshape(days).sum(axis=1)
+        by_hour[name] = np.zeros((HOURS, len(light.irradiance)))
+        for dim, lamp in zip(dims, light.lamps, strict=True):
+            by_hour[name] += np.outer(dim, lamp.weigh(light.centers_nm, light_quantity(name).response).sum(axis=1))
+    found = _with_doses(by_hour)
+    if daylight is not None:
+        found = _with_doses({name: by_hour[name] + daylight[name] for name in SHOWN})
+        found = found.merge(_with_doses(daylight).rename_vars({name: f"daylight_{name}" for name in (*SHOWN, *DOSES)}))
+    return found
+
+
+def _with_doses(by_hour: Mapping[str, FloatArray]) -> xr.Dataset:
+    """Quantities by the hour with each day's doses."""
+    of_days = {name: by_hour[of].reshape(len(DAYS), 24, -1).sum(axis=1) for name, of in DOSES.items()}
+    of_days["dli_mol_m2"] *= SECONDS_PER_HOUR / UMOL_PER_MOL
     return xr.Dataset(
         {
-            **{name: (("hour", "point"), values) for name, values in by_hour.items()},
-            "dli_mol_m2": (("day", "point"), dli, {"units": "mol m-2"}),
-            "melanopic_dose_lx_h": (("day", "point"), dose, {"units": "lx h"}),
+            **{name: (("hour", "point"), by_hour[name]) for name in SHOWN},
+            "dli_mol_m2": (("day", "point"), of_days["dli_mol_m2"], {"units": "mol m-2"}),
+            "melanopic_dose_lx_h": (("day", "point"), of_days["melanopic_dose_lx_h"], {"units": "lx h"}),
         },
         coords={"day": list(DAYS)},
     )
 
 
 def week_table(week: xr.Dataset, kept: IntArray) -> Table:
-    """Doses of each day: mean, lowest and highest over the points that are kept."""
+    """Doses of each day: mean, lowest and highest over the points that are kept, and daylight's share of the mean."""
+    has_daylight = "daylight_dli_mol_m2" in week
     rows = []
     for number, day in enumerate(DAYS):
-        doses = [week[name].to_numpy()[number, kept] for name in ("dli_mol_m2", "melanopic_dose_lx_h")]
-        rows.append((day, *(float(value) for dose in doses for value in (dose.mean(), dose.min(), dose.max()))))
-    words = ("DLI [mol/m²]", "melanopic dose [lx h]")
-    headings = ["day", *(f"{name}{part}" for name in words for part in ("", ", lowest", ", highest"))]
-    formats = {heading: ".2f" if "DLI" in heading else ".0f" for heading in headings[1:]}
-    caption = f"A week of light by its schedule, electric light alone: doses of a day at {kept.size} points."
+        row: list[object] = [day]
+        for name in DOSES:
+            dose = week[name].to_numpy()[number, kept]
+            row += [float(dose.mean()), float(dose.min()), float(dose.max())]
+            if has_daylight:
+                by_day = week[f"daylight_{name}"].to_numpy()[number, kept].mean()
+                row.append(100.0 * float(by_day / max(dose.mean(), np.finfo(float).tiny)))
+        rows.append(tuple(row))
+    parts = ("", ", lowest", ", highest", *((", by daylight [%]",) if has_daylight else ()))
+    headings = ["day", *(f"{name}{part}" for name in ("DLI [mol/m²]", "melanopic dose [lx h]") for part in parts)]
+    formats = {heading: ".2f" if "DLI" in heading and "%" not in heading else ".0f" for heading in headings[1:]}
+    light = "electric light and daylight" if has_daylight else "electric light alone"
+    caption = f"A week of light by its schedule, {light}: doses of a day at {kept.size} points."
     return Table(name="week", caption=caption, frame=pd.DataFrame(rows, columns=headings), formats=formats)
 
 
@@ -180,7 +247,12 @@ def week_figure(week: xr.Dataset, kept: IntArray) -> Figure:
         hours = np.arange(HOURS + 1)
         low, mean, high = (np.append(part, part[-1]) for part in (values.min(1), values.mean(1), values.max(1)))
         axes.fill_between(hours, low, high, step="post", color=BLUE, alpha=0.2, lw=0)
-        axes.step(hours, mean, where="post", color=BLUE, lw=1.3)
+        axes.step(hours, mean, where="post", color=BLUE, lw=1.3, label="all light")
+        if f"daylight_{name}" in week:
+            by_day = week[f"daylight_{name}"].to_numpy()[:, kept].mean(axis=1)
+            axes.step(hours, np.append(by_day, 0.0), where="post", color=VERMILION, lw=1.0, label="daylight")
+            if number == len(panels) - 1:  # the upper one
+                axes.legend(loc="upper right", fontsize=8, frameon=False, ncols=2, bbox_to_anchor=(1.0, 1.2))
         top = max(float(high.max()), 1e-9)
         for day in range(len(DAYS)):
             axes.axvline(24.0 * day, color=MUTED, lw=0.5)

@@ -4,12 +4,21 @@ from pathlib import Path
 
 import colour
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
 from scipy import constants
 
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.photometry.point_light import LampShare, PointLight
-from lidarspectra.mapping.photometry.week import hourly_dims, read_week, week_figure, week_of_light, week_table
+from lidarspectra.mapping.photometry.week import (
+    daylight_of_week,
+    hourly_dims,
+    read_week,
+    week_figure,
+    week_of_light,
+    week_table,
+)
 from lidarspectra.spectra.spectrum import Spectrum
 
 NM = np.arange(380.0, 781.0)
@@ -84,3 +93,37 @@ def test_the_week_is_told_and_drawn(light: PointLight, tmp_path: Path) -> None:
     with pytest.raises(MapError, match="each lamp"):
         week_of_light(PointLight(centers_nm=light.centers_nm, irradiance=light.irradiance,
                                  irradiance_se=light.irradiance_se), LAMPS, read_week(path))  # fmt: skip
+
+
+def year_of_daylight(days: int = 365) -> xr.Dataset:
+    """A year in which point 0 has 100 lx, 80 lx of EDI and 2 µmol times the day of the year, from 8 to 16 h."""
+    hours = pd.date_range("2023-01-01", periods=24 * days, freq="h") + pd.Timedelta(minutes=30)
+    lit = hours[(hours.hour >= 8) & (hours.hour < 16)]
+    level = np.asarray(lit.day_of_year, dtype=np.float64)[:, None] * np.array([[1.0, 0.5]])
+    values = {"illuminance": 100.0 * level, "melanopic_edi": 80.0 * level, "ppfd": 2.0 * level}
+    return xr.Dataset({name: (("hour", "point"), each) for name, each in values.items()}, {"time": ("hour", lit)})
+
+
+def test_daylight_adds_its_own_hours(light: PointLight, tmp_path: Path) -> None:
+    week = read_week(schedule(tmp_path, "lamp,from,to\nshelf,6,22\n"))
+    by_lamps = week_of_light(light, LAMPS, week)
+    both = week_of_light(light, LAMPS, week, daylight_of_week(year_of_daylight(), "03-01"))
+    gained = both["dli_mol_m2"].to_numpy() - by_lamps["dli_mol_m2"].to_numpy()
+    day = 60.0 + np.arange(7.0)  # of the year: March 1st is the 60th
+    assert gained[:, 0] == pytest.approx(2.0 * day * 8 * 3600 / 1e6)
+    assert gained[:, 1] == pytest.approx(0.5 * gained[:, 0])
+    assert both["daylight_melanopic_dose_lx_h"].to_numpy()[:, 0] == pytest.approx(80.0 * day * 8)
+    lux = both["daylight_illuminance_lx"].to_numpy()[:24, 0]
+    assert np.flatnonzero(lux).tolist() == list(range(8, 16))
+    table = week_table(both, np.array([0, 1]))
+    assert 0.0 < table.frame["DLI [mol/m²], by daylight [%]"].iloc[0] < 100.0
+    assert "daylight" in table.caption
+    assert any(axes.get_legend() is not None for axes in week_figure(both, np.array([0, 1])).axes)
+
+
+def test_a_week_over_new_year_goes_on_with_january() -> None:
+    found = daylight_of_week(year_of_daylight(), "12-30")["illuminance_lx"][:, 0].reshape(7, 24).max(axis=1)
+    assert found == pytest.approx([36400.0, 36500.0, 100.0, 200.0, 300.0, 400.0, 500.0])
+    for wrong in ("13-01", "monday", "2023-03-01"):
+        with pytest.raises(MapError, match="06-17"):
+            daylight_of_week(year_of_daylight(), wrong)
