@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from lidarspectra.lamps.lamps import Lamp
     from lidarspectra.lamps.make_lamp import make_lamp
     from lidarspectra.mapping.localization.fingerprint_files import read_fingerprints
-    from lidarspectra.mapping.localization.location_model import load_locator, train_locator
+    from lidarspectra.mapping.localization.location_model import train_locator
+    from lidarspectra.mapping.localization.location_model_files import load_locator
     from lidarspectra.mapping.localization.person import Person
     from lidarspectra.mapping.localization.sensor_places import choose_to_locate
     from lidarspectra.mapping.localization.traced_fingerprints import (
@@ -120,7 +121,7 @@ _HOMES = {
     "light_of_map": "mapping.photometry.point_light",
     "light_of_run": "workflow.light_of_run",
     "light_quantity": "mapping.photometry.quantities",
-    "load_locator": "mapping.localization.location_model",
+    "load_locator": "mapping.localization.location_model_files",
     "load_map": "mapping.maps.map_files",
     "load_reflectances": "spectra.databases",
     "make_lamp": "lamps.make_lamp",

@@ -148,18 +148,21 @@ def live(
         typer.Option("--first", min=1, help="Frames before the first result. Default: 60, or --window if smaller."),
     ] = None,
     average: Annotated[int, typer.Option("--average", min=1, help="Average this many latest frames.")] = 1,
+    always_one: Annotated[
+        bool, typer.Option("--always-one", help="One person is there: never answer 'nobody' or 'two people'.")
+    ] = False,
     frames: Annotated[int | None, typer.Option("--frames", min=1, help="Stop after this many frames.")] = None,
     baud: Annotated[int | None, typer.Option("--baud", help="Baud rate. Default: 115200.")] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Write the track to this file.")] = None,
 ) -> None:
-    """Print where a person stands, from live readings or recordings, until Ctrl-C or their end."""
+    """Print where a person stands, or that nobody or two people are there, until Ctrl-C or a recording's end."""
     from lidarspectra.io.files import write_whole
     from lidarspectra.mapping.localization.live import LiveSettings
     from lidarspectra.mapping.localization.running_reference import FIRST_FRAMES, MedianWindow
     from lidarspectra.workflow.localization_jobs import TRACK_COLUMNS, follow, live_frames, track_row
 
     median = MedianWindow(frames=window, first=min(FIRST_FRAMES, window) if first is None else first)
-    settings = LiveSettings(method=method, window=median, average=average)
+    settings = LiveSettings(method=method, window=median, average=average, always_one=always_one)
     rows = [",".join(TRACK_COLUMNS) + "\n"]
     with until_interrupted() as stopped:
         given = live_frames(sources, period_s=period, max_age_s=max_age, stop=stopped, baud=baud)
@@ -234,7 +237,9 @@ def _training_settings(
 
 
 def _show(report: "LocationReport") -> None:
-    console.print(shown(report.tables[0]))
+    for table in report.tables:
+        if table is report.tables[0] or table.name == "people":
+            console.print(shown(table))
     for note in report.notes:
         print_note(note)
     say(f"Tables and figures: {report.folder}")

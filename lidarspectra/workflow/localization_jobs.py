@@ -38,11 +38,11 @@ from lidarspectra.mapping.localization.location_model import (
     Against,
     LocationModel,
     TrainingSettings,
-    load_locator,
-    save_locator,
     train_locator,
 )
+from lidarspectra.mapping.localization.location_model_files import load_locator, save_locator
 from lidarspectra.mapping.localization.locators import METHODS
+from lidarspectra.mapping.localization.people_scores import people_of, people_table
 from lidarspectra.mapping.localization.places import places_of_table
 from lidarspectra.mapping.localization.scoring import NightScore, errors_of, score_across, score_within
 from lidarspectra.mapping.localization.sensor_places import (
@@ -65,7 +65,7 @@ NO_METRES_NOTE = (
     "The places have no coordinates, so that errors cannot be given in metres. Give their coordinates with --positions "
     "FILE."
 )
-TRACK_COLUMNS = ("time_s", "label", "probability", "x", "y", "spread_m", "sensors")
+TRACK_COLUMNS = ("time_s", "label", "probability", "x", "y", "spread_m", "sensors", "nobody", "two_people")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -159,12 +159,15 @@ def errors_from_files(
         If files cannot be read, or do not go with the model.
     """
     model = load_locator(folder)
-    parts = [errors_of(model, read_fingerprints(path, positions), against=against) for path in files]
+    readings = [read_fingerprints(path, positions) for path in files]
+    parts = [errors_of(model, table, against=against) for table in readings]
     errors: dict[str, LocationErrors] = {
         method: LocationErrors.joined([part[method] for part in parts]) for method in METHODS
     }
     caption = f"{', '.join(path.name for path in files)}: located by a model of {model.source}"
-    tables = [error_table(errors, name="errors", caption=caption)]
+    counted = [people_of(model, table, against=against) for table in readings]
+    true_people, probabilities = (np.concatenate(each) for each in zip(*counted, strict=True))
+    tables = [error_table(errors, name="errors", caption=caption), people_table(true_people, probabilities)]
     made_folder(out)
     known = [path.name for path in files if path.name in model.source.split(", ")]
     notes: tuple[str, ...] = ()
@@ -290,7 +293,15 @@ def track_row(fix: Fix) -> str:
     x, y = fix.position_m
     numbers = [f"{value:.3f}" if np.isfinite(value) else "" for value in (x, y, fix.spread_m)]
     csv.writer(buffer, lineterminator="\n").writerow(
-        [f"{fix.time_s:.3f}", fix.label, f"{fix.probability:.4f}", *numbers, fix.sensors]
+        [
+            f"{fix.time_s:.3f}",
+            fix.label,
+            f"{fix.probability:.4f}",
+            *numbers,
+            fix.sensors,
+            f"{fix.people[0]:.4f}",
+            f"{fix.people[2]:.4f}",
+        ]
     )
     return buffer.getvalue()
 

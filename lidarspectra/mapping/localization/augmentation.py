@@ -15,6 +15,10 @@ import numpy as np
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import REPEATABILITY
+from lidarspectra.mapping.localization.features import known_median
+
+FEW_PLACES = (1, 2, 3, 5, 9)  # that a running median spans in its first minutes
+MEDIANS_OF_EACH = 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +37,9 @@ class Augmentation:
         Standard deviation of d_level. [1]
     sensor_loss : float
         Probability that a sensor has no reading. [0-1]
+    unsettled : float
+        Share of the readings that are compared with a running median of few places, which still contains people. The
+        network learns from these; linear locators bear them anyway. [0-1]
     repeatability : float
         Standard deviation of a reading. [1]
     """
@@ -42,14 +49,15 @@ class Augmentation:
     drift: float = 0.003
     dimming: float = 0.02
     sensor_loss: float = 0.02
+    unsettled: float = 0.5
     repeatability: float = REPEATABILITY
 
     def __post_init__(self) -> None:
         spreads = (self.strength, self.drift, self.dimming, self.repeatability)
-        if self.copies < 1 or min(spreads) < 0 or not 0 <= self.sensor_loss < 1:
+        if self.copies < 1 or min(spreads) < 0 or not (0 <= self.sensor_loss < 1 and 0 <= self.unsettled <= 1):
             raise MapError(
-                expected="one copy or more, spreads of 0 or more, a loss from 0 to below 1",
-                found=f"{self.copies}, {min(spreads):g}, {self.sensor_loss:g}",
+                expected="one copy or more, spreads of 0 or more, a loss from 0 to below 1, a share from 0 to 1",
+                found=f"{self.copies}, {min(spreads):g}, {self.sensor_loss:g}, {self.unsettled:g}",
                 where="augmentation",
             )
 
@@ -96,3 +104,35 @@ def augmented_counts(
     drawn = np.rint(lit * np.exp(strength * change + drift + level) * noise)
     lost = generator.random((n, sensors, 1)) < augmentation.sensor_loss
     return np.asarray(np.where(lost, np.nan, drawn), dtype=np.float64)
+
+
+def unsettled_references(
+    counts: FloatArray, reference: FloatArray, drawn: int, share: float, generator: np.random.Generator
+) -> FloatArray:
+    """References as a running median gives them in its first minutes, while it still contains people.
+
+    Parameters
+    ----------
+    counts : (fingerprint, sensor, band) float
+        NaN where missing. [count]
+    reference : (sensor, band) float
+        N0, with nobody there. [count]
+    drawn : int
+        Number of readings.
+    share : float
+        Of the readings that get the median of `FEW_PLACES` fingerprints by lot; the others get the reference. [0-1]
+    generator : Generator
+
+    Returns
+    -------
+    references : (drawn, sensor, band) float
+        [count]
+    """
+    medians = [
+        known_median(counts[generator.integers(0, len(counts), few)], axis=0)
+        for few in FEW_PLACES
+        for _ in range(MEDIANS_OF_EACH)
+    ]
+    chosen = np.array(medians)[generator.integers(0, len(medians), drawn)]
+    settled = generator.random((drawn, 1, 1)) >= share
+    return np.asarray(np.where(settled, reference, chosen), dtype=np.float64)

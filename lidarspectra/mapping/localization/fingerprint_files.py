@@ -25,6 +25,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT, CHANNEL_LABELS, mask_counts
 from lidarspectra.mapping.localization.fingerprint_table import load_fingerprints, make_fingerprints
+from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, gaussian_bands
 
 LABEL_COLUMNS = ("label", "loc", "location", "position")
@@ -136,7 +137,7 @@ def with_positions(
         If a label has no place.
     """
     labels = table["label"].to_numpy().astype(str)
-    unknown = sorted(set(labels.tolist()) - set(positions) - {""})
+    unknown = sorted(set(labels.tolist()) - set(positions) - {"", NOBODY, TWO_PEOPLE})
     if unknown:
         raise MapError(
             expected=f"a place for each of the {len(set(labels.tolist()))} labels",

@@ -1,4 +1,4 @@
-"""Live localization: the position of a person, frame by frame."""
+"""Live localization: whether somebody is there, and where, frame by frame."""
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -12,6 +12,7 @@ from lidarspectra.mapping.localization.fingerprint_table import quantity_of
 from lidarspectra.mapping.localization.frames import Frame
 from lidarspectra.mapping.localization.location_model import LocationModel
 from lidarspectra.mapping.localization.locators import Method
+from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE
 from lidarspectra.mapping.localization.running_reference import MedianWindow, RunningMedian
 
 
@@ -24,15 +25,18 @@ class Fix:
     time_s : float
         [s]
     label : str
-        The most probable place.
+        The most probable place; 'nobody' or 'two people' where that is more probable than one person.
     probability : float
-        Its probability. [0-1]
+        Its probability; that of a place includes that one person is there. [0-1]
     position_m : (float, float)
-        Mean of the places weighted by their probabilities, in plan; NaN where coordinates are not known. [m]
+        Mean of the places weighted by their probabilities, in plan; NaN where coordinates are not known, and where the
+        answer is no place. [m]
     spread_m : float
         Root mean square distance of the places from it, with the same weights. [m]
     sensors : int
         Number of sensors with a reading.
+    people : (float, float, float)
+        Probability of nobody, one person and two. [0-1]
     """
 
     time_s: float
@@ -41,6 +45,7 @@ class Fix:
     position_m: tuple[float, float]
     spread_m: float
     sensors: int
+    people: tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,11 +59,14 @@ class LiveSettings:
         Of the running median, which is the reference where no empty room is given.
     average : int
         Number of latest frames whose features are averaged.
+    always_one : bool
+        Whether one person is known to be there, so that every answer is a place.
     """
 
     method: Method = "together"
     window: MedianWindow = field(default_factory=MedianWindow)
     average: int = 1
+    always_one: bool = False
 
     def __post_init__(self) -> None:
         if self.average < 1:
@@ -105,15 +113,24 @@ class LiveLocator:
         self._features.append(self._model.space.features(readings, reference, usable=usable)[0])
         mean = _known_mean(np.array(self._features))
         located = self._model.locate_features(mean[None], self._settings.method)
+        nobody, one, two = (float(value) for value in located.people[0])
+        if self._settings.always_one:
+            nobody, one, two = 0.0, 1.0, 0.0
         best = int(located.best[0])
         x, y, _ = (float(value) for value in located.positions_m[0])
+        label, probability = self._model.places.labels[best], one * float(located.scores[0, best])
+        spread_m = float(located.spread_m[0])
+        if max(nobody, two) > one:
+            label, probability = (NOBODY, nobody) if nobody > two else (TWO_PEOPLE, two)
+            x = y = spread_m = float("nan")
         return Fix(
             time_s=frame.time_s,
-            label=self._model.places.labels[best],
-            probability=float(located.scores[0, best]),
+            label=label,
+            probability=probability,
             position_m=(x, y),
-            spread_m=float(located.spread_m[0]),
+            spread_m=spread_m,
             sensors=heard,
+            people=(nobody, one, two),
         )
 
 

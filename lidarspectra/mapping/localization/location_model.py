@@ -1,29 +1,20 @@
-"""A trained locator: its features, its places, and the four methods that map one to the other.
+"""A trained locator: its features, its places, the methods that map one to the other, and how many people there are.
 
-    model = train_locator(fingerprints)          in memory
-    save_locator(model, folder); load_locator(folder)
-    located = model.locate(readings)             probabilities of the places, and positions
-
-A folder holds `model.nc` (features, places, the nearest fingerprints, the ridge and the discriminant), `network.onnx`,
-and `discriminant.onnx`, which is for devices alone.
+model = train_locator(fingerprints)          in memory; `location_model_files` keeps it in a folder
+located = model.locate(readings)             probabilities of the places and of how many people, and positions
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from os import PathLike
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import xarray as xr
 
-from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import SensorSettings
-from lidarspectra.io.files import writing
-from lidarspectra.io.netcdf import read_netcdf, write_netcdf
-from lidarspectra.mapping.localization.augmentation import Augmentation, augmented_counts
+from lidarspectra.mapping.localization.augmentation import Augmentation, augmented_counts, unsettled_references
 from lidarspectra.mapping.localization.discriminant import DiscriminantPlaces, fit_discriminant, sensor_blur
 from lidarspectra.mapping.localization.features import (
     FeatureSettings,
@@ -48,13 +39,12 @@ from lidarspectra.mapping.localization.locators import (
     fit_network,
     fit_ridge,
 )
-from lidarspectra.mapping.localization.network_graph import discriminant_graph, network_graph
+from lidarspectra.mapping.localization.network_graph import network_graph
 from lidarspectra.mapping.localization.places import Located, Places, places_of_table
+from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE, Presence, fit_presence, log_changes
 from lidarspectra.mapping.localization.running_reference import running_references
 from lidarspectra.progress import Progress, silent
 
-MODEL_FILE, NETWORK_FILE, DISCRIMINANT_FILE = "model.nc", "network.onnx", "discriminant.onnx"
-SCHEMA = "lidarspectra location model 2"
 MAX_NEIGHBOURS = 20_000  # fingerprints that are kept to compare with; longer tables are thinned evenly
 MAX_TRAINED = 6_000  # readings drawn for training the network; more take longer and do not improve it
 
@@ -94,6 +84,7 @@ class LocationModel:
     ridge : RidgePlaces
     discriminant : DiscriminantPlaces
     network : NetworkPlaces
+    presence : Presence
     reference : (sensor, band) float
         That of the fingerprints. [W/m²/nm] or counts
     quantity : 'irradiance' or 'counts'
@@ -108,6 +99,7 @@ class LocationModel:
     ridge: RidgePlaces
     discriminant: DiscriminantPlaces
     network: NetworkPlaces
+    presence: Presence
     reference: FloatArray
     quantity: Quantity
     source: str
@@ -181,7 +173,11 @@ class LocationModel:
 
     def locate_features(self, features: FloatArray, method: Method = "together") -> Located:
         """Locate features by one method."""
-        return Located(scores=self.locators[method].scores(features), places=self.places)
+        return Located(
+            scores=self.locators[method].scores(features),
+            places=self.places,
+            people=self.presence.probabilities(features, self.space),
+        )
 
 
 def train_locator(
@@ -211,9 +207,13 @@ def train_locator(
     ------
     MapError
         If the tables do not fit together, or labels or light are lacking.
+
+    Notes
+    -----
+    Readings labelled 'nobody' and 'two people' are no places, and left out.
     """
     settings = settings or TrainingSettings()
-    several = [tables] if isinstance(tables, xr.Dataset) else list(tables)
+    several = [of_one_person(table) for table in ([tables] if isinstance(tables, xr.Dataset) else tables)]
     first = several[0]
     device = settings.device
     if device is None and quantity_of(first) == "irradiance":
@@ -226,15 +226,20 @@ def train_locator(
         raise MapError(expected="fingerprints that are all traced or all measured", found="both", where="training")
     places = _joined_places(fitted)
     generator = np.random.default_rng(seed)
-    clean, drawn, place, drawn_place = [], [], [], []
+    clean, drawn, unsettled, place, drawn_place, changes = [], [], [], [], [], []
     for number, table in enumerate(fitted):
         progress(0.3 * number / len(fitted), "drawing readings")
         own = places.index(table["label"].to_numpy())
         values, reference = table[quantity_of(table)].to_numpy(), reference_of(table)
         clean.append(space.features(values, reference))
         place.append(own)
+        changes.append(log_changes(values, reference))
         copies, rows = _draw(table, settings.augmentation, device, generator)
-        drawn.append(space.features(copies, reference_counts(table, device)))
+        settled = reference_counts(table, device)
+        drawn.append(space.features(copies, settled))
+        share = settings.augmentation.unsettled
+        counts = values * _counts_per_unit(table, device)
+        unsettled.append(space.features(copies, unsettled_references(counts, settled, len(copies), share, generator)))
         drawn_place.append(own[rows])
     all_drawn, all_place = np.vstack(drawn), np.concatenate(drawn_place)
     all_clean, clean_place = np.vstack(clean), np.concatenate(place)
@@ -244,7 +249,16 @@ def train_locator(
     progress(0.35, "fitting the ridge")
     ridge = fit_ridge(all_drawn, all_place, len(places))
     progress(0.4, "training the network")
-    weights = fit_network(all_drawn, all_place, len(places), settings.network)
+    weights = fit_network(np.vstack(unsettled), all_place, len(places), settings.network)
+    progress(0.95, "learning to count people")
+    presence = fit_presence(
+        np.concatenate(changes),
+        reference_counts(fitted[0], device),
+        clean_place,
+        places.positions_m,
+        space,
+        np.random.default_rng(seed),
+    )
     progress(1.0, "trained")
     return LocationModel(
         space=space,
@@ -253,120 +267,18 @@ def train_locator(
         ridge=ridge,
         discriminant=discriminant,
         network=NetworkPlaces(network_graph(weights, places, space), where="the trained network"),
+        presence=presence,
         reference=reference_of(fitted[0]),
         quantity=quantity_of(first),
         source=", ".join(str(table.attrs.get("source", "fingerprints")) for table in several),
     )
 
 
-def save_locator(model: LocationModel, folder: Path) -> Path:
-    """Write a model into a folder, which is made where it is not there.
-
-    Raises
-    ------
-    WorkspaceError
-        If it cannot be written.
-    """
-    settings = {
-        name: int(value) if isinstance(value, bool) else value for name, value in asdict(model.space.settings).items()
-    }
-    dataset = xr.Dataset(
-        {
-            "usable": (("sensor", "band"), model.space.usable.astype(np.int8)),
-            "noise": (("sensor", "band"), model.space.noise),
-            "reference": (("sensor", "band"), model.reference),
-            "position_m": (("place", "axis"), model.places.positions_m),
-            "neighbour_features": (("neighbour", "feature"), model.neighbours.features),
-            "neighbour_place": (("neighbour",), model.neighbours.place),
-            "ridge_weights": (("feature", "place"), model.ridge.weights),
-            "ridge_offset": (("place",), model.ridge.offset),
-            "discriminant_weights": (("feature", "place"), model.discriminant.weights),
-            "discriminant_offset": (("place",), model.discriminant.offset),
-        },
-        coords={
-            "sensor": list(model.space.sensors),
-            "band": ("band", model.space.bands_nm, {"units": "nm"}),
-            "place": list(model.places.labels),
-        },
-        attrs={"schema": SCHEMA, "quantity": model.quantity, "source": model.source, **settings},
-    )
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        # The graphs first: a folder from an interrupted run has no model.nc, and is recognised as incomplete.
-        (folder / MODEL_FILE).unlink(missing_ok=True)
-        (folder / NETWORK_FILE).write_bytes(model.network.model)
-        (folder / DISCRIMINANT_FILE).write_bytes(discriminant_graph(model.discriminant, model.places, model.space))
-        write_netcdf(dataset, folder / MODEL_FILE, encoding={})
-    return folder
-
-
-def load_locator(folder: str | PathLike[str]) -> LocationModel:
-    """Read a model that `save_locator` wrote.
-
-    Parameters
-    ----------
-    folder : str or path
-        It holds `model.nc` and `network.onnx`.
-
-    Returns
-    -------
-    model : LocationModel
-
-    Raises
-    ------
-    MapError
-        If the folder lacks a file, or they are no model.
-    """
-    folder = path_of(folder, name="folder", meaning="the name of a model's folder, as a str or a Path")
-    path = folder / MODEL_FILE
-    try:
-        kept = read_netcdf(path)
-        network = (folder / NETWORK_FILE).read_bytes()
-        if kept.attrs.get("schema") != SCHEMA:
-            raise ValueError(f"schema {kept.attrs.get('schema')!r}")
-        quantity: Quantity = "counts" if kept.attrs["quantity"] == "counts" else "irradiance"
-        space = FeatureSpace(
-            sensors=tuple(kept["sensor"].to_numpy().astype(str).tolist()),
-            bands_nm=kept["band"].to_numpy(),
-            usable=kept["usable"].to_numpy().astype(np.bool_),
-            noise=kept["noise"].to_numpy(),
-            settings=FeatureSettings(
-                min_count=float(kept.attrs["min_count"]),
-                mismatch=float(kept.attrs["mismatch"]),
-                remove_level=bool(kept.attrs["remove_level"]),
-            ),
-        )
-        places = Places(
-            labels=tuple(kept["place"].to_numpy().astype(str).tolist()), positions_m=kept["position_m"].to_numpy()
-        )
-        neighbours = NearestFingerprints(
-            features=kept["neighbour_features"].to_numpy(),
-            place=kept["neighbour_place"].to_numpy().astype(np.int64),
-            place_count=len(places),
-        )
-        ridge = RidgePlaces(weights=kept["ridge_weights"].to_numpy(), offset=kept["ridge_offset"].to_numpy())
-        discriminant = DiscriminantPlaces(
-            weights=kept["discriminant_weights"].to_numpy(), offset=kept["discriminant_offset"].to_numpy()
-        )
-        reference, source = kept["reference"].to_numpy(), str(kept.attrs["source"])
-    except (OSError, ValueError, KeyError) as cause:
-        raise MapError(
-            expected=f"a folder that 'localize train' wrote, with {MODEL_FILE} and {NETWORK_FILE}",
-            found=str(cause),
-            where=str(path),
-            todo="Train it again.",
-        ) from cause
-    return LocationModel(
-        space=space,
-        places=places,
-        neighbours=neighbours,
-        ridge=ridge,
-        discriminant=discriminant,
-        network=NetworkPlaces(network, where=str(folder / NETWORK_FILE)),
-        reference=reference,
-        quantity=quantity,
-        source=source,
-    )
+def of_one_person(table: xr.Dataset) -> xr.Dataset:
+    """The readings of a table that are of one person."""
+    labels = table["label"].to_numpy().astype(str)
+    others = np.isin(labels, (NOBODY, TWO_PEOPLE))
+    return table.isel(fingerprint=np.flatnonzero(~others)) if others.any() and not others.all() else table
 
 
 def _joined_places(tables: Sequence[xr.Dataset]) -> Places:
@@ -389,9 +301,8 @@ def _draw(
     if len(rows) * augmentation.copies > MAX_TRAINED:
         augmentation = Augmentation(**{**asdict(augmentation), "copies": max(1, MAX_TRAINED // len(rows))})
         rows = rows[:: -(-len(rows) // MAX_TRAINED)]
-    scale = 1.0 if quantity == "counts" or device is None else counts_per_irradiance(device)
     drawn = augmented_counts(
-        values[rows] * scale,
+        values[rows] * _counts_per_unit(table, device),
         reference_counts(table, device),
         augmentation,
         generator,
@@ -400,9 +311,14 @@ def _draw(
     return drawn, np.repeat(rows, augmentation.copies)
 
 
+def _counts_per_unit(table: xr.Dataset, device: SensorSettings | None) -> float:
+    """Counts per unit of a table's readings."""
+    return 1.0 if quantity_of(table) == "counts" or device is None else counts_per_irradiance(device)
+
+
 def _neighbours(features: FloatArray, place: IntArray, place_count: int) -> NearestFingerprints:
     step = -(-len(features) // MAX_NEIGHBOURS)
     return NearestFingerprints(features=features[::step], place=place[::step], place_count=place_count)
 
 
-__all__ = ["METHODS", "LocationModel", "TrainingSettings", "load_locator", "save_locator", "train_locator"]
+__all__ = ["METHODS", "LocationModel", "TrainingSettings", "train_locator"]

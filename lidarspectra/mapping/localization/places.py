@@ -66,12 +66,16 @@ class Located:
     Parameters
     ----------
     scores : (reading, place) float
-        Score of each place; they sum to 1 and are probabilities, except for the ridge, where they may be negative.
+        Score of each place if one person is there; they sum to 1 and are probabilities, except for the ridge, where
+        they may be negative.
     places : Places
+    people : (reading, 3) float
+        Probability of nobody, one person and two. [0-1]
     """
 
     scores: FloatArray
     places: Places
+    people: FloatArray
 
     @property
     def positions_m(self) -> FloatArray:

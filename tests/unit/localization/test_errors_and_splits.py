@@ -58,7 +58,7 @@ def test_errors_by_place_are_told_apart() -> None:
 
 def test_the_position_is_the_mean_of_the_places_and_a_tie_is_lost() -> None:
     places = Places(labels=tuple("abc"), positions_m=np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 2.0, 0.0]]))
-    located = Located(scores=np.array([[0.5, 0.25, 0.25]]), places=places)
+    located = Located(scores=np.array([[0.5, 0.25, 0.25]]), places=places, people=np.array([[0.0, 1.0, 0.0]]))
     assert located.positions_m.tolist() == [[1.0, 0.5, 0.0]]
     # Mean square distance from (1, .5): .5 x 1.25 + .25 x 9.25 + .25 x 3.25
     assert located.spread_m == pytest.approx([np.sqrt(3.75)])

@@ -18,10 +18,9 @@ from lidarspectra.mapping.localization.location_errors import location_errors
 from lidarspectra.mapping.localization.location_model import (
     LocationModel,
     TrainingSettings,
-    load_locator,
-    save_locator,
     train_locator,
 )
+from lidarspectra.mapping.localization.location_model_files import load_locator, save_locator
 from lidarspectra.mapping.localization.locators import (
     METHODS,
     RIDGE_ALPHAS,
@@ -79,7 +78,11 @@ def test_the_ridge_on_places_is_the_ridge_on_coordinates() -> None:
     features, place = drawn()
     positions = np.array([[0.0, 0.0, 0.0], [1.0, 5.0, 0.0], [2.0, 1.0, 0.0], [4.0, 4.0, 0.0]])
     fitted = fit_ridge(features, place, 4)
-    located = Located(scores=fitted.scores(features), places=Places(labels=tuple("abcd"), positions_m=positions))
+    located = Located(
+        scores=fitted.scores(features),
+        places=Places(labels=tuple("abcd"), positions_m=positions),
+        people=np.full((len(features), 3), 1.0 / 3.0),
+    )
     assert located.scores.sum(axis=1) == pytest.approx(1.0)
     alpha = RidgeCV(alphas=RIDGE_ALPHAS).fit(features, np.eye(4)[place]).alpha_
     direct = RidgeCV(alphas=[alpha]).fit(features, positions[place]).predict(features)
@@ -116,6 +119,7 @@ def test_what_was_trained_is_what_is_loaded(model: LocationModel, make_table: Ma
     readings = make_table(5, gains=GAINS)
     for method in METHODS:
         assert (again.locate(readings, method).scores == model.locate(readings, method).scores).all()
+    assert (again.locate(readings).people == model.locate(readings).people).all()
     assert again.places.labels == model.places.labels
     assert again.space.settings == model.space.settings
 
