@@ -9,18 +9,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.material.clipped_light import CLIPPED, DARK
+from lidarspectra.material.linear_evidence import MAX_CUT
 from lidarspectra.material.sharpened_cones import cones_of_srgb
 
 REACH_M = 0.15  # [m] from a card's stated middle to the surface that it lies on: a tape measure, the scan's drift
 LOOKS = 200  # directions in which the surface is sought
-OFF_M = 0.05  # [m] from which the card is looked at
+OFF_M = 0.05  # [m] from which the card is looked at, and as far behind its plane: cards bend, scans are uneven
 ACROSS = 6  # points along each side that are looked at
 MIDDLE = 0.6  # [1] of a card's size: its rim is blurred, and may be a few centimetres off
-CLIPPED, DARK = 0.97, 0.012  # [1] limits of the brightest channel for a point to be used
 LEAST_POINTS = 9  # of a card that must be usable
 GOLDEN_TURN = np.pi * (3.0 - np.sqrt(5.0))  # [rad]
 
@@ -57,7 +58,7 @@ class SeenCards:
     positions, normals : (point, 3) float
         On the surface. [m, 1]
     shown : (point, 3) float
-        Linear sRGB. [0-1]
+        Linear sRGB; beyond 1 where frames tell it. [1]
     log_reflectance : (card, 3) float
         In sharpened cones.
     notes : tuple of str
@@ -99,12 +100,13 @@ def look_at_cards(scan: Scan, caster: RayCaster, cards: Sequence[Card]) -> SeenC
     for number, card in enumerate(cards):
         face, places = _points_of(scan, caster, card)
         shown = scan.appearance.sample(face, places[1])
-        usable = np.flatnonzero((shown.max(axis=1) < CLIPPED) & (shown.max(axis=1) > DARK))
+        cut, dark = _is_cut(scan, face, shown), shown.max(axis=1) <= DARK
+        seen = scan.appearance.photographed[face]
+        usable = np.flatnonzero(seen & ~cut & ~dark)
         if usable.size < LEAST_POINTS:
-            why = "cut at white" if (shown.max(axis=1) >= CLIPPED).mean() > 0.5 else "too dark, or not there"
             notes.append(
-                f"The card at ({_place(card)}) tells nothing: in the picture it is {why}. Put it where it is lit less "
-                "strongly, or use a grey one, and scan again; or take it out of [[materials.cards]]."
+                f"The card at ({_place(card)}) tells nothing: {_why_not(seen, cut, dark)}, and scan again; or take it "
+                "out of [[materials.cards]]."
             )
             continue
         found.append((number, face[usable], places[0][usable], scan.normals[face[usable]], shown[usable]))
@@ -120,6 +122,23 @@ def look_at_cards(scan: Scan, caster: RayCaster, cards: Sequence[Card]) -> SeenC
         log_reflectance=np.log(cones_of_srgb(np.repeat(levels[:, None], 3, axis=1))) if levels.size else empty,
         notes=tuple(notes),
     )
+
+
+def _is_cut(scan: Scan, face: IntArray, shown: FloatArray) -> BoolArray:
+    """(point,) whether it is cut at white: in a picture by its level, in frames, which go beyond it, if all cut it."""
+    linear = scan.appearance.linear
+    return np.asarray(shown.max(axis=1) >= CLIPPED if linear is None else linear.face_cut[face] >= MAX_CUT)
+
+
+def _why_not(seen: BoolArray, cut: BoolArray, dark: BoolArray) -> str:
+    """Why the (point,) points of a card tell nothing, and what to do."""
+    if seen.size < LEAST_POINTS:
+        return "the surface there is smaller than the card, or full of holes. Check its center and size"
+    if seen.sum() < LEAST_POINTS:
+        return "no picture shows it. Show it to the phone from the front"
+    if (seen & cut).sum() > (seen & dark).sum():
+        return "in the picture it is cut at white. Put it where it is lit less strongly, or use a grey one"
+    return "in the picture it is too dark. Put it where it is lit more strongly, or use a white one"
 
 
 def _points_of(scan: Scan, caster: RayCaster, card: Card) -> tuple[IntArray, tuple[FloatArray, FloatArray]]:
@@ -138,14 +157,17 @@ def _points_of(scan: Scan, caster: RayCaster, card: Card) -> tuple[IntArray, tup
             todo="Give the place in metres, in the scan's axes: 'lidarspectra scan' prints its extent, and the report "
             "shows it.",
         )
-    normal = scan.normals[hits.face[int(np.argmin(hits.distance))]]
+    nearest = int(np.argmin(hits.distance))
+    normal = scan.normals[hits.face[nearest]]
+    away = starts[nearest] + hits.distance[nearest] * ways[nearest] - card.center
+    foot = card.center + (away @ normal) * normal  # of the perpendicular from the stated middle
     aside = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     along = np.cross(normal, aside)
     along /= np.linalg.norm(along)
     steps = (np.arange(ACROSS) + 0.5) / ACROSS - 0.5
     u, v = (grid.reshape(-1, 1) * MIDDLE * card.size_m for grid in np.meshgrid(steps, steps))
-    start = card.center + u * along + v * np.cross(normal, along) + OFF_M * normal
-    hits = caster.nearest(start, np.broadcast_to(-normal, start.shape), max_distance=OFF_M + REACH_M)
+    start = foot + u * along + v * np.cross(normal, along) + OFF_M * normal
+    hits = caster.nearest(start, np.broadcast_to(-normal, start.shape), max_distance=2.0 * OFF_M)
     met = np.flatnonzero(hits.met)
     return hits.face[met], (start[met] - hits.distance[met, None] * normal, hits.barycentric[met])
 

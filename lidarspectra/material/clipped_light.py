@@ -1,4 +1,4 @@
-"""Light of what a picture shows cut at white."""
+"""Between which limits a picture tells colours, and the light of what it shows cut at white."""
 
 import numpy as np
 
@@ -7,6 +7,7 @@ from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.sharpened_cones import srgb_of_cones
 
 CLIPPED = 0.97  # [1] a channel from which on it is cut at white
+DARK = 0.012  # [1] the brightest channel, up to which noise and the camera's black hide the colour
 
 
 def beyond_white(shown: FloatArray, irradiance: FloatArray) -> FloatArray:

@@ -25,7 +25,7 @@ from lidarspectra.material.albedo import (
     fit_light,
 )
 from lidarspectra.material.cards import Card, SeenCards, look_at_cards
-from lidarspectra.material.clipped_light import CLIPPED, beyond_white
+from lidarspectra.material.clipped_light import CLIPPED, DARK, beyond_white
 from lidarspectra.material.colored_light import BANDS, Exchange, apparent_ratio
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.lamp_fluxes import (
@@ -90,7 +90,6 @@ from lidarspectra.workflow.delighting_samples import (
 
 SAMPLES = 6_000  # surface points with a light estimate; with 3,000, reflectances differ by 1 %
 RAYS = 128  # rays per sample for the form factors to other surfaces
-DARK = 0.012  # [1] of a sample's brightest channel, from which it is used; up to `CLIPPED`
 NEUTRAL = 0.12  # [1] largest spread of a white ceiling's reflectance over the three channels
 ROUNDS = 3  # of grouping by hue and fitting; in the first the hues are still tinted by the light
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
