@@ -17,7 +17,7 @@ from lidarspectra.mapping.maps.response_weights import lamp_weights
 from lidarspectra.mapping.maps.visible_bands import uncovered
 from lidarspectra.mapping.photometry.point_light import light_of_lamps
 from lidarspectra.mapping.photometry.quantities import light_quantity
-from lidarspectra.mapping.rules.chances import Draws, Uncertainty, draw_own_error, draw_states
+from lidarspectra.mapping.rules.chances import DrawnLight, Draws, Uncertainty, draw_noise, draw_own_error, draw_states
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.workflow.calibration_light import RunRoom, TracedLight, traced_light
@@ -45,8 +45,8 @@ class RuleLight:
         How each lamp's light changes with the room's reflectances.
     uncertainty : Uncertainty
     draws : Draws
-    own_error : (draw, point) float
-        See `draw_own_error`. [1]
+    own_error, noise : (draw, point) float
+        Factors; see `draw_own_error` and `draw_noise`. [1]
     """
 
     room: RunRoom
@@ -56,6 +56,7 @@ class RuleLight:
     uncertainty: Uncertainty
     draws: Draws
     own_error: FloatArray
+    noise: FloatArray
 
     def model(self, quantity: str, points: IntArray) -> LightModel:
         """Light of every lamp at some points in a quantity, and its slopes."""
@@ -71,17 +72,15 @@ class RuleLight:
         """(lamp,) whether each is a lamp, not a window or the sun."""
         return np.array([not is_daylight(lamp) for lamp in self.room.lamps], dtype=np.bool_)
 
-    def drawn(
-        self, quantity: str, points: IntArray, *, lamps: BoolArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """(point,) light as traced, and (draw, point) in each state, of all or of some (lamp,) lamps."""
+    def drawn(self, quantity: str, points: IntArray, *, lamps: BoolArray | None = None) -> DrawnLight:
+        """Light at some points, of all or of some (lamp,) lamps."""
         model = self.model(quantity, points)
         if lamps is not None:
             model = replace(model, light=model.light * lamps)
-        drawn = self.draws.light(model) * self.own_error[:, points]
+        states = self.draws.light(model) * self.own_error[:, points]
         if quantity == EDI:
-            drawn = drawn * self.draws.spectrum[:, None]
-        return model.light.sum(axis=1), drawn
+            states = states * self.draws.spectrum[:, None]
+        return DrawnLight(traced=model.light.sum(axis=1), states=states, noise=self.noise[:, points])
 
 
 def rule_light(
@@ -122,14 +121,8 @@ def rule_light(
     value, error = light_of_lamps(transport, {lamp.name: lamp.flux for lamp in room.lamps}).weigh(
         light_quantity(LUX).response
     )
-    own_error = draw_own_error(
-        uncertainty,
-        points.points.positions,
-        points.points.normals,
-        value,
-        error / np.maximum(value, 1e-300),
-        generator,
-    )
+    places = points.points
+    own_error = draw_own_error(uncertainty, places.positions, places.normals, value, generator)
     return RuleLight(
         room=room,
         points=points,
@@ -138,6 +131,7 @@ def rule_light(
         uncertainty=uncertainty,
         draws=draw_states(uncertainty, len(room.lamps), generator),
         own_error=own_error,
+        noise=draw_noise(error / np.maximum(value, 1e-300), generator),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.lamps.lamps import is_daylight
+from lidarspectra.mapping.rules.chances import picked
 from lidarspectra.mapping.rules.limits import WORK_PLACES, Criterion
 from lidarspectra.progress import Progress
 from lidarspectra.radiance.pictures.glare import LEAST_UGR, Glare, Luminaires, evalglare, luminaires_of, ugr_of
@@ -82,15 +83,20 @@ def ugr_criteria(points: AreaPoints, light: RuleLight, looks: Sequence[Look]) ->
     """UGR of the look that is worst."""
     if not looks:
         return
-    drawn = np.stack([_ugr_draws(light, look, eye) for look, eye in zip(looks, points.eyes, strict=True)])
+    drawn, reflected = np.stack(
+        [_ugr_draws(light, look, eye) for look, eye in zip(looks, points.eyes, strict=True)], axis=-1
+    )
     limit = WORK_PLACES[points.area.activity].ugr if points.area.ugr is None else points.area.ugr
     value = max(max(look.luminaires.ugr, LEAST_UGR) for look in looks)
-    parts = (np.array(value), drawn.max(axis=0))
+    parts = value, picked(drawn, reflected, np.argmax)
     yield criterion(EN, "UGR of luminaires", points.area.name, "", limit, parts, sense="at most")
 
 
 def _ugr_draws(light: RuleLight, look: Look, eye: int) -> FloatArray:
-    """(draw,) UGR of a look: luminances go with their lamps' fluxes, the background with all light and reflectances."""
+    """(2, draw) UGR of a look with the trace's noise as drawn, and reflected; see `DrawnLight.least`.
+
+    Luminances go with their lamps' fluxes, the background with all light and reflectances.
+    """
     seen, model = look.luminaires, light.model(LUX, np.array([eye]))
     by_lamp = model.light[0].copy()
     direct = np.zeros_like(by_lamp)
@@ -100,5 +106,6 @@ def _ugr_draws(light: RuleLight, look: Look, eye: int) -> FloatArray:
     factors = np.exp(light.draws.flux[:, :, None] + (light.draws.reflectance @ slope.T)[:, :, None])[..., 0]
     background = (factors @ indirect) / max(float(indirect.sum()), 1e-300) * seen.indirect_lx
     background = background * light.draws.level * light.own_error[:, eye]
+    noise = np.stack([light.noise[:, eye], 2.0 - light.noise[:, eye]])
     weight = seen.weight * np.exp(2.0 * light.draws.flux[:, seen.lamp])
-    return np.maximum(ugr_of(weight, background), LEAST_UGR)
+    return np.maximum(ugr_of(weight, background * noise), LEAST_UGR)

@@ -53,6 +53,7 @@ def flat_light(shapes: list[Any], coefficients: list[float]) -> tuple[RuleLight,
             spectrum=np.ones(DRAWS),
         ),
         own_error=np.ones((DRAWS, count)),
+        noise=np.ones((DRAWS, count)),
     )
     return light, points
 
@@ -62,10 +63,10 @@ def test_well_and_plants_are_judged_by_electric_light_alone() -> None:
     lamp, _ = flat_light([Panel(0.6, 0.6)], [1e-4])
     section = RulesSection(photoperiod_h=10)
     found = [each.traced for each in eye_criteria(section, points, light)]
-    electric = float(lamp.drawn(EDI, points.eyes)[0][0])
+    electric = float(lamp.drawn(EDI, points.eyes).traced[0])
     assert found == pytest.approx([electric, electric, 10.0 * electric, 10.0 * electric])
     (plants,) = plant_criteria(section, points, light)
-    assert plants.traced == pytest.approx(float(lamp.drawn(PPFD, points.task)[0][0]) * 36_000 / 1e6)
+    assert plants.traced == pytest.approx(float(lamp.drawn(PPFD, points.task).traced[0]) * 36_000 / 1e6)
 
 
 def test_well_asks_less_only_of_a_room_that_earns_points_for_daylight() -> None:

@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.mapping.calibration.model import LightModel
-from lidarspectra.mapping.rules.chances import Uncertainty, draw_own_error, draw_states
+from lidarspectra.mapping.rules.chances import DrawnLight, Uncertainty, draw_noise, draw_own_error, draw_states
 from lidarspectra.mapping.rules.daylight_rules import daylight_criteria
 from lidarspectra.mapping.rules.limits import WORK_PLACES, Criterion, chance
 from lidarspectra.mapping.rules.rule_figures import chance_words, rules_figure, rules_table, whole_table
@@ -55,11 +55,7 @@ def test_the_probability_of_a_lognormal_flux_is_that_of_the_normal_distribution(
 def test_a_flux_that_is_not_known_does_not_average_out_over_points_as_noise_does() -> None:
     common = drawn(uncertainty(0.15)).mean(axis=1).std() / 500.0
     assert common == pytest.approx(0.15 / np.sqrt(LAMPS), rel=0.05)  # over two lamps it does, over thirty points not
-    places = np.column_stack([np.arange(POINTS) * 10.0, np.zeros((POINTS, 2))])
-    upward = np.tile([0.0, 0.0, 1.0], (POINTS, 1))
-    noise = draw_own_error(
-        uncertainty(0.0), places, upward, np.full(POINTS, 500.0), np.full(POINTS, 0.1), np.random.default_rng(2)
-    )
+    noise = draw_noise(np.full(POINTS, 0.1), np.random.default_rng(2))
     assert noise.mean(axis=1).std() == pytest.approx(0.1 / np.sqrt(POINTS), rel=0.1)
 
 
@@ -69,7 +65,7 @@ def test_the_model_s_own_error_is_common_to_neighbours_alone() -> None:
     for spacing in (0.01, 10.0):
         places = np.column_stack([np.arange(POINTS) * spacing, np.zeros((POINTS, 2))])
         error = draw_own_error(
-            uncertainty(0.0, local_sd=0.03), places, upward, np.full(POINTS, 500.0), np.zeros(POINTS),
+            uncertainty(0.0, local_sd=0.03), places, upward, np.full(POINTS, 500.0),
             np.random.default_rng(3),
         )  # fmt: skip
         deviation.append(error.mean(axis=1).std())
@@ -83,6 +79,49 @@ def test_reflectances_gaps_and_late_reflections_reach_the_light() -> None:
     assert (beyond.min(), beyond.max()) == pytest.approx((1.0, 1.2), abs=1e-3)
     assert (drawn(uncertainty(0.0, opening_share=-0.2))[:, 0] <= 500.0).all()
     assert drawn(uncertainty(0.0, truncated_share=0.1))[:, 0].mean() == pytest.approx(550.0, rel=1e-3)
+
+
+def bowl(count: int) -> np.ndarray:
+    """Light that is brightest in the middle of a square of points, U0 .838."""
+    side = np.linspace(-1.0, 1.0, int(np.sqrt(count)))
+    shape = (side[:, None] ** 2 + side**2).ravel()
+    return 1.0 - 0.162 * (shape - shape.mean()) / (shape.max() - shape.mean())
+
+
+def terrace(count: int) -> np.ndarray:
+    """Light that is the same at all of the darker half of the points, U0 .838: noise decides which is the darkest."""
+    return np.repeat([0.838, 1.162], count // 2)
+
+
+@pytest.mark.parametrize("field", [bowl, terrace])
+@pytest.mark.parametrize(
+    ("count", "noise", "left"),
+    # what bias is left: the darkest place itself is found no better than the noise is small
+    [(100, 0.01, 0.004), (400, 0.01, 0.004), (100, 0.03, 0.012), (400, 0.03, 0.015)],
+)
+def test_u0_of_a_noisy_trace_is_that_of_the_true_light(field, count: int, noise: float, left: float) -> None:
+    generator, true = np.random.default_rng(6), field(count)
+    assert true.min() / true.mean() == pytest.approx(0.838, abs=1e-9)
+    medians, drawn_again = [], []
+    for _ in range(40):
+        traced = true * draw_noise(np.full(count, noise), generator, count=1)[0]
+        factors = draw_noise(np.full(count, noise), generator, count=200)
+        light = DrawnLight(traced=traced, states=np.tile(traced, (200, 1)), noise=factors)
+        medians.append(np.median(light.uniformity()[1]))
+        again = traced * factors
+        drawn_again.append(np.median(again.min(axis=1) / again.mean(axis=1)))
+    statistical = 3.0 * np.std(medians) / np.sqrt(len(medians))
+    assert abs(np.mean(medians) - 0.838) < left + statistical
+    assert abs(np.mean(drawn_again) - 0.838) > 2.0 * left  # which is what noise drawn onto noise gives
+
+
+def test_means_of_groups_are_taken_in_every_draw() -> None:
+    states, noise = np.array([[1.0, 3.0, 5.0, 7.0]]), np.array([[1.0, 2.0, 1.0, 1.0]])
+    light = DrawnLight(traced=states[0], states=states, noise=noise).grouped(np.array([[0, 1], [2, 3]]))
+    assert light.traced.tolist() == [2.0, 6.0]
+    assert (light.states * light.noise).tolist() == [[3.5, 6.0]]
+    # the darker group is the first with noise as drawn; with the noise reflected it has 2 * 2 - 3.5
+    assert light.least()[1].tolist() == pytest.approx([0.5])
 
 
 def test_a_rule_as_a_whole_is_kept_by_the_draws_that_keep_all_of_it() -> None:
