@@ -22,6 +22,7 @@ Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f
 """Of a lamp: any words in one line; what files of results cannot hold, control characters, is refused."""
 Height = Annotated[float, Field(allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
+MIN_AREA_M2 = 1e-3  # [m²] of an area of the plan: less is corners in one line, or given out of order
 
 
 class ScanSection(Section):
@@ -298,6 +299,19 @@ class AreaSection(Section):
     dli_mol_m2: Positive | None = None
     """Daily light integral that its plants need. [mol/m²]"""
 
+    @model_validator(mode="after")
+    def _has_area_and_looks(self) -> Self:
+        corners = zip(self.polygon, (*self.polygon[1:], self.polygon[0]), strict=True)
+        area_m2 = 0.5 * abs(sum(x * after_y - after_x * y for (x, y), (after_x, after_y) in corners))
+        if not area_m2 >= MIN_AREA_M2:
+            raise ValueError(
+                f"the area {self.name!r} has {area_m2:g} m², less than {MIN_AREA_M2:g}: give its corners in metres, "
+                "one after the other around it"
+            )
+        if self.looks_deg is not None and not self.looks_deg:
+            raise ValueError(f"looks_deg of {self.name!r} is empty: give an angle, or leave it out for four looks")
+        return self
+
 
 class RulesSection(Section):
     """`[rules]`: what the light is held against by `lidarspectra rules`."""
@@ -315,6 +329,14 @@ class RulesSection(Section):
     glare: bool = True
     """Render what people see, for UGR and DGP."""
     areas: tuple[AreaSection, ...] = ()
+
+    @model_validator(mode="after")
+    def _names_tell_areas_apart(self) -> Self:
+        names = [area.name for area in self.areas]
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise ValueError(f"two areas have the name {twice[0]!r}; names tell areas apart in the results")
+        return self
 
 
 class CellSection(Section):

@@ -104,3 +104,21 @@ def test_a_run_file_that_is_no_text_is_one_clear_error(tmp_path: Path) -> None:
     path.write_bytes(b"\xff\xfe\x00\x01")
     with pytest.raises(RunFileError, match="UTF-8"):
         read_run_file(path)
+
+
+AREA = "[[rules.areas]]\nname = 'desk'\npolygon = [[0, 0], [1, 0], [1, 1]]\n"
+
+
+@pytest.mark.parametrize(
+    ("areas", "words"),
+    [
+        (AREA + AREA, "two areas have the name 'desk'"),
+        (AREA + "looks_deg = []\n", "looks_deg of 'desk' is empty"),
+        (AREA.replace("[1, 1]", "[2, 0]"), "the area 'desk' has 0 m²"),
+        (AREA.replace("[1, 0], [1, 1]", "[1, 1], [1, 0], [0, 1]"), "one after the other"),
+    ],
+)
+def test_areas_of_rules_that_no_light_can_be_judged_in_are_refused_at_once(areas: str, words: str) -> None:
+    parse(MINIMAL + AREA)
+    with pytest.raises(RunFileError, match=words):
+        parse(MINIMAL + areas)
