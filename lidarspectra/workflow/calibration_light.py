@@ -16,7 +16,7 @@ from lidarspectra.config import RunFile, parse_run_file
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.scan import Scan, load_scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.mapping.calibration.model import LightModel
+from lidarspectra.mapping.calibration.model import STEEPEST, LightModel
 from lidarspectra.mapping.maps.response_weights import lamp_weights
 from lidarspectra.mapping.maps.visible_bands import luminosity
 from lidarspectra.mapping.photovoltaics.cells import Cell
@@ -38,7 +38,6 @@ from lidarspectra.workflow.light_of_run import present_lamps_of_run
 from lidarspectra.workflow.workspace import read_request, require_stage
 
 STEP = 0.2  # [1] of the logarithm of a reflectance, between the traces of a derivative; downwards, as white is near 1
-STEEPEST = 4.0  # [1] d ln E / d ln rho; 1.6 for a sensor that looks at the part, 1 / (1 - rho) in a closed room
 SEED = 20240513
 
 

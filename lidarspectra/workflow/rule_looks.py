@@ -9,6 +9,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.lamps.lamps import is_daylight
+from lidarspectra.mapping.calibration.model import STEEPEST
 from lidarspectra.mapping.rules.chances import picked
 from lidarspectra.mapping.rules.limits import WORK_PLACES, Criterion
 from lidarspectra.progress import Progress
@@ -17,7 +18,7 @@ from lidarspectra.radiance.pictures.render import Picture, render
 from lidarspectra.radiance.pictures.view import View
 from lidarspectra.workflow.calibration_light import RunRoom
 from lidarspectra.workflow.picture_of_run import observer_scene
-from lidarspectra.workflow.rule_criteria import EN, criterion
+from lidarspectra.workflow.rule_criteria import EN, UGR, criterion
 from lidarspectra.workflow.rule_light import LUX, RuleLight
 from lidarspectra.workflow.rule_points import AreaPoints
 
@@ -80,16 +81,22 @@ def looks_of_run(room: RunRoom, light: RuleLight, *, workers: int | None, progre
 
 
 def ugr_criteria(points: AreaPoints, light: RuleLight, looks: Sequence[Look]) -> Iterator[Criterion]:
-    """UGR of the look that is worst."""
-    if not looks:
+    """UGR of the look that is worst; none where a look has luminaires before no background."""
+    pairs = list(zip(looks, points.eyes, strict=True)) if looks else []
+    if not pairs or any(without_background(light, look, eye) for look, eye in pairs):
         return
-    drawn, reflected = np.stack(
-        [_ugr_draws(light, look, eye) for look, eye in zip(looks, points.eyes, strict=True)], axis=-1
-    )
+    drawn, reflected = np.stack([_ugr_draws(light, look, eye) for look, eye in pairs], axis=-1)
     limit = WORK_PLACES[points.area.activity].ugr if points.area.ugr is None else points.area.ugr
     value = max(max(look.luminaires.ugr, LEAST_UGR) for look in looks)
     parts = value, picked(drawn, reflected, np.argmax)
-    yield criterion(EN, "UGR of luminaires", points.area.name, "", limit, parts, sense="at most")
+    yield criterion(EN, UGR, points.area.name, "", limit, parts, sense="at most")
+
+
+def without_background(light: RuleLight, look: Look, eye: int) -> bool:
+    """Whether luminaires are seen, and all light at the eye comes straight from them: UGR has no meaning then."""
+    seen = look.luminaires
+    traced = float(light.model(LUX, np.array([eye])).light.sum())
+    return bool(seen.lamp.size) and (seen.indirect_lx <= 0 or float(seen.direct_lx.sum()) >= traced)
 
 
 def _ugr_draws(light: RuleLight, look: Look, eye: int) -> FloatArray:
@@ -98,12 +105,13 @@ def _ugr_draws(light: RuleLight, look: Look, eye: int) -> FloatArray:
     Luminances go with their lamps' fluxes, the background with all light and reflectances.
     """
     seen, model = look.luminaires, light.model(LUX, np.array([eye]))
-    by_lamp = model.light[0].copy()
+    by_lamp = model.light[0]
     direct = np.zeros_like(by_lamp)
     direct[seen.lamp] = seen.direct_lx
-    indirect = np.maximum(by_lamp - direct, 0.01 * by_lamp)
-    slope = model.slope[0] * (by_lamp / np.maximum(indirect, 1e-300))[:, None]  # of the reflected part alone
-    factors = np.exp(light.draws.flux[:, :, None] + (light.draws.reflectance @ slope.T)[:, :, None])[..., 0]
+    indirect = np.maximum(by_lamp - direct, 0.0)
+    of_reflected = np.divide(by_lamp, indirect, out=np.ones_like(by_lamp), where=indirect > 0)
+    slope = np.minimum(model.slope[0] * of_reflected[:, None], STEEPEST)
+    factors = np.exp(light.draws.flux + light.draws.reflectance @ slope.T)
     background = (factors @ indirect) / max(float(indirect.sum()), 1e-300) * seen.indirect_lx
     background = background * light.draws.level * light.own_error[:, eye]
     noise = np.stack([light.noise[:, eye], 2.0 - light.noise[:, eye]])

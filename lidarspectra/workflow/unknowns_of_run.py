@@ -15,7 +15,14 @@ from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.mapping.calibration.model import ASSUMED_FLUX_SD, FLUX_SD, LOCAL_SD, REFLECTANCE_SD, Priors
+from lidarspectra.mapping.calibration.model import (
+    ASSUMED_FLUX_SD,
+    FLUX_SD,
+    LOCAL_SD,
+    REFLECTANCE_SD,
+    STEEPEST,
+    Priors,
+)
 from lidarspectra.mapping.maps.light_unknowns import LightUnknowns
 from lidarspectra.mapping.maps.reflected_change import Surfaces, reflectance_effects
 from lidarspectra.mapping.maps.spectral_map import spectral_map
@@ -32,7 +39,6 @@ CERTAIN_SD = 0.03  # [1] of reflectances that the user assigned
 LARGEST_SD = 0.5  # [1] of a part's level
 COMMON_SHARE = 0.5  # [1] of a material's deviation that all have in common: exposure and white balance of the picture
 REFERENCE_NM = 555.0  # [nm] where the level of a reflectance is taken
-STEEPEST = 4.0  # [1] d ln E / d ln rho: 1 for a sensor that looks at the part, 1 / (1 - rho) in a closed room
 SAMPLES = 800  # of the surfaces; with 3,000, deviations differ by 2 to 4 %
 SEED = 20261124
 

@@ -19,6 +19,9 @@ FLUX_SD = 0.15  # [1] of a lamp's flux that a data sheet states (ageing, dirt, d
 ASSUMED_FLUX_SD = 0.4  # [1] of one that was guessed
 REFLECTANCE_SD = 0.07  # [1] of a part's level, where the materials state no deviation
 SHARED_SHARE = 0.7  # [1] of that deviation that all parts have in common: the picture's exposure and white balance
+STEEPEST = (
+    4.0  # [1] d ln E / d ln rho: 1 for a sensor that looks at the part, 1 / (1 - rho) in a closed room of one rho
+)
 UNKNOWN_METER_SD = 3.0  # [1] of the logarithm: any factor between a hundredth and a hundred
 
 
