@@ -23,6 +23,7 @@ from lidarspectra.workflow.rule_light import EDI, LUX, PPFD, RuleLight
 from lidarspectra.workflow.rule_points import AreaPoints
 
 EN, WELL, UL, CIE, PLANTS = "EN 12464-1", "WELL v2 L03", "UL DG 24480", "CIE S 026", "plants"
+UGR = "UGR of luminaires"
 
 
 def area_criteria(section: RulesSection, points: AreaPoints, light: RuleLight) -> Iterator[Criterion]:

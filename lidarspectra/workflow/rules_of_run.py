@@ -3,6 +3,7 @@
 Every requirement gets the probability that it is kept, from all that the run does not know (`mapping.rules.chances`).
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -21,10 +22,18 @@ from lidarspectra.mapping.rules.limits import WORK_PLACES, Criterion
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.workflow.calibration_light import run_room
 from lidarspectra.workflow.picture_of_run import white_of
-from lidarspectra.workflow.rule_criteria import area_criteria, eye_criteria, plant_criteria, surface_criteria
+from lidarspectra.workflow.rule_criteria import (
+    EN,
+    UGR,
+    area_criteria,
+    eye_criteria,
+    plant_criteria,
+    surface_criteria,
+    wanted_of_surfaces,
+)
 from lidarspectra.workflow.rule_light import LUX, RuleLight, rule_light
 from lidarspectra.workflow.rule_looks import Look, looks_of_run, ugr_criteria
-from lidarspectra.workflow.rule_points import rule_points
+from lidarspectra.workflow.rule_points import RulePoints, rule_points
 from lidarspectra.workflow.workspace import require_stage
 
 TRACE_SHARE = 0.6  # of the progress, with glare
@@ -41,6 +50,8 @@ class RuleCheck:
     areas : tuple of AreaSection
         With the one that was taken where none was given.
     criteria : tuple of Criterion
+    absent : dict of str to tuple of str
+        By rule: its requirements that were not judged, each with the reason.
     looks : tuple of Look
         Empty where no glare was asked for.
     white_xyz : (3,) float
@@ -52,6 +63,7 @@ class RuleCheck:
     section: RulesSection
     areas: tuple[AreaSection, ...]
     criteria: tuple[Criterion, ...]
+    absent: dict[str, tuple[str, ...]]
     looks: tuple[Look, ...]
     white_xyz: FloatArray
     notes: tuple[str, ...]
@@ -104,13 +116,45 @@ def rules_run(run: str | PathLike[str], *, workers: int | None = None, progress:
     year = run / "annual" / YEAR_FILE
     if year.is_file():
         criteria += daylight_criteria(load_year(year), light.draws, _daylight_sd(light))
+    absent = not_judged(section, points, criteria)
     return RuleCheck(
         section=section,
         areas=tuple(each.area for each in points.areas),
         criteria=tuple(criteria),
+        absent=absent,
         looks=looks,
         white_xyz=white_of(room.lamps),
-        notes=_notes(run, section, light),
+        notes=(*_notes(run, section, light), *_absent_notes(absent)),
+    )
+
+
+def not_judged(section: RulesSection, points: RulePoints, criteria: Sequence[Criterion]) -> dict[str, tuple[str, ...]]:
+    """By rule, what it asks of such areas and was not judged, each with the reason in brackets.
+
+    Parameters
+    ----------
+    section : RulesSection
+    points : RulePoints
+    criteria : sequence of Criterion
+        What was judged.
+    """
+    areas = [each.area for each in points.areas]
+    wanted = wanted_of_surfaces(section, areas)
+    found = [f"{part} (none, or no free point of them, in the scan)" for part in wanted if part not in points.surfaces]
+    judged = {each.where for each in criteria if each.what == UGR}
+    work = [area.name for area in areas if area.activity in WORK_PLACES]
+    if work and not section.glare:
+        found.append("UGR (glare = false in [rules])")
+    elif missing := [name for name in work if name not in judged]:
+        found.append(f"UGR in {', '.join(missing)} (no reflected light behind the luminaires)")
+    return {EN: tuple(found)} if found else {}
+
+
+def _absent_notes(absent: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    return tuple(
+        f"Not judged of {rule}: {'; '.join(missing)}. Its probability as a whole is of the requirements that were "
+        "judged, so that it proves nothing of these: see to them before you call the rule kept."
+        for rule, missing in absent.items()
     )
 
 
@@ -141,6 +185,4 @@ def _notes(run: Path, section: RulesSection, light: RuleLight) -> tuple[str, ...
             "WELL L03 and the daily light integral of plants by the electric lamps alone, since daylight is not there "
             "whenever they are lit. To judge EN 12464-1 by electric light, make a run without [daylight]."
         )
-    if not any(light.points.surfaces):
-        notes.append("Neither walls nor ceiling were found in the scan: their illuminance is left out.")
     return tuple(notes)

@@ -67,6 +67,7 @@ def save_rules(check: RuleCheck, run: Path, folder: Path | None = None) -> tuple
         record = RuleRecord(
             rows=rule_rows(check.criteria),
             whole=whole_rules(check.criteria),
+            absent=check.absent,
             looks=looks,
             areas={area.name: list(area.polygon) for area in check.areas},
             notes=check.notes,

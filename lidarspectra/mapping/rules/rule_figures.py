@@ -64,11 +64,15 @@ def whole_table(record: RuleRecord) -> Table:
     frame = pd.DataFrame(
         {
             "rule": list(record.whole),
-            "requirements": [sum(row.rule == rule for row in record.rows) for rule in record.whole],
-            "probability that all are kept": [chance_words(each) for each in record.whole.values()],
+            "requirements judged": [sum(row.rule == rule for row in record.rows) for rule in record.whole],
+            "probability that they are kept": [chance_words(each) for each in record.whole.values()],
+            "not judged": ["; ".join(record.absent.get(rule, ())) for rule in record.whole],
         }
     )
-    caption = "Each rule as a whole: all its requirements at once, in the same states of the room."
+    caption = (
+        "Each rule as a whole: all its requirements that were judged at once, in the same states of the room. What was "
+        "not judged may still fail."
+    )
     return Table(name="rules-whole", caption=caption, frame=frame)
 
 

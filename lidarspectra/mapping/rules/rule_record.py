@@ -52,7 +52,9 @@ class RuleRecord:
     ----------
     rows : tuple of RuleRow
     whole : dict of str to float
-        By rule: probability that all its requirements are kept at once. [1]
+        By rule: probability that all its requirements that were judged are kept at once. [1]
+    absent : dict of str to tuple of str
+        By rule: its requirements that were not judged, each with the reason.
     looks : tuple of LookRow
     areas : dict of str to list
         Corners of each area. [m]
@@ -63,6 +65,7 @@ class RuleRecord:
 
     rows: tuple[RuleRow, ...]
     whole: dict[str, float]
+    absent: dict[str, tuple[str, ...]]
     looks: tuple[LookRow, ...]
     areas: dict[str, list[tuple[float, float]]]
     notes: tuple[str, ...]
@@ -119,6 +122,7 @@ def load_rules(folder: Path) -> RuleRecord | None:
         return RuleRecord(
             rows=tuple(RuleRow(**row) for row in found["rows"]),
             whole=found["whole"],
+            absent={rule: tuple(missing) for rule, missing in found["absent"].items()},
             looks=tuple(LookRow(**{**row, "eye": tuple(row["eye"])}) for row in found["looks"]),
             areas=found["areas"],
             notes=tuple(found["notes"]),

@@ -1,5 +1,6 @@
 """What rules ask, of a room whose light is written down: one lamp and one window over a flat grid."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,11 +12,15 @@ import lidarspectra as ls
 from lidarspectra.config import AreaSection, RulesSection
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Panel, Window
+from lidarspectra.mapping.calibration.model import STEEPEST
 from lidarspectra.mapping.rules.chances import Draws
+from lidarspectra.radiance.pictures.glare import Luminaires
 from lidarspectra.spectra.spectrum import uniform_bands
-from lidarspectra.workflow.rule_criteria import eye_criteria, plant_criteria
-from lidarspectra.workflow.rule_light import EDI, PPFD, RuleLight
+from lidarspectra.workflow.rule_criteria import EN, area_criteria, eye_criteria, plant_criteria, surface_criteria
+from lidarspectra.workflow.rule_light import EDI, LUX, PPFD, RuleLight
+from lidarspectra.workflow.rule_looks import Look, ugr_criteria
 from lidarspectra.workflow.rule_points import AreaPoints, RulePoints
+from lidarspectra.workflow.rules_of_run import not_judged
 
 TASK, EYES = 4, 2
 DRAWS = 50
@@ -23,8 +28,13 @@ BANDS = uniform_bands(380.0, 780.0, 20)
 WHITE = ls.Spectrum(wavelengths_nm=[300.0, 900.0], values=[1.0, 1.0], name="white")
 
 
-def flat_light(shapes: list[Any], coefficients: list[float]) -> tuple[RuleLight, AreaPoints]:
-    """Light of lamps that is the same at all points, with nothing unknown of it."""
+def flat_light(
+    shapes: list[Any], coefficients: list[float], *, slope: float = 0.0, reflectance: float = 0.0
+) -> tuple[RuleLight, AreaPoints]:
+    """Light of lamps that is the same at all points, with nothing unknown of it but the logarithm of one reflectance.
+
+    In the first draws this is lower by `reflectance`, and then higher.
+    """
     lamps = tuple(
         Lamp(name=str(number), shape=shape, center=np.zeros(3), flux=WHITE) for number, shape in enumerate(shapes)
     )
@@ -36,6 +46,9 @@ def flat_light(shapes: list[Any], coefficients: list[float]) -> tuple[RuleLight,
     )
     values = np.broadcast_to(np.array(coefficients)[:, None, None], (len(lamps), count, len(BANDS)))
     flat = np.zeros((count, len(lamps), 4))
+    flat[..., 0] = slope
+    drawn = np.zeros((DRAWS, 4))
+    drawn[:, 0] = np.where(np.arange(DRAWS) < DRAWS // 2, -reflectance, reflectance)
     light = RuleLight(
         room=SimpleNamespace(lamps=lamps, bands=BANDS),  # type: ignore[arg-type]
         points=RulePoints(
@@ -48,7 +61,7 @@ def flat_light(shapes: list[Any], coefficients: list[float]) -> tuple[RuleLight,
         uncertainty=None,  # type: ignore[arg-type]
         draws=Draws(
             flux=np.zeros((DRAWS, len(lamps))),
-            reflectance=np.zeros((DRAWS, 4)),
+            reflectance=drawn,
             level=np.ones(DRAWS),
             spectrum=np.ones(DRAWS),
         ),
@@ -76,3 +89,53 @@ def test_well_asks_less_only_of_a_room_that_earns_points_for_daylight() -> None:
         for claimed in (False, True)
     ]
     assert limits == [[136.0, 250.0], [109.0, 163.0]]
+
+
+def test_walls_that_the_scan_lacks_and_glare_that_was_not_asked_for_are_named_beside_the_whole() -> None:
+    light, points = flat_light([Panel(0.6, 0.6)], [1e-4])
+    judged = [*surface_criteria(RulesSection(), light), *area_criteria(RulesSection(), points, light)]
+    no_walls = not_judged(RulesSection(glare=False), light.points, judged)[EN]
+    assert [words.split(" (")[0] for words in no_walls] == ["walls", "ceiling", "UGR"]
+    seen = replace(light.points, surfaces={"walls": points.task, "ceiling": points.task})
+    assert not_judged(RulesSection(), seen, judged)[EN] == ("UGR in desk (no reflected light behind the luminaires)",)
+    plants = replace(points, area=points.area.model_copy(update={"activity": "plants"}))
+    assert not_judged(RulesSection(), replace(light.points, areas=(plants,)), ()) == {}
+
+
+def test_cylindrical_illuminance_is_held_to_its_uniformity() -> None:
+    light, points = flat_light([Panel(0.6, 0.6)], [1e-4])
+    coefficient = light.transport["coefficient"].to_numpy().copy()
+    coefficient[:, points.cylinder[1]] *= 0.04  # one of two places: U0 is .04 / .52
+    light = replace(light, transport=xr.Dataset({"coefficient": (("lamp", "point", "band"), coefficient)}))
+    found = {each.what: each for each in area_criteria(RulesSection(), points, light)}
+    uniformity = found["uniformity U0 of cylindrical illuminance"]
+    assert uniformity.traced == pytest.approx(0.04 / 0.52)
+    assert (uniformity.limit, uniformity.probability < 0.05) == (0.1, True)
+
+
+def look_at(light: RuleLight, points: AreaPoints, direct_share: float) -> list[Look]:
+    """Looks at lamp 0, which sends a share of the light straight to the eye."""
+    total = float(light.drawn(LUX, points.eyes).traced[0])
+    seen = Luminaires(
+        lamp=np.array([0]),
+        weight=np.array([5000.0]),
+        luminance=np.array([1e4]),
+        solid_angle=np.array([0.01]),
+        direct_lx=np.array([direct_share * total]),
+        indirect_lx=max((1.0 - direct_share) * total, 1.0),
+    )
+    return [Look(area="desk", angle_deg=0.0, picture=None, luminaires=seen, glare=None)] * EYES  # type: ignore[arg-type]
+
+
+def test_the_slope_of_reflected_light_stays_that_of_a_room_where_little_is_reflected() -> None:
+    light, points = flat_light([Panel(0.6, 0.6)], [1e-4], slope=0.1, reflectance=0.2)
+    (ugr,) = ugr_criteria(points, light, look_at(light, points, 0.5))
+    # half of the light is reflected: its own slope is .2
+    assert ugr.draws.max() - ugr.draws.min() == pytest.approx(8.0 * np.log10(np.exp(2 * 0.2 * 0.2)))
+    (ugr,) = ugr_criteria(points, light, look_at(light, points, 0.999))
+    assert ugr.draws.max() - ugr.draws.min() == pytest.approx(8.0 * np.log10(np.exp(2 * 0.2 * STEEPEST)))
+
+
+def test_ugr_is_left_out_where_all_light_comes_straight_from_the_luminaires() -> None:
+    light, points = flat_light([Panel(0.6, 0.6)], [1e-4], slope=0.1, reflectance=0.2)
+    assert list(ugr_criteria(points, light, look_at(light, points, 1.01))) == []

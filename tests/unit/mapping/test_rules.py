@@ -140,13 +140,19 @@ def test_no_probability_is_said_to_be_certain() -> None:
 def test_a_record_comes_back_with_tables_and_a_figure(tmp_path: Path) -> None:
     criteria = [at_least(450.0, np.linspace(400, 600, 50)), at_least(19.0, np.full(50, 0.0), sense="at most", unit="")]
     record = RuleRecord(
-        rows=rule_rows(criteria), whole=whole_rules(criteria), looks=(), areas={"desk": []}, notes=("n",), of={"a": 1}
+        rows=rule_rows(criteria),
+        whole=whole_rules(criteria),
+        absent={"r": ("UGR (glare = false)",)},
+        looks=(),
+        areas={"desk": []},
+        notes=("n",),
+        of={"a": 1},
     )
     (tmp_path / RECORD_FILE).write_text(record_text(record), encoding="utf-8")
     assert load_rules(tmp_path) == record
     assert load_rules(tmp_path / "none") is None
     assert rules_table(record).frame["limit"].tolist() == ["at least 450 lx", "at most 19"]
-    assert len(whole_table(record).frame) == 1
+    assert whole_table(record).frame["not judged"].tolist() == ["UGR (glare = false)"]
     assert rules_figure(record.rows).axes
     (tmp_path / RECORD_FILE).write_text('{"rows": [{}]}', encoding="utf-8")
     with pytest.raises(WorkspaceError, match="rules"):
