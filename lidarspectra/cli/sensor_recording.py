@@ -171,6 +171,40 @@ def record(
         join(out, poses, out.with_suffix(".placed.csv"))
 
 
+@app.command()
+def nodes(
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SOURCE...",
+            help="A file of sensors (TOML, as for 'live'); or NAME=PORT or NAME=LOG.csv for each sensor.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the recording.", show_default=False)],
+    duration: Annotated[float | None, typer.Option(metavar="S", help="Stop after this time.")] = None,
+) -> None:
+    """Record many sensors, at ports or over MQTT, as one recording under one clock, until Ctrl-C.
+
+    A folder that was recorded into is continued. At the end it says how each node and its clock did.
+    """
+    from lidarspectra.cli.terminal import shown
+    from lidarspectra.workflow.live.recording import record_nodes
+
+    end = time.monotonic() + (duration if duration is not None else math.inf)
+    say(f"Recording into {out}")
+    with until_interrupted() as stopped:
+        table, notes = record_nodes(
+            sources,
+            out,
+            stop=lambda: stopped() or time.monotonic() >= end,
+            on_notice=lambda notice: print_note(f"{notice.source}: {notice.text}"),
+        )
+    console.print(shown(table))
+    for note in notes:
+        print_note(note)
+
+
 def _show_gap(entry: "Entry") -> None:
     from lidarspectra.hardware.sensor.gaps import Gap
 

@@ -15,7 +15,8 @@ from lidarspectra.hardware.incoming.arrivals import LUX, STATE, Arrival
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.io.files import writing
 
-COLUMNS = ("utc", "unix_s", "sensor", STATE, LUX, *(f"E_{label}" for label in CHANNEL_LABELS))
+COLUMNS = ("utc", "unix_s", "device_s", "sensor", STATE, LUX, *(f"E_{label}" for label in CHANNEL_LABELS))
+HEADER = (",".join(COLUMNS) + "\n").encode()
 SYNC_INTERVAL_S = 1.0  # [s] longest time whose rows a power cut may lose
 
 
@@ -50,6 +51,8 @@ class ArrivalLog:
                 self._open(day)
             row = {"utc": stamp.strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z", "unix_s": f"{arrival.unix_s:.3f}"}
             row["sensor"] = arrival.sensor
+            if arrival.device_s is not None:
+                row["device_s"] = f"{arrival.device_s:.3f}"
             row |= {name if name in (STATE, LUX) else f"E_{name}": f"{v:.7g}" for name, v in arrival.values.items()}
             self._put(row)
         if self._file is not None:
@@ -78,8 +81,8 @@ class ArrivalLog:
             self._day = day
             if is_cut:
                 self._file.write(b"\n")  # what a crash left of a row stays a broken row of its own
-            if is_new:
-                self._file.write((",".join(COLUMNS) + "\n").encode())
+            if is_new or not _has_columns(path):
+                self._file.write(HEADER)
 
     def _put(self, row: dict[str, str]) -> None:
         buffer = io.StringIO()
@@ -87,6 +90,12 @@ class ArrivalLog:
         assert self._file is not None  # the day's was opened
         with _writing(self._folder):
             self._file.write(buffer.getvalue().encode("utf-8"))
+
+
+def _has_columns(path: Path) -> bool:
+    """Whether a log was begun with the same columns; one of an earlier version was not, and gets a header anew."""
+    with path.open("rb") as file:
+        return file.readline() == HEADER
 
 
 def _ends_whole(path: Path) -> bool:

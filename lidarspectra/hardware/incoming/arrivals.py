@@ -8,6 +8,7 @@ from typing import Protocol
 
 STATE = "state"  # a switch's value; the others are 'lux' and channels, '410' and so on
 LUX = "lux"
+NODE_TIME = "node_time"  # of a topic: the node's own clock, which goes to `Arrival.device_s` [s]
 BACK_OFF_S = (1.0, 2.0, 5.0, 10.0, 30.0)  # [s] waits before each further attempt to connect; the last one stays
 POLL_S = 0.1  # [s] how often a waiting source looks whether it is to stop
 
@@ -26,11 +27,14 @@ class Arrival:
         'lux' [lx], channels by label ('410' ...) [W/m²/nm], or 'state' of a switch [0-1].
     unix_s : float
         When it arrived, or when its log says that it was measured. [s since 1970]
+    device_s : float or None
+        The node's own clock, from any origin, if it tells it. [s]
     """
 
     sensor: str
     values: Mapping[str, float]
     unix_s: float = field(default_factory=time.time)
+    device_s: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

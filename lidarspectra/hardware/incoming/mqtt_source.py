@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from lidarspectra.errors import DeviceError
-from lidarspectra.hardware.incoming.arrivals import BACK_OFF_S, Arrival, Notice, Put, Stop, pause
+from lidarspectra.hardware.incoming.arrivals import BACK_OFF_S, NODE_TIME, Arrival, Notice, Put, Stop, pause
 from lidarspectra.hardware.incoming.payloads import Reader, value_reader
 
 KEEPALIVE_S = 30  # [s] a broker that is silent for one and a half of these is gone
@@ -176,7 +176,9 @@ class MqttSource:
             if math.isfinite(number):
                 values.setdefault(topic.sensor, {})[topic.quantity] = number
         for sensor, each in values.items():
-            put(Arrival(sensor=sensor, values=each, unix_s=now_s))
+            device_s = each.pop(NODE_TIME, None)
+            if each:
+                put(Arrival(sensor=sensor, values=each, unix_s=now_s, device_s=device_s))
 
     def _say_once(self, put: Put, topic: str, words: str) -> None:
         if topic not in self._said:

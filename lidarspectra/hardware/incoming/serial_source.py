@@ -64,7 +64,8 @@ class SerialSource:
                 attempt, said = 0, ""
                 values = self._light.values(entry.counts, entry.module_values, entry.gain, entry.integration_ms)
                 if values:
-                    put(Arrival(sensor=self._sensor, values=values, unix_s=entry.moment.unix_s))
+                    device_s = None if entry.device_ms is None else 1e-3 * entry.device_ms
+                    put(Arrival(sensor=self._sensor, values=values, unix_s=entry.moment.unix_s, device_s=device_s))
             elif isinstance(entry, Gap) and entry.is_open and not said:
                 said = "gap"
                 put(Notice(source=self.name, text=f"Sensor '{self._sensor}' gives no readings: {entry.reason}."))

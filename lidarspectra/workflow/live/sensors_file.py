@@ -51,6 +51,8 @@ class SensorSection(Section):
     """A topic a channel, by label."""
     value: str | None = None
     """Value template; None where the payload is the number. The word CHANNEL in it stands for each channel's label."""
+    time: str | None = None
+    """Value template of the node's own clock in the same payload, in seconds from any origin: its drift is told."""
     quantity: Quantity | None = None
     unit: Literal["W/m2/nm", "uW/cm2"] = "W/m2/nm"
     """Of channels that come by MQTT."""
@@ -68,7 +70,7 @@ class SensorSection(Section):
 
     @model_validator(mode="after")
     def _one_place_one_source(self) -> Self:
-        if (self.point is None) == (self.position is None):
+        if self.point is not None and self.position is not None:
             raise ValueError("give either point, a number of the run's points, or position, in metres")
         given = [self.port, self.log, self.object_id, self.topic, self.topics or None]
         if sum(each is not None for each in given) != 1:
@@ -78,6 +80,11 @@ class SensorSection(Section):
         if self.port is not None and self.quantity == "lux":
             raise ValueError("an AS7265x at a port gives channels, no lux")
         return self
+
+    @property
+    def has_place(self) -> bool:
+        """Whether it says where it stands."""
+        return self.point is not None or self.position is not None
 
     @property
     def reads(self) -> tuple[Quantity, ...]:
@@ -136,7 +143,7 @@ def password() -> str | None:
     return os.environ.get(PASSWORD)
 
 
-def read_sensors(sources: list[str]) -> tuple[SensorsFile, Path]:
+def read_sensors(sources: list[str], *, need_places: bool = True) -> tuple[SensorsFile, Path]:
     """The sensors that `--source` names.
 
     Parameters
@@ -144,6 +151,8 @@ def read_sensors(sources: list[str]) -> tuple[SensorsFile, Path]:
     sources : list of str
         One TOML file, or for each sensor NAME@POINT=PORT or NAME@POINT=LOG.csv, where POINT is the number of a point
         of the run, or X,Y,Z in metres.
+    need_places : bool
+        Whether each must say where it stands; a recording takes NAME=PORT too.
 
     Returns
     -------
@@ -156,7 +165,10 @@ def read_sensors(sources: list[str]) -> tuple[SensorsFile, Path]:
     ReadingError
         If a source cannot be read or understood.
     """
-    files = [source for source in sources if "@" not in source.partition("=")[0]]
+    if need_places:
+        files = [source for source in sources if "@" not in source.partition("=")[0]]
+    else:
+        files = [source for source in sources if "=" not in source]
     if len(files) > 1 or (files and len(sources) > 1):
         raise ReadingError(
             expected="one file of sensors, or NAME@POINT=SOURCE for each sensor",
@@ -166,7 +178,7 @@ def read_sensors(sources: list[str]) -> tuple[SensorsFile, Path]:
         )
     if not files:
         sections = {"sensors": [_short(source) for source in sources]}
-        return _checked(sections, "--source"), Path()
+        return _placed(_checked(sections, "--source"), "--source", need_places), Path()
     path = Path(files[0])
     try:
         text = path.read_text(encoding="utf-8")
@@ -179,7 +191,20 @@ def read_sensors(sources: list[str]) -> tuple[SensorsFile, Path]:
         ) from cause
     page = "docs/howto-live.md"
     found = parse_sections(SensorsFile, text, kind="file of sensors", where=str(path), error=ReadingError, page=page)
-    return found, path.parent
+    return _placed(found, str(path), need_places), path.parent
+
+
+def _placed(sensors: SensorsFile, where: str, need_places: bool) -> SensorsFile:
+    """The same, where every sensor has a place or needs none."""
+    for sensor in sensors.sensors:
+        if need_places and not sensor.has_place:
+            raise ReadingError(
+                expected="either point, a number of the run's points, or position, in metres",
+                found="neither",
+                where=f"{where}, sensor '{sensor.name}'",
+                todo="Say where each sensor stands.",
+            )
+    return sensors
 
 
 def _checked(content: dict[str, Any], where: str) -> SensorsFile:
@@ -191,6 +216,8 @@ def _checked(content: dict[str, Any], where: str) -> SensorsFile:
 def _short(source: str) -> dict[str, object]:
     """NAME@POINT=PORT or NAME@POINT=LOG.csv as a table."""
     place, _, given = source.partition("=")
+    if "@" not in place and place and given:
+        return {"name": place, "log" if given.endswith(".csv") else "port": given}
     name, _, point = place.rpartition("@")
     words = point.split(",")
     if not name or not given or len(words) not in (1, 3):

@@ -2,21 +2,19 @@
 
 import heapq
 import math
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 
 from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
-from lidarspectra.hardware.incoming.arrivals import STATE, Arrival, Inbox, Notice, Source, Stop
+from lidarspectra.hardware.incoming.arrivals import STATE, Arrival, Source, Stop
+from lidarspectra.hardware.incoming.gathering import Tell, gather
 from lidarspectra.hardware.incoming.growing_log import GrowingLog
 from lidarspectra.mapping.present_light.now import PresentAnswer, PresentLight
 
-WAIT_S = 0.2  # [s] longest wait for a reading in one go
 SILENT_S = 1.0  # [s] without a reading after which there is an answer all the same: readings grow old
 REPLAY_STEP_S = 1.0  # [s] of a recording's own time from one answer to the next
 
 Listen = Callable[[PresentAnswer], None]
-Tell = Callable[[Notice], None]
 
 
 class LiveSession:
@@ -49,7 +47,6 @@ class LiveSession:
         self._sources = tuple(sources)
         self._log = log
         self._factors = factors
-        self._inbox = Inbox()
         self.readings = 0
 
     def run(self, *, stop: Stop, on_answer: Listen, on_notice: Tell) -> None:
@@ -67,39 +64,19 @@ class LiveSession:
         ReadingError
             If readings cannot be written to disk.
         """
-        ended = threading.Event()
-        threads = [
-            threading.Thread(target=source.run, args=(self._inbox.put, ended.is_set), daemon=True)
-            for source in self._sources
-        ]
-        for thread in threads:
-            thread.start()
         answered_s = time.monotonic()
-        try:
-            while not stop():
-                items = self._inbox.take(WAIT_S)
-                if self._take(items, on_notice) or time.monotonic() - answered_s >= SILENT_S:
-                    answered_s = time.monotonic()
-                    on_answer(self._present.answer(time.time()))
-        finally:
-            ended.set()
-            for thread in threads:
-                thread.join(timeout=10.0)
-            self._take(self._inbox.take(0.0), on_notice)
-            self._log.close()
 
-    def _take(self, items: Sequence[Arrival | Notice], on_notice: Tell) -> bool:
-        """Log and use all items; whether a reading was among them."""
-        arrivals = [item for item in items if isinstance(item, Arrival)]
-        if arrivals:
-            self._log.write(arrivals)
-        for item in items:
-            if isinstance(item, Notice):
-                on_notice(item)
-            else:
-                self._beside(item)
-                self.readings += used(self._present, item, self._factors)
-        return bool(arrivals)
+        def answer(has_reading: bool) -> None:
+            nonlocal answered_s
+            if has_reading or time.monotonic() - answered_s >= SILENT_S:
+                answered_s = time.monotonic()
+                on_answer(self._present.answer(time.time()))
+
+        gather(self._sources, self._log, stop=stop, on_arrival=self._use, on_notice=on_notice, on_turn=answer)
+
+    def _use(self, arrival: Arrival) -> None:
+        self._beside(arrival)
+        self.readings += used(self._present, arrival, self._factors)
 
 
 def used(present: PresentLight, arrival: Arrival, factors: Mapping[str, float]) -> bool:

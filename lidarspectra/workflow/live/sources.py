@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lidarspectra.errors import ReadingError
-from lidarspectra.hardware.incoming.arrivals import LUX, STATE, Source
+from lidarspectra.hardware.incoming.arrivals import LUX, NODE_TIME, STATE, Source
 from lidarspectra.hardware.incoming.channel_light import ChannelLight
 from lidarspectra.hardware.incoming.growing_log import GrowingLog
 from lidarspectra.hardware.incoming.mqtt_source import Broker, MqttSource, Topic
@@ -91,8 +91,12 @@ def _topics(sensor: SensorSection, broker: BrokerSection | None, labels: Sequenc
         return [_channel(sensor, topic, label) for label, topic in sensor.topics.items()]
     prefix = broker.prefix if broker is not None else ""
     topic = sensor.topic or f"{prefix}/sensor/{sensor.object_id}/state"
+    clock = (
+        [] if sensor.time is None
+        else [Topic(topic=topic, sensor=sensor.name, quantity=NODE_TIME, template=sensor.time)]
+    )  # fmt: skip
     if "lux" in sensor.reads:
-        return [Topic(topic=topic, sensor=sensor.name, quantity=LUX, template=sensor.value)]
+        return [*clock, Topic(topic=topic, sensor=sensor.name, quantity=LUX, template=sensor.value)]
     if sensor.value is None or CHANNEL_WORD not in sensor.value:
         raise ReadingError(
             expected=f"a value template with the word {CHANNEL_WORD}, for all channels of one topic",
@@ -100,7 +104,7 @@ def _topics(sensor: SensorSection, broker: BrokerSection | None, labels: Sequenc
             where=f"sensor '{sensor.name}'",
             todo=f"Write value = '{{{{ value_json.E_{CHANNEL_WORD} }}}}', or give a topic a channel in topics.",
         )
-    return [_channel(sensor, topic, label) for label in labels]
+    return [*clock, *(_channel(sensor, topic, label) for label in labels)]
 
 
 def _channel(sensor: SensorSection, topic: str, label: str) -> Topic:

@@ -1,0 +1,156 @@
+"""Many nodes as one recording: one clock, what each node's clock does, and a recording that is cut and continued."""
+
+from pathlib import Path
+from threading import Thread
+
+import numpy as np
+import pytest
+
+from lidarspectra.errors import ReadingError
+from lidarspectra.hardware.incoming.arrival_log import HEADER, ArrivalLog
+from lidarspectra.hardware.incoming.arrivals import NODE_TIME, Arrival, Notice
+from lidarspectra.hardware.incoming.growing_log import GrowingLog
+from lidarspectra.hardware.incoming.node_clocks import NodeClock
+from lidarspectra.hardware.virtual.emulator import SketchBoard
+from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
+from lidarspectra.hardware.virtual.faults import FaultyWire
+from lidarspectra.workflow.live.recording import node_notes, record_nodes
+from lidarspectra.workflow.live.sensors_file import read_sensors
+from lidarspectra.workflow.live.sources import sources_of
+
+
+def arrivals_of(rate: float, seconds: int, *, seed: int = 0, origin_s: float = 500.0) -> list[Arrival]:
+    """A reading a second of a node whose clock is slow by `rate`, up to 0.3 s on the way."""
+    waits = np.random.default_rng(seed).exponential(0.05, seconds)
+    return [
+        Arrival(sensor="a", values={"lux": 1.0}, unix_s=1e9 + second + wait, device_s=origin_s + (1.0 - rate) * second)
+        for second, wait in enumerate(np.minimum(waits, 0.3).tolist())
+    ]
+
+
+@pytest.mark.parametrize("rate", [80e-6, -30e-6, 0.0])
+def test_a_nodes_drift_is_found_through_the_time_on_the_way(rate: float) -> None:
+    clock = NodeClock("a")
+    for arrival in arrivals_of(rate, 7200):
+        clock.take(arrival)
+    status = clock.status
+    # The least wait of a minute's 60 is 1 ms: over two hours 0.2 ppm, ten times that for all seeds.
+    assert status.drift_ppm == pytest.approx(1e6 * rate, abs=2.0)
+    assert status.drift_se_ppm < 2.0
+    assert (status.readings, status.gaps, status.restarts) == (7200, 0, 0)
+
+
+def test_a_node_that_restarts_begins_its_clock_anew() -> None:
+    clock = NodeClock("a")
+    for arrival in arrivals_of(50e-6, 5000):
+        clock.take(arrival)
+    for arrival in arrivals_of(50e-6, 900, origin_s=0.0):
+        later = Arrival(sensor="a", values={}, unix_s=arrival.unix_s + 5100.0, device_s=arrival.device_s)
+        clock.take(later)
+    status = clock.status
+    assert status.restarts == 1
+    assert status.gaps == 1
+    assert status.longest_gap_s == pytest.approx(101.0, abs=1.0)
+    assert status.drift_ppm == pytest.approx(50.0, abs=3.0)
+
+
+def test_little_is_kept_of_a_long_recording_and_its_drift_is_still_found() -> None:
+    clock = NodeClock("a")
+    for hour in range(72):
+        for minute in range(60):
+            device_s = 3600.0 * hour + 60.0 * minute
+            clock.take(Arrival(sensor="a", values={}, unix_s=1e9 + device_s * (1.0 + 20e-6), device_s=device_s))
+    assert clock.status.drift_ppm == pytest.approx(20.0, abs=0.1)
+    assert max(len(run.best) for run in clock._runs) <= 1501
+
+
+def test_a_recording_that_was_cut_goes_on_and_loses_the_half_row_alone(tmp_path: Path) -> None:
+    given = arrivals_of(0.0, 40)
+    log = ArrivalLog(tmp_path)
+    log.write(given[:20])
+    log.close()
+    (path,) = tmp_path.glob("*.csv")
+    whole = path.read_bytes()
+    path.write_bytes(whole[: whole.rstrip(b"\n").rfind(b"\n") + 30])
+    log = ArrivalLog(tmp_path)
+    log.write(given[20:])
+    log.close()
+    read = list(GrowingLog(path, sensor="?").past())
+    assert len(read) == 39
+    assert [each.unix_s for each in read[-20:]] == pytest.approx([each.unix_s for each in given[20:]], abs=1e-3)
+    assert path.read_bytes().count(HEADER) == 1
+
+
+def test_a_log_of_other_columns_is_continued_under_a_header_of_its_own(tmp_path: Path) -> None:
+    given = arrivals_of(0.0, 1)
+    day = tmp_path / "2001-09-09.csv"
+    day.write_text("utc,unix_s,sensor,lux\n2001-09-09T00:00:00Z,1000000000.0,a,7\n", encoding="utf-8")
+    log = ArrivalLog(tmp_path)
+    log.write(given)
+    log.close()
+    assert [each.values["lux"] for each in GrowingLog(day, sensor="?").past()] == [7.0, 1.0]
+
+
+def test_sensors_at_ports_become_one_recording(tmp_path: Path) -> None:
+    servers = [EmulatorServer(FaultyWire(SketchBoard(seed=seed), None)) for seed in (1, 2)]
+    done: list[bool] = []
+    threads = [Thread(target=server.serve, args=(lambda: bool(done),), daemon=True) for server in servers]
+    for thread in threads:
+        thread.start()
+    out = tmp_path / "night"
+    days = "*-*-*.csv"
+
+    def enough() -> bool:
+        text = "".join(path.read_text(encoding="utf-8") for path in out.glob(days))
+        return min(text.count(",a,"), text.count(",b,")) >= 2
+
+    notices: list[Notice] = []
+    sources = [f"{name}={server.address}" for name, server in zip("ab", servers, strict=True)]
+    try:
+        table, notes = record_nodes(
+            [*sources, f"c={tmp_path / 'none.csv'}"], out, stop=enough, on_notice=notices.append
+        )
+    finally:
+        done.append(True)
+        for thread in threads:
+            thread.join(10.0)
+    frame = table.frame.set_index("sensor")
+    assert frame["readings"].loc[["a", "b"]].min() >= 2
+    assert any("No reading came from c" in note for note in notes)
+    read = [each for path in sorted(out.glob(days)) for each in GrowingLog(path, sensor="?").past()]
+    assert {each.sensor for each in read} == {"a", "b"}
+    assert {len(each.values) for each in read} == {18}
+    assert (out / "a.recorder.csv").is_file()  # the counts
+    assert (out / "nodes.csv").is_file()
+
+
+def test_clocks_that_drift_apart_are_told() -> None:
+    nodes = []
+    for name, rate in (("a", 60e-6), ("b", -40e-6)):
+        clock = NodeClock(name)
+        for arrival in arrivals_of(rate, 1800):
+            clock.take(arrival)
+        nodes.append(clock.status)
+    (note,) = node_notes(nodes)
+    assert "8.6 s a day" in note or "8.7 s a day" in note or "8.5 s a day" in note  # 100 ppm
+
+
+def test_a_nodes_own_clock_comes_in_its_payload(tmp_path: Path) -> None:
+    pytest.importorskip("paho.mqtt.client", reason="paho-mqtt, of the extra 'mqtt', is not installed")
+    path = tmp_path / "sensors.toml"
+    path.write_text(
+        '[broker]\nhost = "x"\n[[sensors]]\nname = "a"\ntopic = "t"\nvalue = "{{ value_json.lux }}"\n'
+        'time = "{{ value_json.uptime_ms / 1000 }}"\n',
+        encoding="utf-8",
+    )
+    sensors, base = read_sensors([str(path)], need_places=False)
+    (source,) = sources_of(sensors, ("410",), base=base, logs=tmp_path, run_name="x")
+    heard: list[Arrival | Notice] = []
+    source._take("t", b'{"lux": 12, "uptime_ms": 2500}', heard.append)  # type: ignore[attr-defined]
+    (arrival,) = heard
+    assert isinstance(arrival, Arrival)
+    assert arrival.device_s == 2.5
+    assert dict(arrival.values) == {"lux": 12.0}
+    assert NODE_TIME not in arrival.values
+    with pytest.raises(ReadingError, match="either point"):
+        read_sensors([str(path)])
