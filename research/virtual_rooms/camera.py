@@ -121,7 +121,7 @@ def photograph(
     if shining is None:
         shining = np.array([surface.lamp is not None for surface in room.surfaces])
     linear, surface = seen_light(room, shape, atlas, light, direct, settings, generator)
-    lit = shining[surface]
+    lit = (surface >= 0) & shining[surface]
     shown = atlas.covered & ~lit
     bright = np.quantile(linear[shown].max(axis=1), 1.0 - settings.bright_share)
     exposed = linear * (settings.bright_level / bright)
@@ -146,14 +146,14 @@ def seen_light(
     settings: CameraSection,
     generator: np.random.Generator,
 ) -> tuple[FloatArray, IntArray]:
-    """White-balanced linear colour of every pixel, and the room's surface that it shows.
+    """White-balanced linear colour of every pixel, and the room's surface that it shows, -1 for none.
 
     Between the colours of the corners, with the patterns of exposure and materials; parameters as in `photograph`.
     """
     corner_color = _corner_colors(room, shape, atlas, light, direct, settings)
     size = atlas.size_px
     linear = np.empty((size * size, 3), dtype=np.float64)
-    surface = np.zeros(size * size, dtype=np.int64)
+    surface = np.full(size * size, -1, dtype=np.int64)
     exposure = _Pattern(generator, settings.exposure_spread, (1.0, 1.0, 1.0))
     grains = [_Pattern(generator, material.grain, material.grain_size) for material in room.materials]
     # Seen along the chart's own direction, so that a step shows as a clean edge and not as its own slope.
