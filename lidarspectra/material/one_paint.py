@@ -6,10 +6,12 @@ darker there, as a grey door in a white wall, is another, and keeps its own.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
@@ -17,6 +19,9 @@ from lidarspectra.material.surface_hues import surface_groups
 
 ALIKE = 0.3  # [1] of the logarithm of reflectance, about the commonest, that light may have changed by
 STEP, BLUR = 0.02, 0.06  # [1] of that logarithm: of the histogram, and by which it is smoothed
+FINE_BLUR = 0.03  # [1] of that logarithm, by which the histogram is smoothed where a step is looked for
+DIP = 0.6  # [1] of the lower of two peaks; a histogram lower than that between them is of two paints
+PEAK_SHARE = 0.1  # [1] of the highest peak, from which another counts
 LEAST_M2 = 0.5  # [m²] of a paint
 PAINTS = 3  # of one hue in one plane
 SAME_HUE = 0.06  # [1] largest difference of the logarithms' differences between channels, of one hue
@@ -103,7 +108,8 @@ def _one_plane_one_hue(scan: Scan, logs: FloatArray, group: IntArray) -> list[In
         left = np.flatnonzero(group == number)
         for _ in range(PAINTS):
             lightness = logs[left, GREEN]
-            member = left[np.abs(lightness - _commonest(lightness, scan.areas[left])) < ALIKE]
+            low, high = _about_commonest(lightness, scan.areas[left])
+            member = left[(lightness > low) & (lightness < high)]
             if scan.areas[member].sum() < LEAST_M2:
                 break
             found.append(member)
@@ -112,7 +118,14 @@ def _one_plane_one_hue(scan: Scan, logs: FloatArray, group: IntArray) -> list[In
     seen = [_Patch.of(scan, logs, member) for member in found]
     joined: dict[int, list[IntArray]] = {}  # by the largest of each
     for number, member in enumerate(found):
-        alike = next((other for other in joined if seen[number].is_like(seen[other])), number)
+        alike = next(
+            (
+                other
+                for other, members in joined.items()
+                if seen[number].is_like(seen[other]) and not _has_step(scan, logs, np.concatenate([*members, member]))
+            ),
+            number,
+        )
         joined.setdefault(alike, []).append(member)
     return [np.concatenate(members) for members in joined.values()]
 
@@ -145,11 +158,39 @@ class _Patch:
         )
 
 
-def _commonest(values: FloatArray, weights: FloatArray) -> float:
-    """Where most of the weight lies: the mode of a smoothed histogram."""
+def _about_commonest(values: FloatArray, weights: FloatArray) -> tuple[float, float]:
+    """Least and largest value of a paint: within `ALIKE` of where most of the weight lies, up to a step to another."""
     if not values.size:
-        return 0.0
-    edges = np.arange(values.min() - STEP, values.max() + 2 * STEP, STEP)
-    smooth = gaussian_filter1d(np.histogram(values, bins=edges, weights=weights)[0], BLUR / STEP, mode="constant")
-    best = int(np.argmax(smooth))
-    return float(0.5 * (edges[best] + edges[best + 1]))
+        return 0.0, 0.0
+    middle = _mode(*_histogram(values, weights, BLUR))
+    low, high = middle - ALIKE, middle + ALIKE
+    near = np.abs(values - middle) < ALIKE
+    dips = _dips(*_histogram(values[near], weights[near], FINE_BLUR))
+    return max([low, *dips[dips < middle]]), min([high, *dips[dips > middle]])
+
+
+def _has_step(scan: Scan, logs: FloatArray, faces: IntArray) -> bool:
+    """Whether the lightness of some faces has two peaks, apart."""
+    return bool(_dips(*_histogram(logs[faces, GREEN], scan.areas[faces], FINE_BLUR)).size)
+
+
+def _histogram(values: FloatArray, weights: FloatArray, blur: float) -> tuple[FloatArray, FloatArray]:
+    """Middles of bins, and the smoothed weight in them."""
+    edges = np.arange(values.min() - 3 * blur, values.max() + 3 * blur + STEP, STEP)
+    count = np.histogram(values, bins=edges, weights=weights)[0]
+    return 0.5 * (edges[:-1] + edges[1:]), gaussian_filter1d(count, blur / STEP, mode="constant")
+
+
+def _mode(at: FloatArray, smooth: FloatArray) -> float:
+    return float(at[np.argmax(smooth)])
+
+
+def _dips(at: FloatArray, smooth: FloatArray) -> FloatArray:
+    """(dip,) where a smoothed histogram falls below `DIP` of the peaks on either side."""
+    peaks, _ = find_peaks(smooth, height=PEAK_SHARE * smooth.max())
+    found = []
+    for first, second in pairwise(peaks):
+        lowest = first + int(np.argmin(smooth[first : second + 1]))
+        if smooth[lowest] < DIP * min(smooth[first], smooth[second]):
+            found.append(float(at[lowest]))
+    return np.array(found)

@@ -47,6 +47,19 @@ def test_a_door_of_another_grey_is_another_paint(wall: Scan) -> None:
     assert found.spread.size == 2
 
 
+@pytest.mark.parametrize("ratio", [1.3, 1.34])
+def test_a_wainscot_a_third_lighter_is_another_paint(wall: Scan, ratio: float) -> None:
+    """Within what light may have changed, but with a step: two peaks of lightness, where light makes one."""
+    color = shaded(wall, 0.1) * np.exp(0.03 * np.random.default_rng(1).standard_normal((len(wall.faces), 1)))
+    lower = wall.centers[:, 2] < 1.2
+    color[lower] *= ratio
+    found = one_paint(wall, color, np.ones(len(lower), dtype=bool), turn_deg=0.0)
+    assert found.spread.size == 2
+    for member, truth in ((lower, ratio * WALL), (~lower, WALL)):
+        mean = np.average(found.color[member], axis=0, weights=wall.areas[member])
+        np.testing.assert_allclose(mean, truth, rtol=0.03)
+
+
 def test_another_hue_stays_apart_and_what_shows_no_surface_is_left_alone(wall: Scan) -> None:
     color = shaded(wall, 0.1)
     poster = (wall.centers[:, 0] > 2.5) & (wall.centers[:, 2] > 2.5)
