@@ -45,8 +45,9 @@ from lidarspectra.material.linear_evidence import (
     unseen_faces,
 )
 from lidarspectra.material.material_map import MaterialMap
-from lidarspectra.material.one_paint import one_paint
+from lidarspectra.material.one_paint import Paints, one_paint
 from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
+from lidarspectra.material.sun_patches import Openings, SunPatches, find_sun_patches
 from lidarspectra.material.unknown_light import (
     OPEN_SHARE,
     PANE_DEVIATION,
@@ -73,6 +74,7 @@ from lidarspectra.workflow.delighting_notes import (
     flux_warnings,
     other_light_note,
     source_note,
+    sun_note,
     unlit_note,
     unsettled_note,
     whiter_than_paint_note,
@@ -149,10 +151,11 @@ def _left_in(reason: str, fit: LightFit | None = None) -> Delighting:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Surfaces:
-    """A scan, and the points of it that are looked at; of those with usable colours `trusted` is True."""
+    """A scan, its faces with `known` colours, and points of it; of those with usable colours `trusted` is True."""
 
     scan: Scan
     room: Room
+    known: BoolArray
     samples: Samples
     trusted: BoolArray
     unseen: UnseenFaces
@@ -232,12 +235,14 @@ def take_light_out(
         sources = (*sources, beyond_scan(open_share))
         patterns.append(opening_patterns(caster, samples.positions, samples.normals, generator))
         exchange = _closed(exchange)
+    patches = _sun(scan, caster, samples, np.where(known, shown.max(axis=1), 1.0), sources, open_share)
     colors = np.concatenate([shown[samples.face[card < 0]], seen_cards.shown])
     trusted = known[samples.face] & (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK) & (card < 0)
+    trusted &= ~patches.member(scan)[samples.face]
     face_lamp = ~known & near_lamps(scan.centers, lamps)
-    face_lamp[np.concatenate([np.empty(0, dtype=np.int64), *(source.faces for source in sources)])] = True
+    face_lamp |= _faces_of(sources, scan)
     unseen = unseen_faces(scan, known)
-    surfaces = _Surfaces(scan=scan, room=room, samples=samples, trusted=trusted, unseen=unseen)
+    surfaces = _Surfaces(scan=scan, room=room, known=known, samples=samples, trusted=trusted, unseen=unseen)
     evidence = LightEvidence(
         shown=colors,
         direct=coefficients[:, :, None] * _lamp_cones(lamps)[:, None, :],
@@ -271,13 +276,8 @@ def take_light_out(
     fit, evidence, spread = found
     if (why := doubt(fit)) is not None:
         return _left_in(why, fit)
-    face_color = _face_reflectance(evidence, fit, spread)
-    paints = one_paint(scan, face_color, known, turn_deg=room.wall_angle_deg)
-    face_color = unseen.filled(np.where(known[:, None], paints.color, 1.0))
     sources = _shines(sources, fit, scan, spread @ fit.irradiance)
-    face_deviation = np.hypot(spread @ fit.log_deviation, paints.deviation(CELL_M)[:, None])
-    for pane in (source.faces for source in sources if source.is_pane):
-        face_color[pane], face_deviation[pane] = PANE_REFLECTANCE, PANE_DEVIATION
+    face_color, face_deviation, paints = _of_faces(surfaces, evidence, fit, spread, sources, patches)
     progress(1.0, "light taken out")
     fluxes = () if fluxes_stated else estimated_fluxes([lamp.name for lamp in lamps], fit, identifiable)
     return Delighting(
@@ -290,6 +290,7 @@ def take_light_out(
             *seen_cards.notes,
             *unlit_note(unlit),
             *source_note(sources, fit),
+            *sun_note(patches),
             *beam_note(fit),
             *unsettled_note(fit),
             *other_light_note(scan, known | ~scan.appearance.photographed, evidence, spread @ fit.irradiance),
@@ -297,6 +298,14 @@ def take_light_out(
         ),
         lamp_fluxes=fluxes,
     )
+
+
+def _faces_of(sources: Sequence[UnknownSource], scan: Scan) -> BoolArray:
+    """(face,) which belong to some sources."""
+    member = np.zeros(len(scan.faces), dtype=np.bool_)
+    for source in sources:
+        member[source.faces] = True
+    return member
 
 
 def _three(values: FloatArray) -> FloatArray:
@@ -392,6 +401,41 @@ def _fit(
         )
         fit = fit_light(evidence, flux_deviation=flux_deviation, start=fit.parameters, progress=part)
     return fit, evidence, spread
+
+
+def _sun(
+    scan: Scan,
+    caster: RayCaster,
+    samples: Samples,
+    brightness: FloatArray,
+    sources: Sequence[UnknownSource],
+    open_share: float,
+) -> SunPatches:
+    """Where the sun shines through windows; (face,) brightness that the picture shows."""
+    panes = _faces_of([source for source in sources if source.is_pane], scan)
+    openings = Openings.of(scan, panes, holes=open_share > OPEN_SHARE)
+    return find_sun_patches(scan, caster, samples, brightness, openings)
+
+
+def _of_faces(
+    surfaces: _Surfaces,
+    evidence: LightEvidence,
+    fit: LightFit,
+    spread: csr_array,
+    sources: Sequence[UnknownSource],
+    patches: SunPatches,
+) -> tuple[FloatArray, FloatArray, Paints]:
+    """(face, 3) reflectances and deviations of their logarithms: of paints, panes, and what lies in the sun."""
+    scan, known = surfaces.scan, surfaces.known
+    sunny = patches.member(scan)
+    paints = one_paint(
+        scan, _face_reflectance(evidence, fit, spread), known & ~sunny, turn_deg=surfaces.room.wall_angle_deg
+    )
+    color = surfaces.unseen.filled(np.where(known[:, None], paints.color, 1.0))
+    deviation = np.hypot(spread @ fit.log_deviation, paints.deviation(CELL_M)[:, None])
+    for pane in (source.faces for source in sources if source.is_pane):
+        color[pane], deviation[pane] = PANE_REFLECTANCE, PANE_DEVIATION
+    return patches.filled(color), patches.widened(deviation), paints
 
 
 def _direct(

@@ -9,6 +9,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, COMMON, MAX_STEPS, LightFit
 from lidarspectra.material.light_evidence import LightEvidence
+from lidarspectra.material.sun_patches import SunPatches
 from lidarspectra.material.unknown_light import UnknownSource
 
 MIN_WHITE = 0.75  # [1] least reflectance of a surface called white
@@ -99,6 +100,20 @@ def source_note(sources: Sequence[UnknownSource], fit: LightFit) -> tuple[str, .
         "Light in the picture comes from what is no lamp of the run file: windows, screens, other lamps, other rooms "
         f"({'; '.join(places)}). It was fitted with the lamps' as {100 * share:.0f} % of the direct light and taken "
         "out. The map does not have it: give windows under [daylight], lamps under [[lamps]].",
+    )
+
+
+def sun_note(patches: SunPatches) -> tuple[str, ...]:
+    """A note on what was taken for sunlight on surfaces."""
+    if not patches.faces.size:
+        return ()
+    east, north, up = patches.toward
+    azimuth, height = np.degrees(np.arctan2(north, east)), np.degrees(np.arcsin(up))
+    return (
+        f"The sun shone into the room: {patches.area_m2:.1f} m² are brighter than the surfaces around them, and rays "
+        f"from there towards one direction ({height:.0f}° above the horizon, {azimuth:.0f}° from the x axis) leave "
+        "through a window. They got the reflectance of the surfaces around them. What lies wholly in the sun still "
+        "comes out too bright: draw the blinds against the sun, or assign it by hand.",
     )
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.spectra.databases import color_matching_functions, lamp_spectrum
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import TableRow, read_table, write_table
@@ -35,7 +35,15 @@ from research.scenes.build import (
     write_truth,
 )
 from research.virtual_rooms.camera import DirectLight, SurfaceLight
-from research.virtual_rooms.day_light import Opening, flux_per_zenith, opening_of, reflected_light, straight_light
+from research.virtual_rooms.day_light import (
+    Opening,
+    Sun,
+    flux_per_zenith,
+    opening_of,
+    reflected_light,
+    straight_light,
+    sunlight,
+)
 from research.virtual_rooms.room_plan import BoxSection, CameraSection, RoomPlan, read_plan
 from research.virtual_rooms.true_room import TrueRoom, true_room
 
@@ -55,6 +63,10 @@ CARDS_AT = {  # middles on the floor [m]
     "large-office": ((4.1, 2.2), (4.1, 2.7)),
 }
 FLUX_RATIO = {"office": 1.0, "apartment": 2.0, "large-office": 1.0}  # [1] of all windows over all lamps, in lumens
+SUN_AT = {"office": (30.0, 40.0), "apartment": (-70.0, 35.0), "large-office": (-110.0, 35.0)}  # [deg] azimuth, height
+SHADE = "floor lamp"  # names of the parts that are its shade, stand and foot begin so
+SHADE_M, SHADE_LOW_M, STAND_M = (0.3, 0.3, 0.3), 1.35, 0.03
+SHADE_AT = {"office": (0.75, 0.5), "apartment": (2.2, 0.6), "large-office": (6.0, 4.4)}  # [m] middle
 # Tone curve, exposure (share of white at which the brightest 3 % are), white balance; plain sRGB, filmic, lifted.
 CAMERAS = ((0.6, 0.8, 0.85), (0.0, 0.6, 0.6), (1.2, 0.4, 1.0))
 
@@ -75,6 +87,10 @@ class Case:
         Whether the scan has the glass as a surface; else there is a hole.
     cards : bool
         Whether a grey card and a sheet of white paper lie on the floor.
+    sun : float
+        Flux of the sun through the windows, over the sky's there. [1]
+    shade : float
+        Flux of a floor lamp that the run file does not have, over all lamps'. [1]
     """
 
     day: float = 1.0
@@ -82,6 +98,8 @@ class Case:
     open_share: float = 1.0
     pane: bool = True
     cards: bool = False
+    sun: float = 0.0
+    shade: float = 0.0
 
 
 CASES = {
@@ -91,6 +109,9 @@ CASES = {
     "off": Case(lamps=0.0),
     "holes": Case(pane=False),
     "cards": Case(cards=True),
+    "sun": Case(sun=2.0),
+    "hazy": Case(sun=0.3),
+    "floor-lamp": Case(day=0.0, shade=0.5),
 }
 
 
@@ -131,7 +152,9 @@ def build_by_day(scene: str, case: Case, folder: Path, *, seed: int, besides: Be
     )
     shining = np.array(
         [
-            (surface.lamp is not None and case.lamps > 0) or (surface.part.startswith(WINDOW) and case.day > 0)
+            (surface.lamp is not None and case.lamps > 0)
+            or (surface.part.startswith(WINDOW) and case.day > 0)
+            or surface.part == SHADE
             for surface in room.surfaces
         ]
     )
@@ -172,11 +195,29 @@ def _with_windows(scene: str, case: Case, folder: Path, seed: int) -> RoomPlan:
         )
     if case.cards:
         text += _cards(scene, folder / "reflectances.csv")
+    if case.shade > 0:
+        text += _floor_lamp(scene)
     (folder / "plan.toml").write_text(text)
     plan = read_plan(folder / "plan.toml")
     tone, level, balance = CAMERAS[(seed - 1) % len(CAMERAS)]
     camera = plan.file.camera.model_copy(update={"tone": tone, "bright_level": level, "white_balance": balance})
     return replace(plan, file=plan.file.model_copy(update={"camera": CameraSection(**camera.model_dump())}))
+
+
+def _floor_lamp(scene: str) -> str:
+    """Parts and material of a floor lamp, dark."""
+    half, low, at = 0.5 * np.array(SHADE_M), SHADE_LOW_M, np.array(SHADE_AT[scene])
+    boxes = {
+        SHADE: ((*(at - half[:2]), low), (*(at + half[:2]), low + SHADE_M[2])),
+        f"{SHADE} stand": ((*(at - STAND_M / 2), 0.02), (*(at + STAND_M / 2), low)),
+        f"{SHADE} foot": ((*(at - half[:2]), 0.0), (*(at + half[:2]), 0.02)),
+    }
+    text = f'\n[[materials]]\nname = "{SHADE}"\nreflectance = "door-white"\n'
+    for name, corners in boxes.items():
+        low_corner, high_corner = ([round(float(value), 3) for value in corner] for corner in corners)
+        text += f'\n[[parts]]\nname = "{name}"\nshape = "box"\nlow = {low_corner}\nhigh = {high_corner}\n'
+        text += f'material = "{SHADE}"\n'
+    return text
 
 
 def _cards(scene: str, table: Path) -> str:
@@ -210,6 +251,8 @@ def _direct(
     lamps = resolve_lamps(plan.file.lamps, folder)
     flux = spectral_flux(lamps, wavelengths)
     openings = openings_of(scene, case, plan, folder, wavelengths)
+    sun, window = _sun(scene, case, openings, wavelengths), window_faces(room)
+    shade = _sides_of_shade(scene, case, flux, wavelengths)
 
     def light(positions: FloatArray, normals: FloatArray) -> FloatArray:
         total = np.zeros((len(positions), wavelengths.size))
@@ -217,9 +260,48 @@ def _direct(
             total += case.lamps * lamp_coefficients(room, lamps, positions, normals) @ flux
         if case.day > 0:
             total += straight_light(room, openings, positions, normals)
+        if case.sun > 0:
+            total += sunlight(room, sun, window, positions, normals)
+        if case.shade > 0:
+            total += straight_light(room, shade, positions, normals)
         return total
 
     return light
+
+
+def window_faces(room: TrueRoom) -> BoolArray:
+    """(face,) of the room's scan that are windows."""
+    windows = np.array([surface.part.startswith(WINDOW) for surface in room.surfaces])
+    return np.asarray(windows[room.face_surface], dtype=np.bool_)
+
+
+def _sun(scene: str, case: Case, openings: Sequence[Opening], wavelengths: FloatArray) -> Sun:
+    azimuth, height = np.radians(SUN_AT[scene])
+    toward = np.array([np.cos(height) * np.cos(azimuth), np.cos(height) * np.sin(azimuth), np.sin(height)])
+    color = lamp_spectrum("D50").spectrum.at(wavelengths, outside="nearest")
+    luminous = color_matching_functions(wavelengths)[:, 1]
+    sky = sum(flux_per_zenith(each) * float(each.radiance @ luminous) for each in openings)
+    facing = sum(each.area * max(0.0, float(-each.normal @ toward)) for each in openings)
+    return Sun(toward=toward, irradiance=color * case.sun * sky / (facing * float(color @ luminous)))
+
+
+def _sides_of_shade(scene: str, case: Case, lamp_flux: FloatArray, wavelengths: FloatArray) -> list[Opening]:
+    """The upright sides of a floor lamp's shade, evenly bright."""
+    x, y = SHADE_AT[scene]
+    wide, deep, tall = SHADE_M
+    color = lamp_spectrum("A").spectrum.at(wavelengths, outside="nearest")
+    luminous = color_matching_functions(wavelengths)[:, 1]
+    flux = case.shade * float((lamp_flux @ luminous).sum())
+    radiance = color * flux / (np.pi * 2 * (wide + deep) * tall * float(color @ luminous))
+    up = np.array([0.0, 0.0, tall])
+    sides = []
+    for normal in np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]]):
+        along = np.array([-normal[1] * wide, normal[0] * deep, 0.0])
+        middle = np.array([x, y, SHADE_LOW_M]) + 0.5 * normal * np.array([wide, deep, 0.0])
+        sides.append(
+            Opening(corner=middle - 0.5 * along, along=along, up=up, normal=normal, radiance=radiance, even=True)
+        )
+    return sides
 
 
 def openings_of(scene: str, case: Case, plan: RoomPlan, folder: Path, wavelengths: FloatArray) -> list[Opening]:

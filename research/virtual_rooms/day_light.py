@@ -1,4 +1,4 @@
-"""Daylight in a true room: what an overcast sky and the ground before its windows send to the room's surfaces.
+"""Daylight in a true room: what a sky, the ground before its windows and the sun send to the room's surfaces.
 
 A window is a part of the plan, a thin box in a wall; its face towards the room is the opening. Light is cast to points
 of it, straight and with the radiance of the direction seen through it, and then reflected between points of the
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.material.light_exchange import cosine_directions
 from research.virtual_rooms.room_plan import BoxSection
@@ -48,6 +48,8 @@ class Opening:
         Into the room. [1]
     radiance : (wavelength,) float
         Of the sky's zenith, through the glass. [W/m²/sr/nm]
+    even : bool
+        Whether it shines so in all directions, as a lamp's shade does, and not as a sky.
     """
 
     corner: FloatArray
@@ -55,6 +57,7 @@ class Opening:
     up: FloatArray
     normal: FloatArray
     radiance: FloatArray
+    even: bool = False
 
     @property
     def area(self) -> float:
@@ -66,6 +69,22 @@ class Opening:
         share = (np.arange(STEPS) + 0.5) / STEPS
         u, v = (grid.reshape(-1, 1) for grid in np.meshgrid(share, share))
         return np.asarray(self.corner + u * self.along + v * self.up, dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sun:
+    """The sun, through the glass.
+
+    Parameters
+    ----------
+    toward : (3,) float
+        Direction to it. [1]
+    irradiance : (wavelength,) float
+        On what faces it, behind the glass. [W/m²/nm]
+    """
+
+    toward: FloatArray
+    irradiance: FloatArray
 
 
 def relative_radiance(elevation_sine: FloatArray) -> FloatArray:
@@ -137,8 +156,35 @@ def _seen(caster: RayCaster, opening: Opening, starts: FloatArray, normals: Floa
         factor = here * there / np.maximum(distance, 0.02) ** 2 * opening.area / len(places)
         some = np.flatnonzero(factor > 0)
         blocked = caster.nearest(starts[some], way[some], max_distance=1.0 - 1e-4).met
-        light[some] += np.where(blocked, 0.0, factor[some] * relative_radiance(toward[some, 2]))
+        shape = 1.0 if opening.even else relative_radiance(toward[some, 2])
+        light[some] += np.where(blocked, 0.0, factor[some] * shape)
     return light
+
+
+def sunlight(room: TrueRoom, sun: Sun, window: BoolArray, positions: FloatArray, normals: FloatArray) -> FloatArray:
+    """Irradiance straight from the sun, a point.
+
+    Parameters
+    ----------
+    room : TrueRoom
+    sun : Sun
+    window : (face,) bool
+        Faces of the room's scan that it shines through.
+    positions, normals : (point, 3) float
+        Of surfaces. [m, 1]
+
+    Returns
+    -------
+    irradiance : (point, wavelength) float
+        [W/m²/nm]
+    """
+    cosine = normals @ sun.toward
+    facing = np.flatnonzero(cosine > 0)
+    ways = np.broadcast_to(sun.toward, (facing.size, 3))
+    hits = RayCaster(room.scan).nearest(positions[facing] + OFF_M * normals[facing], ways)
+    cosine[cosine <= 0] = 0.0
+    cosine[facing[~(hits.met & window[hits.face])]] = 0.0
+    return cosine[:, None] * sun.irradiance
 
 
 def reflected_light(
