@@ -1,5 +1,6 @@
 """Daylight of the virtual rooms, against an integral by quadrature and the closed form of a closed room."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,12 @@ from scipy.integrate import dblquad
 from lidarspectra.arrays import FloatArray
 from research.virtual_rooms.day_light import (
     Opening,
+    Sun,
     flux_per_zenith,
     reflected_light,
     relative_radiance,
     straight_light,
+    sunlight,
 )
 from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import TrueRoom, true_room
@@ -95,6 +98,33 @@ def test_the_flux_of_a_window_is_what_falls_on_a_sheet_before_it(window: Opening
 
     hemisphere = sum(dblquad(sent, -np.pi / 2, np.pi / 2, *ends)[0] for ends in ((-1.0, 0.0), (0.0, 1.0)))
     assert flux_per_zenith(window) == pytest.approx(window.area * hemisphere, rel=0.02)
+
+
+def test_an_evenly_bright_window_is_a_lambertian_sheet(empty: TrueRoom, window: Opening) -> None:
+    """E = π L times its form factor, here small: A cos cos / distance²."""
+    far = np.array([[0.9, 1.2, 0.1]])
+    even = replace(window, even=True)
+    middle = np.array([0.0, 0.5 * (LEFT_M + RIGHT_M), 0.5 * (SILL_M + HEAD_M)])
+    way = middle - far[0]
+    distance = np.linalg.norm(way)
+    expected = RADIANCE * window.area * (way[2] / distance) * (-way[0] / distance) / distance**2
+    light = straight_light(empty, [even], far, np.array([[0.0, 0.0, 1.0]]))
+    assert light[0, 0] == pytest.approx(expected, rel=0.12)  # the window is as wide as it is far
+
+
+def test_the_sun_lights_the_floor_as_far_as_its_height_says(empty: TrueRoom) -> None:
+    """Through the whole wall at x = 0: as far as that wall's head throws its shadow, with E sin h."""
+    height = np.radians(50.0)
+    sun = Sun(toward=np.array([-np.cos(height), 0.0, np.sin(height)]), irradiance=np.array([100.0, 50.0]))
+    window = (empty.scan.centers[:, 0] < 1e-6) & (empty.normals[:, 0] > 0.9)
+    x = np.array([0.2, 0.6, 0.9, 2.5, 2.9])
+    positions = np.column_stack([x, np.full(5, 2.2), np.zeros(5)])
+    light = sunlight(empty, sun, window, positions, np.tile([0.0, 0.0, 1.0], (5, 1)))
+    lit = x * np.tan(height) < HEIGHT_M
+    assert light[:, 0] == pytest.approx(np.where(lit, 100.0 * np.sin(height), 0.0))
+    assert light[:, 1] == pytest.approx(0.5 * light[:, 0])
+    away = sunlight(empty, sun, window, positions, np.tile([1.0, 0.0, 0.0], (5, 1)))
+    assert not away.any()
 
 
 @pytest.mark.parametrize("reflectance", [0.3, 0.8])
