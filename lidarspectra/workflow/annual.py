@@ -33,6 +33,7 @@ from lidarspectra.radiance.scene.weather import SYNTHETIC, Weather, read_epw, sy
 from lidarspectra.radiance.scene.year_sky import YearSky, year_sky
 from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.spectra.spectrum import BandSet
+from lidarspectra.workflow.annual_inputs import FOLDER, with_inputs, year_inputs
 from lidarspectra.workflow.calibration_of_run import calibrated_materials
 from lidarspectra.workflow.inputs import Inputs, read_inputs
 from lidarspectra.workflow.lamps_of_run import ScannedRoom, lamps_of_run, windows_of_run
@@ -40,7 +41,6 @@ from lidarspectra.workflow.pipeline import Listener, RunSummary, run
 from lidarspectra.workflow.sensing_of_run import sensor_points, trace_engine
 from lidarspectra.workflow.workspace import made_folder, writing_run
 
-FOLDER = "annual"
 TRANSPORT_FILE = "sky-transport.nc"
 SHARES = (0.03, 0.05, 0.8, 0.07, 0.05)  # of the time: weather, scene, trace, hours, page
 SEED = 20240513
@@ -141,6 +141,7 @@ def annual_daylight(
     out = made_folder(summary.folder / FOLDER)
     with trace_engine(cluster) as engine:
         transport, year = _traced(inputs, summary, weather, bands, lamps, engine, progress)
+    year = with_inputs(year, year_inputs(inputs.run_file, inputs.base, summary.folder))
     points, room = point_metrics(year), room_metrics(year)
     notes = (*_notes(transport, weather, section), *_glass_notes(summary, transport, windows_of_run(inputs.run_file)))
     with writing_run(out):

@@ -8,16 +8,11 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
-import numpy as np
-
 from lidarspectra.arguments import path_of
-from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.arrays import FloatArray
 from lidarspectra.config import AreaSection, RulesSection
-from lidarspectra.mapping.calibration.model import FLUX_SD
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
-from lidarspectra.mapping.photometry.annual_light import YEAR_FILE, load_year
-from lidarspectra.mapping.rules.daylight_rules import daylight_criteria
 from lidarspectra.mapping.rules.limits import WORK_PLACES, Criterion
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.workflow.calibration_light import run_room
@@ -31,9 +26,10 @@ from lidarspectra.workflow.rule_criteria import (
     surface_criteria,
     wanted_of_surfaces,
 )
-from lidarspectra.workflow.rule_light import LUX, RuleLight, rule_light
+from lidarspectra.workflow.rule_light import RuleLight, rule_light
 from lidarspectra.workflow.rule_looks import Look, looks_of_run, ugr_criteria
 from lidarspectra.workflow.rule_points import RulePoints, rule_points
+from lidarspectra.workflow.rule_year import year_criteria
 from lidarspectra.workflow.workspace import require_stage
 
 TRACE_SHARE = 0.6  # of the progress, with glare
@@ -113,9 +109,8 @@ def rules_run(run: str | PathLike[str], *, workers: int | None = None, progress:
             criteria += eye_criteria(section, area, light)
             criteria += ugr_criteria(area, light, [look for look in looks if look.area == area.area.name])
         criteria += plant_criteria(section, area, light)
-    year = run / "annual" / YEAR_FILE
-    if year.is_file():
-        criteria += daylight_criteria(load_year(year), light.draws, _daylight_sd(light))
+    of_year, year_notes = year_criteria(run, light)
+    criteria += of_year
     absent = not_judged(section, points, criteria)
     return RuleCheck(
         section=section,
@@ -124,7 +119,7 @@ def rules_run(run: str | PathLike[str], *, workers: int | None = None, progress:
         absent=absent,
         looks=looks,
         white_xyz=white_of(room.lamps),
-        notes=(*_notes(run, section, light), *_absent_notes(absent)),
+        notes=(*_notes(run, section, light), *_absent_notes(absent), *year_notes),
     )
 
 
@@ -156,13 +151,6 @@ def _absent_notes(absent: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
         "judged, so that it proves nothing of these: see to them before you call the rule kept."
         for rule, missing in absent.items()
     )
-
-
-def _daylight_sd(light: RuleLight) -> float:
-    """Relative deviation of daylight: a window's flux, known as a lamp's from its data sheet, and reflectances."""
-    index: IntArray = np.concatenate([each.task for each in light.points.areas])
-    reflected = (light.draws.reflectance @ light.model(LUX, index).slope.mean(axis=(0, 1))).std()
-    return float(np.hypot(FLUX_SD, reflected))
 
 
 def _notes(run: Path, section: RulesSection, light: RuleLight) -> tuple[str, ...]:

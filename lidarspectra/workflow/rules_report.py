@@ -9,7 +9,7 @@ from PIL import Image
 from lidarspectra.arrays import ByteArray
 from lidarspectra.config import RulesSection
 from lidarspectra.errors import MapError, WorkspaceError
-from lidarspectra.io.files import write_whole, writing
+from lidarspectra.io.files import hash_file, write_whole, writing
 from lidarspectra.mapping.figures.room_pictures import tone_mapped
 from lidarspectra.mapping.report import report_page as html
 from lidarspectra.mapping.report.applications import Application, ApplicationFigure
@@ -32,6 +32,7 @@ from lidarspectra.mapping.rules.rule_record import (
     whole_rules,
 )
 from lidarspectra.radiance.pictures.hdr_file import save_hdr
+from lidarspectra.workflow.rule_year import year_of_run
 from lidarspectra.workflow.rules_of_run import RuleCheck
 from lidarspectra.workflow.workspace import made_folder, read_record, stage_folder, writing_run
 
@@ -103,9 +104,13 @@ def rules_sections(section: RulesSection | None, run: Path) -> tuple[Application
 
 
 def _of(section: RulesSection, run: Path) -> dict[str, Any]:
-    """What a check is of: the rules, and the map's files by their hashes."""
-    made = read_record(stage_folder(run, "map"))
-    return {"rules": section.model_dump(mode="json"), "map": {} if made is None else dict(made.outputs)}
+    """What a check is of: the rules, and by their hashes the map's files and the year of daylight."""
+    made, year = read_record(stage_folder(run, "map")), year_of_run(run)
+    return {
+        "rules": section.model_dump(mode="json"),
+        "map": {} if made is None else dict(made.outputs),
+        "year": hash_file(year) if year.is_file() else None,
+    }
 
 
 def _save_looks(check: RuleCheck, folder: Path) -> tuple[LookRow, ...]:

@@ -11,7 +11,7 @@ from lidarspectra.errors import MapError, WorkspaceError
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry.annual_light import YEAR_FILE, load_year
 from lidarspectra.mapping.photometry.week import daylight_of_week, read_week, week_of_light
-from lidarspectra.workflow.annual import FOLDER
+from lidarspectra.workflow.annual_inputs import FOLDER
 from lidarspectra.workflow.assumed import assumptions_of_run, result_notes
 from lidarspectra.workflow.light_of_run import light_of_run, present_lamps_of_run
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,7 @@ from lidarspectra.errors import LampError, RunFileError
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.radiance.scene.daylight import Window
 from lidarspectra.workflow.annual import _glass_notes, _hour_at, annual_daylight
+from lidarspectra.workflow.annual_inputs import changed_since, with_inputs, year_inputs
 
 WINDOW = {"name": "south", "center": [0, 0, 1], "size": [1, 1], "normal": [0, 1, 0]}
 DAYLIGHT = {"latitude_deg": 48, "longitude_deg": 9, "time": "2026-06-21T12:00:00+02:00", "windows": [WINDOW]}
@@ -79,3 +81,30 @@ def test_glass_before_a_window_is_told_and_the_windows_own_pane_is_not() -> None
         notes = _glass_notes(SimpleNamespace(scan=scan, materials=glass), xr.Dataset(coords=places), (window,))
         assert len(notes) == len(words)
         assert all(note.startswith(word) for note, word in zip(notes, words, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        ({"daylight": {"windows": [{**WINDOW, "size": [2, 1]}]}}, "windows or sky"),
+        ({"sensors": {"grid": {"count": 16}}}, "points"),
+        ({"daylight": {"time": "2026-12-21T12:00:00+02:00", "cloud_cover": 1.0}}, None),
+        ({"rules": {"glare": False}}, None),
+    ],
+)
+def test_a_year_tells_what_changed_since_it_was_made(
+    tmp_path: Path, change: dict[str, dict[str, Any]], name: str | None
+) -> None:
+    for stage in ("1-scan", "3-materials"):
+        (tmp_path / stage).mkdir()
+        (tmp_path / stage / "made.npz").write_bytes(b"1")
+    first = run_file("synthetic")
+    inputs = year_inputs(first, tmp_path, tmp_path)
+    year = with_inputs(xr.Dataset(), inputs)
+    assert changed_since(year, inputs) == ()
+    given = first.model_dump(mode="json", exclude_none=True)
+    later = RunFile.model_validate({**given, **{key: {**given.get(key, {}), **value} for key, value in change.items()}})
+    assert changed_since(year, year_inputs(later, tmp_path, tmp_path)) == (() if name is None else (name,))
+    (tmp_path / "1-scan" / "made.npz").write_bytes(b"2")
+    assert "scan" in changed_since(year, year_inputs(first, tmp_path, tmp_path))
+    assert changed_since(xr.Dataset(), inputs) == tuple(inputs)  # of a version that kept nothing

@@ -17,7 +17,6 @@ import xarray as xr
 from lidarspectra.arrays import FloatArray
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry.annual_metrics import AUTONOMY_LX, OCCUPIED_H, OCCUPIED_HOURS, SUN_HOURS, SUN_LX
-from lidarspectra.mapping.rules.chances import Draws
 from lidarspectra.mapping.rules.limits import Criterion
 
 DAYLIGHT_HOURS = 4380  # of a year, EN 17037
@@ -25,20 +24,18 @@ TARGET_SHARE, LEAST_SHARE = 50.0, 95.0  # [%] of the plane
 TARGET_LX, LEAST_LX = 300.0, 100.0
 SDA_PERCENT, ASE_PERCENT = 55.0, 10.0
 STEPS = 41  # factors at which a measure is computed
-REACH_SD = 4.0  # that they span
+MIN_FACTOR = 1e-6  # [1] of daylight: below it there is none
 
 
-def daylight_criteria(year: xr.Dataset, draws: Draws, relative_sd: float) -> tuple[Criterion, ...]:
+def daylight_criteria(year: xr.Dataset, factors: FloatArray) -> tuple[Criterion, ...]:
     """Requirements on a year of daylight.
 
     Parameters
     ----------
     year : xarray.Dataset
         Of `annual_light`; hours that it does not have are dark.
-    draws : Draws
-        How many there are; daylight has a factor of its own.
-    relative_sd : float
-        Of that factor. [1]
+    factors : (draw,) float
+        On all its light. [1]
     """
     kept = kept_points(year)
     light, sun = (
@@ -46,8 +43,6 @@ def daylight_criteria(year: xr.Dataset, draws: Draws, relative_sd: float) -> tup
         for name in ("illuminance", "sun_illuminance")
     )
     occupied = _occupied(year)
-    generator = np.random.default_rng(draws.level.size)
-    factors = np.exp(relative_sd * generator.standard_normal(draws.level.size))
 
     def share(values: FloatArray, limit: float, hours: float) -> Callable[[float], float]:
         return lambda factor: 100.0 * float(((values * factor >= limit).sum(axis=0) >= hours).mean())
@@ -70,7 +65,7 @@ def daylight_criteria(year: xr.Dataset, draws: Draws, relative_sd: float) -> tup
             limit=limit,
             sense="at least" if sense == "at least" else "at most",
             traced=measure(1.0),
-            draws=_at(measure, factors, relative_sd),
+            draws=_at(measure, factors),
         )
         for rule, what, limit, sense, measure in measures
     )
@@ -81,7 +76,8 @@ def _occupied(year: xr.Dataset) -> FloatArray:
     return np.asarray((hour >= OCCUPIED_H[0]) & (hour < OCCUPIED_H[1]))
 
 
-def _at(measure: Callable[[float], float], factors: FloatArray, relative_sd: float) -> FloatArray:
+def _at(measure: Callable[[float], float], factors: FloatArray) -> FloatArray:
     """(draw,) a measure at many factors, from a few."""
-    some = np.exp(np.linspace(-REACH_SD, REACH_SD, STEPS) * relative_sd)
+    low, high = np.log(np.maximum(np.percentile(factors, (0.0, 100.0)), MIN_FACTOR))
+    some = np.exp(np.linspace(low, high, STEPS))
     return np.interp(factors, some, [measure(float(factor)) for factor in some])

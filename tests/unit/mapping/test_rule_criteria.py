@@ -20,6 +20,7 @@ from lidarspectra.workflow.rule_criteria import EN, area_criteria, eye_criteria,
 from lidarspectra.workflow.rule_light import EDI, LUX, PPFD, RuleLight
 from lidarspectra.workflow.rule_looks import Look, ugr_criteria
 from lidarspectra.workflow.rule_points import AreaPoints, RulePoints
+from lidarspectra.workflow.rule_year import daylight_factors, plane_notes
 from lidarspectra.workflow.rules_of_run import not_judged
 
 TASK, EYES = 4, 2
@@ -139,3 +140,24 @@ def test_the_slope_of_reflected_light_stays_that_of_a_room_where_little_is_refle
 def test_ugr_is_left_out_where_all_light_comes_straight_from_the_luminaires() -> None:
     light, points = flat_light([Panel(0.6, 0.6)], [1e-4], slope=0.1, reflectance=0.2)
     assert list(ugr_criteria(points, light, look_at(light, points, 1.01))) == []
+
+
+def test_a_year_of_daylight_is_as_uncertain_as_the_run_s_windows_are() -> None:
+    light, _ = flat_light([Panel(0.6, 0.6), Window(1.0, 1.0)], [1e-4, 9e-4])
+    flux = np.array([0.15, 0.4]) * np.random.default_rng(7).standard_normal((DRAWS, 2))
+    light = replace(light, draws=replace(light.draws, flux=flux))
+    assert daylight_factors(light) == pytest.approx(np.exp(flux[:, 1]))
+
+
+def test_points_that_are_not_the_plane_of_en_17037_are_said_to_be_elsewhere() -> None:
+    def year(height: float, up: float) -> xr.Dataset:
+        places = {
+            "z": ("point", [0.5 + height, 0.5 + 0.85]),
+            "nz": ("point", [up, 1.0]),
+            "buried": ("point", [False, False]),
+        }
+        return xr.Dataset({}, places)
+
+    assert plane_notes(year(0.85, 1.0), 0.5) == ()
+    assert "1 are elsewhere (from 0.30 to 0.85 m) and 0 do not face up" in plane_notes(year(0.3, 1.0), 0.5)[0]
+    assert "0 are elsewhere (from 0.80 to 0.85 m) and 1 do not face up" in plane_notes(year(0.8, 0.0), 0.5)[0]
