@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from scipy.linalg import block_diag
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.config import CalibrationSection, RunFile
@@ -49,7 +48,7 @@ def priors_of_room(
     """How well a run knows its lamps and reflectances.
 
     Unless the run file states it, fluxes that were guessed, of lamps found in the scan and of windows are known worst.
-    The level of a part's reflectance is known as well as its materials are, as if all erred alike.
+    The levels of the parts' reflectances are known as well as `levels_covariance` says.
 
     Parameters
     ----------
@@ -67,10 +66,9 @@ def priors_of_room(
     known = {lamp.name for lamp in run_file.lamps if "flux" not in lamp.guesses}
     known |= set(run_file.calibration.determined if run_file.calibration else ())
     usual = {name: FLUX_SD if name in known else ASSUMED_FLUX_SD for name in lamps}
-    deviation = levels_deviation(materials, part, areas, np.array([REFERENCE_NM]))[:, 0]
     return Priors(
         flux_sd=np.array([stated.get(name, usual[name]) for name in lamps]),
-        reflectance_sd=deviation,
+        levels_covariance=levels_covariance(materials, part, areas),
     )
 
 
@@ -111,10 +109,7 @@ def unknowns_of_map(
     priors = priors_of_room(run_file, [lamp.name for lamp in lamps], materials, part, scan.areas)
     in_bands = levels_deviation(materials, part, scan.areas, bands.centers_nm)
     told = _told(run_file.calibration, run / "calibration" / SUMMARY, len(lamps))
-    if told is None:
-        levels = levels_covariance(materials, part, scan.areas)
-        told = block_diag(np.diag(priors.flux_sd**2), levels), LOCAL_SD
-    covariance, local_sd = told
+    covariance, local_sd = (priors.covariance(), LOCAL_SD) if told is None else told
     own = levels_deviation(materials, part, scan.areas, np.array([REFERENCE_NM]))
     light = spectral_map(transport)["irradiance"].to_numpy()
     positions, normals = (

@@ -99,7 +99,7 @@ def room_light(name: str, kept: Path | None = None) -> RoomLight:
     cabinets = _cabinets(run)
     points, found = _points(run, own, cabinets)
     priors = priors_of(run, np.array([KNOWN_METER_SD]))
-    found |= {"flux_sd": priors.flux_sd, "reflectance_sd": priors.reflectance_sd}
+    found |= {"flux_sd": priors.flux_sd, "levels_covariance": priors.levels_covariance}
     found |= _traced(run, points, cabinets)
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -113,7 +113,9 @@ def _room_light(name: str, found: dict[str, Any]) -> RoomLight:
         model=LightModel(light=found["light"], slope=found["slope"]),
         truth={fault: found[fault] for fault in FAULTS},
         priors=Priors(
-            flux_sd=found["flux_sd"], reflectance_sd=found["reflectance_sd"], meter_sd=np.array([KNOWN_METER_SD])
+            flux_sd=found["flux_sd"],
+            levels_covariance=found["levels_covariance"],
+            meter_sd=np.array([KNOWN_METER_SD]),
         ),
         **{key: found[key] for key in PLACES},
     )

@@ -8,6 +8,7 @@ factors, so their logarithms are estimated; priors and deviations are relative.
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import MapError
@@ -18,7 +19,6 @@ ERROR_REACH_M = 1.0  # [m] of the model's own error: furniture's shadows and the
 FLUX_SD = 0.15  # [1] of a lamp's flux that a data sheet states (ageing, dirt, driver)
 ASSUMED_FLUX_SD = 0.4  # [1] of one that was guessed
 REFLECTANCE_SD = 0.07  # [1] of a part's level, where the materials state no deviation
-SHARED_SHARE = 0.7  # [1] of that deviation that all parts have in common: the picture's exposure and white balance
 STEEPEST = (
     4.0  # [1] d ln E / d ln rho: 1 for a sensor that looks at the part, 1 / (1 - rho) in a closed room of one rho
 )
@@ -124,8 +124,8 @@ class Priors:
     ----------
     flux_sd : (lamp,) float
         Of each lamp's flux. [1]
-    reflectance_sd : (part,) float
-        Of the level of each part's reflectance. [1]
+    levels_covariance : (part, part) float
+        Covariance of the logarithms of the levels of the parts' reflectance; one picture made them all. [1]
     meter_sd : (meter,) float
         Of each meter factor: small for a calibrated meter. [1]
     reading_sd : float
@@ -135,22 +135,20 @@ class Priors:
     """
 
     flux_sd: FloatArray
-    reflectance_sd: FloatArray
+    levels_covariance: FloatArray
     meter_sd: FloatArray = field(default_factory=lambda: np.zeros(0))
     reading_sd: float = READING_SD
     local_sd: float = LOCAL_SD
 
+    @property
+    def parts(self) -> int:
+        """How many parts of the room have a reflectance of their own."""
+        return self.levels_covariance.shape[0]
+
     def covariance(self) -> FloatArray:
-        """(unknown, unknown) of lamps, parts and meters, in this order; parts share a share of their deviation."""
-        own, shared = 1.0 - SHARED_SHARE**2, SHARED_SHARE**2
-        parts = np.outer(self.reflectance_sd, self.reflectance_sd) * (shared + own * np.eye(self.reflectance_sd.size))
-        sizes = (self.flux_sd.size, self.reflectance_sd.size, self.meter_sd.size)
-        whole = np.zeros((sum(sizes), sum(sizes)))
-        first, last = sizes[0], sizes[0] + sizes[1]
-        whole[:first, :first] = np.diag(self.flux_sd**2)
-        whole[first:last, first:last] = parts
-        whole[last:, last:] = np.diag(self.meter_sd**2)
-        return whole
+        """(unknown, unknown) of lamps, parts and meters, in this order."""
+        blocks = (np.diag(self.flux_sd**2), self.levels_covariance, np.diag(self.meter_sd**2))
+        return np.asarray(block_diag(*blocks), dtype=np.float64)
 
     def noise(self, readings: Observations) -> FloatArray:
         """(number, number) covariance of the readings' logarithms about the model."""

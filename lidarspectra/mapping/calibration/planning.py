@@ -64,7 +64,7 @@ def choose_readings(
     -------
     planned : PlannedReadings
     """
-    zero = np.zeros(priors.flux_sd.size), np.zeros(priors.reflectance_sd.size)
+    zero = np.zeros(priors.flux_sd.size), np.zeros(priors.parts)
     gradient = np.concatenate([candidates.gradient(*zero), np.ones((candidates.light.shape[0], 1))], axis=1)
     wanted = np.concatenate([on_map.gradient(*zero), np.zeros((on_map.light.shape[0], 1))], axis=1)
     errors = np.eye(place.size) if model_error is None else model_error

@@ -96,7 +96,7 @@ def fit(model: LightModel, readings: Observations, priors: Priors) -> Posterior:
     -------
     posterior : Posterior
     """
-    lamps, parts = priors.flux_sd.size, priors.reflectance_sd.size
+    lamps, parts = priors.flux_sd.size, priors.parts
     prior = priors.covariance()
     prior_root = np.linalg.cholesky(prior)
     noise_root = np.linalg.cholesky(priors.noise(readings))
@@ -146,7 +146,7 @@ def disagreement(model: LightModel, readings: Observations, priors: Priors) -> F
     probability = np.ones(rows.size)
     if rows.size == 1:
         return probability
-    lamps, parts = priors.flux_sd.size, priors.reflectance_sd.size
+    lamps, parts = priors.flux_sd.size, priors.parts
     for place, row in enumerate(rows):
         others, own = readings.without(int(row)), np.flatnonzero(readings.row == row)
         told = fit(model.some(others), readings.some(others), priors)

@@ -38,7 +38,7 @@ def room() -> RoomLight:
         candidates=numbers[: PLACES * WAYS],
         habit=numbers[PLACES * WAYS : PLACES * WAYS + 2],
         on_map=numbers[PLACES * WAYS + 2 :],
-        priors=Priors(flux_sd=np.full(2, 0.15), reflectance_sd=np.full(len(PARTS), 0.07)),
+        priors=Priors(flux_sd=np.full(2, 0.15), levels_covariance=0.07**2 * (0.5 * np.eye(len(PARTS)) + 0.5)),
     )
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.calibration.model import (
@@ -19,6 +20,7 @@ from lidarspectra.mapping.calibration.posterior import disagreement, fit, swappe
 from lidarspectra.mapping.maps.light_unknowns import error_scale
 
 LAMPS, PARTS, ROWS = 3, 4, 8
+LEVELS = 0.1**2 * (0.5 * np.eye(PARTS) + 0.5)  # half of the variance in common
 
 
 def model(seed: int = 0, rows: int = ROWS) -> LightModel:
@@ -33,7 +35,7 @@ def model(seed: int = 0, rows: int = ROWS) -> LightModel:
 
 def priors(meter_sd: float = 0.03) -> Priors:
     return Priors(
-        flux_sd=np.full(LAMPS, 0.2), reflectance_sd=np.full(PARTS, 0.1), meter_sd=np.array([meter_sd]),
+        flux_sd=np.full(LAMPS, 0.2), levels_covariance=LEVELS, meter_sd=np.array([meter_sd]),
         reading_sd=0.02, local_sd=0.02,
     )  # fmt: skip
 
@@ -159,6 +161,18 @@ def test_planned_readings_tell_more_than_any_others_of_their_number() -> None:
 def test_a_reading_of_nothing_is_refused() -> None:
     with pytest.raises(MapError, match="above 0"):
         Observations(value=[1.0, 0.0], row=[0, 1], meter=[0, 0])
+
+
+def test_a_reading_that_tells_nothing_leaves_the_uncertainty_of_lamps_and_reflectances_as_it_was() -> None:
+    """A single reading by a meter of unknown factor: it may be due to the meter alone."""
+    light, on_map, known = model(), model(seed=9, rows=40), priors(UNKNOWN_METER_SD)
+    one = np.zeros(1, dtype=np.int64)
+    reading = Observations(value=light.light[:1].sum(axis=1) * 1.3, row=one, meter=one)
+    told = fit_with_model_error(light.some(one), reading, known)
+    gradient = on_map.gradient(np.zeros(LAMPS), np.zeros(PARTS))
+    of_map = block_diag(np.diag(known.flux_sd**2), LEVELS)  # as a map without a calibration has it
+    stated = np.sqrt(np.einsum("ni,ij,nj->n", gradient, of_map, gradient))
+    assert told.light_sd(on_map) == pytest.approx(stated, rel=0.01)
 
 
 def test_the_size_of_the_models_own_error_is_told_by_the_misfit() -> None:
