@@ -77,6 +77,8 @@ class Calibration:
         Relative deviation of the light at the run's points, by fluxes, reflectances and the model's own error. [1]
     local_sd : float
         The model's own error at a place of usual light, as the misfit tells it. [1]
+    lamps : tuple of str
+        Names, as the first rows of the covariance.
     covariance : (lamp + part, lamp + part) float
         Of the logarithms of the factors on fluxes and reflectances, after the readings. [1]
     chi_square : float
@@ -96,6 +98,7 @@ class Calibration:
     map_sd_before: FloatArray
     map_sd_after: FloatArray
     local_sd: float
+    lamps: tuple[str, ...]
     covariance: FloatArray
     chi_square: float
     numbers: int
@@ -194,6 +197,7 @@ def calibrate_run(
         map_sd_before=map_sd_before,
         map_sd_after=map_sd_after,
         local_sd=posterior.local_sd,
+        lamps=tuple(lamp.name for lamp in room.lamps),
         covariance=posterior.covariance[: posterior.lamps + posterior.parts, : posterior.lamps + posterior.parts],
         chi_square=posterior.chi_square,
         numbers=readings.numbers.value.size,
@@ -250,6 +254,7 @@ def summary_text(calibration: Calibration) -> str:
             "chi_square": calibration.chi_square,
             "numbers": calibration.numbers,
             "local_sd": calibration.local_sd,
+            "lamps": calibration.lamps,
             "covariance": calibration.covariance.tolist(),
             "map_sd": [float(each.mean()) for each in (calibration.map_sd_before, calibration.map_sd_after)],
             "notes": list(calibration.notes),

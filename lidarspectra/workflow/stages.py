@@ -69,7 +69,7 @@ from lidarspectra.workflow.lamps_of_run import (
 from lidarspectra.workflow.materials_of_run import materials_of_run
 from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
 from lidarspectra.workflow.trace_notes import glass_notes, trace_warnings, truncation_in_words
-from lidarspectra.workflow.unknowns_of_run import unknowns_of_map
+from lidarspectra.workflow.unknowns_of_run import lost_calibration_note, unknowns_of_map
 from lidarspectra.workflow.whole_room import missing_in_words, whole_room
 from lidarspectra.workflow.workspace import (
     Notes,
@@ -455,6 +455,7 @@ def map_stage(
             + (f"; assumed: {words}" if (words := assumed.in_words()) else ""),
             warnings=(
                 *calibration_notes(run_file.calibration),
+                *lost_calibration_note(run_file.calibration, folder.parent, [lamp.name for lamp in lamps]),
                 *(lit_notes if run_file.lamps_from_scan else lamp_notes)(assumed, len(lamps)),
                 *relit_notes(light_map, traced, lamps),
             ),

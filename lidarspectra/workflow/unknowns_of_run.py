@@ -108,8 +108,8 @@ def unknowns_of_map(
     scan, part = clear.scan, surface_parts(scanned.scan, scanned.room)
     priors = priors_of_room(run_file, [lamp.name for lamp in lamps], materials, part, scan.areas)
     in_bands = levels_deviation(materials, part, scan.areas, bands.centers_nm)
-    told = _told(run_file.calibration, run / "calibration" / SUMMARY, len(lamps))
-    covariance, local_sd = (priors.covariance(), LOCAL_SD) if told is None else told
+    told = told_by_readings(run_file.calibration, run, [lamp.name for lamp in lamps])
+    covariance, local_sd = told if isinstance(told, tuple) else (priors.covariance(), LOCAL_SD)
     own = levels_deviation(materials, part, scan.areas, np.array([REFERENCE_NM]))
     light = spectral_map(transport)["irradiance"].to_numpy()
     positions, normals = (
@@ -220,15 +220,48 @@ def _relative_deviation(material: Material, at_nm: FloatArray) -> FloatArray:
     return np.where(value > 0, deviation / np.where(value > 0, value, 1.0), REFLECTANCE_SD)
 
 
-def _told(section: CalibrationSection | None, path: Path, lamps: int) -> tuple[FloatArray, float] | None:
-    """Covariance and own error that readings left, where the run's folder has them of just this calibration."""
+def told_by_readings(
+    section: CalibrationSection | None, run: Path, lamps: Sequence[str]
+) -> tuple[FloatArray, float] | str | None:
+    """What the readings of a run's calibration left unknown.
+
+    Parameters
+    ----------
+    section : CalibrationSection or None
+        Of the run file.
+    run : Path
+        Its folder, with what the calibration found.
+    lamps : sequence of str
+        Names of the map's lamps.
+
+    Returns
+    -------
+    told : (covariance, local_sd), str or None
+        (lamp + part, lamp + part) covariance of the logarithms, its rows as the map's lamps, and the model's own error
+        [1]; why it does not hold for this map; None where the folder has none.
+
+    Raises
+    ------
+    WorkspaceError
+        If the file is damaged.
+    """
+    path = run / "calibration" / SUMMARY
     if section is None or not path.is_file():
         return None
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
-        if summary["factors"] != section.model_dump(mode="json") or "covariance" not in summary:
-            return None  # changed by hand since, or of an earlier version
+        if "covariance" not in summary or "lamps" not in summary:
+            return "the calibration is of an earlier version, which kept no covariance with the lamps' names"
+        names = [str(name) for name in summary["lamps"]]
+        if set(names) != set(lamps):
+            return f"the readings were taken with other lamps ({', '.join(names)})"
+        if summary["factors"] != section.model_dump(mode="json"):
+            return "[calibration] was changed by hand since"
         covariance, local_sd = np.array(summary["covariance"], dtype=np.float64), float(summary["local_sd"])
+        order = [*(names.index(name) for name in lamps), *range(len(names), len(names) + len(PARTS))]
+        if covariance.shape != (len(order), len(order)):
+            raise ValueError(f"a covariance of {covariance.shape} for {len(names)} lamps and {len(PARTS)} parts")
+        return covariance[np.ix_(order, order)], local_sd
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise WorkspaceError(
             expected="what 'lidarspectra calibrate' wrote of its readings",
@@ -236,5 +269,14 @@ def _told(section: CalibrationSection | None, path: Path, lamps: int) -> tuple[F
             where=str(path),
             todo="Calibrate again with --force, or delete the folder: the uncertainty is then that of before.",
         ) from error
-    size = lamps + len(PARTS)
-    return (covariance, local_sd) if covariance.shape == (size, size) else None
+
+
+def lost_calibration_note(section: CalibrationSection | None, run: Path, lamps: Sequence[str]) -> tuple[str, ...]:
+    """A note where a calibration no longer holds for a map's uncertainty; parameters as of `told_by_readings`."""
+    told = told_by_readings(section, run, lamps)
+    if not isinstance(told, str):
+        return ()
+    return (
+        f"The map's uncertainty is stated as if the run had no readings, since {told}. The factors of [calibration] "
+        "still hold; calibrate again for the smaller uncertainty.",
+    )

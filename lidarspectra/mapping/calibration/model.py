@@ -143,7 +143,7 @@ class Priors:
     @property
     def parts(self) -> int:
         """How many parts of the room have a reflectance of their own."""
-        return self.levels_covariance.shape[0]
+        return len(self.levels_covariance)
 
     def covariance(self) -> FloatArray:
         """(unknown, unknown) of lamps, parts and meters, in this order."""

@@ -1,0 +1,62 @@
+"""A calibration's covariance goes with the lamps' names, and a map whose lamps are others says that it is lost."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lidarspectra.config import CalibrationSection
+from lidarspectra.errors import WorkspaceError
+from lidarspectra.room.surface_parts import PARTS
+from lidarspectra.workflow.unknowns_of_run import lost_calibration_note, told_by_readings
+
+SECTION = CalibrationSection(lamps={"known": 1.1, "unknown": 0.9})
+VARIANCE = [0.01, 0.4, *(0.07 + 0.01 * number for number in range(len(PARTS)))]
+
+
+def run_folder(folder: Path, **changed: object) -> Path:
+    (folder / "calibration").mkdir()
+    summary = {
+        "factors": SECTION.model_dump(mode="json"), "lamps": ["known", "unknown"],
+        "covariance": np.diag(VARIANCE).tolist(), "local_sd": 0.02, **changed,
+    }  # fmt: skip
+    summary = {key: value for key, value in summary.items() if value is not None}
+    (folder / "calibration" / "calibration.json").write_text(json.dumps(summary), encoding="utf-8")
+    return folder
+
+
+def test_lamps_in_another_order_keep_their_own_variance(tmp_path: Path) -> None:
+    run = run_folder(tmp_path)
+    for names, expected in ((["known", "unknown"], [0.01, 0.4]), (["unknown", "known"], [0.4, 0.01])):
+        told = told_by_readings(SECTION, run, names)
+        assert isinstance(told, tuple)
+        assert np.diag(told[0]).tolist() == [*expected, *VARIANCE[2:]]
+        assert told[1] == 0.02
+        assert lost_calibration_note(SECTION, run, names) == ()
+
+
+@pytest.mark.parametrize("names", [["known"], ["known", "unknown", "new"], ["known", "renamed"]])
+def test_a_map_with_other_lamps_says_that_the_readings_are_lost(tmp_path: Path, names: list[str]) -> None:
+    (note,) = lost_calibration_note(SECTION, run_folder(tmp_path), names)
+    assert "other lamps (known, unknown)" in note
+    assert "calibrate again" in note
+
+
+def test_factors_changed_by_hand_and_files_of_earlier_versions_are_told(tmp_path: Path) -> None:
+    run = run_folder(tmp_path)
+    changed = SECTION.model_copy(update={"lamps": {"known": 1.2, "unknown": 0.9}})
+    assert "by hand" in lost_calibration_note(changed, run, ["known", "unknown"])[0]
+    assert lost_calibration_note(None, run, ["known"]) == ()
+    (run / "calibration" / "calibration.json").unlink()
+    (run / "calibration").rmdir()
+    assert lost_calibration_note(SECTION, run, ["known", "unknown"]) == ()
+    assert (
+        "earlier version" in lost_calibration_note(SECTION, run_folder(tmp_path, lamps=None), ["known", "unknown"])[0]
+    )
+
+
+def test_a_damaged_covariance_is_refused(tmp_path: Path) -> None:
+    run = run_folder(tmp_path, covariance=[[0.1]])
+    with pytest.raises(WorkspaceError, match="calibrate"):
+        told_by_readings(SECTION, run, ["known", "unknown"])
