@@ -12,29 +12,40 @@ from .lamp_objects import is_found, lamps_of_scene, name_of, show_lamps, table_o
 from .lamp_tables import Table, tidy
 from .loaded import run_file_of_scene
 from .material_table import assignments_table
+from .room_file import Floats
 from .room_objects import assignments
 from .run_file import changed_run_file, read_run_file, whole_text
+from .run_file_checks import checked_run_file, is_raw_data
 from .scan_import import import_scan
 from .sensor_objects import sensors_of_scene, show_points
 from .sensor_points import points_table, read_points
 
+RAW_DATA = (
+    "'{name}' is the raw data of a scanning app, frames, which Blender cannot read: lamps and sensors are here without "
+    "the scan. Load the run, which has the room, or export the app's mesh as GLB."
+)
 SENSORS_FILE, MATERIALS_FILE = "{stem}-sensors.csv", "{stem}-materials.csv"  # beside the run file
 
 
 def open_run_file(scene: Any, path: Path, *, with_scan: bool = True) -> None:
-    """Show a run file: its scan, its lamps, its sensors.
+    """Show a run file: its scan, its lamps, its sensors; the scene stays as it is if something is wrong.
 
     Raises
     ------
     ExtensionError
-        If it, its scan or its sensor points cannot be read.
+        If it, its scan or its sensor points cannot be read, or a table is none that a scene can show.
     """
-    _, content = read_run_file(path)
-    scan = content.get("scan", {})
+    content = checked_run_file(read_run_file(path)[1], path.name)
+    scan, sensors = content.get("scan", {}), content.get("sensors", {})
+    points = read_points(path.parent / sensors["points"]) if "points" in sensors else None
     if with_scan and "file" in scan:
-        import_scan(scene, path.parent / scan["file"], unit=scan.get("unit", "auto"), up=scan.get("up", "auto"))
+        file = path.parent / scan["file"]
+        if is_raw_data(file):
+            scene.lidarspectra.message = RAW_DATA.format(name=file.name)
+        else:
+            import_scan(scene, file, unit=scan.get("unit", "auto"), up=scan.get("up", "auto"))
     show_lamps(scene, content.get("lamps", []))
-    _show_sensors(scene, content.get("sensors", {}), path.parent)
+    _show_sensors(scene, sensors, points)
     scene.lidarspectra.run_file = str(path)
 
 
@@ -121,11 +132,11 @@ def _in_order(lamps: list[Table], before: list[Table]) -> list[Table]:
     return sorted(lamps, key=lambda table: order.get(table["name"], len(order)))
 
 
-def _show_sensors(scene: Any, section: Table, folder: Path) -> None:
+def _show_sensors(scene: Any, section: Table, points: tuple[Floats, Floats] | None) -> None:
     settings = scene.lidarspectra
     grid = section.get("grid", {} if "points" in section else {"height": 0.3, "count": 176})
-    if "points" in section:
-        show_points(scene, *read_points(folder / section["points"]))
+    if points is not None:
+        show_points(scene, *points)
         settings.sensors = "POINTS"
         return
     settings.sensors = "GRID"

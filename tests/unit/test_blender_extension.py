@@ -16,6 +16,7 @@ from blender.build import EXTENSION, build, check
 from blender.extension import color_scale, frames, lamp_tables, material_table, process, room_file, sensor_points
 from blender.extension.faults import ExtensionError
 from blender.extension.run_file import changed_run_file, whole_text
+from blender.extension.run_file_checks import checked_run_file, is_raw_data
 from lidarspectra.config import RunFile
 from lidarspectra.hardware.phone.orientation import METRES_PER_UNIT, upright_rotation
 from lidarspectra.io.toml_sections import parse_sections
@@ -115,6 +116,46 @@ def test_a_text_that_cannot_be_cut_is_written_anew() -> None:
     assert lamps_of(changed) == lamps
     assert tomllib.loads(changed)["trace"] == tomllib.loads(tricky)["trace"]
     assert tomllib.loads(whole_text(tomllib.loads(ROOM))) == tomllib.loads(ROOM)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('shape = "strip"', 'shape = "pannel"', r"lamp 2 \('strip'\), shape: expected one of panel.*'pannel'"),
+        ('name = "strip"', "", "lamp 2: expected a name, found none"),
+        ("center = [2.25, 1.5, 2.61]", "", "center: expected 3 numbers, found none"),
+        ("center = [2.25, 1.5, 2.61]", 'center = [2.25, "1.5", 2.61]', "center: expected 3 numbers"),
+        ("size = 0.6", "size = [1, 2, 3]", "size: expected a number"),
+        ("size = 0.6", "normal = [0, 0, 0]", "normal: expected a direction"),
+        ("cct_k = 4000", 'cct_k = "warm"', "cct_k: expected a number"),
+        ("cct_k = 4000", "cct_k = [4000]", "cct_k: expected a number"),
+        ("[scan]", "[[scan]]", r"one table \[scan\], found several"),
+        ('unit = "cm"', 'unit = "mile"', r"unit under \[scan\]"),
+        ('file = "scan.glb"', "file = 3", "file: expected a text"),
+        ("height = 0.75", 'height = "low"', r"height under \[sensors.grid\]"),
+        ('[[lamps]]\nname = "panel', '[other]\nname = "panel', None),
+    ],
+)
+def test_a_run_file_that_cannot_be_shown_is_refused_before_the_scene_changes(
+    old: str, new: str, words: str | None
+) -> None:
+    assert checked_run_file(tomllib.loads(ROOM), "room.toml") == tomllib.loads(ROOM)
+    assert old in ROOM
+    content = tomllib.loads(ROOM.replace(old, new))
+    if words is None:
+        assert checked_run_file(content, "room.toml") == content  # tables that Blender does not know
+        return
+    with pytest.raises(ExtensionError, match=words):
+        checked_run_file(content, "room.toml")
+
+
+def test_raw_data_of_an_app_is_known_from_a_mesh_and_from_nothing(tmp_path: Path) -> None:
+    for name in ("frames.zip", "scan.glb"):
+        (tmp_path / name).write_bytes(b"")
+    assert is_raw_data(tmp_path)
+    assert is_raw_data(tmp_path / "frames.zip")
+    assert not is_raw_data(tmp_path / "scan.glb")
+    assert not is_raw_data(tmp_path / "none.zip")
 
 
 def test_a_lamp_is_turned_as_the_package_turns_it_and_back() -> None:
