@@ -1,13 +1,15 @@
 """Lamps on disk: what a scene was lit with, for the report and for relighting."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lidarspectra.errors import LampError
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.patterns import Opening, SunBeam
 from lidarspectra.lamps.shapes import shape_of
 from lidarspectra.spectra.spectrum import Spectrum
 
@@ -37,6 +39,7 @@ def save_lamps(lamps: Sequence[Lamp], folder: Path) -> Path:
             "size_m": list(lamp.size),
             "rotation_deg": lamp.rotation_deg,
             "options": {name: value for name, value in lamp.shape.options.items() if isinstance(value, SAVED)},
+            "openings": _openings(lamp),
             "spectrum_name": lamp.flux.name,
             "wavelengths_nm": lamp.flux.wavelengths_nm.tolist(),
             "flux_W_nm": lamp.flux.values.tolist(),
@@ -61,7 +64,7 @@ def load_lamps(folder: Path) -> tuple[Lamp, ...]:
     Returns
     -------
     lamps : tuple of Lamp
-        As saved: what light they give by how much. Through which directions and windows it comes is in the scene.
+        As saved: what light they give by how much, and where the sun comes in. The sky by direction is in the scene.
 
     Raises
     ------
@@ -73,7 +76,7 @@ def load_lamps(folder: Path) -> tuple[Lamp, ...]:
         return tuple(
             Lamp(
                 name=row["name"],
-                shape=shape_of(row["shape"], tuple(row["size_m"]), **row["options"]),
+                shape=shape_of(row["shape"], tuple(row["size_m"]), **row["options"], **_given_openings(row)),
                 center=np.array(row["center_m"]),
                 normal=np.array(row["normal"]),
                 rotation_deg=row["rotation_deg"],
@@ -92,3 +95,30 @@ def load_lamps(folder: Path) -> tuple[Lamp, ...]:
             where=str(path),
             todo="Make the scene again: lidarspectra run ROOM.toml --from scene.",
         ) from cause
+
+
+def _openings(lamp: Lamp) -> list[dict[str, object]]:
+    """What the sun shines through; nothing for other lamps."""
+    pattern = lamp.shape.pattern
+    if not isinstance(pattern, SunBeam):
+        return []
+    return [
+        {"corners_m": each.corners.tolist(), "inward": each.inward.tolist(), "transmittance": each.transmittance}
+        for each in pattern.openings
+    ]
+
+
+def _given_openings(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The sun's openings as an option of its shape; none in files of earlier versions."""
+    if not row.get("openings"):
+        return {}
+    return {
+        "openings": tuple(
+            Opening(
+                corners=np.array(each["corners_m"]),
+                inward=np.array(each["inward"]),
+                transmittance=float(each["transmittance"]),
+            )
+            for each in row["openings"]
+        )
+    }

@@ -11,6 +11,7 @@ from lidarspectra.hardware.incoming.arrival_log import HEADER, ArrivalLog
 from lidarspectra.hardware.incoming.arrivals import NODE_TIME, Arrival, Notice
 from lidarspectra.hardware.incoming.growing_log import GrowingLog
 from lidarspectra.hardware.incoming.node_clocks import NodeClock
+from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 from lidarspectra.hardware.virtual.emulator import SketchBoard
 from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
 from lidarspectra.hardware.virtual.faults import FaultyWire
@@ -154,3 +155,12 @@ def test_a_nodes_own_clock_comes_in_its_payload(tmp_path: Path) -> None:
     assert NODE_TIME not in arrival.values
     with pytest.raises(ReadingError, match="either point"):
         read_sensors([str(path)])
+
+
+def test_the_recording_is_no_log_of_counts_and_says_where_they_are(tmp_path: Path) -> None:
+    log = ArrivalLog(tmp_path)
+    log.write(arrivals_of(0.0, 3))
+    log.close()
+    (path,) = tmp_path.glob("*.csv")
+    with pytest.raises(ReadingError, match="recorder"):
+        read_sensor_log(path)

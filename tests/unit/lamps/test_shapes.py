@@ -30,6 +30,7 @@ from lidarspectra.lamps.shapes import (
 )
 from lidarspectra.lamps.surfaces import Circle, Place, Surface
 from lidarspectra.radiance.engine.bands import band_groups
+from lidarspectra.radiance.scene.daylight import openings_of
 from lidarspectra.radiance.scene.lamp_text import lamp_geometry_text, lamp_material_text
 from lidarspectra.radiance.scene.primitives import Color
 from lidarspectra.spectra.spectrum import Spectrum
@@ -107,7 +108,7 @@ def test_lamps_come_back_from_their_file(shape: Shape, tmp_path: Path) -> None:
     np.testing.assert_allclose(one.outline(), lamp(shape).outline())
 
 
-def test_the_sun_is_no_part_of_the_room_and_comes_back_as_a_mark(tmp_path: Path) -> None:
+def test_the_sun_is_no_part_of_the_room_and_comes_back_with_its_windows(tmp_path: Path) -> None:
     opening = Opening(corners=np.eye(4)[:, :3], inward=np.array([0.0, 0.0, 1.0]), transmittance=0.8)
     sun = lamp(Sun((opening,)))
     assert not sun.is_in_room
@@ -118,6 +119,10 @@ def test_the_sun_is_no_part_of_the_room_and_comes_back_as_a_mark(tmp_path: Path)
     save_lamps([sun], tmp_path)
     (back,) = load_lamps(tmp_path)
     np.testing.assert_allclose(back.outline(), sun.outline())
+    (again,) = openings_of(back)
+    np.testing.assert_array_equal(again.corners, opening.corners)
+    np.testing.assert_array_equal(again.inward, opening.inward)
+    assert again.transmittance == opening.transmittance
 
 
 @pytest.mark.parametrize(
