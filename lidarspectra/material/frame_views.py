@@ -120,7 +120,22 @@ def _picture(frame: Frame, table: SmallFloatArray) -> Picture | FrameFault:
 
 
 def averaged(image: ByteArray, table: SmallFloatArray, depth: DepthMap | None = None) -> Picture:
-    """Average a picture in light; parameters as in `pictures`."""
+    """Average a picture in light.
+
+    Parameters
+    ----------
+    image : (height, width, 3) uint8
+        sRGB.
+    table : (256, 3) float32
+        Light of each byte in each channel. [1]
+    depth : DepthMap, optional
+        What the LiDAR measured; kept as it is.
+
+    Returns
+    -------
+    picture : Picture
+        `PICTURE_PX` wide, or as wide as the image if that is less.
+    """
     width = min(PICTURE_PX, image.shape[1])
     size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
     light = cv2.resize(cv2.LUT(image, table[None]), size, interpolation=cv2.INTER_AREA)
@@ -165,7 +180,15 @@ class MeshView:
         return hits.distance.reshape(height, width)
 
     def is_lost(self, mesh_depth: FloatArray, lidar: DepthMap | None) -> bool:
-        """Whether the LiDAR measured something else than the mesh shows from this pose: the pose is wrong."""
+        """Whether the LiDAR measured something else than the mesh shows from this pose: the pose is wrong.
+
+        Parameters
+        ----------
+        mesh_depth : (row, column) float
+            As of `depth`. [m]
+        lidar : DepthMap or None
+            Without it, or with fewer than `LOST_PIXELS` of high confidence, no pose is held to be wrong.
+        """
         if lidar is None:
             return False
         there = cv2.resize(lidar.depth_m, mesh_depth.shape[::-1], interpolation=cv2.INTER_NEAREST)
@@ -178,7 +201,23 @@ class MeshView:
     def sight(
         self, frame: Frame, mesh_depth: FloatArray, lidar: DepthMap | None, points: FloatArray, normals: FloatArray
     ) -> Sight:
-        """Which (n, 3) points [m] with (n, 3) normals a frame shows, given the depth of mesh and LiDAR."""
+        """Which points a frame shows.
+
+        Parameters
+        ----------
+        frame : Frame
+        mesh_depth : (row, column) float
+            As of `depth`. [m]
+        lidar : DepthMap or None
+            Hides points at other distances than it measured.
+        points, normals : (n, 3) float
+            In the mesh's axes. [m, 1]
+
+        Returns
+        -------
+        sight : Sight
+            Of those that are in the picture, face the camera, and have nothing before them.
+        """
         relative = (points - frame.position) @ frame.camera_to_world[:3, :3]
         depth = -relative[:, 2]
         index = np.flatnonzero((depth > NEAREST_M) & (depth < FARTHEST_M))
@@ -232,7 +271,23 @@ def _at(image: "np.ndarray[tuple[int, ...], np.dtype[np.generic]]", u: FloatArra
 
 
 def sampled(picture: Picture, sight: Sight) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """(seen, 3) light, (seen,) unevenness around, and whether it is clipped, where a picture shows points."""
+    """What a picture shows at points.
+
+    Parameters
+    ----------
+    picture : Picture
+    sight : Sight
+        Of the same frame.
+
+    Returns
+    -------
+    light : (seen, 3) float
+        Bilinear, by the picture's table. [1]
+    uneven : (seen,) float
+        Relative deviation around. [1]
+    clipped : (seen,) bool
+        Whether one of the four pixels around is cut at white.
+    """
     height, width = picture.uneven.shape
     last = np.array([width - 2, height - 2], dtype=np.int64)
     first = np.clip(np.floor(sight.pixel).astype(np.int64), 0, last)

@@ -165,7 +165,32 @@ def checked_frame(
     exposure_s: object = None,
     iso: object = None,
 ) -> Frame:
-    """A frame of what an app's file says, or a FrameFault that says why it cannot be used."""
+    """A frame of what an app's file says.
+
+    Parameters
+    ----------
+    name : str
+        As the app numbers it.
+    camera_to_world : (4, 4) or (16,) of number
+        Row by row; x to the right, y up, looking along -z. [m]
+    intrinsics : (3, 3) or (9,) of number
+        Row by row, of the picture as it is stored. [px]
+    size_px : (int, int)
+        Width and height. [px]
+    read_image, read_depth : callable
+        As of `Frame`.
+    time_s, exposure_s, iso : optional
+        None is kept of what is no finite number, and of exposures that are not above 0. [s, s, 1]
+
+    Returns
+    -------
+    frame : Frame
+
+    Raises
+    ------
+    FrameFault
+        If pose or intrinsics are missing, no finite numbers, no rotation, or of a picture of another size.
+    """
     pose = _numbers(camera_to_world, (4, 4), "its pose")
     turn = pose[:3, :3]
     if np.abs(turn.T @ turn - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(turn) < 0:
@@ -221,7 +246,21 @@ def image_size(data: bytes) -> tuple[int, int]:
 
 
 def decode_picture(data: bytes, size_px: tuple[int, int], least_px: int) -> ByteArray:
-    """Decode a frame's picture of a known size, as (height, width, 3) sRGB bytes at no less than a width [px].
+    """Decode a frame's picture of a known size.
+
+    Parameters
+    ----------
+    data : bytes
+        Encoded.
+    size_px : (int, int)
+        Width and height by its header. [px]
+    least_px : int
+        Least width; larger pictures may be decoded at a half, a quarter or an eighth of theirs. [px]
+
+    Returns
+    -------
+    picture : (height, width, 3) uint8
+        sRGB.
 
     Raises
     ------
@@ -264,7 +303,26 @@ def decode_depth(
 
 
 def depth_map(depth_m: FloatArray, confidence: FloatArray, size_px: tuple[int, int]) -> DepthMap:
-    """Check depth [m] and confidence [0, 1, 2] against the picture's size; FrameFault if they do not fit."""
+    """Depth and confidence that belong to a picture.
+
+    Parameters
+    ----------
+    depth_m : (row, column) float
+        Not finite, or not above 0, where nothing was measured. [m]
+    confidence : (row, column) float
+        0 low, 1 medium, 2 high; clipped to these.
+    size_px : (int, int)
+        Width and height of the picture, which shows the same field of view. [px]
+
+    Returns
+    -------
+    depth : DepthMap
+
+    Raises
+    ------
+    FrameFault
+        If confidence is of another size than depth, or depth of another shape than the picture.
+    """
     if confidence.shape != depth_m.shape:
         raise FrameFault("its confidence has another size than its depth")
     aspect = (depth_m.shape[1] / max(depth_m.shape[0], 1)) / (size_px[0] / size_px[1])

@@ -158,7 +158,21 @@ def error_scale(light: FloatArray, typical: FloatArray | float) -> FloatArray:
 
 
 def stated_uncertainty(found: Deviations, light: FloatArray, counted: BoolArray) -> dict[str, float]:
-    """Attributes of a map: root mean square over points of each deviation, over the mean light [1]."""
+    """Attributes of a map: root mean square over points of each deviation, over the mean light.
+
+    Parameters
+    ----------
+    found : Deviations
+    light : (point, number) float
+        In the unit of the deviations: irradiance in channels, or illuminance.
+    counted : (point,) bool
+        Points that count.
+
+    Returns
+    -------
+    attributes : dict of str to float
+        By name, `ALL_CAUSES` and one for each cause [1]; empty where there is no light.
+    """
     mean = float(light[counted].mean()) if counted.any() else 0.0
     if mean <= 0:
         return {}
@@ -202,7 +216,23 @@ def save_unknowns(unknowns: LightUnknowns, folder: Path) -> Path:
 
 
 def load_unknowns(folder: Path) -> LightUnknowns | None:
-    """Read them; None where a map has none, as those of earlier versions."""
+    """Read what `save_unknowns` wrote.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the map stage.
+
+    Returns
+    -------
+    unknowns : LightUnknowns or None
+        None where a map has none, as those of earlier versions.
+
+    Raises
+    ------
+    MapError
+        If the file is damaged.
+    """
     path = folder / UNKNOWNS_FILE
     if not path.is_file():
         return None

@@ -134,7 +134,25 @@ def has_illuminance(dataset: xr.Dataset) -> bool:
 
 
 def map_dataset(values: Mapping[str, FloatArray], source: xr.Dataset) -> xr.Dataset:
-    """Values with the coordinates and attributes of a transport or table, with the schema's units and long names."""
+    """Values with the coordinates and attributes of a transport or table, with the schema's units and long names.
+
+    Parameters
+    ----------
+    values : mapping of str to float array
+        By the schema's names: irradiances and their errors (point, band), illuminances and theirs (point,).
+        [W/m²/nm, lx]
+    source : xarray.Dataset
+        Has the coordinates of points and bands; its plain attributes are carried over.
+
+    Returns
+    -------
+    dataset : xarray.Dataset
+
+    Raises
+    ------
+    MapError
+        If the source lacks a coordinate, or has it along another dimension.
+    """
     require_variables(source, {name: (dim,) for name, (dim, _, _) in _COORDINATES.items()}, where="transport")
     coords: dict[str, tuple[str, np.ndarray[Any, Any], dict[str, str]]] = {}
     for name, (dim, unit, long_name) in _COORDINATES.items():

@@ -150,7 +150,19 @@ def _margin(row: RuleRow, value: float) -> float:
 
 @styled
 def looks_figure(looks: Sequence[LookRow], pictures: Sequence[ByteArray]) -> Figure:
-    """What people see, with its glare."""
+    """What people see, with its glare.
+
+    Parameters
+    ----------
+    looks : sequence of LookRow
+        Of one picture each, with UGR and DGP. [1]
+    pictures : sequence of (height, width, 3) uint8
+        sRGB, in the same order.
+
+    Returns
+    -------
+    figure : matplotlib.figure.Figure
+    """
     columns = min(ACROSS, len(looks))
     rows = -(-len(looks) // columns)
     side = (PAGE_WIDTH_IN - 0.2) / ACROSS

@@ -179,6 +179,18 @@ def luminaires_of(picture: Picture, *, daylight: Collection[int] = ()) -> Lumina
 def evalglare(picture: Picture, *, engine: Engine | None = None) -> Glare:
     """Ask Radiance's evalglare.
 
+    Parameters
+    ----------
+    picture : Picture
+        A fisheye of 180 degrees.
+    engine : Engine, optional
+        The installed one by default.
+
+    Returns
+    -------
+    glare : Glare
+        DGP and UGR [1] of sources that it finds by their luminance, above `THRESHOLD_CD_M2`.
+
     Raises
     ------
     SceneError
