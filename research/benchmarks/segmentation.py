@@ -1,7 +1,7 @@
 """How often the material class of a surface is right: rooms with known truth, with and without the room's geometry.
 
     python -m research.benchmarks.segmentation [office apartment] [--textures FOLDER] [--draws N] [--views N] [--wrong]
-                                      [--spectraldb FILE]
+                                      [--spectraldb FILE] [--model FILE]
 
 Shares of the surface area whose class is the true one. The rooms' own surfaces are plain or nearly so. With the folder
 of textures that the shipped model was trained on (see `research.training`), every surface is also dressed
@@ -28,7 +28,7 @@ from lidarspectra.material.face_groups import agreement, face_adjacency
 from lidarspectra.material.fusion import FaceClasses, fuse, view_votes
 from lidarspectra.material.place_priors import class_prior, find_places
 from lidarspectra.material.projection import pixel_grid, reverse_project
-from lidarspectra.material.segmentation import Classifier
+from lidarspectra.material.segmentation import SHIPPED_MODEL, Classifier
 from lidarspectra.material.surface_classes import surface_class
 from lidarspectra.material.viewpoints import render_views
 from lidarspectra.material.views import View, ViewSet
@@ -210,12 +210,13 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=4, help="times that the surfaces are dressed in other tiles")
     parser.add_argument("--spectraldb", type=Path, help="the table of spectraldb.com, as CSV: colours of each class")
     parser.add_argument("--views", type=int, help="classify the first so many views only; all by default")
+    parser.add_argument("--model", type=Path, default=SHIPPED_MODEL, help="ONNX file with its card; the shipped one")
     parser.add_argument("--wrong", action="store_true", help="try other values of fusion.WRONG as well")
     arguments = parser.parse_args()
     tiles = []
     if arguments.textures is not None:
         tiles = [picture for picture in read_split(arguments.textures)[1] if picture.origin == "tile"]
-    classifier = Classifier()
+    classifier = Classifier(arguments.model)
     for name in arguments.scenes:
         run(
             scenes_folder() / name,

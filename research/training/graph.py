@@ -40,10 +40,21 @@ class Graph:
         self.constants.append(numpy_helper.from_array(np.array(values, dtype=np.int64), name))
         return name
 
-    def convolve(self, of: str, weights: FloatArray, bias: FloatArray, *, stride: int = 1, pad: int = 0) -> str:
-        """Add a convolution."""
+    def convolve(
+        self,
+        of: str,
+        weights: FloatArray,
+        bias: FloatArray,
+        *,
+        stride: int = 1,
+        pad: int = 0,
+        more_after: int = 0,
+        groups: int = 1,
+    ) -> str:
+        """Add a convolution, with `pad` zeros on each side and `more_after` more below and to the right."""
         inputs = (of, self.constant(weights, half=weights.size > HALF_FROM), self.constant(bias))
-        return self.add("Conv", *inputs, strides=[stride] * 2, pads=[pad] * 4)
+        pads = [pad] * 2 + [pad + more_after] * 2
+        return self.add("Conv", *inputs, strides=[stride] * 2, pads=pads, group=groups)
 
     def mean(self, of: str, size: int, *, stride: int, pad: int = 0) -> str:
         """Add a mean over squares, those at the edge over what there is."""

@@ -68,6 +68,8 @@ def fit_heads(
     say: Callable[[str], None],
     *,
     heads: int = HEADS,
+    hidden: int = HIDDEN,
+    steps: int = STEPS,
 ) -> Layers:
     """Fit all heads and put them side by side.
 
@@ -81,6 +83,10 @@ def fit_heads(
     say : callable
         Told how far it is, a line at a time.
     heads : int
+    hidden : int
+        Units of each.
+    steps : int
+        Of its optimisation.
 
     Returns
     -------
@@ -96,7 +102,10 @@ def fit_heads(
     label = np.repeat([pictures[n].label for n in shown], places)
     often = material_weights(pictures) / np.maximum(np.bincount(shown, minlength=len(pictures)), 1)
     chance = np.repeat(often[shown], places)
-    fitted = [_fit_head(even, label, chance / chance.sum(), seed + number, say) for number in range(heads)]
+    fitted = [
+        _fit_head(even, label, chance / chance.sum(), seed + number, say, hidden=hidden, steps=steps)
+        for number in range(heads)
+    ]
     (first, first_bias), (last, last_bias) = joined(fitted)
     first = first / deviation
     return [(first, first_bias - first @ mean), (last, last_bias)]
@@ -110,6 +119,9 @@ def calibrated(
     kept_back: BoolArray,
     seed: int,
     say: Callable[[str], None],
+    *,
+    hidden: int = HIDDEN,
+    steps: int = STEPS,
 ) -> Layers:
     """The heads with their logits divided by the temperature at which probabilities are right on new materials.
 
@@ -128,7 +140,7 @@ def calibrated(
     layers : list of ((out, in), (out,)) float
     """
     new = kept_back[shown]
-    trial = fit_heads(features[~new], pictures, shown[~new], seed, say, heads=1)
+    trial = fit_heads(features[~new], pictures, shown[~new], seed, say, heads=1, hidden=hidden, steps=steps)
     logits = logits_of(trial, features[new])
     label = np.array([pictures[n].label for n in shown[new]])
     weight = material_weights(pictures)[shown[new]]
@@ -147,20 +159,27 @@ def calibrated(
 
 
 def _fit_head(
-    features: FloatArray, label: IntArray, chance: FloatArray, seed: int, say: Callable[[str], None]
+    features: FloatArray,
+    label: IntArray,
+    chance: FloatArray,
+    seed: int,
+    say: Callable[[str], None],
+    *,
+    hidden: int,
+    steps: int,
 ) -> Layers:
     """Fit one head on (place, feature) standardised features, places drawn by `chance`."""
     torch.manual_seed(seed)
     generator = np.random.default_rng(seed)
     head = torch.nn.Sequential(
-        torch.nn.Dropout(DROPOUT), torch.nn.Linear(features.shape[1], HIDDEN), torch.nn.ReLU(),
-        torch.nn.Dropout(HIDDEN_DROPOUT), torch.nn.Linear(HIDDEN, len(CLASSES)),
+        torch.nn.Dropout(DROPOUT), torch.nn.Linear(features.shape[1], hidden), torch.nn.ReLU(),
+        torch.nn.Dropout(HIDDEN_DROPOUT), torch.nn.Linear(hidden, len(CLASSES)),
     )  # fmt: skip
     optimizer = torch.optim.AdamW(head.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, STEPS)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
     loss_of = torch.nn.CrossEntropyLoss(label_smoothing=LABEL_SMOOTHING)
     below = np.cumsum(chance)
-    for step in range(STEPS):
+    for step in range(steps):
         chosen = np.minimum(np.searchsorted(below, generator.random(BATCH)), len(features) - 1)
         other = generator.permutation(BATCH)
         share = generator.beta(MIXING, MIXING, (BATCH, 1)).astype(np.float32)
@@ -172,7 +191,7 @@ def _fit_head(
         optimizer.step()
         schedule.step()
         if step % 500 == 0:
-            say(f"head, step {step} of {STEPS}, loss {float(loss.detach()):.3f}")
+            say(f"head, step {step} of {steps}, loss {float(loss.detach()):.3f}")
     return [
         (head[n].weight.detach().double().numpy(), head[n].bias.detach().double().numpy()) for n in (1, len(head) - 1)
     ]

@@ -20,14 +20,19 @@ def joined(heads: list[Layers]) -> Layers:
 
 
 def save_model(patterns: FloatArray, head: Layers, path: Path) -> None:
-    """Write statistics of these patterns and a head on them, rectified between its layers."""
+    """Write statistics of these patterns and a head on them."""
     graph = Graph()
-    current = add_statistics(graph, patterns)
+    answer = add_head(graph, add_statistics(graph, patterns), head)
+    onnx.save(graph.model(answer, len(head[-1][1])), str(path))
+
+
+def add_head(graph: Graph, of: str, head: Layers) -> str:
+    """Add a head, rectified between its layers, on what there is at each place."""
     for number, (weights, bias) in enumerate(head):
-        current = graph.convolve(current, weights[:, :, None, None], bias)
+        of = graph.convolve(of, weights[:, :, None, None], bias)
         if number < len(head) - 1:
-            current = graph.add("Relu", current)
-    onnx.save(graph.model(current, len(head[-1][1])), str(path))
+            of = graph.add("Relu", of)
+    return of
 
 
 def logits_of(head: Layers, features: FloatArray) -> FloatArray:
