@@ -9,7 +9,7 @@ import xarray as xr
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MapError, WorkspaceError
 from lidarspectra.lamps.lamps import is_daylight
-from lidarspectra.mapping.calibration.model import LightModel
+from lidarspectra.mapping.calibration.model import STEEPEST, LightModel
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.light_unknowns import load_unknowns
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
@@ -20,13 +20,15 @@ from lidarspectra.mapping.photometry.quantities import light_quantity
 from lidarspectra.mapping.rules.chances import DrawnLight, Draws, Uncertainty, draw_noise, draw_own_error, draw_states
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.sampling.trace import trace
-from lidarspectra.workflow.calibration_light import RunRoom, TracedLight, traced_light
+from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.workflow.calibration_light import RunRoom
 from lidarspectra.workflow.light_of_run import scene_of_run
 from lidarspectra.workflow.rule_points import RulePoints
+from lidarspectra.workflow.unknowns_of_run import reflected_effects
 from lidarspectra.workflow.workspace import require_stage
 
 SEED = 20240601
-BASE_SHARE = 0.3  # of the progress: the trace that the light is of; the rest are those of the derivatives
+BASE_SHARE = 0.8  # of the progress: the trace; the rest are the derivatives
 GUESSED_SPECTRUM_SD = 0.2  # [1] of the melanopic over the visual effect: .45 to .9 for white light of 2700 to 6500 K
 LUX, EDI, PPFD = "illuminance_lx", "melanopic_edi_lx", "ppfd_umol_m2_s"
 
@@ -41,8 +43,8 @@ class RuleLight:
     points : RulePoints
     transport : xarray.Dataset
         Of the run's lamps to the points.
-    slopes : TracedLight
-        How each lamp's light changes with the room's reflectances.
+    effects : dict of str to (point, lamp, part) float
+        By quantity: derivative of each lamp's light by the logarithm of each part's reflectance. [its unit]
     uncertainty : Uncertainty
     draws : Draws
     own_error, noise : (draw, point) float
@@ -52,7 +54,7 @@ class RuleLight:
     room: RunRoom
     points: RulePoints
     transport: xr.Dataset
-    slopes: TracedLight
+    effects: dict[str, FloatArray]
     uncertainty: Uncertainty
     draws: Draws
     own_error: FloatArray
@@ -60,12 +62,16 @@ class RuleLight:
 
     def model(self, quantity: str, points: IntArray) -> LightModel:
         """Light of every lamp at some points in a quantity, and its slopes."""
-        response, centers = light_quantity(quantity).response, self.room.bands.centers_nm
-        weights = np.stack([lamp_weights(centers, response, lamp.flux) for lamp in self.room.lamps])
+        weights = _weights(self.room, quantity)
         coefficient = self.transport["coefficient"].transpose("lamp", "point", "band").to_numpy()[:, points]
         light = np.einsum("lb,lpb->pl", weights, coefficient.astype(np.float64))
-        every = np.broadcast_to(weights, (points.size, *weights.shape))
-        return LightModel(light=light, slope=self.slopes.model(every, points).slope)
+        slope = np.divide(
+            self.effects[quantity][points],
+            light[:, :, None],
+            out=np.zeros_like(self.effects[quantity][points]),
+            where=light[:, :, None] > 0,
+        )
+        return LightModel(light=light, slope=np.clip(slope, 0.0, STEEPEST))
 
     @property
     def electric(self) -> BoolArray:
@@ -113,9 +119,8 @@ def rule_light(
         workers=workers,
         progress=part_of(progress, 0.0, BASE_SHARE),
     )
-    slopes = traced_light(
-        room, points.points, noise="draft", workers=workers, progress=part_of(progress, BASE_SHARE, 1.0)
-    )
+    progress(BASE_SHARE, "how light changes with the reflectances")
+    effects = effects_at(room, points.points, workers=workers)
     uncertainty = uncertainty_of_run(run)
     generator = np.random.default_rng(SEED)
     value, error = light_of_lamps(transport, {lamp.name: lamp.flux for lamp in room.lamps}).weigh(
@@ -127,12 +132,44 @@ def rule_light(
         room=room,
         points=points,
         transport=transport,
-        slopes=slopes,
+        effects=effects,
         uncertainty=uncertainty,
         draws=draw_states(uncertainty, len(room.lamps), generator),
         own_error=own_error,
         noise=draw_noise(error / np.maximum(value, 1e-300), generator),
     )
+
+
+def effects_at(room: RunRoom, points: SensorPoints, *, workers: int | None = None) -> dict[str, FloatArray]:
+    """By quantity, (point, lamp, part) derivatives of the lamps' light by the logarithms of the parts' reflectances.
+
+    By radiosity (`mapping.maps.reflected_change`), which tells one quantity of one lamp from another as it tells
+    channels: by the reflectance that each material has for it.
+    """
+    count, quantities = len(room.lamps), (LUX, EDI, PPFD)
+    spectra = np.stack(
+        [room.bands.band_values(each.reflectance, outside="nearest") for each in room.materials.materials]
+    )
+    flux = np.zeros((count, len(quantities) * count))
+    reflectance = np.zeros((len(spectra), len(quantities) * count))
+    for number, quantity in enumerate(quantities):
+        columns = slice(number * count, (number + 1) * count)
+        weights = np.maximum(_weights(room, quantity), 0.0)
+        total = weights.sum(axis=1)
+        flux[:, columns] = np.diag(total)
+        reflectance[:, columns] = spectra @ (weights / np.maximum(total, 1e-300)[:, None]).T
+    found = reflected_effects(
+        room.scan, room.part, room.materials, room.lamps, flux, reflectance, points.positions, points.normals,
+        workers=workers,
+    )  # fmt: skip
+    by_lamp = found.reshape(*found.shape[:2], len(quantities), count)
+    return {quantity: by_lamp[:, :, number].transpose(1, 2, 0) for number, quantity in enumerate(quantities)}
+
+
+def _weights(room: RunRoom, quantity: str) -> FloatArray:
+    """(lamp, band) weights of the coefficients in a quantity."""
+    response, centers = light_quantity(quantity).response, room.bands.centers_nm
+    return np.stack([lamp_weights(centers, response, lamp.flux) for lamp in room.lamps])
 
 
 def uncertainty_of_run(run: Path) -> Uncertainty:

@@ -115,7 +115,11 @@ def unknowns_of_map(
     positions, normals = (
         np.stack([transport[f"{kind}{axis}"].to_numpy() for axis in "xyz"], axis=1) for kind in ("", "n")
     )
-    effect = _reflected(scan, part, materials, clear.lamps, bands, positions, normals, workers=workers)
+    flux = np.stack([bands.band_values(lamp.flux, outside="zero") for lamp in clear.lamps])
+    reflectance = np.stack([bands.band_values(each.reflectance, outside="nearest") for each in materials.materials])
+    effect = reflected_effects(
+        scan, part, materials, clear.lamps, flux, reflectance, positions, normals, workers=workers
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.nan_to_num(effect / light, nan=0.0, posinf=0.0, neginf=0.0)
     return LightUnknowns(
@@ -126,18 +130,40 @@ def unknowns_of_map(
     )
 
 
-def _reflected(
+def reflected_effects(
     scan: Scan,
     part: IntArray,
     materials: MaterialMap,
     lamps: Sequence[Lamp],
-    bands: BandSet,
+    flux: FloatArray,
+    reflectance: FloatArray,
     positions: FloatArray,
     normals: FloatArray,
     *,
     workers: int | None,
 ) -> FloatArray:
-    """(part, point, band) derivative of the irradiance by the logarithm of each part's reflectance [W/m²/nm]."""
+    """Derivative of light at points by the logarithm of each part's reflectance, without a trace of the points.
+
+    Parameters
+    ----------
+    scan : Scan
+    part : (face,) int
+    materials : MaterialMap
+    lamps : sequence of Lamp
+        Clear of the scan.
+    flux : (lamp, column) float
+        Of each lamp, in channels, or in whatever else light is told apart. [a unit of the column]
+    reflectance : (material, column) float
+        [0-1]
+    positions, normals : (point, 3) float
+        [m, 1]
+    workers : int or None
+
+    Returns
+    -------
+    effects : (part, point, column) float
+        [the column's unit/m²]
+    """
     generator = np.random.default_rng(SEED)
     caster = RayCaster(scan)
     samples = samples_of(scan, caster, generator, count=SAMPLES)
@@ -145,8 +171,6 @@ def _reflected(
         coefficients = direct_coefficients(
             scan, lamps, samples.positions, samples.normals, Path(folder), workers=workers
         )
-    flux = np.stack([bands.band_values(lamp.flux, outside="zero") for lamp in lamps])
-    reflectance = np.stack([bands.band_values(each.reflectance, outside="nearest") for each in materials.materials])
     surfaces = Surfaces(part=part, material=materials.face_material, reflectance=reflectance, part_count=len(PARTS))
     return reflectance_effects(caster, surfaces, samples, coefficients.T @ flux, positions, normals, generator)
 

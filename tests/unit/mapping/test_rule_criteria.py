@@ -17,7 +17,7 @@ from lidarspectra.mapping.rules.chances import Draws
 from lidarspectra.radiance.pictures.glare import Luminaires
 from lidarspectra.spectra.spectrum import uniform_bands
 from lidarspectra.workflow.rule_criteria import EN, area_criteria, eye_criteria, plant_criteria, surface_criteria
-from lidarspectra.workflow.rule_light import EDI, LUX, PPFD, RuleLight
+from lidarspectra.workflow.rule_light import EDI, LUX, PPFD, RuleLight, effects_at
 from lidarspectra.workflow.rule_looks import Look, ugr_criteria
 from lidarspectra.workflow.rule_points import AreaPoints, RulePoints
 from lidarspectra.workflow.rule_year import daylight_factors, plane_notes
@@ -46,8 +46,6 @@ def flat_light(
         area=area, task=index[:TASK], eyes=index[TASK : TASK + EYES], cylinder=index[TASK + EYES :].reshape(2, 5)
     )
     values = np.broadcast_to(np.array(coefficients)[:, None, None], (len(lamps), count, len(BANDS)))
-    flat = np.zeros((count, len(lamps), 4))
-    flat[..., 0] = slope
     drawn = np.zeros((DRAWS, 4))
     drawn[:, 0] = np.where(np.arange(DRAWS) < DRAWS // 2, -reflectance, reflectance)
     light = RuleLight(
@@ -58,7 +56,7 @@ def flat_light(
             surfaces={},
         ),
         transport=xr.Dataset({"coefficient": (("lamp", "point", "band"), values)}),
-        slopes=SimpleNamespace(model=lambda weights, chosen: SimpleNamespace(slope=flat[chosen])),  # type: ignore[arg-type]
+        effects={quantity: np.zeros((count, len(lamps), 4)) for quantity in (LUX, EDI, PPFD)},
         uncertainty=None,  # type: ignore[arg-type]
         draws=Draws(
             flux=np.zeros((DRAWS, len(lamps))),
@@ -69,6 +67,8 @@ def flat_light(
         own_error=np.ones((DRAWS, count)),
         noise=np.ones((DRAWS, count)),
     )
+    for quantity, effect in light.effects.items():
+        effect[..., 0] = slope * light.model(quantity, index).light
     return light, points
 
 
@@ -161,3 +161,24 @@ def test_points_that_are_not_the_plane_of_en_17037_are_said_to_be_elsewhere() ->
     assert plane_notes(year(0.85, 1.0), 0.5) == ()
     assert "1 are elsewhere (from 0.30 to 0.85 m) and 0 do not face up" in plane_notes(year(0.3, 1.0), 0.5)[0]
     assert "0 are elsewhere (from 0.80 to 0.85 m) and 1 do not face up" in plane_notes(year(0.8, 0.0), 0.5)[0]
+
+
+def test_how_light_changes_with_reflectances_is_told_lamp_by_lamp_and_without_a_trace() -> None:
+    box = ls.RoomModel.from_box(4.0, 3.0, 2.7, floor=0.5, walls=0.5, ceiling=0.5)
+    lamps = [
+        ls.make_lamp(shape, (1.0 + number, 1.5, 2.0), size=0.1, spectrum=spectrum, luminous_flux_lm=1000.0)
+        for number, (shape, spectrum) in enumerate([("bulb", "A"), ("disc", "LED-B3")])
+    ]
+    points = ls.SensorPoints(positions=np.array([[2.0, 1.0, 1.0]]), normals=np.array([[0.0, 0.0, 1.0]]))
+
+    def effects(some: list[Lamp]) -> np.ndarray:
+        part = np.arange(len(box.scan.faces)) % 2
+        room = SimpleNamespace(scan=box.scan, part=part, materials=box.materials, lamps=some, bands=BANDS)
+        return effects_at(room, points)[LUX][0]  # type: ignore[arg-type]
+
+    both = effects(lamps)
+    assert both == pytest.approx(np.concatenate([effects(lamps[:1]), effects(lamps[1:])]), rel=0.01)
+    assert not both[:, 2:].any()  # of parts that the room lacks
+    # from one reflection to all, d E / d ln rho of reflected light R is R to R / (1 - rho); a bulb lights all the box
+    reflected = 1000.0 / box.scan.areas.sum() * 0.5 / (1.0 - 0.5)
+    assert 0.7 * reflected < both[0].sum() < 1.4 * reflected / (1.0 - 0.5)
