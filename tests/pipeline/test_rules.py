@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from lidarspectra.cli.app import app
 from lidarspectra.errors import RunFileError
+from lidarspectra.radiance.pictures.glare import LEAST_UGR
 from lidarspectra.workflow.calibration_light import run_room
 from lidarspectra.workflow.pipeline import run
 from lidarspectra.workflow.rule_points import rule_points
@@ -32,6 +33,22 @@ activity = "plants"
 dli_mol_m2 = 1000
 """
 LOWEST, HIGHEST = 1.0, 100_000.0  # [lx] limits that no uncertainty leaves in doubt
+PANEL, BULB = (1.2, 1.0, 2.3, 2000.0), (0.6, 1.6, 1.9, 800.0)  # [m, lm] of the room's run file
+WHITEST = 0.75  # [1] reflectance that no part of the room exceeds
+INTEGRATING_SPHERE_LX = 2800.0 / 31.6 * WHITEST / (1.0 - WHITEST)  # [lx] reflected, of all lumens in so many m²
+
+
+def straight_lx() -> float:
+    """Mean illuminance straight from panel and bulb on the desk."""
+    x, y = np.meshgrid(np.linspace(0.4, 1.6, 25), np.linspace(0.4, 1.2, 17))
+    total = np.zeros_like(x)
+    for part_x, part_y in np.stack(np.meshgrid(*2 * [np.linspace(-0.2, 0.2, 5)]), axis=-1).reshape(-1, 2):
+        up = PANEL[2] - 0.75
+        squared = (x - PANEL[0] - part_x) ** 2 + (y - PANEL[1] - part_y) ** 2 + up**2
+        total += PANEL[3] / 25.0 / np.pi * up**2 / squared**2  # a Lambertian part of the panel
+    up = BULB[2] - 0.75
+    total += BULB[3] / (4.0 * np.pi) * up / ((x - BULB[0]) ** 2 + (y - BULB[1]) ** 2 + up**2) ** 1.5
+    return float(total.mean())
 
 
 def told(*words: object) -> str:
@@ -47,7 +64,7 @@ def with_areas(run_file: Path, limit: float) -> Path:
     return run_file
 
 
-@pytest.mark.slow  # six traces, three renderings and a report: half a minute
+@pytest.mark.slow  # a trace, three renderings and a report: some 20 s
 def test_rules_by_command_stand_in_the_report_until_the_rules_change(
     tmp_path: Path, copy_run: Callable[[Path], Path]
 ) -> None:
@@ -63,8 +80,12 @@ def test_rules_by_command_stand_in_the_report_until_the_rules_change(
     assert rows["plants", "daily light integral of the lamps in 10 h", "desk"]["probability"] > 0.999
     assert rows["plants", "daily light integral of the lamps in 10 h", "herbs"]["probability"] < 0.001
     assert {rule for rule, _, where in rows if where == "herbs"} == {"plants"}
-    assert 0.0 < rows["EN 12464-1", "UGR of luminaires", "desk"]["value"] < 40.0
     (look,) = found["looks"]
+    # evalglare finds the panel by its luminance, and puts a source of 30 degrees across elsewhere by a degree or two
+    assert look["ugr"] == pytest.approx(look["evalglare_ugr"], abs=1.0)
+    assert rows["EN 12464-1", "UGR of luminaires", "desk"]["traced"] == pytest.approx(max(look["ugr"], LEAST_UGR))
+    straight = straight_lx()
+    assert straight < light["traced"] / 0.8 < straight + INTEGRATING_SPHERE_LX  # 0.8: maintenance
     assert look["angle_deg"] == 0.0
     assert (folder / "rules" / look["picture"]).is_file()
     page = run(run_file).report.read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ from lidarspectra.errors import WorkspaceError
 from lidarspectra.mapping.calibration.model import LightModel
 from lidarspectra.mapping.rules.chances import DrawnLight, Uncertainty, draw_noise, draw_own_error, draw_states
 from lidarspectra.mapping.rules.daylight_rules import daylight_criteria
-from lidarspectra.mapping.rules.limits import WORK_PLACES, Criterion, chance
+from lidarspectra.mapping.rules.limits import Criterion, chance
 from lidarspectra.mapping.rules.rule_figures import chance_words, rules_figure, rules_table, whole_table
 from lidarspectra.mapping.rules.rule_record import (
     RECORD_FILE,
@@ -177,11 +177,6 @@ def test_a_year_of_daylight_is_judged_with_its_uncertainty() -> None:
     assert found["IES LM-83", "ASE1000,250h"].probability > 0.999
 
 
-def test_an_office_asks_for_what_the_standard_does() -> None:
-    writing = WORK_PLACES["writing"]
-    assert (writing.illuminance_lx, writing.uniformity, writing.ugr, writing.cylindrical_lx) == (500, 0.6, 19, 150)
-
-
 # UGR of the CIE 190 table by the package eulumdat-ugr 1.0.2 (shr 1, 70/50/20) for a Lambertian luminaire of 0.6 m
 # x 0.6 m and 3400 lm, with the background luminance that its flux method gives.
 STANDARD_ROOMS = [((4, 4), 20.12, 50.113), ((4, 8), 21.33, 51.319)]
@@ -200,14 +195,3 @@ def test_ugr_of_the_cie_190_standard_room(sides: tuple[int, int], table: float, 
     weight = (flux / (np.pi * area)) ** 2 * solid / index**2
     # 0.3: the table takes p from Guth's printed table, and leaves out luminaires above 85 degrees or far to the side
     assert float(ugr_of(weight, np.array(np.pi * background))) == pytest.approx(table, abs=0.3)
-
-
-def test_the_position_index_is_one_ahead_and_grows_to_all_sides() -> None:
-    forward, up = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
-    angles = np.radians(np.arange(0.0, 80.0, 5.0))
-    for side in (up, -up, np.array([1.0, 0.0, 0.0])):
-        rays = np.cos(angles)[:, None] * forward + np.sin(angles)[:, None] * side
-        index = position_index(rays, forward, up)
-        assert index[0] == pytest.approx(1.0)
-        assert (np.diff(index) >= 0).all()
-        assert index[-1] > 2.0

@@ -58,3 +58,11 @@ def test_a_window_alone_has_no_ugr(picture: Picture) -> None:
 )
 def test_the_position_index_below_the_line_of_sight_is_iwata_s(below_deg: float, expected: float) -> None:
     assert float(position_index(toward(0.0, -below_deg), FORWARD, UP)) == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_position_index_above_the_line_of_sight_is_that_of_guth_s_table() -> None:
+    height = np.arange(0.0, 1.8, 0.2)  # H/R straight above, T/R = 0 (CIE 117:1995, table of position indices)
+    table = np.array([1.0, 1.53, 2.35, 3.50, 5.00, 7.00, 9.25, 11.70, 14.70])
+    rays = np.stack([toward(0.0, altitude) for altitude in np.degrees(np.arctan(height))])
+    # 3 %: how well Levin's formula fits the table
+    assert position_index(rays, FORWARD, UP) == pytest.approx(table, rel=0.03)
