@@ -16,6 +16,7 @@ from lidarspectra.mapping.localization.location_model import (
     train_locator,
 )
 from lidarspectra.mapping.localization.locators import Method
+from lidarspectra.mapping.localization.places import Located
 from lidarspectra.mapping.localization.running_reference import MedianWindow
 from lidarspectra.mapping.localization.time_splits import SplitKind, time_splits
 from lidarspectra.progress import Progress, part_of, silent
@@ -59,8 +60,14 @@ def errors_of(model: LocationModel, table: xr.Dataset, *, against: Against = "ow
             where=_name(table),
             todo=f"A running median needs {MedianWindow().first} readings." if against == "running" else "",
         )
-    readings = table.isel(fingerprint=known)
-    return {method: location_errors(model.locate_features(features[known], method), readings) for method in METHODS}
+    readings, given = table.isel(fingerprint=known), features[known]
+    people = model.presence.probabilities(given, model.space)  # the same for all methods
+    return {
+        method: location_errors(
+            Located(scores=model.locators[method].scores(given), places=model.places, people=people), readings
+        )
+        for method in METHODS
+    }
 
 
 def score_within(
