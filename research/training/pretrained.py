@@ -13,54 +13,21 @@ import time
 from pathlib import Path
 
 import numpy as np
-import onnx
 from scipy.special import softmax
 
-from lidarspectra.arrays import ByteArray, FloatArray
-from lidarspectra.material.segmentation import load_model
 from research.training import split
 from research.training.__main__ import TEST_LOOKS, say
-from research.training.backbone import MEAN, SCALE, Weights, read_weights
-from research.training.backbone_features import STRIDE_PX, add_features, feature_count
-from research.training.graph import Graph
+from research.training.backbone import Weights, read_weights
+from research.training.backbone_model import middle_places, save_backbone_model, write_card
 from research.training.head import calibrated, fit_heads
 from research.training.looks import look_at, phone_looks
-from research.training.model import Layers, add_head
-from research.training.pictures import CLASSES, Picture
-from research.training.scores import INPUT_PX, Scores, score
+from research.training.pictures import Picture
+from research.training.scores import Scores, score
 
 LOOKS, ROOM_LOOKS = 3, 1  # of each picture of a material, and of each crop of a room
 HIDDEN, STEPS = 256, 1500  # of the head
-MARGIN_PX = 32  # [px] by which pictures are continued: in a view, what is looked at has surroundings and no edge
 PLACES = 4  # along each side, in the middle of a picture, by which it is judged
-TOGETHER = 16  # pictures in one run of the model
 NAME = "backbone.onnx"
-
-
-def save_backbone_model(weights: Weights, head: Layers, path: Path) -> None:
-    """Write the backbone's features with a head on them; without layers, the features alone."""
-    graph = Graph()
-    answer = add_head(graph, add_features(graph, weights), head)
-    onnx.save(graph.model(answer, len(head[-1][1]) if head else feature_count()), str(path))
-
-
-def backbone_input(pictures: ByteArray) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
-    """(n, 3, h + 2 margins, w + 2 margins) values of (n, h, w, 3) pictures, continued by their mirror image."""
-    around = (MARGIN_PX, MARGIN_PX)
-    wide = np.pad(pictures, ((0, 0), around, around, (0, 0)), mode="reflect").astype(np.float32)
-    return np.ascontiguousarray(((wide - np.float32(MEAN)) * np.float32(SCALE)).transpose(0, 3, 1, 2))
-
-
-def middle_places(model: Path, images: list[ByteArray], side: int) -> FloatArray:
-    """(picture, place, channel) what a model says of the `side`² places in the middle of pictures of one size."""
-    session = load_model(model, threads=1)
-    parts = []
-    for start in range(0, len(images), TOGETHER):
-        answer = session.run(None, {"image": backbone_input(np.stack(images[start : start + TOGETHER]))})[0]
-        first = (answer.shape[2] - side) // 2
-        middle = answer[:, :, first : first + side, first : first + side]
-        parts.append(middle.reshape(*middle.shape[:2], -1).transpose(0, 2, 1))
-    return np.concatenate(parts).astype(np.float32)
 
 
 def fit_model(training: list[Picture], rooms: list[Picture], weights: Weights, model: Path) -> None:
@@ -86,14 +53,6 @@ def judge(model: Path, test: list[Picture], test_rooms: list[Picture]) -> Scores
     shown = phone_looks(test, TEST_LOOKS, split.TEST_LOOKS) + phone_looks(test_rooms, 1, split.TEST_ROOM_LOOKS)
     logits = middle_places(model, [picture.image for picture in shown], PLACES)
     return score(softmax(logits.astype(np.float64), axis=2).mean(axis=1), shown)
-
-
-def write_card(path: Path) -> None:
-    """Write how the model is fed."""
-    names = ", ".join(f'"{name}"' for name in CLASSES)
-    lines = [f"classes = [{names}]", f"input_px = {INPUT_PX}", f"stride_px = {STRIDE_PX}"]
-    lines += [f"mean = [{MEAN}, {MEAN}, {MEAN}]", f"scale = {SCALE}"]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def main() -> None:
