@@ -37,6 +37,7 @@ from lidarspectra.workflow.lamps_of_run import ScannedRoom
 CERTAIN_SD = 0.03  # [1] of reflectances that the user assigned
 LARGEST_SD = 0.5  # [1] of a part's level
 COMMON_SHARE = 0.5  # [1] of a material's deviation that all have in common: exposure and white balance of the picture
+FOUND = "found"  # what lamps of no entry in the run file are: of the scan, or windows
 REFERENCE_NM = 555.0  # [nm] where the level of a reflectance is taken
 SAMPLES = 800  # of the surfaces; with 3,000, deviations differ by 2 to 4 %
 SEED = 20261124
@@ -47,7 +48,8 @@ def priors_of_room(
 ) -> Priors:
     """How well a run knows its lamps and reflectances.
 
-    Unless the run file states it, fluxes that were guessed, of lamps found in the scan and of windows are known worst.
+    Unless the run file states it, fluxes that were guessed, of lamps found in the scan and of windows are known worst;
+    those of lamps of one shape err alike, since one rule gave them, and so do those of all windows.
     The levels of the parts' reflectances are known as well as `levels_covariance` says.
 
     Parameters
@@ -66,7 +68,11 @@ def priors_of_room(
     known = {lamp.name for lamp in run_file.lamps if "flux" not in lamp.guesses}
     known |= set(run_file.calibration.determined if run_file.calibration else ())
     usual = {name: FLUX_SD if name in known else ASSUMED_FLUX_SD for name in lamps}
+    shape = {lamp.name: lamp.shape for lamp in run_file.lamps}
+    guessed = [None if name in known or name in stated else shape.get(name, FOUND) for name in lamps]
+    rules = sorted({rule for rule in guessed if rule is not None})
     return Priors(
+        guess=np.array([-1 if rule is None else rules.index(rule) for rule in guessed], dtype=np.int64),
         flux_sd=np.array([stated.get(name, usual[name]) for name in lamps]),
         levels_covariance=levels_covariance(materials, part, areas),
     )

@@ -18,6 +18,7 @@ LOCAL_SD = 0.03  # [1] of the model at one place and direction: things that the 
 ERROR_REACH_M = 1.0  # [m] of the model's own error: furniture's shadows and the light of one lamp reach about so far
 FLUX_SD = 0.15  # [1] of a lamp's flux that a data sheet states (ageing, dirt, driver)
 ASSUMED_FLUX_SD = 0.4  # [1] of one that was guessed
+GUESSED_ALIKE = 0.85  # [1] correlation of guesses by one rule: what is left, 15 %, are the lamps' areas
 REFLECTANCE_SD = 0.07  # [1] of a part's level, where the materials state no deviation
 STEEPEST = (
     4.0  # [1] d ln E / d ln rho: 1 for a sensor that looks at the part, 1 / (1 - rho) in a closed room of one rho
@@ -128,6 +129,8 @@ class Priors:
         Covariance of the logarithms of the levels of the parts' reflectance; one picture made them all. [1]
     meter_sd : (meter,) float
         Of each meter factor: small for a calibrated meter. [1]
+    guess : (lamp,) int, optional
+        By which guess the lamps got their flux, -1 for none: those of one err alike. By default none was guessed.
     reading_sd : float
         Of a single number. [1]
     local_sd : float
@@ -137,6 +140,7 @@ class Priors:
     flux_sd: FloatArray
     levels_covariance: FloatArray
     meter_sd: FloatArray = field(default_factory=lambda: np.zeros(0))
+    guess: IntArray | None = None
     reading_sd: float = READING_SD
     local_sd: float = LOCAL_SD
 
@@ -147,7 +151,11 @@ class Priors:
 
     def covariance(self) -> FloatArray:
         """(unknown, unknown) of lamps, parts and meters, in this order."""
-        blocks = (np.diag(self.flux_sd**2), self.levels_covariance, np.diag(self.meter_sd**2))
+        alike = np.eye(self.flux_sd.size)
+        if self.guess is not None:
+            same = (self.guess[:, None] == self.guess[None, :]) & (self.guess[:, None] >= 0)
+            alike = np.maximum(alike, GUESSED_ALIKE * same)
+        blocks = (alike * np.outer(self.flux_sd, self.flux_sd), self.levels_covariance, np.diag(self.meter_sd**2))
         return np.asarray(block_diag(*blocks), dtype=np.float64)
 
     def noise(self, readings: Observations) -> FloatArray:

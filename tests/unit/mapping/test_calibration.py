@@ -210,3 +210,18 @@ def test_errors_of_the_model_are_alike_nearby_and_larger_in_the_dark() -> None:
     many /= np.linalg.norm(many, axis=1, keepdims=True)
     crowded = error_covariance(generator.uniform(0, 2, (60, 3)), many, np.ones(60))
     assert np.linalg.eigvalsh(crowded).min() > -1e-9
+
+
+def test_guesses_of_one_rule_err_alike_and_do_not_average_out() -> None:
+    """The mean of twelve lamps guessed together is hardly better known than one; of twelve stated ones it is."""
+    stated = Priors(flux_sd=np.full(12, 0.4), levels_covariance=LEVELS)
+    guessed = Priors(flux_sd=np.full(12, 0.4), levels_covariance=LEVELS, guess=np.zeros(12, dtype=np.int64))
+    mixed = Priors(flux_sd=np.array([0.4, 0.4, 0.15, 0.4]), levels_covariance=LEVELS, guess=np.array([0, 1, -1, 1]))
+    share = np.concatenate([np.full(12, 1 / 12), np.zeros(len(LEVELS))])
+    assert np.sqrt(share @ stated.covariance() @ share) == pytest.approx(0.4 / np.sqrt(12))
+    assert np.sqrt(share @ guessed.covariance() @ share) == pytest.approx(0.4 * np.sqrt(0.85 + 0.15 / 12))
+    assert np.diag(guessed.covariance())[:12] == pytest.approx(0.16)
+    own = mixed.covariance()[:4, :4]
+    assert own[1, 3] == pytest.approx(0.85 * 0.16)
+    own[1, 3] = own[3, 1] = 0.0
+    assert own == pytest.approx(np.diag(mixed.flux_sd**2))
