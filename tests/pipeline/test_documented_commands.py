@@ -58,6 +58,7 @@ ELSEWHERE = {
     "lidarspectra sensor check": "needs a sensor; tests/unit/sensor/test_sensor_cli.py",
     "lidarspectra sensor record": "needs a sensor; tests/unit/sensor/test_recorder_ports.py",
     "lidarspectra sensor emulate": "goes on until Ctrl-C; tests/unit/sensor/test_sensor_cli.py",
+    "lidarspectra sensor nodes": "goes on until Ctrl-C; tests/unit/incoming/test_nodes.py",
     "lidarspectra sensor calibrate": "needs a day's logs; test_virtual_robot.py walks that page",
     "lidarspectra sensor join": "test_virtual_robot.py",
     "lidarspectra fingerprints scan.toml --positions": "takes minutes; test_fingerprints.py",
