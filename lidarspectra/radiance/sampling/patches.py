@@ -13,8 +13,9 @@ arrival shares paths with those on places that are alike, that lie in the same c
 one another; where the light is uneven, or an arrival does not see its place, each sensor has paths of its own, and is
 sampled as if alone: such an estimate is unbiased for any distribution of light.
 
-The rough light only determines which sensors share paths, and the light beyond the last reflection traced, which is
-reported beside the estimate; it does not enter the estimate.
+The rough light determines which sensors share paths, and the light beyond the last reflection traced, which is
+reported beside the estimate. Into the estimate it enters as a control variate only (`rough_light`), whose own error
+cancels.
 
 References
 ----------
@@ -33,6 +34,7 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.radiance.sampling.arrivals import Arrivals, Surfaces
 from lidarspectra.radiance.sampling.receptors import cosine_directions, lattice
+from lidarspectra.radiance.sampling.rough_light import RoughLight, fit_rough_light
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 
 MAX_CONTRAST = 0.3  # [1] between neighbours that share, of the light of the sensors that look there
@@ -124,6 +126,33 @@ class Patches:
         known = np.where(scattering.is_diffuse[:, None], scattering.reflectance, UNKNOWN_REFLECTANCE)
         known[-1] = 0.0  # lamps
         return known[self.material]
+
+    def sent_on(self, direct: FloatArray, bounces: int) -> RoughLight:
+        """Rough radiance of the places, of light that was reflected once or more before it arrived there.
+
+        Parameters
+        ----------
+        direct : (place, lamp, slot) float
+            Direct light in the engine's order of slots. [any unit of irradiance]
+        bounces : int
+            Largest number of reflections, 1 or more, that on the place itself counted.
+
+        Returns
+        -------
+        rough : RoughLight
+            Of (lamp x slot) values. [the same over sr]
+        """
+        lamps, slots = direct.shape[1:]
+        scattering = self.surfaces.scattering
+        straight = direct.reshape(len(self), lamps * slots)
+        paint, diffuse = (
+            np.tile(np.broadcast_to(part, (len(self), slots)), lamps)
+            for part in (self.reflectance, scattering.diffuse_part[self.material])
+        )
+        light = np.zeros_like(straight)
+        for _ in range(min(bounces - 1, REFLECTIONS)):
+            light = self.transfer @ (paint * (straight + light))
+        return fit_rough_light(diffuse * light / np.pi, self.positions, self.neighbours, length_m=self.surfaces.cell_m)
 
     def truncated(self, direct: FloatArray, reflectance: FloatArray, bounces: int) -> FloatArray:
         """Each lamp's light at the watchers beyond the last reflection traced.
@@ -259,19 +288,16 @@ class _Places:
     def transfer(self, seen: Arrivals, senders: int) -> csr_array:
         """(sender, place) share of the rays of senders, as many of each, that arrive at each place.
 
-        Those that arrive at none's are given to the nearest.
+        Those that arrive at none's count as more of those that do: the nearest place may be behind a wall.
         """
         to = self.place_of(seen)
-        lost = np.flatnonzero((to < 0) & self.surfaces.can_share(seen))
-        if lost.size and len(self.key):
-            own = np.concatenate([self.arrivals.places, NORMAL_M * self.arrivals.normals], axis=1)
-            theirs = np.concatenate([seen.places[lost], NORMAL_M * seen.normals[lost]], axis=1)
-            to[lost] = cKDTree(own).query(theirs)[1]
-        found = to >= 0
         each = len(to) // max(senders, 1)
-        sender = np.repeat(np.arange(senders), each)[found]
-        share = np.full(sender.size, 1.0 / max(each, 1))
-        return csr_array((share, (sender, to[found])), shape=(senders, len(self.key)))
+        sender = np.repeat(np.arange(senders), each)
+        found = to >= 0
+        counts = np.bincount(sender[found], minlength=senders)
+        matt = np.bincount(sender[found | self.surfaces.can_share(seen)], minlength=senders)
+        share = matt / (np.maximum(counts, 1) * max(each, 1))
+        return csr_array((share[sender[found]], (sender[found], to[found])), shape=(senders, len(self.key)))
 
     def neighbours(self) -> IntArray:
         """(pair, 2) places of one kind, in the same or adjoining boxes, that see one another."""

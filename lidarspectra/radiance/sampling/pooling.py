@@ -14,9 +14,9 @@ sequence (Roberts). For a glossy surface the engine traces the sensor's own ray:
     m(y) = ρ(y) L(y, ω), L being the light reflected once or more;   or   whole path - first reflection
 
 A cell's drawn arrivals are an unbiased sample of all of them. So the sum over all sensors is unbiased whatever the
-cells are, and a single sensor is sampled as by independent paths. The error of one sensor among many is bounded by the
-variation of light across a cell, and cells shrink as more rays are requested. Bright cells get more paths than dark
-ones. Measured in docs/performance.md.
+cells are, and a single sensor is sampled as by independent paths. What one sensor among many is given of the others'
+light is bounded by how far the rough light (`rough_light`), which paths only correct, is wrong across a cell, and cells
+shrink as more rays are requested. Bright cells get more paths than dark ones. Measured in docs/performance.md.
 
 References
 ----------
@@ -36,6 +36,7 @@ from lidarspectra.radiance.engine.options import PATH_WEIGHT, Glass, PassOptions
 from lidarspectra.radiance.sampling.arrivals import Arrivals, Scattering, Surfaces
 from lidarspectra.radiance.sampling.patches import Patches
 from lidarspectra.radiance.sampling.receptors import FIBONACCI, cosine_directions
+from lidarspectra.radiance.sampling.rough_light import RoughLight
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 
 PATHS_PER_CELL = 16  # bias against variance: more paths per cell make cells larger, fewer leave the noise of each
@@ -64,10 +65,13 @@ class Sharing:
     patches : Patches
     group : (place,) int
         Patches of the same number share; -1 where each sensor has its own paths.
+    rough : RoughLight
+        What paths find is known roughly beforehand, of each of the engine's values.
     """
 
     patches: Patches
     group: IntArray
+    rough: RoughLight
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,9 +122,14 @@ class PooledPaths:
     shares : tuple of sparse (sensor, cell)
         Per batch, the share of a sensor's rays that arrive in each cell.
     found : (path, value) float
-        Estimate of each path, summed over its legs, in single precision: with the sky's patches for lamps it is large.
+        Estimate of each path, summed over its legs, less the rough light where it arrived; in single precision: with
+        the sky's patches for lamps it is large.
     missing : int
         Rays without a result so far.
+    rough : RoughLight or None
+        0 everywhere if None.
+    looks : tuple of sparse (sensor, 4 place)
+        Per batch, mean of the rough light over a sensor's rays, to be multiplied by its functions.
     """
 
     legs: tuple[Leg, ...]
@@ -128,6 +137,8 @@ class PooledPaths:
     shares: tuple[csr_array, ...]
     found: NDArray[np.float32] = field(repr=False)
     missing: int
+    rough: RoughLight | None = None
+    looks: tuple[csr_array, ...] = ()
 
     def take(self, leg: Leg, part: slice, values: FloatArray) -> None:
         """Add the engine's (ray, lamp x slot) results for some rays of a leg."""
@@ -148,6 +159,9 @@ class PooledPaths:
             means = np.add.reduceat(self.found[order, part], firsts, axis=0, dtype=np.float64) / count[:, None]
             for batch, share in enumerate(self.shares):
                 found[batch, :, part] = share @ means
+            if self.rough is not None:
+                for batch, look in enumerate(self.looks):
+                    found[batch, :, part] += look @ self.rough.functions[:, part]
         return found
 
 
@@ -190,17 +204,26 @@ def draw_pooled_paths(
     legs: list[list[Leg]] = []
     cells: list[IntArray] = []
     arrived: list[IntArray] = []
+    rough = None if sharing is None else sharing.rough
+    looked: list[csr_array] = []
+    expected: list[NDArray[np.float32]] = []
     total = drawn = 0
     for _ in range(batches):  # one at a time to bound memory: a million rays take 100 MB
         rays = sensors.draw_rays(np.arange(count), sets=1, count=looks, generator=generator).reshape(-1, 6)
         arrivals = surfaces.arrivals(rays)
         most = max(1, PATHS_PER_CELL * len(rays) // paths)
-        kind = _kinds(surfaces, arrivals, sensor, sharing)
+        place = None if sharing is None else sharing.patches.place_of(arrivals)
+        kind = _kinds(surfaces, arrivals, sensor, sharing, place)
         cell = sort_into_cells(arrivals.places, kind, most=most, longest_m=surfaces.cell_m, origin=surfaces.bounds[0])
         chosen = _draw(cell, _worth(surfaces.scattering, arrivals.material), min(paths, len(rays)), generator)
         legs.append(_legs(surfaces, arrivals, rays, chosen, first_path=drawn, generator=generator))
         cells.append(cell[chosen] + total)
         arrived.append(cell + total)
+        if rough is not None and place is not None:
+            at = rough.terms(place[chosen], arrivals.places[chosen], row=np.arange(len(chosen)), rows=len(chosen))
+            expected.append(at @ rough.functions)
+            mean = rough.terms(place, arrivals.places, row=sensor, weight=1.0 / looks, rows=count)
+            looked.append(mean)
         total += int(cell.max()) + 1
         drawn += len(chosen)
     joined = _joined(legs)
@@ -210,18 +233,22 @@ def draw_pooled_paths(
         shares=tuple(
             csr_array((np.full(cell.size, 1.0 / looks), (sensor, cell)), shape=(count, total)) for cell in arrived
         ),
-        found=np.zeros((drawn, values), dtype=np.float32),
+        found=-np.concatenate(expected) if expected else np.zeros((drawn, values), dtype=np.float32),
         missing=sum(len(leg.rays) for leg in joined),
+        rough=rough,
+        looks=tuple(looked),
     )
 
 
-def _kinds(surfaces: Surfaces, arrivals: Arrivals, sensor: IntArray, sharing: Sharing | None) -> IntArray:
+def _kinds(
+    surfaces: Surfaces, arrivals: Arrivals, sensor: IntArray, sharing: Sharing | None, place: IntArray | None
+) -> IntArray:
     """(ray,) labels; rays share a cell only under one label: a group of patches, or a sensor and kind of surface."""
     kinds = 1 + int(arrivals.kind.max(initial=0))
     can_share = surfaces.can_share(arrivals)
     shared, groups = arrivals.kind, 0
-    if sharing is not None:
-        group = np.append(sharing.group, -1)[sharing.patches.place_of(arrivals)]  # of place -1, none: -1
+    if sharing is not None and place is not None:
+        group = np.append(sharing.group, -1)[place]  # of place -1, none: -1
         can_share &= group >= 0
         shared, groups = kinds + group, len(sharing.patches)
     own = kinds + groups + kinds * sensor + arrivals.kind

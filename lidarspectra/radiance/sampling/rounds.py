@@ -239,7 +239,9 @@ def survey(
         if component.sampler.is_shared and count > 1:  # a single sensor has none to share with
             direct = values.mean(axis=2).T
             component.sharing = Sharing(
-                patches=found, group=found.groups(direct[:, : len(found)], direct[:, len(found) :])
+                patches=found,
+                group=found.groups(direct[:, : len(found)], direct[:, len(found) :]),
+                rough=found.sent_on(values[: len(found)], request.bounces),
             )
         direct_light = group.from_engine(values[: len(found)]).swapaxes(0, 1)  # (lamp, place, slot)
         slots = np.broadcast_to(found.reflectance, (len(found), group.slot_count))

@@ -115,3 +115,24 @@ def test_groups_stay_within_a_cell() -> None:
     group = lit(found, near=1.0, far=1.0)
     for number in np.unique(group[group >= 0]):
         assert np.ptp(found.positions[group == number], axis=0).max() <= 0.75 + 1e-9
+
+
+@pytest.mark.parametrize("walls", [(), CLOSED])
+def test_rough_light_of_an_evenly_lit_enclosure_is_the_geometric_series(walls) -> None:
+    # In an enclosure of one reflectance every reflection of light that is 1 everywhere is 0.7 of the one before.
+    found = patches(surfaces(*walls))
+    lamps, slots, bounces = 2, 3, 5
+    rough = found.sent_on(np.full((len(found), lamps, slots), 2.0), bounces)
+    level, slopes = rough.functions[::4], rough.functions.reshape(len(found), 4, -1)[:, 1:]
+    expected = 0.7 * 2.0 * sum(0.7**times for times in range(1, bounces)) / np.pi
+    assert level == pytest.approx(np.full((len(found), lamps * slots), expected), rel=1e-5)
+    assert np.abs(slopes).max() < 1e-4
+
+
+def test_rough_light_is_exactly_nothing_behind_a_closed_sheet() -> None:
+    found = patches(surfaces(*CLOSED))
+    x = found.positions[:, 0]
+    lit = x < WALL_M - 1e-3
+    rough = found.sent_on(lit[:, None, None].astype(float), 8).functions.reshape(len(found), -1)
+    assert np.all(rough[x > WALL_M + 1e-3] == 0.0)
+    assert np.all(rough[lit, 0] > 0.0)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from lidarspectra.radiance.sampling.arrivals import LampBodies, Scattering, Surfaces
-from lidarspectra.radiance.sampling.pooling import PooledPaths, draw_pooled_paths, sort_into_cells
+from lidarspectra.radiance.sampling.pooling import PooledPaths, Sharing, draw_pooled_paths, sort_into_cells
 from lidarspectra.radiance.sampling.receptors import cosine_receptor
+from lidarspectra.radiance.sampling.rough_light import RoughLight, fit_rough_light
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
 BATCHES = 3
@@ -127,6 +128,56 @@ def test_rays_that_go_on_leave_a_wall_in_proportion_to_the_cosine() -> None:
     assert cosine.min() > 0
     # cos² is uniform. 1,800 random numbers would be within 0.03 of it but for six in a million draws; these lie evenly.
     assert np.abs(np.sort(cosine**2) - (np.arange(len(wall)) + 0.5) / len(wall)).max() < 0.03
+
+
+class Walls:
+    """The box's six walls as patches, each its own group."""
+
+    def __len__(self) -> int:
+        return 6
+
+    def place_of(self, arrivals) -> np.ndarray:
+        walls = np.concatenate([np.abs(arrivals.places), np.abs(3.0 - arrivals.places)], axis=1)
+        return walls.argmin(axis=1)
+
+
+def slope(rays: np.ndarray) -> np.ndarray:
+    """Light that grows along the box, where rays start."""
+    return rays[:, 0] - 0.2 * rays[:, 2]
+
+
+def along_the_box(strength: float) -> RoughLight:
+    """So much of what `slope` says, times the walls' reflectances."""
+    middles = 1.5 + 1.5 * np.concatenate([-np.eye(3), np.eye(3)])
+    rough = fit_rough_light(np.zeros((6, 1)), middles, np.empty((0, 2), dtype=np.int64), length_m=1.0)
+    there = np.column_stack([slope(middles), np.tile([1.0, 0.0, -0.2], (6, 1))])
+    rough.functions[:, 0] = strength * (np.array(REFLECTANCES)[np.arange(6) % 2][:, None] * there).ravel()
+    return rough
+
+
+def moved_light(strength: float, seed: int) -> np.ndarray:
+    """(batch, sensor) by how much 20 sensors' estimates differ from the light along their own rays."""
+    sharing = Sharing(patches=Walls(), group=np.arange(6), rough=along_the_box(strength))
+    pooled = draw_pooled_paths(
+        Box(diffuse=True).surfaces,
+        sensors(20),
+        89,
+        batches=BATCHES,
+        values=1,
+        sharing=sharing,
+        generator=np.random.default_rng(seed),
+    )
+    own = np.stack([look @ along_the_box(1.0).functions for look in pooled.looks])[..., 0]
+    return answer(pooled, slope) - own
+
+
+def test_cells_move_only_the_light_that_was_not_known_roughly() -> None:
+    nothing_known = moved_light(0.0, 1)  # but for the 0.1 mm that rays start off their wall
+    assert np.sqrt(np.mean(nothing_known**2)) > 0.005
+    assert moved_light(0.5, 1) == pytest.approx(0.5 * nothing_known, abs=1e-4)
+    assert moved_light(1.0, 1) == pytest.approx(0.0, abs=1e-4)
+    # The mean over all sensors, is 0 whatever is known.
+    assert np.mean([moved_light(0.5, seed).mean() for seed in range(100)]) == pytest.approx(0.0, abs=2e-3)
 
 
 def rays_of(count: int, seed: int) -> np.ndarray:
