@@ -4,6 +4,7 @@ import json
 import zipfile
 import zlib
 from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -167,32 +168,37 @@ class Scan:
         """(face, 3, 3) positions of each face's corners [m]."""
         return np.asarray(self.vertices[self.faces], dtype=np.float64)
 
-    @property
+    @cached_property
     def centers(self) -> FloatArray:
-        """(face, 3) centroids [m]."""
-        return np.asarray(self.corners.mean(axis=1), dtype=np.float64)
+        """(face, 3) centroids [m]; worked out once, and read-only, as all below."""
+        return _read_only(self.corners.mean(axis=1))
 
-    @property
+    @cached_property
     def areas(self) -> FloatArray:
         """(face,) areas [m²]."""
-        return triangle_areas(self.corners)
+        return _read_only(triangle_areas(self.corners))
 
-    @property
+    @cached_property
     def normals(self) -> FloatArray:
         """(face, 3) unit normals [1]; zero for a face without area."""
         crosses = triangle_crosses(self.corners)
         lengths = np.linalg.norm(crosses, axis=1, keepdims=True)
-        return np.asarray(crosses / np.where(lengths > 0, lengths, 1.0), dtype=np.float64)
+        return _read_only(crosses / np.where(lengths > 0, lengths, 1.0))
 
-    @property
+    @cached_property
     def bounds(self) -> FloatArray:
         """(2, 3) lowest and highest corner of the box around the mesh [m]."""
         used = self.vertices[self.faces.ravel()]
-        return np.stack([used.min(axis=0), used.max(axis=0)])
+        return _read_only(np.stack([used.min(axis=0), used.max(axis=0)]))
 
     def face_colors(self) -> FloatArray:
         """(face, 3) mean linear sRGB [0-1] of each face; worked out once."""
         return self.appearance.face_colors()
+
+
+def _read_only(values: FloatArray) -> FloatArray:
+    values.flags.writeable = False
+    return values
 
 
 def bare_scan(vertices: FloatArray, faces: IntArray, *, file: str = "") -> Scan:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE
+from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.sharpened_cones import srgb_of_cones
 
 CLIPPED = 0.97  # [1] a channel from which on it is cut at white

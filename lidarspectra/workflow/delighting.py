@@ -16,14 +16,7 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.albedo import (
-    BRIGHTEST_REFLECTANCE,
-    CELL_M,
-    LOG_SCATTER,
-    STATED_FLUX_DEVIATION,
-    LightFit,
-    fit_light,
-)
+from lidarspectra.material.albedo import LightFit, fit_light
 from lidarspectra.material.cards import Card, SeenCards, look_at_cards
 from lidarspectra.material.clipped_light import CLIPPED, DARK, beyond_white
 from lidarspectra.material.colored_light import BANDS, Exchange, apparent_ratio
@@ -37,6 +30,7 @@ from lidarspectra.material.lamp_fluxes import (
 )
 from lidarspectra.material.light_evidence import LightEvidence
 from lidarspectra.material.light_exchange import exchange_matrix
+from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE, CELL_M, LOG_SCATTER, STATED_FLUX_DEVIATION
 from lidarspectra.material.linear_evidence import (
     UnseenFaces,
     shown_of_sources,

@@ -7,8 +7,9 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, COMMON, MAX_STEPS, LightFit
+from lidarspectra.material.albedo import MAX_STEPS, LightFit
 from lidarspectra.material.light_evidence import LightEvidence
+from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE, COMMON
 from lidarspectra.material.sun_patches import SunPatches
 from lidarspectra.material.unknown_light import UnknownSource
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.albedo import CELL_M
+from lidarspectra.material.light_objective import CELL_M
 from lidarspectra.material.surface_hues import surface_groups
 from lidarspectra.material.unknown_light import UnknownSource
 from lidarspectra.room.room import Room

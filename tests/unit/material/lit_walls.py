@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.sparse import csr_array
 
-from lidarspectra.material.albedo import WHITE_HUE
 from lidarspectra.material.light_evidence import LightEvidence
+from lidarspectra.material.light_objective import WHITE_HUE
 from lidarspectra.material.sharpened_cones import srgb_of_cones
 
 PER_GROUP = 60

@@ -7,8 +7,9 @@ import pytest
 
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Strip
-from lidarspectra.material.albedo import BRIGHTEST_REFLECTANCE, MAX_STEPS, fit_light
+from lidarspectra.material.albedo import MAX_STEPS, fit_light
 from lidarspectra.material.clipped_light import beyond_white
+from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.sharpened_cones import cones_of_srgb
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.delighting import STRAY_LIGHT, _unsure, _whites

@@ -5,17 +5,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from lidarspectra.material.albedo import (
-    FIT_SHARES,
-    MIN_EMISSION,
-    WHITE_HUE,
-    WHITE_HUE_DEVIATION,
-    _from_white,
-    _LightAt,
-    fit_light,
-)
+from lidarspectra.material.albedo import FIT_SHARES, fit_light
 from lidarspectra.material.light_evidence import LightEvidence
+from lidarspectra.material.light_objective import WHITE_HUE, WHITE_HUE_DEVIATION, _from_white
 from lidarspectra.material.sharpened_cones import cones_of_srgb
+from lidarspectra.material.surface_light import MIN_EMISSION, LightAt
 from lidarspectra.material.tone_curve import ToneCurve
 
 from .lit_walls import WHITE, evidence
@@ -72,7 +66,7 @@ def test_light_at_some_points_is_that_of_the_equations_for_every_tone_and_beam()
         face_excess=1.0 + random.random((count, 3)),
     )
     some, mean_direct, factors = np.arange(5, 60, 2), np.array([0.5, 0.6, 0.7]), np.array([1.3])
-    at = _LightAt(data, some, mean_direct)
+    at = LightAt(data, some, mean_direct)
     for power, beam in ((1.0, 0.0), (0.8, 0.0), (0.8, 1.5), (1.0, 0.5)):
         tone = ToneCurve(power=power, shoulder=0.4)
         sent = cones_of_srgb(tone.light(data.face_shown) * data.face_excess)

@@ -1,0 +1,282 @@
+"""The objective of de-lighting's fit: how far points of one surface are from one reflectance (`material.albedo`)."""
+
+from functools import cached_property
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.material.light_evidence import LightEvidence
+from lidarspectra.material.robust_centers import RobustCenters
+from lidarspectra.material.sharpened_cones import cones_of_srgb, srgb_of_cones
+from lidarspectra.material.surface_light import MIN_LIGHT, LightAt
+from lidarspectra.material.tone_curve import ToneCurve
+
+LOG_SCATTER = 0.07  # [1] usual deviation of log ρ within a surface: grain, uneven exposure, noise of the mesh
+PICTURE_NOISE = 0.006  # [1] of white, deviation of what a picture shows: 8 bits, and JPEG's coarse colour
+ROBUST_SCALE = 1.5  # [1] scale of the robust loss, in standard deviations
+CEILING_REFLECTANCE = 0.80  # [1] EN 12464-1:2021: 0.7 to 0.9
+CEILING_DEVIATION = 0.12  # [1] of its logarithm
+CEILING_DOUBT = 2.0  # [1] scale of the robust loss on the ceiling's prior, in standard deviations
+CARD_DEVIATION = 0.07  # [1] of the logarithm of a card's reflectance: the light at one place is no better known
+BALANCE_DEVIATION = 0.2  # [1] of log k between cones, about white half-way between the lamps and all light in the room
+BEAM_DEVIATION = 0.4  # [1] of the beam exponent about that of matt lamps
+STATED_FLUX_DEVIATION = 0.15  # [1] of the log of a lamp's flux over the others', where fluxes are stated
+BRIGHTEST_REFLECTANCE = 0.90  # [1] fresh white paint, top of EN 12464-1; a brighter result suggests unmodelled light
+BRIGHTEST_DEVIATION = 0.03  # [1] of its logarithm
+WHITE_HUE = (-0.004, -0.058)  # [1] of light surfaces, log cone ratios green and blue over red
+WHITE_HUE_DEVIATION = (0.04, 0.10)  # [1] of them, wider than measured: some are beige, and a scan's hues are noisy
+WHITE_PAINTS = 1.0  # [1] different whites that a room is taken to have: its walls are of one paint
+WHITE_DOUBT = 2.0  # [1] scale of the robust loss on the hue of light surfaces, which may be yellow; in deviations
+COMMON = 6  # parameters that do not belong to single lamps
+OF_TONE = 2  # of them the tone curve's, which come first
+OF_SOURCE = 5  # parameters of an unknown source: level, two of its hue, two of its lobes over the first
+SOURCE_LEVEL, SOURCE_LEVEL_DEVIATION = 0.0, 2.0  # [1] of the log of its light over the picture's: hardly known
+SOURCE_SEEN_DEVIATION = 0.3  # [1] of the log of a source's light about what frames show of it: it differs by direction
+SOURCE_HUE_DEVIATION = 0.4  # [1] of the log of its cones' ratios over the picture's: daylight among lamps, or lamps
+SKY_LOBES, SKY_LOBES_DEVIATION = (-0.4, -1.3), (0.5, 0.8)  # [1] log low over high sky, ground over high sky: windows
+LOBES_DEVIATION = (1.0, 1.0)  # [1] the same of other sources, which may shine in any way
+UPRIGHT_LOBES = np.array([0.25, 0.25, 0.5])  # [1] shares of an upright surface's radiosity in its lobes, if alike
+CELL_M = 1.0  # [m] of a cluster, in which errors of light and exposure are correlated: a phone's frame shows 1 to 2 m
+BOUND_SHOULDER = 2.3  # [1] of log(1 + s)
+STEP = 1e-3  # [1] of a parameter, for slopes by differences
+
+
+class LightObjective:
+    """The objective: residuals as functions of the parameters, from every n-th of the points that count.
+
+    The loss is robust: Cauchy's or, with `redescending`, that of Geman and McClure, in which outliers such as shadows'
+    edges and objects on walls lose all influence, but which needs a start near the optimum.
+    """
+
+    def __init__(
+        self, evidence: LightEvidence, *, flux_deviation: FloatArray, every: int = 1, redescending: bool = True
+    ) -> None:
+        self.evidence = evidence
+        self.flux_deviation = flux_deviation
+        self.redescending = redescending
+        self.fit_fluxes = len(evidence.direct) > 1
+        self.lamp_count = len(evidence.direct) if self.fit_fluxes else 0
+        self.count = COMMON + self.lamp_count + OF_SOURCE * evidence.sources
+        self.rows = np.flatnonzero(evidence.group >= 0)[::every]
+        self.shown = evidence.shown[self.rows]
+        # Mean direct light of 1 in every cone: exposure then starts near the mean of the picture.
+        self.mean_direct = np.maximum(evidence.direct.sum(axis=0).mean(axis=0), 1e-30)
+        self.mean_other = np.ones(0) if evidence.other is None else evidence.other.sum(axis=1).mean(axis=1) + 1e-30
+        self.some_light = LightAt(evidence, self.rows, self.mean_direct)
+        _, self.group = np.unique(evidence.group[self.rows], return_inverse=True)
+        self.group_sizes = np.bincount(self.group)
+        white = np.bincount(self.group, weights=evidence.white[self.rows]) / self.group_sizes
+        self.white = white * min(1.0, WHITE_PAINTS / max(float(white.sum()), 1e-9))
+        places = self.group * (int(evidence.cell.max()) + 1) + evidence.cell[self.rows]
+        self.cluster = np.unique(places, return_inverse=True)[1]
+        self.witnesses = int(self.cluster.max()) + 1
+        # All points together have the weight of the number of independent clusters.
+        self.weight = np.sqrt(self.witnesses / self.rows.size) / LOG_SCATTER
+        seen = np.maximum(cones_of_srgb(self.shown), MIN_LIGHT)
+        noise = np.hypot(PICTURE_NOISE / seen, evidence.unsure[self.rows])
+        self.clarity = 1.0 / np.hypot(1.0, noise / LOG_SCATTER)
+        self.scale = ROBUST_SCALE * LOG_SCATTER
+        self.centers = RobustCenters(self.group, self.clarity, scale=self.scale, redescending=redescending)
+        self.ceiling = np.flatnonzero(evidence.ceiling[self.rows])
+        self.cards = np.flatnonzero(evidence.card >= 0) if evidence.card is not None else np.empty(0, dtype=np.int64)
+        self.card_light = LightAt(evidence, self.cards, self.mean_direct) if self.cards.size else None
+        self.rough = np.log(np.maximum(cones_of_srgb(evidence.shown[evidence.group >= 0]).mean(axis=0), MIN_LIGHT))
+
+    def parts(self, parameters: FloatArray) -> tuple[ToneCurve, FloatArray, float, FloatArray]:
+        """Tone curve, exposure, beam exponent and flux factors of parameters."""
+        tone = ToneCurve(power=float(np.exp(parameters[0])), shoulder=float(np.expm1(max(parameters[1], 0.0))))
+        exposure = np.exp(parameters[2:5] + self.rough)
+        logs = self.flux_logs(parameters) if self.fit_fluxes else np.zeros(len(self.evidence.direct))
+        return tone, exposure, float(parameters[5]), np.exp(logs - (logs.mean() if logs.size else 0.0))
+
+    def flux_logs(self, parameters: FloatArray) -> FloatArray:
+        """(lamp,) logs of the lamps' fluxes; none where they are not fitted."""
+        return parameters[COMMON : COMMON + self.lamp_count]
+
+    def source_logs(self, parameters: FloatArray) -> FloatArray:
+        """(source, 5) logs of level, hue and lobes of the unknown sources."""
+        return parameters[COMMON + self.lamp_count :].reshape(-1, OF_SOURCE)
+
+    def strengths(self, parameters: FloatArray) -> FloatArray:
+        """(source, lobe, 3) of the unknown sources, over their patterns' mean."""
+        logs = self.source_logs(parameters)
+        hue = np.stack([logs[:, 1], np.zeros(len(logs)), logs[:, 2]], axis=1)
+        lobes = np.column_stack([np.zeros(len(logs)), logs[:, 3:]])
+        level = logs[:, :1, None] + lobes[:, :, None] + hue[:, None] + self.rough
+        return np.asarray(np.exp(level) / self.mean_other[:, None, None], dtype=np.float64)
+
+    def light(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(row, 3) light that the picture shows, and irradiance times k, in cones."""
+        tone, exposure, beam, factors = self.parts(parameters)
+        seen, gathered = self.some_light.shown(tone)
+        direct = exposure * self.some_light.direct(beam, factors) + self.some_light.other(self.strengths(parameters))
+        return seen, np.maximum(direct + gathered, MIN_LIGHT)
+
+    @cached_property
+    def whole_light(self) -> LightAt:
+        """At all samples."""
+        return LightAt(self.evidence, slice(None), self.mean_direct)
+
+    def all_light(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As `light`, at all samples; and the direct light among it."""
+        tone, exposure, beam, factors = self.parts(parameters)
+        seen, gathered = self.whole_light.shown(tone)
+        direct = exposure * self.whole_light.direct(beam, factors)
+        direct = direct + self.whole_light.other(self.strengths(parameters))
+        return seen, np.maximum(direct + gathered, MIN_LIGHT), direct
+
+    def log_reflectance(self, parameters: FloatArray) -> FloatArray:
+        """(row, 3) log ρ of the points that count."""
+        seen, light = self.light(parameters)
+        return np.asarray(np.log(seen / light), dtype=np.float64)
+
+    def scatter(self, parameters: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(row, 3) distances to the groups' centres in units of the picture, and the centres."""
+        center = self.centers.of(values)
+        return (values - center[self.group]) / self._spread(parameters), center
+
+    def _spread(self, parameters: FloatArray) -> float:
+        """Unit of the picture: mean slope of the tone curve's inverse, over logarithms."""
+        return float(np.exp(np.log(self.parts(parameters)[0].slope(self.shown)).mean()))
+
+    def residuals(self, parameters: FloatArray) -> FloatArray:
+        """Residuals of all points under the robust loss, then those of the priors."""
+        seen, light = self.light(parameters)
+        values = np.log(seen / light)
+        apart, center = self.scatter(parameters, values)
+        ratio = apart * self.clarity / self.scale
+        robust = ratio / np.hypot(1.0, ratio) if self.redescending else np.sign(ratio) * np.sqrt(np.log1p(ratio**2))
+        data = self.scale * self.weight / np.sqrt(3.0) * robust.ravel()
+        return np.concatenate([data, self._beliefs(parameters, values, center, light.mean(axis=0))])
+
+    def jacobian(self, parameters: FloatArray) -> FloatArray:
+        """Slopes of the residuals: in closed form, but over the tone curve by differences, and those of the priors."""
+        base = self.residuals(parameters)
+        slopes = np.empty((base.size, self.count))
+        slopes[:, OF_TONE:] = self._light_slopes(parameters, base[3 * self.rows.size :])
+        for column in range(OF_TONE):
+            step = STEP if column != 1 or parameters[1] < 0.5 * BOUND_SHOULDER else -STEP
+            moved = parameters.copy()
+            moved[column] += step
+            slopes[:, column] = (self.residuals(moved) - base) / step
+        return slopes
+
+    def _light_slopes(self, parameters: FloatArray, beliefs: FloatArray) -> FloatArray:
+        """(residual, parameter) slopes over all parameters but the tone curve's; `beliefs` are the priors' there."""
+        seen, light = self.light(parameters)
+        values = np.log(seen / light)
+        of_light = self.straight_slopes(self.some_light, parameters, light)
+        of_values = -of_light / light[:, :, None]
+        of_center = self.centers.slopes(values, of_values)
+        apart, center = self.scatter(parameters, values)
+        ratio = apart * self.clarity / self.scale
+        if self.redescending:
+            bend = (1.0 + ratio**2) ** -1.5
+        else:
+            root = np.sqrt(np.log1p(ratio**2))
+            bend = np.divide(np.abs(ratio), (1.0 + ratio**2) * root, out=np.ones_like(ratio), where=root > 0)
+        bend *= self.weight / np.sqrt(3.0) * self.clarity / self._spread(parameters)
+        of_data = bend[:, :, None] * (of_values - of_center[self.group])
+        of_mean = of_light.mean(axis=0)
+        of_beliefs = np.empty((beliefs.size, of_mean.shape[1]))
+        for column in range(of_mean.shape[1]):
+            moved = parameters.copy()
+            moved[OF_TONE + column] += STEP
+            there = self._beliefs(
+                moved,
+                values + STEP * of_values[:, :, column],
+                center + STEP * of_center[:, :, column],
+                light.mean(axis=0) + STEP * of_mean[:, column],
+            )
+            of_beliefs[:, column] = (there - beliefs) / STEP
+        return np.concatenate([of_data.reshape(-1, of_mean.shape[1]), of_beliefs])
+
+    def straight_slopes(self, at: LightAt, parameters: FloatArray, light: FloatArray) -> FloatArray:
+        """(n, 3, parameter) slopes of the (n, 3) light at points over all parameters but the tone curve's."""
+        _, exposure, beam, factors = self.parts(parameters)
+        direct = exposure * at.direct(beam, factors)
+        slopes = np.zeros((*direct.shape, self.count - OF_TONE))
+        colors = np.arange(3)
+        slopes[:, colors, colors] = direct
+        slopes[:, :, COMMON - OF_TONE - 1] = exposure * at.direct_over_beam(beam, factors)
+        first = COMMON - OF_TONE
+        if self.fit_fluxes:  # of which the mean logarithm is 0
+            each = np.moveaxis(exposure * factors[:, None, None] * at.each_lamp(beam), 0, -1)
+            slopes[:, :, first : first + self.lamp_count] = each - direct[:, :, None] / self.lamp_count
+            first += self.lamp_count
+        for lobes in at.each_lobe(self.strengths(parameters)):
+            whole = lobes.sum(axis=0)
+            slopes[:, :, first] = whole
+            slopes[:, 0, first + 1], slopes[:, 2, first + 2] = whole[:, 0], whole[:, 2]
+            slopes[:, :, first + 3], slopes[:, :, first + 4] = lobes[1], lobes[2]
+            first += OF_SOURCE
+        slopes[light <= MIN_LIGHT] = 0.0
+        return slopes
+
+    def _beliefs(
+        self, parameters: FloatArray, values: FloatArray, center: FloatArray, mean_light: FloatArray
+    ) -> FloatArray:
+        """Residuals of the priors, given (row, 3) log ρ, the groups' centres and the (3,) mean light of parameters."""
+        lit = np.log(mean_light)
+        balance = 0.5 * (parameters[2:5] + self.rough + lit)
+        balance = balance - balance.mean()
+        tone = self.evidence.tone_prior
+        parts = [
+            [parameters[0] / tone.power_deviation],
+            [(parameters[1] - tone.shoulder) / tone.shoulder_deviation],
+            balance / BALANCE_DEVIATION,
+            [parameters[5] / BEAM_DEVIATION],
+            self.flux_logs(parameters) / self.flux_deviation if self.fit_fluxes else [],
+            *self._source_beliefs(parameters),
+        ]
+        bright = np.log(np.maximum(srgb_of_cones(np.exp(center)).max(axis=1), MIN_LIGHT) / BRIGHTEST_REFLECTANCE)
+        share = np.sqrt(self.group_sizes / self.group_sizes.sum())
+        parts.append(share * np.maximum(bright, 0.0) / BRIGHTEST_DEVIATION)
+        parts.append(np.sqrt(self.white)[:, None] * _from_white(center))
+        if self.ceiling.size:
+            apart = (np.median(values[self.ceiling], axis=0) - np.log(CEILING_REFLECTANCE)) / CEILING_DEVIATION
+            doubt = CEILING_DOUBT
+            parts.append(np.sign(apart) * doubt * np.sqrt(np.log1p((apart / doubt) ** 2)))
+        parts.append(self._card_beliefs(parameters))
+        return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
+
+    def _card_beliefs(self, parameters: FloatArray) -> FloatArray:
+        """(card, 3) how far the cards' reflectances come out from what they are, in standard deviations."""
+        if self.card_light is None or self.evidence.card is None or self.evidence.card_log is None:
+            return np.empty((0, 3))
+        tone, exposure, beam, factors = self.parts(parameters)
+        seen, gathered = self.card_light.shown(tone)
+        direct = exposure * self.card_light.direct(beam, factors) + self.card_light.other(self.strengths(parameters))
+        values = np.log(seen / np.maximum(direct + gathered, MIN_LIGHT))
+        which, of_card = np.unique(self.evidence.card[self.cards], return_inverse=True)
+        means = np.stack([np.bincount(of_card, weights=column) for column in values.T], axis=1)
+        noise = np.stack([np.bincount(of_card, weights=column) for column in (PICTURE_NOISE / seen).T], axis=1)
+        count = np.bincount(of_card)[:, None]
+        return (means / count - self.evidence.card_log[which]) / np.hypot(CARD_DEVIATION, noise / count)
+
+    def _source_beliefs(self, parameters: FloatArray) -> list[FloatArray]:
+        """What is believed of unknown sources before the picture is looked at."""
+        if self.evidence.other_upright is None:
+            return []
+        logs, upright = self.source_logs(parameters), self.evidence.other_upright[:, None]
+        usual = np.where(upright, SKY_LOBES, 0.0)
+        return [
+            (logs[:, 0] - SOURCE_LEVEL) / SOURCE_LEVEL_DEVIATION,
+            logs[:, 1:3] / SOURCE_HUE_DEVIATION,
+            (logs[:, 3:] - usual) / np.where(upright, SKY_LOBES_DEVIATION, LOBES_DEVIATION),
+            *self._source_sightings(parameters),
+        ]
+
+    def _source_sightings(self, parameters: FloatArray) -> list[FloatArray]:
+        """How far the light of unknown sources is from what frames show of them, where they are not cut at white."""
+        if self.evidence.other_shown is None:
+            return []
+        sent = np.einsum("jlc,l->jc", self.strengths(parameters), UPRIGHT_LOBES)
+        shown = np.maximum(cones_of_srgb(self.evidence.other_shown), MIN_LIGHT)
+        return [np.log(sent / shown)[np.isfinite(shown)] / SOURCE_SEEN_DEVIATION]
+
+
+def _from_white(center: FloatArray) -> FloatArray:
+    """(group, 2) how far (group, 3) log ρ is from the hue of whites; more than `WHITE_DOUBT` counts less and less."""
+    apart = (center[:, 1:] - center[:, :1] - np.array(WHITE_HUE)) / np.array(WHITE_HUE_DEVIATION)
+    return np.asarray(np.sign(apart) * WHITE_DOUBT * np.sqrt(np.log1p((apart / WHITE_DOUBT) ** 2)), dtype=np.float64)
