@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import least_squares
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.mapping.calibration.model import LightModel, Observations, Priors
@@ -69,7 +69,7 @@ class Posterior:
     @property
     def probability(self) -> float:
         """Of so large a chi-square or a larger one, if model and priors hold."""
-        return float(chi2.sf(self.chi_square, self.residual.size))
+        return float(chdtrc(self.residual.size, self.chi_square))
 
     def light_sd(self, model: LightModel, *, before: bool = False) -> FloatArray:
         """(number,) relative deviation of light by all lamps, from that of fluxes and reflectances."""
@@ -156,7 +156,7 @@ def disagreement(model: LightModel, readings: Observations, priors: Priors) -> F
         gradient = np.concatenate([light.gradient(told.flux, told.reflectance), meters], axis=1)
         spread = gradient @ told.covariance @ gradient.T + priors.noise(readings.some(own))
         off = np.log(readings.value[own]) - expected
-        probability[place] = chi2.sf(float(off @ np.linalg.solve(spread, off)), own.size)
+        probability[place] = chdtrc(own.size, float(off @ np.linalg.solve(spread, off)))
     return probability
 
 

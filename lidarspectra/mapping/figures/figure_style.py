@@ -7,7 +7,6 @@ figure stands in the report.
 
 import base64
 import io
-import unicodedata
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.errors import MapError
 from lidarspectra.io.files import writing
+from lidarspectra.mapping.figures.printable import printable
 
 INK = "#1d2126"
 MUTED = "#6a7178"
@@ -234,11 +234,6 @@ def page_svg(svg: str, *, name: str, label: str) -> str:
     root.set("role", "img")
     root.set("aria-label", printable(label))
     return ElementTree.tostring(root, encoding="unicode")
-
-
-def printable(text: str) -> str:
-    """A text without the control characters that no document may hold; line ends and tabs stay."""
-    return "".join(letter for letter in text if letter in "\n\t" or unicodedata.category(letter) not in ("Cc", "Cs"))
 
 
 def _drop(root: ElementTree.Element, tag: str) -> None:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from lidarspectra.errors import MapError
 from lidarspectra.io.files import writing
-from lidarspectra.mapping.figures.figure_style import printable
+from lidarspectra.mapping.figures.printable import printable
 
 FILE_NAME = re.compile(r"[a-z0-9][a-z0-9-]*")  # ours to choose; never a user's words
 SWATCH = re.compile(r"#[0-9a-f]{6}")

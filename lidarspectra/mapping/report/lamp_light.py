@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.mapping.figures.figure_style import printable
+from lidarspectra.mapping.figures.printable import printable
 from lidarspectra.mapping.maps.response_weights import band_hats, band_weights, hats, lamp_weights
 from lidarspectra.mapping.maps.visible_bands import covers_vision
 from lidarspectra.mapping.photometry.color_quality import COLOR_GRID_NM, planckian_locus

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.mapping.figures.figure_style import printable
+from lidarspectra.mapping.figures.printable import printable
 from lidarspectra.mapping.photometry.quantities import light_quantity
 from lidarspectra.mapping.present_light.now import LitRoom, PresentAnswer
 from lidarspectra.mapping.present_light.trend import Trend

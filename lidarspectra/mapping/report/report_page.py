@@ -15,7 +15,8 @@ from importlib import resources
 from PIL import Image
 
 from lidarspectra.arrays import ByteArray
-from lidarspectra.mapping.figures.figure_style import data_uri, printable
+from lidarspectra.mapping.figures.figure_style import data_uri
+from lidarspectra.mapping.figures.printable import printable
 
 VIEW_WIDTH_PX = 640  # [px] pictures in the page; the full ones lie in the run's folder
 ROOM_SCRIPTS = ("three.js", "room-picture.js", "room-light.js", "room-chart.js", "room-lamps.js", "room-view.js")

@@ -19,9 +19,10 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArrayError
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.mapping.figures.figure_style import LIGHT_MAP, irradiance_unit, prefix_of, printable
+from lidarspectra.mapping.figures.figure_style import LIGHT_MAP, irradiance_unit, prefix_of
 from lidarspectra.mapping.figures.material_figures import OTHER_COLOR, MaterialCode, material_code
 from lidarspectra.mapping.figures.plan_drawing import color_norm
+from lidarspectra.mapping.figures.printable import printable
 from lidarspectra.mapping.maps.interpolation import MIN_POINTS, map_planes, plan_places
 from lidarspectra.mapping.maps.light_unknowns import error_bars
 from lidarspectra.mapping.maps.map_schema import POSITION, kept_points
