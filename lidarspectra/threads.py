@@ -17,6 +17,13 @@ def start_with_one_thread() -> None:
         os.environ.setdefault(name, "1")
 
 
+def available_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Let libraries that are loaded already use one thread in a `with` block, unless the user has set a number."""

@@ -9,8 +9,11 @@ The colour that a phone's texture shows is reflectance times light: nothing here
 on a (face, 3) array of linear colours, so that de-lit colours can be given in place of the texture's.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from os import PathLike
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -36,6 +39,9 @@ from lidarspectra.room.room import Room
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab, linear_srgb_to_xyz
 from lidarspectra.spectra.databases import load_reflectances
 from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
+
+CountVotes = Callable[[Progress], FaceClasses]
+"""Gives what the views show on every face, and tells its progress."""
 
 SEED = 20241104  # of K-means; materials of one scan are the same on every run
 UNSEEN_EVIDENCE = 0.1  # [1] weight of the colour of a face that no view saw, relative to one seen whole
@@ -105,6 +111,44 @@ def estimate_materials(
     one_of(matching, get_args(MatchMethod), name="matching")
     known = load_reflectances() if library is None else library
     fallback = default_material(default, known)
+    counted = None
+    if model is not None:
+        counted = partial(_counted_votes, scan, views, path_of(model, name="model"))
+    return estimate_from_votes(
+        scan, views, counted, room=room, face_color=face_color, library=known, fallback=fallback, matching=matching,
+        colors=colors, progress=progress,
+    )  # fmt: skip
+
+
+def estimate_from_votes(
+    scan: Scan,
+    views: ViewSet,
+    votes: CountVotes | None,
+    *,
+    room: Room | None,
+    face_color: FloatArray | None,
+    library: ReflectanceLibrary,
+    fallback: Material,
+    matching: MatchMethod,
+    colors: int,
+    progress: Progress = silent,
+) -> MaterialMap:
+    """As `estimate_materials`, with what counts the views' votes, which may have begun beside other work.
+
+    Parameters
+    ----------
+    scan, views, room, face_color, library, matching, colors, progress
+        As in `estimate_materials`.
+    votes : callable, optional
+        Gives the material classes that the views show on every face, and is told whom to tell its progress. None does
+        without classes.
+    fallback : Material
+        Of faces without colour and without name.
+
+    Returns
+    -------
+    materials : MaterialMap
+    """
     grouping, looking, finding = shares(progress, SHARES)
     grouping(0.0, "reading colours")
     shown, usable = surface_colors(scan) if face_color is None else _given_colors(scan, face_color)
@@ -117,14 +161,12 @@ def estimate_materials(
         )
     label, count = find_groups(scan, shown, usable, views.face_seen, most=colors)
     names = (UNKNOWN,) * count
-    if count and model is not None:
-        classes = material_classes(
-            scan, views, Classifier(path_of(model, name="model")), room=room, colors=shown, progress=looking
-        )
+    if count and votes is not None:
+        classes = material_classes(scan, votes, room=room, colors=shown, progress=looking)
         label, count, names = split_by_class(label, classes, scan.areas, most=colors)
     finding(0.0, f"{count} segments")
     materials = [
-        _material(group, names[group], shown, label, scan.areas, views.face_seen, known, matching)
+        _material(group, names[group], shown, label, scan.areas, views.face_seen, library, matching)
         for group in range(count)
     ]
     typical, kind = typical_materials(scan.appearance, label < 0)
@@ -206,10 +248,13 @@ def default_material(name: str, library: ReflectanceLibrary) -> Material:
     return database_material(surface, library, provenance="default", confidence=0.0)
 
 
+def _counted_votes(scan: Scan, views: ViewSet, model: Path, progress: Progress) -> FaceClasses:
+    return view_votes(Classifier(model), scan, views, progress)
+
+
 def material_classes(
     scan: Scan,
-    views: ViewSet,
-    classifier: Classifier,
+    votes: CountVotes,
     *,
     room: Room | None,
     colors: FloatArray,
@@ -220,9 +265,8 @@ def material_classes(
     Parameters
     ----------
     scan : Scan
-    views : ViewSet
-        Of it.
-    classifier : Classifier
+    votes : callable
+        Gives what the views show on every face, see `fusion.view_votes`; is told whom to tell its progress.
     room : Room or None
         In the scan; None leaves the geometry out.
     colors : (face, 3) float
@@ -234,16 +278,16 @@ def material_classes(
     classes : FaceClasses
     """
     looking, fusing = shares(progress, CLASS_SHARES)
-    votes = view_votes(classifier, scan, views, looking)
+    seen = votes(looking)
     fusing(0.0, "material classes of faces")
     adjacency = face_adjacency(scan)
     lab = linear_srgb_to_lab(colors)
     neighbors = agreement(adjacency, lab, scan.normals)
-    prior = color_likelihood(lab, classifier.classes)
+    prior = color_likelihood(lab, seen.classes)
     if room is not None:
-        by_place = class_prior(find_places(scan, room, adjacency), classifier.classes)
-        prior = prior * named_prior(scan.appearance, classifier.classes, by_place)
-    return fuse(votes, neighbors, prior)
+        by_place = class_prior(find_places(scan, room, adjacency), seen.classes)
+        prior = prior * named_prior(scan.appearance, seen.classes, by_place)
+    return fuse(seen, neighbors, prior)
 
 
 def find_groups(

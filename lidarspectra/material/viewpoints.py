@@ -13,7 +13,11 @@ loop chooses the views first and the materials are estimated on all of them toge
 loop stops by area (points are reported too), because a scan's points are dense where it has detail.
 """
 
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -28,6 +32,7 @@ from lidarspectra.progress import Progress, silent
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.hidden_layers import covered_places
 from lidarspectra.room.room import Room, find_room
+from lidarspectra.threads import available_cores
 
 CANDIDATE_HEIGHTS = (0.15, 0.35, 0.6, 0.85)  # [1] of the room's height: below tables, above them, over all
 CLEARANCE_M = 0.15  # [m] a camera so close to a surface sees little else
@@ -78,6 +83,7 @@ def render_views(
     *,
     coverage: float = 0.95,
     settings: ViewSettings | None = None,
+    workers: int | None = None,
     progress: Progress = silent,
 ) -> ViewSet:
     """Choose viewpoints until the scan is covered and render their views (paper, Algorithm 1).
@@ -91,6 +97,9 @@ def render_views(
     coverage : float
         Completeness threshold T, of the surface area. [0-1]
     settings : ViewSettings, optional
+    workers : int, optional
+        Processor cores that may be used; all if left out. With more than one, views are rendered while the next
+        viewpoint is looked for.
     progress : callable
         Receives the share that is done.
 
@@ -113,35 +122,37 @@ def render_views(
     search = _Search(samples, candidates, caster, chosen)
     covered = np.zeros(samples.area.size, dtype=np.bool_)
     viewpoints: list[FloatArray] = []
-    views: list[View] = []
+    views: list[Callable[[], View]] = []
     history: list[float] = []
     viewpoint = candidates[0]
     stopped = ""
-    while not stopped:
-        sees = visible(samples, viewpoint[None], caster, chosen)[0]
-        cameras = _cameras(viewpoint, chosen)
-        shows = {name: _shown(camera, samples.positions, sees) for name, camera in cameras.items()}
-        for direction in _directions(samples, shows, covered, every=not viewpoints):
-            name = f"v{len(viewpoints)} {direction}"
-            views.append(capture_image(scan, cameras[direction], name=name, caster=caster, samples=chosen.samples))
-            covered |= shows[direction]
-        viewpoints.append(viewpoint)
-        history.append(search.share(covered))
-        if history[-1] >= coverage:
-            stopped = f"{coverage:.0%} of the area is seen"
-        elif len(viewpoints) == chosen.max_viewpoints:
-            stopped = f"{chosen.max_viewpoints} viewpoints were taken"
-        else:
-            viewpoint, gain = search.viewpoint_update(covered)
-            if gain < chosen.min_gain:
-                stopped = f"no other place sees {chosen.min_gain:.1%} more of the area"
-        missing = 0 if stopped else search.missing_viewpoints(covered, coverage, chosen.max_viewpoints - len(history))
-        later = len(viewpoints) - 1
-        done = FIRST_SHARE + (1.0 - FIRST_SHARE) * later / max(later + missing, 1)
-        progress(done, f"{history[-1]:.1%} of the area seen")
+    with _rendering(workers or available_cores()) as render:
+        while not stopped:
+            sees = visible(samples, viewpoint[None], caster, chosen)[0]
+            cameras = _cameras(viewpoint, chosen)
+            shows = {name: _shown(camera, samples.positions, sees) for name, camera in cameras.items()}
+            for direction in _directions(samples, shows, covered, every=not viewpoints):
+                name = f"v{len(viewpoints)} {direction}"
+                views.append(render(partial(_captured, scan, cameras[direction], name, caster, chosen)))
+                covered |= shows[direction]
+            viewpoints.append(viewpoint)
+            history.append(search.share(covered))
+            if history[-1] >= coverage:
+                stopped = f"{coverage:.0%} of the area is seen"
+            elif len(viewpoints) == chosen.max_viewpoints:
+                stopped = f"{chosen.max_viewpoints} viewpoints were taken"
+            else:
+                viewpoint, gain = search.viewpoint_update(covered)
+                if gain < chosen.min_gain:
+                    stopped = f"no other place sees {chosen.min_gain:.1%} more of the area"
+            left, later = chosen.max_viewpoints - len(history), len(viewpoints) - 1
+            missing = 0 if stopped else search.missing_viewpoints(covered, coverage, left)
+            done = FIRST_SHARE + (1.0 - FIRST_SHARE) * later / max(later + missing, 1)
+            progress(done, f"{history[-1]:.1%} of the area seen")
+        taken = tuple(view() for view in views)
     progress(1.0, "views rendered")
     return ViewSet(
-        views=tuple(views),
+        views=taken,
         viewpoints=np.array(viewpoints),
         face_seen=_face_seen(samples, covered, faces=len(scan.faces)),
         area_coverage=history[-1],
@@ -150,6 +161,28 @@ def render_views(
         history=np.array(history),
         stopped=stopped,
     )
+
+
+def _captured(scan: Scan, camera: Camera, name: str, caster: RayCaster, settings: ViewSettings) -> View:
+    return capture_image(scan, camera, name=name, caster=caster, samples=settings.samples)
+
+
+@contextmanager
+def _rendering(cores: int) -> Iterator[Callable[[Callable[[], View]], Callable[[], View]]]:
+    """What starts to render a view in another thread (or does it at once, on one core) and gives what waits for it."""
+    if cores < 2:
+
+        def rendered(take: Callable[[], View]) -> Callable[[], View]:
+            view = take()
+            return lambda: view
+
+        yield rendered
+        return
+    pool = ThreadPoolExecutor(max_workers=cores, thread_name_prefix="views")
+    try:
+        yield lambda take: pool.submit(take).result
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 class _Search:

@@ -178,8 +178,11 @@ def _cast(caster: RayCaster, camera: Camera, directions: FloatArray) -> Hits:
 
 def _light(scan: Scan, hits: Hits) -> FloatArray:
     """(n, 3) linear colour where rays met a face; black where they met none [0-1]."""
+    met = hits.met
+    if met.all():
+        return scan.appearance.sample(hits.face, hits.barycentric)
     light = np.zeros((hits.face.size, 3))
-    light[hits.met] = scan.appearance.sample(hits.face[hits.met], hits.barycentric[hits.met])
+    light[met] = scan.appearance.sample(hits.face[met], hits.barycentric[met])
     return light
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from lidarspectra.arguments import one_of
 from lidarspectra.config import GridSection, RunFile
 from lidarspectra.errors import ArgumentError, LidarSpectraError, RunFileError, WorkspaceError
-from lidarspectra.radiance.sampling.trace import available_cores
+from lidarspectra.threads import available_cores
 from lidarspectra.workflow.findings import Findings, listed, number_words
 from lidarspectra.workflow.input_checks import CheckedInputs
 from lidarspectra.workflow.inputs import Inputs, read_inputs

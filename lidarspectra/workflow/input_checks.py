@@ -20,7 +20,6 @@ from lidarspectra.material.estimate import default_material
 from lidarspectra.material.segmentation import Classifier
 from lidarspectra.radiance.engine.bands import lamp_band_flux
 from lidarspectra.radiance.engine.engine import find_engine
-from lidarspectra.radiance.sampling.trace import available_cores
 from lidarspectra.radiance.scene.daylight import Window
 from lidarspectra.radiance.scene.sky import NIGHT_DEG, sun_altitude_deg
 from lidarspectra.radiance.scene.weather import SYNTHETIC, read_epw
@@ -28,6 +27,7 @@ from lidarspectra.room.sensor_points import SensorPoints, read_points
 from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances
 from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
+from lidarspectra.threads import available_cores
 from lidarspectra.workflow import plausible_numbers as plausible
 from lidarspectra.workflow.findings import Findings, listed
 from lidarspectra.workflow.inputs import Inputs

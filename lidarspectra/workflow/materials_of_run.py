@@ -6,7 +6,13 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.config import MaterialsSection
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.assignments import assign, read_assignments
-from lidarspectra.material.estimate import estimate_materials, one_material
+from lidarspectra.material.estimate import (
+    CountVotes,
+    default_material,
+    estimate_from_votes,
+    estimate_materials,
+    one_material,
+)
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.segmentation import SHIPPED_MODEL
 from lidarspectra.material.views import ViewSet
@@ -23,6 +29,7 @@ def materials_of_run(
     folder: Path,
     room: Room | None = None,
     face_color: FloatArray | None = None,
+    votes: CountVotes | None = None,
     progress: Progress = silent,
 ) -> MaterialMap:
     """Estimate the materials and apply a file of assignments, or give all faces one material.
@@ -35,6 +42,8 @@ def materials_of_run(
         `[materials]` of the run file.
     folder : Path
         Where relative file names start; the run file's folder.
+    votes : callable, optional
+        Gives the material classes that the views show, where their counting has begun (`votes_ahead`).
 
     Returns
     -------
@@ -48,25 +57,40 @@ def materials_of_run(
     library = load_reflectances(section.databases, folder)
     if section.method == "default":
         return one_material(scan, section.default, library=library, views=views)
-    estimated = estimate_materials(
-        scan,
-        views,
-        room=room,
-        face_color=face_color,
-        library=library,
-        default=section.default,
-        matching=section.matching,
-        model=_model(section.model, folder),
-        colors=section.colors,
-        progress=progress,
-    )
+    if votes is None:
+        estimated = estimate_materials(
+            scan,
+            views,
+            room=room,
+            face_color=face_color,
+            library=library,
+            default=section.default,
+            matching=section.matching,
+            model=model_of_run(section.model, folder),
+            colors=section.colors,
+            progress=progress,
+        )
+    else:
+        estimated = estimate_from_votes(
+            scan,
+            views,
+            votes,
+            room=room,
+            face_color=face_color,
+            library=library,
+            fallback=default_material(section.default, library),
+            matching=section.matching,
+            colors=section.colors,
+            progress=progress,
+        )
     if section.file is None:
         return estimated
     path = folder / section.file
     return assign(estimated, read_assignments(path), library, where=path)
 
 
-def _model(name: str, folder: Path) -> Path | None:
+def model_of_run(name: str, folder: Path) -> Path | None:
+    """The network that `model` of the run file names, None for none."""
     if name == "none":
         return None
     return SHIPPED_MODEL if name == "builtin" else folder / name

@@ -5,6 +5,7 @@ The order stands in `lidarspectra.workflow.pipeline`; how a stage is kept, in `l
 """
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -66,10 +67,11 @@ from lidarspectra.workflow.lamps_of_run import (
     with_estimated_fluxes,
     without_names,
 )
-from lidarspectra.workflow.materials_of_run import materials_of_run
+from lidarspectra.workflow.materials_of_run import materials_of_run, model_of_run
 from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
 from lidarspectra.workflow.trace_notes import glass_notes, trace_warnings, truncation_in_words
 from lidarspectra.workflow.unknowns_of_run import lost_calibration_note, unknowns_of_map
+from lidarspectra.workflow.votes_ahead import votes_beside
 from lidarspectra.workflow.whole_room import missing_in_words, whole_room
 from lidarspectra.workflow.workspace import (
     Notes,
@@ -179,7 +181,7 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
         loading(0.0, "reading the scan")
         mesh = scan.value.scan
         loading(1.0, "scan read")
-        views = render_views(mesh, scan.value.room, coverage=coverage, progress=looking)
+        views = render_views(mesh, scan.value.room, coverage=coverage, workers=inputs.workers, progress=looking)
         saving(0.0, "saving")
         save_views(views, folder)
         # Of a model's walls the outer sides count too, which no room shows; names tell what they are made of.
@@ -220,16 +222,20 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         delighting(0.0, "reading scan and views")
         scanned = scan.value if section.names else without_names(scan.value)
         mesh, found_room = scanned.scan, scanned.room
-        unlit = _without_light(given, scanned, delighting) if delight else None
-        materials = materials_of_run(
-            mesh,
-            views.value,
-            section,
-            room=found_room,
-            face_color=unlit.face_color if unlit else None,
-            folder=given.base,
-            progress=estimating,
-        )
+        model = model_of_run(section.model, given.base) if delight and mesh.appearance.known else None
+        beside = nullcontext() if model is None else votes_beside(model, mesh, views.value, workers=inputs.workers)
+        with beside as votes:
+            unlit = _without_light(given, scanned, delighting) if delight else None
+            materials = materials_of_run(
+                mesh,
+                views.value,
+                section,
+                room=found_room,
+                face_color=unlit.face_color if unlit else None,
+                folder=given.base,
+                votes=votes,
+                progress=estimating,
+            )
         saving(0.0, "saving")
         if unlit is not None:
             materials = with_light_uncertainty(materials, unlit, mesh.areas)

@@ -18,9 +18,9 @@ import xarray as xr
 from lidarspectra.lamps.lamp_file import load_lamps
 from lidarspectra.mapping.localization.person import Positions, grid_positions
 from lidarspectra.mapping.localization.traced_fingerprints import FingerprintRequest, trace_fingerprints
-from lidarspectra.radiance.sampling.trace import available_cores
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.spectra.databases import load_reflectances, scenes_folder
+from lidarspectra.threads import available_cores
 from lidarspectra.workflow.fingerprints import FingerprintOrder, place_people
 from lidarspectra.workflow.inputs import read_inputs
 from lidarspectra.workflow.pipeline import run

@@ -4,7 +4,7 @@ import os
 import sys
 import time
 
-from lidarspectra.radiance.sampling.trace import available_cores
+from lidarspectra.threads import available_cores
 
 
 def processor_seconds() -> float:

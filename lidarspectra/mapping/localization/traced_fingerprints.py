@@ -37,11 +37,12 @@ from lidarspectra.radiance.obstacles.obstacle_effect import EffectRequest, trace
 from lidarspectra.radiance.obstacles.obstacles import Obstacle
 from lidarspectra.radiance.sampling.estimator import BATCHES
 from lidarspectra.radiance.sampling.receptors import FIBONACCI, Receptor, cosine_receptor
-from lidarspectra.radiance.sampling.trace import available_cores, trace_irradiance
+from lidarspectra.radiance.sampling.trace import trace_irradiance
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
+from lidarspectra.threads import available_cores
 
 TARGET = 0.003  # [1] target standard error of a reading, a tenth of the change by a person near the sensor
 FINEST_EFFECT = 0.0005  # [1] of the difference: in a large room a person changes most sensors by 0.1 % and less

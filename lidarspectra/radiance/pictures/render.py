@@ -20,8 +20,8 @@ from lidarspectra.radiance.engine.engine import Engine, EngineJob, EngineRun, fi
 from lidarspectra.radiance.engine.options import REFLECTED_LAMP_PART, SPECULAR_REFLECTIONS, SPECULAR_THRESHOLD, relayed
 from lidarspectra.radiance.pictures.observer_channels import observer_channels, xyz_of_channels
 from lidarspectra.radiance.pictures.view import View
-from lidarspectra.radiance.sampling.trace import available_cores
 from lidarspectra.radiance.scene.scene_record import RadianceScene, ScenePass
+from lidarspectra.threads import available_cores
 
 BOUNCES = 6  # reflections that are followed: some 1 % of the light of a bright room comes after them
 AMBIENT_ACCURACY = 0.3  # [1] -aa: error of the cache's interpolation; .15 took 15 times as long on a scan's rough mesh

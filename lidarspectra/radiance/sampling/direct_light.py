@@ -22,10 +22,10 @@ from lidarspectra.radiance.engine.engine import Engine, EngineJob, find_engine, 
 from lidarspectra.radiance.engine.options import SHARED_OPTIONS
 from lidarspectra.radiance.sampling.arrivals import BEFORE_LAMP
 from lidarspectra.radiance.sampling.cast_light import NEAR, NEAR_RAYS, light_samples
-from lidarspectra.radiance.sampling.trace import available_cores
 from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass, write_scene
 from lidarspectra.radiance.scene.shining import ShiningSurface, find_shining
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
+from lidarspectra.threads import available_cores
 
 GREY_NM = (400.0, 700.0)  # [nm] any range is right for a grey spectrum
 GREY_BANDS = 3  # the least number in a pass

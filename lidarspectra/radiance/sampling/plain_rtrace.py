@@ -26,11 +26,11 @@ from lidarspectra.radiance.engine.engine import Engine, EngineJob, find_engine, 
 from lidarspectra.radiance.engine.options import Accuracy, Noise, bounces_of, noise_level, plain_arguments
 from lidarspectra.radiance.sampling.folding import fold_coefficients, folding
 from lidarspectra.radiance.sampling.stated_error import stated_error
-from lidarspectra.radiance.sampling.trace import available_cores
 from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, make_transport
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass
 from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.threads import available_cores
 
 METHOD = "rtrace"
 MAX_BATCHES = 8  # independent estimates that are kept, each the mean of an equal part of the repeats

@@ -11,7 +11,6 @@ drawn here, from `seed`. Rounds of shadow rays, which take all their numbers fro
 seconds, so that no round repeats another.
 """
 
-import os
 import time
 from dataclasses import replace
 from itertools import pairwise
@@ -37,6 +36,7 @@ from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, make_tra
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.threads import available_cores
 
 METHOD = "adaptive"
 BLOCK_BYTES = 3 * 2**29  # [byte] of a block's results; in smaller blocks starting the engine would dominate
@@ -214,13 +214,6 @@ def trace_irradiance(
     coefficient = transport["coefficient"].to_numpy().astype(np.float64)
     irradiance = np.einsum("lpb,lb->pb", coefficient, scene.flux)
     return irradiance, transport["irradiance_se"].to_numpy().astype(np.float64)
-
-
-def available_cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _mean_of(direct: FloatArray, scene: RadianceScene, points: SensorPoints) -> FloatArray:

@@ -1,0 +1,75 @@
+"""Votes that are counted beside other work are those that are counted at once, and nobody waits for abandoned ones."""
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lidarspectra.errors import MaterialError
+from lidarspectra.material.segmentation import SHIPPED_MODEL
+from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.progress import silent
+from lidarspectra.workflow import votes_ahead
+from lidarspectra.workflow.votes_ahead import votes_beside
+
+from .material.conftest import box_scan
+
+SMALL = ViewSettings(width=144, height=144, samples=2, sample_spacing_m=0.3)
+
+
+@pytest.fixture(scope="module")
+def seen():
+    scan, _ = box_scan(noise=0.05)
+    return scan, render_views(scan, settings=SMALL, workers=1)
+
+
+def test_votes_beside_other_work_are_the_same_as_on_one_core(seen):
+    scan, views = seen
+    with votes_beside(SHIPPED_MODEL, scan, views, workers=1) as votes:
+        alone = votes(silent)
+    with votes_beside(SHIPPED_MODEL, scan, views, workers=2) as votes:
+        beside = votes(silent)
+    assert np.array_equal(alone.belief, beside.belief)
+    assert alone.classes == beside.classes
+
+
+def test_a_fault_of_the_model_is_told_to_who_asks_for_the_votes(seen, tmp_path: Path):
+    scan, views = seen
+    (tmp_path / "bad.onnx").write_bytes(b"no model")
+    (tmp_path / "bad.toml").write_bytes(SHIPPED_MODEL.with_suffix(".toml").read_bytes())
+    with votes_beside(tmp_path / "bad.onnx", scan, views, workers=2) as votes, pytest.raises(MaterialError):
+        votes(silent)
+
+
+def test_where_the_other_work_fails_the_counting_ends_at_the_next_view(seen, monkeypatch: pytest.MonkeyPatch):
+    scan, views = seen
+    begun, go_on, told = threading.Event(), threading.Event(), []
+
+    def endless(*arguments):
+        begun.set()
+        go_on.wait(30.0)
+        for number in range(100):
+            arguments[-1](number / 100, "view")
+            told.append(number)
+
+    monkeypatch.setattr(votes_ahead, "view_votes", endless)
+
+    def fail() -> None:
+        with votes_beside(SHIPPED_MODEL, scan, views, workers=2):
+            assert begun.wait(30.0)
+            threading.Timer(0.2, go_on.set).start()
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    assert not told
+
+
+def test_views_rendered_beside_the_search_are_those_of_one_core(seen):
+    scan, views = seen
+    beside = render_views(scan, settings=SMALL, workers=3)
+    assert [view.name for view in beside.views] == [view.name for view in views.views]
+    for one, other in zip(views.views, beside.views, strict=True):
+        assert np.array_equal(one.image, other.image)
+        assert np.array_equal(one.face, other.face)
