@@ -154,8 +154,9 @@ def draw_frame(axes: Axes, plan: FloorPlan, *, left: bool, bottom: bool) -> None
     axes.set_aspect("equal")
     for spine in axes.spines.values():
         spine.set_visible(False)
-    for axis in (axes.xaxis, axes.yaxis):
+    for axis, is_shown in ((axes.xaxis, bottom), (axes.yaxis, left)):
         axis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+        axis.set_visible(is_shown)  # whose marks and labels would be laid out, though none shows
     axes.tick_params(length=2.5, labelleft=left, labelbottom=bottom, left=left, bottom=bottom)
     axes.set_xlabel("x [m]" if bottom else "", labelpad=1.5)
     axes.set_ylabel("y [m]" if left else "", labelpad=1.5)
