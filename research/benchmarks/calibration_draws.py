@@ -35,7 +35,7 @@ class Case:
         Of each lamp: just so far up or down if `either`, else uniform within. [1]
     either : bool
     faults : tuple of str
-        Of `calibration_rooms.FAULTS`.
+        Of `calibration_rooms.FAULTS`; or "scan", of a room whose run has what a scan tells of it.
     meter_off : float
         Standard deviation of the meter's factor. [1]
     meter_sd : float
@@ -60,6 +60,8 @@ CASES: dict[str, Case] = {
     ),
     "nothing": Case(flux_off=0.0),
 }
+FROM_SCAN = Case(faults=("scan",))
+TRACED = ("reflectance", "scan")  # faults in which reflectances are off already
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +167,7 @@ def drawn_light(room: RoomLight, case: Case, generator: np.random.Generator) -> 
     level, walls, ceiling = generator.uniform(-1.0, 1.0, 3) * (LEVEL_OFF, WALLS_OFF, CEILING_OFF)
     of_part = {"walls": level + walls, "ceiling": level - walls + ceiling, "floor": level - walls - ceiling}
     reflectance = np.array([of_part.get(part, level - walls) for part in PARTS])
-    if "reflectance" in case.faults or case.flux_off == 0.0:
+    if set(TRACED) & set(case.faults) or case.flux_off == 0.0:
         reflectance[:] = 0.0  # the traced ones hold, or none are off
     true = LightModel(light=light, slope=room.model.slope)
     return np.asarray(true.at(np.log1p(case.flux_off * share), reflectance).sum(axis=1), dtype=np.float64)

@@ -8,6 +8,7 @@
     table-1           error by accuracy, with and without material estimation; Figures 1 and 13
     table-2           five default materials, with and without material estimation
     sensitivity       one input off at a time: the tornado chart
+    scans             three scans of each scene by night and by day, and six readings in each
 
 Every map is an ordinary run of an ordinary run file (`research.experiments.variants`), except the one with
 true materials on the scan, which tells the scan's share of the error from the materials'. The truth is
@@ -21,7 +22,7 @@ the output folder, so that one experiment can be made again alone.
 import argparse
 import tempfile
 from collections.abc import Callable, Sequence
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 
 from lidarspectra.config import RunFile
@@ -53,10 +54,12 @@ from research.experiments.instruments import cell_table, sensor_table
 from research.experiments.microbenchmark_tables import microbenchmark_table
 from research.experiments.microbenchmarks import cloths, inverse_square, superposition
 from research.experiments.results_page import write_results_page
+from research.experiments.scan_after_scan import keep_result, kept_result, scan_result, scans_table
 from research.experiments.sensitivity import Change, Influence, influence_table
 from research.experiments.true_floor_plan import true_floor_plan
 from research.experiments.true_light_file import load_true_light, truth_table
 from research.experiments.variants import changed, with_flux, with_lamps
+from research.scenes.by_day import CASES, build_by_day
 
 ROOT = Path(__file__).parents[2]
 SCENES = ("office", "apartment", "large-office")
@@ -65,6 +68,7 @@ TRUE_MATERIALS = "true, on the scan"
 ACCURACIES: tuple[Accuracy, ...] = ("low", "medium", "high", "ultra")
 DEFAULTS = ("white-plastic", "white-wall", "wooden-cabinet", "fully-reflective", "non-reflective")
 CLOTHS = {"red": "fabric-red", "blue": "fabric-blue", "grey": "fabric-grey", "cream": "wall-cream"}
+SCAN_LIGHTS, SCAN_SEEDS, DRAWS = ("night", "day"), (1, 2, 3), 50
 ORGANIC_CELL_A_W = 0.2  # [A/W] the cells' curves are relative; semi-transparent organic cells reach about this
 
 
@@ -186,12 +190,28 @@ def file_changes(file: RunFile) -> list[tuple[str, str, RunFile, None]]:
     return [(*change, None) for change in changes]
 
 
+def scans(arguments: argparse.Namespace) -> None:
+    """Scan after scan, by night and by day; each is made and judged once and kept."""
+    results = []
+    seeds = SCAN_SEEDS[:1] if arguments.quick else SCAN_SEEDS
+    for scene, light, seed in product(arguments.scenes, SCAN_LIGHTS, seeds):
+        folder = arguments.work / "scans" / f"{scene}-{light}-{seed}"
+        if not (folder / "result.json").is_file():
+            if not (folder / "scan.glb").is_file():
+                build_by_day(scene, CASES[light], folder, seed=seed)
+            keep_result(scan_result(folder, DRAWS), folder / "result.json")
+            print(f"scans: {folder.name}", flush=True)
+        results.append(kept_result(folder / "result.json"))
+    save_table(scans_table(results), arguments.out)
+
+
 EXPERIMENTS: dict[str, Callable[[argparse.Namespace], None]] = {
     "microbenchmarks": microbenchmarks,
     "instruments": instruments,
     "table-1": table_1,
     "table-2": table_2,
     "sensitivity": sensitivity,
+    "scans": scans,
 }
 
 

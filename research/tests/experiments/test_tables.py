@@ -15,6 +15,7 @@ from research.experiments.accuracy import (
     paper_table,
 )
 from research.experiments.results_page import write_results_page
+from research.experiments.scan_after_scan import ScanResult, keep_result, kept_result, scans_table
 from research.experiments.sensitivity import Change, Influence, influence_table
 
 TRUTH = np.outer(np.linspace(1.0, 2.0, 9), [1.0, 2.0, 3.0])
@@ -70,3 +71,15 @@ def test_the_page_holds_the_tables_that_are_there_and_no_others(tmp_path: Path) 
     assert "| 1 |" in page
     assert "What it says." in page
     assert "Table 1: error" not in page
+
+
+def test_scans_are_judged_by_their_mean_and_their_spread_is_told(tmp_path: Path) -> None:
+    values = {"scene": "office", "light": "day", "median": 2.0, "reflectance": 0.02, "guessed": 0.2}
+    results = [ScanResult(**values, seed=n, nrmse=nrmse, read=2 * nrmse) for n, nrmse in enumerate((0.01, 0.03, 0.05))]
+    keep_result(results[1], tmp_path / "result.json")
+    assert kept_result(tmp_path / "result.json") == results[1]
+    (row,) = scans_table(results).frame.to_dict("records")
+    assert row["NRMSE [1]"] == pytest.approx(0.03)
+    assert row["of scans"] == "0.010 to 0.050"
+    assert row["goals"].endswith(": met")
+    assert row["goal, after"].endswith(": missed")
