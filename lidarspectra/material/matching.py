@@ -8,6 +8,8 @@ mean m and covariance C; the estimate minimises (z - m)' C^-1 (z - m) under XYZ(
     z <- m + C B (B' C B)^-1 [XYZ seen - XYZ(z) + B' (z - m)],        B = d XYZ / d z.
 
 A smooth covariance is added to C, which regularizes the spectra of colours unlike any neighbour.
+Beyond 690 nm a colour tells nothing. Some black dyes reflect ten times as much at 740 nm, most blacks as much as
+before; a mean is true of neither, so that there the dark go on from 690 nm by the median of what near surfaces do.
 A surface of the right hue that is too light or too dark is a neighbour too, once scaled to the luminance seen; the
 larger the factor, the larger its distance.
 
@@ -46,6 +48,9 @@ CLASS_BONUS = 1.0  # [1] CIEDE2000 that the nearest of the class may be farther:
 MIN_FOR_STATISTICS = 40  # surfaces; in a smaller library the covariance is not determined
 SMOOTH_VARIANCE = 0.1  # [1] in logit², of the smooth part that is added to the covariance, and of its level
 SMOOTH_LENGTH_NM = 60.0  # [nm] correlation length of that part
+UNSEEN_NM = 690.0  # [nm] from here on the eye's response is below a hundredth
+BLACK_Y, DARK_Y = 0.04, 0.10  # [1] luminance up to which the median counts alone, and from which it does not
+UNSEEN_NEARNESS = 4.0  # [1] CIEDE2000 that counts as one there: which of two near blacks is nearer says little of it
 LOGIT_RANGE = (0.002, 0.985)  # [1] to which reflectances are clipped before their logit
 NEWTON_STEPS = 15  # 3 to 8 suffice for 1e-6 with colours of surfaces
 DARKEST_Y = 1e-4  # [1] of a colour that can be matched: darker than any surface, or no light at all
@@ -172,8 +177,13 @@ def _wiener(
     near = allowed[order]
     weight = (1.0 + distances[order]) ** -NEIGHBOR_POWER * np.where(likely[order], CLASS_WEIGHT, 1.0)
     weight /= weight.sum()
-    mean, covariance = logit_statistics(factors[order, None] * library.values[near], weight)
+    reflectances = factors[order, None] * library.values[near]
+    mean, covariance = logit_statistics(reflectances, weight)
     values, deviation = constrained_estimate(wanted, mean, covariance, library.weights)
+    if wanted[1] < DARK_Y:
+        loose = (1.0 + distances[order] / UNSEEN_NEARNESS) ** -NEIGHBOR_POWER
+        share = min((DARK_Y - float(wanted[1])) / (DARK_Y - BLACK_Y), 1.0)
+        values = with_usual_rise(values, reflectances, loose, share)
     ranges = np.array([library.rows[row].range_nm for row in near])
     return Match(
         spectrum=Spectrum(wavelengths_nm=COLOR_GRID_NM, values=values),
@@ -213,11 +223,41 @@ def logit_statistics(reflectances: FloatArray, weight: FloatArray) -> tuple[Floa
     mean : (wavelength,) float
     covariance : (wavelength, wavelength) float
     """
-    inside = np.clip(reflectances, *LOGIT_RANGE)
-    logits = np.log(inside / (1.0 - inside))
+    logits = _logit(reflectances)
     mean = weight @ logits
     away = logits - mean
     return mean, np.asarray(away.T @ (away * weight[:, None]) + _smooth_part(), dtype=np.float64)
+
+
+def with_usual_rise(values: FloatArray, reflectances: FloatArray, weight: FloatArray, share: float) -> FloatArray:
+    """An estimate that goes on beyond `UNSEEN_NM` as most near surfaces do.
+
+    `research/benchmarks/reflectance.py` prints the error beyond 700 nm with it and without.
+
+    Parameters
+    ----------
+    values : (wavelength,) float
+        On `COLOR_GRID_NM`. [1]
+    reflectances : (surface, wavelength) float
+        Of near surfaces. [1]
+    weight : (surface,) float
+    share : float
+        Of the median; the rest is the estimate's own, in a geometric mean. [0-1]
+
+    Returns
+    -------
+    values : (wavelength,) float
+        [1]
+    """
+    start = int(np.searchsorted(COLOR_GRID_NM, UNSEEN_NM))
+    logits = _logit(reflectances[:, start:])
+    rise = logits - logits[:, :1]
+    order = np.argsort(rise, axis=0, kind="stable")
+    half = np.cumsum(weight[order], axis=0) >= 0.5 * weight.sum()
+    median = np.take_along_axis(rise, order, axis=0)[half.argmax(axis=0), np.arange(rise.shape[1])]
+    usual = _logistic(_logit(values[start]) + median)
+    unseen = values[start:] ** (1.0 - share) * usual**share
+    return np.concatenate([values[:start], np.minimum(unseen, MAX_REFLECTANCE)])
 
 
 @lru_cache(maxsize=1)
@@ -269,6 +309,11 @@ def _gain(spread: FloatArray, slope: FloatArray) -> FloatArray:
     colors = slope.T @ spread
     colors += 1e-6 * np.trace(colors) / 3.0 * np.eye(3)
     return np.asarray(np.linalg.solve(colors, spread.T).T, dtype=np.float64)
+
+
+def _logit(reflectance: FloatArray) -> FloatArray:
+    inside = np.clip(reflectance, *LOGIT_RANGE)
+    return np.asarray(np.log(inside / (1.0 - inside)), dtype=np.float64)
 
 
 def _logistic(logit: FloatArray) -> FloatArray:

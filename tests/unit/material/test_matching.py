@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lidarspectra.errors import MaterialError
-from lidarspectra.material.matching import FAR_COLOR, LOGIT_RANGE, _brought_to_luminance, match_color
+from lidarspectra.material.matching import FAR_COLOR, LOGIT_RANGE, _brought_to_luminance, match_color, with_usual_rise
 from lidarspectra.spectra.ciede2000 import ciede2000
 from lidarspectra.spectra.colorimetry import linear_srgb_to_xyz
 from lidarspectra.spectra.databases import import_spectraldb, load_reflectances
@@ -137,6 +137,28 @@ def test_extrapolation_is_known_from_the_neighbours(library):
     match = match_color(short.xyz[5], short)
     assert match.method == "wiener"
     assert match.measured_range_nm[1] == 700
+
+
+@pytest.mark.parametrize("luminance", [0.019, 0.04])
+def test_a_black_is_taken_to_stay_black_where_the_eye_sees_nothing_and_dyes_that_do_not_are_within_its_deviation(
+    library, luminance
+):
+    match = match_color(luminance * library.weights.sum(axis=0), library)
+    at = np.array([680.0, 730.0])
+    seen, unseen = match.spectrum.at(at, outside="nearest")
+    assert unseen < 2.5 * seen  # a mean of near surfaces has nine times as much
+    assert match.uncertainty.at(at, outside="nearest")[1] > 0.5 * unseen
+
+
+def test_beyond_690_nm_an_estimate_goes_on_as_most_near_surfaces_do():
+    flat, rising = np.full(COLOR_GRID_NM.size, 0.1), np.where(COLOR_GRID_NM > 700, 0.6, 0.1)
+    estimate = np.full(COLOR_GRID_NM.size, 0.3)
+    near, unseen = np.stack([flat, rising, flat]), COLOR_GRID_NM > 700
+    assert with_usual_rise(estimate, near, np.ones(3), 1.0)[unseen] == pytest.approx(0.3)
+    risen = with_usual_rise(estimate, near, np.array([1.0, 5.0, 1.0]), 1.0)
+    assert (risen[unseen] > 0.6).all()
+    assert risen[~unseen] == pytest.approx(0.3)
+    assert with_usual_rise(estimate, near, np.array([1.0, 5.0, 1.0]), 0.0) == pytest.approx(estimate)
 
 
 def errors(library: ReflectanceLibrary, rows: np.ndarray, method: str) -> np.ndarray:
