@@ -47,7 +47,7 @@ SHEET_NOISE_M = 0.015  # [m] standard deviation of a scanned wall's vertices
 BANDS = uniform_bands(400.0, 700.0, 3)
 RANGE_NM = np.array([380.0, 780.0])
 DARK = 1e-6  # [1] of a lamp that only stands in the light's way of the other: Mitsuba's lamps are never quite out
-REFERENCE_CELLS = {"ajar": 128, "sheet": 128}  # [1] light comes through a slit; to see what 64 cells' own error does
+REFERENCE_CELLS = {"ajar": 128, "sheet": 128}  # [1] light comes through a slit; to tell 64 cells' own error
 DEFAULT_CELLS = 64  # others
 REFERENCE_REPEATS = 8
 
