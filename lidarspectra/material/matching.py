@@ -32,7 +32,7 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MaterialError
-from lidarspectra.spectra.ciede2000 import ciede2000
+from lidarspectra.material.colors import color_difference
 from lidarspectra.spectra.colorimetry import xyz_to_lab
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, MAX_REFLECTANCE, Reflectance, ReflectanceLibrary
 from lidarspectra.spectra.spectrum import Spectrum
@@ -131,7 +131,7 @@ def match_color(
             where="matching",
         )
     wanted = wanted if wanted[1] >= DARKEST_Y else np.maximum(wanted, DARKEST_Y * library.weights.sum(axis=0))
-    differences = ciede2000(xyz_to_lab(wanted), library.lab[allowed])
+    differences = color_difference(xyz_to_lab(wanted), library.lab[allowed])
     enough = allowed.size >= MIN_FOR_STATISTICS
     likely = np.zeros(allowed.size, dtype=np.bool_) if favored is None else favored[allowed]
     if enough and (method == "wiener" or differences.min() > FAR_COLOR):
@@ -203,7 +203,7 @@ def _brought_to_luminance(
     """(surface,) factors that bring surfaces nearest to a colour, and how far they count then; 1 where none helps."""
     xyz, brightest = library.xyz[allowed], library.values[allowed].max(axis=1)
     factor = np.minimum(wanted[1] / np.maximum(xyz[:, 1], DARKEST_Y), LOGIT_RANGE[1] / np.maximum(brightest, DARKEST_Y))
-    moved = ciede2000(xyz_to_lab(wanted), xyz_to_lab(factor[:, None] * xyz)) + SCALING * np.abs(np.log(factor))
+    moved = color_difference(xyz_to_lab(wanted), xyz_to_lab(factor[:, None] * xyz)) + SCALING * np.abs(np.log(factor))
     nearer = moved < differences
     return np.where(nearer, factor, 1.0), np.where(nearer, moved, differences)
 
@@ -344,7 +344,7 @@ def _smooth(wanted: FloatArray, library: ReflectanceLibrary, allowed: IntArray, 
 
 
 def _color_error(wanted: FloatArray, values: FloatArray, library: ReflectanceLibrary) -> float:
-    return float(ciede2000(xyz_to_lab(wanted), xyz_to_lab(values @ library.weights)))
+    return float(color_difference(xyz_to_lab(wanted), xyz_to_lab(values @ library.weights)))
 
 
 def _common_range(ranges: FloatArray, weight: FloatArray) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from typing import Self
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
@@ -186,20 +187,10 @@ def _mode(at: FloatArray, smooth: FloatArray) -> float:
 
 def _dips(at: FloatArray, smooth: FloatArray) -> FloatArray:
     """(dip,) where a smoothed histogram falls below `DIP` of the peaks on either side."""
-    peaks = _peaks(smooth)
-    peaks = peaks[smooth[peaks] >= PEAK_SHARE * smooth.max()]
+    peaks, _ = find_peaks(smooth, height=PEAK_SHARE * smooth.max())
     found = []
     for first, second in pairwise(peaks):
         lowest = first + int(np.argmin(smooth[first : second + 1]))
         if smooth[lowest] < DIP * min(smooth[first], smooth[second]):
             found.append(float(at[lowest]))
     return np.array(found)
-
-
-def _peaks(values: FloatArray) -> IntArray:
-    """(peak,) places of values above their neighbours', of a plateau its middle; find_peaks of scipy loads slowly."""
-    starts = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0]))  # of runs of equal values
-    ends = np.concatenate([starts[1:], [values.size]]) - 1
-    level = values[starts]
-    higher = np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:])) + 1
-    return np.asarray((starts[higher] + ends[higher]) // 2, dtype=np.int64)

@@ -21,12 +21,11 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.material import matching
-from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.colors import color_difference, surface_colors
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.matching import MatchMethod, match_color
 from lidarspectra.material.surface_classes import of_class, surface_class
 from lidarspectra.material.viewpoints import ViewSettings, render_views
-from lidarspectra.spectra.ciede2000 import ciede2000
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab
 from lidarspectra.spectra.database_files import table
 from lidarspectra.spectra.databases import load_reflectances, scenes_folder
@@ -73,7 +72,7 @@ def linear_wiener(library: ReflectanceLibrary, wanted: FloatArray, differences: 
 
 def leave_one_out(library: ReflectanceLibrary, every: int) -> None:
     """Print the error of every method on a library."""
-    differences = np.array([ciede2000(lab, library.lab) for lab in library.lab])
+    differences = np.array([color_difference(lab, library.lab) for lab in library.lab])
     np.fill_diagonal(differences, np.inf)
     category = np.array(library.categories)
     in_type = np.where(category[:, None] == category[None, :], differences, np.inf)
@@ -219,7 +218,7 @@ def office() -> None:
     spectra = np.stack([material.reflectance.at(grid, outside="nearest") for material in found.materials])
     error = np.abs(spectra[found.face_material] - true_values).mean(axis=1)
     colors, known = surface_colors(scan)
-    off = ciede2000(
+    off = color_difference(
         linear_srgb_to_lab(np.array([m.color for m in found.materials]))[found.face_material],
         linear_srgb_to_lab(colors),
     )

@@ -7,11 +7,11 @@ import pytest
 
 from lidarspectra.errors import ArgumentError, DatabaseError, MaterialError
 from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.material.colors import color_difference
 from lidarspectra.material.estimate import default_material, estimate_materials, one_material
 from lidarspectra.material.material_map import MAX_REFLECTANCE, load_materials, save_materials
 from lidarspectra.material.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
-from lidarspectra.spectra.ciede2000 import ciede2000
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab, xyz_to_lab
 from lidarspectra.spectra.databases import load_reflectances
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
@@ -47,7 +47,7 @@ def test_a_materials_spectrum_has_the_color_that_the_scan_showed(room, estimated
         material = estimated.materials[estimated.face_material[part == number][0]]
         lab = xyz_to_lab(material.reflectance.at(COLOR_GRID_NM, outside="nearest") @ weights)
         # 0.5 CIEDE2000: the mean of 200 faces with 5 % noise is known to 0.4 %
-        assert ciede2000(lab, linear_srgb_to_lab(np.array(color))) < 0.5
+        assert color_difference(lab, linear_srgb_to_lab(np.array(color))) < 0.5
         assert material.provenance == "recovered"
         assert material.uncertainty is not None
         assert 0.0 < material.confidence <= 1.0

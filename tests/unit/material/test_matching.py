@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lidarspectra.errors import MaterialError
+from lidarspectra.material.colors import color_difference
 from lidarspectra.material.matching import FAR_COLOR, LOGIT_RANGE, _brought_to_luminance, match_color, with_usual_rise
-from lidarspectra.spectra.ciede2000 import ciede2000
 from lidarspectra.spectra.colorimetry import linear_srgb_to_xyz
 from lidarspectra.spectra.databases import import_spectraldb, load_reflectances
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, MAX_REFLECTANCE, ReflectanceLibrary
@@ -190,7 +190,7 @@ def test_the_estimate_beats_the_papers_matching_on_its_own_database(shared, tmp_
     paper = []
     for row in rows:
         same_type = (category == category[row]) & (np.arange(885) != row)
-        difference = np.where(same_type, ciede2000(library.lab[row], library.lab), np.inf)
+        difference = np.where(same_type, color_difference(library.lab[row], library.lab), np.inf)
         truth = library.values[row][grid]
         paper.append(100 * np.mean(np.abs(library.values[difference.argmin()][grid] - truth) / truth))
     assert np.mean(paper) > 2 * ours

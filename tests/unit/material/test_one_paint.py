@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.geometry.scan import Scan, bare_scan
-from lidarspectra.material.one_paint import _peaks, one_paint
+from lidarspectra.material.one_paint import one_paint
 
 SIDE_M, STEP_M = 4.0, 0.1
 WALL, DOOR = np.array([0.5, 0.45, 0.4]), 0.4
@@ -79,13 +79,3 @@ def test_a_scan_of_nothing_but_small_things_has_no_paint(wall: Scan) -> None:
     assert found.spread.size == 0
     assert found.in_words() == ""
     assert not found.deviation(1.0).any()
-
-
-def test_peaks_are_those_of_scipy():
-    from scipy.signal import find_peaks
-
-    random = np.random.default_rng(0)
-    for levels in (2, 3, 6):  # few levels make plateaus
-        for length in range(1, 40):
-            values = random.integers(0, levels, size=length).astype(float)
-            assert np.array_equal(_peaks(values), find_peaks(values)[0])
