@@ -40,6 +40,7 @@ from lidarspectra.workflow.workspace import made_folder
 FOLDER = "fingerprints"
 PARTS_FOLDER = "parts"
 REACH_M = 1.2  # [m] in plan from somebody's place, beyond which no part of the body is in any posture
+HEAD_ROOM = 1.1  # [1] of their height: what hangs higher is over everybody's head, hair and all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,7 +199,8 @@ def clear_of_sensors(
         inside = np.zeros(len(positions.names), dtype=bool)
         for number, placed in enumerate(place_people(positions, order)):
             index = number // order.draws
-            sensors = points.positions[near[index]]
+            head_m = placed.place_m[2] + HEAD_ROOM * placed.person.height_m
+            sensors = points.positions[near[index] & (points.positions[:, 2] < head_m)]
             if len(sensors) and not inside[index]:
                 inside[index] = bool(person_obstacle(placed, library).holds(sensors).any())
         if not inside.any():
