@@ -140,7 +140,7 @@ def opening_patterns(
         Share of cosine-weighted directions that meet nothing, by lobe. [0-1]
     """
     ways = cosine_directions(normals, OPEN_RAYS, generator)
-    met = caster.nearest(np.repeat(positions, OPEN_RAYS, axis=0), ways.reshape(-1, 3)).met.reshape(len(positions), -1)
+    met = caster.blocked(np.repeat(positions, OPEN_RAYS, axis=0), ways.reshape(-1, 3)).reshape(len(positions), -1)
     lobe = _lobe(ways[..., 2])
     return np.stack([(~met & (lobe == number)).mean(axis=1) for number in range(LOBES)])
 
@@ -188,7 +188,7 @@ def source_patterns(
         factor = np.maximum(here, 0.0) * np.maximum(there, 0.0) / np.maximum(distance, NEAREST_M) ** 2
         factor *= source.area_m2 / (np.pi * PLACES)
         some = np.flatnonzero(factor > 0)
-        blocked = caster.nearest(positions[some], way[some], max_distance=1.0 - 1e-4).met
+        blocked = caster.blocked(positions[some], way[some], max_distance=1.0 - 1e-4)
         factor[some[blocked]] = 0.0
         np.add.at(patterns, (_lobe(toward[:, 2]), np.arange(len(positions))), factor)
     return patterns

@@ -296,10 +296,10 @@ def visible(samples: SurfaceSamples, places: FloatArray, caster: RayCaster, sett
         facing = np.einsum("ij,ij->i", sight, samples.normals)
         maybe = np.flatnonzero((facing > settings.min_cosine * distance) & (distance < settings.farthest_m))
         # From the place outwards, so that a sample's own face, met at the very end, does not hide it.
-        hits = caster.nearest(
+        between = caster.blocked(
             np.broadcast_to(place, (maybe.size, 3)), -sight[maybe] * (1.0 - SURFACE_GAP), max_distance=1.0
         )
-        sees[number, maybe[~hits.met]] = True
+        sees[number, maybe[~between]] = True
     return sees
 
 

@@ -300,7 +300,7 @@ def _hits(scan: Scan, shell: _Shell, points: FloatArray) -> IntArray:
         return counts
     inner, outer = RayCaster(scan), RayCaster(bare_scan(shell.vertices, shell.faces))
     origins, directions = np.repeat(points, len(DIRECTIONS), axis=0), np.tile(DIRECTIONS, (len(points), 1))
-    left = ~inner.nearest(origins, directions).met
+    left = ~inner.blocked(origins, directions)
     met = outer.nearest(origins[left], directions[left])
     np.add.at(counts, met.face[met.met] // 2, 1)
     return counts

@@ -138,7 +138,7 @@ def _without_ceiling(
 ) -> BoolArray:
     """Cells of floor under nothing at all that adjoin the room; behind one of its walls they may be a mirage."""
     starts = np.column_stack([plan, np.full(len(plan), floor_z + FLOOR_REACH_M)])
-    bare = on_floor & ~caster.nearest(starts, [0.0, 0.0, 1.0]).met.reshape(on_floor.shape)
+    bare = on_floor & ~caster.blocked(starts, [0.0, 0.0, 1.0]).reshape(on_floor.shape)
     for wall in walls:
         behind, beside = _behind(plan, wall)
         bare &= ~(behind > WALL_SLACK_M).reshape(bare.shape) | ~beside.reshape(bare.shape)
@@ -168,7 +168,7 @@ def _meets(caster: RayCaster, plan: FloatArray, *, start_z: float, level_z: floa
 def _has_depth(caster: RayCaster, plan: FloatArray, *, ceiling_z: float) -> BoolArray:
     """Whether there is air under the ceiling, as in a room or over most furniture."""
     starts = np.column_stack([plan, np.full(len(plan), ceiling_z - LEVEL_TOLERANCE_M)])
-    return ~caster.nearest(starts, [0.0, 0.0, -1.0], max_distance=MIN_DEPTH_M - LEVEL_TOLERANCE_M).met
+    return ~caster.blocked(starts, [0.0, 0.0, -1.0], max_distance=MIN_DEPTH_M - LEVEL_TOLERANCE_M)
 
 
 def _open_from_above(caster: RayCaster, plan: FloatArray, *, floor_z: float, top_z: float, start_z: float) -> BoolArray:

@@ -309,7 +309,7 @@ def _glass_notes(summary: RunSummary, transport: xr.Dataset, windows: Sequence[W
     behind = np.zeros(len(places), dtype=np.bool_)
     for window in windows:
         inside = np.array(window.center) + CURTAIN_M * window_shape(window).normal  # its own pane does not count
-        behind |= caster.nearest(places, inside - places, max_distance=1.0).met
+        behind |= caster.blocked(places, inside - places, max_distance=1.0)
     if not behind.any():
         return ()
     return (

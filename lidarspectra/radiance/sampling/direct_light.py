@@ -108,7 +108,7 @@ def _cast(
             ):  # fmt: skip
                 lit = np.nonzero(values > 0)
                 starts = positions[part][where[lit[0]]]
-                values[lit] *= ~caster.nearest(starts, ways[lit], max_distance=BEFORE_LAMP).met
+                values[lit] *= ~caster.blocked(starts, ways[lit], max_distance=BEFORE_LAMP)
                 found[each.lamp, first + where] += values.sum(axis=1)
     return found
 

@@ -335,5 +335,5 @@ def _see_one_another(surfaces: Surfaces, seen: Arrivals, positions: FloatArray, 
     lifted, ends = starts + lift, positions + LIFT_M * normals
     origins, ways = np.concatenate([starts, lifted]), np.concatenate([lift, ends - lifted])
     ways[np.all(ways == 0.0, axis=1), 2] = 1e-9  # a place sees itself
-    blocked = surfaces.caster.nearest(origins, ways, max_distance=1.0).met
+    blocked = surfaces.caster.blocked(origins, ways, max_distance=1.0)
     return ~(blocked[: len(starts)] | blocked[len(starts) :])

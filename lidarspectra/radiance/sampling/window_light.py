@@ -107,8 +107,8 @@ def _sun_is_free(
     """
     inside = np.maximum(way - CURTAIN_M / cosine, 1e-6)
     outside = starts + (way + REVEAL_M / cosine)[:, None] * towards
-    blocked = caster.nearest(starts, inside[:, None] * towards, max_distance=1.0).met
-    return ~(blocked | caster.nearest(outside, towards).met)
+    blocked = caster.blocked(starts, inside[:, None] * towards, max_distance=1.0)
+    return ~(blocked | caster.blocked(outside, towards))
 
 
 def _cells(window: Window, count: int) -> FloatArray:
@@ -140,7 +140,7 @@ def _from_window(
     value = pane_transmittance(at_pane, window.transmittance) * at_pane * at_sensor * area / distance**2
     lamp = lamp_of[sky_scene.patches.patch_of(to_sky_axes(outward, sky_scene.north_deg))]
     point, cell = np.nonzero((at_sensor > 0) & (at_pane > 0) & (lamp >= 0))
-    clear = ~caster.nearest(starts[point], ways[point, cell], max_distance=CLEAR_SHARE).met
+    clear = ~caster.blocked(starts[point], ways[point, cell], max_distance=CLEAR_SHARE)
     point, cell = point[clear], cell[clear]
     shape = (len(starts), sky_scene.lit.size)
     where = np.ravel_multi_index((point, lamp[point, cell]), shape)

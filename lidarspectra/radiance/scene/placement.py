@@ -82,7 +82,7 @@ def _fault(lamp: Lamp, caster: RayCaster, bounds: FloatArray, normals: FloatArra
     reach = places[1:] - lamp.center
     if hidden > MAX_HIDDEN_SHARE:
         return "through", f" ({100 * hidden:.2g} % of its light)"
-    if np.any(caster.nearest(np.broadcast_to(lamp.center, reach.shape), reach, max_distance=1.0).met):
+    if np.any(caster.blocked(np.broadcast_to(lamp.center, reach.shape), reach, max_distance=1.0)):
         return "through", ""
     return None
 

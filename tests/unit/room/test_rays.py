@@ -5,6 +5,7 @@ import pytest
 
 from lidarspectra.errors import ArrayError
 from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import bare_scan
 
 
 def test_a_ray_meets_the_nearest_face_at_the_point_that_its_weights_name(builder) -> None:
@@ -47,10 +48,26 @@ def test_faces_beyond_the_longest_distance_are_not_met(builder) -> None:
     assert caster.nearest([[3.0, 0.51, 0.52]], [-1.0, 0, 0], max_distance=2.1).met[0]
 
 
+@pytest.mark.parametrize("max_distance", [None, 0.7])
+def test_a_ray_is_blocked_where_it_meets_a_face_from_either_side(builder, max_distance) -> None:
+    room = builder()
+    room.box([0, 0, 0], [3, 4, 2.5], inward=True)
+    room.box([1, 1, 0], [2, 2, 0.8])
+    scan = room.scan()
+    scan = bare_scan(scan.vertices, scan.faces[4:])  # open on a side
+    rng = np.random.default_rng(1)
+    origins, directions = rng.uniform(-1.0, 5.0, (3000, 3)), rng.normal(size=(3000, 3))
+    caster = RayCaster(scan)
+    met = caster.nearest(origins, directions, max_distance=max_distance).met
+    assert 0.1 < met.mean() < 0.9
+    np.testing.assert_array_equal(caster.blocked(origins, directions, max_distance=max_distance), met)
+
+
 def test_no_rays_give_no_hits(builder) -> None:
     room = builder()
     room.box([0, 0, 0], [1, 1, 1])
     assert RayCaster(room.scan()).nearest(np.zeros((0, 3)), [0, 0, 1.0]).face.size == 0
+    assert RayCaster(room.scan()).blocked(np.zeros((0, 3)), [0, 0, 1.0]).size == 0
 
 
 @pytest.mark.parametrize("origin", [[[np.nan, 0, 0]], [[0.0, 0.0]]])
