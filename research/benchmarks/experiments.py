@@ -35,6 +35,7 @@ from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.spectra.spectrum_files import read_table
 from research.benchmarks.experiment_runs import SceneRuns, keep_rows, kept_rows
 from research.benchmarks.experiment_scans import scan_changes
+from research.benchmarks.scan_after_scan import keep_result, kept_result, scan_result, scans_table
 from research.experiments.accuracy import (
     MapDeviation,
     accuracy_table,
@@ -54,7 +55,6 @@ from research.experiments.instruments import cell_table, sensor_table
 from research.experiments.microbenchmark_tables import microbenchmark_table
 from research.experiments.microbenchmarks import cloths, inverse_square, superposition
 from research.experiments.results_page import write_results_page
-from research.experiments.scan_after_scan import keep_result, kept_result, scan_result, scans_table
 from research.experiments.sensitivity import Change, Influence, influence_table
 from research.experiments.true_floor_plan import true_floor_plan
 from research.experiments.true_light_file import load_true_light, truth_table

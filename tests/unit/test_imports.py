@@ -118,6 +118,13 @@ def test_the_package_rests_on_nothing_that_the_wheel_has_not(outside: str, proje
         assert not borrowed, f"{path} imports {borrowed}"
 
 
+def test_benchmarks_build_on_the_rest_of_research_and_nothing_of_it_on_them(project: Path) -> None:
+    for path in sorted((project / "research").rglob("*.py")):
+        if path.relative_to(project).parts[1] not in ("benchmarks", "tests"):
+            borrowed = {name for name in imported(path) if name.startswith("research.benchmarks")}
+            assert not borrowed, f"{path} imports {borrowed}"
+
+
 def test_only_the_engine_starts_programs(project: Path) -> None:
     for path in sorted((project / "lidarspectra").rglob("*.py")):
         if path.name != "engine.py" or path.parent.name != "engine":

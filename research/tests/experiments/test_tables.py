@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import MapError
+from research.benchmarks.scan_after_scan import ScanResult, keep_result, kept_result, scans_table
 from research.experiments.accuracy import (
     GOALS,
     accuracy_table,
@@ -15,7 +16,6 @@ from research.experiments.accuracy import (
     paper_table,
 )
 from research.experiments.results_page import write_results_page
-from research.experiments.scan_after_scan import ScanResult, keep_result, kept_result, scans_table
 from research.experiments.sensitivity import Change, Influence, influence_table
 
 TRUTH = np.outer(np.linspace(1.0, 2.0, 9), [1.0, 2.0, 3.0])
