@@ -46,6 +46,19 @@ class LightObjective:
 
     The loss is robust: Cauchy's or, with `redescending`, that of Geman and McClure, in which outliers such as shadows'
     edges and objects on walls lose all influence, but which needs a start near the optimum.
+
+    Parameters are log g and log(1 + s) of the tone curve, log k of each cone over its rough value, b, then the logs of
+    the lamps' fluxes (where there are several) and `OF_SOURCE` of each unknown source.
+
+    Parameters
+    ----------
+    evidence : LightEvidence
+    flux_deviation : (lamp,) float
+        Prior standard deviation of the logarithm of each lamp's flux relative to the others. [1]
+    every : int
+        Step between the points that are used: 1 for all that count.
+    redescending : bool
+        Geman and McClure's loss rather than Cauchy's.
     """
 
     def __init__(

@@ -13,7 +13,16 @@ MIN_EMISSION = 1e-3  # [1] cosine below which a lamp is seen from its edge
 
 
 class LightAt:
-    """The light at some of the samples; what only the tone curve changes is kept, and what only the beam does."""
+    """The light at some of the samples; what only the tone curve changes is kept, and what only the beam does.
+
+    Parameters
+    ----------
+    evidence : LightEvidence
+    samples : (n,) int or slice
+        Which of its samples.
+    mean_direct : (3,) float
+        Of which direct light is 1. [unit of the evidence's direct light]
+    """
 
     def __init__(self, evidence: LightEvidence, samples: IntArray | slice, mean_direct: FloatArray) -> None:
         self._evidence = evidence
