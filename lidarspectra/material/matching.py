@@ -252,9 +252,7 @@ def with_usual_rise(values: FloatArray, reflectances: FloatArray, weight: FloatA
     start = int(np.searchsorted(COLOR_GRID_NM, UNSEEN_NM))
     logits = _logit(reflectances[:, start:])
     rise = logits - logits[:, :1]
-    order = np.argsort(rise, axis=0, kind="stable")
-    half = np.cumsum(weight[order], axis=0) >= 0.5 * weight.sum()
-    median = np.take_along_axis(rise, order, axis=0)[half.argmax(axis=0), np.arange(rise.shape[1])]
+    median = np.quantile(rise, 0.5, axis=0, weights=weight, method="inverted_cdf")
     usual = _logistic(_logit(values[start]) + median)
     unseen = values[start:] ** (1.0 - share) * usual**share
     return np.concatenate([values[:start], np.minimum(unseen, MAX_REFLECTANCE)])

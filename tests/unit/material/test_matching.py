@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lidarspectra.errors import MaterialError
+from lidarspectra.material import matching
 from lidarspectra.material.colors import color_difference
 from lidarspectra.material.matching import FAR_COLOR, LOGIT_RANGE, _brought_to_luminance, match_color, with_usual_rise
 from lidarspectra.spectra.colorimetry import linear_srgb_to_xyz
@@ -159,6 +160,21 @@ def test_beyond_690_nm_an_estimate_goes_on_as_most_near_surfaces_do():
     assert (risen[unseen] > 0.6).all()
     assert risen[~unseen] == pytest.approx(0.3)
     assert with_usual_rise(estimate, near, np.array([1.0, 5.0, 1.0]), 0.0) == pytest.approx(estimate)
+
+
+@pytest.mark.parametrize(("luminance", "share"), [(0.01, 1.0), (0.04, 1.0), (0.07, 0.5), (0.11, None), (0.3, None)])
+def test_the_less_light_a_surface_reflects_the_more_it_goes_on_as_others_do(
+    library, luminance, share, monkeypatch: pytest.MonkeyPatch
+):
+    shares = []
+
+    def told(values, reflectances, weight, share):
+        shares.append(share)
+        return values
+
+    monkeypatch.setattr(matching, "with_usual_rise", told)
+    match_color(luminance * library.weights.sum(axis=0), library)
+    assert shares == ([] if share is None else [pytest.approx(share)])
 
 
 def errors(library: ReflectanceLibrary, rows: np.ndarray, method: str) -> np.ndarray:

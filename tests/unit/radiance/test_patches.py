@@ -1,5 +1,7 @@
 """Patches: who may share paths on the surfaces of two rooms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -119,13 +121,17 @@ def test_groups_stay_within_a_cell() -> None:
 
 @pytest.mark.parametrize("walls", [(), CLOSED])
 def test_rough_light_of_an_evenly_lit_enclosure_is_the_geometric_series(walls) -> None:
-    # In an enclosure of one reflectance every reflection of light that is 1 everywhere is 0.7 of the one before.
-    found = patches(surfaces(*walls))
-    lamps, slots, bounces = 2, 3, 5
-    rough = found.sent_on(np.full((len(found), lamps, slots), 2.0), bounces)
+    # In an enclosure of one reflectance every reflection of light that is 1 everywhere is so much of the one before.
+    room = surfaces(*walls)
+    reflectance, diffuse = np.array([[0.7, 0.5, 0.2], [0.0] * 3]), np.array([[0.6, 0.3, 0.1], [0.0] * 3])
+    painted = replace(room.scattering, reflectance=reflectance, diffuse_part=diffuse)
+    found = patches(replace(room, scattering=painted))
+    direct, bounces = np.array([2.0, 5.0]), 5
+    rough = found.sent_on(np.broadcast_to(direct[:, None], (len(found), 2, 3)), bounces)
     level, slopes = rough.functions[::4], rough.functions.reshape(len(found), 4, -1)[:, 1:]
-    expected = 0.7 * 2.0 * sum(0.7**times for times in range(1, bounces)) / np.pi
-    assert level == pytest.approx(np.full((len(found), lamps * slots), expected), rel=1e-5)
+    series = diffuse[0] * sum(reflectance[0] ** times for times in range(1, bounces)) / np.pi
+    expected = np.outer(direct, series).ravel()  # lamp by lamp
+    assert level == pytest.approx(np.broadcast_to(expected, level.shape), rel=1e-5)
     assert np.abs(slopes).max() < 1e-4
 
 

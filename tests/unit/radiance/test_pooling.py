@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from lidarspectra.radiance.sampling import pooling
 from lidarspectra.radiance.sampling.arrivals import LampBodies, Scattering, Surfaces
 from lidarspectra.radiance.sampling.pooling import PooledPaths, Sharing, draw_pooled_paths, sort_into_cells
 from lidarspectra.radiance.sampling.receptors import cosine_receptor
-from lidarspectra.radiance.sampling.rough_light import RoughLight, fit_rough_light
+from lidarspectra.radiance.sampling.rough_light import RoughLight
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
 BATCHES = 3
@@ -146,38 +147,40 @@ def slope(rays: np.ndarray) -> np.ndarray:
     return rays[:, 0] - 0.2 * rays[:, 2]
 
 
-def along_the_box(strength: float) -> RoughLight:
-    """So much of what `slope` says, times the walls' reflectances."""
+def along_the_box(*strengths: float) -> RoughLight:
+    """For each value so much of what `slope` says, times the walls' reflectances."""
     middles = 1.5 + 1.5 * np.concatenate([-np.eye(3), np.eye(3)])
-    rough = fit_rough_light(np.zeros((6, 1)), middles, np.empty((0, 2), dtype=np.int64), length_m=1.0)
     there = np.column_stack([slope(middles), np.tile([1.0, 0.0, -0.2], (6, 1))])
-    rough.functions[:, 0] = strength * (np.array(REFLECTANCES)[np.arange(6) % 2][:, None] * there).ravel()
-    return rough
+    whole = (np.array(REFLECTANCES)[np.arange(6) % 2][:, None] * there).ravel()
+    return RoughLight(places=middles, functions=np.outer(whole, strengths).astype(np.float32), length_m=1.0)
 
 
-def moved_light(strength: float, seed: int) -> np.ndarray:
-    """(batch, sensor) by how much 20 sensors' estimates differ from the light along their own rays."""
-    sharing = Sharing(patches=Walls(), group=np.arange(6), rough=along_the_box(strength))
+def moved_light(seed: int, *strengths: float) -> np.ndarray:
+    """(batch, sensor, value) by how much 20 sensors' estimates differ from the light along their own rays."""
+    sharing = Sharing(patches=Walls(), group=np.arange(6), rough=along_the_box(*strengths))
     pooled = draw_pooled_paths(
         Box(diffuse=True).surfaces,
         sensors(20),
         89,
         batches=BATCHES,
-        values=1,
+        values=len(strengths),
         sharing=sharing,
         generator=np.random.default_rng(seed),
     )
-    own = np.stack([look @ along_the_box(1.0).functions for look in pooled.looks])[..., 0]
-    return answer(pooled, slope) - own
+    own = np.stack([look @ along_the_box(1.0).functions for look in pooled.looks])
+    answer(pooled, slope)
+    return pooled.estimates() - own
 
 
-def test_cells_move_only_the_light_that_was_not_known_roughly() -> None:
-    nothing_known = moved_light(0.0, 1)  # but for the 0.1 mm that rays start off their wall
+def test_cells_move_only_the_light_that_was_not_known_roughly(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pooling, "VALUES_AT_ONCE", 2)
+    nothing_known, half, all_of_it = np.moveaxis(moved_light(1, 0.0, 0.5, 1.0), -1, 0)
     assert np.sqrt(np.mean(nothing_known**2)) > 0.005
-    assert moved_light(0.5, 1) == pytest.approx(0.5 * nothing_known, abs=1e-4)
-    assert moved_light(1.0, 1) == pytest.approx(0.0, abs=1e-4)
-    # The mean over all sensors, is 0 whatever is known.
-    assert np.mean([moved_light(0.5, seed).mean() for seed in range(100)]) == pytest.approx(0.0, abs=2e-3)
+    # But for the 0.1 mm that rays start off their wall.
+    assert half == pytest.approx(0.5 * nothing_known, abs=1e-4)
+    assert all_of_it == pytest.approx(0.0, abs=1e-4)
+    # The mean over all sensors is 0 whatever is known.
+    assert np.mean([moved_light(seed, 0.5).mean() for seed in range(100)]) == pytest.approx(0.0, abs=2e-3)
 
 
 def rays_of(count: int, seed: int) -> np.ndarray:
