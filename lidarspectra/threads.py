@@ -1,12 +1,15 @@
-"""One thread for the linear algebra of each process: what runs side by side here are processes.
+"""Processor cores: how many may be used, and one thread for the linear algebra of each process.
 
-The libraries below numpy, scipy and scikit-learn start a thread a core of their own accord, and these wait for each
-other by spinning: where other work runs on the same cores, an inversion of a 2 x 2 matrix has taken seconds.
+What runs side by side here are Radiance's processes, and threads for views and their classes. The libraries below
+numpy, scipy and scikit-learn start a thread a core of their own accord, and these wait for each other by spinning:
+where other work runs on the same cores, an inversion of a 2 x 2 matrix has taken seconds.
 """
 
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+from lidarspectra.errors import ArgumentError
 
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # read when the libraries are loaded
 
@@ -22,6 +25,21 @@ def available_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def cores_for(workers: int | None) -> int:
+    """Cores to use: as many as a caller asks for, or all that this process may use.
+
+    Raises
+    ------
+    ArgumentError
+        If fewer than one is asked for.
+    """
+    if workers is None:
+        return available_cores()
+    if workers < 1:
+        raise ArgumentError(expected="1 or more, or None for all cores", found=str(workers), where="workers")
+    return workers
 
 
 @contextmanager

@@ -11,7 +11,6 @@ on a (face, 3) array of linear colours, so that de-lit colours can be given in p
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import get_args
@@ -111,11 +110,9 @@ def estimate_materials(
     one_of(matching, get_args(MatchMethod), name="matching")
     known = load_reflectances() if library is None else library
     fallback = default_material(default, known)
-    counted = None
-    if model is not None:
-        counted = partial(_counted_votes, scan, views, path_of(model, name="model"))
+    votes = votes_of(None if model is None else path_of(model, name="model"), scan, views)
     return estimate_from_votes(
-        scan, views, counted, room=room, face_color=face_color, library=known, fallback=fallback, matching=matching,
+        scan, views, votes, room=room, face_color=face_color, library=known, fallback=fallback, matching=matching,
         colors=colors, progress=progress,
     )  # fmt: skip
 
@@ -248,8 +245,11 @@ def default_material(name: str, library: ReflectanceLibrary) -> Material:
     return database_material(surface, library, provenance="default", confidence=0.0)
 
 
-def _counted_votes(scan: Scan, views: ViewSet, model: Path, progress: Progress) -> FaceClasses:
-    return view_votes(Classifier(model), scan, views, progress)
+def votes_of(model: Path | None, scan: Scan, views: ViewSet) -> CountVotes | None:
+    """What counts the votes of a scan's views by a network, on all cores; None without a network."""
+    if model is None:
+        return None
+    return lambda progress: view_votes(Classifier(model), scan, views, progress)
 
 
 def material_classes(

@@ -32,7 +32,7 @@ from lidarspectra.progress import Progress, silent
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.hidden_layers import covered_places
 from lidarspectra.room.room import Room, find_room
-from lidarspectra.threads import available_cores
+from lidarspectra.threads import cores_for
 
 CANDIDATE_HEIGHTS = (0.15, 0.35, 0.6, 0.85)  # [1] of the room's height: below tables, above them, over all
 CLEARANCE_M = 0.15  # [m] a camera so close to a surface sees little else
@@ -112,8 +112,10 @@ def render_views(
     ------
     MaterialError
         If there is no free space in the room to look from.
+    ArgumentError
+        If fewer than one worker is asked for.
     """
-    chosen = settings or ViewSettings()
+    chosen, cores = settings or ViewSettings(), cores_for(workers)
     progress(0.0, "looking for viewpoints")
     caster = RayCaster(scan)
     samples = surface_samples(scan, spacing_m=chosen.sample_spacing_m)
@@ -126,7 +128,7 @@ def render_views(
     history: list[float] = []
     viewpoint = candidates[0]
     stopped = ""
-    with _rendering(workers or available_cores()) as render:
+    with _rendering(cores) as render:
         while not stopped:
             sees = visible(samples, viewpoint[None], caster, chosen)[0]
             cameras = _cameras(viewpoint, chosen)

@@ -9,7 +9,7 @@ from pathlib import Path
 from lidarspectra.arguments import one_of
 from lidarspectra.config import GridSection, RunFile
 from lidarspectra.errors import ArgumentError, LidarSpectraError, RunFileError, WorkspaceError
-from lidarspectra.threads import available_cores
+from lidarspectra.threads import cores_for
 from lidarspectra.workflow.findings import Findings, listed, number_words
 from lidarspectra.workflow.input_checks import CheckedInputs
 from lidarspectra.workflow.inputs import Inputs, read_inputs
@@ -157,7 +157,7 @@ def _task(inputs: Inputs, checked: CheckedInputs, folder: Path) -> Task:
         lamps=max(len(checked.lamps) + unlisted + windows, 1),
         bands=14 if checked.bands is None else len(checked.bands),
         points=_point_count(inputs, checked),
-        workers=inputs.workers or available_cores(),
+        workers=cores_for(inputs.workers),
     )
 
 

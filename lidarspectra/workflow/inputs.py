@@ -12,6 +12,7 @@ from lidarspectra.config import RunFile, read_run_file, require_light
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.files import writing
 from lidarspectra.spectra.databases import scenes_folder
+from lidarspectra.threads import cores_for
 from lidarspectra.workflow.declared import Declared, declare
 from lidarspectra.workflow.workspace import StageResult
 
@@ -73,6 +74,8 @@ def read_inputs(
     ------
     RunFileError
         If it is invalid.
+    ArgumentError
+        If fewer than one worker is asked for.
     """
     file = None
     if not isinstance(run_file, RunFile):
@@ -85,7 +88,7 @@ def read_inputs(
         name=checked.name,
         text=checked.text,
         file=file,
-        workers=workers or checked.trace.workers,
+        workers=checked.trace.workers if workers is None else cores_for(workers),
         cluster=cluster,
     )
 

@@ -10,8 +10,8 @@ from lidarspectra.material.estimate import (
     CountVotes,
     default_material,
     estimate_from_votes,
-    estimate_materials,
     one_material,
+    votes_of,
 )
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.segmentation import SHIPPED_MODEL
@@ -43,7 +43,8 @@ def materials_of_run(
     folder : Path
         Where relative file names start; the run file's folder.
     votes : callable, optional
-        Gives the material classes that the views show, where their counting has begun (`votes_ahead`).
+        Gives the material classes that the views show, where their counting has begun (`votes_ahead`); they are counted
+        here if left out.
 
     Returns
     -------
@@ -57,32 +58,18 @@ def materials_of_run(
     library = load_reflectances(section.databases, folder)
     if section.method == "default":
         return one_material(scan, section.default, library=library, views=views)
-    if votes is None:
-        estimated = estimate_materials(
-            scan,
-            views,
-            room=room,
-            face_color=face_color,
-            library=library,
-            default=section.default,
-            matching=section.matching,
-            model=model_of_run(section.model, folder),
-            colors=section.colors,
-            progress=progress,
-        )
-    else:
-        estimated = estimate_from_votes(
-            scan,
-            views,
-            votes,
-            room=room,
-            face_color=face_color,
-            library=library,
-            fallback=default_material(section.default, library),
-            matching=section.matching,
-            colors=section.colors,
-            progress=progress,
-        )
+    estimated = estimate_from_votes(
+        scan,
+        views,
+        votes or votes_of(model_of_run(section.model, folder), scan, views),
+        room=room,
+        face_color=face_color,
+        library=library,
+        fallback=default_material(section.default, library),
+        matching=section.matching,
+        colors=section.colors,
+        progress=progress,
+    )
     if section.file is None:
         return estimated
     path = folder / section.file

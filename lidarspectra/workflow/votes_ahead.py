@@ -13,7 +13,7 @@ from lidarspectra.material.fusion import FaceClasses, view_votes
 from lidarspectra.material.segmentation import Classifier
 from lidarspectra.material.views import ViewSet
 from lidarspectra.progress import Progress
-from lidarspectra.threads import available_cores
+from lidarspectra.threads import cores_for
 
 TOLD_S = 0.2  # [s] between two looks at how far it is
 
@@ -40,8 +40,13 @@ def votes_beside(model: Path, scan: Scan, views: ViewSet, *, workers: int | None
     ------
     votes : callable
         Waits for the votes, tells meanwhile how far they are, and gives them; raises what their counting raised.
+
+    Raises
+    ------
+    ArgumentError
+        If fewer than one worker is asked for.
     """
-    cores = available_cores() if workers is None else workers
+    cores = cores_for(workers)
     if cores < 2:
         yield lambda progress: view_votes(Classifier(model, threads=1), scan, views, progress)
         return

@@ -1,16 +1,20 @@
 """Votes that are counted beside other work are those that are counted at once, and nobody waits for abandoned ones."""
 
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from lidarspectra.errors import MaterialError
+from lidarspectra.errors import ArgumentError, MaterialError
+from lidarspectra.material import viewpoints
 from lidarspectra.material.segmentation import SHIPPED_MODEL
 from lidarspectra.material.viewpoints import ViewSettings, render_views
 from lidarspectra.progress import silent
+from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.workflow import votes_ahead
+from lidarspectra.workflow.inputs import read_inputs
 from lidarspectra.workflow.votes_ahead import votes_beside
 
 from .material.conftest import box_scan
@@ -32,6 +36,26 @@ def test_votes_beside_other_work_are_the_same_as_on_one_core(seen):
         beside = votes(silent)
     assert np.array_equal(alone.belief, beside.belief)
     assert alone.classes == beside.classes
+
+
+def test_who_waits_for_the_votes_is_told_how_far_they_are(seen, monkeypatch: pytest.MonkeyPatch):
+    scan, views = seen
+    told, go_on = [], threading.Event()
+
+    def counted(*arguments):
+        arguments[-1](0.25, "view 1 of 4")
+        assert go_on.wait(30.0)
+        return arguments[1]
+
+    def listen(fraction: float, words: str) -> None:
+        told.append((fraction, words))
+        if fraction > 0.0:
+            go_on.set()
+
+    monkeypatch.setattr(votes_ahead, "view_votes", counted)
+    with votes_beside(SHIPPED_MODEL, scan, views, workers=2) as votes:
+        assert votes(listen) is scan
+    assert (0.25, "view 1 of 4") in told
 
 
 def test_a_fault_of_the_model_is_told_to_who_asks_for_the_votes(seen, tmp_path: Path):
@@ -64,6 +88,38 @@ def test_where_the_other_work_fails_the_counting_ends_at_the_next_view(seen, mon
     with pytest.raises(ZeroDivisionError):
         fail()
     assert not told
+
+
+def test_where_the_search_fails_no_view_is_rendered_any_more(seen, monkeypatch: pytest.MonkeyPatch):
+    scan, _ = seen
+    rendered = []
+
+    def slow(*arguments, name, **keywords):
+        time.sleep(0.1)
+        rendered.append(name)
+
+    def fail(fraction: float, words: str) -> None:
+        if fraction > 0.0:
+            raise ZeroDivisionError
+
+    monkeypatch.setattr(viewpoints, "capture_image", slow)
+    with pytest.raises(ZeroDivisionError):
+        render_views(scan, settings=SMALL, workers=2, progress=fail)
+    known = len(rendered)
+    assert known < 6  # that v0 has
+    time.sleep(0.3)
+    assert len(rendered) == known
+
+
+@pytest.mark.parametrize("workers", [0, -1])
+def test_fewer_than_one_worker_is_refused(seen, workers: int):
+    scan, views = seen
+    with pytest.raises(ArgumentError, match="1 or more"):
+        render_views(scan, settings=SMALL, workers=workers)
+    with pytest.raises(ArgumentError, match="1 or more"), votes_beside(SHIPPED_MODEL, scan, views, workers=workers):
+        pass
+    with pytest.raises(ArgumentError, match="1 or more"):
+        read_inputs(scenes_folder() / "box" / "room.toml", workers=workers)
 
 
 def test_views_rendered_beside_the_search_are_those_of_one_core(seen):

@@ -42,7 +42,7 @@ from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
-from lidarspectra.threads import available_cores
+from lidarspectra.threads import cores_for
 
 TARGET = 0.003  # [1] target standard error of a reading, a tenth of the change by a person near the sensor
 FINEST_EFFECT = 0.0005  # [1] of the difference: in a large room a person changes most sensors by 0.1 % and less
@@ -320,7 +320,7 @@ class _Effects:
             looks=LOOKS,
             receptor=cosine_receptor() if request.receptor is None else request.receptor,
             engine=find_engine() if request.engine is None else request.engine,
-            workers=request.workers or available_cores(),
+            workers=cores_for(request.workers),
         )
         found, errors = [], []
         for effect in trace_effects(

@@ -21,7 +21,7 @@ from lidarspectra.radiance.engine.options import REFLECTED_LAMP_PART, SPECULAR_R
 from lidarspectra.radiance.pictures.observer_channels import observer_channels, xyz_of_channels
 from lidarspectra.radiance.pictures.view import View
 from lidarspectra.radiance.scene.scene_record import RadianceScene, ScenePass
-from lidarspectra.threads import available_cores
+from lidarspectra.threads import cores_for
 
 BOUNCES = 6  # reflections that are followed: some 1 % of the light of a bright room comes after them
 AMBIENT_ACCURACY = 0.3  # [1] -aa: error of the cache's interpolation; .15 took 15 times as long on a scan's rough mesh
@@ -103,7 +103,7 @@ def render(
             expected="a scene in the channels of the observer", found=scene.bands.name, where=str(scene.folder)
         )
     engine = find_engine() if engine is None else engine
-    workers = available_cores() if workers is None else workers
+    workers = cores_for(workers)
     xyz = [np.zeros((view.pixels[1], view.pixels[0], 3)) for view in views]
     steps, done = len(scene.passes) * len(views), 0
     for scene_pass in scene.passes:

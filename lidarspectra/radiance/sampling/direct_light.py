@@ -25,7 +25,7 @@ from lidarspectra.radiance.sampling.cast_light import NEAR, NEAR_RAYS, light_sam
 from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass, write_scene
 from lidarspectra.radiance.scene.shining import ShiningSurface, find_shining
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
-from lidarspectra.threads import available_cores
+from lidarspectra.threads import cores_for
 
 GREY_NM = (400.0, 700.0)  # [nm] any range is right for a grey spectrum
 GREY_BANDS = 3  # the least number in a pass
@@ -147,7 +147,7 @@ def _traced(
             yield EngineJob(program="rcontrib", arguments=arguments, folder=folder, stdin=sent.tobytes())
 
     coefficients = np.zeros((len(lamps), len(rays)))
-    runs = engine.run_jobs(jobs(), workers=workers or available_cores())
+    runs = engine.run_jobs(jobs(), workers=cores_for(workers))
     for number, ((scene_pass, part), run) in enumerate(zip(tasks, runs, strict=True), start=1):
         count, lit, slots = len(rays[part]), list(scene_pass.lamps), scene_pass.slot_count
         values = float_rows(run, rows=count, columns=len(lit) * slots).reshape(count, len(lit), slots)

@@ -30,7 +30,7 @@ from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, make_tra
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass
 from lidarspectra.room.sensor_points import SensorPoints
-from lidarspectra.threads import available_cores
+from lidarspectra.threads import cores_for
 
 METHOD = "rtrace"
 MAX_BATCHES = 8  # independent estimates that are kept, each the mean of an equal part of the repeats
@@ -89,7 +89,7 @@ def trace_plain(
     slots = np.zeros((min(repeats, MAX_BATCHES), len(scene.lamp_names), len(points), len(scene.slots)), np.float32)
     commands = []
     jobs = _jobs(scene, points, accuracy, repeats)
-    for number, run in enumerate(engine.run_jobs(jobs, workers=workers or available_cores())):
+    for number, run in enumerate(engine.run_jobs(jobs, workers=cores_for(workers))):
         scene_pass = scene.passes[number]
         _take(slots, scene, scene_pass, float_rows(run, rows=repeats * len(points), columns=scene_pass.slot_count))
         commands.append(run.command)

@@ -36,7 +36,7 @@ from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, make_tra
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
-from lidarspectra.threads import available_cores
+from lidarspectra.threads import cores_for
 
 METHOD = "adaptive"
 BLOCK_BYTES = 3 * 2**29  # [byte] of a block's results; in smaller blocks starting the engine would dominate
@@ -109,7 +109,7 @@ def trace(
         bounces=bounces_of(accuracy),
         target=noise_level(noise).relative_se,
         noise_of=one_of(noise_of, NOISES_OF, name="noise_of"),
-        workers=workers or available_cores(),
+        workers=cores_for(workers),
         receptor=cosine_receptor() if receptor is None else receptor,
         engine=find_engine() if engine is None else engine,
     )
@@ -152,7 +152,7 @@ def trace_reflected(
     request = Request(
         bounces=bounces_of(accuracy),
         target=noise_level(noise).relative_se,
-        workers=workers or available_cores(),
+        workers=cores_for(workers),
         receptor=cosine_receptor(),
         engine=find_engine() if engine is None else engine,
         direct_mean=_mean_of(direct, scene, points),
@@ -206,7 +206,7 @@ def trace_irradiance(
     request = Request(
         bounces=bounces_of(accuracy),
         target=relative_se,
-        workers=workers or available_cores(),
+        workers=cores_for(workers),
         receptor=cosine_receptor() if receptor is None else receptor,
         engine=find_engine() if engine is None else engine,
     )
