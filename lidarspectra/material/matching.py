@@ -48,6 +48,10 @@ CLASS_BONUS = 1.0  # [1] CIEDE2000 that the nearest of the class may be farther:
 MIN_FOR_STATISTICS = 40  # surfaces; in a smaller library the covariance is not determined
 SMOOTH_VARIANCE = 0.1  # [1] in logit², of the smooth part that is added to the covariance, and of its level
 SMOOTH_LENGTH_NM = 60.0  # [nm] correlation length of that part
+# Greys are flat, whatever else is near them in colour: of the normal law's deviation a smaller share is stated there.
+# `research/benchmarks/reflectance.py` prints what then lies within it, of surfaces of buildings and of test colours.
+GREY_CHROMA, VIVID_CHROMA = 6.0, 30.0  # [1] in CIELAB
+GREY_SHARE, VIVID_SHARE = 0.36, 0.90  # [1]
 UNSEEN_NM = 690.0  # [nm] from here on the eye's response is below a hundredth
 BLACK_Y, DARK_Y = 0.04, 0.10  # [1] luminance up to which the median counts alone, and from which it does not
 UNSEEN_NEARNESS = 4.0  # [1] CIEDE2000 that counts as one there: which of two near blacks is nearer says little of it
@@ -180,14 +184,17 @@ def _wiener(
     reflectances = factors[order, None] * library.values[near]
     mean, covariance = logit_statistics(reflectances, weight)
     values, deviation = constrained_estimate(wanted, mean, covariance, library.weights)
+    narrower = stated_share(wanted)
+    stated = narrower * deviation
     if wanted[1] < DARK_Y:
         loose = (1.0 + distances[order] / UNSEEN_NEARNESS) ** -NEIGHBOR_POWER
         share = min((DARK_Y - float(wanted[1])) / (DARK_Y - BLACK_Y), 1.0)
         values = with_usual_rise(values, reflectances, loose, share)
+        stated = np.where(COLOR_GRID_NM > UNSEEN_NM, narrower ** (1.0 - share) * deviation, stated)  # few dyes do rise
     ranges = np.array([library.rows[row].range_nm for row in near])
     return Match(
         spectrum=Spectrum(wavelengths_nm=COLOR_GRID_NM, values=values),
-        uncertainty=Spectrum(wavelengths_nm=COLOR_GRID_NM, values=deviation),
+        uncertainty=Spectrum(wavelengths_nm=COLOR_GRID_NM, values=stated),
         nearest=library.rows[int(allowed[differences.argmin()])],
         difference=float(differences.min()),
         color_error=_color_error(wanted, values, library),
@@ -227,6 +234,12 @@ def logit_statistics(reflectances: FloatArray, weight: FloatArray) -> tuple[Floa
     mean = weight @ logits
     away = logits - mean
     return mean, np.asarray(away.T @ (away * weight[:, None]) + _smooth_part(), dtype=np.float64)
+
+
+def stated_share(xyz: FloatArray) -> float:
+    """Share of the normal law's deviation that is stated of a colour, by its chroma in CIELAB [1]."""
+    chroma = float(np.hypot(*xyz_to_lab(xyz)[1:]))
+    return float(np.interp(chroma, (GREY_CHROMA, VIVID_CHROMA), (GREY_SHARE, VIVID_SHARE)))
 
 
 def with_usual_rise(values: FloatArray, reflectances: FloatArray, weight: FloatArray, share: float) -> FloatArray:
