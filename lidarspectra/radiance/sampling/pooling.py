@@ -29,7 +29,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.radiance.engine.options import PATH_WEIGHT, Glass, PassOptions
@@ -128,7 +128,7 @@ class PooledPaths:
         Rays without a result so far.
     rough : RoughLight or None
         0 everywhere if None.
-    looks : tuple of sparse (sensor, 4 place)
+    rough_shares : tuple of sparse (sensor, 4 place)
         Per batch, mean of the rough light over a sensor's rays, to be multiplied by its functions.
     """
 
@@ -138,7 +138,7 @@ class PooledPaths:
     found: NDArray[np.float32] = field(repr=False)
     missing: int
     rough: RoughLight | None = None
-    looks: tuple[csr_array, ...] = ()
+    rough_shares: tuple[csr_array, ...] = ()
 
     def take(self, leg: Leg, part: slice, values: FloatArray) -> None:
         """Add the engine's (ray, lamp x slot) results for some rays of a leg."""
@@ -160,8 +160,8 @@ class PooledPaths:
             for batch, share in enumerate(self.shares):
                 found[batch, :, part] = share @ means
             if self.rough is not None:
-                for batch, look in enumerate(self.looks):
-                    found[batch, :, part] += look @ self.rough.functions[:, part]
+                for batch, share in enumerate(self.rough_shares):
+                    found[batch, :, part] += share @ self.rough.functions[:, part]
         return found
 
 
@@ -205,8 +205,8 @@ def draw_pooled_paths(
     cells: list[IntArray] = []
     arrived: list[IntArray] = []
     rough = None if sharing is None else sharing.rough
-    looked: list[csr_array] = []
-    expected: list[NDArray[np.float32]] = []
+    rough_shares: list[csr_array] = []
+    known: list[csr_array] = []
     total = drawn = 0
     for _ in range(batches):  # one at a time to bound memory: a million rays take 100 MB
         rays = sensors.draw_rays(np.arange(count), sets=1, count=looks, generator=generator).reshape(-1, 6)
@@ -220,23 +220,23 @@ def draw_pooled_paths(
         cells.append(cell[chosen] + total)
         arrived.append(cell + total)
         if rough is not None and place is not None:
-            at = rough.terms(place[chosen], arrivals.places[chosen], row=np.arange(len(chosen)), rows=len(chosen))
-            expected.append(at @ rough.functions)
-            mean = rough.terms(place, arrivals.places, row=sensor, weight=1.0 / looks, rows=count)
-            looked.append(mean)
+            row = np.arange(len(chosen))
+            known.append(rough.terms(place[chosen], arrivals.places[chosen], row=row, rows=len(row), weight=-1.0))
+            rough_shares.append(rough.terms(place, arrivals.places, row=sensor, rows=count, weight=1.0 / looks))
         total += int(cell.max()) + 1
         drawn += len(chosen)
     joined = _joined(legs)
+    found = np.zeros((drawn, values), dtype=np.float32) if rough is None else vstack(known, "csr") @ rough.functions
     return PooledPaths(
         legs=joined,
         cell=np.concatenate(cells),
         shares=tuple(
             csr_array((np.full(cell.size, 1.0 / looks), (sensor, cell)), shape=(count, total)) for cell in arrived
         ),
-        found=-np.concatenate(expected) if expected else np.zeros((drawn, values), dtype=np.float32),
+        found=found,
         missing=sum(len(leg.rays) for leg in joined),
         rough=rough,
-        looks=tuple(looked),
+        rough_shares=tuple(rough_shares),
     )
 
 

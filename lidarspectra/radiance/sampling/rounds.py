@@ -236,7 +236,7 @@ def survey(
         group, count = component.options.group, len(found) + len(found.watchers)
         values = float_rows(run, rows=count, columns=len(component.lamps) * group.slot_count)
         values = values.reshape(count, -1, group.slot_count)
-        if component.sampler.is_shared and count > 1:  # a single sensor has none to share with
+        if component.sampler.is_shared:
             direct = values.mean(axis=2).T
             component.sharing = Sharing(
                 patches=found,

@@ -167,7 +167,7 @@ def moved_light(seed: int, *strengths: float) -> np.ndarray:
         sharing=sharing,
         generator=np.random.default_rng(seed),
     )
-    own = np.stack([look @ along_the_box(1.0).functions for look in pooled.looks])
+    own = np.stack([share @ along_the_box(1.0).functions for share in pooled.rough_shares])
     answer(pooled, slope)
     return pooled.estimates() - own
 
