@@ -1,9 +1,9 @@
 """Rough light on the room's surfaces: shared paths need only find by how much it is wrong.
 
 Sensors that share the paths of a cell are given its mean. Left at that, a sensor in a corner would have the light of
-the cell's middle, the same in every batch, so that no spread tells it: measured, up to 3 % of its light and three
-standard errors (docs/performance.md). So the paths estimate the difference from a known function r(y), which every
-sensor adds again along its own rays (a control variate):
+the cell's middle, the same in every batch, so that no spread tells it (measured in docs/performance.md). So the paths
+estimate the difference from a known function r(y), which every sensor adds again along its own rays (a control
+variate):
 
     m(cell) = r(y) + mean of m(y') - r(y') over its drawn arrivals y'
 
