@@ -24,6 +24,7 @@ from lidarspectra.mapping.rules.rule_record import LookRow, RuleRecord, RuleRow
 
 ROW_IN = 0.27  # [in]
 WORDS_IN, NUMBERS_IN = 4.6, 1.5  # [in] of the columns left and right
+MAX_WORDS = 70  # letters of a requirement, which fill the left column
 WIDEST = 4.0  # the scale's least end, as a factor on either side
 LIKELY, UNLIKELY = 0.95, 0.05
 ACROSS = 4  # pictures in a row
@@ -118,7 +119,7 @@ def rules_figure(rows: Sequence[RuleRow]) -> Figure:
         )
         axes.plot(np.clip(_margin(row, row.value), 1.0 / reach, reach), at, "o", color=color)
         words = f"{row.rule}: {row.what}"
-        axes.text(-0.02, at, plain(words, longest=62), transform=beside, ha="right", va="center", size=8.0)
+        axes.text(-0.02, at, plain(words, longest=MAX_WORDS), transform=beside, ha="right", va="center", size=8.0)
         axes.text(
             1.02, at, f"{chance_words(row.probability)}  {plain(row.where, longest=16)}",
             transform=beside, va="center", size=8.0,

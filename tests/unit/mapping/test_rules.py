@@ -1,5 +1,6 @@
 """Probabilities of keeping rules: closed forms, errors common to points, and UGR of the CIE's standard room."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -153,7 +154,9 @@ def test_a_record_comes_back_with_tables_and_a_figure(tmp_path: Path) -> None:
     assert load_rules(tmp_path / "none") is None
     assert rules_table(record).frame["limit"].tolist() == ["at least 450 lx", "at most 19"]
     assert whole_table(record).frame["not judged"].tolist() == ["UGR (glare = false)"]
-    assert rules_figure(record.rows).axes
+    longest = replace(record.rows[0], rule="WELL v2 L03, 3 points", what="melanopic EDI at the eye by electric light")
+    drawn = [text.get_text() for text in rules_figure([longest, *record.rows]).axes[0].texts]
+    assert f"{longest.rule}: {longest.what}" in drawn
     (tmp_path / RECORD_FILE).write_text('{"rows": [{}]}', encoding="utf-8")
     with pytest.raises(WorkspaceError, match="rules"):
         load_rules(tmp_path)
