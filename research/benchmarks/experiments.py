@@ -27,7 +27,7 @@ from pathlib import Path
 
 from lidarspectra.config import RunFile
 from lidarspectra.io.files import write_whole
-from lidarspectra.mapping.figures.figure_style import save_figure
+from lidarspectra.mapping.figures.figure_style import save_picture
 from lidarspectra.mapping.figures.map_comparison_figure import map_comparison_figure
 from lidarspectra.mapping.figures.tables import Table, table_csv, table_markdown
 from lidarspectra.radiance.engine.options import Accuracy, Noise
@@ -86,10 +86,10 @@ def microbenchmarks(arguments: argparse.Namespace) -> None:
     squares, sums = inverse_square(noise), superposition(noise)
     fabrics = cloths({name: spectra[row] for name, row in CLOTHS.items()}, noise)
     save_table(microbenchmark_table(squares, sums, fabrics), arguments.out)
-    save_figure(inverse_square_figure(squares), arguments.out, "figure-8-inverse-square")
-    save_figure(superposition_setup_figure(sums), arguments.out, "figure-9-superposition-setup")
-    save_figure(superposition_figure(sums), arguments.out, "figure-10-superposition")
-    save_figure(cloths_figure(fabrics), arguments.out, "figure-11-reflectance")
+    save_picture(inverse_square_figure(squares), arguments.out / "figure-8-inverse-square.png")
+    save_picture(superposition_setup_figure(sums), arguments.out / "figure-9-superposition-setup.png")
+    save_picture(superposition_figure(sums), arguments.out / "figure-10-superposition.png")
+    save_picture(cloths_figure(fabrics), arguments.out / "figure-11-reflectance.png")
 
 
 def instruments(arguments: argparse.Namespace) -> None:
@@ -120,7 +120,7 @@ def table_1(arguments: argparse.Namespace) -> None:
     origins = [row for row in rows if row.accuracy == "ultra"]
     save_table(accuracy_table(origins, name="error-origin", caption=caption), arguments.out)
     save_table(paper_table(), arguments.out)
-    save_figure(accuracy_figure(errors), arguments.out, "table-1")
+    save_picture(accuracy_figure(errors), arguments.out / "table-1.png")
 
 
 def scene_table_1(arguments: argparse.Namespace, scene: str) -> None:
@@ -139,7 +139,7 @@ def scene_table_1(arguments: argparse.Namespace, scene: str) -> None:
     rows.insert(0, runs.deviation(runs.with_true_materials(), materials=TRUE_MATERIALS, accuracy="ultra"))
     keep_rows(rows, arguments.work, scene)
     figure = map_comparison_figure(maps, runs.places, runs.centers_nm, true_floor_plan(runs.plan))
-    save_figure(figure, arguments.out, f"maps-{scene}")
+    save_picture(figure, arguments.out / f"maps-{scene}.png")
 
 
 def table_2(arguments: argparse.Namespace) -> None:
@@ -169,7 +169,9 @@ def sensitivity(arguments: argparse.Namespace) -> None:
         print(f"sensitivity: {input_words}: {words}", flush=True)
         influences = [Influence(words=name, changes=tuple(changes)) for name, changes in found.items()]
         save_table(influence_table(base, influences), arguments.out)
-        save_figure(tornado_figure(influences, base.absolute.mape_median, scene), arguments.out, f"tornado-{scene}")
+        save_picture(
+            tornado_figure(influences, base.absolute.mape_median, scene), arguments.out / f"tornado-{scene}.png"
+        )
 
 
 def file_changes(file: RunFile) -> list[tuple[str, str, RunFile, None]]:

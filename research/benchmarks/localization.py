@@ -30,7 +30,7 @@ import xarray as xr
 
 from lidarspectra.config import read_run_file
 from lidarspectra.hardware.sensor.as7265x import settings_for
-from lidarspectra.mapping.figures.figure_style import save_figure
+from lidarspectra.mapping.figures.figure_style import save_picture
 from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.localization.fingerprint_table import save_fingerprints
 from lidarspectra.mapping.localization.location_errors import LocationErrors, error_table
@@ -108,7 +108,7 @@ def table_4(arguments: argparse.Namespace) -> None:
         row: dict[str, object] = {"room": scene, "places": len(true.positions.names), "people at each": people_count}
         row |= {"sensors": len(true.room.points)} | median_row(scene, rows)
         medians.append(row)
-        save_figure(error_map_figure(curves[scene]["high"], true.room.plan), arguments.out, f"error-map-{scene}")
+        save_picture(error_map_figure(curves[scene]["high"], true.room.plan), arguments.out / f"error-map-{scene}.png")
     formats = {name: ".2f" for name in medians[0] if name.endswith("[m]")}
     caption = (
         "Median error of the network, by what it was learned from (the paper's Table 4); the discriminant beside it."
@@ -117,7 +117,7 @@ def table_4(arguments: argparse.Namespace) -> None:
     caption = "All methods, and people who stand between the places."
     save(error_table(rows, name="table-4-all", caption=caption, heading="learned from"), arguments.out)
     save(paper_table(), arguments.out)
-    save_figure(error_curves_figure(curves), arguments.out, "figure-14")
+    save_picture(error_curves_figure(curves), arguments.out / "figure-14.png")
 
 
 def median_row(scene: str, errors: Mapping[str, LocationErrors]) -> dict[str, object]:
@@ -177,7 +177,7 @@ def table_5(arguments: argparse.Namespace) -> None:
         "simulated now": "new, simulated",
     }
     curves = {short: rows[f"{words}, network"] for words, short in names.items()}
-    save_figure(error_curves_figure({"apartment, changed": curves}), arguments.out, "figure-16")
+    save_picture(error_curves_figure({"apartment, changed": curves}), arguments.out / "figure-16.png")
     figure_15(before.survey, read, arguments.out)
     for words, errors in curves.items():
         print(f"table-5: {words}: {errors.percentile_m(50):.2f} m", flush=True)
@@ -193,7 +193,7 @@ def figure_15(before: xr.Dataset, after: xr.Dataset, out: Path) -> None:
         labels = table["label"].to_numpy()
         parts.append(np.array([np.nanmean(counts[labels == label], axis=0) for label in shared]))
     mean = parts[0].mean(axis=0)
-    save_figure(two_times_figure(parts[0] / mean, parts[1] / mean, chosen, FIGURE_15_NM), out, "figure-15")
+    save_picture(two_times_figure(parts[0] / mean, parts[1] / mean, chosen, FIGURE_15_NM), out / "figure-15.png")
 
 
 def later_run(plan: RoomPlan, work: Path) -> Path:

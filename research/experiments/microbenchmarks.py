@@ -97,13 +97,14 @@ class Cloths:
     names : tuple of str
     centers_nm : (band,) float
         [nm]
-    irradiance, expected : (cloth, band) float
-        Ours, and the integral over the cloth. [W/m²/nm]
+    irradiance, standard_error, expected : (cloth, band) float
+        Ours, its standard error, and the integral over the cloth. [W/m²/nm]
     """
 
     names: tuple[str, ...]
     centers_nm: FloatArray
     irradiance: FloatArray
+    standard_error: FloatArray
     expected: FloatArray
 
 
@@ -174,15 +175,17 @@ def cloths(reflectances: dict[str, Spectrum], noise: Noise = "fine") -> Cloths:
     bands = sensor_bands(CHANNELS)
     lamp = _lamp("lamp", "disc", (0.0, 0.0, 1.0), REFLECTOR_M, "LED-B3", 650.0, normal=(0.0, 1.0, 0.0))
     position = np.array([[BESIDE_M, -BEHIND_M, 1.0]])
-    traced, integrated = [], []
+    traced, errors, integrated = [], [], []
     for reflectance in reflectances.values():
-        irradiance, _ = _light([lamp], position, (0.0, 1.0, 0.0), bands, cloth=reflectance, noise=noise)
+        irradiance, error = _light([lamp], position, (0.0, 1.0, 0.0), bands, cloth=reflectance, noise=noise)
         traced.append(irradiance[0])
+        errors.append(error[0])
         integrated.append(_once_reflected(lamp, position[0], reflectance, bands))
     return Cloths(
         names=tuple(reflectances),
         centers_nm=bands.centers_nm,
         irradiance=np.array(traced),
+        standard_error=np.array(errors),
         expected=np.array(integrated),
     )
 

@@ -144,5 +144,5 @@ def _who_and_where(script: str, folder: str) -> str:
     return (
         f"Written by `{script}` on {datetime.now(UTC):%Y-%m-%d}, {os.cpu_count()} cores, {platform.machine()} "
         f"{platform.system()}, with other work beside it: processor time tells more than time. {shown}. Every table "
-        f"is beside this page as CSV and every figure as PDF, in `{folder}/`."
+        f"is beside this page as CSV, in `{folder}/`."
     )
