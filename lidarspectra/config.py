@@ -364,14 +364,14 @@ class ReflectanceFactors(Section):
 
 
 class CalibrationSection(Section):
-    """`[calibration]`: what readings told of the room; `lidarspectra calibrate` writes it."""
+    """`[calibration]`: the room's factors that readings determined; `lidarspectra calibrate` writes it."""
 
     measured: str | None = None
     """The readings, for the reader; not read again."""
     lamps: dict[str, Positive] = Field(default_factory=dict)
     """Factors on the fluxes of lamps, windows and the sun, by name."""
     determined: tuple[str, ...] = ()
-    """Lamps of whose flux the readings told: it is assumed no longer."""
+    """Lamps whose flux the readings determined: it is assumed no longer."""
     reflectance: ReflectanceFactors = ReflectanceFactors()
 
 
@@ -429,7 +429,7 @@ class RunFile(Section):
     scan, lamps, lamps_from_scan, daylight, materials, sensors, trace
         Its tables; see docs/run-file.md for every key.
     people_and_plants, cells, calibration, rules, report
-        What else is asked for, and what readings told.
+        What else is asked for, and what readings determined.
     """
 
     scan: ScanSection

@@ -69,14 +69,14 @@ class Paced:
         self._last = ((0.0, 0.0), *last, (1.0, 1.0))
         self._start_s = time.monotonic()
         self._marks: list[tuple[float, float]] = []  # said to be done, moment [s]
-        self._told = 0.0
+        self._reported = 0.0
 
     def __call__(self, fraction: float, message: str) -> None:
         """Tell how far the job is [0-1]."""
         if not self._marks or fraction > self._marks[-1][0]:
             self._marks.append((min(fraction, 1.0), time.monotonic() - self._start_s))
-        self._told = max(self._told, self._corrected(fraction))
-        self._progress(self._told, message)
+        self._reported = max(self._reported, self._corrected(fraction))
+        self._progress(self._reported, message)
 
     def pace(self) -> Pace:
         """What the job took, when it is done."""

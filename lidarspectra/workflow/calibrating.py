@@ -48,10 +48,10 @@ from lidarspectra.workflow.calibration_results import (
     calibrated_run_file,
     points_table,
     readings_table,
+    undetermined_note,
     unknowns_table,
-    untold,
 )
-from lidarspectra.workflow.calibration_spectra import spectra_told
+from lidarspectra.workflow.calibration_spectra import fit_spectra
 from lidarspectra.workflow.unknowns_of_run import priors_of_room
 from lidarspectra.workflow.workspace import STAGES, StageName, Workspace, require_stage, stage_folder, writing_run
 
@@ -61,7 +61,7 @@ KEPT: tuple[StageName, ...] = STAGES[:3]  # stages that a calibrated run takes o
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
-    """What readings told of a run.
+    """A run calibrated by readings: the factors that they determine, and the map under them.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Calibration:
     map_sd_before, map_sd_after : (point,) float
         Relative deviation of the light at the run's points, by fluxes, reflectances and the model's own error. [1]
     local_sd : float
-        The model's own error at a place of usual light, as the misfit tells it. [1]
+        The model's own error at a place of usual light, estimated from the misfit. [1]
     lamps : tuple of str
         Names, as the first rows of the covariance.
     covariance : (lamp + part, lamp + part) float
@@ -165,7 +165,7 @@ def calibrate_run(
     priors = priors_of(room, readings.meter_sd)
     points = _points(readings, run)
     light = traced_light(room, points, workers=workers, progress=part_of(progress, 0.0, FIRST_SHARE))
-    spectra = spectra_told(room, readings, light, priors, scale)
+    spectra = fit_spectra(room, readings, light, priors, scale)
     room = spectra.room
     weights = _weights(readings, room, cell, area_cm2)
     model = light.model(weights, readings.numbers.row)
@@ -202,7 +202,7 @@ def calibrate_run(
         chi_square=posterior.chi_square,
         numbers=readings.numbers.value.size,
         spectra=spectra.table,
-        notes=(*readings.notes, *spectra.notes, *said, *untold(room, posterior)),
+        notes=(*readings.notes, *spectra.notes, *said, *undetermined_note(room, posterior)),
     )
 
 

@@ -64,7 +64,7 @@ def doubts(
     Raises
     ------
     MapError
-        Unless `force`: if units, rows or directions are wrong so that the reason can be told, or most of the readings
+        Unless `force`: if units, rows or directions are wrong in a way that can be named, or most of the readings
         contradict one another.
     """
     found = [_wrong_unit(model, readings, priors)]

@@ -67,6 +67,6 @@ def calibration_notes(section: CalibrationSection | None) -> tuple[str, ...]:
         for part in PARTS
         if getattr(section.reflectance, part) != 1.0
     )
-    told = "; ".join(words for words in (lamps, f"reflectance of {parts}" if parts else "") if words)
+    factors = "; ".join(words for words in (lamps, f"reflectance of {parts}" if parts else "") if words)
     by = f" by {section.measured}" if section.measured else ""
-    return (f"The room is calibrated{by}: {told or 'nothing changed'}. What each factor rests on is in its tables.",)
+    return (f"The room is calibrated{by}: {factors or 'nothing changed'}. What each factor rests on is in its tables.",)

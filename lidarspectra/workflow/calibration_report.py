@@ -1,4 +1,4 @@
-"""The report's section of a calibrated run: what the readings told, and what they changed."""
+"""The report's section of a calibrated run: what the readings determined, and what they changed."""
 
 import json
 from pathlib import Path
@@ -57,12 +57,16 @@ def _section(
     summary: dict[str, object], unknowns: pd.DataFrame, readings: pd.DataFrame, points: pd.DataFrame, plan: FloorPlan
 ) -> Application:
     before, after = (100 * float(each) for each in summary["map_sd"])  # type: ignore[attr-defined]
-    untold = unknowns.loc[(unknowns["told by the readings"] == "no") & (unknowns["factor on"] != "meter"), "name"]
+    undetermined = unknowns.loc[
+        (unknowns["determined by the readings"] == "no") & (unknowns["factor on"] != "meter"), "name"
+    ]
     words = (
         f"Deviation of the map, mean over its points: {before:.1f} % before, {after:.1f} % after the readings. "
         f"Chi-square is {summary['chi_square']:.1f} of {summary['numbers']} numbers, about as large if all is well; "
         f"the model's own error at a place, as the misfit tells it, is {100 * float(summary['local_sd']):.1f} %.",  # type: ignore[arg-type]
-        f"No reading told {', '.join(untold)}: the prior stays." if untold.size else "The readings told every factor.",
+        f"No reading determines {', '.join(undetermined)}: the prior stays."
+        if undetermined.size
+        else "The readings determine every factor.",
         *(str(note) for note in summary["notes"]),  # type: ignore[attr-defined]
     )
     headings = [name for name in points.columns if name.startswith(("before [", "after ["))]
@@ -87,15 +91,14 @@ def _section(
         tables=(
             Table(
                 name="calibration-factors",
-                caption="What the readings told of lamps, reflectances and meters; where they told nothing, the prior "
-                "stays.",
+                caption="What the readings determine of lamps, reflectances and meters; elsewhere the prior stays.",
                 frame=unknowns,
                 formats={"factor [1]": ".3f", "deviation before [%]": ".1f", "deviation after [%]": ".1f"},
             ),
             Table(
                 name="calibration-readings",
                 caption="The readings, and what the run has there. The probability is that of so large a deviation "
-                "from what all other readings tell: a reading below 0.001 disagrees.",
+                "from what all other readings predict: a reading below 0.001 disagrees.",
                 frame=readings,
                 formats={"off before [%]": "+.1f", "off after [%]": "+.1f", "probability [1]": ".2g"},
             ),

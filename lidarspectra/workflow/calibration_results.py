@@ -18,14 +18,14 @@ from lidarspectra.workflow.calibration_light import RunRoom
 from lidarspectra.workflow.calibration_readings import CURRENT, LUX, Quantity, Readings
 
 SUMMARY = "calibration.json"  # beside the tables, for the report
-TOLD = 0.9  # [1] an unknown whose deviation is still above this share of its prior's was told nothing
+MAX_SHARE_OF_PRIOR = 0.9  # [1] of the prior's deviation that is left, up to which the readings determined an unknown
 UNITS: dict[Quantity, str] = {LUX: "lx", CURRENT: "A"}  # channels are in W/m²/nm
 
 
 def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path, spectra: Mapping[str, str]) -> RunFile:
-    """The run file with the factors that the readings told, times those that it had, and other lamp spectra by name.
+    """The run file with the factors that readings determined, times those that it had, and other spectra by name.
 
-    Lamps of whose flux the readings told are listed as determined: it is assumed no longer, though their spectra may
+    Lamps whose flux the readings determined are listed so: it is assumed no longer, though their spectra may
     be. The text keeps its comments unless it had a calibration, or gets other spectra.
     """
     old = room.run_file.calibration or CalibrationSection()
@@ -36,9 +36,10 @@ def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path, spe
         for lamp, factor in zip(room.lamps, flux, strict=True)
     }
     part_factors = {part: float(f"{getattr(old.reflectance, part) * reflectance[part]:.6g}") for part in PARTS}
-    told = _told(posterior)[: len(room.lamps)]
     determined = [
-        lamp.name for lamp, is_told in zip(room.lamps, told, strict=True) if is_told or lamp.name in old.determined
+        lamp.name
+        for lamp, is_determined in zip(room.lamps, _determined(posterior)[: len(room.lamps)], strict=True)
+        if is_determined or lamp.name in old.determined
     ]
     section = {
         "measured": measured.name,
@@ -61,7 +62,7 @@ def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path, spe
 
 
 def _lamp_table(lamp: LampSection, spectrum: str | None) -> dict[str, object]:
-    """A lamp's table in the run file, with the spectrum that the readings told, which is assumed no longer."""
+    """A lamp's table in the run file, with the spectrum that fits the readings, which is assumed no longer."""
     table = lamp.model_dump(exclude_unset=True)
     if spectrum is not None:
         if lamp.assumed:
@@ -83,12 +84,12 @@ def unknowns_table(room: RunRoom, readings: Readings, posterior: Posterior) -> T
             "factor [1]": np.exp(posterior.unknowns),
             "deviation before [%]": 100 * before,
             "deviation after [%]": 100 * after,
-            "told by the readings": ["yes" if told else "no" for told in _told(posterior)],
+            "determined by the readings": ["yes" if each else "no" for each in _determined(posterior)],
         }
     )
     return Table(
         name="unknowns",
-        caption="What the readings tell of lamps, reflectances and meters; where they tell nothing, the prior stays.",
+        caption="What the readings determine of lamps, reflectances and meters; elsewhere the prior stays.",
         frame=frame,
         formats={"factor [1]": ".3f", "deviation before [%]": ".1f", "deviation after [%]": ".1f"},
     )
@@ -163,17 +164,18 @@ def points_table(
     )
 
 
-def untold(room: RunRoom, posterior: Posterior) -> tuple[str, ...]:
-    """A note on lamps and parts that no reading told anything of; a meter's factor is nobody's aim."""
+def undetermined_note(room: RunRoom, posterior: Posterior) -> tuple[str, ...]:
+    """A note on lamps and parts that no reading determines; a meter's factor is nobody's aim."""
     names = [f"the flux of '{lamp.name}'" for lamp in room.lamps]
     names += [f"the reflectance of the {part}" for part in PARTS]
-    told = _told(posterior)[: len(names)]
-    left = [name for name, is_told in zip(names, told, strict=True) if not is_told]
+    determined = _determined(posterior)[: len(names)]
+    left = [name for name, is_determined in zip(names, determined, strict=True) if not is_determined]
     if not left:
         return ()
-    return (f"No reading tells {', '.join(left)}: what the run had stays. '--plan' shows where a reading would.",)
+    return (f"No reading determines {', '.join(left)}: what the run had stays. '--plan' shows where a reading would.",)
 
 
-def _told(posterior: Posterior) -> list[bool]:
+def _determined(posterior: Posterior) -> list[bool]:
+    """Of each unknown (lamps, parts, meters), whether the readings narrowed its prior."""
     before = np.sqrt(np.diag(posterior.prior))
-    return [bool(told) for told in posterior.sd <= TOLD * before]
+    return [bool(each) for each in posterior.sd <= MAX_SHARE_OF_PRIOR * before]

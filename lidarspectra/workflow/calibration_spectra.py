@@ -23,28 +23,28 @@ from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.calibration_light import RunRoom, TracedLight, weights_of
 from lidarspectra.workflow.calibration_readings import CHANNEL_SD, Readings
 
-MIN_CHANNELS = 4  # fewer tell a colour, not a spectrum
+MIN_CHANNELS = 4  # fewer determine a colour, not a spectrum
 ALIKE_SD = 0.1  # [1] of a channel between two lamps of one kind, and of walls' reflectance in it
 WEAK = 1e-2  # [1] of a row's strongest channel: a weaker one reads stray light and its neighbours
 STRAY = 1e-3  # [1] of a row's strongest channel, that every candidate has at least
 SAME = 1e-3  # [1] of the light in a channel, within which two spectra are one
-TOLD = 0.95  # [1] probability that it is not the run's own, from which another spectrum takes its place
+MIN_PROBABILITY = 0.95  # [1] that it is not the run's own, from which another spectrum takes its place
 SHOWN = 5  # candidates in the table
 OWN = "as in the run file"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SpectraTold:
-    """What readings tell of spectra.
+class FittedSpectra:
+    """The lamps' spectra that fit the readings best.
 
     Parameters
     ----------
     room : RunRoom
-        With the spectra that were told.
+        With the spectra that were found.
     names : dict of str to str
-        Spectrum by lamp of the run file, where another one was told.
+        Spectrum by lamp of the run file, where another one fits better.
     table : Table or None
-        The likeliest candidates; None where the readings cannot tell spectra.
+        The likeliest candidates; None where the readings do not determine spectra.
     notes : tuple of str
     """
 
@@ -54,7 +54,7 @@ class SpectraTold:
     notes: tuple[str, ...] = ()
 
 
-def spectra_told(room: RunRoom, readings: Readings, light: TracedLight, priors: Priors, scale: Scale) -> SpectraTold:
+def fit_spectra(room: RunRoom, readings: Readings, light: TracedLight, priors: Priors, scale: Scale) -> FittedSpectra:
     """Look the lamps' spectra up in the databases by readings of channels.
 
     Parameters
@@ -65,20 +65,20 @@ def spectra_told(room: RunRoom, readings: Readings, light: TracedLight, priors: 
         Of the readings' places, first of all.
     priors : Priors
     scale : str
-        Of the meter: where every channel or die has a factor of its own that is not known, spectra are not told.
+        Of the meter: where every channel or die has an unknown factor of its own, spectra are not identifiable.
     """
     candidates = {each.name: each.spectrum for each in list_lamps()}
     chosen = _usable(room, readings, candidates)
     channels = {readings.quantities[number] for number in chosen}
     if len(channels) < MIN_CHANNELS or scale not in ("none", "one"):
-        return SpectraTold(room=room, names={})
-    told, rows, notes = room, [], []
+        return FittedSpectra(room=room, names={})
+    fitted, rows, notes = room, [], []
     names: dict[str, str] = {}
     for group in _groups(room):
         label = ", ".join(room.lamps[index].name for index in group)
-        labels, models = [OWN], [_model(told, readings, light, chosen)]
+        labels, models = [OWN], [_model(fitted, readings, light, chosen)]
         for name, each in candidates.items():
-            model = _model(_with_spectrum(told, group, each), readings, light, chosen)
+            model = _model(_with_spectrum(fitted, group, each), readings, light, chosen)
             if not np.allclose(model.light, models[0].light, rtol=SAME, atol=0.0):  # else it is the run's own
                 labels.append(name)
                 models.append(model)
@@ -89,8 +89,8 @@ def spectra_told(room: RunRoom, readings: Readings, light: TracedLight, priors: 
         best = int(order[0])
         if found.fits[best] < STRANGE:
             notes.append(f"No spectrum of the databases explains the readings of {label}: the run's own stays.")
-        elif best > 0 and found.probability[0] <= 1.0 - TOLD:
-            told = _with_spectrum(told, group, candidates[labels[best]])
+        elif best > 0 and found.probability[0] <= 1.0 - MIN_PROBABILITY:
+            fitted = _with_spectrum(fitted, group, candidates[labels[best]])
             changed = [room.lamps[index].name for index in group if _may_change(room, room.lamps[index].name)]
             names |= dict.fromkeys(changed, labels[best])
             notes.append(_change_note(label, labels[best], float(found.probability[best]), len(changed) == len(group)))
@@ -108,7 +108,7 @@ def spectra_told(room: RunRoom, readings: Readings, light: TracedLight, priors: 
         frame=frame,
         formats={"probability [1]": ".3f", "fit [1]": ".2g"},
     )
-    return SpectraTold(room=told, names=names, table=table, notes=tuple(notes))
+    return FittedSpectra(room=fitted, names=names, table=table, notes=tuple(notes))
 
 
 def _change_note(label: str, name: str, probability: float, is_changed: bool) -> str:

@@ -19,9 +19,9 @@ from lidarspectra.progress import Progress, silent
 
 FRAMES_FILE = "frames.json"
 NOT_KEPT = ("position on Earth", "date and time", "device", "title", "EXIF")
-LOOSE_DEVIATION = 0.1  # [1] of a gain's logarithm, from which the user is told of drift
-CUT_M2 = 0.02  # [m²] cut at white in all frames, from which the user is told
-SEEN_SHARE = 0.9  # [1] of the area, below which the user is told
+LOOSE_DEVIATION = 0.1  # [1] of a gain's logarithm, from which a note warns of drift
+CUT_M2 = 0.02  # [m²] cut at white in all frames, from which a note says so
+SEEN_SHARE = 0.9  # [1] of the area, below which a note says so
 NONE_USED = (
     "No frame is left, so the scan keeps the colours of its mesh, if it has any. Scan so that every surface is in two "
     "frames or more, or export more frames."

@@ -81,7 +81,7 @@ class InitSummary:
 
     def lines(self) -> tuple[str, ...]:
         """The summary in plain lines, for the command line to show."""
-        # What is not certain is told with what to do about it here.
+        # What is not certain stands here with what to do about it.
         notes = [note for note in self.scan.notes if not note.startswith((UNIT_UNCERTAIN, AXIS_UNCERTAIN))]
         return (*self._findings(), *(f"note: {note}" for note in notes), *self._advice(), self._last())
 

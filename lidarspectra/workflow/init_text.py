@@ -107,7 +107,7 @@ def _heading(summary: InitSummary, file: str) -> Iterator[str]:
     length, width = room.extent_m
     yield f"# Run file for {toml_value(file)}, written by 'lidarspectra init'."
     yield "# Check it, edit what you know better, then: lidarspectra run THIS_FILE"
-    yield "# What is marked as assumed is told as such by notes, map and report, until you delete the mark."
+    yield "# Notes, map and report call what is marked assumed an assumption, until you delete the mark."
     yield "#"
     yield "# What was found, in metres, z up:"
     yield f"#   room      {length:.2f} x {width:.2f} m along its walls, {room.area_m2:.1f} m² of plan"

@@ -114,8 +114,8 @@ def unknowns_of_map(
     scan, part = clear.scan, surface_parts(scanned.scan, scanned.room)
     priors = priors_of_room(run_file, [lamp.name for lamp in lamps], materials, part, scan.areas)
     in_bands = levels_deviation(materials, part, scan.areas, bands.centers_nm)
-    told = told_by_readings(run_file.calibration, run, [lamp.name for lamp in lamps])
-    covariance, local_sd = told if isinstance(told, tuple) else (priors.covariance(), LOCAL_SD)
+    calibrated = calibrated_covariance(run_file.calibration, run, [lamp.name for lamp in lamps])
+    covariance, local_sd = calibrated if isinstance(calibrated, tuple) else (priors.covariance(), LOCAL_SD)
     own = levels_deviation(materials, part, scan.areas, np.array([REFERENCE_NM]))
     light = spectral_map(transport)["irradiance"].to_numpy()
     positions, normals = (
@@ -158,7 +158,7 @@ def reflected_effects(
     lamps : sequence of Lamp
         Clear of the scan.
     flux : (lamp, column) float
-        Of each lamp, in channels, or in whatever else light is told apart. [a unit of the column]
+        Of each lamp, in channels, or in whatever other quantities the light is given. [a unit of the column]
     reflectance : (material, column) float
         [0-1]
     positions, normals : (point, 3) float
@@ -250,7 +250,7 @@ def _relative_deviation(material: Material, at_nm: FloatArray) -> FloatArray:
     return np.where(value > 0, deviation / np.where(value > 0, value, 1.0), REFLECTANCE_SD)
 
 
-def told_by_readings(
+def calibrated_covariance(
     section: CalibrationSection | None, run: Path, lamps: Sequence[str]
 ) -> tuple[FloatArray, float] | str | None:
     """What the readings of a run's calibration left unknown.
@@ -266,7 +266,7 @@ def told_by_readings(
 
     Returns
     -------
-    told : (covariance, local_sd), str or None
+    calibrated : (covariance, local_sd), str or None
         (lamp + part, lamp + part) covariance of the logarithms, its rows as the map's lamps, and the model's own error
         [1]; why it does not hold for this map; None where the folder has none.
 
@@ -302,11 +302,11 @@ def told_by_readings(
 
 
 def lost_calibration_note(section: CalibrationSection | None, run: Path, lamps: Sequence[str]) -> tuple[str, ...]:
-    """A note where a calibration no longer holds for a map's uncertainty; parameters as of `told_by_readings`."""
-    told = told_by_readings(section, run, lamps)
-    if not isinstance(told, str):
+    """A note where a calibration no longer holds for a map's uncertainty; parameters as of `calibrated_covariance`."""
+    reason = calibrated_covariance(section, run, lamps)
+    if not isinstance(reason, str):
         return ()
     return (
-        f"The map's uncertainty is stated as if the run had no readings, since {told}. The factors of [calibration] "
+        f"The map's uncertainty is stated as if the run had no readings, since {reason}. The factors of [calibration] "
         "still hold; calibrate again for the smaller uncertainty.",
     )

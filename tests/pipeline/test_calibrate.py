@@ -71,7 +71,7 @@ def test_the_command_finds_what_was_wrong_and_the_run_goes_on_from_there(
     assert "calibrated by readings.csv" in again.stdout
     assert "as if the run had no readings" not in again.stdout + again.stderr
     page = (run.parent / "room.calibrated.run" / "7-report" / "index.html").read_text(encoding="utf-8")
-    for words in ("Calibration", "Chi-square is", "place 2 down", "told by the readings", "calibration.svg"):
+    for words in ("Calibration", "Chi-square is", "place 2 down", "determined by the readings", "calibration.svg"):
         assert words in page
     kept = ls.load_map(run / "6-map" / "map.nc")
     made = ls.load_map(run.parent / "room.calibrated.run" / "6-map" / "map.nc")

@@ -20,7 +20,7 @@ from scipy.stats import theilslopes
 from lidarspectra.hardware.incoming.arrivals import Arrival
 
 STRETCH_S = 60.0  # [s] of which the smallest delay is kept
-MIN_STRETCHES = 10  # from which on a rate is told
+MIN_STRETCHES = 10  # for a rate to be stated
 MAX_STRETCHES = 1500  # of a node: a day and an hour; older ones are thinned to every second
 GAP_PERIODS = 3.0  # [1] times the usual interval: a gap
 

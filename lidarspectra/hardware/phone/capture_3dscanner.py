@@ -1,7 +1,7 @@
 """Frames of 3D Scanner App, its export "All data": `frame_N.jpg`, `frame_N.json`, `depth_N.png`, `conf_N.png`.
 
 The pose is ARKit's (`cameraPoseARFrame`, row-major, camera to world, y up, looking along -z), the mesh `export.obj` in
-the same axes. `exposureDuration` is told, the ISO is not, so that the exposure is not known.
+the same axes. `exposureDuration` is exported, the ISO is not, so that the exposure is not known.
 """
 
 import re

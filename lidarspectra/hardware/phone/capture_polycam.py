@@ -1,7 +1,7 @@
 """Frames of Polycam, its raw data: `keyframes/images`, `cameras`, `depth`, `confidence`, and `raw.glb`.
 
 Poses are ARKit's (rows `t_00` ... `t_23`), after loop closure in `corrected_cameras`, whose pictures are undistorted
-in `corrected_images`. Exposure time and ISO, where they are told, stand in `cameras` alone. The mesh `raw.glb` is
+in `corrected_images`. Exposure time and ISO, where they are exported, stand in `cameras` alone. The mesh `raw.glb` is
 turned by `alignmentTransform` of `mesh_info.json` (column-major); here the poses are turned with it, so that the scan
 has the axes of the GLB export.
 

@@ -35,7 +35,7 @@ def value_rows(text: str, path: Path, *, renamed: dict[str, str] | None = None) 
     Raises
     ------
     ReadingError
-        If no sensor has six channels, or values are not to be told.
+        If no sensor has six channels, or values cannot be read.
     """
     table = table_of(text, renamed)
     if table is None or channels_of(table.names):
@@ -47,8 +47,8 @@ def value_rows(text: str, path: Path, *, renamed: dict[str, str] | None = None) 
     if series is None or value is None or time is None:
         return None
     keeps_state = series.lower() == "entity_id"
-    told, left_out = _rows_of_channels(table, series)
-    if not told:
+    channels, left_out = _rows_of_channels(table, series)
+    if not channels:
         raise ReadingError(
             expected="series that name channels, as 'sensor.desk_410nm'",
             found=", ".join(sorted(set(table.column(series)))[:8]),
@@ -62,7 +62,7 @@ def value_rows(text: str, path: Path, *, renamed: dict[str, str] | None = None) 
         "layout": "Home Assistant's history" if keeps_state else "a row for each value",
         "order_said_by": f"log: its column '{series}'",
     }
-    readings, few = _readings(told, times, values, keeps_state=keeps_state)
+    readings, few = _readings(channels, times, values, keeps_state=keeps_state)
     if readings is None:
         raise ReadingError(
             expected=f"{MIN_CHANNELS} channels of a sensor or more", found=", ".join(few), where=str(path)
@@ -77,7 +77,7 @@ def _rows_of_channels(table: LogTable, series: str) -> tuple[dict[int, ChannelCo
     by_row = sensor_column([name for name in table.names if name != series])
     ids = table.column(by_row) if by_row is not None else None
     known = {name: channel_column(_bare(name)) for name in set(table.column(series))}
-    told: dict[int, ChannelColumn] = {}
+    channels: dict[int, ChannelColumn] = {}
     left_out: dict[str, int] = {}
     for number, name in enumerate(table.column(series)):
         column = known[name]
@@ -85,8 +85,8 @@ def _rows_of_channels(table: LogTable, series: str) -> tuple[dict[int, ChannelCo
             left_out[name] = left_out.get(name, 0) + 1
             continue
         sensor = "/".join(filter(None, (ids[number] if ids is not None else "", column.sensor)))
-        told[number] = ChannelColumn(sensor=sensor, family=column.family, letter=column.letter)
-    return told, left_out
+        channels[number] = ChannelColumn(sensor=sensor, family=column.family, letter=column.letter)
+    return channels, left_out
 
 
 def _bare(name: str) -> str:
@@ -95,26 +95,26 @@ def _bare(name: str) -> str:
 
 
 def _readings(
-    told: dict[int, ChannelColumn], times: np.ndarray, values: np.ndarray, *, keeps_state: bool
+    channels: dict[int, ChannelColumn], times: np.ndarray, values: np.ndarray, *, keeps_state: bool
 ) -> tuple[xr.Dataset | None, list[str]]:
     """Readings of all sensors in order of time, and the sensors with too few channels."""
     rows_of: dict[str, list[int]] = {}
-    for number, column in told.items():
+    for number, column in channels.items():
         if np.isfinite(times[number]):
             rows_of.setdefault(column.sensor, []).append(number)
     parts, few = [], []
     for sensor, rows in rows_of.items():
-        if len({told[number].letter for number in rows}) < MIN_CHANNELS:
+        if len({channels[number].letter for number in rows}) < MIN_CHANNELS:
             few.append(sensor or "(no name)")
             continue
         rows.sort(key=lambda number: times[number])
-        moments, table = _grouped([(times[row], told[row].letter, values[row]) for row in rows], keeps_state)
+        moments, table = _grouped([(times[row], channels[row].letter, values[row]) for row in rows], keeps_state)
         parts.append((sensor, moments, table))
     if not parts:
         return None, few
     together = np.concatenate([table for _, _, table in parts])
     known = together[np.isfinite(together)]
-    families = {column.family for column in told.values()}
+    families = {column.family for column in channels.values()}
     are_counts = families == {"count"} or (families == {"plain"} and np.array_equal(known, np.rint(known)))
     masked, flags = mask_counts(together) if are_counts else mask_module_values(together)
     moments = np.concatenate([moments for _, moments, _ in parts])

@@ -49,7 +49,7 @@ def headed_table(
     Raises
     ------
     ReadingError
-        If columns come twice, or numbers or times are not to be told.
+        If columns come twice, or numbers or times cannot be read.
     """
     table = table_of(text, renamed)
     if table is None:

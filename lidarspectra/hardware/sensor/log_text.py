@@ -171,7 +171,7 @@ def numbers(cells: Sequence[str], *, name: str, delimiter: str = ",") -> tuple[F
     Raises
     ------
     ReadingError
-        If both decimal signs come, or numbers are not to be told from words or thousands.
+        If both decimal signs come, or numbers cannot be distinguished from words or thousands.
     """
     given = pd.Series(list(cells), dtype=object)
     values = np.array(pd.to_numeric(given, errors="coerce"), dtype=np.float64)
@@ -221,15 +221,15 @@ def _require_one_sign(commas: list[str], cells: Sequence[str], name: str, delimi
 
 def _header_line(lines: Sequence[str]) -> tuple[int, str] | None:
     """Number of the line that names columns, and its delimiter."""
-    told: str | None = None
+    stated: str | None = None
     for number, line in enumerate(lines[:MAX_PREAMBLE_LINES]):
         words = line.strip()
-        if words.lower().startswith("sep=") and len(words) == 5:  # what spreadsheets are told
-            told = words[4]
+        if words.lower().startswith("sep=") and len(words) == 5:  # a hint for spreadsheets
+            stated = words[4]
             continue
         if not words or words.startswith("#"):
             continue
-        delimiter = told or max(DELIMITERS, key=lambda mark: len(next(csv.reader([line], delimiter=mark), [])))
+        delimiter = stated or max(DELIMITERS, key=lambda mark: len(next(csv.reader([line], delimiter=mark), [])))
         fields = [field.strip() for field in next(csv.reader([line], delimiter=delimiter), [])]
         named = [field for field in fields if field]
         if len(named) >= 2 and not any(_is_number(field) for field in named):

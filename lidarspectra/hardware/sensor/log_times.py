@@ -68,7 +68,7 @@ def parse_times(cells: Sequence[str], *, name: str, unit: str | None = None) -> 
     Raises
     ------
     ReadingError
-        If day and month cannot be told apart.
+        If day and month cannot be distinguished.
     """
     values = np.array([_number(cell) for cell in cells])
     known = values[np.isfinite(values)]
@@ -114,7 +114,7 @@ def _numeric_dates(cells: Sequence[str], name: str) -> FloatArray:
     has_points = dates[0][2] == "."  # German and its neighbours: always day first
     if not has_points and first <= 12 and second <= 12:
         raise ReadingError(
-            expected="dates in which day and month can be told apart, best as 2023-04-20 14:36:08",
+            expected="dates in which day and month can be distinguished, best as 2023-04-20 14:36:08",
             found=f"'{dates[0].group()}'",
             where=f"column '{name}'",
             todo="Write the times again with the year first.",

@@ -119,7 +119,7 @@ class AtModule:
     def __init__(self, light: Light = office_light, *, seed: int = 0) -> None:
         self._light, self._seed = light, seed
         self._out: list[tuple[float, Message]] = []
-        self._told = 0
+        self._sent = 0
         self.nan_channels: tuple[int, ...] = ()
         """Channels (by wavelength) whose calibrated value is NaN."""
         self.restart(0.0)
@@ -162,9 +162,9 @@ class AtModule:
             return (self._set(name, value), None)
         if name == "ATDATA":
             counts = sensor.counts(now_s)
-            self._told += 1
+            self._sent += 1
             sent = [counts[i] for i in _ORDER_UART]
-            return " ".join(map(str, sent)) + " OK", ("data", self._told, tuple(counts), sensor.gain_code, sensor.steps)
+            return " ".join(map(str, sent)) + " OK", ("data", self._sent, tuple(counts), sensor.gain_code, sensor.steps)
         if name == "ATCDATA":
             values = sensor.module_values(sensor.counts(now_s))
             words = ["nan" if i in self.nan_channels else f"{values[i]:.2f}" for i in _ORDER_UART]
@@ -346,7 +346,7 @@ class SparkfunBoard:
         self._has_header = header
         self._sensor = _Sensor(light, seed)
         self._sensor.gain_code, self._sensor.steps = 3, 50
-        self._told = 0
+        self._sent = 0
         self.restart(0.0)
 
     def restart(self, now_s: float) -> None:
@@ -382,7 +382,7 @@ class SparkfunBoard:
             i = ASCENDING_LETTERS.index(letter)
             value = "ovf" if module[i] > 4294967040 else f"{module[i]:.2f}"  # as Arduino's Print does
             words.append(str(counts[i]) if self._whole_numbers else value)
-        self._told += 1
+        self._sent += 1
         row = ",".join(words) + ","
         values = tuple(counts) if self._whole_numbers else tuple(module)
-        return Message((row + "\r\n").encode("ascii"), ("row", self._told, values))
+        return Message((row + "\r\n").encode("ascii"), ("row", self._sent, values))

@@ -1,1 +1,1 @@
-"""Lamp fluxes, reflectances and meter factors told by a few readings."""
+"""Lamp fluxes, reflectances and meter factors from a few readings."""

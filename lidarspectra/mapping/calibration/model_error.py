@@ -1,4 +1,4 @@
-"""The posterior where the size of the model's own error is not known, but told by how badly the readings fit.
+"""The posterior where the size of the model's own error is not known, but estimated from how badly the readings fit.
 
 What the scan lacks, gloss, and lamps of another type leave residuals that no factor explains. Their size has a
 log-normal prior; the posterior is the mean over sizes, each weighed by how likely it makes the readings (Laplace's

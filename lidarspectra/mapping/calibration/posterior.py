@@ -20,7 +20,7 @@ STRANGE = 0.001  # [1] a row whose deviation from what the others tell is less l
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Posterior:
-    """What the readings tell.
+    """The posterior of fluxes, reflectances and meter factors, given the readings.
 
     Parameters
     ----------
@@ -149,12 +149,14 @@ def disagreement(model: LightModel, readings: Observations, priors: Priors) -> F
     lamps, parts = priors.flux_sd.size, priors.parts
     for place, row in enumerate(rows):
         others, own = readings.without(int(row)), np.flatnonzero(readings.row == row)
-        told = fit(model.some(others), readings.some(others), priors)
+        without = fit(model.some(others), readings.some(others), priors)
         light = model.some(own)
         meters = np.eye(priors.meter_sd.size)[readings.meter[own]]
-        expected = np.log(light.at(told.flux, told.reflectance).sum(axis=1)) + meters @ told.unknowns[lamps + parts :]
-        gradient = np.concatenate([light.gradient(told.flux, told.reflectance), meters], axis=1)
-        spread = gradient @ told.covariance @ gradient.T + priors.noise(readings.some(own))
+        expected = (
+            np.log(light.at(without.flux, without.reflectance).sum(axis=1)) + meters @ without.unknowns[lamps + parts :]
+        )
+        gradient = np.concatenate([light.gradient(without.flux, without.reflectance), meters], axis=1)
+        spread = gradient @ without.covariance @ gradient.T + priors.noise(readings.some(own))
         off = np.log(readings.value[own]) - expected
         probability[place] = chdtrc(own.size, float(off @ np.linalg.solve(spread, off)))
     return probability

@@ -15,7 +15,7 @@ from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.furniture import furniture_outlines
 from lidarspectra.room.room import Room
 
-AIR_ACROSS = 100  # cells on the longer side in which air is told from what is solid
+AIR_ACROSS = 100  # cells on the longer side in which air and solids are distinguished
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -105,18 +105,18 @@ def mark_assumed(spectral_map: xr.Dataset, assumptions: Assumptions) -> xr.Datas
         SPECTRUM: assumptions.spectra,
         SCAN: assumptions.scan,
     }
-    told = {name: list(values) for name, values in parts.items() if values}
-    return spectral_map.assign_attrs({ASSUMED: json.dumps(told, ensure_ascii=False)})
+    stated = {name: list(values) for name, values in parts.items() if values}
+    return spectral_map.assign_attrs({ASSUMED: json.dumps(stated, ensure_ascii=False)})
 
 
 def assumptions_of(spectral_map: xr.Dataset) -> Assumptions:
     """What a map says that it assumes; nothing where it does not say, as maps of measured light."""
     try:
-        told: Any = json.loads(spectral_map.attrs.get(ASSUMED, "{}"))
+        stated: Any = json.loads(spectral_map.attrs.get(ASSUMED, "{}"))
     except (TypeError, ValueError):
-        told = {}
-    told = told if isinstance(told, Mapping) else {}
-    lamps, fluxes, spectra, scan = (_names(told.get(name)) for name in (*OF_LAMP, SCAN))
+        stated = {}
+    stated = stated if isinstance(stated, Mapping) else {}
+    lamps, fluxes, spectra, scan = (_names(stated.get(name)) for name in (*OF_LAMP, SCAN))
     guesses = tuple(each for each in scan if each in OF_SCAN)
     return Assumptions(lamps=lamps, fluxes=fluxes, spectra=spectra, scan=guesses)
 

@@ -79,7 +79,7 @@ class Deviations:
     total : (point, number) float
         In the light's unit.
     by_cause : dict of str to (point, number) float
-        Each cause's own; lamps and reflectances may cancel in the total where readings told their product.
+        Each cause's own; lamps and reflectances may cancel in the total where readings determined their product only.
     """
 
     total: FloatArray

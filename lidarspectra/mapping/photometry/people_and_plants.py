@@ -83,8 +83,8 @@ def light_at_points(
         if method == "learned":
             value, error = light.irradiance @ estimate.weights, light.irradiance_se @ np.abs(estimate.weights)
         about = {"units": quantity.unit, "long_name": quantity.words}
-        told = {"channel_error_percent": 100.0 * estimate.percentile(95.0)}
-        variables[quantity.name] = ("point", value, {**about, **told})
+        attributes = {"channel_error_percent": 100.0 * estimate.percentile(95.0)}
+        variables[quantity.name] = ("point", value, {**about, **attributes})
         variables[quantity.name + "_se"] = ("point", error, {**about, "long_name": f"standard error, {quantity.words}"})
     for name, values in _colors(light, kept_points(places), rendering, progress).items():
         words, unit = COLOR_COLUMNS[name]

@@ -87,15 +87,15 @@ def predict_ahead(
     first = {name: values[:split] for name, values in more.items()}
     fit = fit_cell(light[:split], cell[:split], wavelengths_nm, known, extras=first)
     later, truth = light[split:], cell[split:]
-    told, error = fit.counts(later, {name: values[split:] for name, values in more.items()})
+    predicted, error = fit.counts(later, {name: values[split:] for name, values in more.items()})
     scaled = fit.response.scale * (later @ (known * wavelengths_nm))
     return AheadOfTime(
         fit=fit,
-        fitted_percent=_mape(told, truth),
+        fitted_percent=_mape(predicted, truth),
         known_percent=_mape(scaled, truth),
         constant_percent=_mape(np.full(truth.shape, cell[:split].mean()), truth),
         stated_percent=100.0 * float(np.mean(error / truth)),
-        within_percent=100.0 * float(np.mean(np.abs(told - truth) <= 2.0 * error)),
+        within_percent=100.0 * float(np.mean(np.abs(predicted - truth) <= 2.0 * error)),
         outside_percent=100.0 * float(fit.outside(later).mean()),
         earlier=split,
         later=truth.size,

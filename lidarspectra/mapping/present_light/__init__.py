@@ -1,1 +1,1 @@
-"""The light of now: states of lamps and daylight told by fixed sensors, the map under them, and whether it fits."""
+"""The light of now: states of lamps and daylight inferred from fixed sensors, the map under them, and its fit."""

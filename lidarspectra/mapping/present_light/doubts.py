@@ -121,21 +121,21 @@ def alarm_sentences(
             "Furniture may have moved, a blind may be drawn, or the lamps are not those of the run: look at the room, "
             "and run it or calibrate it again if it has changed.",
         )
-    told = [f"The readings contradict the run ({misfit})."]
+    doubts = [f"The readings contradict the run ({misfit})."]
     for suspect in found:
-        told.append(
+        doubts.append(
             _of_sensor(sensors[suspect.index], suspect.share)
             if suspect.kind == "sensor"
             else _of_lamp(lamps[suspect.index], suspect.share)
         )
     if len(found) == 1:
-        told.append("The map of now goes without it.")
+        doubts.append("The map of now goes without it.")
     else:
-        told.append(
+        doubts.append(
             f"Each of these {len(found)} explains the readings alone, and they cannot tell which it is: look at each, "
             "or add a sensor."
         )
-    return tuple(told)
+    return tuple(doubts)
 
 
 def _of_sensor(name: str, share: float) -> str:

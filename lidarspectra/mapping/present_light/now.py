@@ -99,7 +99,7 @@ class PresentAnswer:
 
 
 class PresentLight:
-    """The light of now, told by the latest reading of every fixed sensor.
+    """The light of now, inferred from the latest reading of every fixed sensor.
 
     Parameters
     ----------

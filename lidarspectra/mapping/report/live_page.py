@@ -85,7 +85,7 @@ class LiveView:
                 strict=True,
             )
         ]
-        told = {
+        fields = {
             "time": answer.time_s,
             "last": last_s,
             "chi_square": states.chi_square,
@@ -107,7 +107,7 @@ class LiveView:
                 "lamps": _named(alarm.suspects, "lamp", room.lamps),
             },
         }
-        return _json(told)
+        return _json(fields)
 
     def _sensor(self, answer: PresentAnswer, index: int) -> dict[str, Any]:
         own = (self.room.model.sensor == index) & np.isfinite(answer.read)

@@ -66,8 +66,8 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
         ("Time and memory", 0.0, lambda: parts.time_section(report, writer)),
     )
     sections = []
-    *told, joining = shares(progress, [*(share for _, share, _ in makers), ROOM_SHARE])
-    for (title, _, make), tell in zip(makers, told, strict=True):
+    *listeners, joining = shares(progress, [*(share for _, share, _ in makers), ROOM_SHARE])
+    for (title, _, make), tell in zip(makers, listeners, strict=True):
         tell(0.0, title.lower())
         content = make()
         if content:

@@ -98,8 +98,8 @@ def facts(entries: Sequence[Fact]) -> str:
 
 
 def _fact(entry: Fact) -> str:
-    told = {"fact": entry.fact, "key": entry.key, "number": f"{entry.number:.9g}", "unit": entry.unit}
-    data = "".join(f' data-{name}="{words(value)}"' for name, value in told.items()) if entry.fact else ""
+    fields = {"fact": entry.fact, "key": entry.key, "number": f"{entry.number:.9g}", "unit": entry.unit}
+    data = "".join(f' data-{name}="{words(value)}"' for name, value in fields.items()) if entry.fact else ""
     name = f'<a href="#{words(entry.link)}">{words(entry.name)}</a>' if entry.link else words(entry.name)
     value, remark = f'<span class="value">{words(entry.value)}</span>', f"<small>{words(entry.remark)}</small>"
     return f"<div{data}><dt>{name}</dt><dd>{value}{remark}</dd></div>"

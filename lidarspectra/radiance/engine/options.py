@@ -134,7 +134,7 @@ class PassOptions:
     lamp_count : int
         Lamps in the whole scene.
     bins : int
-        Parts by which light of each modifier is told apart; 0 where it is not.
+        Parts by which light of each modifier is binned; 0 where it is not.
     bins_file : str
         Function file with `BIN`, the number of a ray's part.
     """

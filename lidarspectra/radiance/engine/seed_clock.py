@@ -2,7 +2,7 @@
 
 With `-u+` Radiance seeds its random numbers by the clock of the machine that it runs on, in whole seconds, and there is
 no other way in. Two jobs that start in one second have the same numbers. Between machines whose clocks differ that can
-happen long after: so every job tells the seconds of its own machine's clock, and a later one is told which to avoid.
+happen long after: so every job returns the seconds of its own machine's clock, and later ones get those to avoid.
 """
 
 import time

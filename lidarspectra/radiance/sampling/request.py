@@ -11,7 +11,7 @@ from lidarspectra.radiance.sampling.arrivals import Surfaces
 from lidarspectra.radiance.sampling.receptors import Receptor
 from lidarspectra.radiance.sampling.samplers import DIRECT, Sampler, samplers_of
 
-PATCHES_FIRST = (89, 987)  # as `first_round_sizes`, where light is told apart by patches of the sky: the target is
+PATCHES_FIRST = (89, 987)  # as `first_round_sizes`, where light is binned by patches of the sky: the target is
 # that of the whole sky's light, but the sun's comes from a few patches, whose noise this brings from 8 to 5 %
 
 

@@ -14,7 +14,7 @@ from lidarspectra.room.free_space import sphere_directions
 DIRECTION_COUNT = 96  # rays from each place on a lamp
 GRAZING = 0.1  # cosine of directions so flat along a lamp that they do not count
 ROUND_OFF_M = 1e-3  # [m] tolerance, so that a lamp exactly at the scan's bounds draws no note
-MAX_HIDDEN_SHARE = 0.01  # [1] share of a lamp's light behind near surfaces, above which the user is told
+MAX_HIDDEN_SHARE = 0.01  # [1] share of a lamp's light behind near surfaces, above which a note says so
 MAX_BACK_SHARE = 0.5  # [1] share of rays that must meet the back of a surface for a lamp to count as behind it
 MAX_NAMED = 6  # lamps named in one note
 FAULTS = {

@@ -47,7 +47,7 @@ class ScenePass:
     has_glass : bool
         Whether there are panes of glass, for which it has two more octrees (`pane_text`).
     bins_file : str
-        Function file by which light is told apart by the direction that it comes from (`sky_patches`): the lamps are
+        Function file by which light is binned by the direction that it comes from (`sky_patches`): the lamps are
         then patches of the sky, all of one modifier. Empty where each lamp is a modifier of its own.
     """
 

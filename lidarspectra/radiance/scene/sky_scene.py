@@ -160,7 +160,7 @@ def _of_patches(
     radiance: FloatArray,
     even: FloatArray,
 ) -> RadianceScene:
-    """The scene with patches for lamps: what the windows' passes light, told apart by direction."""
+    """The scene with patches for lamps: what the windows' passes light, binned by direction."""
     slots = scene.slots.bands
     of_windows = set(range(len(panes)))
     passes = tuple(

@@ -38,7 +38,7 @@ class CellsBeside:
         self._path = folder / CELLS_FILE
         self._file: IO[str] | None = None
         self._fits: dict[str, list[SavedFit]] = {}
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         for words in cells:
             name, _, sensor = words.rpartition("@")
             if sensor not in sensors or not name:
@@ -74,8 +74,8 @@ class CellsBeside:
                 ampere = [f"{(count - dark) * each:.6g}", f"{spread * each:.6g}"]
             cells = [f"{arrival.unix_s:.3f}", arrival.sensor, saved.name, f"{count:.6g}", f"{spread:.6g}", *ampere]
             self._write(",".join([*cells, str(int(outside))]))
-            if outside and saved.name not in self._told:
-                self._told.add(saved.name)
+            if outside and saved.name not in self._reported:
+                self._reported.add(saved.name)
                 text = (
                     f"The light lies outside what the fit of '{saved.name}' was made on: its current and error hold "
                     "less. Renew it with a few readings ('cells fit --renew')."

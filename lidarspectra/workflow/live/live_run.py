@@ -47,7 +47,7 @@ def present_light(
     workers: int | None = None,
     progress: Progress = silent,
 ) -> PresentLight:
-    """The light of now in a finished run, to be told the readings of its fixed sensors.
+    """The light of now in a finished run, updated with the readings of its fixed sensors.
 
     Parameters
     ----------

@@ -178,17 +178,17 @@ def _weights(response: Spectrum, lamps: Sequence[Lamp], bands: BandSet) -> Float
 
 def _knowledge(run: Path, lamps: Sequence[Lamp]) -> LampKnowledge:
     room = run_room(run)
-    told = _told_deviations(run / UNKNOWNS)
+    determined = _determined_deviations(run / UNKNOWNS)
     prior = dict(zip((lamp.name for lamp in room.lamps), priors_of(room, np.zeros(0)).flux_sd, strict=True))
     dims = {lamp.name: lamp.dim for lamp in room.run_file.lamps}
     return LampKnowledge(
-        flux_sd=np.array([told.get(lamp.name, prior[lamp.name]) for lamp in lamps]),
+        flux_sd=np.array([determined.get(lamp.name, prior[lamp.name]) for lamp in lamps]),
         full=np.array([1.0 / dims.get(lamp.name, 1.0) for lamp in lamps]),
         is_daylight=np.array([lamp.shape.word in DAYLIGHT for lamp in lamps]),
     )
 
 
-def _told_deviations(table: Path) -> dict[str, float]:
+def _determined_deviations(table: Path) -> dict[str, float]:
     """Relative deviation of each lamp's flux after a calibration, where the run has one."""
     if not table.is_file():
         return {}

@@ -52,7 +52,7 @@ class SensorSection(Section):
     value: str | None = None
     """Value template; None where the payload is the number. The word CHANNEL in it stands for each channel's label."""
     time: str | None = None
-    """Value template of the node's own clock in the same payload, in seconds from any origin: its drift is told."""
+    """Value template of the node's own clock in the same payload, in seconds from any origin: its drift is reported."""
     quantity: Quantity | None = None
     unit: Literal["W/m2/nm", "uW/cm2"] = "W/m2/nm"
     """Of channels that come by MQTT."""

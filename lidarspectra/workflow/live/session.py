@@ -30,7 +30,7 @@ class LiveSession:
     factors : mapping of str to float
         On the readings of a sensor, by name; 1 where it is not named. [1]
     beside : callable
-        Takes every reading of a sensor, too: what is told from a sensor alone, such as a cell's current.
+        Takes every reading of a sensor, too: what follows from a sensor alone, such as a cell's current.
     """
 
     def __init__(

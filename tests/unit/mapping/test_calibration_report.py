@@ -25,7 +25,9 @@ def folder(tmp_path: Path) -> Path:
     """Tables as `save_calibration` writes them."""
     place = {"x [m]": [1.0, 1.0, 3.0], "y [m]": [1.0, 1.0, 2.0], "z [m]": [0.8, 0.8, 0.8]}
     unknowns = {"factor on": ["lamp flux", "reflectance"], "name": ["panel", "walls"], "factor [1]": [1.2, 1.0]}
-    pd.DataFrame({**unknowns, "told by the readings": ["yes", "no"]}).to_csv(tmp_path / "unknowns.csv", index=False)
+    pd.DataFrame({**unknowns, "determined by the readings": ["yes", "no"]}).to_csv(
+        tmp_path / "unknowns.csv", index=False
+    )
     readings = {"reading": ["a", "b", "c"], **place, "off before [%]": 9.0, "probability [1]": 0.5}
     pd.DataFrame(readings).to_csv(tmp_path / "readings.csv", index=False)
     light = {"before [lx]": [400.0, 400.0, 90.0], "after [lx]": [480.0, 480.0, 110.0]}
@@ -38,12 +40,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_section_says_what_was_told_and_what_was_not(folder: Path) -> None:
+def test_the_section_says_what_was_determined_and_what_was_not(folder: Path) -> None:
     (section,) = calibration_sections(SECTION, folder, PLAN)
     words = " ".join(section.words)
     assert "16.0 % before, 3.4 % after" in words
     assert "Chi-square is 4.2 of 3 numbers" in words
-    assert "No reading told walls" in words
+    assert "No reading determines walls" in words
     assert "Look at that place." in words
     assert [table.name for table in section.tables] == ["calibration-factors", "calibration-readings"]
     assert len(section.figures) == 1

@@ -9,7 +9,7 @@ import pytest
 from lidarspectra.config import CalibrationSection
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.room.surface_parts import PARTS
-from lidarspectra.workflow.unknowns_of_run import lost_calibration_note, told_by_readings
+from lidarspectra.workflow.unknowns_of_run import calibrated_covariance, lost_calibration_note
 
 SECTION = CalibrationSection(lamps={"known": 1.1, "unknown": 0.9})
 VARIANCE = [0.01, 0.4, *(0.07 + 0.01 * number for number in range(len(PARTS)))]
@@ -29,7 +29,7 @@ def run_folder(folder: Path, **changed: object) -> Path:
 def test_lamps_in_another_order_keep_their_own_variance(tmp_path: Path) -> None:
     run = run_folder(tmp_path)
     for names, expected in ((["known", "unknown"], [0.01, 0.4]), (["unknown", "known"], [0.4, 0.01])):
-        told = told_by_readings(SECTION, run, names)
+        told = calibrated_covariance(SECTION, run, names)
         assert isinstance(told, tuple)
         assert np.diag(told[0]).tolist() == [*expected, *VARIANCE[2:]]
         assert told[1] == 0.02
@@ -59,4 +59,4 @@ def test_factors_changed_by_hand_and_files_of_earlier_versions_are_told(tmp_path
 def test_a_damaged_covariance_is_refused(tmp_path: Path) -> None:
     run = run_folder(tmp_path, covariance=[[0.1]])
     with pytest.raises(WorkspaceError, match="calibrate"):
-        told_by_readings(SECTION, run, ["known", "unknown"])
+        calibrated_covariance(SECTION, run, ["known", "unknown"])

@@ -123,11 +123,11 @@
     if (lamp !== undefined) element("live-point").textContent = `Lamp ${room.lamps[lamp].name}`;
     else if (point === undefined) element("live-point").textContent = "Point at a dot of the map for its light.";
     else {
-      const told = about.quantities.map(({ words, unit: each }, quantity) => {
+      const readouts = about.quantities.map(({ words, unit: each }, quantity) => {
         const [value, sd] = [state.now.map.value, state.now.map.sd].map((array) => array[quantity * count + point]);
         return `${words} ${digits(value)} ± ${digits(sd, 2)} ${each}`;
       });
-      element("live-point").textContent = `Point ${points.numbers[point]}: ${told.join(", ")}`;
+      element("live-point").textContent = `Point ${points.numbers[point]}: ${readouts.join(", ")}`;
     }
   }
 

@@ -133,7 +133,7 @@ class RoomLight {
     return pairs;
   }
 
-  /** Set the lamps by such pairs; what does not fit this room is left out, and told. */
+  /** Set the lamps by such pairs; what does not fit this room is left out, and named. */
   apply(pairs) {
     this.reset();
     const wrong = [];
