@@ -74,3 +74,30 @@ def surface_samples(scan: Scan, *, spacing_m: float) -> SurfaceSamples:
         barycentric=np.concatenate(barycentric),
         area=np.concatenate(area),
     )
+
+
+def coarse_cells(samples: SurfaceSamples, spacing_m: float) -> tuple[IntArray, IntArray]:
+    """Sort samples into cubes, apart by the axis that their surfaces face most: the cells of a coarse mesh.
+
+    Parameters
+    ----------
+    samples : SurfaceSamples
+    spacing_m : float
+        Edge of the cubes. [m]
+
+    Returns
+    -------
+    cell : (sample,) int
+        Which cell each is of.
+    first : (cell,) int
+        A sample of each.
+    """
+    own = np.arange(samples.area.size)
+    axis = np.abs(samples.normals).argmax(axis=1)
+    side = 2 * axis + (samples.normals[own, axis] > 0)
+    cube = np.floor(samples.positions / spacing_m).astype(np.int64)
+    cube -= cube.min(axis=0, initial=0)
+    extent = cube.max(axis=0, initial=0) + 1
+    key = ((side * extent[0] + cube[:, 0]) * extent[1] + cube[:, 1]) * extent[2] + cube[:, 2]
+    _, first, cell = np.unique(key, return_index=True, return_inverse=True)
+    return cell.reshape(-1), first

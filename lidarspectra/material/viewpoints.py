@@ -26,7 +26,7 @@ from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.projection import DIRECTIONS, Camera, camera_towards, project
-from lidarspectra.material.surface_samples import SurfaceSamples, surface_samples
+from lidarspectra.material.surface_samples import SurfaceSamples, coarse_cells, surface_samples
 from lidarspectra.material.views import View, ViewSet, capture_image
 from lidarspectra.progress import Progress, silent
 from lidarspectra.room.free_space import FreeSpace
@@ -39,6 +39,8 @@ CLEARANCE_M = 0.15  # [m] a camera so close to a surface sees little else
 MAX_CANDIDATES = 240  # bounds the time of the search
 MAX_OF_NEW = 0.8  # [1] of the new area that a viewpoint sees, above which no further direction is rendered
 FIRST_SHARE = 0.5  # of the time: the search made ready, and all six views of the first viewpoint
+SEARCH_SPACING_M = 0.12  # [m] of the places by which candidates are compared; coverage itself is counted by all samples
+SIGHT_LINES_AT_ONCE = 500_000  # bounds memory
 SURFACE_GAP = 1e-3  # [1] of a sight line, left out at the surface so that a sample does not hide itself
 
 
@@ -188,7 +190,10 @@ def _rendering(cores: int) -> Iterator[Callable[[Callable[[], View]], Callable[[
 
 
 class _Search:
-    """What every candidate sees of what v0 left unseen, cast once and asked at every Viewpoint Update."""
+    """What every candidate sees of what v0 left unseen, cast once and asked at every Viewpoint Update.
+
+    Candidates are compared on a coarse mesh: a cell is taken for seen from where one place in it is.
+    """
 
     def __init__(
         self, samples: SurfaceSamples, candidates: FloatArray, caster: RayCaster, settings: ViewSettings
@@ -196,6 +201,7 @@ class _Search:
         self._samples, self._candidates, self._caster, self._settings = samples, candidates, caster, settings
         self._total = float(samples.area.sum())
         self._open: IntArray | None = None
+        self._cell: IntArray = np.zeros(0, dtype=np.int64)
         self._sees: BoolArray = np.zeros((0, 0), dtype=np.bool_)
         self._missing: int | None = None
 
@@ -207,10 +213,17 @@ class _Search:
         """Candidate that sees the most uncovered area, and what share of all area that is."""
         if self._open is None:
             self._open = np.flatnonzero(~covered)
-            self._sees = visible(self._samples.some(self._open), self._candidates, self._caster, self._settings)
-        new_area = self._sees @ (self._samples.area[self._open] * ~covered[self._open])
+            unseen = self._samples.some(self._open)
+            self._cell, first = coarse_cells(unseen, SEARCH_SPACING_M)
+            self._sees = visible(unseen.some(first), self._candidates, self._caster, self._settings)
+        new_area = self._sees @ self._open_area(covered)
         best = int(new_area.argmax())
         return self._candidates[best], float(new_area[best]) / self._total
+
+    def _open_area(self, covered: BoolArray) -> FloatArray:
+        """(cell,) area of each that is not covered [m²]."""
+        area = self._samples.area[self._open] * ~covered[self._open]
+        return np.bincount(self._cell, weights=area, minlength=self._sees.shape[1])
 
     def missing_viewpoints(self, covered: BoolArray, coverage: float, most: int) -> int:
         """Viewpoints still to be taken, counted once as if every view showed all that can be seen from its place."""
@@ -221,17 +234,17 @@ class _Search:
         return max(1, self._missing)
 
     def _count_viewpoints(self, covered: BoolArray, coverage: float, most: int) -> int:
-        area, left = self._samples.area[self._open], ~covered[self._open]
+        left = self._open_area(covered)
         wanted = (coverage - self.share(covered)) * self._total
         for count in range(1, most + 1):
-            gains = self._sees @ (area * left)
+            gains = self._sees @ left
             best = int(gains.argmax())
             wanted -= float(gains[best])
             if wanted <= 0:
                 return count
             if gains[best] < self._settings.min_gain * self._total:
                 return count - 1
-            left &= ~self._sees[best]
+            left[self._sees[best]] = 0.0
         return most
 
 
@@ -291,17 +304,26 @@ def visible(samples: SurfaceSamples, places: FloatArray, caster: RayCaster, sett
     -------
     sees : (place, sample) bool
     """
-    sees = np.zeros((len(places), samples.area.size), dtype=np.bool_)
-    for number, place in enumerate(places):
-        sight = place - samples.positions
-        distance = np.linalg.norm(sight, axis=1)
-        facing = np.einsum("ij,ij->i", sight, samples.normals)
-        maybe = np.flatnonzero((facing > settings.min_cosine * distance) & (distance < settings.farthest_m))
-        # From the place outwards, so that a sample's own face, met at the very end, does not hide it.
-        between = caster.blocked(
-            np.broadcast_to(place, (maybe.size, 3)), -sight[maybe] * (1.0 - SURFACE_GAP), max_distance=1.0
-        )
-        sees[number, maybe[~between]] = True
+    if not samples.area.size:
+        return np.zeros((len(places), 0), dtype=np.bool_)
+    at_once = max(1, SIGHT_LINES_AT_ONCE // samples.area.size)
+    parts = [
+        _visible(samples, places[start : start + at_once], caster, settings)
+        for start in range(0, len(places), at_once)
+    ]
+    return np.concatenate(parts)
+
+
+def _visible(samples: SurfaceSamples, places: FloatArray, caster: RayCaster, settings: ViewSettings) -> BoolArray:
+    """As `visible`, all sight lines in one batch."""
+    sight = places[:, None] - samples.positions
+    distance = np.sqrt(np.einsum("psc,psc->ps", sight, sight))
+    facing = np.einsum("psc,sc->ps", sight, samples.normals)
+    sees = (facing > settings.min_cosine * distance) & (distance < settings.farthest_m)
+    place, sample = np.nonzero(sees)
+    # From the place outwards, so that a sample's own face, met at the very end, does not hide it.
+    between = caster.blocked(places[place], -sight[place, sample] * (1.0 - SURFACE_GAP), max_distance=1.0)
+    sees[place[between], sample[between]] = False
     return sees
 
 

@@ -32,7 +32,7 @@ from pathlib import Path
 from lidarspectra.workflow.inputs import copy_scene
 from lidarspectra.workflow.pipeline import run
 begun, marks = spent(), {"import": spent()}
-profile = cProfile.Profile()
+profile = cProfile.Profile(time.thread_time)
 class Listener:
     def start(self, stage):
         self.at = spent()
@@ -46,7 +46,7 @@ class Listener:
         marks[name] = spent() - self.at
     def note(self, words):
         pass
-summary = run(run_file, folder, listener=Listener())
+summary = run(run_file, folder, listener=Listener(), workers=1 if profiled else None)
 marks["between"] = spent() - sum(marks.values())
 memory = max(record.peak_memory_mib for record in summary.records)
 if profiled:

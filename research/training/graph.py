@@ -62,6 +62,10 @@ class Graph:
             "AveragePool", of, kernel_shape=[size] * 2, strides=[stride] * 2, pads=[pad] * 4, count_include_pad=0
         )
 
+    def first_channels(self, of: str, count: int) -> str:
+        """Leave out all channels after the first ones."""
+        return self.add("Slice", of, *(self.whole_numbers([number]) for number in (0, count, 1)))
+
     def model(self, output: str, channels: int) -> Any:
         """Close the graph: input 'image' (1, 3, height, width), sides multiples of 16, and one output."""
         shape: list[str | int | None] = ["picture", channels, "rows", "columns"]

@@ -27,6 +27,7 @@ TINT_STEPS = (-0.6, -0.2, 0.0, 0.2, 0.6)  # [1] of the two opponent colours
 PATTERN_STEPS = (0.6, 1.8, 4.0)  # [1] of the responses to patterns, which are 1 in the mean
 BLOCK_PX, WINDOW_BLOCKS = 8, 12  # [px], [1] statistics are means over 12 blocks of 8 pixels
 STRIDE_PX = 2 * BLOCK_PX  # [px] from one place to the next
+CHANNELS_AT_ONCE = 16  # that onnxruntime works on: with a part of them left it copies all, for longer than the work
 FLOOR, PATTERN_FLOOR = 0.01, 0.03  # [1] added before the logarithm: below it a texture is noise
 
 
@@ -49,7 +50,8 @@ def add_statistics(graph: Graph, patterns: FloatArray) -> str:
     for number in range(LEVELS):
         if number:
             level = graph.mean(level, 2, stride=2)
-        counts.append(_blocks(graph, _edges(graph, level), number))
+        edges = _blocks(graph, _edges(graph, level), number)
+        counts.append(graph.first_channels(edges, len(_edge_filters()) * (1 + len(EDGE_STEPS))))
         if number == COLOR_LEVEL:
             counts += [_blocks(graph, part, number) for part in _colors(graph, level)]
         if number < len(patterns):
@@ -77,6 +79,8 @@ def _edges(graph: Graph, level: str) -> str:
     filters = _edge_filters()
     steps = np.concatenate([np.eye(len(filters))] * (1 + len(EDGE_STEPS)))
     offsets = -np.repeat([0.0, *EDGE_STEPS], len(filters))
+    none = -len(steps) % CHANNELS_AT_ONCE
+    steps, offsets = np.pad(steps, ((0, none), (0, 0))), np.pad(offsets, (0, none))
     edges = graph.add("Abs", graph.convolve(_bordered(graph, level, 1), filters, np.zeros(len(filters))))
     return graph.add("Relu", graph.convolve(edges, steps[:, :, None, None], offsets))
 
@@ -94,7 +98,10 @@ def _responses(graph: Graph, level: str, patterns: FloatArray, stride: int) -> l
     size, count = patterns.shape[-1], len(patterns)
     answer = graph.convolve(_bordered(graph, level, size // 2), patterns, np.zeros(count), stride=stride)
     strength = graph.add("Abs", answer)
-    above = [graph.add("Relu", graph.add("Sub", strength, graph.constant(np.array(step)))) for step in PATTERN_STEPS]
+    one = np.ones((count, 1, 1, 1))
+    above = [
+        graph.add("Relu", graph.convolve(strength, one, np.full(count, -step), groups=count)) for step in PATTERN_STEPS
+    ]
     return [strength, *above]
 
 

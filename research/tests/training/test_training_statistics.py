@@ -1,12 +1,14 @@
 """The shipped model's statistics and patterns are what they are said to be, and heads side by side are their mean."""
 
 import numpy as np
+import onnx
 import pytest
 
-from lidarspectra.material.segmentation import load_model
+from lidarspectra.material.segmentation import SHIPPED_MODEL, load_model
 from research.training.model import joined, save_model
 from research.training.model_input import model_input
 from research.training.patches import learn_patterns
+from research.training.rewritten import read_model
 from research.training.surface_statistics import (
     FLOOR,
     PATTERN_FLOOR,
@@ -76,3 +78,13 @@ def test_heads_side_by_side_give_the_mean_of_their_logits(patterns, statistics, 
     wanted = np.mean([np.maximum(seen @ a.T + b, 0) @ c.T + d for (a, b), (c, d) in heads], axis=0)
     # Weights of the first layer are kept as half floats: 1 part in 2000 of sums of 772 terms.
     assert np.abs(answer.reshape(3, -1).T - wanted).max() < 0.01 * np.abs(wanted).max()
+
+
+def test_the_shipped_model_is_what_is_written_of_its_own_patterns_and_head(tmp_path):
+    save_model(*read_model(SHIPPED_MODEL), tmp_path / "again.onnx")
+    picture = {"image": model_input(grating(0.4)[None])}
+    shipped, again = (load_model(path, threads=1) for path in (SHIPPED_MODEL, tmp_path / "again.onnx"))
+    assert [node.name for node in shipped.get_outputs()] == [node.name for node in again.get_outputs()]
+    assert np.array_equal(shipped.run(None, picture)[0], again.run(None, picture)[0])
+    kinds = [[node.op_type for node in onnx.load(str(path)).graph.node] for path in (SHIPPED_MODEL, tmp_path / "again.onnx")]
+    assert kinds[0] == kinds[1]  # a graph that was changed is written to the shipped file too
