@@ -10,8 +10,8 @@ and mean field iterates Q_i(l) ~ P_i(l) exp(w1 m1_i(l) + w2 m2_i(l)) until it se
 mean of Q. A mean, not a sum: the weights then do not depend on the image's size.
 
 k2 is a Gaussian blur. k1 is one in five dimensions, place and colour: pixels are gathered in the cells of a lattice
-there, cells that pixels lie in are blurred with their neighbours by 1/4 1/2 1/4 along one dimension after the other, and
-pixels read their cells (a bilateral grid). Gathering, blur and reading together spread by
+there, cells that pixels lie in are blurred with their neighbours by 1/4 1/2 1/4 along one dimension after the other,
+and pixels read their cells (a bilateral grid). Gathering, blur and reading together spread by
 sqrt(1/2 + 1/6) cells, from which the cells' size follows; the mean of some shifted lattices is smoother than one.
 (OpenCV's adaptive manifolds do the same job, but start from random numbers and give NaN for plain pictures.)
 

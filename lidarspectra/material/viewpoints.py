@@ -6,11 +6,12 @@
         MS and DM give their pixels materials            -> material.estimate, on the views that are chosen here
         RPP takes the pixels back to the scan            -> projection, and here: which samples of it the images show
         append them to the coverage
-        Viewpoint Update: add the candidate in free space that sees the most uncovered area
+        Viewpoint Update: add the candidate in free space that sees the most uncovered area in one direction
 
 Coverage is docs/concepts.md, Eq. 6. It depends on where the camera stands and not on what the materials are, so the
-loop chooses the views first and the materials are estimated on all of them together. The paper counts points; here the
-loop stops by area (points are reported too), because a scan's points are dense where it has detail.
+loop chooses the views first and the materials are estimated on all of them together. All six directions are taken from
+v0; later one at a time, wherever that is, which shows as much in fewer views. The paper counts points; here the loop
+stops by area (points are reported too), because a scan's points are dense where it has detail.
 """
 
 from collections.abc import Callable, Iterator
@@ -20,6 +21,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MaterialError
@@ -37,7 +39,6 @@ from lidarspectra.threads import cores_for
 CANDIDATE_HEIGHTS = (0.15, 0.35, 0.6, 0.85)  # [1] of the room's height: below tables, above them, over all
 CLEARANCE_M = 0.15  # [m] a camera so close to a surface sees little else
 MAX_CANDIDATES = 240  # bounds the time of the search
-MAX_OF_NEW = 0.8  # [1] of the new area that a viewpoint sees, above which no further direction is rendered
 FIRST_SHARE = 0.5  # of the time: the search made ready, and all six views of the first viewpoint
 SEARCH_SPACING_M = 0.12  # [m] of the places by which candidates are compared; coverage itself is counted by all samples
 SIGHT_LINES_AT_ONCE = 500_000  # bounds memory
@@ -63,9 +64,9 @@ class ViewSettings:
     farthest_m : float
         Largest distance for a surface to count as seen; beyond it a pixel covers several centimetres. [m]
     max_viewpoints : int
-        The loop ends there.
+        The loop ends there; from all but the first one view is taken.
     min_gain : float
-        It also ends where the best candidate would add less than this share of the area. [1]
+        It also ends where the best view would add less than this share of the area. [1]
     """
 
     width: int = 512
@@ -75,8 +76,8 @@ class ViewSettings:
     sample_spacing_m: float = 0.06
     min_cosine: float = 0.17
     farthest_m: float = 12.0
-    max_viewpoints: int = 12
-    min_gain: float = 0.002
+    max_viewpoints: int = 32
+    min_gain: float = 0.001
 
 
 def render_views(
@@ -108,7 +109,7 @@ def render_views(
     Returns
     -------
     views : ViewSet
-        All six directions of v0; of later viewpoints the directions that show something new.
+        All six directions of v0; of each later viewpoint the one that shows most that is new.
 
     Raises
     ------
@@ -128,17 +129,15 @@ def render_views(
     viewpoints: list[FloatArray] = []
     views: list[Callable[[], View]] = []
     history: list[float] = []
-    viewpoint = candidates[0]
+    viewpoint, directions = candidates[0], tuple(DIRECTIONS)
     stopped = ""
     with _rendering(cores) as render:
         while not stopped:
             sees = visible(samples, viewpoint[None], caster, chosen)[0]
-            cameras = _cameras(viewpoint, chosen)
-            shows = {name: _shown(camera, samples.positions, sees) for name, camera in cameras.items()}
-            for direction in _directions(samples, shows, covered, every=not viewpoints):
-                name = f"v{len(viewpoints)} {direction}"
-                views.append(render(partial(_captured, scan, cameras[direction], name, caster, chosen)))
-                covered |= shows[direction]
+            for direction in directions:
+                name, camera = f"v{len(viewpoints)} {direction}", _camera(viewpoint, direction, chosen)
+                views.append(render(partial(_captured, scan, camera, name, caster, chosen)))
+                covered |= _shown(camera, samples.positions, sees)
             viewpoints.append(viewpoint)
             history.append(search.share(covered))
             if history[-1] >= coverage:
@@ -146,9 +145,10 @@ def render_views(
             elif len(viewpoints) == chosen.max_viewpoints:
                 stopped = f"{chosen.max_viewpoints} viewpoints were taken"
             else:
-                viewpoint, gain = search.viewpoint_update(covered)
+                viewpoint, best, gain = search.viewpoint_update(covered)
+                directions = (best,)
                 if gain < chosen.min_gain:
-                    stopped = f"no other place sees {chosen.min_gain:.1%} more of the area"
+                    stopped = f"no other view shows {chosen.min_gain:.1%} more of the area"
             left, later = chosen.max_viewpoints - len(history), len(viewpoints) - 1
             missing = 0 if stopped else search.missing_viewpoints(covered, coverage, left)
             done = FIRST_SHARE + (1.0 - FIRST_SHARE) * later / max(later + missing, 1)
@@ -192,7 +192,7 @@ def _rendering(cores: int) -> Iterator[Callable[[Callable[[], View]], Callable[[
 class _Search:
     """What every candidate sees of what v0 left unseen, cast once and asked at every Viewpoint Update.
 
-    Candidates are compared on a coarse mesh: a cell is taken for seen from where one place in it is.
+    Candidates are compared on a coarse mesh: a cell counts as shown where one place in it is.
     """
 
     def __init__(
@@ -202,28 +202,43 @@ class _Search:
         self._total = float(samples.area.sum())
         self._open: IntArray | None = None
         self._cell: IntArray = np.zeros(0, dtype=np.int64)
-        self._sees: BoolArray = np.zeros((0, 0), dtype=np.bool_)
+        self._shows = csr_array((0, 0), dtype=np.float64)
+        self._taken: list[int] = []
         self._missing: int | None = None
 
     def share(self, chosen: BoolArray) -> float:
         """Share of the scan's area that the chosen samples stand for [1]."""
         return float(self._samples.area[chosen].sum()) / self._total
 
-    def viewpoint_update(self, covered: BoolArray) -> tuple[FloatArray, float]:
-        """Candidate that sees the most uncovered area, and what share of all area that is."""
+    def viewpoint_update(self, covered: BoolArray) -> tuple[FloatArray, str, float]:
+        """Candidate and direction that show the most uncovered area, and what share of all area that is."""
         if self._open is None:
             self._open = np.flatnonzero(~covered)
             unseen = self._samples.some(self._open)
             self._cell, first = coarse_cells(unseen, SEARCH_SPACING_M)
-            self._sees = visible(unseen.some(first), self._candidates, self._caster, self._settings)
-        new_area = self._sees @ self._open_area(covered)
+            self._shows = self._cells_shown(unseen.some(first))
+        new_area = self._shows @ self._open_area(covered)
+        new_area[self._taken] = 0.0  # of a cell that one of these showed, some may be hidden
         best = int(new_area.argmax())
-        return self._candidates[best], float(new_area[best]) / self._total
+        self._taken.append(best)
+        place, direction = divmod(best, len(DIRECTIONS))
+        return self._candidates[place], tuple(DIRECTIONS)[direction], float(new_area[best]) / self._total
+
+    def _cells_shown(self, cells: SurfaceSamples) -> csr_array:
+        """(candidate and direction, cell) 1 where a view shows it."""
+        sees = visible(cells, self._candidates, self._caster, self._settings)
+        shown = [
+            np.flatnonzero(_shown(_camera(place, direction, self._settings), cells.positions, seen))
+            for place, seen in zip(self._candidates, sees, strict=True)
+            for direction in DIRECTIONS
+        ]
+        ends = np.cumsum([0, *(each.size for each in shown)])
+        return csr_array((np.ones(ends[-1]), np.concatenate(shown), ends), shape=(len(shown), cells.area.size))
 
     def _open_area(self, covered: BoolArray) -> FloatArray:
         """(cell,) area of each that is not covered [m²]."""
         area = self._samples.area[self._open] * ~covered[self._open]
-        return np.bincount(self._cell, weights=area, minlength=self._sees.shape[1])
+        return np.bincount(self._cell, weights=area, minlength=self._shows.shape[1])
 
     def missing_viewpoints(self, covered: BoolArray, coverage: float, most: int) -> int:
         """Viewpoints still to be taken, counted once as if every view showed all that can be seen from its place."""
@@ -237,14 +252,14 @@ class _Search:
         left = self._open_area(covered)
         wanted = (coverage - self.share(covered)) * self._total
         for count in range(1, most + 1):
-            gains = self._sees @ left
+            gains = self._shows @ left
             best = int(gains.argmax())
             wanted -= float(gains[best])
             if wanted <= 0:
                 return count
             if gains[best] < self._settings.min_gain * self._total:
                 return count - 1
-            left[self._sees[best]] = 0.0
+            left[self._shows.indices[self._shows.indptr[best] : self._shows.indptr[best + 1]]] = 0.0
         return most
 
 
@@ -308,8 +323,7 @@ def visible(samples: SurfaceSamples, places: FloatArray, caster: RayCaster, sett
         return np.zeros((len(places), 0), dtype=np.bool_)
     at_once = max(1, SIGHT_LINES_AT_ONCE // samples.area.size)
     parts = [
-        _visible(samples, places[start : start + at_once], caster, settings)
-        for start in range(0, len(places), at_once)
+        _visible(samples, places[start : start + at_once], caster, settings) for start in range(0, len(places), at_once)
     ]
     return np.concatenate(parts)
 
@@ -342,28 +356,15 @@ def _shown(camera: Camera, positions: FloatArray, sees: BoolArray) -> BoolArray:
     return shown
 
 
-def _directions(samples: SurfaceSamples, shows: dict[str, BoolArray], covered: BoolArray, *, every: bool) -> list[str]:
-    """Directions to take from a viewpoint: all, or those that together show most of what is new, richest first."""
-    if every:
-        return list(shows)
-    new = {name: float(samples.area[shown & ~covered].sum()) for name, shown in shows.items()}
-    order = sorted(new, key=lambda name: -new[name])
-    shown = np.cumsum([new[name] for name in order])
-    return order[: int((shown >= MAX_OF_NEW * shown[-1]).argmax()) + 1]
-
-
-def _cameras(viewpoint: FloatArray, settings: ViewSettings) -> dict[str, Camera]:
-    """Make the six cameras of a viewpoint."""
-    return {
-        name: camera_towards(
-            viewpoint,
-            np.array(direction),
-            width=settings.width,
-            height=settings.height,
-            field_of_view_deg=settings.field_of_view_deg,
-        )
-        for name, direction in DIRECTIONS.items()
-    }
+def _camera(viewpoint: FloatArray, direction: str, settings: ViewSettings) -> Camera:
+    """Camera at a viewpoint that looks in one of the six directions."""
+    return camera_towards(
+        viewpoint,
+        np.array(DIRECTIONS[direction]),
+        width=settings.width,
+        height=settings.height,
+        field_of_view_deg=settings.field_of_view_deg,
+    )
 
 
 def _face_seen(samples: SurfaceSamples, covered: BoolArray, *, faces: int) -> FloatArray:

@@ -1,6 +1,6 @@
 """Write a model again from its own patterns and head: after a change of how its graph computes the same numbers.
 
-    python -m research.training.rewritten MODEL.onnx OUT.onnx
+python -m research.training.rewritten MODEL.onnx OUT.onnx
 """
 
 import argparse

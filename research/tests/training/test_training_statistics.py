@@ -86,5 +86,7 @@ def test_the_shipped_model_is_what_is_written_of_its_own_patterns_and_head(tmp_p
     shipped, again = (load_model(path, threads=1) for path in (SHIPPED_MODEL, tmp_path / "again.onnx"))
     assert [node.name for node in shipped.get_outputs()] == [node.name for node in again.get_outputs()]
     assert np.array_equal(shipped.run(None, picture)[0], again.run(None, picture)[0])
-    kinds = [[node.op_type for node in onnx.load(str(path)).graph.node] for path in (SHIPPED_MODEL, tmp_path / "again.onnx")]
+    kinds = [
+        [node.op_type for node in onnx.load(str(path)).graph.node] for path in (SHIPPED_MODEL, tmp_path / "again.onnx")
+    ]
     assert kinds[0] == kinds[1]  # a graph that was changed is written to the shipped file too

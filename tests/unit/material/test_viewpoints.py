@@ -10,7 +10,7 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.material.projection import camera_towards, pixel_grid, reverse_project
-from lidarspectra.material.surface_samples import surface_samples
+from lidarspectra.material.surface_samples import coarse_cells, surface_samples
 from lidarspectra.material.viewpoints import (
     FIRST_SHARE,
     ViewSettings,
@@ -143,6 +143,23 @@ def test_the_loop_goes_where_the_uncovered_area_is(box):
     assert len(first.views) == 6
 
 
+def test_later_viewpoints_give_one_view_each_and_none_is_taken_twice(box):
+    found = render_views(with_plate(box), coverage=1.0, settings=SMALL)
+    assert len(found.views) == 6 + len(found.viewpoints) - 1
+    later = [(*view.camera.position, view.name.split()[1]) for view in found.views[6:]]
+    assert len(set(later)) == len(later)
+
+
+def test_the_cells_of_the_search_share_out_all_samples_and_no_cell_has_two_sides(box):
+    samples = surface_samples(with_plate(box), spacing_m=0.05)
+    cell, first = coarse_cells(samples, 0.12)
+    assert set(cell) == set(range(len(first)))
+    assert np.array_equal(cell[first], np.arange(len(first)))
+    assert np.linalg.norm(samples.positions - samples.positions[first[cell]], axis=1).max() <= 0.12 * 3**0.5
+    assert np.einsum("sc,sc->s", samples.normals, samples.normals[first[cell]]).min() > 0  # the plate is 3 cm thick
+    assert len(first) < len(cell) / 4
+
+
 def test_the_viewpoints_to_come_are_counted_ahead(box):
     told: list[float] = []
     scan = with_plate(box)
@@ -163,7 +180,7 @@ def test_a_back_is_never_seen_and_the_loop_ends_without_it(box):
     found = render_views(scan, coverage=1.0, settings=SMALL)
     assert found.face_seen[-1] == 0
     assert found.area_coverage < 1
-    assert "no other place" in found.stopped
+    assert "no other view" in found.stopped
 
 
 def test_samples_share_out_the_area_of_their_faces(box):
