@@ -238,7 +238,7 @@ class _Search:
     def _open_area(self, covered: BoolArray) -> FloatArray:
         """(cell,) area of each that is not covered [m²]."""
         area = self._samples.area[self._open] * ~covered[self._open]
-        return np.bincount(self._cell, weights=area, minlength=self._shows.shape[1])
+        return np.asarray(np.bincount(self._cell, weights=area, minlength=self._shows.shape[1]), dtype=np.float64)
 
     def missing_viewpoints(self, covered: BoolArray, coverage: float, most: int) -> int:
         """Viewpoints still to be taken, counted once as if every view showed all that can be seen from its place."""
@@ -338,7 +338,7 @@ def _visible(samples: SurfaceSamples, places: FloatArray, caster: RayCaster, set
     # From the place outwards, so that a sample's own face, met at the very end, does not hide it.
     between = caster.blocked(places[place], -sight[place, sample] * (1.0 - SURFACE_GAP), max_distance=1.0)
     sees[place[between], sample[between]] = False
-    return sees
+    return np.asarray(sees, dtype=np.bool_)
 
 
 def in_image(camera: Camera, positions: FloatArray) -> BoolArray:
