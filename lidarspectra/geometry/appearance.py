@@ -149,9 +149,10 @@ class Appearance:
         if image_numbers.size and (image_numbers == image_numbers[0]).all():  # mostly there is one image
             return self._sampled(int(image_numbers[0]), faces, barycentric)
         color = np.empty((faces.size, 3))
-        for number in np.unique(image_numbers):
+        for number in range(-1, len(self.images)):
             chosen = np.flatnonzero(image_numbers == number)
-            color[chosen] = self._sampled(int(number), faces[chosen], barycentric[chosen])
+            if chosen.size:
+                color[chosen] = self._sampled(number, faces[chosen], barycentric[chosen])
         return color
 
     def _sampled(self, number: int, faces: IntArray, barycentric: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from embreex import rtcore_scene
@@ -134,6 +135,26 @@ class RayCaster:
             np.ascontiguousarray(origins - self._center, dtype=np.float32),
             np.ascontiguousarray(directions, dtype=np.float32),
         )
+
+
+_CASTERS: WeakKeyDictionary[Scan, RayCaster] = WeakKeyDictionary()
+
+
+def caster_of(scan: Scan) -> RayCaster:
+    """A scan's triangles, loaded for ray casting once as long as the scan is kept.
+
+    Parameters
+    ----------
+    scan : Scan
+
+    Returns
+    -------
+    caster : RayCaster
+    """
+    caster = _CASTERS.get(scan)
+    if caster is None:
+        caster = _CASTERS[scan] = RayCaster(scan)
+    return caster
 
 
 def _limits(origins: FloatArray, max_distance: float | None) -> NDArray[np.float32] | None:

@@ -179,8 +179,9 @@ def _neighbours(coordinate: FloatArray, count: int) -> tuple[SmallFloatArray, In
     """Weight of the second, and the numbers of both pixels whose centres enclose a coordinate [1] that repeats."""
     position = (coordinate - np.floor(coordinate)) * count - 0.5
     first = np.floor(position)
-    number = first.astype(np.int64)
-    return (position - first).astype(np.float32), number % count, (number + 1) % count
+    number = first.astype(np.int64)  # -1 to count - 1
+    before, after = np.where(number < 0, count - 1, number), number + 1
+    return (position - first).astype(np.float32), before, np.where(after == count, 0, after)
 
 
 def _mix(first: SmallFloatArray, second: SmallFloatArray, weight: SmallFloatArray) -> SmallFloatArray:

@@ -12,7 +12,7 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.appearance import NO_COLOR, PHOTOGRAPHED, Appearance, LinearLight
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.frames import Frame, FrameFault, LeftOut
 from lidarspectra.hardware.phone.raw_mesh import NO_COLOR_NOTE
@@ -101,7 +101,7 @@ def color_from_frames(
     """
     looking, solving, unwrapping, fusing, filling = shares(progress, SHARES)
     generator = np.random.default_rng(SEED)
-    view = MeshView(RayCaster(scan))
+    view = MeshView(caster_of(scan))
     seen = _observe(scan, view, frames, generator, looking)
     if not seen.shows_mesh:
         reason = seen.left_out[0].reason if seen.left_out else "none shows it"

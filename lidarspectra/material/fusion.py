@@ -17,7 +17,7 @@ from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.crf import MIN_PROBABILITY
 from lidarspectra.material.face_groups import ROUNDS
-from lidarspectra.material.projection import pixel_grid, ray_directions
+from lidarspectra.material.projection import ray_directions
 from lidarspectra.material.segmentation import CELL_PX, Classifier, segment
 from lidarspectra.material.views import View, ViewSet
 from lidarspectra.progress import Progress, silent
@@ -187,8 +187,7 @@ def _votes(view: View, scan: Scan, probabilities: FloatArray) -> FloatArray:
     y, x = np.nonzero(view.face >= 0)
     face = view.face[y, x]
     cell = (y // CELL_PX) * columns + x // CELL_PX
-    rays = ray_directions(view.camera, pixel_grid(view.camera)).reshape(*view.face.shape, 3)[y, x]
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    square = np.abs(np.einsum("nc,nc->n", rays, scan.normals[face]))
+    rays = ray_directions(view.camera, np.stack([x + 0.5, y + 0.5], axis=1))
+    square = np.abs(np.einsum("nc,nc->n", rays, scan.normals[face])) / np.sqrt(np.einsum("nc,nc->n", rays, rays))
     mixed = csr_array((square * sure[cell], (face, cell)), shape=(len(scan.faces), rows * columns))
     return np.asarray(mixed @ flat, dtype=np.float64)

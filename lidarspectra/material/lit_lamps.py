@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.shapes import Shape, shape_of
 from lidarspectra.material.lamp_evidence import (
@@ -155,7 +155,7 @@ def search_lit_lamps(scan: Scan, room: Room, *, caster: RayCaster | None = None)
     photographed = scan.appearance.photographed
     if not photographed.any():
         return LampSearch(lamps=(), left_out=())
-    rays = caster or RayCaster(scan)
+    rays = caster or caster_of(scan)
     if not photographed.all():  # a white wall that a program drew is no lamp
         scan = replace(scan, appearance=scan.appearance.darkened(~photographed))
     found: list[LitLamp] = []

@@ -1,6 +1,7 @@
 """Material classes of a reflectance library's surfaces, read from their names: databases sort by object instead."""
 
 import re
+from functools import lru_cache
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def favored_surfaces(library: ReflectanceLibrary, name: str) -> BoolArray | None
 
     Where most surfaces have no known class, those that have one stand for their database rather than for the class.
     """
-    known = np.array([surface_class(surface) is not None for surface in library.rows])
+    known = np.array([found is not None for found in _classes_of(library)])
     if known[library.matchable].mean() < MIN_KNOWN:
         return None
     return of_class(library, name)
@@ -58,4 +59,10 @@ def favored_surfaces(library: ReflectanceLibrary, name: str) -> BoolArray | None
 
 def of_class(library: ReflectanceLibrary, name: str) -> BoolArray:
     """(surface,) which of a library's surfaces are of a class."""
-    return np.array([surface_class(surface) == name for surface in library.rows])
+    return np.array([found == name for found in _classes_of(library)])
+
+
+@lru_cache(maxsize=1)
+def _classes_of(library: ReflectanceLibrary) -> tuple[str | None, ...]:
+    """(surface,) class of each, None where it is unknown."""
+    return tuple(surface_class(surface) for surface in library.rows)

@@ -25,7 +25,7 @@ from scipy.sparse import csr_array
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MaterialError
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.projection import DIRECTIONS, Camera, camera_towards, project
 from lidarspectra.material.surface_samples import SurfaceSamples, coarse_cells, surface_samples
@@ -120,7 +120,7 @@ def render_views(
     """
     chosen, cores = settings or ViewSettings(), cores_for(workers)
     progress(0.0, "looking for viewpoints")
-    caster = RayCaster(scan)
+    caster = caster_of(scan)
     samples = surface_samples(scan, spacing_m=chosen.sample_spacing_m)
     samples = samples.some(np.flatnonzero(~covered_places(caster, samples.positions, samples.normals)))
     candidates = free_candidates(scan, room or find_room(scan, caster=caster), caster)

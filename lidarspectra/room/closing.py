@@ -13,7 +13,7 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from lidarspectra.geometry.appearance import CLOSED_KINDS, NO_COLOR, Appearance
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.room.free_space import FreeSpace, sphere_directions
 from lidarspectra.room.plan_cells import PlanMask, outlines
@@ -133,7 +133,7 @@ class Surroundings:
         self.scan, self._room = scan, room
         self._squares = _shell(_plan_around(room), room)
         self._shell = bare_scan(self._squares.vertices, self._squares.faces)
-        self._inner, self._outer = RayCaster(scan), RayCaster(self._shell)
+        self._inner, self._outer = caster_of(scan), RayCaster(self._shell)
         self._closing = scan.appearance.of_kind(CLOSED_KINDS[SIDE])
 
     def meet(self, origins: FloatArray, directions: FloatArray) -> tuple[IntArray, IntArray]:
@@ -298,7 +298,7 @@ def _hits(scan: Scan, shell: _Shell, points: FloatArray) -> IntArray:
     counts = np.zeros(len(shell.kind), dtype=np.int64)
     if not len(points):
         return counts
-    inner, outer = RayCaster(scan), RayCaster(bare_scan(shell.vertices, shell.faces))
+    inner, outer = caster_of(scan), RayCaster(bare_scan(shell.vertices, shell.faces))
     origins, directions = np.repeat(points, len(DIRECTIONS), axis=0), np.tile(DIRECTIONS, (len(points), 1))
     left = ~inner.blocked(origins, directions)
     met = outer.nearest(origins[left], directions[left])

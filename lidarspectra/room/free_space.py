@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.room import Room
 
@@ -60,7 +60,7 @@ class FreeSpace:
 
     def __init__(self, scan: Scan, room: Room | None = None, *, caster: RayCaster | None = None) -> None:
         self.room = room
-        self.caster = caster or RayCaster(scan)
+        self.caster = caster or caster_of(scan)
         self._corners = scan.corners
         self._trees: dict[bool, tuple[cKDTree, IntArray]] = {}
 

@@ -9,7 +9,7 @@ or nothing. Faces that are only out of sight, under a sofa say, look at the fron
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.free_space import sample_faces, sphere_directions
 
@@ -50,7 +50,7 @@ def hidden_faces(scan: Scan, *, caster: RayCaster | None = None) -> BoolArray:
     hidden : (face,) bool
         None if the scan shows no free air: what is open on most sides hides nothing.
     """
-    caster = caster or RayCaster(scan)
+    caster = caster or caster_of(scan)
     air = free_air(scan, caster) if _suspect_area(scan, caster) >= MIN_SUSPECT_M2 else np.zeros((0, 3))
     if not len(air):
         return np.zeros(len(scan.faces), dtype=np.bool_)

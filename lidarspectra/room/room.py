@@ -9,7 +9,7 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.errors import ArrayError, ScanError
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.plan_cells import MIN_ROOM_M2, outlines, plan_mask, signed_area
 from lidarspectra.room.room_planes import (
@@ -186,7 +186,7 @@ def find_room(
     top_z = ceilings[0].z if ceilings else _top_of_walls(upright, floor) if ceiling_z is None else ceiling_z
     if top_z - floor.z < MIN_HEIGHT_M:
         raise _no_room(scan, f"{top_z - floor.z:.2f} m between its floor and its top")
-    caster = caster or RayCaster(scan)
+    caster = caster or caster_of(scan)
     planes = find_walls(upright, bottom_z=floor.z, top_z=top_z)
     walls = tuple(plane for plane in planes if plane.top_z - plane.bottom_z >= WALL_HEIGHT_SHARE * (top_z - floor.z))
     no_floor = floor.area_m2 == 0.0

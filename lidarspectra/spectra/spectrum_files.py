@@ -29,6 +29,7 @@ LARGEST_NUMBER = 1e30  # largest number accepted, in any unit; beyond it sums an
 MAX_FILE_BYTES = 50_000_000  # a spectrum or table larger than this is something else
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NUMBERS = re.compile(rf"{_NUMBER.pattern}(,{_NUMBER.pattern})*")
 _FLUX_DENSITY = re.compile(r"(?P<prefix>[mkuµμ]?)W(?:\s*/\s*|\s*[·*.]?\s*)nm(?:\^?-1|⁻¹)?(?![\w²])", re.ASCII)
 _OTHER_UNIT = re.compile(r"W\s*[/·*. ]\s*(m|cm|sr)|lm|cd|lx|%|percent", re.IGNORECASE)
 _PREFIX_SCALE = {"": 1.0, "k": 1e3, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6}
@@ -142,9 +143,7 @@ def _table_row(cells: list[str], *, words: list[str], wavelengths: FloatArray, w
     texts = dict(zip(words, (cell.strip() for cell in cells), strict=False))
     values = cells[len(words) :]
     filled = np.array([bool(value) for value in values])
-    numbers = []
-    for wavelength, value in zip(wavelengths[filled], (v for v in values if v), strict=True):
-        numbers.append(finite_number(value, where=f"{where}, column {wavelength:g}"))
+    numbers = _finite_numbers([value for value in values if value], wavelengths[filled], where=where)
     if not texts[ID_COLUMN] or len(numbers) < 2:
         raise DatabaseError(
             expected="an id and two or more values",
@@ -160,6 +159,19 @@ def _table_row(cells: list[str], *, words: list[str], wavelengths: FloatArray, w
         ),
         properties={name: texts[name] for name in words[3:] if texts[name]},
     )
+
+
+def _finite_numbers(values: list[str], wavelengths: FloatArray, *, where: str) -> list[float]:
+    """Numbers from the cells of a row; raises DatabaseError that names the column as `finite_number` does."""
+    row = ",".join(values)
+    if row.count(",") == len(values) - 1 and _NUMBERS.fullmatch(row):  # at once: tables have tens of thousands of cells
+        numbers = [float(value) for value in values]
+        if all(abs(number) <= LARGEST_NUMBER for number in numbers):
+            return numbers
+    return [
+        finite_number(value, where=f"{where}, column {wavelength:g}")
+        for value, wavelength in zip(values, wavelengths, strict=True)
+    ]
 
 
 def write_table(path: Path, rows: Sequence[TableRow]) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.albedo import LightFit, fit_light
@@ -145,12 +145,16 @@ def _left_in(reason: str, fit: LightFit | None = None) -> Delighting:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Surfaces:
-    """A scan, its faces with `known` colours, and points of it; of those with usable colours `trusted` is True."""
+    """A scan, its faces with `known` colours, and points of it; of those with usable colours `trusted` is True.
+
+    `spread` interpolates from the points to all faces.
+    """
 
     scan: Scan
     room: Room
     known: BoolArray
     samples: Samples
+    spread: csr_array
     trusted: BoolArray
     unseen: UnseenFaces
 
@@ -214,7 +218,7 @@ def take_light_out(
     if not lamps and not sources:
         return _left_in("no lamps are known. Give the lamps that were lit as [[lamps]] in the run file.")
     generator = np.random.default_rng(SEED)
-    caster = RayCaster(scan)
+    caster = caster_of(scan)
     samples = samples_of(scan, caster, generator, count=SAMPLES)
     seen_cards = look_at_cards(scan, caster, cards)
     samples, card = _with_cards(samples, seen_cards)
@@ -236,7 +240,10 @@ def take_light_out(
     face_lamp = ~known & near_lamps(scan.centers, lamps)
     face_lamp |= _faces_of(sources, scan)
     unseen = unseen_faces(scan, known)
-    surfaces = _Surfaces(scan=scan, room=room, known=known, samples=samples, trusted=trusted, unseen=unseen)
+    spread = spread_of(scan, samples)
+    surfaces = _Surfaces(
+        scan=scan, room=room, known=known, samples=samples, spread=spread, trusted=trusted, unseen=unseen
+    )
     evidence = LightEvidence(
         shown=colors,
         direct=coefficients[:, :, None] * _lamp_cones(lamps)[:, None, :],
@@ -267,7 +274,7 @@ def take_light_out(
     if not fluxes_stated and not identifiable.all():  # fluxes that are not identifiable must not absorb other errors
         unsure_of = np.where(identifiable, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
         found = _fit(surfaces, lamps, evidence, coefficients, unsure_of, fitting_again)
-    fit, evidence, spread = found
+    fit, evidence = found
     if (why := doubt(fit)) is not None:
         return _left_in(why, fit)
     sources = _shines(sources, fit, scan, spread @ fit.irradiance)
@@ -362,11 +369,10 @@ def _fit(
     coefficients: FloatArray,
     flux_deviation: FloatArray,
     progress: Progress,
-) -> tuple[LightFit, LightEvidence, csr_array]:
+) -> tuple[LightFit, LightEvidence]:
     """Fit camera and light, group surfaces by the hue that results, and fit again."""
-    scan, room, samples, trusted = surfaces.scan, surfaces.room, surfaces.samples, surfaces.trusted
+    room, samples, spread, trusted = surfaces.room, surfaces.samples, surfaces.spread, surfaces.trusted
     library, daylight = load_reflectances(), lamp_spectrum("D65").spectrum
-    spread = spread_of(scan, samples)
     bands = np.array([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps]).reshape(len(lamps), len(BANDS))
     first, *following = shares(progress, ROUND_SHARES)
     fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
@@ -394,7 +400,7 @@ def _fit(
             ),
         )
         fit = fit_light(evidence, flux_deviation=flux_deviation, start=fit.parameters, progress=part)
-    return fit, evidence, spread
+    return fit, evidence
 
 
 def _sun(

@@ -8,7 +8,7 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.config import AreaSection
 from lidarspectra.errors import RunFileError
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import caster_of
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, place_points
@@ -191,7 +191,7 @@ def _on_surface(part: Part, room: RunRoom, free: FreeSpace, gathered: _Gathered)
     chosen = order[np.searchsorted(area, (np.arange(SURFACE_POINTS) + 0.5) / SURFACE_POINTS * area[-1])]
     centers, normals = room.scan.centers[chosen], room.scan.normals[chosen]
     places = centers + SURFACE_LIFT_M * normals
-    hidden = RayCaster(room.scan).blocked(places, normals, max_distance=CLEAR_M)
+    hidden = caster_of(room.scan).blocked(places, normals, max_distance=CLEAR_M)
     near_lamp = np.min([lamp.distance(places) for lamp in room.lamps], axis=0) < CLEAR_M
     kept = ~(_buried(places, normals, room, free) | hidden | near_lamp)
     return gathered.add(places[kept], normals[kept])

@@ -11,7 +11,7 @@ import xarray as xr
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.config import CalibrationSection, RunFile
 from lidarspectra.errors import WorkspaceError
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.calibration.model import (
@@ -171,7 +171,7 @@ def reflected_effects(
         [the column's unit/m²]
     """
     generator = np.random.default_rng(SEED)
-    caster = RayCaster(scan)
+    caster = caster_of(scan)
     samples = samples_of(scan, caster, generator, count=SAMPLES)
     with tempfile.TemporaryDirectory(prefix="lidarspectra-") as folder:
         coefficients = direct_coefficients(

@@ -1,4 +1,4 @@
-"""Processor time of a run's stages, of the libraries' import, and of relighting; before and after a change in turn.
+"""Processor and clock time of a run's stages, of the libraries' import, and of relighting; before and after in turn.
 
     python -m research.benchmarks.stages office             a scene of `scenes/`, as `lidarspectra demo` runs it
     python -m research.benchmarks.stages ROOM.toml          any run file
@@ -6,8 +6,10 @@
     python -m research.benchmarks.stages office --profile materials       the stage's functions, by cProfile
 
 Each run is a process of its own in an empty folder. Processor time is that of all processes together (user and system),
-which a busy machine changes less than the clock; printed is the least of the runs. Memory is the most that any stage's
-record has. What a run does after its report (files of figures) is in the row "after".
+which a busy machine changes less than the clock; printed is the least of the runs, of either. Memory is the most that
+any stage's record has. What a run does after its report (files of figures) is in the row "after". DIR may be a checkout
+of any revision since 8119213; a scene is run as its checkout has it. A profiled run has one worker, so that all it does
+shows, and its times are those of its thread.
 """
 
 import argparse
@@ -29,13 +31,15 @@ def spent():
     return t.user + t.system + t.children_user + t.children_system
 run_file, folder, profiled = sys.argv[1:]
 from pathlib import Path
-from lidarspectra.workflow.inputs import copy_scene
-from lidarspectra.workflow.pipeline import run
-begun, marks = spent(), {"import": spent()}
+try:
+    from lidarspectra.workflow.pipeline import run
+except ModuleNotFoundError:  # as revision 8119213 has it
+    from lidarspectra.pipeline import run
+marks, clock = {"import": spent()}, {"import": time.time() - float(os.environ["BEGUN"])}
 profile = cProfile.Profile(time.thread_time)
 class Listener:
     def start(self, stage):
-        self.at = spent()
+        self.at, self.moment = spent(), time.perf_counter()
         if stage == profiled:
             profile.enable()
         return lambda done, words: None
@@ -43,16 +47,18 @@ class Listener:
         name = result.record.stage
         if name == profiled:
             profile.disable()
-        marks[name] = spent() - self.at
+        marks[name], clock[name] = spent() - self.at, time.perf_counter() - self.moment
     def note(self, words):
         pass
-summary = run(run_file, folder, listener=Listener(), workers=1 if profiled else None)
+begun = time.perf_counter()
+summary = run(Path(run_file), Path(folder), listener=Listener(), workers=1 if profiled else None)
 marks["between"] = spent() - sum(marks.values())
+clock["between"] = time.perf_counter() - begun - sum(clock.values()) + clock["import"]
 memory = max(record.peak_memory_mib for record in summary.records)
 if profiled:
     for order in ("cumulative", "tottime"):
         pstats.Stats(profile, stream=sys.stderr).sort_stats(order).print_stats(45)
-print(json.dumps({"processor": marks, "memory": memory}))
+print(json.dumps({"processor": marks, "clock": clock, "memory": memory}))
 """
 RELIGHT = ("relight", "{run}", "--lamp", "{lamp}", "--dim", "0.5")
 
@@ -63,40 +69,33 @@ def processor_of_children() -> float:
     return spent.children_user + spent.children_system
 
 
-def measured(root: Path, room: Path, scratch: Path, profiled: str) -> dict[str, float]:
-    """Processor time of one run by the package in a folder, part by part [s]; the memory in MiB."""
+def measured(root: Path, room: Path, scratch: Path, profiled: str) -> dict[str, tuple[float, float]]:
+    """Processor and clock time of one run by the package in a folder, part by part [s]; the memory in MiB, twice."""
     run = scratch / "run"
-    environment = {**os.environ, "PYTHONPATH": str(root)}
+    done, spent, took = _timed(root, scratch, "-c", WORKER, str(room), str(run), profiled)
+    found = json.loads(done.splitlines()[-1])
+    parts = {name: (value, found["clock"][name]) for name, value in found["processor"].items()}
+    parts["after"] = (spent - sum(p for p, _ in parts.values()), took - sum(c for _, c in parts.values()))
+    parts["whole run"] = (spent, took)
+    parts["memory [MiB]"] = (found["memory"], found["memory"])
+    lamps = json.loads((run / "4-scene" / "lamps.json").read_text(encoding="utf-8"))
+    words = [word.format(run=run, lamp=lamps[0]["name"]) for word in RELIGHT]
+    others = {"relight": ("-m", "lidarspectra", *words), "--help": ("-m", "lidarspectra", "--help")}
+    others["import lidarspectra"] = ("-c", "import lidarspectra")
+    for name, arguments in others.items():
+        _, *parts_of = _timed(root, scratch, *arguments)
+        parts[name] = (parts_of[0], parts_of[1])
+    return parts
+
+
+def _timed(root: Path, scratch: Path, *arguments: str) -> tuple[str, float, float]:
+    """What Python prints with the package in a folder; its processor and clock time [s]."""
+    environment = {**os.environ, "PYTHONPATH": str(root), "BEGUN": str(time.time())}
     begun, clock = processor_of_children(), time.perf_counter()
     done = subprocess.run(
-        [sys.executable, "-c", WORKER, str(room), str(run), profiled],
-        env=environment,
-        cwd=scratch,
-        stdout=subprocess.PIPE,
-        check=True,
+        [sys.executable, *arguments], env=environment, cwd=scratch, stdout=subprocess.PIPE, check=True, text=True
     )
-    found = json.loads(done.stdout.splitlines()[-1])
-    parts = dict(found["processor"])
-    whole = processor_of_children() - begun
-    parts["after"] = whole - sum(parts.values())
-    parts["whole run"], parts["its clock"] = whole, time.perf_counter() - clock
-    parts["memory [MiB]"] = found["memory"]
-    lamp = json.loads((run / "6-map" / "lamps.json").read_text(encoding="utf-8"))[0]["name"]
-    words = [word.format(run=run, lamp=lamp) for word in RELIGHT]
-    for name, arguments in {"relight": words, "--help": ["--help"]}.items():
-        begun = processor_of_children()
-        subprocess.run(
-            [sys.executable, "-m", "lidarspectra", *arguments],
-            env=environment,
-            cwd=scratch,
-            stdout=subprocess.DEVNULL,
-            check=True,
-        )
-        parts[name] = processor_of_children() - begun
-    begun = processor_of_children()
-    subprocess.run([sys.executable, "-c", "import lidarspectra"], env=environment, cwd=scratch, check=True)
-    parts["import lidarspectra"] = processor_of_children() - begun
-    return parts
+    return done.stdout, processor_of_children() - begun, time.perf_counter() - clock
 
 
 def main() -> None:
@@ -107,22 +106,23 @@ def main() -> None:
     parser.add_argument("--times", type=int, default=1)
     parser.add_argument("--profile", default="", help="stage whose functions are printed, on stderr")
     given = parser.parse_args()
-    named = HERE / "scenes" / given.scene / "room.toml"
-    room = (named if named.is_file() else Path(given.scene)).resolve()
     roots = {"now": HERE, **({"before": given.against.resolve()} if given.against else {})}
-    least: dict[str, dict[str, float]] = {name: {} for name in roots}
+    least: dict[str, dict[str, tuple[float, float]]] = {name: {} for name in roots}
     for _ in range(given.times):
         for name, root in roots.items():
+            own = root / "scenes" / given.scene / "room.toml"
+            room = (own if own.is_file() else Path(given.scene)).resolve()
             with tempfile.TemporaryDirectory() as scratch:
-                for part, value in measured(root, room, Path(scratch), given.profile).items():
-                    least[name][part] = min(value, least[name].get(part, value))
-    order = list(least["now"])
-    print(f"| part | {' | '.join(roots)} |{' ratio |' if given.against else ''}")
-    print(f"|---|{'---|' * (len(roots) + bool(given.against))}")
-    for part in order:
-        values = [least[name].get(part, float("nan")) for name in roots]
-        ratio = f" {values[1] / values[0]:.2f} |" if given.against and values[0] > 0 else ""
-        print(f"| {part} | {' | '.join(f'{value:.2f}' for value in values)} |{ratio}")
+                for part, took in measured(root, room, Path(scratch), given.profile).items():
+                    known = least[name].get(part, took)
+                    least[name][part] = (min(took[0], known[0]), min(took[1], known[1]))
+    columns = [f"{name}: {kind}" for name in roots for kind in ("processor", "clock")]
+    print(f"| part | {' | '.join(columns)} |{' ratio of processor | of clock |' if given.against else ''}")
+    print(f"|---|{'---|' * (len(columns) + 2 * bool(given.against))}")
+    for part in least["now"]:
+        values = [value for name in roots for value in least[name].get(part, (float("nan"), float("nan")))]
+        ratios = [f" {values[2 + kind] / values[kind]:.2f} |" for kind in (0, 1) if given.against and values[kind] > 0]
+        print(f"| {part} | {' | '.join(f'{value:.2f}' for value in values)} |{''.join(ratios)}")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.material_map import Material, MaterialMap
@@ -98,7 +98,7 @@ def _cast(
     found = np.zeros((lamps, len(positions)))
     if not shining:
         return found
-    caster, generator = RayCaster(scan), np.random.default_rng(SEED)
+    caster, generator = caster_of(scan), np.random.default_rng(SEED)
     for first in range(0, len(positions), POINTS_PER_JOB):
         part = slice(first, first + POINTS_PER_JOB)
         for each in shining:

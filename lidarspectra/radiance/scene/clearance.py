@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.geometry.triangles import triangle_crosses
 from lidarspectra.lamps.lamps import Lamp
@@ -95,7 +95,7 @@ def clear_lamps(lamps: Sequence[Lamp], scan: Scan) -> Clearance:
     moved: dict[int, float] = {}
     waiting = [index for index, lamp in enumerate(placed) if lamp.is_in_room]
     for _ in range(ROUNDS):
-        caster = RayCaster(scan)
+        caster = caster_of(scan)
         vertices, touching = scan.vertices.copy(), []
         for index in waiting:
             hidden = hidden_light(placed[index], caster)

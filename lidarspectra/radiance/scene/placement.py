@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.radiance.scene.clearance import hidden_light
@@ -45,7 +45,7 @@ def placement_notes(lamps: Sequence[Lamp], scan: Scan) -> tuple[str, ...]:
     notes : tuple of str
         Full sentences; empty if no lamp has a fault.
     """
-    caster, bounds, normals = RayCaster(scan), scan.bounds, scan.normals
+    caster, bounds, normals = caster_of(scan), scan.bounds, scan.normals
     inside = [lamp for lamp in lamps if lamp.is_in_room]
     found: dict[str, list[str]] = {fault: [] for fault in FAULTS}
     for lamp in inside:

@@ -137,6 +137,8 @@ def test_a_table_keeps_rows_of_different_grids_apart(tmp_path):
         ("id,name,category,410,400\n", "ascending"),
         ("id,name,category,400,410\na,a,c,0.1\n", "row 2"),
         ("id,name,category,400,410\na,a,c,0.1,x\n", "row 2, column 410"),
+        ('id,name,category,400,410\na,a,c,0.1,"0,2"\n', "row 2, column 410"),
+        ("id,name,category,400,410\na,a,c,0.1,2e30\n", "row 2, column 410"),
         ("id,name,category,400,410\na,a,c,0.1,\n", "row 2"),
         ("id,name,category,400,410\na,a,c,0.1,0.2\na,b,c,0.1,0.2\n", "row 3"),
     ],

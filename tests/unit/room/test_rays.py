@@ -1,10 +1,13 @@
 """Rays: what they meet, where, and how exactly."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
 from lidarspectra.errors import ArrayError
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import bare_scan
 
 
@@ -76,3 +79,17 @@ def test_origins_that_are_no_points_are_refused(builder, origin) -> None:
     room.box([0, 0, 0], [1, 1, 1])
     with pytest.raises(ArrayError):
         RayCaster(room.scan()).nearest(origin, [0, 0, 1.0])
+
+
+def test_a_scan_is_loaded_once_and_its_rays_go_with_it(builder) -> None:
+    room = builder()
+    room.box([0, 0, 0], [1, 1, 1])
+    scan, moved = room.scan(), room.scan(shift=np.array([9.0, 0.0, 0.0]))
+    towards = [[5.0, 0.5, 0.5]], [[-1.0, 0.0, 0.0]]
+    assert caster_of(scan).blocked(*towards).all()
+    assert not caster_of(moved).blocked(*towards).any()  # its own triangles, not the first's
+    caster = weakref.ref(caster_of(scan))
+    assert caster_of(scan) is caster()
+    del scan
+    gc.collect()
+    assert caster() is None
