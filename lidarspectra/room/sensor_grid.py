@@ -1,6 +1,7 @@
 """Square grids in the free space of a room: as many points as asked for, none in furniture or walls."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -36,13 +37,13 @@ class GridPlane:
     margin_m: float
     free: FreeSpace
 
-    @property
+    @cached_property
     def turn(self) -> FloatArray:
         """(2, 2) matrix that takes plan positions, as rows, into the frame of the walls."""
         angle = np.radians(self.room.wall_angle_deg)
         return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
-    @property
+    @cached_property
     def reach(self) -> FloatArray:
         """(2, 2) lowest and highest corner of all outlines, in the frame of the walls [m]."""
         turned = np.vstack(self.room.outlines) @ self.turn
