@@ -1,6 +1,7 @@
 """Views of a scan: what a camera at a place in the room sees, with the depth and the face behind every pixel."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.array_files import FASTEST, read_arrays, write_arrays
 from lidarspectra.material.projection import Camera, pixel_grid, ray_directions, shift_of_rays
 from lidarspectra.spectra.colorimetry import encode_srgb
+from lidarspectra.threads import cores_for
 
 VIEWS_FILE = "views.json"
 VIEWS_FORMAT = 1
@@ -196,7 +198,7 @@ def _contrast(image: ByteArray) -> ByteArray:
     return np.asarray((cv2.dilate(image, around) - cv2.erode(image, around)).max(axis=2).ravel(), dtype=np.uint8)
 
 
-def save_views(views: ViewSet, folder: Path) -> None:
+def save_views(views: ViewSet, folder: Path, *, workers: int | None = None) -> None:
     """Write views as PNG images, their buffers as npz, and the rest as views.json into a folder that exists.
 
     Parameters
@@ -204,12 +206,22 @@ def save_views(views: ViewSet, folder: Path) -> None:
     views : ViewSet
     folder : Path
         Files in it of the same names are replaced.
+    workers : int, optional
+        Processor cores that may be used, since most of the time is compression; all if left out.
+
+    Raises
+    ------
+    ArgumentError
+        If fewer than one worker is asked for.
     """
+    stems = [f"view-{number:02d}" for number in range(len(views.views))]
+    with ThreadPoolExecutor(max_workers=cores_for(workers), thread_name_prefix="views") as pool:
+        for done in [
+            pool.submit(_save_view, view, folder / stem) for view, stem in zip(views.views, stems, strict=True)
+        ]:
+            done.result()
     entries = []
-    for number, view in enumerate(views.views):
-        stem = f"view-{number:02d}"
-        Image.fromarray(view.image).save(folder / f"{stem}.png", compress_level=FASTEST)
-        write_arrays(folder / f"{stem}.npz", depth_m=view.depth.astype(np.float32), face=view.face.astype(np.int32))
+    for stem, view in zip(stems, views.views, strict=True):
         camera = view.camera
         entries.append(
             {
@@ -234,6 +246,12 @@ def save_views(views: ViewSet, folder: Path) -> None:
         "views": entries,
     }
     (folder / VIEWS_FILE).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+
+
+def _save_view(view: View, path: Path) -> None:
+    """Write a view's image and its buffers; `path` is without suffix."""
+    Image.fromarray(view.image).save(path.with_suffix(".png"), compress_level=FASTEST)
+    write_arrays(path.with_suffix(".npz"), depth_m=view.depth.astype(np.float32), face=view.face.astype(np.int32))
 
 
 def load_views(folder: Path) -> ViewSet:

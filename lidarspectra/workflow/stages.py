@@ -183,7 +183,7 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
         loading(1.0, "scan read")
         views = render_views(mesh, scan.value.room, coverage=coverage, workers=inputs.workers, progress=looking)
         saving(0.0, "saving")
-        save_views(views, folder)
+        save_views(views, folder, workers=inputs.workers)
         # Of a model's walls the outer sides count too, which no room shows; names tell what they are made of.
         short = views.area_coverage < views.threshold and not mesh.appearance.is_drawn
         return Notes(

@@ -60,6 +60,13 @@ if profiled:
         pstats.Stats(profile, stream=sys.stderr).sort_stats(order).print_stats(45)
 print(json.dumps({"processor": marks, "clock": clock, "memory": memory}))
 """
+COMMAND = """
+try:
+    from lidarspectra.cli.app import main
+except ModuleNotFoundError:  # as revision 8119213 has it
+    from lidarspectra.cli import main
+main()
+"""
 RELIGHT = ("relight", "{run}", "--lamp", "{lamp}", "--dim", "0.5")
 
 
@@ -74,13 +81,14 @@ def measured(root: Path, room: Path, scratch: Path, profiled: str) -> dict[str, 
     run = scratch / "run"
     done, spent, took = _timed(root, scratch, "-c", WORKER, str(room), str(run), profiled)
     found = json.loads(done.splitlines()[-1])
+    print(f"{root}: {spent:.1f} s of processor time, {took:.1f} s by the clock", file=sys.stderr, flush=True)
     parts = {name: (value, found["clock"][name]) for name, value in found["processor"].items()}
     parts["after"] = (spent - sum(p for p, _ in parts.values()), took - sum(c for _, c in parts.values()))
     parts["whole run"] = (spent, took)
     parts["memory [MiB]"] = (found["memory"], found["memory"])
     lamps = json.loads((run / "4-scene" / "lamps.json").read_text(encoding="utf-8"))
     words = [word.format(run=run, lamp=lamps[0]["name"]) for word in RELIGHT]
-    others = {"relight": ("-m", "lidarspectra", *words), "--help": ("-m", "lidarspectra", "--help")}
+    others = {"relight": ("-c", COMMAND, *words), "--help": ("-c", COMMAND, "--help")}
     others["import lidarspectra"] = ("-c", "import lidarspectra")
     for name, arguments in others.items():
         _, *parts_of = _timed(root, scratch, *arguments)
