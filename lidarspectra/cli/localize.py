@@ -68,7 +68,7 @@ def train(
         model = train_from_files(fingerprints, out, positions=positions, settings=settings, seed=seed, progress=report)
     usable = model.space.usable
     console.print(
-        f"{len(model.places)} places, {len(model.space.sensors)} sensors, {model.space.count} of {usable.size} channels"
+        f"{len(model.places)} places, {len(model.space.sensors)} sensors, {usable.sum()} of {usable.size} channels"
         f" bright enough; saved in {out}",
         soft_wrap=True,
     )

@@ -108,7 +108,7 @@ def virtual_tables(offices: int, first_seed: int) -> list[Table]:
                 people = people_of(newer, night, against="running")[0]
                 of_known = left[np.isfinite(features).any(axis=1)]
                 by_kind[f"{SURE}, renewed"].append(
-                    (people[of_known], newer.presence.probabilities(features[known], newer.space))
+                    (people[of_known], newer.presence.probabilities(features[known]))
                 )
     rows = []
     for kind, parts in by_kind.items():
@@ -192,7 +192,7 @@ def real_tables(path: Path) -> list[Table]:
     apart = labels[first] != labels[second]
     pairs = np.rint(counts[first[apart]] * counts[second[apart]] / np.where(reference > 0, reference, np.nan))
     features = model.space.features(pairs, reference, usable=np.broadcast_to(reference >= 10.0, pairs.shape))
-    told = model.presence.probabilities(features, model.space)
+    told = model.presence.probabilities(features)
     both = people_of(model, tested)
     people = np.concatenate([both[0], np.full(len(told), 2)])
     tables = [

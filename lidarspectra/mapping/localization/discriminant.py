@@ -13,7 +13,7 @@ per place are far too few to estimate it in hundreds of dimensions, but most of 
     D   drift of the dies since the reference: common to all channels of one die of one sensor, standard deviation d
     T   Monte Carlo noise of the simulation: common to a sensor's channels, which share their paths
 
-The more a sensor may have drifted, the less weight the direction of its drift gets. The scatter of real readings
+N, D and T are independent from sensor to sensor, so that they lie on the diagonal. The scatter of real readings
 contains N already, so that it is added to traced fingerprints only.
 
 References
@@ -118,20 +118,21 @@ def sensor_blur(space: FeatureSpace, table: xr.Dataset, device: SensorSettings |
     blur : (feature, feature) float
         For small changes, where a feature is the change in units of its noise. [1]
     """
-    sensor, band = np.nonzero(space.usable)
-    per_noise = 1.0 / space.noise[space.usable]
-    die = sensor * len(DIE_INDEX) + _dies(space.bands_nm)[band]
-    drifts = drift * per_noise
-    blur = np.where(die[:, None] == die[None, :], np.outer(drifts, drifts), 0.0)
+    heard = space.usable.any(axis=1)
+    usable = space.usable[heard]
+    weight = np.where(usable, space.noise[heard] ** -2.0, 0.0)
+    weight = weight / weight.sum(axis=1, keepdims=True)
+    of_die = np.eye(DIE_INDEX.max() + 1)[_dies(space.bands_nm)]
+    variance = drift**2 * ((weight @ of_die) ** 2).sum(axis=1)
     if quantity_of(table) == "irradiance":
-        counts = np.maximum(reference_counts(table, device), 1.0)
-        blur[np.diag_indices_from(blur)] += ((count_uncertainty(counts) / counts)[space.usable] * per_noise) ** 2
+        counts = np.maximum(reference_counts(table, device), 1.0)[heard]
+        variance += ((weight * count_uncertainty(counts) / counts) ** 2).sum(axis=1)
     if "effect_se" in table:
-        traced = np.sqrt((table["effect_se"].to_numpy() ** 2).mean(axis=0)) / reference_of(table)
-        noise = traced[space.usable] * per_noise
-        blur += np.where(sensor[:, None] == sensor[None, :], np.outer(noise, noise), 0.0)
+        lit = np.where(usable, reference_of(table)[heard], np.inf)
+        traced = np.sqrt((table["effect_se"].to_numpy() ** 2).mean(axis=0))[heard] / lit
+        variance += (weight * traced).sum(axis=1) ** 2
     # A thousandth of the features' unit keeps the matrix regular where all fingerprints of counts are equal.
-    return np.asarray(blur + 1e-6 * np.eye(len(blur)), dtype=np.float64)
+    return np.asarray(np.diag(variance / space.sensor_noise**2 + 1e-6), dtype=np.float64)
 
 
 def _scatter(deviations: FloatArray, place_count: int) -> FloatArray | None:

@@ -176,7 +176,7 @@ class LocationModel:
         return Located(
             scores=self.locators[method].scores(features),
             places=self.places,
-            people=self.presence.probabilities(features, self.space),
+            people=self.presence.probabilities(features),
         )
 
 

@@ -25,7 +25,7 @@ from lidarspectra.mapping.localization.places import Places
 from lidarspectra.mapping.localization.presence import Presence
 
 MODEL_FILE, NETWORK_FILE, DISCRIMINANT_FILE = "model.nc", "network.onnx", "discriminant.onnx"
-SCHEMA = "lidarspectra location model 3"
+SCHEMA = "lidarspectra location model 4"
 PRESENCE = ("changes", "mean", "scale", "weights", "offset")  # of `Presence`
 
 
@@ -52,7 +52,7 @@ def save_locator(model: LocationModel, folder: Path) -> Path:
             "ridge_offset": (("place",), model.ridge.offset),
             "discriminant_weights": (("feature", "place"), model.discriminant.weights),
             "discriminant_offset": (("place",), model.discriminant.offset),
-            "presence_changes": (("place", "sensor"), model.presence.changes),
+            "presence_changes": (("place", "feature"), model.presence.changes),
             "presence_mean": (("statistic",), model.presence.mean),
             "presence_scale": (("statistic",), model.presence.scale),
             "presence_weights": (("term", "people"), model.presence.weights),

@@ -3,7 +3,7 @@
     features (reading, feature)  ->  probability (reading, place),  position_m (reading, 3) where coordinates are known
 
 The graphs are built here from five basic operators that any runtime has. The model's metadata describes the features as
-JSON: sensors, bands, usable channels, noise, labels.
+JSON: sensors, bands, usable channels, noise of channels and of sensors, labels.
 """
 
 import json
@@ -121,8 +121,10 @@ def _metadata(places: Places, space: FeatureSpace) -> dict[str, Any]:
         "bands_nm": space.bands_nm.tolist(),
         "usable": space.usable.astype(int).tolist(),
         "noise": np.round(space.noise, 9).tolist(),
+        "sensor_noise": np.round(space.sensor_noise, 9).tolist(),
         "mismatch": space.settings.mismatch,
         "remove_level": space.settings.remove_level,
         "labels": places.labels,
-        "feature": "asinh(mismatch u / noise) / mismatch, u = ln(count / reference) less the common level",
+        "feature": "asinh(mismatch c / sensor_noise) / mismatch for each sensor with a usable channel, less the median "
+        "of c over the sensors; c = sum(u / noise²) / sum(1 / noise²) over usable channels, u = ln(count / reference)",
     }

@@ -1,7 +1,6 @@
 """How many people are there: nobody, one, or two, from how well one place or two explain what the sensors read.
 
-    c_s = Σ_b u'_sb/σ_sb² / Σ_b 1/σ_sb²       change of a sensor over its channels: clothes tint, bodies take light
-    x_s = asinh(κ c_s/σ_s) / κ                in units of its noise, as a channel's feature (`features`)
+    x = z                                     change of each sensor in units of its noise, the features (`features`)
     E0 = |x|²      E1 = min |x - a m_p|²      E2 = min |x - a m_p - b m_q|²       over places p, q and 0.3 <= a, b <= 2
 
 with m_p the mean x of place p. A multinomial logistic regression on logarithms of E0, E1 and E2 gives the
@@ -19,7 +18,7 @@ from scipy.special import softmax
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.hardware.sensor.as7265x import REPEATABILITY
-from lidarspectra.mapping.localization.features import DRIFT, FeatureSpace
+from lidarspectra.mapping.localization.features import FeatureSpace
 
 NOBODY, TWO_PEOPLE = "nobody", "two people"  # labels of readings, and answers
 MAX_PEOPLE = 2
@@ -44,7 +43,7 @@ class Presence:
 
     Parameters
     ----------
-    changes : (place, sensor) float
+    changes : (place, feature) float
         m_p.
     mean, scale : (statistic,) float
         Of the statistics in training.
@@ -59,37 +58,21 @@ class Presence:
     weights: FloatArray
     offset: FloatArray
 
-    def probabilities(self, features: FloatArray, space: FeatureSpace) -> FloatArray:
+    def probabilities(self, features: FloatArray) -> FloatArray:
         """(reading, 3) probability of nobody, one person and two [0-1].
 
         Parameters
         ----------
         features : (reading, feature) float
-            Of the space; NaN where missing, which counts as no change.
-        space : FeatureSpace
+            NaN where missing, which counts as no change.
         """
-        statistics, _ = _explained(sensor_changes(features, space), self.changes)
+        statistics, _ = _explained(np.nan_to_num(features), self.changes)
         terms = _terms((statistics - self.mean) / self.scale)
         return np.asarray(softmax(PEOPLE_POWER * (terms @ self.weights + self.offset), axis=1), dtype=np.float64)
 
-    def pairs(self, features: FloatArray, space: FeatureSpace) -> IntArray:
+    def pairs(self, features: FloatArray) -> IntArray:
         """(reading, 2) places of two people, if there are two."""
-        return _explained(sensor_changes(features, space), self.changes)[1]
-
-
-def sensor_changes(features: FloatArray, space: FeatureSpace) -> FloatArray:
-    """(reading, sensor) x_s of features; 0 where a sensor has none."""
-    kappa = space.settings.mismatch
-    sensor, _ = np.nonzero(space.usable)
-    noise = space.noise[space.usable]
-    relative = np.sinh(kappa * np.nan_to_num(features)) / kappa  # u'/σ
-    sensors = np.eye(len(space.sensors))[sensor]
-    weight = np.isfinite(features) / noise**2
-    total = weight @ sensors
-    change = (weight * relative * noise) @ sensors / np.where(total > 0, total, 1.0)
-    precision = (noise**-2.0) @ sensors
-    spread = np.hypot(1.0 / np.sqrt(np.where(precision > 0, precision, np.inf)), DRIFT)
-    return np.asarray(np.arcsinh(kappa * change / spread) / kappa, dtype=np.float64)
+        return _explained(np.nan_to_num(features), self.changes)[1]
 
 
 def log_changes(readings: FloatArray, reference: FloatArray) -> FloatArray:
@@ -123,7 +106,7 @@ def fit_presence(
     """
     from sklearn.linear_model import LogisticRegression
 
-    own = sensor_changes(space.features(reference * np.exp(change), reference), space)
+    own = np.nan_to_num(space.features(reference * np.exp(change), reference))
     place_count = len(positions_m)
     means = np.stack([own[place == number].mean(axis=0) for number in range(place_count)])
     near = _near(positions_m if np.isfinite(positions_m).all() else means)
@@ -132,7 +115,7 @@ def fit_presence(
     one = _people(change, place, near, generator.integers(0, place_count, EXAMPLES), generator)
     two = sum(_people(change, place, near, chosen, generator) for chosen in (first, second))
     drawn = _drifted(np.concatenate([np.zeros_like(one), one, two]), reference, generator)
-    statistics, _ = _explained(sensor_changes(space.features(drawn, reference), space), means)
+    statistics, _ = _explained(np.nan_to_num(space.features(drawn, reference)), means)
     mean, scale = statistics.mean(axis=0), np.maximum(statistics.std(axis=0), 1e-9)
     people = np.repeat(np.arange(MAX_PEOPLE + 1), EXAMPLES)
     fitted = LogisticRegression(C=L2, max_iter=500).fit(_terms((statistics - mean) / scale), people)

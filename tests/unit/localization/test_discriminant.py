@@ -57,27 +57,24 @@ def test_a_direction_of_drift_tells_nothing_where_sensors_drift() -> None:
 
 
 def test_the_blur_is_the_sensors(make_table: Maker) -> None:
-    """Dies of the channels at 460, 560 and 645 nm: the third, the second, the second."""
+    """Dies of the channels at 460, 560 and 645 nm: the third, the second, the second; a sensor is their mean."""
     table = make_table()
     device = device_settings(table)
     space = feature_space(table, device=device)
     assert space.usable.all()
-    blur = sensor_blur(space, table, device, drift=0.02)
-    scaled = blur * np.outer(space.noise.ravel(), space.noise.ravel())  # of ln N
+    weight = space.noise**-2.0 / (space.noise**-2.0).sum(axis=1, keepdims=True)
+    tiny = 1e-6 * space.sensor_noise**2
     counts = reference_counts(table, device)
-    rounding = ((count_uncertainty(counts) / counts) ** 2).ravel()
-    tiny = 1e-6 * space.noise.ravel() ** 2
-    assert np.diag(scaled) == pytest.approx(0.02**2 + rounding + tiny)
-    assert scaled[1, 2] == pytest.approx(0.02**2)
-    assert scaled[0, 1] == scaled[1, 4] == 0.0  # other dies, other sensors
+    rounding = ((weight * count_uncertainty(counts) / counts) ** 2).sum(axis=1)
+    drifted = 0.02**2 * (weight[:, 0] ** 2 + (weight[:, 1] + weight[:, 2]) ** 2)
+    blur = sensor_blur(space, table, device, drift=0.02)
+    assert np.diag(blur) * space.sensor_noise**2 == pytest.approx(drifted + rounding + tiny)
+    assert np.count_nonzero(blur) == len(blur)  # nothing in common between sensors
     traced = table.assign(effect_se=0.001 * table["irradiance"])
     traced["effect_se"].attrs = table["irradiance_se"].attrs
-    with_noise = sensor_blur(space, traced, device, drift=0.02) * np.outer(space.noise.ravel(), space.noise.ravel())
-    shared = 0.001**2 * np.sqrt(
-        ((table["irradiance"] / table["empty"]) ** 2).mean("fingerprint").to_numpy()[0, :2].prod()
-    )
-    assert with_noise[0, 1] == pytest.approx(shared)
-    assert with_noise[0, 4] == 0.0
+    with_noise = np.diag(sensor_blur(space, traced, device, drift=0.02)) * space.sensor_noise**2
+    share = np.sqrt(((table["irradiance"] / table["empty"]) ** 2).mean("fingerprint").to_numpy())
+    assert with_noise == pytest.approx(drifted + rounding + tiny + (0.001 * (weight * share).sum(axis=1)) ** 2)
 
 
 def test_the_graph_for_devices_tells_the_same(model: LocationModel, make_table: Maker) -> None:

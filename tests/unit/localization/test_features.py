@@ -1,6 +1,7 @@
 """What leaves a feature as it is, and what does not."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from lidarspectra.mapping.localization.features import (
 Maker = Callable[..., xr.Dataset]
 SENSORS = tuple("abcde")
 ONES = np.ones((5, 2))
+SENSOR_NOISE = np.hypot(0.01 / np.sqrt(2.0), DRIFT)  # of two channels with a noise of .01
 
 
 def space(**settings: float | bool) -> FeatureSpace:
@@ -48,25 +50,40 @@ def test_gains_of_sensors_and_channels_and_a_dimming_of_all_lamps_leave_no_trace
 def test_a_change_at_one_sensor_stays_there() -> None:
     readings = np.full((1, 5, 2), 100.0)
     readings[0, 3] = 90.0
-    found = space(mismatch=1e-6).features(readings, 100.0 * ONES)[0].reshape(5, 2)
-    # In units of noise, and linear where no mismatch is expected
-    assert found[3] == pytest.approx(np.log(0.9) / 0.01, rel=1e-6)
-    assert np.abs(np.delete(found, 3, axis=0)).max() == 0.0
+    found = space(mismatch=1e-6).features(readings, 100.0 * ONES)[0]
+    # In units of noise, two channels' mean and drift, and linear where no mismatch is expected
+    assert found[3] == pytest.approx(np.log(0.9) / SENSOR_NOISE, rel=1e-6)
+    assert np.abs(np.delete(found, 3)).max() == 0.0
+
+
+def test_channels_count_by_their_precision() -> None:
+    """Clothes that take a tenth of one channel and nothing of another: the mean, weighted by 1/σ²."""
+    noise = np.tile([0.01, 0.02], (5, 1))
+    uneven = replace(space(mismatch=1e-6), noise=noise)
+    readings = np.full((1, 5, 2), 100.0)
+    readings[0, 3, 0] = 90.0
+    found = uneven.features(readings, 100.0 * ONES)[0, 3]
+    spread = np.sqrt(1.0 / (0.01**-2 + 0.02**-2) + DRIFT**2)
+    assert found == pytest.approx(0.8 * np.log(0.9) / spread, rel=1e-6)
+    dark = uneven.features(readings, 100.0 * ONES, usable=np.tile([False, True], (5, 1)))[0, 3]
+    assert dark == 0.0  # the channel that changed does not count
+    blind = replace(uneven, usable=np.array([[True, True]] * 4 + [[False, False]]))
+    assert blind.count == blind.features(readings, 100.0 * ONES).shape[1] == 4
 
 
 def test_small_changes_are_linear_and_large_ones_are_pressed_together() -> None:
     readings = np.full((2, 5, 2), 100.0)
     readings[0, 3], readings[1, 3] = 99.99, 50.0
-    small, large = (row.reshape(5, 2)[3, 0] for row in space(mismatch=0.2).features(readings, 100.0 * ONES))
-    assert small == pytest.approx(np.log(0.9999) / 0.01, rel=1e-4)
-    assert large == pytest.approx(np.arcsinh(0.2 * np.log(0.5) / 0.01) / 0.2)
+    small, large = space(mismatch=0.2).features(readings, 100.0 * ONES)[:, 3]
+    assert small == pytest.approx(np.log(0.9999) / SENSOR_NOISE, rel=1e-4)
+    assert large == pytest.approx(np.arcsinh(0.2 * np.log(0.5) / SENSOR_NOISE) / 0.2)
 
 
 def test_a_missing_sensor_is_missing_and_the_others_are_as_before() -> None:
     readings = np.full((1, 5, 2), 100.0)
     readings[0, 0], readings[0, 3] = np.nan, 90.0
-    found = space().features(readings, 100.0 * ONES)[0].reshape(5, 2)
-    assert np.isnan(found[0]).all()
+    found = space().features(readings, 100.0 * ONES)[0]
+    assert np.isnan(found[0])
     assert found[1:3] == pytest.approx(0.0)
 
 

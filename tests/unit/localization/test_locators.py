@@ -71,7 +71,7 @@ def test_the_graph_gives_the_position_and_says_what_it_takes(model: LocationMode
     assert position == pytest.approx(located.positions_m, abs=1e-5)  # [m]
     told = json.loads(onnx.load_from_string(model.network.model).metadata_props[0].value)
     assert told["sensors"] == list(model.space.sensors)
-    assert np.sum(told["usable"]) == features.shape[1]
+    assert len(told["sensor_noise"]) == features.shape[1]
 
 
 def test_the_ridge_on_places_is_the_ridge_on_coordinates() -> None:

@@ -12,7 +12,7 @@ from lidarspectra.mapping.localization.frames import Frame
 from lidarspectra.mapping.localization.live import LiveLocator, LiveSettings
 from lidarspectra.mapping.localization.location_model import LocationModel, TrainingSettings, train_locator
 from lidarspectra.mapping.localization.people_scores import people_of, people_table, reliability_table
-from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE, sensor_changes
+from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE
 from lidarspectra.workflow.localization_jobs import track_row
 
 Maker = Callable[..., xr.Dataset]
@@ -65,14 +65,14 @@ def test_the_pair_that_explains_two_people_is_theirs(model: LocationModel, make_
     one = make_table(11, gains=GAINS, draws=1)
     counts, empty = one["counts"].to_numpy(), one["empty"].to_numpy()
     corners = labelled(one, (counts[0] * counts[-1] / empty)[None], TWO_PEOPLE)
-    pair = model.presence.pairs(model.features(corners), model.space)[0]
+    pair = model.presence.pairs(model.features(corners))[0]
     assert sorted(model.places.labels[number] for number in pair) == ["p0", "p11"]
 
 
 def test_a_sensor_changes_by_the_mean_of_its_channels(model: LocationModel) -> None:
     empty = np.full(model.space.usable.shape, 1000.0)
     sensor = np.array([0.9, 1.0, 1.0, 1.0, 1.0, 1.0])[:, None]
-    found = sensor_changes(model.space.features((sensor * empty)[None], empty), model.space)[0]
+    found = model.space.features((sensor * empty)[None], empty)[0]
     assert found[0] < -5.0  # a tenth is many times the noise
     assert found[1:] == pytest.approx(0.0)
 
