@@ -54,6 +54,7 @@ from research.experiments.experiment_figures import (
 from research.experiments.instruments import cell_table, sensor_table
 from research.experiments.microbenchmark_tables import microbenchmark_table
 from research.experiments.microbenchmarks import cloths, inverse_square, superposition
+from research.experiments.provenance import begin, note
 from research.experiments.results_page import write_results_page
 from research.experiments.sensitivity import Change, Influence, influence_table
 from research.experiments.true_floor_plan import true_floor_plan
@@ -77,6 +78,7 @@ def save_table(table: Table, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / f"{table.name}.csv", table_csv(table))
     write_whole(folder / f"{table.name}.md", f"{table.caption}\n\n{table_markdown(table)}")
+    note(folder, table.name)
 
 
 def microbenchmarks(arguments: argparse.Namespace) -> None:
@@ -140,6 +142,7 @@ def scene_table_1(arguments: argparse.Namespace, scene: str) -> None:
     keep_rows(rows, arguments.work, scene)
     figure = map_comparison_figure(maps, runs.places, runs.centers_nm, true_floor_plan(runs.plan))
     save_picture(figure, arguments.out / f"maps-{scene}.png")
+    note(arguments.out, f"maps-{scene}")
 
 
 def table_2(arguments: argparse.Namespace) -> None:
@@ -229,7 +232,9 @@ def main(words: Sequence[str] | None = None) -> None:
     arguments = parser.parse_args(words)
     with tempfile.TemporaryDirectory() as scratch:
         arguments.work = (arguments.work or Path(scratch)).resolve()
+        arguments.work.mkdir(parents=True, exist_ok=True)
         arguments.out.mkdir(parents=True, exist_ok=True)
+        begin(arguments.out, arguments.work)
         for name, run in EXPERIMENTS.items():
             if name in arguments.only:
                 run(arguments)

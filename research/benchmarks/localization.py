@@ -63,6 +63,7 @@ from research.benchmarks.localization_readings import (
     true_readings,
 )
 from research.benchmarks.localization_rooms import common_positions, later_room, scanned_room, traced, true_traced_room
+from research.experiments.provenance import begin
 from research.experiments.variants import changed, write_run_file
 from research.experiments.virtual_readings import read_by_sensors, watch_by_sensors
 from research.scenes.build import phone_scan
@@ -72,8 +73,8 @@ from research.virtual_rooms.true_room import true_room
 ROOT = Path(__file__).parents[2]
 ACCURACIES: tuple[Accuracy, ...] = ("low", "medium", "high")
 LEARNED = ("measured", *ACCURACIES)
-BEST_METHODS: tuple[Method, ...] = ("network", "discriminant")
-GOALS_M = {"large-office": 0.30, "apartment": 0.35}  # [m] median, at high
+BEST_METHODS: tuple[Method, ...] = ("together", "network", "discriminant")
+GOALS_M = {"large-office": (0.3, 1.2), "apartment": (0.3, 0.9)}  # [m] median and 90th percentile, at high
 PAPER_M = {  # [m] Table 4: measured there, in rooms of the authors
     "large-office": {"measured": 0.0, "low": 0.55, "medium": 0.37, "high": 0.29},
     "apartment": {"measured": 0.06, "low": 0.90, "medium": 0.34, "high": 0.37},
@@ -111,7 +112,8 @@ def table_4(arguments: argparse.Namespace) -> None:
         save_picture(error_map_figure(curves[scene]["high"], true.room.plan), arguments.out / f"error-map-{scene}.png")
     formats = {name: ".2f" for name in medians[0] if name.endswith("[m]")}
     caption = (
-        "Median error of the network, by what it was learned from (the paper's Table 4); the discriminant beside it."
+        "Median error of the network, by what it was learned from (the paper's Table 4); the default locator, "
+        "together, and the discriminant beside it, and their 90th percentiles."
     )
     save(Table(name="table-4", caption=caption, frame=pd.DataFrame(medians), formats=formats), arguments.out)
     caption = "All methods, and people who stand between the places."
@@ -121,15 +123,19 @@ def table_4(arguments: argparse.Namespace) -> None:
 
 
 def median_row(scene: str, errors: Mapping[str, LocationErrors]) -> dict[str, object]:
-    """Medians of a room, and which of the two better methods reach the goal."""
+    """Medians of a room, 90th percentiles at high, and which of the better methods reach both goals."""
     row: dict[str, object] = {
         f"{words} [m]": errors[f"{scene}, {words}, network"].percentile_m(50) for words in LEARNED
     }
-    at_high = {method: errors[f"{scene}, high, {method}"].percentile_m(50) for method in BEST_METHODS}
-    reached = [method for method, median_m in at_high.items() if median_m <= GOALS_M[scene]]
-    row["high, discriminant [m]"] = at_high["discriminant"]
-    row["goal at high [m]"] = GOALS_M[scene]
-    row["reached by"] = " and ".join(reached) or "neither"
+    at_high = {
+        method: [errors[f"{scene}, high, {method}"].percentile_m(percent) for percent in (50, 90)]
+        for method in BEST_METHODS
+    }
+    row |= {f"high, {method} [m]": at_high[method][0] for method in BEST_METHODS if method != "network"}
+    row |= {f"high, {method}, 90th percentile [m]": at_high[method][1] for method in BEST_METHODS}
+    row["goals at high"] = "{:g} m and {:g} m".format(*GOALS_M[scene])
+    reached = [method for method in BEST_METHODS if np.all(np.array(at_high[method]) <= GOALS_M[scene])]
+    row["both reached by"] = " and ".join(reached) or "none"
     return row
 
 
@@ -282,6 +288,7 @@ def main(words: Sequence[str] | None = None) -> None:
         arguments.work = (arguments.work or Path(scratch)).resolve()
         arguments.work.mkdir(parents=True, exist_ok=True)
         arguments.out.mkdir(parents=True, exist_ok=True)
+        begin(arguments.out, arguments.work)
         for name, experiment in EXPERIMENTS.items():
             if name in arguments.only:
                 experiment(arguments)

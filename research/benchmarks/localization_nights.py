@@ -4,8 +4,9 @@
 
 A locator learns from a survey of a virtual office (`research.virtual_nights`), and is tested on other people there on
 another night: dies that drift, lamps that age or are replaced, furniture that was moved, daylight through blinds, and
-all of it. Dies jump by 20 % on all. Readings are compared with the running median, as `localize live` does, and with
-the median of the whole night. Told beside is how often the default locator is right where it says so.
+all of it. Dies jump by 20 % on all. Beside these, nights that begin with long stays, so that the first running medians
+contain somebody, and surveys by several people. Readings are compared with the running median, as `localize live`
+does, and with the median of the whole night. Told beside is how often the default locator is right where it says so.
 
 With --night, halves of the visits of a real night, the first to learn from and the second in order of time.
 """
@@ -32,6 +33,8 @@ from research.virtual_nights.office import make_office
 
 FRAMES = 20  # of a visit
 FEW = (0, 1, 5)  # readings of the new night at each place
+SURVEYORS = (1, 3)  # people who walk the survey, one after the other
+LONG_FRAMES, LONG_PLACES = 70, 9  # of a first ten minutes in which somebody stays for more than a minute at a place
 CONFIDENCES = (0.0, 0.5, 0.7, 0.9, 1.01)
 SURE = "all of it"  # the kind of night on which a few readings are tried
 Scores = dict[str, list[float]]
@@ -66,15 +69,29 @@ def virtual_tables(offices: int) -> list[Table]:
     shares: dict[tuple[str, str], Scores] = {}
     sure: list[tuple[FloatArray, FloatArray]] = []
     few: dict[int, list[float]] = {count: [] for count in FEW}
+    surveyed: dict[int, list[float]] = {count: [] for count in SURVEYORS}
+    stays: dict[str, Scores] = {}
     for number in range(offices):
         office, generator = make_office(number), np.random.default_rng(number)
         survey = Night(office, SAME_ROOM, 10 * number + 1, 100 + number)
         learned = as_table(*survey.counts(visits_to(office, generator, FRAMES)), office, "survey")
         model = train_locator(learned)
+        more_people = np.random.default_rng([number, 1])
+        others = [
+            as_table(*survey.counts(visits_to(office, more_people, FRAMES)), office, f"survey {count + 2}")
+            for count in range(max(SURVEYORS) - 1)
+        ]
+        by_surveyors = {count: train_locator([learned, *others[: count - 1]]) for count in SURVEYORS}
         for kind, settings in KINDS.items():
             night = Night(office, settings, 1000 + number, 100 + number)
             visits = visits_to(office, generator, FRAMES, order="lot")
             tested = as_table(*night.counts(visits), office, kind)
+            for count, other in by_surveyors.items():
+                surveyed[count].append(100.0 * float(right(other, tested, "running")[METHODS[0]][0].mean()))
+            visits = visits_to(office, more_people, LONG_FRAMES, order="lot")[:LONG_PLACES]
+            lengthy = Night(office, settings, 2000 + number, 100 + number).counts(visits)
+            for method, (ok, _) in right(model, as_table(*lengthy, office, kind), "running").items():
+                stays.setdefault(kind, {}).setdefault(method, []).append(100.0 * float(ok.mean()))
             for against in ("running", "own"):
                 found = right(model, tested, "running" if against == "running" else "own")
                 for method, (ok, probability) in found.items():
@@ -103,6 +120,11 @@ def virtual_tables(offices: int) -> list[Table]:
     return [
         _table("nights", f"Right places [%] in {offices} virtual offices, from a survey to another night.", rows,
                ["night", "reference", *METHODS]),
+        _table("stays", f"The first {LONG_PLACES} places of a night with stays of {LONG_FRAMES} readings [%].",
+               [(kind, *(float(np.mean(found[method])) for method in METHODS)) for kind, found in stays.items()],
+               ["night", *METHODS]),
+        _table("surveys", "By how many people walked the survey, mean over the nights.",
+               [(count, float(np.mean(values))) for count, values in surveyed.items()], ["people", "right [%]"]),
         _table("confidence", f"How often '{METHODS[0]}' is right, by what it says.", confident,
                ["probability", "readings", "said [%]", "right [%]"]),
         _table("few", f"A new night ('{SURE}'), with a few of its readings at each place learned too.",

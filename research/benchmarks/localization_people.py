@@ -107,9 +107,7 @@ def virtual_tables(offices: int, first_seed: int) -> list[Table]:
                 known = left & np.isfinite(features).any(axis=1)
                 people = people_of(newer, night, against="running")[0]
                 of_known = left[np.isfinite(features).any(axis=1)]
-                by_kind[f"{SURE}, renewed"].append(
-                    (people[of_known], newer.presence.probabilities(features[known]))
-                )
+                by_kind[f"{SURE}, renewed"].append((people[of_known], newer.presence.probabilities(features[known])))
     rows = []
     for kind, parts in by_kind.items():
         people, probabilities = (np.concatenate(each) for each in zip(*parts, strict=True))

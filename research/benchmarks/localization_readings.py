@@ -15,6 +15,7 @@ from lidarspectra.radiance.engine.options import Accuracy
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.workflow.pipeline import run
 from research.benchmarks.localization_rooms import TracedRoom, scanned_room, traced, true_traced_room
+from research.experiments.provenance import note
 from research.experiments.virtual_readings import Visits, read_by_sensors, watch_by_sensors
 from research.virtual_rooms.room_plan import RoomPlan, read_plan
 
@@ -58,6 +59,7 @@ def save(table: Table, folder: Path) -> None:
     """Write a table as CSV and Markdown."""
     write_whole(folder / f"{table.name}.csv", table_csv(table))
     write_whole(folder / f"{table.name}.md", f"{table.caption}\n\n{table_markdown(table)}")
+    note(folder, table.name)
 
 
 def plan_of(scene: str) -> RoomPlan:

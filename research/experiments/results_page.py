@@ -9,6 +9,7 @@ from pathlib import Path
 
 from lidarspectra.io.files import write_whole
 from lidarspectra.workflow.workspace import versions
+from research.experiments.provenance import made_by, revision
 
 READING = "reading.md"  # written by hand: what the numbers say
 CONTEXT_ROOM = "one room of the authors, measured there with a real sensor, which we cannot measure again"
@@ -128,7 +129,8 @@ def write_results_page(
         figures = [path for name in part.figures for path in sorted(folder.glob(f"{name}.png"))]
         if not tables and not figures:
             continue
-        lines += [f"## {part.title}", "", part.words, ""]
+        made = [path.stem for path in tables] or [path.stem for path in figures]
+        lines += [f"## {part.title}", "", part.words, "", made_by(folder, made), ""]
         for path in tables:
             lines += [path.read_text(encoding="utf-8").strip(), ""]
         for path in figures:
@@ -142,7 +144,8 @@ def _who_and_where(script: str, folder: str) -> str:
     known = versions()
     shown = ", ".join(f"{name} {known[name]}" for name in ("lidarspectra", "python", "pyradiance", "numpy"))
     return (
-        f"Written by `{script}` on {datetime.now(UTC):%Y-%m-%d}, {os.cpu_count()} cores, {platform.machine()} "
+        f"Composed by `{script}` on {datetime.now(UTC):%Y-%m-%d} at revision {revision()}; under each heading stands "
+        f"which revision made its tables. {os.cpu_count()} cores, {platform.machine()} "
         f"{platform.system()}, with other work beside it: processor time tells more than time. {shown}. Every table "
         f"is beside this page as CSV, in `{folder}/`."
     )
