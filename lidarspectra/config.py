@@ -1,5 +1,6 @@
 """The run file: a TOML text into records that check themselves; an unknown key is an error."""
 
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f
 """Of a lamp: any words in one line; what files of results cannot hold, control characters, is refused."""
 Height = Annotated[float, Field(allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
+MAX_PANE_LEAN = 0.2  # [1] vertical part of a pane's normal over its level part: panes stand upright
 MIN_AREA_M2 = 1e-3  # [m²] of an area of the plan: less is corners in one line, or given out of order
 
 
@@ -106,6 +108,36 @@ class LampSection(Section):
             raise ValueError("'file' goes with shape 'ies', and only with it")
         if (self.shape == "spot") != (self.beam_angle_deg is not None):
             raise ValueError("'beam_angle_deg' goes with shape 'spot', and only with it")
+        return self
+
+
+class PaneSection(Section):
+    """`[[panes]]`: an upright rectangle of glass, a mirror or a screen."""
+
+    name: Name
+    kind: Literal["glass", "mirror", "screen"]
+    center: Vector
+    """[m]"""
+    size: tuple[Positive, Positive]
+    """Width and height. [m]"""
+    normal: Vector
+    """Into the room, without vertical part."""
+    transmittance: Fraction | None = None
+    """Of glass, at normal incidence; None is that of clear double glazing."""
+    reflectance: Annotated[float, Field(ge=0, le=0.99)] | None = None
+    """Of a mirror or a screen; None is the usual one."""
+    assumed: bool = False
+    """Proposed by `init`, and not yet looked at: said in notes. Changes no number but its deviation."""
+
+    @model_validator(mode="after")
+    def _is_pane(self) -> Self:
+        if self.kind == "glass" and self.reflectance is not None:
+            raise ValueError("glass takes transmittance; what it reflects follows from that")
+        if self.kind != "glass" and self.transmittance is not None:
+            raise ValueError(f"nothing goes through a {self.kind}: give reflectance, or kind = 'glass'")
+        x, y, z = self.normal
+        if not (x or y) or abs(z) > MAX_PANE_LEAN * math.hypot(x, y):
+            raise ValueError("normal must point from the pane level into the room, for instance [1, 0, 0]")
         return self
 
 
@@ -426,7 +458,7 @@ class RunFile(Section):
 
     Parameters
     ----------
-    scan, lamps, lamps_from_scan, daylight, materials, sensors, trace
+    scan, lamps, lamps_from_scan, daylight, panes, materials, sensors, trace
         Its tables; see docs/run-file.md for every key.
     people_and_plants, cells, calibration, rules, report
         What else is asked for, and what readings determined.
@@ -436,6 +468,7 @@ class RunFile(Section):
     lamps: tuple[LampSection, ...] = ()
     lamps_from_scan: LampsFromScanSection | None = None
     daylight: DaylightSection | None = None
+    panes: tuple[PaneSection, ...] = ()
     materials: MaterialsSection = MaterialsSection()
     sensors: SensorsSection = SensorsSection(grid=GridSection(count=176))
     trace: TraceSection = TraceSection()
@@ -447,12 +480,15 @@ class RunFile(Section):
     _origin: "Origin | None" = PrivateAttr(default=None)
 
     @model_validator(mode="after")
-    def _lamps_given(self) -> Self:
+    def _names_tell_apart(self) -> Self:
         if self.lamps and self.lamps_from_scan is not None:
             raise ValueError("give either [[lamps]] or [lamps_from_scan], not both")
         names = [lamp.name for lamp in self.lamps]
         if self.daylight is not None:
             names += [*(window.name for window in self.daylight.windows), "sun"]
+        panes = [pane.name for pane in self.panes]
+        if doubled := sorted({name for name in panes if panes.count(name) > 1}):
+            raise ValueError(f"two panes have the name {doubled[0]!r}; names tell panes apart in notes")
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"two lamps have the name {twice[0]!r}; names tell lamps apart in relighting")

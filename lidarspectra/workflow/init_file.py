@@ -3,6 +3,7 @@
 import os
 import tomllib
 from dataclasses import dataclass, replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from lidarspectra.material.lit_lamps import LampSearch, search_lit_lamps
 from lidarspectra.material.unknown_light import UnknownSource, find_unknown_sources
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.panes.search import find_panes
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, grid_points
 from lidarspectra.workflow.assumed import uncertain_of_scan
@@ -195,14 +197,21 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
     scan = scan if colors is None else colors.scan
     progress(0.6, "finding floor, walls and ceiling")
     try:
-        scan, room, _ = whole_room(
+        repaired, whole = (
             scan,
-            close_ceiling=True,
-            close_floor=True,
-            close=False,
-            floor_z=choices.floor,
-            ceiling_z=choices.ceiling,
+            partial(
+                whole_room,
+                close_ceiling=True,
+                close_floor=True,
+                close=False,
+                floor_z=choices.floor,
+                ceiling_z=choices.ceiling,
+            ),
         )
+        scan, room, _ = whole(repaired)
+        proposed = find_panes(scan, room)
+        if proposed:  # the room as the run will see it, without images behind mirrors
+            scan, room, _ = whole(repaired, panes=proposed)
     except ScanError as cause:
         raise _NoRoom(cause, raw) from cause
     free = FreeSpace(scan, room)
@@ -221,6 +230,7 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
         lamps=lamps,
         panels=None if lamps.lamps else propose_panels(room, free),
         panes=_panes(scan, lamps),
+        proposed=proposed,
         has_color=scan.appearance.known,
     )
     return _Looked(summary=summary, scan=scan, points=points)
@@ -261,6 +271,7 @@ def _draw(looked: _Looked, run_file: RunFile, out_path: Path) -> Path:
         positions=None if points is None else points.positions,
         buried=None if points is None else points.buried,
         assumed=[lamp.name for lamp in run_file.lamps if lamp.assumed],
+        panes=looked.summary.proposed,
         title=f"{scan.record.file}: {length:.2f} m x {width:.2f} m, {room.height_m:.2f} m high "
         f"(unit {scan.record.unit}, {looked.summary.sureness('unit')}; "
         f"up {scan.record.up_axis}, {looked.summary.sureness('up')})",

@@ -10,8 +10,10 @@ from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.hardware.phone.orientation import AXIS_UNCERTAIN, METRES_PER_UNIT, UNIT_UNCERTAIN
 from lidarspectra.material.lit_lamps import LampSearch, LitLamp
 from lidarspectra.material.unknown_light import UnknownSource
+from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.room import Room
 from lidarspectra.workflow.assumed import CEILING_SHARE, uncertain_of_scan
+from lidarspectra.workflow.panes_of_run import panes_in_words
 from lidarspectra.workflow.proposed_lamps import ProposedPanels
 
 FLOOR_SHARE = 0.5  # [1] of the plan: with less floor in the scan, the outline may be wrong
@@ -43,6 +45,8 @@ class InitSummary:
         Proposed where no lamp is lit.
     panes : tuple of UnknownSource
         Windows by day or large screens: upright places that shine and are no lamps.
+    proposed : tuple of Pane
+        Glass, mirrors and screens that the run file proposes.
     has_color : bool
         False for a scan without colour, in which no lamp can be seen.
     picture : Path or None
@@ -59,6 +63,7 @@ class InitSummary:
     lamps: LampSearch
     panels: ProposedPanels | None
     panes: tuple[UnknownSource, ...]
+    proposed: tuple[Pane, ...]
     has_color: bool
     picture: Path | None = None
 
@@ -104,6 +109,8 @@ class InitSummary:
         yield f"lamps     {self.lamps_in_words()}"
         if self.panes:
             yield f"by day?   light comes from {self.panes_in_words()}"
+        if self.proposed:
+            yield f"panes?    {panes_in_words(self.proposed)} (assumed)"
         yield f"wrote     {self.run_file}"
 
     def lamps_in_words(self) -> str:
@@ -139,6 +146,11 @@ class InitSummary:
             yield (
                 "By day the light of windows is taken out of the scan's colours with the lamps', and the map has the "
                 "lamps alone; for daylight in the map give the windows under [daylight]."
+            )
+        if self.proposed:
+            yield (
+                "What has signs of glass, mirrors or screens stands in the run file as [[panes]], and is drawn on the "
+                "plan: look whether it is there, correct its place and size or remove it, and delete 'assumed' there."
             )
         yield self._lamp_advice()
 

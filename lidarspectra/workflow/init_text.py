@@ -12,6 +12,7 @@ from lidarspectra.material.lit_lamps import LitLamp
 from lidarspectra.workflow.assumed import uncertain_of_scan
 from lidarspectra.workflow.init_choices import InitChoices
 from lidarspectra.workflow.init_summary import InitSummary, counted, lamps_in_words, percent
+from lidarspectra.workflow.panes_of_run import pane_lines
 from lidarspectra.workflow.proposed_lamps import PANEL_M, ProposedPanels
 from lidarspectra.workflow.whole_room import closing_lines
 
@@ -197,6 +198,7 @@ def _other_lines(summary: InitSummary) -> Iterator[str]:
         yield f"# In the picture light comes from {summary.panes_in_words()}:"
         yield "# a window by day is taken out of the colours with the lamps' light. The map has daylight only where you"
         yield "# give [daylight] with its windows: see docs/run-file.md."
+    yield from pane_lines(summary.proposed)
     yield ""
     yield "[materials]"
     yield 'method = "estimate"  # from the scan\'s colours; "default" gives every surface one material'

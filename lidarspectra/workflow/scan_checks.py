@@ -81,7 +81,7 @@ def points_of_file(run_file: RunFile, base: Path) -> FloatArray | None:
 
 
 def check_in_scan(findings: Findings, run_file: RunFile, extent: ScanExtent, points: FloatArray | None) -> None:
-    """Look whether the run file's lamps, windows and sensors fit the scan.
+    """Look whether the run file's lamps, windows, panes and sensors fit the scan.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def check_in_scan(findings: Findings, run_file: RunFile, extent: ScanExtent, poi
 
 
 def _check_centers(findings: Findings, run_file: RunFile, extent: ScanExtent) -> None:
-    """Lamps and windows outside, as one fault: with a wrong unit it is all of them."""
+    """Lamps, windows and panes outside, as one fault: with a wrong unit it is all of them."""
     given = list(_centers(run_file))
     if not given:
         return
@@ -122,27 +122,31 @@ def _check_centers(findings: Findings, run_file: RunFile, extent: ScanExtent) ->
         named = [f"'{name}' at ({', '.join(f'{value:.2f}' for value in center)}) m" for _, name, center in outside]
         findings.refuse(
             outside[0][0],
-            expected=f"lamps and windows within the scan, {extent.words()}",
+            expected=f"lamps, windows and panes within the scan, {extent.words()}",
             found=f"outside of it: {listed(named)}",
             todo="Correct 'center' in the run file; it is in metres, in the scan's axes: see 'lidarspectra scan'.",
         )
 
 
 def _centers(run_file: RunFile) -> Iterator[tuple[str, str, Vector]]:
-    """Key, name and centre of every lamp and window."""
+    """Key, name and centre of every lamp, window and pane."""
     for number, lamp in enumerate(run_file.lamps, start=1):
         yield f"lamps.{number}.center", lamp.name, lamp.center
     for number, window in enumerate(run_file.daylight.windows if run_file.daylight else (), start=1):
         yield f"daylight.windows.{number}.center", window.name, window.center
+    for number, pane in enumerate(run_file.panes, start=1):
+        yield f"panes.{number}.center", pane.name, pane.center
 
 
 def _sizes(run_file: RunFile) -> Iterator[tuple[str, float]]:
-    """Key and longest side of every lamp and window whose size is given."""
+    """Key and longest side of every lamp, window and pane whose size is given."""
     for number, lamp in enumerate(run_file.lamps, start=1):
         if lamp.size is not None:
             yield f"lamps.{number}.size", float(np.max(lamp.size))
     for number, window in enumerate(run_file.daylight.windows if run_file.daylight else (), start=1):
         yield f"daylight.windows.{number}.size", max(window.size)
+    for number, pane in enumerate(run_file.panes, start=1):
+        yield f"panes.{number}.size", max(pane.size)
 
 
 def _check_points(findings: Findings, file: str, extent: ScanExtent, points: FloatArray) -> None:

@@ -68,6 +68,7 @@ from lidarspectra.workflow.lamps_of_run import (
     without_names,
 )
 from lidarspectra.workflow.materials_of_run import materials_of_run, model_of_run
+from lidarspectra.workflow.panes_of_run import assumed_notes, panes_of_run, with_panes_of_run
 from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
 from lidarspectra.workflow.trace_notes import glass_notes, trace_warnings, truncation_in_words
 from lidarspectra.workflow.unknowns_of_run import lost_calibration_note, unknowns_of_map
@@ -115,7 +116,7 @@ TRACE_SEED = 20240513  # of the ray directions; Radiance seeds its shadow rays b
 
 def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
     """Stage 1: read the phone's mesh, repair it, find the room in it (paper, Section 2.2)."""
-    given = inputs.declare("scan", "scan.assumed")
+    given = inputs.declare("scan", "scan.assumed", "panes", "panes.assumed")
     section = given.run_file.scan
 
     def make(folder: Path, progress: Progress) -> Notes:
@@ -141,6 +142,7 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
             close=section.close,
             floor_z=section.floor,
             ceiling_z=section.ceiling,
+            panes=panes_of_run(given.run_file.panes),
         )
         saving(0.0, "saving")
         save_scan(scan, folder)
@@ -153,7 +155,12 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
             f"{found_room.height_m:.2f} m; {record.holes_closed} holes closed "
             f"({100 * record.hole_area_m2 / record.area_m2:.1f} % of the area){missing_in_words(record)}"
             f"{frames_in_words(colors)}",
-            warnings=(*record.notes, *frame_notes(colors, capture), *scan_notes(section)),
+            warnings=(
+                *record.notes,
+                *frame_notes(colors, capture),
+                *scan_notes(section),
+                *assumed_notes(given.run_file.panes),
+            ),
         )
 
     return Stage(
@@ -207,6 +214,7 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
     delight = section.delight and section.method != "default"  # which does not use the scan's colours
     given = inputs.declare(
         *MATERIALS_KEYS,
+        "panes",
         *(LAMP_KEYS if delight else ()),
         databases=("reflectance", "lamps") if delight else ("reflectance",),
         stages=(scan, views),
@@ -239,6 +247,7 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         saving(0.0, "saving")
         if unlit is not None:
             materials = with_light_uncertainty(materials, unlit, mesh.areas)
+        materials = with_panes_of_run(materials, mesh, given.run_file.panes)
         save_materials(materials, folder, face_areas=mesh.areas)
         save_lamp_fluxes(unlit.lamp_fluxes if unlit else (), folder)
         save_material_mesh(mesh, materials, folder)

@@ -1,13 +1,17 @@
 """The room in a scan, with what the scan lacks closed as `[scan]` of the run file asks, and said."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from lidarspectra.geometry.scan import Scan, ScanRecord
 from lidarspectra.material.part_materials import typical_in_words
 from lidarspectra.room.closing import Openness, close_room
 from lidarspectra.room.mirrored import mirrored_walls
+from lidarspectra.room.panes.pane import Pane
+from lidarspectra.room.panes.placing import with_panes
+from lidarspectra.room.panes.search import find_panes
 from lidarspectra.room.room import Room, find_room
+from lidarspectra.workflow.panes_of_run import found_notes
 
 WORTH_SAYING = 0.01  # [1] of all directions that leave the scan: less is cracks of the mesh
 OUTSIDE_SHARE = 0.05  # [1] of the scan's floor outside the room, above which that is said
@@ -21,6 +25,7 @@ def whole_room(
     close: bool,
     floor_z: float | None = None,
     ceiling_z: float | None = None,
+    panes: Sequence[Pane] = (),
 ) -> tuple[Scan, Room, Openness]:
     """Find the room in a scan, and close what is missing.
 
@@ -34,11 +39,14 @@ def whole_room(
         Close all that is open.
     floor_z, ceiling_z : float or None
         Heights that the user gives; None finds them. [m]
+    panes : sequence of Pane
+        Glass, mirrors and screens that are known.
 
     Returns
     -------
     scan : Scan
-        Closed, with what was closed, what is open and what lies outside the room in its record's notes.
+        Closed, with its panes in place, and with what was closed, what is open, what lies outside the room and what is
+        probably glass, a mirror or a screen in its record's notes.
     room : Room
         As the scan shows it: a ceiling that was closed has the confidence 0.
     openness : Openness
@@ -48,7 +56,10 @@ def whole_room(
     ScanError
         If there is no room in the scan.
     """
-    room = find_room(scan, floor_z=floor_z, ceiling_z=ceiling_z)
+    # Glass changes no plan; but a bulge that is partly cut off looks like an alcove.
+    mirrors = with_panes(scan, [pane for pane in panes if pane.kind == "mirror"])
+    room = find_room(mirrors, floor_z=floor_z, ceiling_z=ceiling_z)
+    scan = with_panes(mirrors, [pane for pane in panes if pane.kind != "mirror"])
     closed, openness = close_room(scan, room, ceiling=close_ceiling or close, floor=close_floor or close, sides=close)
     notes = (
         *scan.record.notes,
@@ -56,6 +67,7 @@ def whole_room(
         *_open_notes(room, openness),
         *_outside_notes(room),
         *_mirrored_notes(room),
+        *found_notes(find_panes(closed, room), panes),
     )
     record = replace(
         closed.record,

@@ -44,6 +44,18 @@ DAYLIGHT = {
     "windows": [WINDOW],
 }
 REST = {
+    "panes": [
+        {
+            "name": "wall",
+            "kind": "glass",
+            "center": [0, 1, 1],
+            "size": [1, 2],
+            "normal": [1, 0, 0],
+            "transmittance": 0.7,
+        },
+        {"name": "tv", "kind": "screen", "center": [3, 1, 1], "size": [1, 1], "normal": [-1, 0, 0], "reflectance": 0.1},
+        {"name": "dark", "kind": "screen", "center": [3, 2, 1], "size": [1, 1], "normal": [-1, 0, 0]},
+    ],
     "scan": {"file": "room.glb", "max_faces": 1000},
     "people_and_plants": {},
     "report": {"figures": ["svg", "pdf"]},
@@ -76,6 +88,7 @@ ROOMS: dict[str, dict[str, Any]] = {
 MATERIALS_ON = ("materials", "scene", "trace", "map", "report")
 FIRST_STAGES = {  # the first stage that reads a key; the longest name that fits counts
     "scan": STAGES,
+    "panes": STAGES,
     "materials": MATERIALS_ON,
     "materials.coverage": STAGES[1:],
     "materials.method": STAGES[1:],  # no views of what is given one material
@@ -155,6 +168,7 @@ OTHER_WORDS = {
     "model": "none", "matching": "nearest", "databases": ["builtin", "mine"], "accuracy": "low", "noise": "fine",
     "noise_of": "point", "mode": "rgb", "hours": "9-18", "time": "2026-06-21T13:00:00+02:00", "file": "another",
     "workers": 3, "assumed": ["unit"], "determined": ["one"], "figures": ["png"], "activity": "archive",
+    "kind": "glass",
 }  # fmt: skip
 
 

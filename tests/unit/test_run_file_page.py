@@ -13,6 +13,7 @@ PAGES = {
     "## `[lamps_from_scan]`": config.LampsFromScanSection,
     "## `[daylight]`": config.DaylightSection,
     "`[[daylight.windows]]`:": config.WindowSection,
+    "## `[[panes]]`": config.PaneSection,
     "## `[materials]`": config.MaterialsSection,
     "## `[[materials.cards]]`": config.CardSection,
     "## `[sensors]`": config.SensorsSection,

@@ -1,6 +1,6 @@
 """Figures over the floor plan: the maps of every band, their standard error, illuminance, lamps and sensors."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Literal
 
 import numpy as np
@@ -45,6 +45,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
     draw_lamp,
     draw_lamp_key,
     draw_panel_legend,
+    draw_panes,
     draw_points,
     field_grid,
     has_unknown,
@@ -54,6 +55,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.interpolation import Method, map_planes, plan_places
 from lidarspectra.mapping.maps.map_schema import check_map, kept_points
+from lidarspectra.room.panes.pane import Pane
 
 ColorScale = Literal["panel", "shared", "shape"]
 
@@ -227,6 +229,7 @@ def places_figure(
     positions: FloatArray | None = None,
     buried: BoolArray | None = None,
     assumed: Collection[str] = (),
+    panes: Sequence[Pane] = (),
     title: str = "",
 ) -> Figure:
     """The room from above with its furniture, sensor points and lamps in their true size.
@@ -242,6 +245,8 @@ def places_figure(
         Which of them are, drawn as crosses.
     assumed : collection of str
         Names of the lamps whose light is a guess, drawn with a dashed edge.
+    panes : sequence of Pane
+        Glass, mirrors and screens, drawn as lines beside which their kind stands.
     title : str
         Over the plan; the user's words may be in it.
 
@@ -259,6 +264,7 @@ def places_figure(
         draw_lamp(axes, lamp, number, dashed=lamp.name in assumed)
     draw_frame(axes, plan, left=True, bottom=True)
     handles += _lamp_handles(lamps, assumed)
+    handles += draw_panes(axes, panes)
     handles.append(Line2D([], [], color=INK, linewidth=1.4, label="walls"))
     if plan.furniture:
         handles.append(Patch(facecolor=FURNITURE_COLOR, alpha=0.4, label="furniture"))

@@ -1,5 +1,6 @@
 """Parts of figures over the floor plan: fields, points, walls, lamps, colour bars and legends."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -20,12 +21,14 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.figure_style import INK, MUTED, PAGE_WIDTH_IN, place, plain
 from lidarspectra.mapping.figures.floor_plan import FloorPlan, PanelLayout, plan_extent
 from lidarspectra.mapping.maps.interpolation import Grid, Method, grid_values, inside_polygon
+from lidarspectra.room.panes.pane import Pane, PaneKind
 
 MAX_VECTOR_POINTS = 400  # more dots than this are drawn as pixels in vector files, to keep them small
 MAX_DOTS = 2500  # more would cover the map below them
 LAMP_COLOR = "#e6a400"
 FURNITURE_COLOR = "#8a8f96"
 UNKNOWN: dict[str, Any] = {"facecolor": "#c3c7cb", "edgecolor": "#8a8f96", "hatch": "////", "linewidth": 0.0}
+PANE_COLORS: dict[PaneKind, str] = {"glass": "#0072b2", "mirror": "#009e73", "screen": "#cc79a7"}
 HALO: list[AbstractPathEffect] = [Stroke(linewidth=2.4, foreground="white", alpha=0.85), Normal()]  # dark on any ground
 MIN_LAMP_M = 0.06  # [m] a smaller bulb would not be seen
 
@@ -249,3 +252,13 @@ def draw_lamp_key(axes: Axes, lamps: tuple[Lamp, ...], *, below_in: float) -> No
         lines[-1] = f"and {len(lamps) - max_lines + 1} more"
     place_up = 1.0 - below_in / height
     axes.text(1.04, place_up, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=8.0, linespacing=1.5)
+
+
+def draw_panes(axes: Axes, panes: Sequence[Pane]) -> list[Line2D | Patch]:
+    """Glass, mirrors and screens from above, as thick lines; the entries of the legend."""
+    kinds = []
+    for pane in panes:
+        ends = pane.center[:2] + 0.5 * pane.size_m[0] * np.array([-1.0, 1.0])[:, None] * pane.along[:2]
+        axes.plot(*ends.T, color=PANE_COLORS[pane.kind], linewidth=4.0, solid_capstyle="butt", zorder=5)
+        kinds += [pane.kind] if pane.kind not in kinds else []
+    return [Line2D([], [], color=PANE_COLORS[kind], linewidth=4.0, label=f"{kind}, assumed") for kind in kinds]

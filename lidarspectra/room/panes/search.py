@@ -1,0 +1,51 @@
+"""Look at every wall of a room for glass, mirrors and screens."""
+
+import numpy as np
+
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.room.panes.glass import glass_of_wall
+from lidarspectra.room.panes.mirrors import mirror_of_wall
+from lidarspectra.room.panes.pane import Pane
+from lidarspectra.room.panes.screens import screens_of_wall
+from lidarspectra.room.panes.wall_view import wall_view
+from lidarspectra.room.room import Room
+from lidarspectra.room.room_planes import face_geometry
+
+
+def find_panes(scan: Scan, room: Room, *, caster: RayCaster | None = None) -> tuple[Pane, ...]:
+    """Find what in a scan is probably glass, a mirror or a screen.
+
+    Parameters
+    ----------
+    scan : Scan
+        Repaired.
+    room : Room
+        In it.
+    caster : RayCaster, optional
+        The scan's, where the caller has one already.
+
+    Returns
+    -------
+    panes : tuple of Pane
+        Mirrors, then glass, then screens, none over another; none in a model of a room, whose parts have names.
+    """
+    if scan.appearance.is_drawn:
+        return ()
+    caster = caster or RayCaster(scan)
+    faces = face_geometry(scan)
+    views = [view for wall in room.walls if (view := wall_view(scan, room, wall, caster)).depth.size]
+    found = [pane for view in views if (pane := mirror_of_wall(view, faces)) is not None]
+    found += [pane for view in views for pane in glass_of_wall(view)]
+    if scan.appearance.known:
+        found += [pane for view in views for pane in screens_of_wall(view)]
+    kept: list[Pane] = []
+    for pane in found:
+        if not any(pane.overlaps(other) or _behind(pane, other) for other in kept):
+            kept.append(pane)
+    return tuple(kept)
+
+
+def _behind(pane: Pane, mirror: Pane) -> bool:
+    """Whether a pane hangs in the image that a mirror shows."""
+    return mirror.kind == "mirror" and bool(np.all(mirror.heights(pane.corners) < 0.0))

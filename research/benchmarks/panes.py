@@ -1,0 +1,138 @@
+"""Glass, mirrors and screens: what is found in rooms with and without them, and what the map gains.
+
+    python -m research.benchmarks.panes [found] [maps] [--only WORD ...] [--scans SCAN ...]
+
+`found` reads, repairs and searches the virtual rooms of `research.virtual_rooms.rooms_with_panes`, and then the scans
+that are named. `maps` lights each room that truly has a pane by the true lamps, thrice: the whole room with its true
+pane (the truth), the scan without a pane in the run file, and the scan with what `init` proposes. Colours are
+reflectances there and are not de-lit, so that the maps differ by the pane alone; the traces' own noise makes 1 to 2 %.
+"""
+
+import argparse
+import re
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.config import RunFile
+from lidarspectra.errors import LidarSpectraError
+from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.room.panes.pane import Pane
+from lidarspectra.room.panes.search import find_panes
+from lidarspectra.workflow.init_file import init
+from lidarspectra.workflow.pipeline import run
+from lidarspectra.workflow.whole_room import whole_room
+from research.benchmarks.scans import Case
+from research.virtual_rooms.damaged_rooms import Mesh, glb
+from research.virtual_rooms.rooms_with_panes import ROOMS, PaneRoom
+
+TRACE = {"accuracy": "medium", "noise": "standard"}
+MATERIALS = {"coverage": 0.3, "model": "none", "delight": False}
+
+
+def found_in(path: Path) -> tuple[Pane, ...]:
+    """What is found in a scan's file, as a run looks for it."""
+    scan, room, _ = whole_room(
+        repair_scan(read_scan(path), flatten=True), close_ceiling=True, close_floor=True, close=False
+    )
+    return find_panes(scan, room)
+
+
+def write(folder: Path, name: str, mesh: Mesh) -> Path:
+    """A mesh as a file, named in plain letters."""
+    path = folder / (re.sub(r"\W+", "-", name) + ".glb")
+    path.write_bytes(glb(mesh))
+    return path
+
+
+def words_of(panes: Sequence[Pane]) -> str:
+    """What was found."""
+    return "; ".join(pane.in_words() for pane in panes) or "nothing"
+
+
+def found_table(folder: Path, rooms: Sequence[PaneRoom], scans: Sequence[Path]) -> None:
+    """Print what is found in each room and scan."""
+    print("| room | what is there | found |")
+    print("|---|---|---|")
+    for room in rooms:
+        found = found_in(write(folder, room.name, room.scanned()))
+        true = "nothing" if room.true is None else room.true.in_words()
+        print(f"| {room.name} | {true} | {words_of(found)} |", flush=True)
+    for path in scans:
+        try:
+            words = words_of(found_in(path))
+        except LidarSpectraError as cause:
+            words = str(cause)
+        print(f"| {path.parent.name}/{path.name} | | {words} |", flush=True)
+
+
+def map_of(scan: Path, panes: Sequence[dict[str, object]], points: Path) -> FloatArray:
+    """(point, band) irradiance in a scan with some panes, under the true lamps [W/m²/nm]."""
+    run_file = RunFile.model_validate(
+        {
+            "scan": {"file": scan.name},
+            "lamps": Case(name="lamps").lamps(),
+            "panes": list(panes),
+            "materials": MATERIALS,
+            "sensors": {"points": points.name},
+            "trace": TRACE,
+        }
+    ).with_origin(folder=scan.parent, name=scan.stem)
+    summary = run(run_file, scan.parent / f"{scan.stem}-{len(panes)}.run", last="map")
+    return np.asarray(summary.map["irradiance"], dtype=np.float64)
+
+
+def as_table(pane: Pane) -> dict[str, object]:
+    """A pane as the run file has it."""
+    return {
+        "name": pane.kind,
+        "kind": pane.kind,
+        "center": pane.center.tolist(),
+        "size": list(pane.size_m),
+        "normal": pane.normal.tolist(),
+    }
+
+
+def maps_row(room: PaneRoom, folder: Path) -> str:
+    """How far a room's map is from the truth without the pane and with what `init` proposes."""
+    assert room.true is not None
+    points = folder / "points.csv"
+    places = Case(name="points").points()
+    points.write_text("x,y,z\n" + "\n".join(f"{x},{y},{z}" for x, y, z in places) + "\n", encoding="utf-8")
+    scan = write(folder, room.name, room.scanned())
+    truth = map_of(write(folder, f"{room.name} in truth", room.whole()), [as_table(room.true)], points)
+    proposed = [each.model_dump() for each in init(scan).panes]
+    maps = [map_of(scan, [], points), *([map_of(scan, proposed, points)] if proposed else [])]
+    cells = []
+    for each in maps:
+        error = float(np.sqrt(np.mean((each - truth) ** 2)) / truth.mean())
+        cells.append(f"{error:.3f}, {100 * (each.mean() / truth.mean() - 1.0):+.1f} %")
+    return f"| {room.name} | {cells[0]} | {cells[1] if proposed else 'none proposed'} |"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the tables that were asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tables", nargs="*", default=["found", "maps"], help="found, maps")
+    parser.add_argument("--scans", nargs="*", type=Path, default=(), metavar="SCAN")
+    parser.add_argument("--only", nargs="*", default=(), metavar="WORD", help="rooms whose name has one of these")
+    given = parser.parse_args(arguments)
+    chosen = [room for room in ROOMS if not given.only or any(word in room.name for word in given.only)]
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        if "found" in given.tables:
+            found_table(folder, chosen, given.scans)
+        if "maps" in given.tables:
+            print("| room | without a pane: NRMSE, bias | as `init` proposes |")
+            print("|---|---|---|")
+            for room in chosen:
+                if room.true is not None:
+                    print(maps_row(room, folder), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,178 @@
+"""Glass, mirrors and screens are found where they are and nowhere else, and the mesh is mended where they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lidarspectra.config import PaneSection, read_run_file
+from lidarspectra.errors import ArrayError
+from lidarspectra.geometry.appearance import PHOTOGRAPHED, Appearance
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.material.material_map import MaterialMap
+from lidarspectra.material.pane_materials import GLASS_TRANSMITTANCE, pane_material, with_pane_materials
+from lidarspectra.material.part_materials import typical_material
+from lidarspectra.room.panes.mirrors import images_behind
+from lidarspectra.room.panes.pane import Pane
+from lidarspectra.room.panes.placing import with_panes
+from lidarspectra.room.panes.search import find_panes
+from lidarspectra.workflow.init_file import write_init
+from lidarspectra.workflow.panes_of_run import assumed_notes
+from lidarspectra.workflow.whole_room import whole_room
+from research.virtual_rooms import damaged_rooms
+from research.virtual_rooms.rooms_with_panes import GLASS_WALL, MIRROR, ROOMS, SCREEN, PaneRoom, bulging, mirrored
+
+CLOSED = {"close_ceiling": True, "close_floor": True, "close": False}
+BY_NAME = {room.name: room for room in ROOMS}
+FOUND = (
+    "glass wall, bulges",
+    "window, a hole",
+    "glass before a corridor, 8 patches",
+    "mirror of 2 m",
+    "mirror, half of its image lost",
+    "screen, off",
+    "screen, on",
+)
+NOTHING = ("nothing", "door to a corridor", "door to a room of the same plan", "grey board")
+
+
+@pytest.fixture(scope="module")
+def scanned(tmp_path_factory):
+    """The rooms as a phone's files, read and repaired; each once."""
+    folder = tmp_path_factory.mktemp("panes")
+    made: dict[str, Scan] = {}
+
+    def scan_of(room: PaneRoom) -> Scan:
+        if room.name not in made:
+            path = folder / f"{len(made)}.glb"
+            path.write_bytes(damaged_rooms.glb(room.scanned()))
+            made[room.name] = repair_scan(read_scan(path), flatten=True)
+        return made[room.name]
+
+    return scan_of
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_a_pane_is_found_where_it_is(name: str, scanned) -> None:
+    true = BY_NAME[name].true
+    scan, room, _ = whole_room(scanned(BY_NAME[name]), **CLOSED)
+    found = find_panes(scan, room)
+    assert [pane.kind for pane in found] == [true.kind]
+    # Squares of 5 cm at either edge, and rounded corners of the mesh beside it.
+    np.testing.assert_allclose(found[0].size_m, true.size_m, atol=0.15)
+    np.testing.assert_allclose(found[0].center, true.center, atol=0.1)
+    np.testing.assert_allclose(found[0].normal, true.normal, atol=0.02)
+    assert any(found[0].why in note for note in scan.record.notes)
+    again, _, _ = whole_room(scanned(BY_NAME[name]), **CLOSED, panes=found)
+    assert not any("probably" in note for note in again.record.notes)
+
+
+@pytest.mark.parametrize("name", NOTHING)
+def test_nothing_is_found_where_there_is_no_pane(name: str, scanned) -> None:
+    scan, room, _ = whole_room(scanned(BY_NAME[name]), **CLOSED)
+    assert find_panes(scan, room) == ()
+    assert not any("probably" in note for note in scan.record.notes)
+
+
+def test_the_room_behind_a_mirror_is_cut_off_and_a_real_room_there_is_not(scanned) -> None:
+    ghost = scanned(BY_NAME["mirror of 2 m"])
+    assert whole_room(ghost, **CLOSED)[1].area_m2 > 35.0
+    assert whole_room(ghost, **CLOSED, panes=[MIRROR])[1].area_m2 == pytest.approx(20.0, rel=0.08)
+    corridor = scanned(BY_NAME["glass before a corridor, 8 patches"])
+    assert images_behind(ghost, MIRROR).sum() > 10_000
+    assert not images_behind(corridor, MIRROR).any()
+
+
+def test_glass_becomes_one_flat_pane_and_its_bulge_is_gone(scanned) -> None:
+    bulge = scanned(BY_NAME["glass wall, bulges"])
+    flat = with_panes(bulge, [GLASS_WALL])
+    places = GLASS_WALL.center + np.array([[0.0, y, z] for y in (-1.5, 0.0, 1.5) for z in (-1.0, 0.0, 1.0)])
+    for start, scan in ((bulge, bulge), (flat, flat)):
+        depth = RayCaster(scan).nearest(places + 0.5 * GLASS_WALL.normal, -GLASS_WALL.normal).distance - 0.5
+        if start is flat:
+            np.testing.assert_allclose(depth, 0.0, atol=1e-5)
+        else:
+            assert np.abs(depth).max() > 0.1
+    assert flat.record.faces_kept == len(flat.faces)
+    assert flat.appearance.sources[-1] != PHOTOGRAPHED  # no paint is read from it
+
+
+def test_a_pane_that_shines_in_the_picture_stays_white() -> None:
+    mesh = damaged_rooms.furnished(step_m=0.2)
+    bare = bare_scan(mesh.vertices, mesh.faces)
+    color = np.where(GLASS_WALL.members(bare.centers)[:, None, None], 1.0, np.full((len(mesh.faces), 3, 3), 0.5))
+    count = len(mesh.faces)
+    seen = Appearance(images=(), face_image=np.full(count, -1), corner_uv=np.zeros((count, 3, 2)), corner_color=color)
+    placed = with_panes(replace(bare, appearance=seen), [GLASS_WALL])
+    assert (placed.appearance.sources[-2:] == PHOTOGRAPHED).all()
+    assert (placed.face_colors()[-2:] == 1.0).all()
+
+
+def test_faces_in_a_pane_get_its_material_and_no_others() -> None:
+    mesh = damaged_rooms.furnished(step_m=0.2)
+    scan = with_panes(bare_scan(mesh.vertices, mesh.faces), [GLASS_WALL])
+    paint = typical_material("wall")
+    before = MaterialMap(
+        materials=(paint,),
+        face_material=np.zeros(len(scan.faces), dtype=np.int64),
+        face_color=np.full((len(scan.faces), 3), 0.5),
+        face_seen=np.ones(len(scan.faces)),
+    )
+    glass, screen = pane_material("glass", name="wall"), pane_material("screen", name="tv", reflectance=0.1)
+    after = with_pane_materials(before, scan, [(GLASS_WALL, glass), (SCREEN, screen)])
+    assert [material.kind for material in after.materials] == ["plastic", "glass", "plastic"]
+    assert after.materials[1].transmittance == GLASS_TRANSMITTANCE
+    areas = after.areas(scan.areas)
+    assert areas[1] == pytest.approx(GLASS_WALL.area_m2, rel=1e-6)
+    assert areas[2] == pytest.approx(SCREEN.area_m2, rel=0.5)  # whole squares of 20 cm
+    assert (after.face_material[~GLASS_WALL.members(scan.centers) & ~SCREEN.members(scan.centers)] == 0).all()
+
+
+@pytest.mark.parametrize("normal", [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.5]])
+def test_a_pane_that_does_not_stand_upright_is_refused(normal: list[float]) -> None:
+    with pytest.raises(ArrayError, match="upright"):
+        Pane(kind="glass", center=np.zeros(3), size_m=(1.0, 1.0), normal=np.array(normal))
+
+
+def test_corners_run_counter_clockwise_about_the_normal() -> None:
+    first, second, third, _ = GLASS_WALL.corners
+    np.testing.assert_allclose(
+        np.cross(second - first, third - second) / GLASS_WALL.area_m2, GLASS_WALL.normal, atol=1e-12
+    )
+
+
+def test_the_rooms_have_what_they_say() -> None:
+    random = np.random.default_rng(1)
+    mesh = damaged_rooms.furnished(step_m=0.1)
+    assert bulging(GLASS_WALL, patches=0.25)(mesh, random).vertices[:, 0].max() > 5.3
+    assert mirrored(MIRROR, lost=0.0)(mesh, random).vertices[:, 0].max() == pytest.approx(10.0, abs=0.15)
+
+
+def test_init_proposes_the_mirror_and_finds_the_room_and_the_lamps_without_its_image(tmp_path) -> None:
+    scan = tmp_path / "room.glb"
+    scan.write_bytes(damaged_rooms.glb(BY_NAME["mirror of 2 m"].scanned()))
+    summary = write_init(scan, tmp_path / "room.toml")
+    (pane,) = read_run_file(tmp_path / "room.toml").panes
+    assert (pane.kind, pane.assumed) == ("mirror", True)
+    assert summary.room.area_m2 == pytest.approx(20.0, rel=0.08)
+    assert len(summary.lamps.lamps) == 2
+    assert any("a mirror of 2.0 m x 2.0 m" in line for line in summary.lines())
+    assert assumed_notes([pane])[0].startswith("'mirror 1' (mirror) under [[panes]] is a guess")
+    assert not assumed_notes([pane.model_copy(update={"assumed": False})])
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"kind": "glass", "reflectance": 0.5}, "glass takes transmittance"),
+        ({"kind": "mirror", "transmittance": 0.5}, "nothing goes through a mirror"),
+        ({"kind": "screen", "normal": [0, 0, 1]}, "normal must point"),
+    ],
+)
+def test_a_pane_of_the_run_file_that_cannot_be_is_refused(keys: dict[str, object], words: str) -> None:
+    pane = {"name": "one", "center": [0, 0, 1], "size": [1, 1], "normal": [1, 0, 0], **keys}
+    with pytest.raises(ValueError, match=words):
+        PaneSection.model_validate(pane)
