@@ -1,5 +1,8 @@
 """How often photographs of real floors are named right: each whole photograph, by the mean over its places.
 
+By the pictures alone, and as a run names a floor, which it knows for one: with the prior of that place, and as much
+weight for pictures as `fusion` gives them. Nothing was chosen by these photographs.
+
     python -m research.benchmarks.floors FOLDER [--model FILE]
 
 FOLDER holds `carpet/`, `tiles/` and `wood/` with photographs that the model never saw: the test part of the data set of
@@ -15,6 +18,8 @@ import numpy as np
 
 from lidarspectra.arrays import ByteArray, FloatArray
 from lidarspectra.errors import MaterialError
+from lidarspectra.material.fusion import WRONG
+from lidarspectra.material.place_priors import KINDS, Places, class_prior
 from lidarspectra.material.segmentation import SHIPPED_MODEL, Classifier, segment
 
 FOLDERS = {"carpet": "carpet", "tiles": "tile", "wood": "wood"}  # of the photographs, and the classes they show
@@ -34,6 +39,13 @@ def floor_probabilities(classifier: Classifier, folder: Path) -> FloatArray:
     return np.array([segment(classifier, read_photograph(path)).mean(axis=(0, 1)) for path in paths])
 
 
+def as_floor(found: FloatArray, classes: tuple[str, ...]) -> FloatArray:
+    """(photograph, class) posterior of a floor's photographs, in proportion, from what the pictures alone say."""
+    place = Places(kind=np.array([KINDS.index("floor")]), patch_m2=np.ones(1))
+    likelihood = (1.0 - WRONG) * found + WRONG / len(classes)
+    return np.asarray(class_prior(place, classes) * likelihood, dtype=np.float64)
+
+
 def main() -> None:
     """Run it."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -41,17 +53,27 @@ def main() -> None:
     parser.add_argument("--model", type=Path, default=SHIPPED_MODEL, help="ONNX file with its card; the shipped one")
     arguments = parser.parse_args()
     classifier = Classifier(arguments.model)
-    numbers = [classifier.classes.index(name) for name in FOLDERS.values()]
+    names = tuple(classifier.classes)
+    seen = {name: floor_probabilities(classifier, arguments.folder / folder) for folder, name in FOLDERS.items()}
+    for title, change in (
+        ("pictures alone", lambda found: found),
+        ("as a floor", lambda found: as_floor(found, names)),
+    ):
+        print(title)
+        _print_shares({name: change(found) for name, found in seen.items()}, names)
+
+
+def _print_shares(seen: dict[str, FloatArray], classes: tuple[str, ...]) -> None:
+    """Print how often each kind of floor is named right, of all classes and of the three."""
+    numbers = [classes.index(name) for name in seen]
     right, right_of_three = [], []
-    for own, (folder, name) in enumerate(FOLDERS.items()):
-        found = floor_probabilities(classifier, arguments.folder / folder)
+    for own, (name, found) in enumerate(seen.items()):
         right.append(found.argmax(axis=1) == numbers[own])
         right_of_three.append(found[:, numbers].argmax(axis=1) == own)
-        taken = np.bincount(found.argmax(axis=1), minlength=len(classifier.classes)).argsort()[::-1][:3]
-        names = ", ".join(classifier.classes[n] for n in taken)
+        taken = np.bincount(found.argmax(axis=1), minlength=len(classes)).argsort()[::-1][:3]
         print(
             f"{name:8s} {len(found):4d} photographs: right of {found.shape[1]} {100 * right[-1].mean():5.1f} %, "
-            f"of the three {100 * right_of_three[-1].mean():5.1f} %; most often {names}"
+            f"of the three {100 * right_of_three[-1].mean():5.1f} %; most often {', '.join(classes[n] for n in taken)}"
         )
     of_all, of_three = (100 * np.concatenate(each).mean() for each in (right, right_of_three))
     print(f"all      {sum(map(len, right)):4d} photographs: right {of_all:5.1f} %, of the three {of_three:5.1f} %")

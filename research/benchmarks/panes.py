@@ -1,11 +1,13 @@
 """Glass, mirrors and screens: what is found in rooms with and without them, and what the map gains.
 
-    python -m research.benchmarks.panes [found] [maps] [--only WORD ...] [--scans SCAN ...]
+    python -m research.benchmarks.panes [found] [maps] [--only WORD ...] [--scans SCAN ...] [--real SCAN]
 
 `found` reads, repairs and searches the virtual rooms of `research.virtual_rooms.rooms_with_panes`, and then the scans
 that are named. `maps` lights each room that truly has a pane by the true lamps, thrice: the whole room with its true
 pane (the truth), the scan without a pane in the run file, and the scan with what `init` proposes. Colours are
-reflectances there and are not de-lit, so that the maps differ by the pane alone; the traces' own noise makes 1 to 2 %.
+reflectances there and are not de-lit, so that the maps differ by the pane alone; the traces aim at a noise of 1 %.
+`--real` runs a scan as `init` proposes it, with its panes and without, to the map: what the surfaces where panes are
+proposed are made of, and how the maps differ.
 """
 
 import argparse
@@ -21,10 +23,11 @@ from lidarspectra.config import RunFile
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
-from lidarspectra.room.panes.pane import Pane
+from lidarspectra.room.panes.pane import REACH_M, Pane
 from lidarspectra.room.panes.search import find_panes
 from lidarspectra.workflow.init_file import init
-from lidarspectra.workflow.pipeline import run
+from lidarspectra.workflow.panes_of_run import panes_of_run
+from lidarspectra.workflow.pipeline import RunSummary, run
 from lidarspectra.workflow.whole_room import whole_room
 from research.benchmarks.scans import Case
 from research.virtual_rooms.damaged_rooms import Mesh, glb
@@ -114,16 +117,57 @@ def maps_row(room: PaneRoom, folder: Path) -> str:
     return f"| {room.name} | {cells[0]} | {cells[1] if proposed else 'none proposed'} |"
 
 
+def made_of(summary: RunSummary, pane: Pane) -> str:
+    """Shares of the area at a pane, to the depth that something hangs before it, by class and kind of material."""
+    scan, materials = summary.scan, summary.materials
+    near = pane.covers(scan.centers) & (np.abs(pane.heights(scan.centers)) <= 2.0 * REACH_M)
+    area: dict[str, float] = {}
+    for face in np.flatnonzero(near):
+        material = materials.materials[materials.face_material[face]]
+        name = (
+            material.kind if material.source.startswith("pane:") and material.kind != "plastic" else material.category
+        )
+        name = "screen" if material.source == "pane:screen" else name
+        area[name] = area.get(name, 0.0) + float(scan.areas[face])
+    shares = sorted(area.items(), key=lambda item: -item[1])
+    return ", ".join(f"{name} {100 * each / sum(area.values()):.0f} %" for name, each in shares[:3])
+
+
+def real_table(path: Path, folder: Path) -> None:
+    """Print what a real scan's panes change."""
+    scan = folder / path.name
+    scan.write_bytes(path.read_bytes())
+    proposed = init(scan)
+    panes = panes_of_run(proposed.panes)
+    without, with_them = (
+        run(run_file, folder / f"{scan.stem}-{name}.run", last="map")
+        for name, run_file in (("paint", proposed.changed(panes=[])), ("panes", proposed))
+    )
+    print("| proposed | its surfaces without it | with it |")
+    print("|---|---|---|")
+    for pane in panes:
+        print(f"| {pane.in_words()} | {made_of(without, pane)} | {made_of(with_them, pane)} |")
+    before, after = (np.asarray(each.map["irradiance"], dtype=np.float64) for each in (without, with_them))
+    change = float(np.sqrt(np.mean((after - before) ** 2)) / before.mean())
+    print(
+        f"map: {100 * (after.mean() / before.mean() - 1.0):+.1f} % in the mean, {100 * change:.1f} % root mean square"
+    )
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("tables", nargs="*", default=["found", "maps"], help="found, maps")
     parser.add_argument("--scans", nargs="*", type=Path, default=(), metavar="SCAN")
     parser.add_argument("--only", nargs="*", default=(), metavar="WORD", help="rooms whose name has one of these")
+    parser.add_argument("--real", type=Path, metavar="SCAN", help="that is run with its panes and without")
     given = parser.parse_args(arguments)
     chosen = [room for room in ROOMS if not given.only or any(word in room.name for word in given.only)]
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
+        if given.real is not None:
+            real_table(given.real, folder)
+            return
         if "found" in given.tables:
             found_table(folder, chosen, given.scans)
         if "maps" in given.tables:
