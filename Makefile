@@ -7,26 +7,28 @@ BIN := .venv/bin
 endif
 JOBS ?= auto
 
-.PHONY: demo test quick coverage test-lowest fuzz lint hooks docs experiments blender test-blender setup setup-test clean
+.PHONY: demo demo-words test quick coverage test-lowest fuzz lint hooks docs experiments blender test-blender setup setup-test clean
 
 setup: .venv/.installed
 setup-test: .venv/.installed-test
 
 .venv/.installed: pyproject.toml
-	@echo "Setting up .venv. The first time this takes some minutes, and says nothing meanwhile."
-	$(PYTHON) tools/system_packages.py
+	@echo "Setting up .venv: fetches 250 MB of libraries, and says nothing meanwhile. A minute or so."
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable .
+	$(PYTHON) tools/install.py $(BIN)/python .
 	$(PYTHON) -c "open('.venv/.installed', 'w').close()"
 
 .venv/.installed-test: .venv/.installed
-	$(PYTHON) tools/system_packages.py --tests
-	$(BIN)/python -m pip install --quiet --editable ".[test,broker]"
+	@echo "Adding what the tests and the pages need, and system packages where this is root on Debian: a minute or two."
+	$(PYTHON) tools/system_packages.py
+	$(PYTHON) tools/install.py $(BIN)/python ".[test,broker]"
 	$(PYTHON) -c "open('.venv/.installed-test', 'w').close()"
 
-demo: setup
+demo: demo-words setup
 	$(BIN)/lidarspectra demo
+
+demo-words:
+	@echo "$(if $(wildcard .venv/.installed),Maps,Sets up .venv (a minute or so) and maps) the light in a room that comes with the package: about 20 s on two idle cores."
 
 lint: setup-test
 	$(BIN)/ruff check .

@@ -14,6 +14,7 @@ from pathlib import Path
 PROJECT = Path(__file__).resolve().parent.parent
 EXTRAS = (
     "cluster",
+    "decimate",
     "localize",
     "mqtt",
     "robot",

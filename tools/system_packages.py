@@ -1,8 +1,8 @@
-"""Install the system libraries that a bare Linux machine lacks; called by make, and does nothing elsewhere.
+"""Install the system libraries that tests need on a bare Linux machine; called by make, and does nothing elsewhere.
 
-pymeshlab needs OpenGL's loader (libGL), which wheels do not carry. With --tests come the AVR compiler, which builds the
-Arduino sketches, LLVM, on which the second opinion's fast variant runs, and a browser without a window, which opens the
-report; their tests are skipped without them.
+Only the tests need any: pymeshlab OpenGL's loader (libGL), which wheels do not carry; the Arduino sketches the AVR
+compiler; the second opinion's fast variant LLVM; and the report a browser without a window. Tests are skipped where one
+of the last three is missing.
 """
 
 import ctypes.util
@@ -19,16 +19,16 @@ BROWSERS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-c
 LLVM_VERSIONS = range(17, 31)  # that Mitsuba 3.9 takes
 
 
-def missing(tests: bool) -> list[tuple[str, ...]]:
+def missing() -> list[tuple[str, ...]]:
     """Groups of Debian packages whose content is not on this machine."""
     groups: list[tuple[str, ...]] = []
     if ctypes.util.find_library("GL") is None:
         groups.append(OPENGL)
-    if tests and shutil.which("avr-g++") is None:
+    if shutil.which("avr-g++") is None:
         groups.append(FIRMWARE)
-    if tests and not any(ctypes.util.find_library(f"LLVM-{version}") for version in LLVM_VERSIONS):
+    if not any(ctypes.util.find_library(f"LLVM-{version}") for version in LLVM_VERSIONS):
         groups.append(LLVM)
-    if tests and not any(shutil.which(name) for name in BROWSERS):
+    if not any(shutil.which(name) for name in BROWSERS):
         groups.append(BROWSER)
     return groups
 
@@ -37,7 +37,7 @@ def main() -> None:
     """Install what is missing where that can be done; say what to do where it cannot."""
     if not sys.platform.startswith("linux"):
         return
-    wanted = missing("--tests" in sys.argv[1:])
+    wanted = missing()
     if not wanted:
         return
     if shutil.which("apt-get") is None or os.geteuid() != 0:

@@ -1,8 +1,13 @@
-"""pymeshlab, loaded late: it takes long, needs OpenGL's library, and few runs decimate a mesh."""
+"""pymeshlab, of the extras `decimate` and `localize`: it is large, needs OpenGL's library, and few decimate a mesh."""
 
 import contextlib
 import importlib
 from typing import Any
+
+INSTALL_MESHLAB = (
+    "Install it: pip install 'lidarspectra[{extra}]'; on Linux it needs OpenGL's library, too "
+    "(Debian: apt-get install libgl1 libopengl0)."
+)
 
 
 def load_pymeshlab() -> Any:

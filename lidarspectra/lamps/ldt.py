@@ -11,12 +11,15 @@ table stands as it was measured.
 
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pyldt import Ldt, LdtReader
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LampError
+
+if TYPE_CHECKING:
+    from pyldt import Ldt
 
 MAX_BYTES = 5_000_000  # [B] 721 planes of 361 angles have 2 MB
 MAX_PLANES, MAX_ANGLES = 721, 361  # half a degree each way, the finest that the format foresees
@@ -47,6 +50,8 @@ def ies_text_of_ldt(path: Path) -> str:
     LampError
         If the file is missing, no EULUMDAT file, cut short, or states no lumens.
     """
+    from pyldt import LdtReader  # here, since few lamps are of such files
+
     _check_size(path)
     try:
         luminaire = LdtReader.read(path)
@@ -76,7 +81,7 @@ def _check_size(path: Path) -> None:
         raise _unreadable(str(path), f"'{sets[0][:40]}' for the number of lamp sets")
 
 
-def _ies_text(luminaire: Ldt, where: str) -> str:
+def _ies_text(luminaire: "Ldt", where: str) -> str:
     header = luminaire.header
     lumens = header.lamp_flux[0]
     if not (np.isfinite(lumens) and lumens > 0 and header.conv_factor > 0):

@@ -2,14 +2,17 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lidarspectra.config import RunFile, ScanSection
 from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2
 from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, counted_lamps, named_lamps
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
-from lidarspectra.room.room import Room
 from lidarspectra.workflow.workspace import read_record, stage_folder
+
+if TYPE_CHECKING:
+    from lidarspectra.room.room import Room  # which loads what finds rooms
 
 CERTAIN = 0.95  # [1] a unit or upward axis of a lower probability is a guess: one in twenty would be wrong
 LAMP_TODO = (
@@ -52,7 +55,7 @@ def uncertain_of_scan(record: ScanRecord) -> tuple[str, ...]:
     return tuple(name for name, confidence in sure.items() if confidence < CERTAIN)
 
 
-def assumed_of_scan(marked: Sequence[str], record: ScanRecord, room: Room) -> tuple[str, ...]:
+def assumed_of_scan(marked: Sequence[str], record: ScanRecord, room: "Room") -> tuple[str, ...]:
     """Of 'unit', 'up', 'floor' and 'ceiling' those that are guesses.
 
     Parameters

@@ -11,7 +11,6 @@ import xarray as xr
 
 from lidarspectra.arguments import path_of
 from lidarspectra.errors import MapError
-from lidarspectra.geometry.scan import load_scan
 from lidarspectra.hardware.sensor.measured_readings import read_readings
 from lidarspectra.lamps.lamp_file import LAMPS_RECORD, load_lamps
 from lidarspectra.lamps.lamps import Lamp
@@ -21,7 +20,6 @@ from lidarspectra.radiance.sampling.relit_transport import relit_transport
 from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport
 from lidarspectra.radiance.scene.relit_scene import relit_scene
 from lidarspectra.radiance.scene.scene import RadianceScene, load_scene
-from lidarspectra.room.room import load_room
 from lidarspectra.spectra.spectrum import BandSet
 from lidarspectra.workflow.workspace import hash_files, read_record, require_stage, stage_folder
 
@@ -124,7 +122,9 @@ def present_lamps_of_run(run: Path) -> tuple[Lamp, ...]:
 
 def plan_of_run(run: Path) -> "FloorPlan":
     """Floor plan of a run's room; raises WorkspaceError if its scan is not finished."""
+    from lidarspectra.geometry.scan import load_scan
     from lidarspectra.mapping.figures.floor_plan import floor_plan  # loads what draws
+    from lidarspectra.room.room import load_room
 
     folder = require_stage(run, "scan")
     return floor_plan(load_scan(folder), load_room(folder))

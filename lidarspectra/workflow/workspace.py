@@ -6,6 +6,7 @@ and the contents of the stages before it. A stage whose hash did not change is n
 edited inside a stage folder is kept, and changes the hash of the stages after it.
 """
 
+import contextlib
 import hashlib
 import json
 import platform
@@ -15,7 +16,7 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, Literal, Self, TypeVar, get_args
@@ -432,13 +433,16 @@ def write_json(path: Path, value: object) -> None:
 
 def versions() -> dict[str, str]:
     """Versions of this package, Python, the system, and the libraries that results depend on."""
-    libraries = ("pyradiance", "numpy", "scipy", "trimesh", "embreex", "pymeshlab", "colour-science", "scikit-learn")
-    return {
+    libraries = ("pyradiance", "numpy", "scipy", "trimesh", "embreex", "colour-science", "scikit-learn")
+    found = {
         "lidarspectra": version("lidarspectra"),
         "python": platform.python_version(),
         "system": platform.platform(),
         **{name: version(name) for name in libraries},
     }
+    with contextlib.suppress(PackageNotFoundError):  # of the extra `decimate`
+        found["pymeshlab"] = version("pymeshlab")
+    return found
 
 
 def record_key(record: StageRecord) -> str:

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
-from lidarspectra.geometry.meshlab import load_pymeshlab
+from lidarspectra.geometry.meshlab import INSTALL_MESHLAB, load_pymeshlab
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Appearance, Scan
 from lidarspectra.geometry.triangles import triangle_crosses
@@ -97,7 +97,7 @@ def _collapsed(scan: Scan, max_faces: int) -> tuple[FloatArray, IntArray]:
             expected="pymeshlab, which decimation needs",
             found=str(cause),
             where="[scan] max_faces",
-            todo="Install OpenGL's library (Debian: apt-get install libgl1 libopengl0), or leave max_faces out.",
+            todo=f"{INSTALL_MESHLAB.format(extra='decimate')} Or leave max_faces out: no run needs it.",
         ) from cause
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=scan.vertices, face_matrix=scan.faces.astype(np.int32)))

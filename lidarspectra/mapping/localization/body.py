@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArrayError, MapError
-from lidarspectra.geometry.meshlab import load_pymeshlab
+from lidarspectra.geometry.meshlab import INSTALL_MESHLAB, load_pymeshlab
 from lidarspectra.geometry.zero_surface import zero_surface
 
 Posture = Literal["standing", "walking", "reading", "sitting"]
@@ -155,7 +155,7 @@ def _thinned(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArra
             expected="pymeshlab, which decimates the mesh of a body",
             found=str(cause),
             where="person",
-            todo="Install OpenGL's library (Debian: apt-get install libgl1 libopengl0).",
+            todo=INSTALL_MESHLAB.format(extra="localize"),
         ) from cause
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=vertices, face_matrix=faces.astype(np.int32)))

@@ -75,5 +75,5 @@ def test_what_is_no_person_is_refused(name: str, value: float) -> None:
 
 def test_without_pymeshlab_a_body_is_refused_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pymeshlab", None)  # as where it, or the libGL that it needs, is not installed
-    with pytest.raises(MapError, match=r"pymeshlab, which decimates .*libgl1"):
+    with pytest.raises(MapError, match=r"pymeshlab, which decimates .*lidarspectra\[localize\].*libgl1"):
         body_mesh(height_m=1.75)

@@ -1,0 +1,35 @@
+"""What `make demo` says before it does anything."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not on this machine")
+
+
+def first_line(folder: Path) -> str:
+    """What the first command of `make demo` says, in a folder; nothing is done."""
+    done = subprocess.run(["make", "-n", "demo"], cwd=folder, capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()[0]
+
+
+@pytest.fixture
+def checkout(project: Path, tmp_path: Path) -> Path:
+    for name in ("Makefile", "pyproject.toml"):
+        shutil.copy(project / name, tmp_path)
+    return tmp_path
+
+
+def test_the_first_line_of_the_demo_says_what_happens_and_how_long_it_takes(checkout: Path) -> None:
+    fresh = first_line(checkout)
+    assert fresh.startswith("echo ")
+    assert "Sets up .venv (a minute or so) and maps" in fresh
+    assert "20 s" in fresh
+    (checkout / ".venv").mkdir()
+    (checkout / ".venv" / ".installed").touch()
+    again = first_line(checkout)
+    assert again.startswith("echo ")
+    assert "Maps" in again
+    assert ".venv" not in again
