@@ -60,4 +60,4 @@ def install(python: str, project: str, environment: Mapping[str, str], run: Run 
 
 
 if __name__ == "__main__":
-    sys.exit(install(*sys.argv[1:3], os.environ))
+    sys.exit(install(sys.argv[1], sys.argv[2], os.environ))
