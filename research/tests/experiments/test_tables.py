@@ -97,6 +97,10 @@ def test_scans_are_judged_by_their_mean_and_their_spread_is_told() -> None:
     assert [row["of scans, after"] for row in rows] == ["0.010 to 0.050", "0.020 to 0.080", "0.010 to 0.030"]
     assert [row["goals"].rpartition(": ")[2] for row in rows] == ["met", "missed", "missed"]
     assert [row["goal, after"].rpartition(": ")[2] for row in rows] == ["met", "missed", "met"]
+    # How much was luck: which scans would have met the goals alone
+    assert [row["scans that meet them alone"] for row in rows] == ["2 of 3", "1 of 3", "2 of 3"]
+    assert [row["scans that meet it alone"] for row in rows] == ["2 of 3", "1 of 3", "3 of 3"]
+    assert [row["rooms"] for row in rows] == ["1", "1", "2, joined by a doorway"]
 
 
 def test_what_is_kept_of_a_scan_is_what_was_found(tmp_path: Path) -> None:
