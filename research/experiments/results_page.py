@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lidarspectra.io.files import write_whole
 from lidarspectra.workflow.workspace import versions
-from research.experiments.provenance import made_by, revision
+from research.experiments.provenance import made_by
 
 READING = "reading.md"  # written by hand: what the numbers say
 CONTEXT_ROOM = "one room of the authors, measured there with a real sensor, which we cannot measure again"
@@ -144,7 +144,7 @@ def _who_and_where(script: str, folder: str) -> str:
     known = versions()
     shown = ", ".join(f"{name} {known[name]}" for name in ("lidarspectra", "python", "pyradiance", "numpy"))
     return (
-        f"Composed by `{script}` on {datetime.now(UTC):%Y-%m-%d} at revision {revision()}; under each heading stands "
+        f"Composed by `{script}` on {datetime.now(UTC):%Y-%m-%d}; under each heading stands "
         f"which revision made its tables. {os.cpu_count()} cores, {platform.machine()} "
         f"{platform.system()}, with other work beside it: processor time tells more than time. {shown}. Every table "
         f"is beside this page as CSV, in `{folder}/`."
