@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MaterialError
@@ -23,6 +24,8 @@ OFF_M = 0.05  # [m] from which the card is looked at, and as far behind its plan
 ACROSS = 6  # points along each side that are looked at
 MIDDLE = 0.6  # [1] of a card's size: its rim is blurred, and may be a few centimetres off
 LEAST_POINTS = 9  # of a card that must be usable
+BESIDE_M = 0.3  # [m] beyond a card: within the metre in which light and exposure err alike
+SAME_PLANE_M, FLAT = 0.06, 0.95  # [m], [1] cosine: of what a card lies on
 GOLDEN_TURN = np.pi * (3.0 - np.sqrt(5.0))  # [rad]
 
 
@@ -122,6 +125,39 @@ def look_at_cards(scan: Scan, caster: RayCaster, cards: Sequence[Card]) -> SeenC
         log_reflectance=np.log(cones_of_srgb(np.repeat(levels[:, None], 3, axis=1))) if levels.size else empty,
         notes=tuple(notes),
     )
+
+
+def beside_cards(cards: Sequence[Card], seen: SeenCards, positions: FloatArray, normals: FloatArray) -> csr_array:
+    """Points of the surfaces that cards lie on, round about them.
+
+    Parameters
+    ----------
+    cards : sequence of Card
+    seen : SeenCards
+        Of them.
+    positions, normals : (point, 3) float
+        [m, 1]
+
+    Returns
+    -------
+    beside : (card, point) sparse bool
+        None of cards that tell nothing.
+    """
+    found = np.zeros((len(cards), len(positions)), dtype=np.bool_)
+    for number, card in enumerate(cards):
+        own = seen.card == number
+        if not own.any():
+            continue
+        middle, normal = seen.positions[own].mean(axis=0), seen.normals[own].mean(axis=0)
+        away = positions - middle
+        distance = np.linalg.norm(away, axis=1)
+        found[number] = (
+            (distance > card.size_m)  # half its longer side is no more: of paper .71 of the shorter, and a blurred rim
+            & (distance < card.size_m + BESIDE_M)
+            & (np.abs(away @ normal) < SAME_PLANE_M)
+            & (normals @ normal > FLAT)
+        )
+    return csr_array(found)
 
 
 def _is_cut(scan: Scan, face: IntArray, shown: FloatArray) -> BoolArray:

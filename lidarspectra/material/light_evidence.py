@@ -52,6 +52,8 @@ class LightEvidence:
         Which card of known reflectance each is a point of; -1 for none.
     card_log : (card, 3) float, optional
         Log reflectance of these cards, in cones.
+    card_beside : (card, sample) sparse bool, optional
+        Points beside each card, of the plane that it lies in.
     other_shown : (source, 3) float, optional
         Linear sRGB that frames tell of them; NaN where they are cut at white in all. [1]
     tone_prior : TonePrior, optional
@@ -76,6 +78,7 @@ class LightEvidence:
     other_upright: BoolArray | None = None
     card: IntArray | None = None
     card_log: FloatArray | None = None
+    card_beside: csr_array | None = None
     other_shown: FloatArray | None = None
     tone_prior: TonePrior = USUAL_TONE
 

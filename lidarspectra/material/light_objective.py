@@ -3,8 +3,9 @@
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_array
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.material.light_evidence import LightEvidence
 from lidarspectra.material.robust_centers import RobustCenters
 from lidarspectra.material.sharpened_cones import cones_of_srgb, srgb_of_cones
@@ -12,12 +13,15 @@ from lidarspectra.material.surface_light import MIN_LIGHT, LightAt
 from lidarspectra.material.tone_curve import ToneCurve
 
 LOG_SCATTER = 0.07  # [1] usual deviation of log ρ within a surface: grain, uneven exposure, noise of the mesh
+MAX_UNSURE = 3.0 * LOG_SCATTER  # [1] relative deviation of the light, above which a point tells only of a shadow's edge
+MAX_LEFT_OUT = 1.0 / 3.0  # [1] of the points, that may be left out for it
 PICTURE_NOISE = 0.006  # [1] of white, deviation of what a picture shows: 8 bits, and JPEG's coarse colour
 ROBUST_SCALE = 1.5  # [1] scale of the robust loss, in standard deviations
 CEILING_REFLECTANCE = 0.80  # [1] EN 12464-1:2021: 0.7 to 0.9
 CEILING_DEVIATION = 0.12  # [1] of its logarithm
 CEILING_DOUBT = 2.0  # [1] scale of the robust loss on the ceiling's prior, in standard deviations
-CARD_DEVIATION = 0.07  # [1] of the logarithm of a card's reflectance: the light at one place is no better known
+CARD_DEVIATION = 0.02  # [1] of the logarithm of a card's reflectance: paper yellows, cards soil
+MIN_BESIDE = 4  # points of one surface beside a card, from which they tell by how much the light errs there
 BALANCE_DEVIATION = 0.2  # [1] of log k between cones, about white half-way between the lamps and all light in the room
 BEAM_DEVIATION = 0.4  # [1] of the beam exponent about that of matt lamps
 STATED_FLUX_DEVIATION = 0.15  # [1] of the log of a lamp's flux over the others', where fluxes are stated
@@ -59,18 +63,27 @@ class LightObjective:
         Step between the points that are used: 1 for all that count.
     redescending : bool
         Geman and McClure's loss rather than Cauchy's.
+    observations_per_place : float
+        How many independent observations of `LOG_SCATTER` the points of one place tell as much as. [1]
     """
 
     def __init__(
-        self, evidence: LightEvidence, *, flux_deviation: FloatArray, every: int = 1, redescending: bool = True
+        self,
+        evidence: LightEvidence,
+        *,
+        flux_deviation: FloatArray,
+        every: int = 1,
+        redescending: bool = True,
+        observations_per_place: float = 1.0,
     ) -> None:
         self.evidence = evidence
+        self.observations_per_place = observations_per_place
         self.flux_deviation = flux_deviation
         self.redescending = redescending
         self.fit_fluxes = len(evidence.direct) > 1
         self.lamp_count = len(evidence.direct) if self.fit_fluxes else 0
         self.count = COMMON + self.lamp_count + OF_SOURCE * evidence.sources
-        self.rows = np.flatnonzero(evidence.group >= 0)[::every]
+        self.rows = _sure_enough(evidence)[::every]
         self.shown = evidence.shown[self.rows]
         # Mean direct light of 1 in every cone: exposure then starts near the mean of the picture.
         self.mean_direct = np.maximum(evidence.direct.sum(axis=0).mean(axis=0), 1e-30)
@@ -83,8 +96,8 @@ class LightObjective:
         places = self.group * (int(evidence.cell.max()) + 1) + evidence.cell[self.rows]
         self.cluster = np.unique(places, return_inverse=True)[1]
         self.witnesses = int(self.cluster.max()) + 1
-        # All points together have the weight of the number of independent clusters.
-        self.weight = np.sqrt(self.witnesses / self.rows.size) / LOG_SCATTER
+        # All points together have the weight of the number of independent observations.
+        self.weight = np.sqrt(observations_per_place * self.witnesses / self.rows.size) / LOG_SCATTER
         seen = np.maximum(cones_of_srgb(self.shown), MIN_LIGHT)
         noise = np.hypot(PICTURE_NOISE / seen, evidence.unsure[self.rows])
         self.clarity = 1.0 / np.hypot(1.0, noise / LOG_SCATTER)
@@ -93,6 +106,7 @@ class LightObjective:
         self.ceiling = np.flatnonzero(evidence.ceiling[self.rows])
         self.cards = np.flatnonzero(evidence.card >= 0) if evidence.card is not None else np.empty(0, dtype=np.int64)
         self.card_light = LightAt(evidence, self.cards, self.mean_direct) if self.cards.size else None
+        self.card_surroundings = self._card_surroundings()
         self.rough = np.log(np.maximum(cones_of_srgb(evidence.shown[evidence.group >= 0]).mean(axis=0), MIN_LIGHT))
 
     def parts(self, parameters: FloatArray) -> tuple[ToneCurve, FloatArray, float, FloatArray]:
@@ -250,22 +264,51 @@ class LightObjective:
             apart = (np.median(values[self.ceiling], axis=0) - np.log(CEILING_REFLECTANCE)) / CEILING_DEVIATION
             doubt = CEILING_DOUBT
             parts.append(np.sign(apart) * doubt * np.sqrt(np.log1p((apart / doubt) ** 2)))
-        parts.append(self._card_beliefs(parameters))
+        parts.append(self._card_beliefs(parameters, values, center))
         return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
 
-    def _card_beliefs(self, parameters: FloatArray) -> FloatArray:
-        """(card, 3) how far the cards' reflectances come out from what they are, in standard deviations."""
+    def _card_surroundings(self) -> tuple[csr_array, FloatArray]:
+        """(card, row) shares of points beside each card, of the surface of most; (card,) deviation of their error.
+
+        Errors of light and exposure are alike within a metre, so that a card errs as the surface it lies on does there;
+        by how much is told by the rest of that surface, whose places err independently. No shares where too little of
+        it is seen: the light at one place is then known as well as elsewhere.
+        """
+        evidence = self.evidence
+        cards = 0 if evidence.card_log is None else len(evidence.card_log)
+        shares, deviation = np.zeros((cards, self.rows.size)), np.full(cards, LOG_SCATTER)
+        places = np.bincount(self.group[np.unique(self.cluster, return_index=True)[1]])
+        for card in range(cards if evidence.card_beside is not None else 0):
+            beside = np.flatnonzero(evidence.card_beside[[card]].toarray()[0, self.rows])
+            if beside.size < MIN_BESIDE:
+                continue
+            surface = int(np.bincount(self.group[beside]).argmax())
+            member = beside[self.group[beside] == surface]
+            if member.size >= MIN_BESIDE and places[surface] > 1:
+                weight = self.clarity[member, 1] ** 2
+                shares[card, member] = weight / weight.sum()
+                deviation[card] = LOG_SCATTER / np.sqrt(places[surface])
+        return csr_array(shares), deviation
+
+    def _card_beliefs(self, parameters: FloatArray, values: FloatArray, center: FloatArray) -> FloatArray:
+        """(card, 3) how far the cards' reflectances come out from what they are, in standard deviations.
+
+        What the (row, 3) log ρ beside a card is off from its surface's (group, 3) centre, the card is off as well.
+        """
         if self.card_light is None or self.evidence.card is None or self.evidence.card_log is None:
             return np.empty((0, 3))
         tone, exposure, beam, factors = self.parts(parameters)
         seen, gathered = self.card_light.shown(tone)
         direct = exposure * self.card_light.direct(beam, factors) + self.card_light.other(self.strengths(parameters))
-        values = np.log(seen / np.maximum(direct + gathered, MIN_LIGHT))
+        of_points = np.log(seen / np.maximum(direct + gathered, MIN_LIGHT))
         which, of_card = np.unique(self.evidence.card[self.cards], return_inverse=True)
-        means = np.stack([np.bincount(of_card, weights=column) for column in values.T], axis=1)
+        means = np.stack([np.bincount(of_card, weights=column) for column in of_points.T], axis=1)
         noise = np.stack([np.bincount(of_card, weights=column) for column in (PICTURE_NOISE / seen).T], axis=1)
         count = np.bincount(of_card)[:, None]
-        return (means / count - self.evidence.card_log[which]) / np.hypot(CARD_DEVIATION, noise / count)
+        shares, place_deviation = self.card_surroundings
+        local = (shares @ (values - center[self.group]))[which]
+        unsure = np.hypot(np.hypot(CARD_DEVIATION, place_deviation[which, None]), noise / count)
+        return np.asarray((means / count - local - self.evidence.card_log[which]) / unsure, dtype=np.float64)
 
     def _source_beliefs(self, parameters: FloatArray) -> list[FloatArray]:
         """What is believed of unknown sources before the picture is looked at."""
@@ -287,6 +330,18 @@ class LightObjective:
         sent = np.einsum("jlc,l->jc", self.strengths(parameters), UPRIGHT_LOBES)
         shown = np.maximum(cones_of_srgb(self.evidence.other_shown), MIN_LIGHT)
         return [np.log(sent / shown)[np.isfinite(shown)] / SOURCE_SEEN_DEVIATION]
+
+
+def _sure_enough(evidence: LightEvidence) -> IntArray:
+    """(row,) samples that count: of a group, and where the light is known well enough.
+
+    Errors of direct light D do not average out: the scatter of log x/(k D + G x) that they make is the less the smaller
+    k is, so that all surfaces would come out too bright (attenuation by errors in variables).
+    """
+    member = np.flatnonzero(evidence.group >= 0)
+    unsure = evidence.unsure[member, 1]
+    limit = max(MAX_UNSURE, float(np.quantile(unsure, 1.0 - MAX_LEFT_OUT))) if member.size else MAX_UNSURE
+    return np.asarray(member[unsure <= limit], dtype=np.int64)
 
 
 def _from_white(center: FloatArray) -> FloatArray:

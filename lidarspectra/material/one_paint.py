@@ -2,7 +2,8 @@
 
 De-lighting leaves the errors of its light on large surfaces as slow changes of reflectance along them. Faces of one
 plane and one hue whose lightness lies about a common one are therefore taken for one paint; what is clearly lighter or
-darker there, as a grey door in a white wall, is another, and keeps its own.
+darker there, as a grey door in a white wall, is another, and keeps its own. But no paint is brighter than fresh white:
+what comes out so has more light than the model knows, and is of the paint of its plane and hue.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from scipy.signal import find_peaks
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.surface_hues import surface_groups
 
 ALIKE = 0.3  # [1] of the logarithm of reflectance, about the commonest, that light may have changed by
@@ -25,6 +27,7 @@ PEAK_SHARE = 0.1  # [1] of the highest peak, from which another counts
 LEAST_M2 = 0.5  # [m²] of a paint
 PAINTS = 3  # of one hue in one plane
 SAME_HUE = 0.06  # [1] largest difference of the logarithms' differences between channels, of one hue
+FACE_HUE = 0.2  # [1] the same of one face and a paint: in glare a picture tells hues badly
 SAME_PLANE_M = 0.06  # [m]
 FLAT = 0.95  # [1] cosine between planes
 FLOOR = 0.005  # [1] of reflectances before their logarithm
@@ -91,14 +94,44 @@ def one_paint(scan: Scan, color: FloatArray, usable: BoolArray, *, turn_deg: flo
     logs = np.log(np.maximum(color, FLOOR))
     evened, paint = color.copy(), np.full(len(color), -1, dtype=np.int64)
     spread: list[float] = []
+    means: list[FloatArray] = []
     for member in _one_plane_one_hue(scan, logs, group):
-        weights = scan.areas[member]
-        mean = np.average(logs[member], axis=0, weights=weights)
+        means.append(np.average(logs[member], axis=0, weights=scan.areas[member]))
+        paint[member] = len(means) - 1
+    paint = _without_beyond_white(scan, logs, usable, paint, means)
+    for number, mean in enumerate(means):
+        member = paint == number
         evened[member] = np.exp(mean)
-        paint[member] = len(spread)
-        spread.append(float(np.sqrt(np.average((logs[member, GREEN] - mean[GREEN]) ** 2, weights=weights))))
+        spread.append(float(np.sqrt(np.average((logs[member, GREEN] - mean[GREEN]) ** 2, weights=scan.areas[member]))))
     area = np.bincount(paint[paint >= 0], weights=scan.areas[paint >= 0], minlength=len(spread))
     return Paints(color=evened, paint=paint, spread=np.array(spread), area_m2=area.astype(np.float64))
+
+
+def _without_beyond_white(
+    scan: Scan, logs: FloatArray, usable: BoolArray, paint: IntArray, means: list[FloatArray]
+) -> IntArray:
+    """(face,) paints, those of what is brighter than white exchanged for the largest of the same plane and hue."""
+    white = np.log(BRIGHTEST_REFLECTANCE)
+    beyond = np.array([mean.max() > white for mean in means], dtype=np.bool_)
+    left = usable & np.where(paint < 0, logs.max(axis=1) > white, beyond[paint] if beyond.size else False)
+    area = np.bincount(paint[paint >= 0], weights=scan.areas[paint >= 0], minlength=len(means))
+    changed = paint.copy()
+    for number in np.argsort(-area, kind="stable"):
+        if beyond[number]:
+            continue
+        faces = np.flatnonzero(left)
+        patch = _Patch.of(scan, logs, np.flatnonzero(paint == number))
+        away = np.abs((scan.centers[faces] - patch.center) @ patch.normal)
+        apart = logs[faces] - means[number]
+        same = (scan.normals[faces] @ patch.normal > FLAT) & (away < SAME_PLANE_M) & (np.ptp(apart, axis=1) < FACE_HUE)
+        changed[faces[same]] = number
+        left[faces[same]] = False
+    emptied = np.bincount(changed[changed >= 0], minlength=len(means)) == 0
+    kept = np.flatnonzero(~emptied)
+    means[:] = [means[number] for number in kept]
+    renamed = np.full(emptied.size + 1, -1, dtype=np.int64)
+    renamed[kept] = np.arange(kept.size)
+    return np.asarray(renamed[changed], dtype=np.int64)
 
 
 def _one_plane_one_hue(scan: Scan, logs: FloatArray, group: IntArray) -> list[IntArray]:

@@ -17,7 +17,7 @@ from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.albedo import LightFit, fit_light
-from lidarspectra.material.cards import Card, SeenCards, look_at_cards
+from lidarspectra.material.cards import Card, SeenCards, beside_cards, look_at_cards
 from lidarspectra.material.clipped_light import CLIPPED, DARK, beyond_white
 from lidarspectra.material.colored_light import BANDS, Exchange, apparent_ratio
 from lidarspectra.material.colors import surface_colors
@@ -89,6 +89,7 @@ RAYS = 128  # rays per sample for the form factors to other surfaces
 NEUTRAL = 0.12  # [1] largest spread of a white ceiling's reflectance over the three channels
 ROUNDS = 3  # of grouping by hue and fitting; in the first the hues are still tinted by the light
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
+SCATTERED_RANGE = (REFLECTANCE_RANGE[0], 2.0)  # [1] of single faces, whose light is uncertain
 LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly white (research/benchmarks/whites.py)
 STRAY_LIGHT = 0.02  # [1] of white, from neighbouring places: edges are rounded, frames blended, lenses glare
 MIN_PHOTOGRAPHED = 0.2  # [1] least share of the area whose colour shows light; the rest was drawn by a program
@@ -259,6 +260,7 @@ def take_light_out(
         unsure=_three(np.hypot(shadow_edges_of(samples, coefficients), spread_of_views(scan)[samples.face])),
         card=card,
         card_log=seen_cards.log_reflectance,
+        card_beside=beside_cards(cards, seen_cards, samples.positions, samples.normals),
         other=np.stack(patterns) if sources else None,
         other_upright=np.array([source.is_upright for source in sources]) if sources else None,
         other_shown=shown_of_sources(scan, sources),
@@ -295,7 +297,7 @@ def take_light_out(
             *beam_note(fit),
             *unsettled_note(fit),
             *other_light_note(scan, known | ~scan.appearance.photographed, evidence, spread @ fit.irradiance),
-            *whiter_than_paint_note(srgb_of_cones(fit.reflectance[evidence.group >= 0]), float(scan.areas.sum())),
+            *whiter_than_paint_note(paints.color[known], scan.areas[known]),
         ),
         lamp_fluxes=fluxes,
     )
@@ -399,7 +401,10 @@ def _fit(
                 reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct), library, daylight
             ),
         )
-        fit = fit_light(evidence, flux_deviation=flux_deviation, start=fit.parameters, progress=part)
+        fit = fit_light(
+            evidence, flux_deviation=flux_deviation, start=fit.parameters,
+            observations_per_place=fit.observations_per_place, progress=part,
+        )  # fmt: skip
     return fit, evidence
 
 
@@ -428,10 +433,14 @@ def _of_faces(
     """(face, 3) reflectances and deviations of their logarithms: of paints, panes, and what lies in the sun."""
     scan, known = surfaces.scan, surfaces.known
     sunny = patches.member(scan)
+    # What scatters about a paint's mean is limited after the mean is taken: before, it would darken white ones.
     paints = one_paint(
-        scan, _face_reflectance(evidence, fit, spread), known & ~sunny, turn_deg=surfaces.room.wall_angle_deg
+        scan,
+        _face_reflectance(evidence, fit, spread, limits=SCATTERED_RANGE),
+        known & ~sunny,
+        turn_deg=surfaces.room.wall_angle_deg,
     )
-    color = surfaces.unseen.filled(np.where(known[:, None], paints.color, 1.0))
+    color = surfaces.unseen.filled(np.where(known[:, None], np.clip(paints.color, *REFLECTANCE_RANGE), 1.0))
     deviation = np.hypot(spread @ fit.log_deviation, paints.deviation(CELL_M)[:, None])
     for pane in (source.faces for source in sources if source.is_pane):
         color[pane], deviation[pane] = PANE_REFLECTANCE, PANE_DEVIATION
@@ -518,8 +527,10 @@ def _unsure(shadow_edges: FloatArray, irradiance: FloatArray) -> FloatArray:
     return np.asarray(np.hypot(shadow_edges, STRAY_LIGHT / irradiance), dtype=np.float64)
 
 
-def _face_reflectance(evidence: LightEvidence, fit: LightFit, spread: csr_array) -> FloatArray:
+def _face_reflectance(
+    evidence: LightEvidence, fit: LightFit, spread: csr_array, *, limits: tuple[float, float] = REFLECTANCE_RANGE
+) -> FloatArray:
     """(face, 3) reflectance in linear sRGB: radiosity of each face over the irradiance interpolated from samples."""
     light = fit.irradiance if evidence.tint is None else fit.irradiance * evidence.tint
     seen = cones_of_srgb(evidence.face_light(fit.tone))
-    return np.clip(srgb_of_cones(seen / np.exp(spread @ np.log(light))), *REFLECTANCE_RANGE)
+    return np.clip(srgb_of_cones(seen / np.exp(spread @ np.log(light))), *limits)

@@ -154,17 +154,24 @@ def other_light_note(scan: Scan, known: BoolArray, evidence: LightEvidence, ligh
     )
 
 
-def whiter_than_paint_note(reflectance: FloatArray, area_m2: float) -> tuple[str, ...]:
+def whiter_than_paint_note(reflectance: FloatArray, areas_m2: FloatArray) -> tuple[str, ...]:
     """A note on white surfaces of which most came out brighter than paint and were limited to it, beyond mere noise.
 
-    The (sample, 3) reflectances stand evenly over the scan's area [m²].
+    Parameters
+    ----------
+    reflectance : (face, 3) float
+        Before it was limited, of each paint the mean. [1]
+    areas_m2 : (face,) float
+        [m²]
     """
     bright = reflectance.max(axis=1)
-    share = float(np.mean(bright > BRIGHTEST_REFLECTANCE))
-    if share < WHITE_SHARE or np.median(bright[bright > MIN_WHITE]) < BRIGHTEST_REFLECTANCE:
+    area = float(areas_m2[bright > BRIGHTEST_REFLECTANCE].sum())
+    white = bright > MIN_WHITE
+    most = float(areas_m2[white].sum()) / 2.0
+    if area < WHITE_SHARE * float(areas_m2.sum()) or area < most:
         return ()
     return (
-        f"{share * area_m2:.0f} m² came out brighter than fresh white paint and were limited to its reflectance of "
+        f"{area:.0f} m² came out brighter than fresh white paint and were limited to its reflectance of "
         f"{BRIGHTEST_REFLECTANCE:.2f}: more light falls there than the known lamps give, or the picture is "
         "overexposed. Check that all lamps that were lit are in the run file.",
     )

@@ -1,6 +1,6 @@
 """A card of known reflectance sets the level where nothing else in the picture tells it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -20,8 +20,9 @@ from .lit_rooms import all_light, joined, lamp_light, painted, plane
 pytestmark = pytest.mark.slow  # a room photographed by radiosity and de-lit, twice
 
 LENGTH_M, WIDTH_M, HEIGHT_M = 4.0, 3.2, 2.6
-FLOOR, WALLS, CEILING, CARD = 0.15, 0.3, 0.5, 0.18  # a ceiling far darker than most
-CENTER = (2.0, 1.6, 0.0)
+FLOOR, WALLS, CEILING, CARD, LIGHT_CARD = 0.15, 0.3, 0.5, 0.18, 0.6  # a ceiling far darker than most
+CENTER, LIGHT_CENTER = (2.0, 1.6, 0.0), (2.4, 1.6, 0.0)
+POWER = 0.7  # of a tone curve, far from 1 about which it is believed to be
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,6 +48,7 @@ def dim_room(tmp_path_factory: pytest.TempPathFactory) -> Room:
             (WALLS, plane(y, x, z, 0.2)),
             (WALLS, plane(zero, z, x, 0.2)),
             (CARD, plane(np.array([1.85, 1.45, 0.01]), np.array([0.3, 0, 0]), np.array([0, 0.3, 0]), 0.1)),
+            (LIGHT_CARD, plane(np.array([2.25, 1.45, 0.01]), np.array([0.3, 0, 0]), np.array([0, 0.3, 0]), 0.1)),
         ]
     )
     lamps = [
@@ -58,7 +60,7 @@ def dim_room(tmp_path_factory: pytest.TempPathFactory) -> Room:
     return Room(
         scan=painted(scan, 0.7 * seen / np.quantile(seen, 0.98)),
         reflectance=reflectance,
-        is_card=(member == 6),
+        is_card=member >= 6,
         lamps=lamps,
     )
 
@@ -83,6 +85,21 @@ def test_a_card_fixes_the_level_and_narrows_the_deviation(dim_room: Room) -> Non
     assert with_card == pytest.approx(1.0, abs=0.04)
     assert abs(with_card - 1.0) < abs(without - 1.0)
     assert sure < unsure
+
+
+def powers(room: Room, *cards: Card) -> tuple[float, float]:
+    """Found power of the tone curve, and its stated deviation."""
+    found = take_light_out(room.scan, find_room(room.scan), room.lamps, cards=cards, workers=2)
+    assert found.fit is not None
+    return found.fit.tone.power, float(found.fit.deviations[0])
+
+
+def test_two_cards_tell_the_power_of_the_tone_curve_as_well(dim_room: Room) -> None:
+    lifted = replace(dim_room, scan=painted(dim_room.scan, dim_room.scan.face_colors().mean(axis=1) ** POWER))
+    without, unsure = powers(lifted)
+    both, sure = powers(lifted, card(), card(LIGHT_CARD, center=LIGHT_CENTER))
+    assert abs(both - POWER) < 0.7 * abs(without - POWER)  # not all: two greys leave power and shoulder one freedom
+    assert sure < 0.85 * unsure
 
 
 def test_a_card_that_is_cut_at_white_is_left_out_and_told(dim_room: Room) -> None:

@@ -9,7 +9,7 @@ import trimesh
 from lidarspectra.geometry.appearance import LinearLight
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
-from lidarspectra.material.cards import Card, SeenCards, look_at_cards
+from lidarspectra.material.cards import Card, SeenCards, beside_cards, look_at_cards
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 
@@ -59,3 +59,16 @@ def test_a_card_above_white_is_cut_in_a_picture_and_not_in_frames_that_go_beyond
     assert not told.notes
     assert np.allclose(told.shown, 1.4)
     assert "cut at white" in look_from(board(0.8, linear_cut=0.9), 0.0).notes[0]
+
+
+def test_points_beside_a_card_are_of_the_surface_that_it_lies_on_and_not_its_own() -> None:
+    card = Card(center=np.zeros(3), size_m=0.2, reflectance=0.5)
+    seen = look_at_cards(board(), RayCaster(board()), [card])
+    positions = np.array(
+        [[0.1, 0.1, 0.02], [0.3, 0, 0.02], [0, -0.4, 0.02], [0.9, 0, 0.02], [0.3, 0, 0.4], [0.3, 0, 0]]
+    )
+    normals = np.array([[0, 0, 1.0]] * 5 + [[1.0, 0, 0]])
+    beside = beside_cards([card], seen, positions, normals)
+    assert beside.toarray().tolist() == [[False, True, True, False, False, False]]
+    silent = look_at_cards(board(1.0), RayCaster(board(1.0)), [card])
+    assert beside_cards([card], silent, positions, normals).nnz == 0

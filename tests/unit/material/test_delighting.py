@@ -51,11 +51,12 @@ def test_what_its_light_cannot_make_white_sends_no_more_than_it_shows() -> None:
 def test_a_note_tells_of_white_surfaces_that_came_out_brighter_than_paint_and_not_of_noise_about_white() -> None:
     floor = np.full((60, 3), 0.2)
     bright = np.vstack([floor, np.full((30, 3), 0.95), np.full((10, 3), 0.85)])
-    (note,) = whiter_than_paint_note(bright, 200.0)
+    areas = np.full(100, 2.0)
+    (note,) = whiter_than_paint_note(bright, areas)
     assert note.startswith("60 m² came out brighter")
     noisy = np.vstack([floor, np.linspace(0.76, 0.94, 40)[:, None] * np.ones(3)])
-    assert whiter_than_paint_note(noisy, 200.0) == ()
-    assert whiter_than_paint_note(floor, 200.0) == ()
+    assert whiter_than_paint_note(noisy, areas) == ()
+    assert whiter_than_paint_note(floor, areas[:60]) == ()
 
 
 def test_whites_are_light_surfaces_other_than_the_ceiling() -> None:

@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
+from lidarspectra.material.albedo import MAX_PER_PLACE, LightFit, fit_light
 from lidarspectra.material.light_evidence import LightEvidence
-from lidarspectra.material.light_objective import OF_TONE, LightObjective
+from lidarspectra.material.light_objective import LOG_SCATTER, MAX_UNSURE, OF_TONE, LightObjective
 from lidarspectra.material.robust_centers import RobustCenters
+from lidarspectra.material.sharpened_cones import cones_of_srgb
 from lidarspectra.material.surface_light import MIN_LIGHT
 
-from .lit_walls import evidence
+from .lit_walls import PER_GROUP, evidence
 
 SMALL = 1e-6  # of a central difference: its error is of the square of it, and rounding 1e-16 / 1e-6
 
@@ -29,6 +32,7 @@ def rich_evidence() -> LightEvidence:
         other_shown=np.array([[0.3, 0.4, 0.5], [np.nan] * 3]),
         card=np.where(lit & (np.arange(count) % 4 < 2), np.arange(count) % 2, -1),
         card_log=np.log([[0.5, 0.5, 0.5], [0.2, 0.2, 0.2]]),
+        card_beside=csr_array(np.stack([(data.group == surface) & (np.arange(count) % 5 == 0) for surface in (0, 2)])),
         ceiling=data.group == 0,
     )
 
@@ -59,6 +63,86 @@ def test_where_hardly_any_light_arrives_the_least_light_is_taken_which_no_lamp_m
     assert (light[:6] == MIN_LIGHT).all()
     assert np.all(slopes[:6] == 0.0)
     assert np.all(slopes[6:, :, 3] != 0.0)
+
+
+def scattered(data: LightEvidence, logs: np.ndarray) -> LightEvidence:
+    """The same evidence, all that it shows being brighter by (sample,) logs."""
+    return replace(data, shown=data.shown * np.exp(logs)[:, None])
+
+
+CELLS, POINTS = 10, 6  # of every wall, and of every cell
+
+
+def lit_by_places() -> LightEvidence:
+    """The lit walls, one of them a ceiling, evenly lit within each of ten places: what a place errs by can mislead."""
+    data, random = evidence(2), np.random.default_rng(6)
+    count = len(data.shown)
+    direct = np.repeat(random.permutation(np.linspace(0.5, 1.5, count // POINTS)), POINTS)
+    ratio = direct / data.direct[0, :, 0]
+    return replace(
+        data,
+        direct=data.direct * ratio[:, None],
+        shown=data.shown * ratio[:, None],
+        cell=np.arange(count) % PER_GROUP // POINTS,
+        ceiling=data.group == 0,
+    )
+
+
+def fitted(logs: np.ndarray, observations_per_place: float = 1.0) -> LightFit:
+    """Fit to walls whose points show more than they should by (sample,) logs."""
+    data = scattered(lit_by_places(), logs)
+    return fit_light(data, flux_deviation=np.array([0.15]), observations_per_place=observations_per_place)
+
+
+def test_a_place_tells_the_more_the_less_its_points_err_and_least_where_they_err_alike() -> None:
+    random, count = np.random.default_rng(4), len(evidence(2).shown)
+    alone, alike = random.normal(size=count), np.repeat(random.normal(size=count // POINTS), POINTS)
+    assert fitted(0.05 * LOG_SCATTER * alone).observations_per_place == MAX_PER_PLACE
+    as_assumed = fitted(LOG_SCATTER * alike).observations_per_place
+    assert 0.3 < as_assumed < MAX_PER_PLACE  # 1, but that the loss takes the outer ones for less than they are
+    assert fitted(3 * LOG_SCATTER * alike).observations_per_place < as_assumed
+
+
+def test_fewer_observations_per_place_leave_the_fit_less_sure() -> None:
+    logs = 0.5 * LOG_SCATTER * np.random.default_rng(4).normal(size=len(evidence(2).shown))
+    few, many = (np.median(fitted(logs, count).log_deviation) for count in (0.1, 4.0))
+    assert few > 1.1 * many
+
+
+def test_points_at_the_edges_of_shadows_do_not_count_but_two_thirds_always_do() -> None:
+    data = evidence(2)
+    edge = np.arange(len(data.shown)) % 4 == 0
+    unsure = np.where(edge[:, None], 2.0 * MAX_UNSURE, 0.0) * np.ones(3)
+    kept = LightObjective(replace(data, unsure=unsure), flux_deviation=np.array([0.15])).rows
+    assert kept.tolist() == np.flatnonzero(~edge).tolist()
+    all_unsure = np.linspace(2.0, 3.0, len(edge))[:, None] * MAX_UNSURE * np.ones(3)
+    kept = LightObjective(replace(data, unsure=all_unsure), flux_deviation=np.array([0.15])).rows
+    assert kept.size == pytest.approx(2 / 3 * len(edge), abs=1)
+
+
+def test_a_card_errs_as_the_surface_beside_it_does_there() -> None:
+    """A tenth less light at one place of a wall: the card there still tells the wall's level."""
+    data = evidence(2)
+    count = len(data.shown)
+    here = (data.group == 0) & (np.arange(count) % 6 == 0)
+    card = np.where(here & (np.arange(count) % 12 == 0), 0, -1)
+    data = replace(
+        data, card=card, group=np.where(card == 0, -1, data.group),
+        card_log=np.log(cones_of_srgb(np.full((1, 3), 0.8))), card_beside=csr_array((here & (card < 0))[None]),
+    )  # fmt: skip
+    darker = scattered(data, np.where(here, -0.1, 0.0))
+
+    def levels(*told: LightEvidence) -> list[float]:
+        models = [LightObjective(each, flux_deviation=np.array([0.15])) for each in told]
+        place = np.zeros(models[0].count)
+        values = [model.log_reflectance(place) for model in models]
+        beliefs = zip(models, values, strict=True)
+        return [float(m._card_beliefs(place, v, m.centers.of(v))[0, 1]) for m, v in beliefs]
+
+    plain = [replace(each, card_beside=None) for each in (data, darker)]
+    even, uneven, even_alone, uneven_alone = levels(data, darker, *plain)
+    assert abs(uneven_alone - even_alone) > 1.2
+    assert abs(uneven - even) < 0.8 * abs(uneven_alone - even_alone)
 
 
 @pytest.mark.parametrize("redescending", [False, True])

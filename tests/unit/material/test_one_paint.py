@@ -79,3 +79,17 @@ def test_a_scan_of_nothing_but_small_things_has_no_paint(wall: Scan) -> None:
     assert found.spread.size == 0
     assert found.in_words() == ""
     assert not found.deviation(1.0).any()
+
+
+def test_what_is_brighter_than_white_on_a_wall_is_light_on_its_paint_and_a_poster_is_not(wall: Scan) -> None:
+    color = shaded(wall, 0.05) * 1.7  # white
+    glare = (np.abs(wall.centers[:, [0, 2]] - 1.0) < 0.5).all(axis=1)
+    poster = (np.abs(wall.centers[:, [0, 2]] - 3.0) < 0.5).all(axis=1)
+    color[glare] *= 1.6
+    color[poster] = (0.2, 0.4, 1.1)
+    found = one_paint(wall, color, np.ones(len(wall.faces), dtype=bool), turn_deg=0.0)
+    rest = ~glare & ~poster
+    np.testing.assert_allclose(found.color[glare], [found.color[rest][0]] * int(glare.sum()))
+    np.testing.assert_allclose(found.color[rest].max(), 1.7 * WALL.max(), rtol=0.03)  # the glare does not count in it
+    np.testing.assert_allclose(found.color[poster], [[0.2, 0.4, 1.1]] * int(poster.sum()), rtol=0.01)
+    assert found.spread[found.paint[rest][0]] > 0.1  # but in how sure it is
