@@ -278,7 +278,9 @@ class LightObjective:
         cards = 0 if evidence.card_log is None else len(evidence.card_log)
         shares, deviation = np.zeros((cards, self.rows.size)), np.full(cards, LOG_SCATTER)
         places = np.bincount(self.group[np.unique(self.cluster, return_index=True)[1]])
-        for card in range(cards if evidence.card_beside is not None else 0):
+        for card in range(cards):
+            if evidence.card_beside is None:
+                break
             beside = np.flatnonzero(evidence.card_beside[[card]].toarray()[0, self.rows])
             if beside.size < MIN_BESIDE:
                 continue
