@@ -24,6 +24,8 @@ OTHER_COLOR = (127, 127, 127)  # sRGB of all smaller ones
 NOTHING_COLOR = (0, 0, 0)  # sRGB where a ray left the scan
 UNKNOWN_CLASSES = ("unknown", "")
 GAP_IN, ROW_TITLE_IN, LEGEND_LINE_IN = 0.08, 0.24, 0.2  # [in] of the figure of views
+TITLE_GAP_IN = 0.045  # [in] from a picture to the words over it
+TITLE_SIZE = 9.5  # [pt] of these
 LEGEND_COLUMNS = 5
 MAX_COMPARED = 10  # materials in the figure of light
 
@@ -148,15 +150,26 @@ def segmentation_figure(pictures: MaterialPictures) -> Figure:
     down = across * pictures.views[0].image.shape[0] / pictures.views[0].image.shape[1]
     handles = _legend_handles(pictures.code)
     legend = LEGEND_LINE_IN * -(-len(handles) // LEGEND_COLUMNS) + 0.15
-    figure = new_figure(PAGE_WIDTH_IN, len(rows) * (down + ROW_TITLE_IN) + legend + GAP_IN)
+    height = len(rows) * (down + ROW_TITLE_IN) + legend + GAP_IN
+    figure = new_figure(PAGE_WIDTH_IN, height)
+    axes = place(figure, 0.0, 0.0, PAGE_WIDTH_IN, height)  # one for all: axes for each picture take five times as long
+    axes.set_axis_off()
+    figure.suppressComposite = True  # each picture stays one of its own in an SVG
     for row, (shown, said) in enumerate(zip(rows, words, strict=True)):
+        bottom = legend + (len(rows) - 1 - row) * (down + ROW_TITLE_IN)
         for column, view in enumerate(shown):
-            bottom = legend + (len(rows) - 1 - row) * (down + ROW_TITLE_IN)
-            axes = place(figure, GAP_IN + column * (across + GAP_IN), bottom, across, down)
-            axes.imshow(view.image, interpolation="nearest" if row == 1 else "antialiased")
-            axes.set_axis_off()
-            title = plain(view.name) if row == 0 else said * (column == 0)
-            axes.set_title(title, pad=3.0, loc="left")
+            left = GAP_IN + column * (across + GAP_IN)
+            axes.imshow(
+                view.image,
+                interpolation="nearest" if row == 1 else "antialiased",
+                extent=(left, left + across, bottom, bottom + down),
+                aspect="auto",
+            )
+            if row == 0 or column == 0:
+                words_there = plain(view.name) if row == 0 else said
+                axes.text(left, bottom + down + TITLE_GAP_IN, words_there, fontsize=TITLE_SIZE, fontweight="bold")
+    axes.set_xlim(0.0, PAGE_WIDTH_IN)
+    axes.set_ylim(0.0, height)
     figure.legend(handles=handles, loc="lower left", ncols=LEGEND_COLUMNS, frameon=False, fontsize=8.0)
     return figure
 

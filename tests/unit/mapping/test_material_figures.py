@@ -3,6 +3,7 @@ import pytest
 
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.figures.channel_figures import ReportView
+from lidarspectra.mapping.figures.figure_style import INK
 from lidarspectra.mapping.figures.material_figures import (
     CODE_COLORS,
     NOTHING_COLOR,
@@ -74,10 +75,13 @@ def pictures(count: int) -> MaterialPictures:
 
 def test_the_six_views_stand_over_what_became_of_them() -> None:
     figure = segmentation_figure(pictures(6))
-    assert len(figure.axes) == 18
-    titles = [axes.get_title(loc="left") for axes in figure.axes]
-    assert titles[:6] == [f"v{number}" for number in range(6)]
-    assert (titles[6], titles[12]) == ("by class", "estimated reflectance, in even daylight")
+    (axes,) = figure.axes
+    boxes = np.array([picture.get_extent() for picture in axes.images]).reshape(3, 6, 4)
+    assert np.allclose(boxes[:, :, :2], boxes[:1, :, :2])  # one column for each view
+    assert (boxes[:-1, :, 2] > boxes[1:, :, 3]).all()  # and what became of it below, apart
+    titles = [text.get_text() for text in axes.texts]
+    assert titles == [*(f"v{number}" for number in range(6)), "by class", "estimated reflectance, in even daylight"]
+    assert all(text.get_color() == INK for text in axes.texts)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["wood", "painted"]
 
 
