@@ -61,13 +61,14 @@ def whole_room(
     room = find_room(mirrors, floor_z=floor_z, ceiling_z=ceiling_z)
     scan = with_panes(mirrors, [pane for pane in panes if pane.kind != "mirror"])
     closed, openness = close_room(scan, room, ceiling=close_ceiling or close, floor=close_floor or close, sides=close)
+    found = find_panes(closed, room)
     notes = (
         *scan.record.notes,
         *_closing_notes(room, openness, floor_given=floor_z is not None, ceiling_given=ceiling_z is not None),
         *_open_notes(room, openness),
         *_outside_notes(room),
-        *_mirrored_notes(room),
-        *found_notes(find_panes(closed, room), panes),
+        *(() if any(pane.kind == "mirror" for pane in found) else _mirrored_notes(room)),  # else told by its pane
+        *found_notes(found, panes),
     )
     record = replace(
         closed.record,
