@@ -54,7 +54,7 @@ from research.experiments.experiment_figures import (
 from research.experiments.instruments import cell_table, sensor_table
 from research.experiments.microbenchmark_tables import microbenchmark_table
 from research.experiments.microbenchmarks import cloths, inverse_square, superposition
-from research.experiments.provenance import begin, note
+from research.experiments.provenance import begin, finish, note
 from research.experiments.results_page import write_results_page
 from research.experiments.sensitivity import Change, Influence, influence_table
 from research.experiments.true_floor_plan import true_floor_plan
@@ -239,6 +239,7 @@ def main(words: Sequence[str] | None = None) -> None:
             if name in arguments.only:
                 run(arguments)
                 print(f"{name}: done", flush=True)
+        finish(arguments.out)
         if "page" in arguments.only:
             write_results_page(arguments.out, arguments.out.with_suffix(".md"))
 

@@ -63,7 +63,7 @@ from research.benchmarks.localization_readings import (
     true_readings,
 )
 from research.benchmarks.localization_rooms import common_positions, later_room, scanned_room, traced, true_traced_room
-from research.experiments.provenance import begin
+from research.experiments.provenance import begin, finish
 from research.experiments.variants import changed, write_run_file
 from research.experiments.virtual_readings import read_by_sensors, watch_by_sensors
 from research.scenes.build import phone_scan
@@ -257,7 +257,7 @@ def night(arguments: argparse.Namespace) -> None:
         print("night: no file given, left out", flush=True)
         return
     report = score_nights(arguments.night, arguments.work / "score")
-    said = "".join(f" {note[0].upper()}{note[1:]}." for note in report.notes)
+    said = "".join(f" {note[0].upper()}{note[1:].rstrip('.')}." for note in report.notes)
     save(
         replace(report.tables[0], caption=f"Measured nights: the right place among the likeliest.{said}"), arguments.out
     )
@@ -293,6 +293,7 @@ def main(words: Sequence[str] | None = None) -> None:
             if name in arguments.only:
                 experiment(arguments)
                 print(f"{name}: done", flush=True)
+        finish(arguments.out)
         if "page" in arguments.only:
             write_page(arguments.out, arguments.out.with_suffix(".md"))
 

@@ -58,6 +58,11 @@ def note(out: Path, name: str) -> None:
         _write(out, made | {name: made[""]})
 
 
+def finish(out: Path) -> None:
+    """End a run: what is noted after it needs another beginning."""
+    _write(out, {name: record for name, record in _read(out).items() if name})
+
+
 def made_by(out: Path, names: list[str]) -> str:
     """A sentence on which revisions made these, and when; one for all where they are alike.
 
@@ -73,11 +78,13 @@ def made_by(out: Path, names: list[str]) -> str:
         Markdown; says so where a table's revision was not noted.
     """
     made = _read(out)
-    words = {name: _words(made[name]) if name in made else "at a revision that was not noted" for name in names}
-    alike = set(words.values())
+    alike: dict[str, list[str]] = {}
+    for name in names:
+        words = _words(made[name]) if name in made else "at a revision that was not noted"
+        alike.setdefault(words, []).append(name)
     if len(alike) == 1:
-        return f"*Made {alike.pop()}.*"
-    return "*Made " + "; ".join(f"{name} {each}" for name, each in words.items()) + ".*"
+        return f"*Made {next(iter(alike))}.*"
+    return "*Made " + "; ".join(f"{words}: {', '.join(some)}" for words, some in alike.items()) + ".*"
 
 
 def _words(record: dict[str, object]) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from research.experiments.provenance import UNKNOWN, begin, made_by, note, revision
+from research.experiments.provenance import UNKNOWN, begin, finish, made_by, note, revision
 
 
 @pytest.fixture
@@ -26,9 +26,14 @@ def test_tables_of_one_revision_share_a_sentence_and_others_do_not(folders: tupl
     other.mkdir()
     begin(out, other, "bbb")
     note(out, "goals")
-    words = made_by(out, ["table-1", "goals"])
-    assert "table-1 at revision aaa" in words
-    assert "goals at revision bbb" in words
+    aaa, bbb = made_by(out, ["table-1", "goals"]).split("; ")
+    assert aaa.startswith("*Made at revision aaa on 2")
+    assert aaa.endswith(": table-1")
+    assert bbb.startswith("at revision bbb on 2")
+    assert bbb.endswith(": goals.*")
+    finish(out)
+    note(out, "table-1")  # no run is under way
+    assert made_by(out, ["table-1"]).startswith("*Made at revision aaa")
 
 
 def test_what_an_earlier_revision_left_in_the_work_folder_is_told(folders: tuple[Path, Path]) -> None:
