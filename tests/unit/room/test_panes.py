@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from lidarspectra.config import PaneSection, read_run_file
 from lidarspectra.errors import ArrayError
@@ -12,6 +13,7 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.mapping.figures.plan_drawing import draw_panes
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.pane_materials import GLASS_TRANSMITTANCE, pane_material, with_pane_materials
 from lidarspectra.material.part_materials import typical_material
@@ -135,6 +137,15 @@ def test_faces_in_a_pane_get_its_material_and_no_others() -> None:
     assert areas[1] == pytest.approx(GLASS_WALL.area_m2, rel=1e-6)
     assert areas[2] == pytest.approx(SCREEN.area_m2, rel=0.5)  # whole squares of 20 cm
     assert (after.face_material[~GLASS_WALL.members(scan.centers) & ~SCREEN.members(scan.centers)] == 0).all()
+
+
+def test_panes_are_drawn_on_the_plan_where_they_stand() -> None:
+    axes = Figure().add_subplot()
+    handles = draw_panes(axes, [MIRROR, SCREEN, MIRROR])
+    assert [str(handle.get_label()) for handle in handles] == ["mirror, assumed", "screen, assumed"]
+    x, y = axes.lines[0].get_data()
+    np.testing.assert_allclose(x, 5.0)
+    np.testing.assert_allclose(sorted(np.asarray(y)), [1.0, 3.0])
 
 
 @pytest.mark.parametrize("normal", [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.5]])
