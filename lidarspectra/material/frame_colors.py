@@ -1,7 +1,9 @@
 """Colours of a scan from its frames: one radiometry for all of them, and their radiance as the scan's texture.
 
 A texture is what an app made of hundreds of pictures: blended, tone mapped, its exposure averaged, lamps cut at white.
-Here the frames themselves are brought to one scale (`frame_gains`) and combined texel by texel (`frame_fusion`).
+Here the frames themselves are brought to one scale (`frame_gains`) and combined texel by texel (`frame_texels`), then
+once more with poses that are mended by the first result (`frame_poses`). What no frame saw has the app's texture,
+brought to the frames' scale (`frame_unseen`), if there is one.
 """
 
 from collections.abc import Sequence
@@ -9,17 +11,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, SmallFloatArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.appearance import NO_COLOR, PHOTOGRAPHED, Appearance, LinearLight
 from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.frames import Frame, FrameFault, LeftOut
 from lidarspectra.hardware.phone.raw_mesh import NO_COLOR_NOTE
-from lidarspectra.hardware.phone.texture_atlas import Atlas, unwrap
-from lidarspectra.material.frame_fusion import BestViews, Fused
+from lidarspectra.hardware.phone.texture_atlas import unwrap
+from lidarspectra.material.frame_fusion import Fused
 from lidarspectra.material.frame_gains import CELL_M, Observations, Radiometry, solve_radiometry
-from lidarspectra.material.frame_views import MeshView, Picture, linear_table, pictures, sampled
+from lidarspectra.material.frame_texels import Roll, Texels, fuse_frames, mend_poses
+from lidarspectra.material.frame_unseen import FromTexture, Places, light_of_texture
+from lidarspectra.material.frame_views import DARK, MeshView, linear_table, pictures, sampled
 from lidarspectra.progress import Progress, shares, silent
 
 TEXEL_M = 0.01  # [m] of the texture; phones' poses are not better
@@ -27,16 +31,13 @@ ATLAS_FILL = 0.45  # [1] share of an atlas that is surface
 ATLAS_PX = (256, 4096)  # [px]
 POINTS = 20_000  # by which frames are tied to one another
 POINT_SPACING_M = 0.05  # [m] least distance on average
-DARK, BRIGHT = 0.004, 0.9  # [1] of white, between which a picture tells a ratio
+BRIGHT = 0.9  # [1] of white, up to which a picture tells a ratio
 MIN_VIEWS = 2  # frames that show a point, for it to tie them
 UNTIED = "no other frame shows, neither too dark nor cut at white, a surface that it shows"
-TEXEL_BLUR = 3.0  # [1] weight falls by this power of a frame's sharpness over its neighbours'
-NEIGHBOURS = 5  # frames before and after
-EVEN = 1e-3  # [1] sharpness of a picture of an even wall, which is not blurred
 PAINT_SHARE, PAINT_LEVEL = 0.95, 0.6  # the radiance that this share of the surface does not pass is this much of white
-CUT_SHARE = 0.5  # [1] of white, above which a channel of a pixel with a clipped part is taken for cut
+TEXTURE_PLACES = 100_000  # that texture and frames are compared by, before dark and clipped ones are left out
 LAMP_LEVEL = 1.2  # [1] of white, at least, of what all frames are cut at
-SHARES = (0.3, 0.2, 0.05, 0.4, 0.05)  # of the time: looking, solving, unwrapping, fusing, filling
+SHARES = (0.2, 0.12, 0.05, 0.22, 0.15, 0.22, 0.04)  # of the time: looking, solving, unwrapping, fusing ..., filling
 SEED = 20240911  # of points and of what is held out
 
 
@@ -51,11 +52,17 @@ class FrameColors:
     radiometry : Radiometry or None
         None if no frame is used.
     frames : tuple of Frame
-        Those used, as the rows of `radiometry`; none if no two of them show the same surface.
+        Those used, with mended poses, as the rows of `radiometry`; none if no two of them show the same surface.
     left_out : tuple of LeftOut
         Those that turned out damaged, whose pose does not fit the mesh, or whose exposure no other frame tells.
+    face_seen : (face,) bool
+        Which faces some frame saw.
     seen_share : float
         Share of the area that some frame saw. [0-1]
+    texture_share : float
+        Share of the area that no frame saw and that has the colour of the app's texture. [0-1]
+    texture_spread : float
+        Relative deviation of texture and frames where both show the surface. [1]
     recovered_m2 : float
         Area above white in a usual frame whose radiance a darker frame tells. [m²]
     cut_m2 : float
@@ -68,7 +75,10 @@ class FrameColors:
     radiometry: Radiometry | None
     frames: tuple[Frame, ...]
     left_out: tuple[LeftOut, ...]
+    face_seen: BoolArray
     seen_share: float
+    texture_share: float
+    texture_spread: float
     recovered_m2: float
     cut_m2: float
     spread: float
@@ -82,7 +92,7 @@ def color_from_frames(
     Parameters
     ----------
     scan : Scan
-        Its geometry is used, its colours are not.
+        Its colours, if they are of an app's texture, are those of what no frame saw.
     frames : sequence of Frame
         With poses in the scan's axes, in metres.
     texel_m : float
@@ -99,7 +109,7 @@ def color_from_frames(
     ScanError
         If no frame shows the mesh.
     """
-    looking, solving, unwrapping, fusing, filling = shares(progress, SHARES)
+    looking, solving, unwrapping, fusing, mending, fusing_again, filling = shares(progress, SHARES)
     generator = np.random.default_rng(SEED)
     view = MeshView(caster_of(scan))
     seen = _observe(scan, view, frames, generator, looking)
@@ -112,18 +122,22 @@ def color_from_frames(
         )  # fmt: skip
     if not seen.frames:
         return FrameColors(
-            scan=scan, radiometry=None, frames=(), left_out=seen.left_out, seen_share=0.0, recovered_m2=0.0,
-            cut_m2=0.0, spread=0.0,
+            scan=scan, radiometry=None, frames=(), left_out=seen.left_out,
+            face_seen=np.zeros(len(scan.faces), dtype=np.bool_), seen_share=0.0, texture_share=0.0, texture_spread=0.0,
+            recovered_m2=0.0, cut_m2=0.0, spread=0.0,
         )  # fmt: skip
     solving(0.0, "one radiometry for all frames")
     radiometry = solve_radiometry(seen.observations, generator)
     unwrapping(0.0, "unwrapping the mesh")
     size = int(np.clip(np.sqrt(scan.areas.sum() / ATLAS_FILL) / texel_m, *ATLAS_PX))
     atlas = unwrap(scan.vertices, scan.faces, scan.normals, size)
-    rows, columns = np.nonzero(atlas.covered)
-    fused = _fuse(scan, view, seen, radiometry, (atlas, rows, columns), fusing)
+    texels = Texels.of(scan, atlas)
+    roll = Roll(frames=seen.frames, sharpness=seen.sharpness, radiometry=radiometry)
+    fused = fuse_frames(texels, view, roll, fusing)
+    roll = mend_poses(texels, view, roll, fused, mending)
+    fused = fuse_frames(texels, view, roll, fusing_again)
     filling(0.0, "filling what no frame saw")
-    return _colored(scan, seen, radiometry, (atlas, rows, columns), fused)
+    return _colored(texels, roll, seen.left_out, fused, generator)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,107 +226,91 @@ def _exposures(frames: Sequence[Frame]) -> FloatArray:
     return np.asarray(logs - np.nanmean(logs) if np.isfinite(logs).any() else logs, dtype=np.float64)
 
 
-_Texels = tuple[Atlas, IntArray, IntArray]
-
-
-def _fuse(
-    scan: Scan, view: MeshView, seen: _Seen, radiometry: Radiometry, texels: _Texels, progress: Progress
-) -> Fused:
-    """Radiance of each texel."""
-    atlas, rows, columns = texels
-    face = atlas.texel_face[rows, columns]
-    points = np.einsum("nk,nkc->nc", atlas.barycentric(rows, columns), scan.vertices[scan.faces[face]])
-    normals = scan.normals
-    best = BestViews(len(points))
-    table = radiometry.tone.light(linear_table())
-    white = float(radiometry.tone.light(np.ones(1))[0])
-    sharp = _relative_sharpness(seen.sharpness)
-    centers = scan.centers
-    reach = float(np.sqrt(scan.areas.max())) * 2.0
-    for number, (frame, picture) in enumerate(zip(seen.frames, pictures(seen.frames, table), strict=True)):
-        progress(number / len(seen.frames), "combining frames")
-        if not isinstance(picture, Picture):
-            continue
-        some = np.flatnonzero(_may_show(frame, centers, normals, reach)[face])
-        sight = view.sight(frame, view.depth(frame), picture.depth, points[some], normals[face[some]])
-        light, _, clipped = sampled(picture, sight)
-        fall = np.exp(np.stack([sight.radius2, sight.radius2**2], axis=1) @ radiometry.vignetting)[:, None]
-        gain = np.exp(radiometry.log_gain[number]) * fall
-        cut = clipped[:, None] & (light > CUT_SHARE * white)  # the other channels are told
-        light[cut] = white
-        dark = 1.0 / (1.0 + DARK / np.maximum(light.min(axis=1), 1e-6))
-        weight = sight.weight * dark * sharp[number] ** TEXEL_BLUR
-        best.add(some[sight.index], light / gain, weight, clipped)
-    return best.fused()
-
-
-def _may_show(frame: Frame, centers: FloatArray, normals: FloatArray, reach_m: float) -> BoolArray:
-    """(face,) faces that look at the camera and lie before it, within its field of view or `reach_m` beside it."""
-    relative = (centers - frame.position) @ frame.camera_to_world[:3, :3]
-    depth = -relative[:, 2]
-    matrix, (width, height) = frame.intrinsics, frame.size_px
-    half = np.array([max(matrix[0, 2], width - matrix[0, 2]), max(matrix[1, 2], height - matrix[1, 2])])
-    slope = half / np.array([matrix[0, 0], matrix[1, 1]])
-    inside = (np.abs(relative[:, :2]) < slope * np.maximum(depth, 0.0)[:, None] + 2.0 * reach_m).all(axis=1)
-    facing = np.einsum("nc,nc->n", frame.position - centers, normals) > -reach_m
-    return np.asarray(inside & facing & (depth > -reach_m), dtype=np.bool_)
-
-
-def _relative_sharpness(sharpness: FloatArray) -> FloatArray:
-    """Over the median of the frames around, which show about the same; at most 1."""
-    reach = min(NEIGHBOURS, sharpness.size - 1)
-    padded = np.pad(sharpness, reach, mode="reflect")
-    around = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1), axis=1)
-    return np.asarray(np.minimum((sharpness + EVEN) / (around + EVEN), 1.0), dtype=np.float64)
-
-
-def _colored(scan: Scan, seen: _Seen, radiometry: Radiometry, texels: _Texels, fused: Fused) -> FrameColors:
+def _colored(
+    texels: Texels, roll: Roll, left_out: tuple[LeftOut, ...], fused: Fused, generator: np.random.Generator
+) -> FrameColors:
     """The scan with the fused radiance as its texture."""
-    atlas, rows, columns = texels
-    face = atlas.texel_face[rows, columns]
+    scan, atlas, face, radiometry = texels.scan, texels.atlas, texels.face, roll.radiometry
+    count = len(scan.faces)
     known = np.isfinite(fused.light[:, 0])
-    area = (scan.areas / np.maximum(np.bincount(face, minlength=len(scan.faces)), 1))[face]
-    scale = _scale(fused, area)
-    light = fused.light * np.float32(scale)
-    bound = light[fused.at_least]
-    light[fused.at_least] = bound * np.maximum(LAMP_LEVEL / np.maximum(bound.max(axis=1, keepdims=True), 1e-6), 1.0)
-    texture = np.zeros((atlas.size_px, atlas.size_px, 3), dtype=np.float32)
-    shown = np.zeros(texture.shape[:2], dtype=np.bool_)
-    shown[rows[known], columns[known]] = True
-    texture[rows[known], columns[known]] = light[known]
-    from scipy.ndimage import distance_transform_edt  # loads slowly
-
-    nearest = distance_transform_edt(~shown, return_distances=False, return_indices=True)
-    texture = texture[tuple(nearest)]
-    saw = np.bincount(face[known], minlength=len(scan.faces)) > 0
-    total = np.bincount(face[known], weights=fused.deviation[known].astype(np.float64), minlength=len(scan.faces))
-    deviation = total / np.maximum(np.bincount(face[known], minlength=len(scan.faces)), 1)
+    per_face = np.maximum(np.bincount(face, minlength=count), 1)
+    area = (scan.areas / per_face)[face]
+    scale = np.float32(_scale(fused, area))
+    light, deviation, cut = fused.light * scale, fused.deviation.copy(), fused.at_least.copy()
+    saw = np.bincount(face[known], minlength=count) > 0
+    filled = _of_texture(texels, light, known & ~cut, generator)
+    if filled is not None:
+        told, found = filled
+        light[told], deviation[told], cut[told] = found.light, found.spread, found.cut
+    light[cut] *= np.maximum(LAMP_LEVEL / np.maximum(light[cut].max(axis=1, keepdims=True), 1e-6), 1.0)
+    shown = np.isfinite(light[:, 0])
+    colored = np.bincount(face[shown], minlength=count) > 0
+    total = np.bincount(face[shown], weights=deviation[shown].astype(np.float64), minlength=count)
     appearance = Appearance(
-        images=(texture,),
-        face_image=np.where(saw, 0, -1),
+        images=(_spread_out(atlas.size_px, texels.rows[shown], texels.columns[shown], light[shown]),),
+        face_image=np.where(colored, 0, -1),
         corner_uv=atlas.corner_uv,
-        corner_color=np.full((len(scan.faces), 3, 3), 0.735),
-        color_source=np.where(saw, PHOTOGRAPHED, NO_COLOR),
+        corner_color=np.full((count, 3, 3), 0.735),
+        color_source=np.where(colored, PHOTOGRAPHED, NO_COLOR),
         linear=LinearLight(
             power_deviation=radiometry.power_deviation,
             shoulder_deviation=radiometry.shoulder_deviation,
-            face_deviation=deviation,
-            face_cut=np.bincount(face[fused.at_least], minlength=len(scan.faces))
-            / np.maximum(np.bincount(face, minlength=len(scan.faces)), 1),
+            face_deviation=total / np.maximum(np.bincount(face[shown], minlength=count), 1),
+            face_cut=np.bincount(face[cut], minlength=count) / per_face,
         ),
     )
     notes = tuple(note for note in scan.record.notes if not note.startswith(NO_COLOR_NOTE))
     above = known & ~fused.at_least & (fused.light.max(axis=1) > 1.0)
+    whole = float(scan.areas.sum())
     return FrameColors(
         scan=replace(scan, appearance=appearance, record=replace(scan.record, notes=notes)),
         radiometry=radiometry,
-        frames=seen.frames,
-        left_out=seen.left_out,
-        seen_share=float(scan.areas[saw].sum() / scan.areas.sum()),
+        frames=roll.frames,
+        left_out=left_out,
+        face_seen=np.asarray(saw, dtype=np.bool_),
+        seen_share=float(scan.areas[saw].sum()) / whole,
+        texture_share=float(scan.areas[colored & ~saw].sum()) / whole,
+        texture_spread=0.0 if filled is None else filled[1].spread,
         recovered_m2=float(area[above].sum()),
         cut_m2=float(area[fused.at_least].sum()),
         spread=float(np.median(fused.deviation[known])),
     )
+
+
+def _of_texture(
+    texels: Texels, light: SmallFloatArray, told: BoolArray, generator: np.random.Generator
+) -> tuple[IntArray, FromTexture] | None:
+    """Texels that no frame saw and their radiance by the scan's own texture; None without a texture that tells."""
+    own = texels.scan.appearance
+    pictured = own.photographed[texels.face] & (own.linear is None)
+    unseen, both = np.flatnonzero(pictured & ~np.isfinite(light[:, 0])), np.flatnonzero(pictured & told)
+    if not unseen.size or not both.size:
+        return None
+    if both.size > TEXTURE_PLACES:
+        both = generator.choice(both, TEXTURE_PLACES, replace=False)
+
+    def places(chosen: IntArray) -> Places:
+        weights = texels.atlas.barycentric(texels.rows[chosen], texels.columns[chosen])
+        return Places(
+            points=texels.points[chosen],
+            normals=texels.scan.normals[texels.face[chosen]],
+            texture=own.sample(texels.face[chosen], weights),
+        )
+
+    found = light_of_texture(places(both), light[both].astype(np.float64), places(unseen), generator)
+    return None if found is None else (unseen, found)
+
+
+def _spread_out(size_px: int, rows: IntArray, columns: IntArray, light: SmallFloatArray) -> SmallFloatArray:
+    """(size, size, 3) texture of some texels' (n, 3) light; the others have that of the nearest of them."""
+    texture = np.zeros((size_px, size_px, 3), dtype=np.float32)
+    shown = np.zeros(texture.shape[:2], dtype=np.bool_)
+    shown[rows, columns] = True
+    texture[rows, columns] = light
+    from scipy.ndimage import distance_transform_edt  # loads slowly
+
+    nearest = distance_transform_edt(~shown, return_distances=False, return_indices=True)
+    return np.asarray(texture[tuple(nearest)], dtype=np.float32)
 
 
 def _scale(fused: Fused, area: FloatArray) -> float:

@@ -124,6 +124,10 @@ class Radiometry:
     before: float
     after: float
 
+    def fall(self, radius2: FloatArray) -> FloatArray:
+        """Vignetting at squared distances from the picture's middle, over that of a corner [1]."""
+        return np.asarray(np.exp(self.vignetting[0] * radius2 + self.vignetting[1] * radius2**2), dtype=np.float64)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Solved:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray, SmallFloatArray
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import Hits, RayCaster
 from lidarspectra.hardware.phone.frames import DepthMap, Frame, FrameFault
 from lidarspectra.spectra.colorimetry import decode_srgb
 
@@ -32,6 +32,7 @@ CLIPPED_SHARE = 0.02  # [1] of what a pixel of the small picture averages
 GRADIENT_PX = 7  # window of the small picture in which its evenness is told: half of it is a pose's error
 AHEAD = 2  # pictures that are decoded while one is worked on
 LOW_CONFIDENCE = 0.5  # [1] weight where the LiDAR was not sure
+DARK = 0.004  # [1] of white, down to which a picture tells a ratio
 USUAL_DISTANCE_M = 2.0  # [m] at which a view's weight is halved
 
 
@@ -80,6 +81,21 @@ class Sight:
     pixel: SmallFloatArray
     radius2: FloatArray
     weight: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShownFaces:
+    """Points of the mesh that a frame's pose shows.
+
+    Parameters
+    ----------
+    face : (point,) int
+    barycentric : (point, 3) float
+        Weights of the face's corners. [1]
+    """
+
+    face: IntArray
+    barycentric: FloatArray
 
 
 def linear_table() -> FloatArray:
@@ -169,6 +185,21 @@ class MeshView:
 
     def depth(self, frame: Frame) -> FloatArray:
         """(row, column) depth of the mesh along the axis, `BUFFER_PX` wide; infinite where there is none [m]."""
+        return self._looked(frame)[0].distance.reshape(_buffer_size(frame)[::-1])
+
+    def shown(self, frame: Frame) -> ShownFaces:
+        """What a frame's pose shows, pixel by pixel of the buffer, without flat views and edges of what is in front."""
+        hits, ways = self._looked(frame)
+        shape = _buffer_size(frame)[::-1]
+        depth = np.minimum(hits.distance, 1e6).reshape(shape)
+        front = cv2.erode(depth, np.ones((2 * EDGE_PX + 1,) * 2))
+        inner = (depth - (1.0 + TOLERANCE) * front < TOLERANCE_M / MIN_COSINE).ravel()
+        cosine = -np.einsum("nc,nc->n", self._caster.normals[hits.face], ways) / np.linalg.norm(ways, axis=1)
+        kept = hits.met & inner & (cosine > MIN_COSINE) & (hits.distance > NEAREST_M) & (hits.distance < FARTHEST_M)
+        return ShownFaces(face=hits.face[kept], barycentric=hits.barycentric[kept])
+
+    def _looked(self, frame: Frame) -> tuple[Hits, FloatArray]:
+        """What the buffer's rays meet, row by row, and their directions, of length 1 along the axis."""
         width, height = _buffer_size(frame)
         columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
         scale = width / frame.size_px[0]
@@ -176,8 +207,7 @@ class MeshView:
         x = (columns / scale - matrix[0, 2]) / matrix[0, 0]
         y = (rows / scale - matrix[1, 2]) / matrix[1, 1]
         ways = np.stack([x, -y, -np.ones_like(x)], axis=-1).reshape(-1, 3) @ frame.camera_to_world[:3, :3].T
-        hits = self._caster.nearest(np.broadcast_to(frame.position, ways.shape), ways)
-        return hits.distance.reshape(height, width)
+        return self._caster.nearest(np.broadcast_to(frame.position, ways.shape), ways), ways
 
     def is_lost(self, mesh_depth: FloatArray, lidar: DepthMap | None) -> bool:
         """Whether the LiDAR measured something else than the mesh shows from this pose: the pose is wrong.
@@ -261,6 +291,26 @@ def _picture_size(frame: Frame) -> FloatArray:
     width, height = frame.size_px
     small = min(PICTURE_PX, width)
     return np.array([small, max(1, round(height * small / width))], dtype=np.float64)
+
+
+def radius2_of(frame: Frame, shape: tuple[int, ...]) -> FloatArray:
+    """Squared distance of a small picture's pixels from the principal point, over that of a corner.
+
+    Parameters
+    ----------
+    frame : Frame
+    shape : (int, int)
+        Rows and columns of the small picture.
+
+    Returns
+    -------
+    radius2 : (row, column) float
+        [0-1]
+    """
+    width, height = frame.size_px
+    across = (np.arange(shape[1]) + 0.5) * width / shape[1] - frame.intrinsics[0, 2]
+    down = (np.arange(shape[0]) + 0.5) * height / shape[0] - frame.intrinsics[1, 2]
+    return np.asarray((across[None] ** 2 + down[:, None] ** 2) / (0.25 * (width**2 + height**2)), dtype=np.float64)
 
 
 def _at(image: "np.ndarray[tuple[int, ...], np.dtype[np.generic]]", u: FloatArray, v: FloatArray) -> FloatArray:

@@ -69,11 +69,18 @@ def frame_notes(colors: FrameColors | None, capture: Capture | None) -> tuple[st
             f"The frames overlap so little that their brightnesses are known by {100 * loose:.0f} % only, and "
             "reflectances far from one another with them. Scan again in loops that come back to where they began."
         )
-    if colors.seen_share < SEEN_SHARE:
+    bare = 1.0 - colors.seen_share - colors.texture_share
+    if bare > 1.0 - SEEN_SHARE:
         notes.append(
-            f"{100 * (1 - colors.seen_share):.0f} % of the scan's area is in none of the frames and has no colour, so "
-            "it takes the material of its neighbours. Export more frames, or set frames = false in [scan] if the app's "
-            "own texture has it."
+            f"{100 * bare:.0f} % of the scan's area is in none of the frames and has no colour, so it takes the "
+            "material of its neighbours. Export more frames, or set frames = false in [scan] if the app's own texture "
+            "has it."
+        )
+    if colors.texture_share > 1.0 - SEEN_SHARE:
+        notes.append(
+            f"{100 * colors.texture_share:.0f} % of the scan's area is in none of the frames. Its colours are those of "
+            "the app's texture on the scale of the frames, from which it differs by "
+            f"{100 * colors.texture_spread:.0f} % where both show the surface."
         )
     if colors.cut_m2 > CUT_M2:
         notes.append(
@@ -116,6 +123,8 @@ def _fitted(colors: FrameColors, radiometry: Radiometry) -> dict[str, object]:
         "vignetting": radiometry.vignetting.tolist(),
         "held_out_deviation": {"as_shown": radiometry.before, "solved": radiometry.after},
         "seen_share": colors.seen_share,
+        "texture_share": colors.texture_share,
+        "texture_deviation": colors.texture_spread,
         "recovered_m2": colors.recovered_m2,
         "cut_m2": colors.cut_m2,
         "frames": [

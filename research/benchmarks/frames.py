@@ -53,7 +53,7 @@ def run(folder: Path, *, with_map: bool) -> None:
     colors = color_from_frames(case.scan, frames)
     took = time.process_time() - start
     # Errors are weighed over the faces whose texture shows a surface, of both alike.
-    seen = surface_colors(case.scan)[1] & colors.scan.appearance.photographed
+    seen = surface_colors(case.scan)[1] & colors.face_seen
     _row(folder.name, "texture", case, case.scan, seen, reference)
     _row(folder.name, "frames", case, colors.scan, seen, reference)
     print(f"  {capture.app}: {radiometry_words(colors)}, gains off by {gain_error(folder, colors):.3f}; {took:.0f} s")

@@ -5,6 +5,7 @@
     FOLDER/office-day-1/plan.toml, room.toml, scan.glb, truth/   as `research.scenes.by_day` makes them
     FOLDER/office-day-1/frames/                                  3D Scanner App's "All data" of the same walk
     FOLDER/office-day-1/gains.csv                                the true gain of every frame in three channels
+    FOLDER/office-day-1/face-light.npy                           the true radiosity of every face of scan.glb
 
 Even seeds are written in Polycam's layout, whose exposures are told; odd ones in 3D Scanner App's, where they are not.
 """
@@ -16,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
+from lidarspectra.geometry.textures import mean_texture_colors
 from lidarspectra.hardware.phone.texture_atlas import Atlas
 from lidarspectra.workflow.lamps_of_run import resolve_lamps
 from research.scenes.build import Besides, spectral_flux
@@ -27,7 +29,7 @@ from research.virtual_rooms.phone import ScannedShape
 from research.virtual_rooms.room_plan import RoomPlan
 from research.virtual_rooms.true_room import TrueRoom
 
-FRAMES, GAINS = "frames", "gains.csv"
+FRAMES, GAINS, FACE_LIGHT = "frames", "gains.csv", "face-light.npy"
 
 
 def frames_besides(scene: str, case: Case, folder: Path, *, seed: int, count: int) -> Besides:
@@ -44,6 +46,7 @@ def frames_besides(scene: str, case: Case, folder: Path, *, seed: int, count: in
             color = light_colors(np.ones((1, sent.size)), light, sent[None], camera)[0, 0]
             texture[surface == number] = color
             sky |= (surface == number) & room.surfaces[number].part.startswith(WINDOW)
+        np.save(folder / FACE_LIGHT, mean_texture_colors(texture.astype(np.float32), atlas.corner_uv))
         gains = write_frames(
             folder / FRAMES, room, shape, atlas, Shining(texture=texture.astype(np.float32), sky=sky),
             FramePlan(count=count, tone=camera.tone), relative_radiance, generator,

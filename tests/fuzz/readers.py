@@ -151,7 +151,7 @@ def read_a_room(path: Path) -> object:
 
 
 def capture_seeds(folder: Path) -> Iterator[Files]:
-    """Raw data of two apps, as archives."""
+    """Raw data of apps, as archives."""
     import shutil
     import sys
 
@@ -162,7 +162,9 @@ def capture_seeds(folder: Path) -> Iterator[Files]:
     shots = layouts.gray_shots(room, 3)
     layouts.write_3dscanner(folder / "scanner", room, shots)
     layouts.write_polycam(folder / "polycam", room, shots, layouts.turning_pose(20.0, 0.0))
-    for name in ("scanner", "polycam"):
+    layouts.write_stray(folder / "stray", shots)
+    yield {"a.zip": layouts.write_record3d(folder / "a.r3d", shots).read_bytes()}
+    for name in ("scanner", "polycam", "stray"):
         archive = Path(shutil.make_archive(str(folder / name), "zip", folder / name))
         yield {"a.zip": archive.read_bytes()}
 

@@ -11,13 +11,17 @@ from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.capture_3dscanner import is_3dscanner, read_3dscanner
 from lidarspectra.hardware.phone.capture_files import ARCHIVE_SUFFIXES, CaptureFiles, open_capture
 from lidarspectra.hardware.phone.capture_polycam import is_polycam, read_polycam
-from lidarspectra.hardware.phone.frames import Capture, without_jumps
+from lidarspectra.hardware.phone.capture_record3d import is_record3d, read_record3d
+from lidarspectra.hardware.phone.capture_stray import is_stray, read_stray
+from lidarspectra.hardware.phone.frames import Capture, key_frames, without_jumps
 
 APPS: tuple[tuple[Callable[[CaptureFiles], bool], Callable[[CaptureFiles], Capture]], ...] = (
     (is_3dscanner, read_3dscanner),
     (is_polycam, read_polycam),
+    (is_record3d, read_record3d),
+    (is_stray, read_stray),
 )
-LAYOUTS = "3D Scanner App's 'All data', or Polycam's raw data"
+LAYOUTS = "3D Scanner App's 'All data', Polycam's raw data, a recording of Record3D or of Stray Scanner"
 
 
 def is_capture(path: Path) -> bool:
@@ -45,10 +49,16 @@ def read_capture(path: Path) -> Capture:
     """
     files = open_capture(path)
     try:
-        return replace(_read(files), close=files.close)
+        capture = _read(files)
     except ScanError:
         files.close()
         raise
+
+    def close() -> None:
+        capture.close()
+        files.close()
+
+    return replace(capture, close=close)
 
 
 def _read(files: CaptureFiles) -> Capture:
@@ -77,6 +87,7 @@ def _bases(files: CaptureFiles) -> list[str]:
 def _checked(capture: Capture) -> Capture:
     frames, jumped = without_jumps(capture.frames)
     if not frames:
+        capture.close()
         reason = f", the first because {capture.left_out[0].reason}" if capture.left_out else ""
         raise ScanError(
             expected="frames with picture and pose",
@@ -84,4 +95,8 @@ def _checked(capture: Capture) -> Capture:
             where=f"{capture.where} ({capture.app})",
             todo="Export the raw data again.",
         )
-    return replace(capture, frames=frames, left_out=(*capture.left_out, *jumped))
+    kept = key_frames(frames)
+    notes = capture.notes
+    if len(kept) < len(frames):
+        notes = (*notes, f"Of {len(frames)} frames, {len(kept)} are used, which differ in where they look from.")
+    return replace(capture, frames=kept, left_out=(*capture.left_out, *jumped), notes=notes)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from lidarspectra.arrays import ByteArray, FloatArray, float_array
 from lidarspectra.errors import ArrayError, ScanError
@@ -23,6 +24,8 @@ MAX_SPEED_M_S = 6.0  # [m/s] nobody walks faster with a phone before them; a pos
 MIN_STEP_S = 1e-3  # [s] two frames are not nearer in time
 FOCAL_RANGE = (0.2, 10.0)  # [1] of the focal length over the picture's width: 5° to 136° of view
 MAX_NAMED = 5  # frames named in a note
+FEW_FRAMES, MAX_FRAMES = 400, 600  # up to which all are used; of a video
+KEY_STEP_M, KEY_STEP_DEG = 0.08, 6.0  # [m], [deg] from one frame of a video to the next that is used
 ASPECT_TOLERANCE = 0.02  # [1] between the sides of a picture and of its depth
 FEW_LEFT_OUT = (
     "What only they saw takes its colour from its surroundings; export or copy the scan again if that is a large part "
@@ -234,6 +237,31 @@ def _positive(value: object) -> float | None:
     return number if number is not None and number > 0 else None
 
 
+def pose_of_quaternion(values: object) -> FloatArray | None:
+    """Pose of a quaternion and a position.
+
+    Parameters
+    ----------
+    values : (7,) of number
+        Quaternion x, y, z, w, of any length above 0, and position x, y, z. [1], [m]
+
+    Returns
+    -------
+    pose : (4, 4) float or None
+        None if they are no such numbers.
+    """
+    try:
+        row = np.asarray(values, dtype=np.float64)
+        if row.shape != (7,) or not np.isfinite(row).all():
+            return None
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.from_quat(row[:4]).as_matrix()
+    except (ValueError, TypeError, OverflowError):
+        return None
+    pose[:3, 3] = row[4:]
+    return pose
+
+
 def image_size(data: bytes) -> tuple[int, int]:
     """(width, height) of an encoded picture [px], from its header; FrameFault if it has none."""
     try:
@@ -387,6 +415,35 @@ def without_jumps(frames: Sequence[Frame]) -> tuple[tuple[Frame, ...], tuple[Lef
         else:
             kept.append(frame)
     return tuple(kept), tuple(out)
+
+
+def key_frames(frames: Sequence[Frame]) -> tuple[Frame, ...]:
+    """Frames of a video that differ in position or direction, at most `MAX_FRAMES`; all of a scan's stills.
+
+    Parameters
+    ----------
+    frames : sequence of Frame
+        In the order of time.
+
+    Returns
+    -------
+    kept : tuple of Frame
+        All if there are few. Of more, those that moved by a step from the last that is kept; the step is widened
+        until they are few enough.
+    """
+    if len(frames) <= FEW_FRAMES:
+        return tuple(frames)
+    shift_m, turn = KEY_STEP_M, np.radians(KEY_STEP_DEG)
+    while True:
+        kept = [frames[0]]
+        for frame in frames[1:]:
+            last, pose = kept[-1].camera_to_world, frame.camera_to_world
+            cosine = float((last[:3, 2] * pose[:3, 2]).sum())
+            if np.linalg.norm(pose[:3, 3] - last[:3, 3]) > shift_m or cosine < np.cos(turn):
+                kept.append(frame)
+        if len(kept) <= MAX_FRAMES:
+            return tuple(kept)
+        shift_m, turn = 1.3 * shift_m, min(1.3 * turn, np.pi)
 
 
 def _speed(one: Frame, other: Frame) -> float:

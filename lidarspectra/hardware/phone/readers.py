@@ -11,6 +11,7 @@ from lidarspectra.errors import ScanError
 from lidarspectra.geometry.scan import Scan, ScanRecord
 from lidarspectra.geometry.triangles import triangle_areas
 from lidarspectra.hardware.phone.captures import is_capture, read_capture
+from lidarspectra.hardware.phone.depth_fusion import fuse_depth
 from lidarspectra.hardware.phone.frames import Capture
 from lidarspectra.hardware.phone.gltf import read_gltf
 from lidarspectra.hardware.phone.obj import read_obj
@@ -22,7 +23,7 @@ from lidarspectra.hardware.phone.raw_mesh import (
     join_parts,
     read_bytes,
 )
-from lidarspectra.progress import Progress, silent
+from lidarspectra.progress import Progress, part_of, silent
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl", ".usdz", ".usda", ".usd")
 _POINT_CLOUDS = (".las", ".laz", ".e57", ".pcd", ".pts", ".ptx", ".xyz")
@@ -100,7 +101,11 @@ def read_scan_and_frames(
         _check_suffix(suffix, where=where)
         raw = _read_raw(path, suffix)
     else:
-        raw = _captured_mesh(capture)
+        try:
+            raw = _captured_mesh(capture, part_of(progress, 0.0, 0.6))
+        except ScanError:
+            capture.close()
+            raise
     progress(0.6, "joining meshes")
     mesh = join_parts(raw, where=where)
     progress(0.8, "finding unit and upward axis")
@@ -122,15 +127,10 @@ def read_scan_and_frames(
     return scan, replace(capture, frames=tuple(frame.moved(turn, metres) for frame in capture.frames))
 
 
-def _captured_mesh(capture: Capture) -> RawMesh:
-    if capture.mesh is None:
-        raise ScanError(
-            expected="a mesh beside the frames",
-            found="none",
-            where=f"{capture.where} ({capture.app})",
-            todo="Let the app make its mesh, and export the raw data again.",
-        )
-    return replace(capture.mesh, notes=(*capture.notes, *capture.mesh.notes))
+def _captured_mesh(capture: Capture, progress: Progress) -> RawMesh:
+    """The app's mesh, or one made of the frames' depth."""
+    mesh = capture.mesh or fuse_depth(capture.frames, f"{capture.where} ({capture.app})", progress)
+    return replace(mesh, notes=(*capture.notes, *mesh.notes))
 
 
 def _check_suffix(suffix: str, *, where: str) -> None:

@@ -198,3 +198,38 @@ def test_jpegs_are_averaged_in_light_not_in_bytes() -> None:
     stripes[:, ::2] = 188  # half of white
     picture = averaged(stripes, linear_table().astype(np.float32))
     assert picture.light == pytest.approx(0.25, abs=0.01)
+
+
+def textured(box: Box, light: np.ndarray) -> Scan:
+    """The box with an app's texture of (face, 3) light: another curve, another white balance, 8 bits."""
+    shown = encode_srgb(ToneCurve(shoulder=1.0, power=0.9).shown(light * (1.1, 1.3, 1.2)))
+    color = np.repeat((np.rint(255 * shown) / 255)[:, None], 3, axis=1)
+    appearance = replace(box.scan.appearance, corner_color=color, known=True, color_source=None)
+    return replace(box.scan, appearance=appearance)
+
+
+def looking_down(box: Box) -> tuple[Frame, ...]:
+    """Frames that see nothing of the ceiling."""
+    return tuple(frame for frame in box.frames if -frame.camera_to_world[2, 2] < -0.3)
+
+
+def test_what_no_frame_saw_has_the_texture_on_the_scale_of_the_frames(box: Box) -> None:
+    found = color_from_frames(textured(box, box.radiance), looking_down(box), texel_m=0.03)
+    ceiling = (box.scan.normals[:, 2] < -0.5) & ~box.lamp
+    assert not found.face_seen[ceiling].any()
+    assert found.texture_share == pytest.approx(1.0 - found.seen_share)
+    ratio = found.scan.face_colors() / box.radiance
+    ratio /= np.median(ratio[found.face_seen], axis=0)
+    off = np.abs(np.log(ratio[ceiling]))
+    assert np.quantile(off, 0.9) < 0.05  # the texture alone is off by up to 60 %; edges blend with what lies beside
+    linear = found.scan.appearance.linear
+    assert linear is not None
+    assert (linear.face_cut[box.lamp] > 0.9).all()  # at white in the texture: a lower bound
+
+
+def test_a_texture_that_shows_something_else_is_not_used(box: Box) -> None:
+    other = np.exp(np.random.default_rng(3).normal(-1.6, 1.2, size=box.radiance.shape))
+    found = color_from_frames(textured(box, other), looking_down(box), texel_m=0.05)
+    ceiling = box.scan.normals[:, 2] < -0.5
+    assert found.texture_share == 0.0
+    assert not found.scan.appearance.photographed[ceiling].any()

@@ -2,14 +2,17 @@
 
 import io
 import json
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import trimesh
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import bare_scan
@@ -124,6 +127,58 @@ def write_polycam(folder: Path, room: trimesh.Trimesh, shots: Sequence[Shot], al
     turned.apply_transform(alignment)
     (folder / "raw.glb").write_bytes(turned.export(file_type="glb"))
     (folder / "mesh_info.json").write_text(json.dumps({"alignmentTransform": alignment.T.ravel().tolist()}))
+    return folder
+
+
+def round_shots(room: trimesh.Trimesh, count: int = 24) -> list[Shot]:
+    """A walk in the room's middle that looks at walls, floor and ceiling."""
+    shots = []
+    for number in range(count):
+        turn = 2 * np.pi * number / count
+        pose = turning_pose(720.0 * number / count, (-55.0, 0.0, 55.0)[number % 3], (np.cos(turn), 0.0, np.sin(turn)))
+        picture = jpeg(np.full((SIZE_PX[1], SIZE_PX[0], 3), 128, dtype=np.uint8))
+        shots.append(Shot(pose=pose, picture=picture, depth=seen_faces(room, pose)[1]))
+    return shots
+
+
+def write_record3d(path: Path, shots: Sequence[Shot]) -> Path:
+    """Record3D's archive; the depth at the picture's own size."""
+    import lzfse
+
+    about: dict[str, Any] = dict(GPS)
+    about |= {"w": SIZE_PX[0], "h": SIZE_PX[1], "dw": SIZE_PX[0], "dh": SIZE_PX[1], "fps": 2}
+    about["poses"] = [
+        [*Rotation.from_matrix(shot.pose[:3, :3]).as_quat().tolist(), *shot.pose[:3, 3].tolist()] for shot in shots
+    ]
+    about["perFrameIntrinsicCoeffs"] = [[FOCAL_PX, FOCAL_PX, SIZE_PX[0] / 2, SIZE_PX[1] / 2]] * len(shots)
+    about["K"] = [FOCAL_PX, 0, 0, 0, FOCAL_PX, 0, SIZE_PX[0] / 2, SIZE_PX[1] / 2, 1]  # column by column
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("metadata", json.dumps(about))
+        for number, shot in enumerate(shots):
+            archive.writestr(f"rgbd/{number}.jpg", shot.picture)
+            archive.writestr(f"rgbd/{number}.depth", lzfse.compress(shot.depth.astype("<f4").tobytes()))
+            archive.writestr(f"rgbd/{number}.conf", lzfse.compress(np.full(shot.depth.shape, 2, np.uint8).tobytes()))
+    return path
+
+
+def write_stray(folder: Path, shots: Sequence[Shot]) -> Path:
+    """Stray Scanner's folder: the pictures as a video, poses in axes of computer vision."""
+    for name in ("depth", "confidence"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    video = cv2.VideoWriter(str(folder / "rgb.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 2.0, SIZE_PX)
+    lines = ["timestamp, frame, x, y, z, qx, qy, qz, qw"]
+    for number, shot in enumerate(shots):
+        video.write(np.asarray(Image.open(io.BytesIO(shot.picture)))[:, :, ::-1].copy())
+        turned = Rotation.from_matrix(shot.pose[:3, :3] @ np.diag([1.0, -1.0, -1.0])).as_quat()
+        values = ", ".join(f"{value:.8f}" for value in (*shot.pose[:3, 3], *turned))
+        lines.append(f"{100.0 + 0.5 * number:.3f}, {number:06d}, {values}")
+        (folder / "depth" / f"{number:06d}.png").write_bytes(png(np.rint(1000 * shot.depth).astype(np.uint16)))
+        (folder / "confidence" / f"{number:06d}.png").write_bytes(png(np.full(shot.depth.shape, 2, np.uint8)))
+    video.release()
+    (folder / "odometry.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    matrix = [[FOCAL_PX, 0, SIZE_PX[0] / 2], [0, FOCAL_PX, SIZE_PX[1] / 2], [0, 0, 1]]
+    text = "\n".join(",".join(str(value) for value in row) for row in matrix)
+    (folder / "camera_matrix.csv").write_text(text + "\n", encoding="utf-8")
     return folder
 
 

@@ -1,0 +1,174 @@
+"""Frames of Record3D (`.r3d`): a zip archive of `metadata`, `rgbd/N.jpg`, `rgbd/N.depth` and `rgbd/N.conf`.
+
+`metadata` is JSON without an ending. `poses` has a row a frame, quaternion x, y, z, w and position [m], camera to world
+with y up, camera x to the right of the picture as it is stored and looking along -z. Intrinsics stand in
+`perFrameIntrinsicCoeffs` (f_x, f_y, c_x, c_y) or, in older files, once in `K` (column-major), both of a picture `w` by
+`h`. Depth is 32-bit floats [m], `dh` rows of `dw`, confidence bytes 0, 1, 2 alike, both compressed by LZFSE. There is
+no mesh, and no exposure.
+
+References
+----------
+Record3D, "Exporting" (record3d.app); nerfstudio, nerfstudio/process_data/record3d_utils.py (poses).
+"""
+
+import re
+from typing import Any
+
+import numpy as np
+
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.capture_files import CaptureFiles
+from lidarspectra.hardware.phone.frames import (
+    MAX_DEPTH_PIXELS,
+    Capture,
+    DepthMap,
+    Frame,
+    FrameFault,
+    checked_frame,
+    decode_picture,
+    depth_map,
+    gathered,
+    image_size,
+    pose_of_quaternion,
+)
+
+APP = "Record3D"
+METADATA = "metadata"
+LIDAR_PX = (192, 256)  # [px] columns and rows of the LiDAR's depth in a picture held upright, where the file is silent
+_PICTURE = re.compile(r"rgbd/(\d{1,9})\.jpg")
+
+
+def is_record3d(files: CaptureFiles) -> bool:
+    """Whether a folder has this app's layout."""
+    return METADATA in files.names and any(_PICTURE.fullmatch(name) for name in files.names)
+
+
+def read_record3d(files: CaptureFiles) -> Capture:
+    """Read the frames; there is no mesh.
+
+    Parameters
+    ----------
+    files : CaptureFiles
+
+    Returns
+    -------
+    capture : Capture
+
+    Raises
+    ------
+    ScanError
+        If the metadata are damaged, or the library for the depth is missing.
+    """
+    about = _metadata(files)
+    if any(name.endswith(".depth") for name in files.names):
+        _lzfse(files.where)
+    numbers = {int(match[1]): match[1] for name in files.names if (match := _PICTURE.fullmatch(name))}
+    # Rows count the frames in their order, also where the app was told to keep only some of them.
+    names = [numbers[each] for each in sorted(numbers)]
+    rows = {name: row for row, name in enumerate(names)}
+    frames, left_out = gathered(names, lambda name: _frame(files, about, name, rows[name]))
+    return Capture(app=APP, where=files.where, frames=frames, left_out=left_out)
+
+
+def _metadata(files: CaptureFiles) -> dict[str, Any]:
+    try:
+        return files.read_json(METADATA)
+    except FrameFault as cause:
+        raise ScanError(
+            expected="metadata in JSON",
+            found=str(cause),
+            where=f"{files.where} ({APP})",
+            todo="Export or copy the recording again.",
+        ) from cause
+
+
+def _frame(files: CaptureFiles, about: dict[str, Any], name: str, row: int) -> Frame:
+    picture = f"rgbd/{name}.jpg"
+    size = image_size(files.read(picture))
+
+    def depth() -> DepthMap | None:
+        if f"rgbd/{name}.depth" not in files.names:
+            return None
+        return _depth(files, about, name, size)
+
+    return checked_frame(
+        name=name,
+        camera_to_world=pose_of_quaternion(_row(about, "poses", row)),
+        intrinsics=_intrinsics(about, row, size),
+        size_px=size,
+        time_s=_time(about, row),
+        read_image=lambda least_px: decode_picture(files.read(picture), size, least_px),
+        read_depth=depth,
+    )
+
+
+def _row(about: dict[str, Any], key: str, row: int) -> object:
+    rows = about.get(key)
+    return rows[row] if isinstance(rows, list) and row < len(rows) else None
+
+
+def _time(about: dict[str, Any], row: int) -> object:
+    told = _row(about, "frameTimestamps", row)
+    rate = about.get("fps")
+    if told is None and isinstance(rate, int | float) and rate > 0:
+        return row / rate
+    return told
+
+
+def _intrinsics(about: dict[str, Any], row: int, size_px: tuple[int, int]) -> object:
+    """(3, 3) of the picture as it is stored, which may be smaller than the one that the file describes."""
+    told = _row(about, "perFrameIntrinsicCoeffs", row)
+    try:
+        if told is not None:
+            focal_x, focal_y, center_x, center_y = (float(value) for value in np.asarray(told)[:4])
+        else:
+            matrix = np.asarray(about.get("K"), dtype=np.float64).reshape(3, 3).T
+            focal_x, focal_y, center_x, center_y = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
+        across = size_px[0] / float(about.get("w", size_px[0]))
+        down = size_px[1] / float(about.get("h", size_px[1]))
+    except (ValueError, TypeError, IndexError, OverflowError, ZeroDivisionError):
+        return None
+    return [[focal_x * across, 0.0, center_x * across], [0.0, focal_y * down, center_y * down], [0.0, 0.0, 1.0]]
+
+
+def _depth(files: CaptureFiles, about: dict[str, Any], name: str, size_px: tuple[int, int]) -> DepthMap:
+    columns, rows = (about.get(key, usual) for key, usual in zip(("dw", "dh"), LIDAR_PX, strict=True))
+    if not (isinstance(columns, int) and isinstance(rows, int) and 0 < columns * rows <= MAX_DEPTH_PIXELS):
+        raise FrameFault("the size of its depth is not told")
+    shape = (rows, columns)
+    metres = np.frombuffer(_unpacked(files, f"rgbd/{name}.depth", 4 * rows * columns), dtype="<f4").reshape(shape)
+    sure = f"rgbd/{name}.conf"
+    if sure not in files.names:
+        return depth_map(metres.astype(np.float64), np.full(shape, 2.0), size_px)
+    confidence = np.frombuffer(_unpacked(files, sure, rows * columns), dtype=np.uint8).reshape(shape)
+    return depth_map(metres.astype(np.float64), confidence.astype(np.float64), size_px)
+
+
+def _unpacked(files: CaptureFiles, name: str, size: int) -> bytes:
+    """Content of a file that LZFSE packed, of a known size [byte]."""
+    library = _lzfse(files.where)
+    packed = files.read(name)
+    what = "its depth" if name.endswith(".depth") else "its confidence"
+    if len(packed) > size + 1024:  # what cannot be packed is stored, with a few bytes around it
+        raise FrameFault(f"{what} is larger than its picture says")
+    try:
+        data: bytes = library.decompress(packed)
+    except (library.error, ValueError, MemoryError) as cause:
+        raise FrameFault(f"{what} is cut off or damaged") from cause
+    if len(data) != size:
+        raise FrameFault(f"{what} has another size than the recording says")
+    return data
+
+
+def _lzfse(where: str) -> Any:
+    """The library, a module of C without types, which is an extra."""
+    try:
+        import lzfse
+    except ImportError as cause:
+        raise ScanError(
+            expected="the library that unpacks the depth of Record3D (lzfse)",
+            found="none",
+            where=where,
+            todo="Install it with 'pip install lidarspectra[frames]', or export a mesh from the app as GLB.",
+        ) from cause
+    return lzfse

@@ -1,0 +1,157 @@
+"""Frames of a video in their order, by OpenCV's FFmpeg.
+
+A video is decoded from its beginning, since seeking in HEVC is not exact. Frames are asked for in their order, pass by
+pass; one that lies before the last begins anew.
+"""
+
+import tempfile
+from pathlib import Path
+from threading import Lock
+
+import cv2
+import numpy as np
+
+from lidarspectra.arrays import ByteArray
+from lidarspectra.errors import ScanError
+from lidarspectra.geometry.textures import MAX_TEXTURE_PIXELS
+from lidarspectra.hardware.phone.capture_files import CaptureFiles
+from lidarspectra.hardware.phone.frames import FrameFault
+
+MAX_VIDEO_BYTES = 16 * 1024**3  # [byte] an hour at 30 Mbit/s
+MP4_TYPE = b"ftyp"  # of an MP4's first box: FFmpeg goes by content, and a list of addresses must not be opened
+
+
+class Video:
+    """A video file.
+
+    Parameters
+    ----------
+    path : Path
+    where : str
+        For errors.
+    copied : bool
+        Whether the file is a copy that `close` removes.
+
+    Raises
+    ------
+    ScanError
+        If it is no video that can be decoded.
+    """
+
+    def __init__(self, path: Path, where: str, *, copied: bool = False) -> None:
+        self._path, self._copied, self._lock = path, copied, Lock()
+        self._open: cv2.VideoCapture | None = None
+        self._next = 0
+        with path.open("rb") as stream:
+            kind = stream.read(8)[4:]
+        try:
+            capture = self._begin() if kind == MP4_TYPE else None
+        except FrameFault:
+            capture = None
+        size = (
+            (0, 0)
+            if capture is None
+            else tuple(int(capture.get(each)) for each in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+        )
+        frames = 0 if capture is None else int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        if min(size) <= 0 or size[0] * size[1] > MAX_TEXTURE_PIXELS or frames <= 0:
+            self.close()
+            raise ScanError(
+                expected="a video in MP4 (HEVC or H.264)", found="none that can be decoded", where=where,
+                todo="Export or copy the recording again; the video may be cut off.",
+            )  # fmt: skip
+        self.size_px = (size[0], size[1])
+        self.frames = frames
+
+    def read(self, number: int, least_px: int) -> ByteArray:
+        """A frame.
+
+        Parameters
+        ----------
+        number : int
+            From 0.
+        least_px : int
+            Least width, down to which it is averaged by whole factors. [px]
+
+        Returns
+        -------
+        picture : (height, width, 3) uint8
+            sRGB.
+
+        Raises
+        ------
+        FrameFault
+            If it is damaged, or the video ends before it.
+        """
+        with self._lock:
+            picture = self._decoded(number)
+        factor = max(1, picture.shape[1] // max(least_px, 1))
+        small = (picture.shape[1] // factor, picture.shape[0] // factor)
+        if factor > 1:
+            picture = cv2.resize(picture, small, interpolation=cv2.INTER_AREA)
+        return np.ascontiguousarray(picture[:, :, ::-1])
+
+    def close(self) -> None:
+        """Close the file, and remove it if it is a copy."""
+        with self._lock:
+            if self._open is not None:
+                self._open.release()
+                self._open = None
+            if self._copied:
+                self._path.unlink(missing_ok=True)
+
+    def _begin(self) -> cv2.VideoCapture:
+        try:
+            capture = cv2.VideoCapture(str(self._path.resolve()), cv2.CAP_FFMPEG)
+        except cv2.error as cause:
+            raise FrameFault("its video cannot be decoded") from cause
+        if not capture.isOpened():
+            raise FrameFault("its video cannot be decoded")
+        capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)  # intrinsics are those of the picture as it is stored
+        self._open, self._next = capture, 0
+        return capture
+
+    def _decoded(self, number: int) -> ByteArray:
+        capture = self._open
+        if capture is None or number < self._next:
+            if capture is not None:
+                capture.release()
+            capture = self._begin()
+        try:
+            while self._next < number:
+                if not capture.grab():
+                    raise FrameFault("its video is damaged, or ends before it")
+                self._next += 1
+            told, picture = capture.read()
+            self._next += 1
+        except cv2.error as cause:
+            raise FrameFault("its video cannot be decoded") from cause
+        if not told or picture is None or picture.ndim != 3 or picture.shape[1::-1] != self.size_px:
+            raise FrameFault("its video is damaged, or ends before it")
+        return np.asarray(picture, dtype=np.uint8)
+
+
+def open_video(files: CaptureFiles, name: str) -> Video:
+    """Open a video among the files of a capture; one in an archive is copied out first.
+
+    Parameters
+    ----------
+    files : CaptureFiles
+    name : str
+
+    Returns
+    -------
+    video : Video
+
+    Raises
+    ------
+    ScanError
+        If it is damaged or too large.
+    """
+    where = f"{files.where}/{name}"
+    if files.archive is None:
+        return Video(files.path / (files.base + name), where)
+    data = files.read_whole(name, limit=MAX_VIDEO_BYTES)
+    with tempfile.NamedTemporaryFile(suffix=".mp4", delete=False) as stream:
+        stream.write(data)
+    return Video(Path(stream.name), where, copied=True)

@@ -1,0 +1,198 @@
+"""Recordings of apps that export no mesh: their frames are read, and a mesh is made of the depth."""
+
+import json
+import shutil
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lidarspectra.errors import ScanError
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.hardware.phone.captures import read_capture
+from lidarspectra.hardware.phone.frames import FrameFault, key_frames
+from lidarspectra.hardware.phone.readers import read_scan, read_scan_and_frames
+
+from .capture_layouts import SIZE_PX, Shot, box_room, jpeg, round_shots, turning_pose, write_record3d, write_stray
+from .test_captures import read_all, reasons
+from .test_reader_fuzz import damaged
+
+CASES = 25
+HALF_M = np.array([2.0, 1.5, 1.3])  # [m] of the room, z up
+
+
+@pytest.fixture(scope="module")
+def shots() -> list[Shot]:
+    return round_shots(box_room())
+
+
+@pytest.fixture(scope="module")
+def record3d(shots: list[Shot], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_record3d(tmp_path_factory.mktemp("captures") / "a.r3d", shots)
+
+
+@pytest.fixture(scope="module")
+def stray(shots: list[Shot], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_stray(tmp_path_factory.mktemp("captures") / "stray", shots)
+
+
+def off_the_walls(scan: Scan) -> np.ndarray:
+    """(vertex,) distance from the nearest wall, floor or ceiling of the true room [m]."""
+    return np.asarray(np.abs(np.abs(scan.vertices) - HALF_M).min(axis=1))
+
+
+def test_record3d_gives_frames_with_their_poses_and_depth_and_no_exposure(record3d: Path, shots: list[Shot]) -> None:
+    capture = read_capture(record3d)
+    assert capture.app == "Record3D"
+    assert [frame.name for frame in capture.frames] == [f"{number}" for number in range(len(shots))]  # 10 after 9
+    for frame, shot in zip(capture.frames, shots, strict=True):
+        assert np.allclose(frame.camera_to_world, shot.pose, atol=1e-9)
+    frame = capture.frames[4]
+    assert frame.read_image(1000).shape == (SIZE_PX[1], SIZE_PX[0], 3)
+    depth = frame.read_depth()
+    assert depth is not None
+    assert np.allclose(depth.depth_m, shots[4].depth, rtol=1e-6)
+    assert set(np.unique(depth.confidence)) == {2}
+    assert (frame.exposure_s, frame.iso, frame.time_s) == (None, None, 2.0)
+    capture.close()
+
+
+def test_the_one_matrix_of_older_recordings_is_read_by_columns(record3d: Path, tmp_path: Path) -> None:
+    old = rewritten(record3d, tmp_path / "old.r3d", lambda about: about.pop("perFrameIntrinsicCoeffs"))
+    new, old_frames = read_capture(record3d).frames, read_capture(old).frames
+    assert np.array_equal(new[0].intrinsics, old_frames[0].intrinsics)
+
+
+def rewritten(path: Path, copy: Path, change) -> Path:  # type: ignore[no-untyped-def]
+    """The archive with other metadata."""
+    with zipfile.ZipFile(path) as archive, zipfile.ZipFile(copy, "w") as changed:
+        for name in archive.namelist():
+            data = archive.read(name)
+            if name == "metadata":
+                about = json.loads(data)
+                change(about)
+                data = json.dumps(about).encode()
+            changed.writestr(name, data)
+    return copy
+
+
+def test_a_missing_pose_and_a_depth_of_another_size_are_faults_of_their_frames(record3d: Path, tmp_path: Path) -> None:
+    def change(about: dict) -> None:  # type: ignore[type-arg]
+        about["poses"][3] = None
+        about["poses"][5][0:4] = [0, 0, 0, 0]
+        about["dh"] = 2 * about["dh"]
+
+    capture = read_capture(rewritten(record3d, tmp_path / "a.r3d", change))
+    assert set(reasons(capture)) == {"3", "5"}
+    with pytest.raises(FrameFault, match="another size"):
+        capture.frames[0].read_depth()
+
+
+def test_stray_scanners_video_and_poses_go_together(stray: Path, shots: list[Shot], tmp_path: Path) -> None:
+    archive = Path(shutil.make_archive(str(tmp_path / "a"), "zip", stray.parent, stray.name))
+    for path in (stray, archive):
+        capture = read_capture(path)
+        assert capture.app == "Stray Scanner"
+        for frame, shot in zip(capture.frames, shots, strict=True):
+            assert np.allclose(frame.camera_to_world, shot.pose, atol=1e-6)
+        assert capture.frames[2].time_s == 101.0
+        depth = capture.frames[2].read_depth()
+        assert depth is not None
+        assert np.allclose(depth.depth_m, shots[2].depth, atol=6e-4)
+        capture.close()
+
+
+def test_frames_of_a_video_are_found_in_any_order(shots: list[Shot], tmp_path: Path) -> None:
+    levels = np.linspace(30, 220, len(shots)).astype(np.uint8)
+    gray = [jpeg(np.full((SIZE_PX[1], SIZE_PX[0], 3), level, dtype=np.uint8)) for level in levels]
+    folder = write_stray(
+        tmp_path / "stray",
+        [Shot(pose=shot.pose, picture=picture, depth=shot.depth) for shot, picture in zip(shots, gray, strict=True)],
+    )
+    capture = read_capture(folder)
+    for number in (7, 3, 3, 20, 0):
+        assert capture.frames[number].read_image(1000).mean() == pytest.approx(levels[number], abs=4)
+    capture.close()
+
+
+@pytest.mark.parametrize("app", ["record3d", "stray"])
+def test_a_mesh_is_made_of_the_depth(app: str, request: pytest.FixtureRequest) -> None:
+    scan, capture = read_scan_and_frames(request.getfixturevalue(app))
+    assert capture is not None
+    capture.close()
+    assert any("exported no mesh" in note for note in scan.record.notes)
+    assert np.allclose(scan.bounds[1] - scan.bounds[0], 2 * HALF_M, atol=0.06)
+    apart = off_the_walls(scan)
+    assert np.sqrt((apart**2).mean()) < 0.012  # a quarter of a voxel of 45 mm
+    assert scan.areas.sum() > 0.65 * 8 * (HALF_M * HALF_M[[1, 2, 0]]).sum()  # 24 looks of few pixels see no more
+    inward = np.einsum("fc,fc->f", scan.normals, -scan.centers / HALF_M)
+    assert np.average(inward > 0, weights=scan.areas) > 0.98  # faces look into the room
+
+
+def test_depth_that_the_lidar_was_not_sure_of_makes_no_mesh(shots: list[Shot], tmp_path: Path) -> None:
+    folder = write_stray(tmp_path / "stray", shots)
+    for path in (folder / "confidence").iterdir():
+        shutil.copy(zero_confidence(tmp_path), path)
+    with pytest.raises(ScanError, match="frames with depth"):
+        read_scan(folder)
+
+
+def zero_confidence(folder: Path) -> Path:
+    from .capture_layouts import png
+
+    path = folder / "zero.png"
+    path.write_bytes(png(np.zeros((SIZE_PX[1], SIZE_PX[0]), dtype=np.uint8)))
+    return path
+
+
+@pytest.mark.parametrize("module", ["lzfse", "skimage.measure"])
+def test_without_the_extra_the_error_says_what_to_install(
+    module: str, record3d: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ScanError, match=r"lidarspectra\[frames\]"):
+        read_scan(record3d)
+
+
+def test_a_playlist_under_the_name_of_a_video_is_not_opened(stray: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(stray, tmp_path / "stray"))
+    (folder / "rgb.mp4").write_text("#EXTM3U\n#EXTINF:1,\nhttp://127.0.0.1:9/a.ts\n#EXT-X-ENDLIST\n")
+    with pytest.raises(ScanError, match="video"):
+        read_capture(folder)
+
+
+def test_of_a_video_frames_that_moved_are_used(shots: list[Shot], record3d: Path) -> None:
+    frame = read_capture(record3d).frames[0]
+    still = [frame.moved(np.eye(3)) for _ in range(500)]
+    assert len(key_frames(still)) == 1
+    walk = []
+    for number in range(500):
+        pose = turning_pose(0.72 * number, 0.0, (0.01 * number, 0.0, 0.0))
+        walk.append(frame.moved(np.eye(3)))
+        walk[-1].camera_to_world[:] = pose
+    kept = key_frames(walk)
+    assert 50 < len(kept) < 70  # a step of .08 m in 8 or 9 frames
+    assert key_frames(walk[:100]) == tuple(walk[:100])
+
+
+@pytest.mark.parametrize("name", ["odometry.csv", "camera_matrix.csv", "rgb.mp4", "depth/000000.png"])
+def test_a_damaged_file_of_stray_scanner_gives_frames_or_our_error(stray: Path, tmp_path: Path, name: str) -> None:
+    folder = Path(shutil.copytree(stray, tmp_path / "stray"))
+    for number in range(4, 24):  # few frames, many cases
+        (folder / "depth" / f"{number:06d}.png").unlink()
+    data = (folder / name).read_bytes()
+    rng = np.random.default_rng(10)
+    for _ in range(CASES):
+        (folder / name).write_bytes(damaged(data, rng))
+        read_all(folder)
+
+
+def test_a_damaged_archive_of_record3d_gives_frames_or_our_error(shots: list[Shot], tmp_path: Path) -> None:
+    path = write_record3d(tmp_path / "a.r3d", shots[:3])
+    data = path.read_bytes()
+    rng = np.random.default_rng(11)
+    for _ in range(CASES):
+        path.write_bytes(damaged(data, rng))
+        read_all(path)
