@@ -76,7 +76,7 @@ def mended_pose(frame: Frame, picture: Picture, exposed: SmallFloatArray, shown:
     stiffness = np.concatenate([prior / np.sqrt(3.0), [FACTOR_DEVIATION]]) ** -2.0
     log = np.log(np.maximum(exposed, 1e-6))
     for blur_px, scale in STEPS:
-        smooth = cv2.GaussianBlur(log, (0, 0), blur_px)
+        smooth = np.asarray(cv2.GaussianBlur(log, (0, 0), blur_px), dtype=np.float32)
         step = _step(frame, pose, _Layer.of(smooth, usable), shown, (motion, stiffness, scale))
         if step is None:
             return frame
@@ -99,15 +99,16 @@ class _Layer:
 
     @staticmethod
     def of(value: SmallFloatArray, usable: SmallFloatArray) -> "_Layer":
-        across = cv2.Sobel(value, cv2.CV_32F, 1, 0, scale=1 / 8)
-        down = cv2.Sobel(value, cv2.CV_32F, 0, 1, scale=1 / 8)
+        across, down = (
+            np.asarray(cv2.Sobel(value, cv2.CV_32F, *way, scale=1 / 8), dtype=np.float32) for way in ((1, 0), (0, 1))
+        )
         return _Layer(value=value, across=across, down=down, usable=usable)
 
     def at(self, pixel: SmallFloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
         """Value, slopes, and whether they can be used, at (point, 2) columns and rows."""
-        where = [np.ascontiguousarray(pixel[None, :, k], dtype=np.float32) for k in (0, 1)]
+        columns, rows = (np.ascontiguousarray(pixel[None, :, each], dtype=np.float32) for each in (0, 1))
         value, across, down, usable = (
-            cv2.remap(each, *where, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)[0]
+            cv2.remap(each, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)[0]
             for each in (self.value, self.across, self.down, self.usable)
         )
         return value.astype(np.float64), across.astype(np.float64), down.astype(np.float64), usable > 0.99

@@ -61,7 +61,7 @@ class Texels:
         uv = np.einsum("nk,nkc->nc", barycentric, self.atlas.corner_uv[face])
         size = self.atlas.size_px
         place = np.clip(np.stack([1.0 - uv[:, 1], uv[:, 0]]) * size, 0, size - 1).astype(np.int64)
-        return self.number[place[0], place[1]].astype(np.int64)
+        return np.asarray(self.number[place[0], place[1]], dtype=np.int64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -56,6 +56,10 @@ class LightEvidence:
         Points beside each card, of the plane that it lies in.
     other_shown : (source, 3) float, optional
         Linear sRGB that frames tell of them; NaN where they are cut at white in all. [1]
+    lamp_shown : (lamp, 3) float, optional
+        Linear sRGB that frames tell of the lamps' own surfaces; NaN where they are cut at white in all. [1]
+    lamp_sent : (lamp, 3) float, optional
+        Radiosity of these surfaces in cones, in the unit of `direct`.
     tone_prior : TonePrior, optional
         What is known of the camera's curve; a usual phone's if left out.
     """
@@ -80,6 +84,8 @@ class LightEvidence:
     card_log: FloatArray | None = None
     card_beside: csr_array | None = None
     other_shown: FloatArray | None = None
+    lamp_shown: FloatArray | None = None
+    lamp_sent: FloatArray | None = None
     tone_prior: TonePrior = USUAL_TONE
 
     @property

@@ -36,6 +36,9 @@ OF_TONE = 2  # of them the tone curve's, which come first
 OF_SOURCE = 5  # parameters of an unknown source: level, two of its hue, two of its lobes over the first
 SOURCE_LEVEL, SOURCE_LEVEL_DEVIATION = 0.0, 2.0  # [1] of the log of its light over the picture's: hardly known
 SOURCE_SEEN_DEVIATION = 0.3  # [1] of the log of a source's light about what frames show of it: it differs by direction
+LAMP_SEEN_DEVIATION = (
+    0.15  # [1] of the log of a lamp's radiosity about what frames show: no lamp is quite matt and even
+)
 SOURCE_HUE_DEVIATION = 0.4  # [1] of the log of its cones' ratios over the picture's: daylight among lamps, or lamps
 SKY_LOBES, SKY_LOBES_DEVIATION = (-0.4, -1.3), (0.5, 0.8)  # [1] log low over high sky, ground over high sky: windows
 LOBES_DEVIATION = (1.0, 1.0)  # [1] the same of other sources, which may shine in any way
@@ -255,6 +258,7 @@ class LightObjective:
             [parameters[5] / BEAM_DEVIATION],
             self.flux_logs(parameters) / self.flux_deviation if self.fit_fluxes else [],
             *self._source_beliefs(parameters),
+            *self._lamp_sightings(parameters),
         ]
         bright = np.log(np.maximum(srgb_of_cones(np.exp(center)).max(axis=1), MIN_LIGHT) / BRIGHTEST_REFLECTANCE)
         share = np.sqrt(self.group_sizes / self.group_sizes.sum())
@@ -332,6 +336,19 @@ class LightObjective:
         sent = np.einsum("jlc,l->jc", self.strengths(parameters), UPRIGHT_LOBES)
         shown = np.maximum(cones_of_srgb(self.evidence.other_shown), MIN_LIGHT)
         return [np.log(sent / shown)[np.isfinite(shown)] / SOURCE_SEEN_DEVIATION]
+
+    def _lamp_sightings(self, parameters: FloatArray) -> list[FloatArray]:
+        """How far the lamps' radiosity is from what frames show of it: it tells exposure and the lamps' relative flux.
+
+        Frames' radiance may be a power of the true one, which matters for what is a hundred times brighter than walls.
+        """
+        if self.evidence.lamp_shown is None or self.evidence.lamp_sent is None:
+            return []
+        tone, exposure, _, factors = self.parts(parameters)
+        sent = exposure * factors[:, None] * self.evidence.lamp_sent / self.mean_direct
+        told = np.isfinite(self.evidence.lamp_shown).all(axis=1)
+        shown = cones_of_srgb(self.evidence.lamp_shown[told] ** (1.0 / tone.power))
+        return [np.log(sent[told] / np.maximum(shown, MIN_LIGHT)) / LAMP_SEEN_DEVIATION]
 
 
 def _sure_enough(evidence: LightEvidence) -> IntArray:

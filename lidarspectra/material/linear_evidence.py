@@ -13,6 +13,8 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.appearance import LinearLight
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.material.colors import weighted_median
 from lidarspectra.material.tone_curve import USUAL_TONE, TonePrior
 from lidarspectra.material.unknown_light import UnknownSource
 
@@ -20,6 +22,10 @@ MIN_DEVIATION = 0.02  # [1] of log g and log(1 + s): no curve has just two param
 MAX_CUT = 0.2  # [1] of a face, cut at white in all frames
 NORMAL_WEIGHT_M = 0.15  # [m] distance equivalent to a turn of one radian: a board's underside is like its top
 MIN_SHOWN = 1e-3  # [1] of white, floor of what is divided by
+AT_LAMP_M = (
+    0.05  # [m] between a lamp's surface and the middle of a face that shows it; its rim has less than half of them
+)
+FACING = 0.7  # [1] cosine between a lamp's axis and such a face
 MIN_TOLD = 0.9  # [1] of a source's area whose radiance some frame tells: a window's lower half is the darker one
 
 
@@ -51,6 +57,36 @@ def shown_of_sources(scan: Scan, sources: Sequence[UnknownSource]) -> FloatArray
         told = source.faces[linear.face_cut[source.faces] < MAX_CUT]
         if told.size and areas[told].sum() > MIN_TOLD * areas[source.faces].sum():
             shown[row] = np.average(colors[told], axis=0, weights=areas[told])
+    return shown
+
+
+def shown_of_lamps(scan: Scan, lamps: Sequence[Lamp]) -> FloatArray | None:
+    """Linear sRGB that frames tell of the lamps' own surfaces.
+
+    Parameters
+    ----------
+    scan : Scan
+    lamps : sequence of Lamp
+
+    Returns
+    -------
+    shown : (lamp, 3) float or None
+        Area-weighted median over the faces at a lamp; NaN where more than a few of them are cut at white in all
+        frames, and of lamps that shine unlike a matt surface. None without frames. [1]
+    """
+    linear = scan.appearance.linear
+    if linear is None or not lamps:
+        return None
+    shown = np.full((len(lamps), 3), np.nan)
+    colors, areas = scan.face_colors(), scan.areas
+    for row, lamp in enumerate(lamps):
+        if not lamp.shape.is_assumed_matt:
+            continue
+        at = np.flatnonzero((lamp.distance(scan.centers) < AT_LAMP_M) & (scan.normals @ lamp.normal > FACING))
+        at = at[scan.appearance.photographed[at]]
+        told = at[linear.face_cut[at] < MAX_CUT]
+        if told.size and areas[told].sum() > MIN_TOLD * areas[at].sum():
+            shown[row] = weighted_median(colors[told], areas[told])
     return shown
 
 

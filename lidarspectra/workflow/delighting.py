@@ -33,6 +33,7 @@ from lidarspectra.material.light_exchange import exchange_matrix
 from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE, CELL_M, LOG_SCATTER, STATED_FLUX_DEVIATION
 from lidarspectra.material.linear_evidence import (
     UnseenFaces,
+    shown_of_lamps,
     shown_of_sources,
     spread_of_views,
     tone_prior_of,
@@ -264,6 +265,8 @@ def take_light_out(
         other=np.stack(patterns) if sources else None,
         other_upright=np.array([source.is_upright for source in sources]) if sources else None,
         other_shown=shown_of_sources(scan, sources),
+        lamp_shown=shown_of_lamps(scan, lamps),
+        lamp_sent=_lamp_cones(lamps) / np.array([[lamp.shape.area] for lamp in lamps]).reshape(-1, 1),
         tone_prior=tone_prior_of(scan.appearance.linear),
     )
     if _witnesses(evidence) < MIN_WITNESSES or not (evidence.direct.any() or sources):

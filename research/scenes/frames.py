@@ -1,11 +1,14 @@
 """Make scans of the scenes as frames: the raw data of an app, beside the textured scan of the same phone and light.
 
-    python -m research.scenes.frames FOLDER [--scene office ...] [--case night day] [--seed 1 2 3] [--frames 120]
+    python -m research.scenes.frames FOLDER [--scene office ...] [--case night day] [--seed 1 2 3] [--lamps]
 
     FOLDER/office-day-1/plan.toml, room.toml, scan.glb, truth/   as `research.scenes.by_day` makes them
     FOLDER/office-day-1/frames/                                  3D Scanner App's "All data" of the same walk
     FOLDER/office-day-1/gains.csv                                the true gain of every frame in three channels
     FOLDER/office-day-1/face-light.npy                           the true radiosity of every face of scan.glb
+
+`--lamps` makes `office-day-1-lamps`: the walk ends with looks straight at each lamp, whose exposure has a phone's whole
+range, so that the lamps are not cut at white in all frames.
 
 Even seeds are written in Polycam's layout, whose exposures are told; odd ones in 3D Scanner App's, where they are not.
 """
@@ -29,10 +32,11 @@ from research.virtual_rooms.phone import ScannedShape
 from research.virtual_rooms.room_plan import RoomPlan
 from research.virtual_rooms.true_room import TrueRoom
 
+LAMP_FRAMES, LAMP_EXPOSURE_RANGE = 6, 7.0  # [1] of looks at each lamp; of log exposure: 1/8000 s, ISO 32 to 1/60 s, 200
 FRAMES, GAINS, FACE_LIGHT = "frames", "gains.csv", "face-light.npy"
 
 
-def frames_besides(scene: str, case: Case, folder: Path, *, seed: int, count: int) -> Besides:
+def frames_besides(scene: str, case: Case, folder: Path, *, seed: int, count: int, at_lamps: bool = False) -> Besides:
     """What makes the frames of a scan, from its shape and light."""
 
     def besides(
@@ -49,13 +53,20 @@ def frames_besides(scene: str, case: Case, folder: Path, *, seed: int, count: in
         np.save(folder / FACE_LIGHT, mean_texture_colors(texture.astype(np.float32), atlas.corner_uv))
         gains = write_frames(
             folder / FRAMES, room, shape, atlas, Shining(texture=texture.astype(np.float32), sky=sky),
-            FramePlan(count=count, tone=camera.tone), relative_radiance, generator,
+            plan_of(count, camera.tone, at_lamps=at_lamps), relative_radiance, generator,
             layout="3dscanner" if seed % 2 else "polycam",
         )  # fmt: skip
         lines = ["red,green,blue", *(",".join(f"{value:.5g}" for value in row) for row in gains)]
         (folder / GAINS).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
     return besides
+
+
+def plan_of(count: int, tone: float, *, at_lamps: bool) -> FramePlan:
+    """How frames are taken."""
+    if not at_lamps:
+        return FramePlan(count=count, tone=tone)
+    return FramePlan(count=count, tone=tone, lamp_frames=LAMP_FRAMES, exposure_range=LAMP_EXPOSURE_RANGE)
 
 
 def _shining(
@@ -85,12 +96,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--case", nargs="+", choices=sorted(CASES), default=["night", "day"])
     parser.add_argument("--seed", nargs="+", type=int, default=[1, 2, 3])
     parser.add_argument("--frames", type=int, default=120)
+    parser.add_argument("--lamps", action="store_true", help="look straight at each lamp, too")
     given = parser.parse_args(arguments)
     for scene in given.scene:
         for name in given.case:
             for seed in given.seed:
-                case, folder = CASES[name], given.folder / f"{scene}-{name}-{seed}"
-                besides = frames_besides(scene, case, folder, seed=seed, count=given.frames)
+                case, folder = CASES[name], given.folder / f"{scene}-{name}-{seed}{'-lamps' * given.lamps}"
+                besides = frames_besides(scene, case, folder, seed=seed, count=given.frames, at_lamps=given.lamps)
                 built = build_by_day(scene, case, folder, seed=seed, besides=besides)
                 print(f"{built.file}: {built.words}", flush=True)
 

@@ -39,6 +39,7 @@ FRAME_S = 0.5  # [s] between frames
 EXPOSED_SHARE, EXPOSED_LEVEL = 0.9, 0.75  # [1] the radiance that this share of a frame does not pass gets this level
 EXPOSURE_LAG = 0.5  # [1] of the log of the last frame's exposure in this one's
 EXPOSURE_RANGE = 2.5  # [1] of the log of exposure about the median frame's
+LAMP_AWAY_M = (0.9, 0.35)  # [m] from a lamp that is looked at straight, along its axis and beside it
 BALANCE_STEP = 0.015  # [1] of the log of red and blue over green from frame to frame
 BALANCE_RETURN = 0.9  # [1] of it that stays
 VIGNETTING = -0.12  # [1] log of light in a corner: most of a phone's is corrected
@@ -78,12 +79,18 @@ class FramePlan:
         Strength of the tone curve.
     pose_m, pose_deg : float
         Root mean square of the poses' errors. [m], [deg]
+    lamp_frames : int
+        At the end of the walk, straight at each lamp from a metre away.
+    exposure_range : float
+        Of the log of exposure about the median frame's. [1]
     """
 
     count: int = 120
     tone: float = 0.6
     pose_m: float = 0.01
     pose_deg: float = 0.5
+    lamp_frames: int = 0
+    exposure_range: float = EXPOSURE_RANGE
 
 
 def write_frames(
@@ -122,9 +129,9 @@ def write_frames(
         True gains, over the texture's unit.
     """
     caster = RayCaster(bare_scan(shape.vertices, shape.faces))
-    poses = _walk(room, plan.count, generator)
+    poses = _walk(room, plan.count, generator) + _looks_at_lamps(room, plan.lamp_frames)
     seen = [_look(pose, caster, atlas, shining, sky) for pose in poses]
-    gain = _gains([light for light, _ in seen], generator)
+    gain = _gains([light for light, _ in seen], plan.exposure_range, generator)
     write = _write_3dscanner if layout == "3dscanner" else _write_polycam
     folder.mkdir(parents=True, exist_ok=True)
     for number, (pose, (light, depth)) in enumerate(zip(poses, seen, strict=True)):
@@ -182,14 +189,36 @@ def _look(
     return light.reshape(HEIGHT_PX, WIDTH_PX, 3), np.where(np.isfinite(depth), depth, 0.0).reshape(HEIGHT_PX, WIDTH_PX)
 
 
-def _gains(seen: list[FloatArray], generator: np.random.Generator) -> FloatArray:
+def _looks_at_lamps(room: TrueRoom, count: int) -> list[FloatArray]:
+    """Camera-to-world poses, z up: some straight at each lamp from around it, where the room has air."""
+    poses = []
+    for number, surface in enumerate(room.surfaces):
+        if surface.lamp is None:
+            continue
+        member = room.face_surface == number
+        center, normal = room.scan.centers[member].mean(axis=0), room.normals[member].mean(axis=0)
+        for each in range(count):
+            turn = 2 * np.pi * each / count
+            beside = np.cross(normal, (np.cos(turn), np.sin(turn), 0.3))
+            position = center + LAMP_AWAY_M[0] * normal + LAMP_AWAY_M[1] * beside / np.linalg.norm(beside)
+            if room.in_air(position[None])[0]:
+                ahead = (center - position) / np.linalg.norm(center - position)
+                side = np.cross(ahead, (np.cos(turn), np.sin(turn), 0.1))
+                side /= np.linalg.norm(side)
+                pose = np.eye(4)
+                pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = side, np.cross(side, ahead), -ahead, position
+                poses.append(pose)
+    return poses
+
+
+def _gains(seen: list[FloatArray], reach: float, generator: np.random.Generator) -> FloatArray:
     """(frame, 3) gains of an automatic exposure that lags, and of a white balance that wanders."""
     wanted = np.array([EXPOSED_LEVEL / np.quantile(light.max(axis=2), EXPOSED_SHARE) for light in seen])
     middle = float(np.median(np.log(wanted)))
     log, balance = float(np.log(wanted[0])), np.zeros(3)
     gains = []
     for each in wanted:
-        target = float(np.clip(np.log(each), middle - EXPOSURE_RANGE, middle + EXPOSURE_RANGE))
+        target = float(np.clip(np.log(each), middle - reach, middle + reach))
         log = EXPOSURE_LAG * log + (1.0 - EXPOSURE_LAG) * target
         balance = BALANCE_RETURN * balance + generator.normal(scale=BALANCE_STEP, size=3) * (1.0, 0.0, 1.0)
         gains.append(np.exp(log + balance))

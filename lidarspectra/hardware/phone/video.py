@@ -88,7 +88,7 @@ class Video:
         factor = max(1, picture.shape[1] // max(least_px, 1))
         small = (picture.shape[1] // factor, picture.shape[0] // factor)
         if factor > 1:
-            picture = cv2.resize(picture, small, interpolation=cv2.INTER_AREA)
+            picture = np.asarray(cv2.resize(picture, small, interpolation=cv2.INTER_AREA), dtype=np.uint8)
         return np.ascontiguousarray(picture[:, :, ::-1])
 
     def close(self) -> None:

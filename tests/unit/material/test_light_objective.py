@@ -10,10 +10,11 @@ from lidarspectra.material.albedo import MAX_PER_PLACE, LightFit, fit_light
 from lidarspectra.material.light_evidence import LightEvidence
 from lidarspectra.material.light_objective import LOG_SCATTER, MAX_UNSURE, OF_TONE, LightObjective
 from lidarspectra.material.robust_centers import RobustCenters
-from lidarspectra.material.sharpened_cones import cones_of_srgb
+from lidarspectra.material.sharpened_cones import cones_of_srgb, srgb_of_cones
 from lidarspectra.material.surface_light import MIN_LIGHT
+from lidarspectra.material.tone_curve import TonePrior
 
-from .lit_walls import PER_GROUP, evidence
+from .lit_walls import BALANCE, GREY, PER_GROUP, evidence
 
 SMALL = 1e-6  # of a central difference: its error is of the square of it, and rounding 1e-16 / 1e-6
 
@@ -30,6 +31,8 @@ def rich_evidence() -> LightEvidence:
         other=random.uniform(0.0, 0.3, (2, 3, count)) * lit,
         other_upright=np.array([True, False]),
         other_shown=np.array([[0.3, 0.4, 0.5], [np.nan] * 3]),
+        lamp_shown=np.array([[9.0, 8.0, 7.0], [np.nan] * 3, [20.0, 21.0, 22.0]]),
+        lamp_sent=np.array([[30.0, 20.0, 25.0]] * 3),
         card=np.where(lit & (np.arange(count) % 4 < 2), np.arange(count) % 2, -1),
         card_log=np.log([[0.5, 0.5, 0.5], [0.2, 0.2, 0.2]]),
         card_beside=csr_array(np.stack([(data.group == surface) & (np.arange(count) % 5 == 0) for surface in (0, 2)])),
@@ -157,3 +160,30 @@ def test_robust_centres_move_with_their_values_as_told(redescending: bool) -> No
         moved = SMALL * slopes[:, :, column]
         wanted = (centers.of(values + moved) - centers.of(values - moved)) / (2 * SMALL)
         assert np.abs(found[:, :, column] - wanted).max() < 1e-6
+
+
+def test_a_lamp_that_frames_show_unclipped_tells_the_level_without_any_belief_in_whites() -> None:
+    data = replace(evidence(0), white=np.zeros(PER_GROUP, dtype=np.bool_))  # one grey wall
+    sent = np.full((1, 3), 50.0)
+    shown = srgb_of_cones(BALANCE * sent)
+    power = TonePrior(power_deviation=0.02, shoulder=0.0, shoulder_deviation=0.02)
+    told = replace(data, lamp_shown=shown, lamp_sent=sent, tone_prior=power)
+    without, with_lamp = (
+        fit_light(each, flux_deviation=np.full(1, 0.15)) for each in (replace(told, lamp_shown=None), told)
+    )
+    assert np.median(with_lamp.reflectance, axis=0) == pytest.approx(GREY, rel=0.08)
+    assert np.abs(np.log(np.median(without.reflectance, axis=0) / GREY)).max() > 0.3  # nothing tells it
+
+
+def test_lamps_that_frames_show_tell_their_relative_flux() -> None:
+    data, random = evidence(2), np.random.default_rng(6)
+    direct = np.repeat(random.uniform(0.4, 0.5, (2, len(data.shown), 1)), 3, axis=2)  # both light everything alike
+    sent = np.full((2, 3), 50.0)
+    shown = srgb_of_cones(BALANCE * sent * np.array([[1.5], [0.5]]))
+    tone = TonePrior(power_deviation=0.02, shoulder=0.0, shoulder_deviation=0.02)
+    lamps = replace(data, direct=direct, emission=np.ones((2, len(data.shown))), tone_prior=tone)
+    told = replace(lamps, lamp_shown=shown, lamp_sent=sent)
+    wide = np.full(2, 0.8)
+    without, with_lamps = (fit_light(each, flux_deviation=wide) for each in (lamps, told))
+    assert with_lamps.flux_factors[0] / with_lamps.flux_factors[1] == pytest.approx(3.0, rel=0.15)
+    assert with_lamps.flux_deviations.max() < 0.5 * without.flux_deviations.max()

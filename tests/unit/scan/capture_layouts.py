@@ -169,7 +169,7 @@ def write_stray(folder: Path, shots: Sequence[Shot]) -> Path:
     lines = ["timestamp, frame, x, y, z, qx, qy, qz, qw"]
     for number, shot in enumerate(shots):
         video.write(np.asarray(Image.open(io.BytesIO(shot.picture)))[:, :, ::-1].copy())
-        turned = Rotation.from_matrix(shot.pose[:3, :3] @ np.diag([1.0, -1.0, -1.0])).as_quat()
+        turned: list[float] = Rotation.from_matrix(shot.pose[:3, :3] @ np.diag([1.0, -1.0, -1.0])).as_quat().tolist()
         values = ", ".join(f"{value:.8f}" for value in (*shot.pose[:3, 3], *turned))
         lines.append(f"{100.0 + 0.5 * number:.3f}, {number:06d}, {values}")
         (folder / "depth" / f"{number:06d}.png").write_bytes(png(np.rint(1000 * shot.depth).astype(np.uint16)))
