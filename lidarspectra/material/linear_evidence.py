@@ -22,8 +22,10 @@ MIN_DEVIATION = 0.02  # [1] of log g and log(1 + s): no curve has just two param
 MAX_CUT = 0.2  # [1] of a face, cut at white in all frames
 NORMAL_WEIGHT_M = 0.15  # [m] distance equivalent to a turn of one radian: a board's underside is like its top
 MIN_SHOWN = 1e-3  # [1] of white, floor of what is divided by
-AT_LAMP_M = (
-    0.05  # [m] between a lamp's surface and the middle of a face that shows it; its rim has less than half of them
+AT_LAMP_M = 0.12  # [m] between a lamp's surface and the middle of a face that shows it, as of `near_lamps`
+BRIGHT_SHARE = 0.9  # [1] of the faces at a lamp, by number, that are no brighter than what counts as its brightness
+LAMP_SHARE = (
+    0.5  # [1] of the brightest faces there, above which a face is the lamp and not its rim or the ceiling beside
 )
 FACING = 0.7  # [1] cosine between a lamp's axis and such a face
 MIN_TOLD = 0.9  # [1] of a source's area whose radiance some frame tells: a window's lower half is the darker one
@@ -84,8 +86,12 @@ def shown_of_lamps(scan: Scan, lamps: Sequence[Lamp]) -> FloatArray | None:
             continue
         at = np.flatnonzero((lamp.distance(scan.centers) < AT_LAMP_M) & (scan.normals @ lamp.normal > FACING))
         at = at[scan.appearance.photographed[at]]
+        if not at.size:
+            continue
+        level = colors[at].max(axis=1)
+        at = at[level >= LAMP_SHARE * float(np.quantile(level, BRIGHT_SHARE))]
         told = at[linear.face_cut[at] < MAX_CUT]
-        if told.size and areas[told].sum() > MIN_TOLD * areas[at].sum():
+        if areas[told].sum() > MIN_TOLD * areas[at].sum():
             shown[row] = weighted_median(colors[told], areas[told])
     return shown
 

@@ -10,9 +10,10 @@ from lidarspectra.errors import ScanError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan, load_scan, save_scan
 from lidarspectra.hardware.phone.frames import DepthMap, Frame, FrameFault
+from lidarspectra.lamps.make_lamp import make_lamp
 from lidarspectra.material.frame_colors import UNTIED, FrameColors, color_from_frames
 from lidarspectra.material.frame_views import MeshView
-from lidarspectra.material.linear_evidence import tone_prior_of
+from lidarspectra.material.linear_evidence import shown_of_lamps, tone_prior_of
 from lidarspectra.material.tone_curve import ToneCurve
 from lidarspectra.spectra.colorimetry import encode_srgb
 
@@ -118,6 +119,20 @@ def test_a_lamp_that_most_frames_cut_at_white_gets_its_radiance_from_the_dark_on
     level = np.median((found / box.radiance)[~box.lamp], axis=0)
     assert np.median(found[box.lamp] / level) == pytest.approx(LAMP_RADIANCE, rel=0.15)
     assert colors.recovered_m2 > 0.5  # of about 1 m²
+
+
+def test_a_lamps_radiance_is_told_unless_all_frames_cut_it_at_white(box: Box, colors: FrameColors) -> None:
+    panel = make_lamp("panel", (0.0, 0.0, 1.28), size=1.0, spectrum="LED-B3", luminous_flux_lm=1000)
+    shown = shown_of_lamps(colors.scan, [panel])
+    assert shown is not None
+    level = np.median((colors.scan.face_colors() / box.radiance)[~box.lamp], axis=0)
+    assert shown[0] / level == pytest.approx(np.full(3, LAMP_RADIANCE), rel=0.15)
+    linear = colors.scan.appearance.linear
+    assert linear is not None
+    cut = replace(linear, face_cut=np.where(box.lamp, 1.0, 0.0))
+    dark = replace(colors.scan, appearance=replace(colors.scan.appearance, linear=cut))
+    assert np.isnan(shown_of_lamps(dark, [panel])).all()
+    assert shown_of_lamps(box.scan, [panel]) is None  # no frames
 
 
 def test_the_curve_that_is_left_is_held_to_a_line(colors: FrameColors) -> None:

@@ -176,7 +176,7 @@ def write_stray(folder: Path, shots: Sequence[Shot]) -> Path:
         (folder / "confidence" / f"{number:06d}.png").write_bytes(png(np.full(shot.depth.shape, 2, np.uint8)))
     video.release()
     (folder / "odometry.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    matrix = [[FOCAL_PX, 0, SIZE_PX[0] / 2], [0, FOCAL_PX, SIZE_PX[1] / 2], [0, 0, 1]]
+    matrix: list[list[float]] = [[FOCAL_PX, 0, SIZE_PX[0] / 2], [0, FOCAL_PX, SIZE_PX[1] / 2], [0, 0, 1]]
     text = "\n".join(",".join(str(value) for value in row) for row in matrix)
     (folder / "camera_matrix.csv").write_text(text + "\n", encoding="utf-8")
     return folder
