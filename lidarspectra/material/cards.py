@@ -24,7 +24,8 @@ OFF_M = 0.05  # [m] from which the card is looked at, and as far behind its plan
 ACROSS = 6  # points along each side that are looked at
 MIDDLE = 0.6  # [1] of a card's size: its rim is blurred, and may be a few centimetres off
 LEAST_POINTS = 9  # of a card that must be usable
-BESIDE_M = 0.3  # [m] beyond a card: within the metre in which light and exposure err alike
+BESIDE_M = 0.3  # [m] beyond a card, at most: what light and exposure err by changes along a metre
+BESIDE = 24  # points there, the nearest; fewer would tell of the surface's grain
 SAME_PLANE_M, FLAT = 0.06, 0.95  # [m], [1] cosine: of what a card lies on
 GOLDEN_TURN = np.pi * (3.0 - np.sqrt(5.0))  # [rad]
 
@@ -128,7 +129,7 @@ def look_at_cards(scan: Scan, caster: RayCaster, cards: Sequence[Card]) -> SeenC
 
 
 def beside_cards(cards: Sequence[Card], seen: SeenCards, positions: FloatArray, normals: FloatArray) -> csr_array:
-    """Points of the surfaces that cards lie on, round about them.
+    """The nearest points of the surfaces that cards lie on, round about them.
 
     Parameters
     ----------
@@ -151,12 +152,13 @@ def beside_cards(cards: Sequence[Card], seen: SeenCards, positions: FloatArray, 
         middle, normal = seen.positions[own].mean(axis=0), seen.normals[own].mean(axis=0)
         away = positions - middle
         distance = np.linalg.norm(away, axis=1)
-        found[number] = (
+        there = np.flatnonzero(
             (distance > card.size_m)  # half its longer side is no more: of paper .71 of the shorter, and a blurred rim
             & (distance < card.size_m + BESIDE_M)
             & (np.abs(away @ normal) < SAME_PLANE_M)
             & (normals @ normal > FLAT)
         )
+        found[number, there[np.argsort(distance[there], kind="stable")[:BESIDE]]] = True
     return csr_array(found)
 
 
