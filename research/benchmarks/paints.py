@@ -1,0 +1,78 @@
+"""Of a run: which materials its walls got, and how much of the scan was held at the reflectance of fresh white paint.
+
+    lidarspectra materials poly.toml
+    python -m research.benchmarks.paints poly.toml
+
+Of each wall of the room, the area and the two materials that have most of it, with their reflectance at 555 nm; then
+the area of faces whose colour is at the limit, within the room's plan and behind its walls and panes.
+"""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray
+from lidarspectra.config import read_run_file
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE
+from lidarspectra.material.material_map import MaterialMap, load_materials
+from lidarspectra.room.room import Room, Wall, find_room
+
+STAGE = "3-materials"
+REFERENCE_NM = 555.0  # [nm]
+FACING, NEAR_M = 0.9, 0.1  # [1] cosine, [m]: faces of a wall
+ROUNDING = 1e-3  # [1] of a colour at the limit
+
+
+def faces_of(wall: Wall, scan: Scan) -> BoolArray:
+    """(face,) which lie in a wall's plane and look as it does."""
+    near = np.abs(scan.centers @ wall.normal - wall.offset_m) < NEAR_M
+    return np.asarray(near & (scan.normals @ wall.normal > FACING), dtype=np.bool_)
+
+
+def wall_in_words(wall: Wall, scan: Scan, found: MaterialMap) -> str:
+    """Area of a wall, and its two commonest materials."""
+    member = faces_of(wall, scan)
+    area = np.bincount(found.face_material[member], weights=scan.areas[member], minlength=len(found.materials))
+    words = [
+        f"{area[number]:.1f} m² {found.materials[number].name}, "
+        f"{float(found.materials[number].reflectance.at([REFERENCE_NM], outside='nearest')[0]):.2f}"
+        for number in np.argsort(-area)[:2]
+    ]
+    azimuth = np.degrees(np.arctan2(wall.normal[1], wall.normal[0]))
+    return f"wall that looks towards {azimuth:4.0f}°: {area.sum():4.1f} m²: {'; '.join(words)}"
+
+
+def at_limit(scan: Scan, room: Room, found: MaterialMap) -> tuple[float, float]:
+    """Areas of faces as bright as fresh white paint, within the room's plan and beyond it [m²]."""
+    bright = found.face_color.max(axis=1) > BRIGHTEST_REFLECTANCE - ROUNDING
+    bright &= surface_colors(scan)[1]
+    inside = room.in_plan(scan.centers[:, :2])
+    return float(scan.areas[bright & inside].sum()), float(scan.areas[bright & ~inside].sum())
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("run_file", type=Path)
+    given = parser.parse_args(arguments)
+    settings = read_run_file(given.run_file).scan
+    scan = repair_scan(
+        read_scan(given.run_file.parent / settings.file, unit=settings.unit, up=settings.up),
+        close_holes=settings.close_holes, max_hole_m=settings.max_hole_m, flatten=settings.flatten,
+    )  # fmt: skip
+    room = find_room(scan)
+    found = load_materials(given.run_file.with_suffix(".run") / STAGE)
+    for wall in room.walls:
+        print(wall_in_words(wall, scan, found))
+    inside, beyond = at_limit(scan, room, found)
+    print(f"held at fresh white: {inside:.1f} m² within the room, {beyond:.1f} m² behind its walls and panes")
+
+
+if __name__ == "__main__":
+    main()
