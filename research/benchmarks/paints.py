@@ -21,7 +21,8 @@ from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.material_map import MaterialMap, load_materials
-from lidarspectra.room.room import Room, Wall, find_room
+from lidarspectra.room.room import Room, find_room
+from lidarspectra.room.room_planes import Wall
 
 STAGE = "3-materials"
 REFERENCE_NM = 555.0  # [nm]
