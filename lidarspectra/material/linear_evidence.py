@@ -23,6 +23,7 @@ MAX_CUT = 0.2  # [1] of a face, cut at white in all frames
 NORMAL_WEIGHT_M = 0.15  # [m] distance equivalent to a turn of one radian: a board's underside is like its top
 MIN_SHOWN = 1e-3  # [1] of white, floor of what is divided by
 AT_LAMP_M = 0.12  # [m] between a lamp's surface and the middle of a face that shows it, as of `near_lamps`
+TOLD_POWER = 0.1  # [1] deviation of log g below which exposures were told: overlaps alone never tell a power
 BRIGHT_SHARE = 0.9  # [1] of the faces at a lamp, by number, that are no brighter than what counts as its brightness
 LAMP_SHARE = (
     0.5  # [1] of the brightest faces there, above which a face is the lamp and not its rim or the ceiling beside
@@ -74,10 +75,11 @@ def shown_of_lamps(scan: Scan, lamps: Sequence[Lamp]) -> FloatArray | None:
     -------
     shown : (lamp, 3) float or None
         Area-weighted median over the faces at a lamp; NaN where more than a few of them are cut at white in all
-        frames, and of lamps that shine unlike a matt surface. None without frames. [1]
+        frames, and of lamps that shine unlike a matt surface. None without frames, or if their exposures were not told:
+        a frame that looks straight at a lamp shows hardly anything else, so that overlaps tie its gain badly. [1]
     """
     linear = scan.appearance.linear
-    if linear is None or not lamps:
+    if linear is None or not lamps or linear.power_deviation >= TOLD_POWER:
         return None
     shown = np.full((len(lamps), 3), np.nan)
     colors, areas = scan.face_colors(), scan.areas

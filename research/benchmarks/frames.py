@@ -2,20 +2,25 @@
 
     python -m research.scenes.frames FOLDER
     python -m research.benchmarks.frames FOLDER [--only office-day ...] [--no-map]
+    python -m research.benchmarks.frames FOLDER --lamps         lamps seen in frames, with and without
     python -m research.benchmarks.frames --capture RAW_DATA     a real capture: held-out observations alone
 
 Of each scan in the folder, by its texture and by its frames: area-weighted mean of the absolute reflectance error
 (linear sRGB), of all faces and of those that some frame saw, and of the signed one of these; the map by the lamps alone
 against the true room's; how many surfaces (by area, over 400 to 700 nm) lie within one and two stated deviations.
 Of the frames, how far the gains are from the true ones, what held-out observations differ by as they are shown and
-after the solve, and the processor time.
+after the solve, and the processor time. `--lamps`: reflectance error and bias of the faces' colours after the light is
+taken out, where frames saw, and the lamps' relative fluxes if they are not stated (truly 1), each with and without what
+frames show of the lamps' own surfaces, and with and without the belief in white ceilings.
 """
 
 import argparse
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
@@ -25,19 +30,32 @@ from lidarspectra.hardware.phone.captures import read_capture
 from lidarspectra.hardware.phone.orientation import upright_rotation
 from lidarspectra.hardware.phone.readers import read_scan_and_frames
 from lidarspectra.mapping.maps.metrics import compare_maps
+from lidarspectra.material import light_objective
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.frame_colors import FrameColors, color_from_frames
+from lidarspectra.material.light_objective import CEILING_DEVIATION
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.colorimetry import xyz_to_linear_srgb
 from lidarspectra.spectra.databases import load_reflectances, tristimulus_table
+from lidarspectra.workflow import delighting
 from lidarspectra.workflow.delighting import take_light_out, with_light_uncertainty
 from research.benchmarks.by_day import coverage
-from research.benchmarks.delighting import Case, Light, light, on_color_grid, read_case, reflectance_errors, true_light
+from research.benchmarks.delighting import (
+    Case,
+    Light,
+    light,
+    on_color_grid,
+    read_case,
+    reflectance_errors,
+    true_colors,
+    true_light,
+)
 from research.scenes.frames import FRAMES, GAINS
 
+NO_BELIEF = 100.0  # [1] of the log: a deviation that tells nothing
 HEADER = (
     f"{'scan':18s} {'':8s} {'error':>6s} {'seen':>6s} {'bias':>7s} {'NRMSE':>6s} {'bias':>8s} {'one':>6s} {'two':>6s}"
 )
@@ -118,6 +136,33 @@ def gain_error(folder: Path, colors: FrameColors) -> float:
     return float((apart - apart.mean(axis=0)).std())
 
 
+def lamps_seen(folder: Path) -> None:
+    """Print what lamps that frames show unclipped tell."""
+    case, capture = read_case(folder), read_capture(folder / FRAMES)
+    colors = color_from_frames(case.scan, tuple(frame.moved(upright_rotation("+y")) for frame in capture.frames))
+    seen = surface_colors(case.scan)[1] & colors.face_seen
+    room, areas = find_room(colors.scan), case.scan.areas[seen]
+    for lamps in (True, False):
+        with ExitStack() as stack:
+            if not lamps:
+                stack.enter_context(patch.object(delighting, "shown_of_lamps", lambda scan, lamps: None))
+            for ceiling in (True, False):
+                with patch.object(light_objective, "CEILING_DEVIATION", CEILING_DEVIATION if ceiling else NO_BELIEF):
+                    found = take_light_out(colors.scan, room, case.lamps)
+                if found.face_color is None:
+                    print(f"{folder.name}: light left in")
+                    continue
+                apart = (found.face_color - true_colors(case))[seen].mean(axis=1)
+                absolute = np.abs(found.face_color - true_colors(case))[seen].mean(axis=1)
+                print(
+                    f"{folder.name:20s} lamps {'seen' if lamps else 'unseen'} ceiling {'white' if ceiling else 'any'} "
+                    f"error {np.average(absolute, weights=areas):.3f} bias {np.average(apart, weights=areas):+.3f}",
+                    flush=True,
+                )
+            free = take_light_out(colors.scan, room, case.lamps, fluxes_stated=False).lamp_fluxes
+            print("  fluxes " + ", ".join(f"{each.factor:.2f} ± {each.log_deviation:.2f}" for each in free), flush=True)
+
+
 def real(path: Path) -> None:
     """Print what the solve makes of a real capture."""
     scan, capture = read_scan_and_frames(path, unit="m", up="+y")
@@ -134,14 +179,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", nargs="+", default=[""], help="scans whose names begin so")
     parser.add_argument("--no-map", action="store_true", help="reflectances alone")
+    parser.add_argument("--lamps", action="store_true", help="what lamps seen in frames tell")
     parser.add_argument("--capture", action="store_true", help="the folder is a real capture")
     given = parser.parse_args(arguments)
     if given.capture:
         real(given.folder)
         return
-    print(HEADER)
+    if not given.lamps:
+        print(HEADER)
     for folder in sorted(given.folder.iterdir()):
-        if (folder / FRAMES).is_dir() and folder.name.startswith(tuple(given.only)):
+        if not (folder / FRAMES).is_dir() or not folder.name.startswith(tuple(given.only)):
+            continue
+        if given.lamps:
+            lamps_seen(folder)
+        else:
             run(folder, with_map=not given.no_map)
 
 

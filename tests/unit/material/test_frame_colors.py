@@ -121,18 +121,21 @@ def test_a_lamp_that_most_frames_cut_at_white_gets_its_radiance_from_the_dark_on
     assert colors.recovered_m2 > 0.5  # of about 1 m²
 
 
-def test_a_lamps_radiance_is_told_unless_all_frames_cut_it_at_white(box: Box, colors: FrameColors) -> None:
+def test_a_lamps_radiance_is_told_by_known_exposures_unless_all_frames_cut_it(box: Box, colors: FrameColors) -> None:
     panel = make_lamp("panel", (0.0, 0.0, 1.28), size=1.0, spectrum="LED-B3", luminous_flux_lm=1000)
-    shown = shown_of_lamps(colors.scan, [panel])
-    assert shown is not None
-    level = np.median((colors.scan.face_colors() / box.radiance)[~box.lamp], axis=0)
-    assert shown[0] / level == pytest.approx(np.full(3, LAMP_RADIANCE), rel=0.15)
+    assert shown_of_lamps(box.scan, [panel]) is None  # no frames
+    assert shown_of_lamps(colors.scan, [panel]) is None  # exposures are not told
     linear = colors.scan.appearance.linear
     assert linear is not None
-    cut = replace(linear, face_cut=np.where(box.lamp, 1.0, 0.0))
-    dark = replace(colors.scan, appearance=replace(colors.scan.appearance, linear=cut))
-    assert np.isnan(shown_of_lamps(dark, [panel])).all()
-    assert shown_of_lamps(box.scan, [panel]) is None  # no frames
+    level = np.median((colors.scan.face_colors() / box.radiance)[~box.lamp], axis=0)
+    for cut in (np.zeros(len(box.lamp)), box.lamp.astype(np.float64)):
+        told = replace(linear, power_deviation=0.03, face_cut=cut)
+        shown = shown_of_lamps(replace(colors.scan, appearance=replace(colors.scan.appearance, linear=told)), [panel])
+        assert shown is not None
+        if cut.any():
+            assert np.isnan(shown).all()
+        else:
+            assert shown[0] / level == pytest.approx(np.full(3, LAMP_RADIANCE), rel=0.15)
 
 
 def test_the_curve_that_is_left_is_held_to_a_line(colors: FrameColors) -> None:
