@@ -36,17 +36,17 @@ lint: setup-test
 	$(BIN)/mypy
 
 test: lint
-	$(BIN)/python -m pytest -n $(JOBS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 
 docs: setup-test
 	$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build/html
 
 quick: setup-test
-	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not slow"
 
 # What the quick unit tests pass through, file by file.
 coverage: setup-test
-	$(BIN)/python -m pytest -n $(JOBS) -m "not slow" --cov --cov-report=term:skip-covered tests/unit
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not slow" --cov --cov-report=term:skip-covered tests/unit
 
 # The quick unit tests with every dependency at its lower bound. Old libraries warn of the new ones below them: no error here.
 LOWEST := .venv-lowest/$(notdir $(BIN))
@@ -55,7 +55,7 @@ test-lowest:
 	$(LOWEST)/python -m pip install --quiet --upgrade pip uv
 	$(LOWEST)/python tools/lowest_bounds.py > .venv-lowest/lowest.txt
 	$(LOWEST)/uv pip install --quiet --python $(LOWEST)/python --constraint .venv-lowest/lowest.txt --editable ".[test]"
-	$(LOWEST)/python -m pytest -n $(JOBS) -m "not slow" tests/unit \
+	$(LOWEST)/python -m pytest -n $(JOBS) --dist worksteal -m "not slow" tests/unit \
 		-W default::DeprecationWarning -W default::PendingDeprecationWarning -W default::FutureWarning
 
 # Checks before each commit: ruff and mypy, from .venv (.pre-commit-config.yaml).
