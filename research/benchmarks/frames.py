@@ -9,7 +9,8 @@ Of each scan in the folder, by its texture and by its frames: area-weighted mean
 (linear sRGB), of all faces and of those that some frame saw, and of the signed one of these; the map by the lamps alone
 against the true room's; how many surfaces (by area, over 400 to 700 nm) lie within one and two stated deviations.
 Of the frames, how far the gains are from the true ones, what held-out observations differ by as they are shown and
-after the solve, and the processor time. `--lamps`: reflectance error and bias of the faces' colours after the light is
+after the solve, and the processor time. The row "true" has the true radiance of every face: what is left there
+is not the frames'. `--lamps`: reflectance error and bias of the faces' colours after the light is
 taken out, where frames saw, and the lamps' relative fluxes if they are not stated (truly 1), each with and without what
 frames show of the lamps' own surfaces, and with and without the belief in white ceilings.
 """
@@ -25,10 +26,11 @@ from unittest.mock import patch
 import numpy as np
 
 from lidarspectra.arrays import BoolArray
+from lidarspectra.geometry.appearance import Appearance, LinearLight
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.captures import read_capture
 from lidarspectra.hardware.phone.orientation import upright_rotation
-from lidarspectra.hardware.phone.readers import read_scan_and_frames
+from lidarspectra.hardware.phone.readers import read_scan, read_scan_and_frames
 from lidarspectra.mapping.maps.metrics import compare_maps
 from lidarspectra.material import light_objective
 from lidarspectra.material.colors import surface_colors
@@ -38,7 +40,7 @@ from lidarspectra.material.light_objective import CEILING_DEVIATION
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
-from lidarspectra.spectra.colorimetry import xyz_to_linear_srgb
+from lidarspectra.spectra.colorimetry import encode_srgb, xyz_to_linear_srgb
 from lidarspectra.spectra.databases import load_reflectances, tristimulus_table
 from lidarspectra.workflow import delighting
 from lidarspectra.workflow.delighting import take_light_out, with_light_uncertainty
@@ -53,8 +55,10 @@ from research.benchmarks.delighting import (
     true_colors,
     true_light,
 )
-from research.scenes.frames import FRAMES, GAINS
+from research.benchmarks.true_faces import nearest_faces
+from research.scenes.frames import FACE_LIGHT, FRAMES, GAINS
 
+SURE = 0.9  # [1] of white, below which frames' colours are surfaces'
 NO_BELIEF = 100.0  # [1] of the log: a deviation that tells nothing
 HEADER = (
     f"{'scan':18s} {'':8s} {'error':>6s} {'seen':>6s} {'bias':>7s} {'NRMSE':>6s} {'bias':>8s} {'one':>6s} {'two':>6s}"
@@ -74,7 +78,25 @@ def run(folder: Path, *, with_map: bool) -> None:
     seen = surface_colors(case.scan)[1] & colors.face_seen
     _row(folder.name, "texture", case, case.scan, seen, reference)
     _row(folder.name, "frames", case, colors.scan, seen, reference)
+    if (folder / FACE_LIGHT).is_file():
+        _row(folder.name, "true", case, with_true_radiance(case, colors), seen, reference)
     print(f"  {capture.app}: {radiometry_words(colors)}, gains off by {gain_error(folder, colors):.3f}; {took:.0f} s")
+
+
+def with_true_radiance(case: Case, colors: FrameColors) -> Scan:
+    """The scan with the true radiance of every face, on the scale of the frames', and a camera that is known."""
+    scan, count = colors.scan, len(case.scan.faces)
+    light = np.load(case.folder / FACE_LIGHT)[nearest_faces(case.scan, read_scan(case.folder / "scan.glb"))]
+    shown = scan.face_colors()
+    alike = colors.face_seen & (light.min(axis=1) > 0) & (shown.max(axis=1) < SURE)
+    scale = float(np.median(shown[alike].mean(axis=1) / light[alike].mean(axis=1)))
+    nothing = np.zeros(count)
+    exact = LinearLight(power_deviation=0.0, shoulder_deviation=0.0, face_deviation=nothing, face_cut=nothing)
+    appearance = Appearance(
+        images=(), face_image=np.full(count, -1), corner_uv=np.zeros((count, 3, 2)),
+        corner_color=np.repeat(encode_srgb(scale * light)[:, None], 3, axis=1), linear=exact,
+    )  # fmt: skip
+    return replace(scan, appearance=appearance)
 
 
 def error_where(found: MaterialMap, case: Case, chosen: BoolArray) -> tuple[float, float]:
