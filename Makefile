@@ -7,7 +7,7 @@ BIN := .venv/bin
 endif
 JOBS ?= auto
 
-.PHONY: demo demo-words test quick coverage test-lowest fuzz lint hooks docs experiments blender test-blender setup setup-test clean
+.PHONY: demo .demo-words test quick coverage test-lowest fuzz lint hooks docs experiments blender test-blender setup setup-test clean
 
 setup: .venv/.installed
 setup-test: .venv/.installed-test
@@ -24,10 +24,10 @@ setup-test: .venv/.installed-test
 	$(PYTHON) tools/install.py $(BIN)/python ".[test,broker]"
 	$(PYTHON) -c "open('.venv/.installed-test', 'w').close()"
 
-demo: demo-words setup
+demo: .demo-words setup
 	$(BIN)/lidarspectra demo
 
-demo-words:
+.demo-words:
 	@echo "$(if $(wildcard .venv/.installed),Maps,Sets up .venv (a minute or so) and maps) the light in a room that comes with the package: about 20 s on two idle cores."
 
 lint: setup-test
