@@ -50,35 +50,35 @@ if TYPE_CHECKING:
     from lidarspectra.room.sensor_points import SensorPoints, grid_points, place_points, read_points
     from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, scenes_folder
     from lidarspectra.spectra.spectrum import BandSet, Spectrum, gaussian_bands, sensor_bands
-    from lidarspectra.workflow.annual import AnnualDaylight, annual_daylight
-    from lidarspectra.workflow.calibrating import Calibration, calibrate_run, save_calibration
-    from lidarspectra.workflow.calibration_plan import plan_readings, save_plan
+    from lidarspectra.workflow.applications.annual import AnnualDaylight, annual_daylight
+    from lidarspectra.workflow.applications.evaluation import evaluate_run
+    from lidarspectra.workflow.applications.fingerprints import FingerprintOrder, fingerprint_room
+    from lidarspectra.workflow.calibration.calibrating import Calibration, calibrate_run, save_calibration
+    from lidarspectra.workflow.calibration.plan import plan_readings, save_plan
     from lidarspectra.workflow.check import RunCheck, check
-    from lidarspectra.workflow.designing import Design, check_design, design_lighting, save_design
-    from lidarspectra.workflow.evaluation import evaluate_run
-    from lidarspectra.workflow.fingerprints import FingerprintOrder, fingerprint_room
-    from lidarspectra.workflow.init_file import init
-    from lidarspectra.workflow.inputs import copy_scene
-    from lidarspectra.workflow.light_of_run import light_of_run
+    from lidarspectra.workflow.design.designing import Design, check_design, design_lighting, save_design
+    from lidarspectra.workflow.init.init_file import init
     from lidarspectra.workflow.live.live_run import present_light
-    from lidarspectra.workflow.picture_of_run import RoomPicture, picture_run, save_picture
     from lidarspectra.workflow.pipeline import RunSummary, run
     from lidarspectra.workflow.progress_printer import ProgressPrinter
-    from lidarspectra.workflow.relighting import LampOrder, relight_run
     from lidarspectra.workflow.room_model import RoomModel, Surface
-    from lidarspectra.workflow.rules_of_run import RuleCheck, rules_run
+    from lidarspectra.workflow.rules.rules_of_run import RuleCheck, rules_run
+    from lidarspectra.workflow.run_folder.inputs import copy_scene
+    from lidarspectra.workflow.run_folder.light_of_run import light_of_run
+    from lidarspectra.workflow.scenarios.picture_of_run import RoomPicture, picture_run, save_picture
+    from lidarspectra.workflow.scenarios.relighting import LampOrder, relight_run
 
 _HOMES = {
-    "AnnualDaylight": "workflow.annual",
+    "AnnualDaylight": "workflow.applications.annual",
     "ArgumentError": "errors",
     "BandSet": "spectra.spectrum",
-    "Calibration": "workflow.calibrating",
-    "Design": "workflow.designing",
-    "FingerprintOrder": "workflow.fingerprints",
+    "Calibration": "workflow.calibration.calibrating",
+    "Design": "workflow.design.designing",
+    "FingerprintOrder": "workflow.applications.fingerprints",
     "FingerprintRequest": "mapping.localization.traced_fingerprints",
     "Lamp": "lamps.lamps",
     "LampChange": "mapping.maps.spectral_map",
-    "LampOrder": "workflow.relighting",
+    "LampOrder": "workflow.scenarios.relighting",
     "LidarSpectraError": "errors",
     "Material": "material.material_map",
     "MaterialMap": "material.material_map",
@@ -87,9 +87,9 @@ _HOMES = {
     "ProgressPrinter": "workflow.progress_printer",
     "RadianceScene": "radiance.scene.scene_record",
     "Room": "room.room",
-    "RoomPicture": "workflow.picture_of_run",
+    "RoomPicture": "workflow.scenarios.picture_of_run",
     "RoomModel": "workflow.room_model",
-    "RuleCheck": "workflow.rules_of_run",
+    "RuleCheck": "workflow.rules.rules_of_run",
     "RunCheck": "workflow.check",
     "RunFile": "config",
     "RunSummary": "workflow.pipeline",
@@ -98,28 +98,28 @@ _HOMES = {
     "Spectrum": "spectra.spectrum",
     "Surface": "workflow.room_model",
     "check": "workflow.check",
-    "calibrate_run": "workflow.calibrating",
-    "annual_daylight": "workflow.annual",
-    "check_design": "workflow.designing",
+    "calibrate_run": "workflow.calibration.calibrating",
+    "annual_daylight": "workflow.applications.annual",
+    "check_design": "workflow.design.designing",
     "choose_to_locate": "mapping.localization.sensor_places",
     "compare_maps": "mapping.maps.metrics",
-    "copy_scene": "workflow.inputs",
+    "copy_scene": "workflow.run_folder.inputs",
     "current_map": "mapping.photovoltaics.current_map",
-    "design_lighting": "workflow.designing",
+    "design_lighting": "workflow.design.designing",
     "estimate_materials": "material.estimate",
-    "evaluate_run": "workflow.evaluation",
+    "evaluate_run": "workflow.applications.evaluation",
     "find_cell": "mapping.photovoltaics.cells",
     "find_room": "room.room",
-    "fingerprint_room": "workflow.fingerprints",
+    "fingerprint_room": "workflow.applications.fingerprints",
     "gaussian_bands": "spectra.spectrum",
     "grid_points": "room.sensor_points",
     "illuminance": "mapping.photometry.illuminance",
-    "init": "workflow.init_file",
+    "init": "workflow.init.init_file",
     "lamp_spectrum": "spectra.databases",
     "light_at_points": "mapping.photometry.people_and_plants",
     "light_of_lamps": "mapping.photometry.point_light",
     "light_of_map": "mapping.photometry.point_light",
-    "light_of_run": "workflow.light_of_run",
+    "light_of_run": "workflow.run_folder.light_of_run",
     "light_quantity": "mapping.photometry.quantities",
     "load_locator": "mapping.localization.location_model_files",
     "load_map": "mapping.maps.map_files",
@@ -127,26 +127,26 @@ _HOMES = {
     "make_lamp": "lamps.make_lamp",
     "one_material": "material.estimate",
     "photocurrent_density": "mapping.photovoltaics.currents",
-    "picture_run": "workflow.picture_of_run",
+    "picture_run": "workflow.scenarios.picture_of_run",
     "place_points": "room.sensor_points",
-    "plan_readings": "workflow.calibration_plan",
+    "plan_readings": "workflow.calibration.plan",
     "present_light": "workflow.live.live_run",
     "read_fingerprints": "mapping.localization.fingerprint_files",
     "read_points": "room.sensor_points",
     "read_run_file": "config",
     "read_scan": "hardware.phone.readers",
     "relight": "mapping.maps.spectral_map",
-    "relight_run": "workflow.relighting",
+    "relight_run": "workflow.scenarios.relighting",
     "render_views": "material.viewpoints",
     "repair_scan": "hardware.phone.repair",
-    "rules_run": "workflow.rules_of_run",
+    "rules_run": "workflow.rules.rules_of_run",
     "run": "workflow.pipeline",
-    "save_calibration": "workflow.calibrating",
-    "save_design": "workflow.designing",
+    "save_calibration": "workflow.calibration.calibrating",
+    "save_design": "workflow.design.designing",
     "save_map": "mapping.maps.map_files",
     "save_map_table": "mapping.maps.map_files",
-    "save_picture": "workflow.picture_of_run",
-    "save_plan": "workflow.calibration_plan",
+    "save_picture": "workflow.scenarios.picture_of_run",
+    "save_plan": "workflow.calibration.plan",
     "scenes_folder": "spectra.databases",
     "sensor_bands": "spectra.spectrum",
     "spectral_map": "mapping.maps.spectral_map",

@@ -28,7 +28,7 @@ def annual(
     The run file's \[daylight] names the windows, and as weather an EPW file or "synthetic". Missing stages up to the
     materials are run first. Electric lamps are not part of the result.
     """
-    from lidarspectra.workflow.annual import annual_daylight
+    from lidarspectra.workflow.applications.annual import annual_daylight
 
     columns = (
         SpinnerColumn(), BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn(),

@@ -37,12 +37,12 @@ from lidarspectra.cli.terminal import console, messages, print_error, print_note
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.progress import remaining_words
 from lidarspectra.threads import start_with_one_thread
-from lidarspectra.workflow.workspace import STAGES, StageName
+from lidarspectra.workflow.run_folder.workspace import STAGES, StageName
 
 if TYPE_CHECKING:
     from lidarspectra.progress import Progress as Report
     from lidarspectra.workflow.pipeline import RunSummary
-    from lidarspectra.workflow.workspace import StageResult
+    from lidarspectra.workflow.run_folder.workspace import StageResult
 
 
 class _Commands(TyperGroup):
@@ -267,7 +267,7 @@ def _show_summary(summary: "RunSummary") -> None:
         console.print()
         from lidarspectra.mapping.maps.assumptions import assumptions_of
         from lidarspectra.mapping.report.report_tables import bands_table
-        from lidarspectra.workflow.assumed import result_notes
+        from lidarspectra.workflow.run_folder.assumed import result_notes
 
         console.print(shown(bands_table(summary.map)))
         for note in result_notes(assumptions_of(summary.map)):
@@ -311,7 +311,7 @@ def demo(
     ),
 ) -> None:
     """Run the whole chain on a room that comes with the package: 3 m x 3 m, two panels, 176 points."""
-    from lidarspectra.workflow.inputs import copy_scene
+    from lidarspectra.workflow.run_folder.inputs import copy_scene
 
     _show_summary(_run(copy_scene("office", folder), None))
 
@@ -350,8 +350,8 @@ def init(
 
     Where no room is found, it writes a run file with what to fill in, and says why.
     """
-    from lidarspectra.workflow.init_choices import InitChoices
-    from lidarspectra.workflow.init_file import run_file_of, write_init
+    from lidarspectra.workflow.init.choices import InitChoices
+    from lidarspectra.workflow.init.init_file import run_file_of, write_init
 
     choices = InitChoices(unit=unit, up=up, height=height, floor=floor, ceiling=ceiling)
     summary = write_init(scan, out or run_file_of(scan), choices=choices, force=force)
@@ -377,7 +377,7 @@ def evaluate(
     ] = "W/m2/nm",
 ) -> None:
     """Compare a run's map with measured readings: NRMSE and MAPE as in the paper, by map and by channel."""
-    from lidarspectra.workflow.evaluation import draw_evaluation, evaluate_run, save_evaluation
+    from lidarspectra.workflow.applications.evaluation import draw_evaluation, evaluate_run, save_evaluation
 
     evaluation = evaluate_run(run, measured, within_m=within, scale=scale, unit=unit)
     for note in evaluation.notes:

@@ -37,7 +37,7 @@ def calibrate(
     if (measured is None) == (plan is None):
         raise typer.BadParameter("give either --measured FILE.csv or --plan N")
     if plan is not None:
-        from lidarspectra.workflow.calibration_plan import plan_readings, save_plan
+        from lidarspectra.workflow.calibration.plan import plan_readings, save_plan
 
         with progress_bar("where readings tell most") as progress:
             planned = plan_readings(run, plan, scale=scale, workers=workers, progress=progress)
@@ -47,7 +47,7 @@ def calibrate(
         say(f"On the plan: {picture}")
         return
     assert measured is not None
-    from lidarspectra.workflow.calibrating import calibrate_run, save_calibration
+    from lidarspectra.workflow.calibration.calibrating import calibrate_run, save_calibration
 
     with progress_bar("tracing the readings' places") as progress:
         found = calibrate_run(

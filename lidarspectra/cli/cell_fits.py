@@ -10,7 +10,7 @@ from lidarspectra.cli.terminal import console, print_note, say, shown
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.photocell import CellCircuit
-    from lidarspectra.workflow.cell_fits import LogChoice
+    from lidarspectra.workflow.applications.cell_fits import LogChoice
 
 app = typer.Typer()
 
@@ -47,7 +47,7 @@ def fit_command(
     sensor: SensorOption = None,
 ) -> None:
     """Fit a cell's counts to the sensor's channels beside it; test on the log's later part, write, renew."""
-    from lidarspectra.workflow.cell_fits import fit_log, renew_fit, save_fit_of_log
+    from lidarspectra.workflow.applications.cell_fits import fit_log, renew_fit, save_fit_of_log
 
     choice = log_choice(log, calibration, columns, sensor)
     if renew is not None:
@@ -73,7 +73,7 @@ def fit_command(
 def log_choice(log: Path, calibration: str | None, columns: str | None, sensor: str | None) -> "LogChoice":
     """How a log is to be read."""
     from lidarspectra.cli.sensor_options import calibration_named, columns_given
-    from lidarspectra.workflow.cell_fits import LogChoice
+    from lidarspectra.workflow.applications.cell_fits import LogChoice
 
     return LogChoice(
         path=log, sensor=sensor, columns=columns_given(columns), calibration=calibration_named(calibration)
@@ -117,7 +117,7 @@ def node_command(
 ) -> None:
     """Hours of light a day that a sensor node on a cell needs to sleep, wake and send, with their uncertainty."""
     from lidarspectra.mapping.photovoltaics.node_day import NodeDay
-    from lidarspectra.workflow.cell_fits import NodeCell, node_table
+    from lidarspectra.workflow.applications.cell_fits import NodeCell, node_table
 
     if (currents is None) == (current is None):
         raise typer.BadParameter("give a file of currents, or --current")

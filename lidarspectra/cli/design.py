@@ -24,7 +24,7 @@ def design(
     Exit status 1 where the targets cannot all be met; the least violated design is written all the same.
     """
     from lidarspectra.mapping.figures.tables import save_table
-    from lidarspectra.workflow.designing import check_design, design_lighting, save_design
+    from lidarspectra.workflow.design.designing import check_design, design_lighting, save_design
 
     with progress_bar("light of the lamps") as progress:
         found = design_lighting(run, target, workers=workers, progress=progress)

@@ -8,7 +8,7 @@ import typer
 from lidarspectra.cli.terminal import say
 
 if TYPE_CHECKING:
-    from lidarspectra.workflow.export_of_run import Kind
+    from lidarspectra.workflow.applications.export_of_run import Kind
 
 
 def export(
@@ -33,7 +33,7 @@ def export(
 
     Without --glb, --usdz, --vtk or --blender: GLB and VTK.
     """
-    from lidarspectra.workflow.export_of_run import export_run
+    from lidarspectra.workflow.applications.export_of_run import export_run
 
     wanted: dict[Kind, bool] = {"glb": glb, "usdz": usdz, "vtk": vtk, "blender": blender}
     kinds = [kind for kind, is_wanted in wanted.items() if is_wanted] or ["glb", "vtk"]

@@ -62,7 +62,7 @@ def fingerprints(
     if (positions is None) == (grid is None):
         raise typer.BadParameter("give --positions or --grid, one of the two")
     from lidarspectra.mapping.localization.body import POSTURES
-    from lidarspectra.workflow.fingerprints import FingerprintOrder, fingerprint_room
+    from lidarspectra.workflow.applications.fingerprints import FingerprintOrder, fingerprint_room
 
     wanted = {name.value for name in posture or [PostureName.STANDING]}
     order = FingerprintOrder(

@@ -13,7 +13,7 @@ from lidarspectra.cli.terminal import console, print_note, say, shown
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.as7265x import SensorSettings
     from lidarspectra.mapping.localization.location_model import TrainingSettings
-    from lidarspectra.workflow.localization_jobs import LocationReport
+    from lidarspectra.workflow.applications.localization_jobs import LocationReport
 
 app = typer.Typer(no_args_is_help=True, help="Find where a person stands from the readings of fixed spectral sensors.")
 
@@ -60,7 +60,7 @@ def train(
 ) -> None:
     """Train a model on fingerprints, simulated or measured."""
     from lidarspectra.cli.sensor_options import settings_given
-    from lidarspectra.workflow.localization_jobs import train_from_files
+    from lidarspectra.workflow.applications.localization_jobs import train_from_files
 
     device = settings_given(gain, integration)
     settings = _training_settings(min_count, copies=copies, drift=drift / 100.0, seed=seed, device=device)
@@ -73,7 +73,7 @@ def train(
         soft_wrap=True,
     )
     if not model.places.has_positions:
-        from lidarspectra.workflow.localization_jobs import NO_METRES_NOTE
+        from lidarspectra.workflow.applications.localization_jobs import NO_METRES_NOTE
 
         print_note(NO_METRES_NOTE)
 
@@ -99,7 +99,7 @@ def try_model(
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: MODEL_DIR/test.")] = None,
 ) -> None:
     """Evaluate a model on labelled readings: percentiles, cumulative curve and map of errors, top-k."""
-    from lidarspectra.workflow.localization_jobs import errors_from_files
+    from lidarspectra.workflow.applications.localization_jobs import errors_from_files
 
     _show(errors_from_files(model, readings, out or model / "test", positions=positions, against=against, run=run))
 
@@ -116,7 +116,7 @@ def score(
     ),
 ) -> None:
     """Train and test within each measured night, split in time, and from every night to every other."""
-    from lidarspectra.workflow.localization_jobs import score_nights
+    from lidarspectra.workflow.applications.localization_jobs import score_nights
 
     with progress_bar("") as report:
         found = score_nights(nights, out, positions=positions, settings=_training_settings(min_count), progress=report)
@@ -159,7 +159,7 @@ def live(
     from lidarspectra.io.files import write_whole
     from lidarspectra.mapping.localization.live import LiveSettings
     from lidarspectra.mapping.localization.running_reference import FIRST_FRAMES, MedianWindow
-    from lidarspectra.workflow.localization_jobs import TRACK_COLUMNS, follow, live_frames, track_row
+    from lidarspectra.workflow.applications.localization_jobs import TRACK_COLUMNS, follow, live_frames, track_row
 
     median = MedianWindow(frames=window, first=min(FIRST_FRAMES, window) if first is None else first)
     settings = LiveSettings(method=method, window=median, average=average, always_one=always_one)
@@ -206,7 +206,7 @@ def place(
     ),
 ) -> None:
     """Choose sensor places one after the other, each time the best one (greedy); the curve shows how many suffice."""
-    from lidarspectra.workflow.localization_jobs import MapDoubts, place_to_locate, place_to_rebuild
+    from lidarspectra.workflow.applications.localization_jobs import MapDoubts, place_to_locate, place_to_rebuild
 
     if source.is_dir():
         doubts = MapDoubts(lamp_spread=lamp_spread, error=error, length_m=length, noise=noise)

@@ -45,8 +45,8 @@ def photocurrent(
 ) -> None:
     """Map a solar cell's current and, with --hours or --schedule, its charge and energy per day."""
     from lidarspectra.mapping.photovoltaics.current_map import currents_table
-    from lidarspectra.workflow.assumed import assumptions_of_run, result_notes
-    from lidarspectra.workflow.cells_of_run import CurrentOrder, current_of_run, save_currents
+    from lidarspectra.workflow.applications.cells_of_run import CurrentOrder, current_of_run, save_currents
+    from lidarspectra.workflow.run_folder.assumed import assumptions_of_run, result_notes
 
     if hours is not None and schedule is not None:
         raise typer.BadParameter("give --hours or --schedule, not both")
@@ -110,7 +110,7 @@ def place_command(
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Default: RUN/cell-places.")] = None,
 ) -> None:
     """Find the best places for a cell of given size: the run's points in every tilt and azimuth, and the walls."""
-    from lidarspectra.workflow.cells_of_run import PlaceOrder, places_in_run, save_places
+    from lidarspectra.workflow.applications.cells_of_run import PlaceOrder, places_in_run, save_places
 
     order = PlaceOrder(
         cell=cell,
@@ -149,11 +149,11 @@ def predict_command(
     """Predict a cell's current, with its uncertainty, from a spectral sensor's readings at the same place."""
     path = out or measured.with_name(f"{measured.stem}-current.csv")
     if Path(cell).suffix == ".json":
-        from lidarspectra.workflow.cell_fits import predict_by_fit
+        from lidarspectra.workflow.applications.cell_fits import predict_by_fit
 
         table, notes = predict_by_fit(Path(cell), cell_fits.log_choice(measured, calibration, columns, sensor), path)
     else:
-        from lidarspectra.workflow.cells_of_run import predict_from_table
+        from lidarspectra.workflow.applications.cells_of_run import predict_from_table
 
         table, notes = predict_from_table(
             measured, cell, device, lamp_kind=lamps, area_cm2=area, scale=scale, base=Path.cwd(), out=path

@@ -52,10 +52,10 @@ def photometry(
     from lidarspectra.mapping.maps.point_values import save_points
     from lidarspectra.mapping.photometry.figures import quantities_figure
     from lidarspectra.mapping.photometry.people_and_plants import light_at_points, summary_table
-    from lidarspectra.workflow.assumed import assumptions_of_run, result_notes
-    from lidarspectra.workflow.light_of_run import light_of_run, light_of_table
-    from lidarspectra.workflow.scenarios import new_scenario
-    from lidarspectra.workflow.workspace import made_folder
+    from lidarspectra.workflow.run_folder.assumed import assumptions_of_run, result_notes
+    from lidarspectra.workflow.run_folder.light_of_run import light_of_run, light_of_table
+    from lidarspectra.workflow.run_folder.workspace import made_folder
+    from lidarspectra.workflow.scenarios.scenarios import new_scenario
 
     if measured is not None and dim:
         raise typer.BadParameter("a lamp cannot be dimmed in what was measured: give --measured or --dim, not both")
@@ -96,8 +96,8 @@ def _week(run: Path, schedule: Path, daylight: str | None, out: Path) -> None:
     from lidarspectra.mapping.figures.figure_style import save_figure
     from lidarspectra.mapping.figures.tables import save_table
     from lidarspectra.mapping.photometry.week import week_figure, week_table
-    from lidarspectra.workflow.week_of_run import week_of_run
-    from lidarspectra.workflow.workspace import made_folder
+    from lidarspectra.workflow.applications.week_of_run import week_of_run
+    from lidarspectra.workflow.run_folder.workspace import made_folder
 
     found = week_of_run(run, schedule, daylight_from=daylight)
     table = week_table(found.week, found.kept)

@@ -46,8 +46,8 @@ def picture(
     orders = parse_orders(context.args, needed=False)
     pixels = _pixels(size or ("800x800" if fisheye else "800x600"))
     places = [None if text is None else _numbers(option, text) for option, text in (("--from", eye), ("--to", target))]
-    from lidarspectra.workflow.picture_of_run import picture_run, save_picture
-    from lidarspectra.workflow.scenarios import new_scenario
+    from lidarspectra.workflow.scenarios.picture_of_run import picture_run, save_picture
+    from lidarspectra.workflow.scenarios.scenarios import new_scenario
 
     columns = (SpinnerColumn(), BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:

@@ -11,7 +11,7 @@ from lidarspectra.cli.terminal import console, print_note, say, shown
 if TYPE_CHECKING:
     import xarray as xr
 
-    from lidarspectra.workflow.relighting import LampOrder
+    from lidarspectra.workflow.scenarios.relighting import LampOrder
 
 FIELDS = {"--spectrum": "spectrum", "--lumens": "luminous_flux_lm", "--dim": "dim"}
 
@@ -35,9 +35,9 @@ def relight(
     """
     orders = parse_orders(context.args)
     from lidarspectra.mapping.figures.tables import save_table
-    from lidarspectra.workflow.relighting import draw_relit, relit_run, save_relit
-    from lidarspectra.workflow.relit_answer import answer_table, channels_table, lamps_table
-    from lidarspectra.workflow.scenarios import new_scenario
+    from lidarspectra.workflow.scenarios.relighting import draw_relit, relit_run, save_relit
+    from lidarspectra.workflow.scenarios.relit_answer import answer_table, channels_table, lamps_table
+    from lidarspectra.workflow.scenarios.scenarios import new_scenario
 
     relit = relit_run(run, orders, base=Path.cwd())
     light = relit.light_map
@@ -57,7 +57,7 @@ def _print_notes(light: "xr.Dataset") -> None:
     from lidarspectra.mapping.maps.assumptions import assumptions_of
     from lidarspectra.mapping.maps.spectral_map import SPECTRUM_ERROR
     from lidarspectra.radiance.sampling.folding import MAX_SPECTRUM_ERROR
-    from lidarspectra.workflow.assumed import result_notes
+    from lidarspectra.workflow.run_folder.assumed import result_notes
 
     predicted = float(light.attrs[SPECTRUM_ERROR])
     if predicted > MAX_SPECTRUM_ERROR:
@@ -98,7 +98,7 @@ def parse_orders(words: Sequence[str], *, needed: bool = True) -> "tuple[LampOrd
     typer.BadParameter
         If an option is unknown, lacks its value, or stands before any lamp.
     """
-    from lidarspectra.workflow.relighting import LampOrder
+    from lidarspectra.workflow.scenarios.relighting import LampOrder
 
     groups: list[dict[str, object]] = []
     rest = iter(words)

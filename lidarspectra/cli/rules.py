@@ -22,8 +22,8 @@ def rules(
     after a change there. The report shows the result when it is next made.
     """
     from lidarspectra.mapping.rules.rule_figures import rules_table, whole_table
-    from lidarspectra.workflow.rules_of_run import rules_run
-    from lidarspectra.workflow.rules_report import save_rules
+    from lidarspectra.workflow.rules.report import save_rules
+    from lidarspectra.workflow.rules.rules_of_run import rules_run
 
     columns = (SpinnerColumn(), BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:

@@ -10,13 +10,19 @@ from lidarspectra.arguments import one_of
 from lidarspectra.config import GridSection, RunFile
 from lidarspectra.errors import ArgumentError, LidarSpectraError, RunFileError, WorkspaceError
 from lidarspectra.threads import cores_for
-from lidarspectra.workflow.findings import Findings, listed, number_words
-from lidarspectra.workflow.input_checks import CheckedInputs
-from lidarspectra.workflow.inputs import Inputs, read_inputs
+from lidarspectra.workflow.checks.findings import Findings, listed, number_words
+from lidarspectra.workflow.checks.input_checks import CheckedInputs
+from lidarspectra.workflow.checks.scan_checks import ScanExtent
 from lidarspectra.workflow.pipeline import folder_of_run, look_through, plan_of
-from lidarspectra.workflow.scan_checks import ScanExtent
+from lidarspectra.workflow.run_folder.inputs import Inputs, read_inputs
+from lidarspectra.workflow.run_folder.workspace import (
+    STAGES,
+    StageName,
+    parse_record,
+    refuse_other_folder,
+    stage_folder,
+)
 from lidarspectra.workflow.time_estimate import Task, estimate_seconds, time_words
-from lidarspectra.workflow.workspace import STAGES, StageName, parse_record, refuse_other_folder, stage_folder
 
 FACES_IF_UNKNOWN = 50_000  # triangles of a phone's scan of a room
 LAMPS_IF_UNKNOWN = 4  # lamps found in a scan, or windows

@@ -20,10 +20,10 @@ from lidarspectra.config import RunFile
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.radiance.scene.relit_scene import flux_ratio, knows_reflectances, largest_error, relighting_error
 from lidarspectra.radiance.scene.scene_record import RadianceScene
-from lidarspectra.workflow.calibration_of_run import calibrated_lamps
-from lidarspectra.workflow.findings import listed
-from lidarspectra.workflow.lamps_of_run import lit_lamps, resolve_lamps, with_estimated_fluxes
-from lidarspectra.workflow.workspace import StageRecord
+from lidarspectra.workflow.checks.findings import listed
+from lidarspectra.workflow.run_folder.calibration_of_run import calibrated_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import lit_lamps, resolve_lamps, with_estimated_fluxes
+from lidarspectra.workflow.run_folder.workspace import StageRecord
 
 Settings = Mapping[str, Any]
 Table = dict[str, Any]

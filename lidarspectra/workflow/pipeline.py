@@ -4,7 +4,7 @@
     1 scan            2 views  3 materials       4 scene  5 trace     6 map  7 report
 
 Each stage is made in its own folder of the run, and only where something that it depends on has changed
-(`lidarspectra.workflow.workspace`). What each stage does stands in `lidarspectra.workflow.stages`.
+(`lidarspectra.workflow.run_folder.workspace`). What each stage does stands in `lidarspectra.workflow.stages`.
 """
 
 import os
@@ -28,12 +28,12 @@ from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.room import Room
 from lidarspectra.threads import one_thread
 from lidarspectra.workflow import stages
-from lidarspectra.workflow.findings import Findings
-from lidarspectra.workflow.input_checks import CheckedInputs, check_inputs
-from lidarspectra.workflow.inputs import RUN_FILE_MEANT, Inputs, read_inputs
-from lidarspectra.workflow.lamps_of_run import ScannedRoom
-from lidarspectra.workflow.scan_checks import ScanExtent, check_in_scan, extent_of_stage, points_of_file
-from lidarspectra.workflow.workspace import (
+from lidarspectra.workflow.checks.findings import Findings
+from lidarspectra.workflow.checks.input_checks import CheckedInputs, check_inputs
+from lidarspectra.workflow.checks.scan_checks import ScanExtent, check_in_scan, extent_of_stage, points_of_file
+from lidarspectra.workflow.run_folder.inputs import RUN_FILE_MEANT, Inputs, read_inputs
+from lidarspectra.workflow.run_folder.lamps_of_run import ScannedRoom
+from lidarspectra.workflow.run_folder.workspace import (
     STAGES,
     RunRequest,
     Stage,

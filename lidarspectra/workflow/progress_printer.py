@@ -5,7 +5,7 @@ import time
 from typing import TextIO
 
 from lidarspectra.progress import Progress, remaining_words
-from lidarspectra.workflow.workspace import StageName, StageResult
+from lidarspectra.workflow.run_folder.workspace import StageName, StageResult
 
 MIN_STEP = 0.1  # [1] least progress between two lines with the same message
 

@@ -1,7 +1,7 @@
 """The seven stages: what each reads, what it makes, and how its result is read back.
 
-A stage first declares what it reads; it is given that, and made again when that changes (`workflow.declared`).
-The order stands in `lidarspectra.workflow.pipeline`; how a stage is kept, in `lidarspectra.workflow.workspace`.
+A stage first declares what it reads (`workflow.run_folder.declared`); it is given that, and made again when it changes.
+The order stands in `workflow.pipeline`; how a stage is kept, in `workflow.run_folder.workspace`.
 """
 
 from collections.abc import Callable
@@ -43,12 +43,7 @@ from lidarspectra.radiance.scene.relit_scene import relit_scene
 from lidarspectra.radiance.scene.scene import LAMPS_PER_PASS, RadianceScene, load_scene, write_scene
 from lidarspectra.room.room import load_room, save_room
 from lidarspectra.spectra.sensor_files import find_bands
-from lidarspectra.workflow.assumed import assumed_lamps, assumed_of_scan, lamp_notes, lit_notes, scan_notes
-from lidarspectra.workflow.calibration_of_run import calibrated_lamps, calibrated_materials, calibration_notes
-from lidarspectra.workflow.declared import Declared
-from lidarspectra.workflow.delighting import Delighting, take_light_out, with_light_uncertainty
-from lidarspectra.workflow.frames_of_run import frame_colors, frame_notes, frames_in_words, save_frames
-from lidarspectra.workflow.inputs import Inputs
+from lidarspectra.workflow.calibration.unknowns_of_run import lost_calibration_note, unknowns_of_map
 from lidarspectra.workflow.kept_light import (
     lamp_names,
     present_lamps,
@@ -58,7 +53,20 @@ from lidarspectra.workflow.kept_light import (
     why_not_relit,
     with_present_names,
 )
-from lidarspectra.workflow.lamps_of_run import (
+from lidarspectra.workflow.materials.delighting import Delighting, take_light_out, with_light_uncertainty
+from lidarspectra.workflow.materials.materials_of_run import materials_of_run, model_of_run
+from lidarspectra.workflow.materials.votes_ahead import votes_beside
+from lidarspectra.workflow.panes_of_run import assumed_notes, panes_of_run, with_panes_of_run
+from lidarspectra.workflow.run_folder.assumed import assumed_lamps, assumed_of_scan, lamp_notes, lit_notes, scan_notes
+from lidarspectra.workflow.run_folder.calibration_of_run import (
+    calibrated_lamps,
+    calibrated_materials,
+    calibration_notes,
+)
+from lidarspectra.workflow.run_folder.declared import Declared
+from lidarspectra.workflow.run_folder.frames_of_run import frame_colors, frame_notes, frames_in_words, save_frames
+from lidarspectra.workflow.run_folder.inputs import Inputs
+from lidarspectra.workflow.run_folder.lamps_of_run import (
     MOMENT_KEYS,
     ScannedRoom,
     daylight_of_run,
@@ -67,14 +75,8 @@ from lidarspectra.workflow.lamps_of_run import (
     with_estimated_fluxes,
     without_names,
 )
-from lidarspectra.workflow.materials_of_run import materials_of_run, model_of_run
-from lidarspectra.workflow.panes_of_run import assumed_notes, panes_of_run, with_panes_of_run
-from lidarspectra.workflow.sensing_of_run import receptor_of_run, sensor_points, trace_engine
-from lidarspectra.workflow.trace_notes import glass_notes, trace_warnings, truncation_in_words
-from lidarspectra.workflow.unknowns_of_run import lost_calibration_note, unknowns_of_map
-from lidarspectra.workflow.votes_ahead import votes_beside
-from lidarspectra.workflow.whole_room import missing_in_words, whole_room
-from lidarspectra.workflow.workspace import (
+from lidarspectra.workflow.run_folder.sensing_of_run import receptor_of_run, sensor_points, trace_engine
+from lidarspectra.workflow.run_folder.workspace import (
     Notes,
     Stage,
     StageRecord,
@@ -83,6 +85,8 @@ from lidarspectra.workflow.workspace import (
     stage_folder,
     stage_key,
 )
+from lidarspectra.workflow.trace_notes import glass_notes, trace_warnings, truncation_in_words
+from lidarspectra.workflow.whole_room import missing_in_words, whole_room
 
 REPORT_PAGE = PAGE
 MODEL_FOLDER = "model"
@@ -224,7 +228,7 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         from lidarspectra.mapping.figures.figure_style import save_figure  # these load what draws, and trimesh
         from lidarspectra.mapping.figures.material_figures import segmentation_figure
         from lidarspectra.material.material_mesh import save_material_mesh
-        from lidarspectra.workflow.report_of_run import material_pictures
+        from lidarspectra.workflow.report.report_of_run import material_pictures
 
         delighting, estimating, saving = shares(progress, (DELIGHTING_SHARE if delight else 0.0, *MATERIALS_SHARES))
         delighting(0.0, "reading scan and views")
@@ -511,7 +515,7 @@ def report_stage(
 
     def make(folder: Path, progress: Progress) -> Notes:
         from lidarspectra.mapping.report.report import write_report  # these load what draws
-        from lidarspectra.workflow.report_of_run import StagesBefore, report_of_run
+        from lidarspectra.workflow.report.report_of_run import StagesBefore, report_of_run
 
         before = StagesBefore(
             scan=scan, views=views, materials=materials, scene=scene, transport=transport, spectral_map=light_map

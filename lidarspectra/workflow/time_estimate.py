@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lidarspectra.config import RunFile
-from lidarspectra.workflow.workspace import STAGES, StageName, parse_record, stage_folder
+from lidarspectra.workflow.run_folder.workspace import STAGES, StageName, parse_record, stage_folder
 
 STAGE_S: Mapping[StageName, tuple[float, float]] = {
     "scan": (1.0, 40.0),

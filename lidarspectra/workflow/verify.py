@@ -15,7 +15,7 @@ from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.files import hash_file
 from lidarspectra.material.segmentation import SHIPPED_MODEL
 from lidarspectra.spectra.databases import list_databases
-from lidarspectra.workflow.workspace import (
+from lidarspectra.workflow.run_folder.workspace import (
     RECORD_FILE,
     STAGES,
     RunRequest,

@@ -49,7 +49,7 @@ from lidarspectra.radiance.scene.weather import Weather, synthetic_year
 from lidarspectra.radiance.scene.year_sky import GENDAYMTX_EFFICACY_LM_W, WEATHER_FILE, YearSky, year_sky
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.spectrum import sensor_bands
-from lidarspectra.workflow.annual import SUBDIVISION, mean_radiance
+from lidarspectra.workflow.applications.annual import SUBDIVISION, mean_radiance
 from lidarspectra.workflow.room_model import RoomModel
 
 SIZE_M = (5.0, 6.0, 3.0)

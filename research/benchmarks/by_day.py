@@ -34,9 +34,9 @@ from lidarspectra.spectra.colorimetry import xyz_to_linear_srgb
 from lidarspectra.spectra.databases import load_reflectances, tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra.spectrum import sensor_bands
-from lidarspectra.workflow.delighting import take_light_out, with_light_uncertainty
-from lidarspectra.workflow.lamps_of_run import ScannedRoom
-from lidarspectra.workflow.unknowns_of_run import REFERENCE_NM, levels_covariance, unknowns_of_map
+from lidarspectra.workflow.calibration.unknowns_of_run import REFERENCE_NM, levels_covariance, unknowns_of_map
+from lidarspectra.workflow.materials.delighting import take_light_out, with_light_uncertainty
+from lidarspectra.workflow.run_folder.lamps_of_run import ScannedRoom
 from research.benchmarks.delighting import (
     VISIBLE,
     Case,

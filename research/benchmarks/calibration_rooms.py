@@ -25,10 +25,10 @@ from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.room.surface_parts import PARTS, surface_parts
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.spectra.spectrum import Spectrum, gaussian_bands
-from lidarspectra.workflow.calibrating import priors_of
-from lidarspectra.workflow.calibration_light import RunRoom, coefficients, traced_light, weights_of
-from lidarspectra.workflow.calibration_plan import DIRECTIONS, reachable_places, spread
-from lidarspectra.workflow.calibration_readings import LUX
+from lidarspectra.workflow.calibration.calibrating import priors_of
+from lidarspectra.workflow.calibration.light import RunRoom, coefficients, traced_light, weights_of
+from lidarspectra.workflow.calibration.plan import DIRECTIONS, reachable_places, spread
+from lidarspectra.workflow.calibration.readings import LUX
 from research.benchmarks.cross_check import read_room
 from research.benchmarks.true_faces import materials_on
 

@@ -26,7 +26,7 @@ from lidarspectra.mapping.photometry.indoor_spectra import IndoorSpectra, indoor
 from lidarspectra.mapping.photovoltaics.cell_fit import fit_cell, renewed
 from lidarspectra.mapping.photovoltaics.cells import find_cell
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, sensor_bands
-from lidarspectra.workflow.cell_fits import LogChoice, beside_cell
+from lidarspectra.workflow.applications.cell_fits import LogChoice, beside_cell
 
 READINGS = 500  # of a virtual log
 CELLS = ("organic-green", "organic-blue", "silicon")

@@ -42,7 +42,7 @@ from lidarspectra.radiance.scene.scene import write_scene
 from lidarspectra.room.sensor_points import SensorPoints, read_points
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.spectra.spectrum import BandSet, sensor_bands
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from research.benchmarks.true_faces import materials_on, nearest_faces, true_faces
 from research.experiments.true_light import true_materials
 from research.second_opinion import Reference, reference_irradiance

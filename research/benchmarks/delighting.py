@@ -47,9 +47,9 @@ from lidarspectra.spectra.databases import load_reflectances, scenes_folder, tri
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, ReflectanceLibrary
 from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 from lidarspectra.spectra.spectrum_files import TableRow, read_table
-from lidarspectra.workflow import delighting
-from lidarspectra.workflow.delighting import take_light_out
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.materials import delighting
+from lidarspectra.workflow.materials.delighting import take_light_out
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from research.benchmarks.spectraldb import imported
 from research.benchmarks.true_faces import materials_on, nearest_faces, true_faces
 from research.virtual_rooms.room_plan import read_plan

@@ -21,9 +21,9 @@ from lidarspectra.radiance.scene.scene import write_scene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.spectra.sensor_files import find_bands
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
 from lidarspectra.workflow.pipeline import run
-from lidarspectra.workflow.workspace import require_stage
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.workspace import require_stage
 from research.benchmarks.processor_time import processor_seconds
 from research.benchmarks.true_faces import materials_on, nearest_faces, true_faces
 from research.experiments.accuracy import MapDeviation, map_deviation

@@ -21,10 +21,10 @@ from lidarspectra.mapping.localization.traced_fingerprints import FingerprintReq
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.spectra.databases import load_reflectances, scenes_folder
 from lidarspectra.threads import available_cores
-from lidarspectra.workflow.fingerprints import FingerprintOrder, place_people
-from lidarspectra.workflow.inputs import read_inputs
+from lidarspectra.workflow.applications.fingerprints import FingerprintOrder, place_people
 from lidarspectra.workflow.pipeline import run
-from lidarspectra.workflow.sensing_of_run import sensor_points
+from lidarspectra.workflow.run_folder.inputs import read_inputs
+from lidarspectra.workflow.run_folder.sensing_of_run import sensor_points
 from research.benchmarks.processor_time import processor_seconds
 
 SPACINGS_M = (1.2, 1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # [m] the widest grid with places enough is taken

@@ -42,8 +42,8 @@ from lidarspectra.material.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.colorimetry import encode_srgb, xyz_to_linear_srgb
 from lidarspectra.spectra.databases import load_reflectances, tristimulus_table
-from lidarspectra.workflow import delighting
-from lidarspectra.workflow.delighting import take_light_out, with_light_uncertainty
+from lidarspectra.workflow.materials import delighting
+from lidarspectra.workflow.materials.delighting import take_light_out, with_light_uncertainty
 from research.benchmarks.by_day import coverage
 from research.benchmarks.delighting import (
     Case,

@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.progress import Progress, silent
-from lidarspectra.workflow.inputs import copy_scene
 from lidarspectra.workflow.pipeline import run
-from lidarspectra.workflow.workspace import STAGES, StageName, StageResult
+from lidarspectra.workflow.run_folder.inputs import copy_scene
+from lidarspectra.workflow.run_folder.workspace import STAGES, StageName, StageResult
 from research.benchmarks.processor_time import processor_seconds
 
 SIZES = {

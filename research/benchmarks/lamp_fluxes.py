@@ -23,8 +23,8 @@ from lidarspectra.material.lamp_fluxes import LampFlux
 from lidarspectra.material.lit_lamps import find_lit_lamps
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.databases import scenes_folder
-from lidarspectra.workflow.delighting import take_light_out
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.materials.delighting import take_light_out
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 
 WHITE_K = 4000.0  # [K] of lamps that are found in a scan
 

@@ -44,7 +44,7 @@ from lidarspectra.mapping.localization.locators import METHODS, Method
 from lidarspectra.mapping.localization.scoring import errors_of
 from lidarspectra.radiance.engine.options import Accuracy
 from lidarspectra.spectra.databases import scenes_folder
-from lidarspectra.workflow.localization_jobs import place_to_locate, score_nights
+from lidarspectra.workflow.applications.localization_jobs import place_to_locate, score_nights
 from lidarspectra.workflow.pipeline import run
 from research.benchmarks.localization_checks import people, person_effect, reference_age
 from research.benchmarks.localization_page import write_page

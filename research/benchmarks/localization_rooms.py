@@ -27,8 +27,8 @@ from lidarspectra.room.room import Room, find_room, load_room
 from lidarspectra.room.sensor_points import SensorPoints, read_points
 from lidarspectra.spectra.databases import load_reflectances, scenes_folder
 from lidarspectra.spectra.sensor_files import find_bands
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
-from lidarspectra.workflow.workspace import require_stage
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.workspace import require_stage
 from research.experiments.true_light import FLAT_DEG, true_materials
 from research.virtual_rooms.room_plan import BoxSection, CylinderSection, Part, RoomPlan
 from research.virtual_rooms.true_room import true_room

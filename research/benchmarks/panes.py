@@ -25,7 +25,7 @@ from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.room.panes.pane import REACH_M, Pane
 from lidarspectra.room.panes.search import find_panes
-from lidarspectra.workflow.init_file import init
+from lidarspectra.workflow.init.init_file import init
 from lidarspectra.workflow.panes_of_run import panes_of_run
 from lidarspectra.workflow.pipeline import RunSummary, run
 from lidarspectra.workflow.whole_room import whole_room

@@ -19,8 +19,8 @@ from lidarspectra.mapping.figures.room_pictures import tone_mapped
 from lidarspectra.mapping.rules.rule_figures import looks_figure, rules_figure
 from lidarspectra.mapping.rules.rule_record import load_rules
 from lidarspectra.radiance.pictures.observer_channels import xyz_of_channels
-from lidarspectra.workflow.calibration_light import run_room
-from lidarspectra.workflow.picture_of_run import FALSE_COLOR, observer_scene, save_picture
+from lidarspectra.workflow.calibration.light import run_room
+from lidarspectra.workflow.scenarios.picture_of_run import FALSE_COLOR, observer_scene, save_picture
 
 EYE, TARGET = (2.9, 0.3, 1.6), (1.0, 2.2, 1.0)
 LIGHTS = {

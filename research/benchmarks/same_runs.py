@@ -12,7 +12,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.geometry.scan import load_scan
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.material.material_map import MaterialMap, load_materials
-from lidarspectra.workflow.workspace import stage_folder
+from lidarspectra.workflow.run_folder.workspace import stage_folder
 
 WAVELENGTHS_NM = np.arange(420.0, 761.0, 20.0)  # [nm] at which reflectances are compared
 

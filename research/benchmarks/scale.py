@@ -34,9 +34,9 @@ from lidarspectra.radiance.sampling.transport import make_transport
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.workflow import stages
-from lidarspectra.workflow.inputs import copy_scene
 from lidarspectra.workflow.pipeline import run
-from lidarspectra.workflow.workspace import STAGES, StageName, StageResult
+from lidarspectra.workflow.run_folder.inputs import copy_scene
+from lidarspectra.workflow.run_folder.workspace import STAGES, StageName, StageResult
 from research.benchmarks.processor_time import processor_seconds
 
 HALL_M = (12.0, 9.0, 3.0)

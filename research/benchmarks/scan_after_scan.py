@@ -27,11 +27,11 @@ from lidarspectra.room.room import find_room
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.room.surface_parts import PARTS, surface_parts
 from lidarspectra.spectra.databases import load_reflectances
-from lidarspectra.workflow.calibrating import priors_of
-from lidarspectra.workflow.calibration_light import RunRoom, coefficients, traced_light, weights_of
-from lidarspectra.workflow.calibration_plan import DIRECTIONS, reachable_places, spread
-from lidarspectra.workflow.calibration_readings import LUX
-from lidarspectra.workflow.delighting import take_light_out
+from lidarspectra.workflow.calibration.calibrating import priors_of
+from lidarspectra.workflow.calibration.light import RunRoom, coefficients, traced_light, weights_of
+from lidarspectra.workflow.calibration.plan import DIRECTIONS, reachable_places, spread
+from lidarspectra.workflow.calibration.readings import LUX
+from lidarspectra.workflow.materials.delighting import take_light_out
 from research.benchmarks.calibration_draws import FROM_SCAN, outcomes, planned
 from research.benchmarks.calibration_rooms import BANDS, KNOWN_METER_SD, MAP_POINTS, MAX_PLACES, NOISE, RoomLight
 from research.benchmarks.delighting import Case, light_of, read_case, reflectance_errors, traced, true_light

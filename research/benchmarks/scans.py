@@ -29,7 +29,7 @@ import numpy as np
 
 from lidarspectra.config import read_run_file
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
-from lidarspectra.workflow.workspace import stage_folder
+from lidarspectra.workflow.run_folder.workspace import stage_folder
 from research.virtual_rooms import damaged_rooms as rooms
 from research.virtual_rooms.damaged_rooms import Damage, Mesh
 from research.virtual_rooms.model_files import furnished_room, write_roomplan

@@ -35,9 +35,9 @@ from lidarspectra.mapping.photovoltaics.figures import agreement_figure, curves_
 from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.spectra.spectrum import sensor_bands
-from lidarspectra.workflow.cell_fits import ahead_in_log
-from lidarspectra.workflow.light_of_run import light_of_run
+from lidarspectra.workflow.applications.cell_fits import ahead_in_log
 from lidarspectra.workflow.pipeline import run
+from lidarspectra.workflow.run_folder.light_of_run import light_of_run
 from research.experiments.instruments import calibration_factors, measured_irradiance
 from research.experiments.true_light_file import StoredLight, load_true_light
 from research.experiments.variants import changed, fixed_points, write_run_file

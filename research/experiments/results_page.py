@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from lidarspectra.io.files import write_whole
-from lidarspectra.workflow.workspace import versions
+from lidarspectra.workflow.run_folder.workspace import versions
 from research.experiments.provenance import made_by
 
 READING = "reading.md"  # written by hand: what the numbers say

@@ -46,8 +46,8 @@ from lidarspectra.spectra.databases import tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra.spectrum import BandSet, uniform_bands
 from lidarspectra.spectra.spectrum_files import TableRow, write_table
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
-from lidarspectra.workflow.sensing_of_run import sensor_points
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.sensing_of_run import sensor_points
 from research.experiments.true_light import true_materials
 from research.virtual_rooms.camera import DirectLight, SurfaceLight, photograph
 from research.virtual_rooms.glb_file import write_glb

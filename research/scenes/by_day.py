@@ -20,7 +20,7 @@ from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.spectra.databases import color_matching_functions, lamp_spectrum
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import TableRow, read_table, write_table
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from research.scenes.build import (
     SCENES,
     VISIBLE_NM,

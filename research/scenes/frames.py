@@ -22,7 +22,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray
 from lidarspectra.geometry.textures import mean_texture_colors
 from lidarspectra.hardware.phone.texture_atlas import Atlas
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from research.scenes.build import Besides, spectral_flux
 from research.scenes.by_day import CASES, WINDOW, WINDOWS, Case, build_by_day, openings_of
 from research.virtual_rooms.camera import DirectLight, SurfaceLight, light_colors, seen_light

@@ -22,7 +22,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.room.sensor_points import read_points
 from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.spectra.spectrum import BandSet
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from research.experiments.true_light import (
     FLAT_DEG,
     TrueLight,

@@ -8,7 +8,7 @@ import pytest
 
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.workflow.pipeline import plan, run
-from lidarspectra.workflow.workspace import STAGES, Workspace
+from lidarspectra.workflow.run_folder.workspace import STAGES, Workspace
 
 from .test_run_faults import finished as finished
 
@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reas
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from lidarspectra.workflow import workspace
+from lidarspectra.workflow.run_folder import workspace
 from lidarspectra.workflow.pipeline import run
 
 class Killer:
@@ -46,7 +46,7 @@ def test_a_killed_stage_is_not_there_and_the_next_run_makes_it(finished: Path, s
 
 def test_a_run_in_another_process_is_waited_for_and_its_end_by_force_lets_go(tmp_path: Path) -> None:
     code = (
-        "import sys, time; from pathlib import Path; from lidarspectra.workflow.workspace import Workspace;"
+        "import sys, time; from pathlib import Path; from lidarspectra.workflow.run_folder.workspace import Workspace;"
         "work = Workspace(Path(sys.argv[1])).__enter__(); print('held', flush=True); time.sleep(600)"
     )
     holder = subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "run")], stdout=subprocess.PIPE, text=True)

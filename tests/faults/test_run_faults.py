@@ -25,9 +25,10 @@ from lidarspectra.errors import EngineError, LidarSpectraError, SceneError, Work
 from lidarspectra.progress import Progress, silent
 from lidarspectra.radiance.engine import seed_clock
 from lidarspectra.radiance.engine.engine import PROGRAMS, Engine, find_engine
-from lidarspectra.workflow import sensing_of_run, stages
+from lidarspectra.workflow import stages
 from lidarspectra.workflow.pipeline import plan, run
-from lidarspectra.workflow.workspace import (
+from lidarspectra.workflow.run_folder import sensing_of_run
+from lidarspectra.workflow.run_folder.workspace import (
     LOCK_FILE,
     MARKER_FILE,
     STAGES,

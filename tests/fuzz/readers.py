@@ -291,7 +291,7 @@ hours = "8:30-17"
 
 
 def read_a_run_file(path: Path) -> object:
-    from lidarspectra.workflow.inputs import read_inputs
+    from lidarspectra.workflow.run_folder.inputs import read_inputs
 
     return read_inputs(path)
 

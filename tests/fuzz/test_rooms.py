@@ -12,7 +12,7 @@ import lidarspectra as ls
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.room.free_space import FreeSpace
-from lidarspectra.workflow.proposed_lamps import propose_panels
+from lidarspectra.workflow.init.proposed_lamps import propose_panels
 
 from . import rooms
 

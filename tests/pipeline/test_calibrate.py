@@ -12,8 +12,8 @@ import pytest
 import lidarspectra as ls
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.room.sensor_points import SensorPoints
-from lidarspectra.workflow import calibrating
-from lidarspectra.workflow.calibration_light import (
+from lidarspectra.workflow.calibration import calibrating
+from lidarspectra.workflow.calibration.light import (
     RunRoom,
     TracedLight,
     coefficients,

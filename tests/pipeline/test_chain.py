@@ -19,7 +19,7 @@ from lidarspectra.progress import Progress, silent
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.workflow import trace_notes
 from lidarspectra.workflow.pipeline import plan, run
-from lidarspectra.workflow.workspace import STAGES, StageName, StageResult
+from lidarspectra.workflow.run_folder.workspace import STAGES, StageName, StageResult
 
 RoomWriter = Callable[..., Path]
 
@@ -120,7 +120,7 @@ def test_an_interrupted_run_resumes_at_the_stage_that_was_cut(tmp_path: Path, wr
 
 
 def test_relighting_is_the_sum_of_its_lamps(finished: Path, tmp_path: Path) -> None:
-    from lidarspectra.workflow.relighting import LampOrder, relight_run
+    from lidarspectra.workflow.scenarios.relighting import LampOrder, relight_run
 
     folder = finished.with_suffix(".run")
     first, second = 'lamp "one" !rm', "warm"
@@ -133,7 +133,7 @@ def test_relighting_is_the_sum_of_its_lamps(finished: Path, tmp_path: Path) -> N
 
 
 def test_a_relit_room_is_written_beside_the_run(finished: Path, tmp_path: Path) -> None:
-    from lidarspectra.workflow.relighting import LampOrder, relight_run
+    from lidarspectra.workflow.scenarios.relighting import LampOrder, relight_run
 
     words = ["relight", str(finished.with_suffix(".run")), "--out", str(tmp_path / "relit")]
     answer = CliRunner().invoke(app, [*words, "--lamp", "warm", "--spectrum", "FL11", "--dim", "0.4"])
@@ -171,7 +171,7 @@ def test_a_run_is_exported_for_other_programs(finished: Path, tmp_path: Path) ->
 
 
 def test_the_lamps_shares_in_the_file_for_blender_sum_up_to_the_map(finished: Path, tmp_path: Path) -> None:
-    from lidarspectra.workflow.relighting import LampOrder, relight_run
+    from lidarspectra.workflow.scenarios.relighting import LampOrder, relight_run
 
     run_folder = finished.with_suffix(".run")
     answer = CliRunner().invoke(app, ["export", str(run_folder), "--blender", "--out", str(tmp_path)])
@@ -287,7 +287,7 @@ def test_one_stage_s_command_stops_there(tmp_path: Path, write_room: RoomWriter)
 def test_a_run_by_plain_rtrace_goes_to_its_map_and_is_relit(
     tmp_path: Path, write_room: RoomWriter, room_text: str
 ) -> None:
-    from lidarspectra.workflow.relighting import LampOrder, relight_run
+    from lidarspectra.workflow.scenarios.relighting import LampOrder, relight_run
 
     text = room_text.replace("[trace]", '[trace]\nmethod = "rtrace"').replace("coverage = 0.5", 'method = "default"')
     run_file = write_room(tmp_path, text)

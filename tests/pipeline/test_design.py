@@ -12,7 +12,7 @@ import pytest
 import lidarspectra as ls
 from lidarspectra.mapping.design.problem import Freedom, Problem, Sources, level_limit, uniformity_limit
 from lidarspectra.mapping.design.solving import solve
-from lidarspectra.workflow.design_run_file import designed_run_file
+from lidarspectra.workflow.design.designed_run_file import designed_run_file
 from tests.pipeline.conftest import CommandLine, RoomWriter
 
 pytestmark = pytest.mark.slow

@@ -176,7 +176,8 @@ def test_what_a_page_shows_works(
     monkeypatch.chdir(here)
     monkeypatch.setenv("LIDARSPECTRA_DATA", str(tmp_path / "data"))
     # The demo's own room takes minutes; here the command shows a room that has been run.
-    monkeypatch.setattr("lidarspectra.workflow.inputs.copy_scene", lambda name, folder: here / "demo" / RUN_FILE)
+    copy = "lidarspectra.workflow.run_folder.inputs.copy_scene"
+    monkeypatch.setattr(copy, lambda name, folder: here / "demo" / RUN_FILE)
     for language, text in found:
         do_block(language, text)
 

@@ -12,11 +12,11 @@ from lidarspectra.mapping.maps.map_files import load_map
 from lidarspectra.progress import Progress, silent
 from lidarspectra.radiance.sampling.transport import load_transport
 from lidarspectra.radiance.scene.slots import MAX_OWN_ERROR
-from lidarspectra.workflow.light_of_run import light_of_run
 from lidarspectra.workflow.pipeline import plan, run
-from lidarspectra.workflow.relighting import LampOrder, relight_run
+from lidarspectra.workflow.run_folder.light_of_run import light_of_run
+from lidarspectra.workflow.run_folder.workspace import STAGES, StageName, StageResult
+from lidarspectra.workflow.scenarios.relighting import LampOrder, relight_run
 from lidarspectra.workflow.verify import verify_run
-from lidarspectra.workflow.workspace import STAGES, StageName, StageResult
 
 pytestmark = pytest.mark.slow
 BY_TWO_TRACES = pytest.mark.chance(

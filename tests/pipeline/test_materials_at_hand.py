@@ -8,9 +8,9 @@ import pytest
 import trimesh
 
 from lidarspectra.material.lamp_fluxes import LampFlux, save_lamp_fluxes
-from lidarspectra.workflow.inputs import read_inputs
-from lidarspectra.workflow.lamps_of_run import resolve_lamps, with_estimated_fluxes
 from lidarspectra.workflow.pipeline import run
+from lidarspectra.workflow.run_folder.inputs import read_inputs
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps, with_estimated_fluxes
 
 RoomWriter = Callable[..., Path]
 

@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 from lidarspectra.cli.app import app
 from lidarspectra.errors import RunFileError
 from lidarspectra.radiance.pictures.glare import LEAST_UGR
-from lidarspectra.workflow.calibration_light import run_room
+from lidarspectra.workflow.calibration.light import run_room
 from lidarspectra.workflow.pipeline import run
-from lidarspectra.workflow.rule_points import rule_points
+from lidarspectra.workflow.rules.points import rule_points
 
 AREAS = """
 [rules]

@@ -14,8 +14,8 @@ from lidarspectra.errors import WorkspaceError
 from lidarspectra.spectra.databases import list_databases
 from lidarspectra.workflow import verify as verify_module
 from lidarspectra.workflow.pipeline import run
+from lidarspectra.workflow.run_folder.workspace import MARKER_FILE, RECORD_FILE, hash_files, read_request, versions
 from lidarspectra.workflow.verify import verify_run
-from lidarspectra.workflow.workspace import MARKER_FILE, RECORD_FILE, hash_files, read_request, versions
 
 DETERMINISTIC = ("1-scan", "2-views", "3-materials", "4-scene", "5-trace/model")
 """What no random number of the engine's goes into; the octrees' headers have oconv's command line."""

@@ -61,7 +61,7 @@ def test_the_wheel_holds_the_package_its_databases_and_the_office_and_nothing_el
 def test_a_room_that_the_wheel_does_not_hold_is_refused_and_the_checkout_named(installed: Path, tmp_path: Path) -> None:
     code = (
         "from pathlib import Path; from lidarspectra.errors import WorkspaceError;"
-        "from lidarspectra.workflow.inputs import copy_scene\n"
+        "from lidarspectra.workflow.run_folder.inputs import copy_scene\n"
         "try: copy_scene('box', Path('here'))\n"
         "except WorkspaceError as error: print(error)"
     )

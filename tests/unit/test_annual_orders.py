@@ -13,8 +13,8 @@ from lidarspectra.config import RunFile
 from lidarspectra.errors import LampError, RunFileError
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.radiance.scene.daylight import Window
-from lidarspectra.workflow.annual import _glass_notes, _hour_at, annual_daylight
-from lidarspectra.workflow.annual_inputs import changed_since, with_inputs, year_inputs
+from lidarspectra.workflow.applications.annual import _glass_notes, _hour_at, annual_daylight
+from lidarspectra.workflow.run_folder.annual_inputs import changed_since, with_inputs, year_inputs
 
 WINDOW = {"name": "south", "center": [0, 0, 1], "size": [1, 1], "normal": [0, 1, 0]}
 DAYLIGHT = {"latitude_deg": 48, "longitude_deg": 9, "time": "2026-06-21T12:00:00+02:00", "windows": [WINDOW]}

@@ -14,7 +14,7 @@ from lidarspectra.mapping.maps.map_files import load_map, map_table, read_map_ta
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.room.room import Room
 from lidarspectra.spectra.spectrum import gaussian_bands
-from lidarspectra.workflow.assumed import (
+from lidarspectra.workflow.run_folder.assumed import (
     assumed_lamps,
     assumed_of_scan,
     lamp_notes,
@@ -22,7 +22,7 @@ from lidarspectra.workflow.assumed import (
     result_notes,
     scan_notes,
 )
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 
 SCAN = {"file": "room.glb"}
 

@@ -15,8 +15,8 @@ from lidarspectra.hardware.sensor.as7265x import (
     nominal_responsivity,
 )
 from lidarspectra.hardware.sensor.measured_readings import fitted_factors
-from lidarspectra.workflow import evaluation as comparison
-from lidarspectra.workflow.evaluation import evaluate_run, save_evaluation
+from lidarspectra.workflow.applications import evaluation as comparison
+from lidarspectra.workflow.applications.evaluation import evaluate_run, save_evaluation
 
 LABELS = ("410", "435", "460")
 LEVELS = np.array([1.0, 2.0, 3.0])

@@ -11,9 +11,9 @@ from lidarspectra.errors import MapError, RunFileError
 from lidarspectra.mapping.design.candidates import candidate_grid
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import read_spectrum_file, write_spectrum_file
-from lidarspectra.workflow import design_target
-from lidarspectra.workflow.design_lamps import mixture
-from lidarspectra.workflow.design_target import read_target
+from lidarspectra.workflow.design import target as design_target
+from lidarspectra.workflow.design.lamps import mixture
+from lidarspectra.workflow.design.target import read_target
 
 FAULTS = {
     '[[targets]]\nname = "a"\natleast = 3': "did you mean 'at_least'",

@@ -12,11 +12,11 @@ from lidarspectra.config import RunFile
 from lidarspectra.errors import UndeclaredError
 from lidarspectra.io.toml_sections import Section
 from lidarspectra.workflow import stages
-from lidarspectra.workflow.declared import FILES, declare
-from lidarspectra.workflow.inputs import Inputs
 from lidarspectra.workflow.kept_light import same_picture_light, same_room, with_present_names
 from lidarspectra.workflow.pipeline import walk
-from lidarspectra.workflow.workspace import STAGES, Stage, StageName, StageRecord, StageResult, stage_key
+from lidarspectra.workflow.run_folder.declared import FILES, declare
+from lidarspectra.workflow.run_folder.inputs import Inputs
+from lidarspectra.workflow.run_folder.workspace import STAGES, Stage, StageName, StageRecord, StageResult, stage_key
 
 LAMP = {
     "name": "one",

@@ -25,8 +25,9 @@ def test_every_folder_of_the_package_is_drawn_and_says_what_it_holds(project: Pa
     assert sum("/ " in line and not line.startswith("     ") for line in lines) >= len(floors(project))
     for folder in folders:
         if folder.name != "lidarspectra":
-            (line,) = (line for line in lines if re.match(rf"[ \d]+ {folder.name}/ ", line))
-            assert len(line.split("/ ", 1)[1].split()) >= 2, folder
+            drawn = [line for line in lines if re.match(rf"[ \d]+ {folder.name}/ ", line)]
+            assert len(drawn) == sum(other.name == folder.name for other in folders), folder
+            assert all(len(line.split("/ ", 1)[1].split()) >= 2 for line in drawn), folder
 
 
 def test_what_is_where_is_there(guide: str, project: Path) -> None:

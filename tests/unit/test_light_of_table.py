@@ -8,8 +8,8 @@ import pytest
 
 from lidarspectra.errors import MapError
 from lidarspectra.spectra.spectrum import sensor_bands
-from lidarspectra.workflow.cells_of_run import predict_from_table
-from lidarspectra.workflow.light_of_run import light_of_table
+from lidarspectra.workflow.applications.cells_of_run import predict_from_table
+from lidarspectra.workflow.run_folder.light_of_run import light_of_table
 
 BANDS = sensor_bands("as7265x-14")
 CHANNELS = [f"E_{label}" for label in BANDS.labels]

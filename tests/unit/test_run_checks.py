@@ -9,9 +9,9 @@ import trimesh
 
 import lidarspectra as ls
 from lidarspectra.errors import LidarSpectraError
-from lidarspectra.workflow.plausible_numbers import LUMINOUS_FLUX
-from lidarspectra.workflow.scan_checks import extent_of_stage
-from lidarspectra.workflow.workspace import STAGES
+from lidarspectra.workflow.checks.plausible_numbers import LUMINOUS_FLUX
+from lidarspectra.workflow.checks.scan_checks import extent_of_stage
+from lidarspectra.workflow.run_folder.workspace import STAGES
 
 ROOM = """
 [scan]
@@ -389,7 +389,7 @@ def test_a_scan_that_is_up_to_date_is_not_read_again(write: Write, monkeypatch: 
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("the scan was read")
 
-    monkeypatch.setattr("lidarspectra.workflow.input_checks.read_scan", refuse)
+    monkeypatch.setattr("lidarspectra.workflow.checks.input_checks.read_scan", refuse)
     monkeypatch.setattr("lidarspectra.workflow.stages.load_scan", refuse)
     monkeypatch.setattr("lidarspectra.geometry.scan.load_scan", refuse)
     assert ls.check(run_file).states["scan"] == "up to date"
@@ -413,7 +413,7 @@ def test_the_box_of_a_run_of_an_earlier_version_is_that_of_its_mesh(write: Write
 
 
 def test_what_is_refused_is_beyond_what_is_asked_about() -> None:
-    from lidarspectra.workflow import plausible_numbers
+    from lidarspectra.workflow.checks import plausible_numbers
 
     every = [each for each in vars(plausible_numbers).values() if isinstance(each, type(LUMINOUS_FLUX))]
     assert len(every) > 10

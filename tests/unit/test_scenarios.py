@@ -6,7 +6,7 @@ import pytest
 
 from lidarspectra.cli.relight import order_words, parse_orders
 from lidarspectra.errors import WorkspaceError
-from lidarspectra.workflow.scenarios import new_scenario
+from lidarspectra.workflow.scenarios.scenarios import new_scenario
 
 DIMMED = ("--lamp", "panel 1", "--dim", "0.5")
 OFF = ("--lamp", "panel 1", "--dim", "0")

@@ -13,9 +13,9 @@ from lidarspectra.material.segmentation import SHIPPED_MODEL
 from lidarspectra.material.viewpoints import ViewSettings, render_views
 from lidarspectra.progress import silent
 from lidarspectra.spectra.databases import scenes_folder
-from lidarspectra.workflow import votes_ahead
-from lidarspectra.workflow.inputs import read_inputs
-from lidarspectra.workflow.votes_ahead import votes_beside
+from lidarspectra.workflow.materials import votes_ahead
+from lidarspectra.workflow.materials.votes_ahead import votes_beside
+from lidarspectra.workflow.run_folder.inputs import read_inputs
 
 from .material.conftest import box_scan
 

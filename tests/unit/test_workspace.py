@@ -12,7 +12,15 @@ import pytest
 
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.progress import Progress, silent
-from lidarspectra.workflow.workspace import LOCK_FILE, Notes, Stage, StageResult, Workspace, read_record, require_stage
+from lidarspectra.workflow.run_folder.workspace import (
+    LOCK_FILE,
+    Notes,
+    Stage,
+    StageResult,
+    Workspace,
+    read_record,
+    require_stage,
+)
 
 
 class Maker:

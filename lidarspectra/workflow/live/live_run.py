@@ -24,7 +24,6 @@ from lidarspectra.mapping.report.live_page import LiveView, trend_json
 from lidarspectra.mapping.report.room_view import RoomSurfaces, room_view_data, shown_points
 from lidarspectra.material.material_map import load_materials
 from lidarspectra.progress import Progress, silent
-from lidarspectra.workflow.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
 from lidarspectra.workflow.live.board import Board
 from lidarspectra.workflow.live.cells_beside import CellsBeside
 from lidarspectra.workflow.live.room_of_run import lit_room
@@ -32,7 +31,8 @@ from lidarspectra.workflow.live.sensors_file import SensorsFile, read_sensors
 from lidarspectra.workflow.live.server import LiveServer
 from lidarspectra.workflow.live.session import LiveSession, replay
 from lidarspectra.workflow.live.sources import sources_of
-from lidarspectra.workflow.workspace import require_stage, writing_run
+from lidarspectra.workflow.run_folder.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
+from lidarspectra.workflow.run_folder.workspace import require_stage, writing_run
 
 READINGS = "live"  # folder in the run
 LOOK_S = 0.2  # [s] how often is looked whether to stop

@@ -14,7 +14,7 @@ from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.mapping.figures.tables import Table, save_table
 from lidarspectra.workflow.live.sensors_file import read_sensors
 from lidarspectra.workflow.live.sources import sources_of
-from lidarspectra.workflow.workspace import made_folder
+from lidarspectra.workflow.run_folder.workspace import made_folder
 
 DAY_S = 86400.0  # [s]
 

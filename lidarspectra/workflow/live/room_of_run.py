@@ -21,11 +21,11 @@ from lidarspectra.progress import Progress, silent
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.room.surface_parts import PARTS
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
-from lidarspectra.workflow.calibrating import priors_of
-from lidarspectra.workflow.calibration_light import coefficients, run_room
-from lidarspectra.workflow.calibration_readings import CHANNEL_SD
-from lidarspectra.workflow.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
+from lidarspectra.workflow.calibration.calibrating import priors_of
+from lidarspectra.workflow.calibration.light import coefficients, run_room
+from lidarspectra.workflow.calibration.readings import CHANNEL_SD
 from lidarspectra.workflow.live.sensors_file import SensorSection, SensorsFile
+from lidarspectra.workflow.run_folder.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
 
 QUANTITIES = ("illuminance_lx", "melanopic_edi_lx", "ppfd_umol_m2_s")
 UNKNOWNS = Path("calibration") / "unknowns.csv"  # of a calibrated run; `lidarspectra calibrate` writes it

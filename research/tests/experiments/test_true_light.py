@@ -9,7 +9,7 @@ from lidarspectra.errors import MapError
 from lidarspectra.radiance.engine.bands import lamp_band_flux
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.spectrum import sensor_bands
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from research.experiments.true_light import TrueLight, channel_weights, single_wavelengths, true_points
 from research.experiments.true_light_file import (
     SecondOpinion,

@@ -7,7 +7,7 @@ import pytest
 
 from lidarspectra.radiance.engine.bands import lamp_band_flux
 from lidarspectra.spectra.spectrum import sensor_bands
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from research.experiments.true_light import true_light, true_points
 from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import true_room

@@ -10,7 +10,7 @@ from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.scene.scene import write_scene
 from lidarspectra.room.sensor_points import SensorPoints, read_points
 from lidarspectra.spectra.spectrum import sensor_bands
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import true_room
 

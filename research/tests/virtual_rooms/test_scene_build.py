@@ -12,7 +12,7 @@ from lidarspectra.errors import PlanError
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.radiance.engine.bands import lamp_band_flux
 from lidarspectra.spectra.spectrum import uniform_bands
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from research.scenes import build
 from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import true_room

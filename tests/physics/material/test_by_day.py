@@ -14,7 +14,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.light_exchange import cosine_directions
 from lidarspectra.material.unknown_light import PANE_REFLECTANCE
 from lidarspectra.room.room import find_room
-from lidarspectra.workflow.delighting import Delighting, take_light_out
+from lidarspectra.workflow.materials.delighting import Delighting, take_light_out
 
 from .lit_rooms import OFF_M, all_light, joined, lamp_light, painted, plane
 

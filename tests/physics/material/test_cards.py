@@ -13,7 +13,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.cards import Card, look_at_cards
 from lidarspectra.room.room import find_room
-from lidarspectra.workflow.delighting import take_light_out
+from lidarspectra.workflow.materials.delighting import take_light_out
 
 from .lit_rooms import all_light, joined, lamp_light, painted, plane
 

@@ -10,7 +10,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.room.room import find_room
-from lidarspectra.workflow.delighting import take_light_out
+from lidarspectra.workflow.materials.delighting import take_light_out
 
 from .lit_rooms import Part, all_light, joined, lamp_light, painted, plane
 

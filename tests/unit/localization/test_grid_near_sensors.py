@@ -8,7 +8,7 @@ from lidarspectra.mapping.localization.person import Positions
 from lidarspectra.mapping.localization.traced_fingerprints import person_obstacle
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.databases import load_reflectances
-from lidarspectra.workflow.fingerprints import FingerprintOrder, clear_of_sensors, place_people
+from lidarspectra.workflow.applications.fingerprints import FingerprintOrder, clear_of_sensors, place_people
 
 ORDER = FingerprintOrder(grid_m=0.5, draws=2, postures=("standing", "walking"), seed=4)
 

@@ -13,7 +13,7 @@ from lidarspectra.mapping.localization.live import LiveLocator, LiveSettings
 from lidarspectra.mapping.localization.location_model import LocationModel, TrainingSettings, train_locator
 from lidarspectra.mapping.localization.people_scores import people_of, people_table, reliability_table
 from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE
-from lidarspectra.workflow.localization_jobs import track_row
+from lidarspectra.workflow.applications.localization_jobs import track_row
 
 Maker = Callable[..., xr.Dataset]
 GAINS = np.full(6, 1e6)  # [count per W/m²/nm]

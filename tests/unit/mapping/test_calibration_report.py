@@ -14,7 +14,7 @@ from lidarspectra.lamps.shapes import Panel
 from lidarspectra.mapping.calibration.figures import places_of, readings_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.spectra.spectrum import Spectrum
-from lidarspectra.workflow.calibration_report import calibration_sections
+from lidarspectra.workflow.calibration.report import calibration_sections
 
 SECTION = CalibrationSection.model_validate({"measured": "readings.csv", "lamps": {"panel": 1.2}})
 PLAN = FloorPlan(outline=np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]]), furniture=())

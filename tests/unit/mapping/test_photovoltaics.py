@@ -278,7 +278,7 @@ def test_a_fitted_curve_tells_later_counts_of_a_cell():
 
 
 def test_the_robot_s_cells_are_told_better_by_fitted_curves_than_by_digitised_ones(shared: Path):
-    from lidarspectra.workflow.cell_fits import ahead_in_log
+    from lidarspectra.workflow.applications.cell_fits import ahead_in_log
 
     log = shared / "sensor-logs" / "office-robot" / "solar-2023-04-20.csv"
     for column, name in ((1, "organic-green"), (2, "organic-blue")):

@@ -6,7 +6,7 @@ from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry import light_of_lamps
 from lidarspectra.mapping.photometry.people_and_plants import light_at_points, summary_table
 from lidarspectra.mapping.photometry.quantities import light_quantity
-from lidarspectra.workflow.relit_answer import answer_table, channels_table
+from lidarspectra.workflow.scenarios.relit_answer import answer_table, channels_table
 
 
 def test_before_and_after_are_those_of_the_points_that_are_not_buried(make_transport, lamps) -> None:

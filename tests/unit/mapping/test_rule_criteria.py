@@ -16,12 +16,12 @@ from lidarspectra.mapping.calibration.model import STEEPEST
 from lidarspectra.mapping.rules.chances import Draws
 from lidarspectra.radiance.pictures.glare import Luminaires
 from lidarspectra.spectra.spectrum import uniform_bands
-from lidarspectra.workflow.rule_criteria import EN, area_criteria, eye_criteria, plant_criteria, surface_criteria
-from lidarspectra.workflow.rule_light import EDI, LUX, PPFD, RuleLight, effects_at
-from lidarspectra.workflow.rule_looks import Look, ugr_criteria
-from lidarspectra.workflow.rule_points import AreaPoints, RulePoints
-from lidarspectra.workflow.rule_year import daylight_factors, plane_notes
-from lidarspectra.workflow.rules_of_run import not_judged
+from lidarspectra.workflow.rules.criteria import EN, area_criteria, eye_criteria, plant_criteria, surface_criteria
+from lidarspectra.workflow.rules.light import EDI, LUX, PPFD, RuleLight, effects_at
+from lidarspectra.workflow.rules.looks import Look, ugr_criteria
+from lidarspectra.workflow.rules.points import AreaPoints, RulePoints
+from lidarspectra.workflow.rules.rules_of_run import not_judged
+from lidarspectra.workflow.rules.year import daylight_factors, plane_notes
 
 TASK, EYES = 4, 2
 DRAWS = 50

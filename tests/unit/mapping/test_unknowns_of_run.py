@@ -9,7 +9,7 @@ import pytest
 from lidarspectra.config import CalibrationSection
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.room.surface_parts import PARTS
-from lidarspectra.workflow.unknowns_of_run import calibrated_covariance, lost_calibration_note
+from lidarspectra.workflow.calibration.unknowns_of_run import calibrated_covariance, lost_calibration_note
 
 SECTION = CalibrationSection(lamps={"known": 1.1, "unknown": 0.9})
 VARIANCE = [0.01, 0.4, *(0.07 + 0.01 * number for number in range(len(PARTS)))]

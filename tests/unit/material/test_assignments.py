@@ -14,7 +14,7 @@ from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.material_map import MaterialMap, save_materials
 from lidarspectra.material.viewpoints import ViewSettings, render_views
 from lidarspectra.spectra.databases import load_reflectances
-from lidarspectra.workflow.materials_of_run import materials_of_run
+from lidarspectra.workflow.materials.materials_of_run import materials_of_run
 
 from .conftest import box_scan
 

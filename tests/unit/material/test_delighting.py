@@ -12,9 +12,9 @@ from lidarspectra.material.clipped_light import beyond_white
 from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.sharpened_cones import cones_of_srgb
 from lidarspectra.spectra.spectrum import Spectrum
-from lidarspectra.workflow.delighting import STRAY_LIGHT, _unsure, _whites
-from lidarspectra.workflow.delighting_notes import unsettled_note, whiter_than_paint_note
-from lidarspectra.workflow.delighting_samples import near_lamps
+from lidarspectra.workflow.materials.delighting import STRAY_LIGHT, _unsure, _whites
+from lidarspectra.workflow.materials.delighting_notes import unsettled_note, whiter_than_paint_note
+from lidarspectra.workflow.materials.delighting_samples import near_lamps
 
 from .lit_walls import evidence
 

@@ -20,8 +20,8 @@ from lidarspectra.material.lamp_fluxes import (
     save_lamp_fluxes,
 )
 from lidarspectra.room.room import find_room
-from lidarspectra.workflow.delighting import take_light_out
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.materials.delighting import take_light_out
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 
 FLUXES = (
     LampFlux(lamp="lit 1", factor=2.0, log_deviation=0.05, identifiable=True),

@@ -14,7 +14,7 @@ from lidarspectra.material.place_priors import KINDS, PRIORS
 from lidarspectra.material.segmentation import SHIPPED_MODEL, Classifier
 from lidarspectra.material.views import ViewSet
 from lidarspectra.room.room import find_room
-from lidarspectra.workflow.delighting import take_light_out
+from lidarspectra.workflow.materials.delighting import take_light_out
 
 from .conftest import box_scan
 

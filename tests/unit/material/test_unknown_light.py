@@ -15,7 +15,7 @@ from lidarspectra.material.light_evidence import LightEvidence
 from lidarspectra.material.sharpened_cones import srgb_of_cones
 from lidarspectra.material.unknown_light import LOBES, STEEP, find_unknown_sources, opening_patterns, source_patterns
 from lidarspectra.spectra.spectrum import Spectrum
-from lidarspectra.workflow.delighting_samples import seen_lit
+from lidarspectra.workflow.materials.delighting_samples import seen_lit
 
 
 def sheet(corner: tuple[float, ...], along: tuple[float, ...], up: tuple[float, ...], steps: int) -> np.ndarray:

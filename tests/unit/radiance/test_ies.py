@@ -10,7 +10,7 @@ from lidarspectra.config import LampSection
 from lidarspectra.errors import LampError
 from lidarspectra.lamps.ies import CandelaTable, read_ies, read_ies_text
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 
 HEAD = "IESNA:LM-63-2002\n[TEST] none\n[LUMCAT] TEST 1\nTILT=NONE\n"
 

@@ -12,7 +12,7 @@ from lidarspectra.lamps.lamp_spectra import cct_spectrum, luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.make_lamp import lamps_from_lit, make_lamp
 from lidarspectra.spectra.spectrum import Spectrum
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 
 HERE = Path()
 

@@ -11,7 +11,7 @@ from lidarspectra.errors import LampError
 from lidarspectra.lamps.ies import read_ies
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.lamps.ldt import ies_text_of_ldt
-from lidarspectra.workflow.lamps_of_run import resolve_lamps
+from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 
 PLANES = np.arange(0.0, 360.0, 15.0)
 ANGLES = np.arange(0.0, 91.0, 5.0)

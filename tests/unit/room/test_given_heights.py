@@ -7,10 +7,10 @@ from lidarspectra.config import RunFile, parse_run_file, read_run_file
 from lidarspectra.errors import ArgumentError, RunFileError, ScanError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.room.room import find_room
-from lidarspectra.workflow.findings import Findings
-from lidarspectra.workflow.init_choices import InitChoices
-from lidarspectra.workflow.init_file import write_init
-from lidarspectra.workflow.scan_checks import ScanExtent, check_in_scan
+from lidarspectra.workflow.checks.findings import Findings
+from lidarspectra.workflow.checks.scan_checks import ScanExtent, check_in_scan
+from lidarspectra.workflow.init.choices import InitChoices
+from lidarspectra.workflow.init.init_file import write_init
 from lidarspectra.workflow.whole_room import whole_room
 
 NOISE_M = 0.006  # [m] of a phone's mesh

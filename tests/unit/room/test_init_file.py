@@ -10,8 +10,8 @@ import pytest
 
 from lidarspectra.config import parse_run_file, read_run_file
 from lidarspectra.errors import ArgumentError, RunFileError, ScanError, SensorError, WorkspaceError
-from lidarspectra.workflow.init_choices import InitChoices
-from lidarspectra.workflow.init_file import write_init
+from lidarspectra.workflow.init.choices import InitChoices
+from lidarspectra.workflow.init.init_file import write_init
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_the_lamps_of_the_run_file_hang_well(lit_room, tmp_path) -> None:
     from lidarspectra.hardware.phone.readers import read_scan
     from lidarspectra.hardware.phone.repair import repair_scan
     from lidarspectra.radiance.scene.placement import placement_notes
-    from lidarspectra.workflow.lamps_of_run import resolve_lamps
+    from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 
     write_init(lit_room, tmp_path / "room.toml")
     lamps = resolve_lamps(read_run_file(tmp_path / "room.toml").lamps, tmp_path)
@@ -139,7 +139,7 @@ def test_proposed_panels_hang_well(dark_room, tmp_path) -> None:
     from lidarspectra.hardware.phone.readers import read_scan
     from lidarspectra.hardware.phone.repair import repair_scan
     from lidarspectra.radiance.scene.placement import placement_notes
-    from lidarspectra.workflow.lamps_of_run import resolve_lamps
+    from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 
     write_init(dark_room, tmp_path / "room.toml")
     lamps = resolve_lamps(read_run_file(tmp_path / "room.toml").lamps, tmp_path)
@@ -152,7 +152,7 @@ def test_panels_keep_clear_of_ducts_and_follow_a_turned_room(builder) -> None:
     from lidarspectra.room.free_space import FreeSpace
     from lidarspectra.room.room import find_room
     from lidarspectra.spectra.spectrum import Spectrum
-    from lidarspectra.workflow.proposed_lamps import propose_panels
+    from lidarspectra.workflow.init.proposed_lamps import propose_panels
 
     room = builder(step_m=0.2)
     room.box([0, 0, 0], [7.2, 4.8, 2.7], inward=True)

@@ -9,7 +9,7 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import find_room
 from lidarspectra.room.sensor_points import SensorPoints, grid_points, place_points, read_points
-from lidarspectra.workflow.sensing_of_run import sensor_points
+from lidarspectra.workflow.run_folder.sensing_of_run import sensor_points
 
 CABINET = ([3.4, 0.8, 0.0], [4.0, 2.4, 1.1])
 

@@ -1,0 +1,1 @@
+"""What a run does not know of its room's light, and readings that tell it."""

@@ -1,0 +1,1 @@
+"""What is checked of a run file before anything is made: its files, places and numbers."""

@@ -1,0 +1,1 @@
+"""Lamps for wanted light, from a run's transport."""

@@ -1,0 +1,1 @@
+"""A first run file for a scan: what was found, what is guessed, and what the user must give."""

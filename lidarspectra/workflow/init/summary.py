@@ -1,0 +1,194 @@
+"""What `lidarspectra init` found in a scan, and the lines that it says."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from lidarspectra.errors import SensorError
+from lidarspectra.geometry.scan import ScanRecord
+from lidarspectra.hardware.phone.orientation import AXIS_UNCERTAIN, METRES_PER_UNIT, UNIT_UNCERTAIN
+from lidarspectra.material.lit_lamps import LampSearch, LitLamp
+from lidarspectra.material.unknown_light import UnknownSource
+from lidarspectra.room.panes.pane import Pane
+from lidarspectra.room.room import Room
+from lidarspectra.workflow.init.proposed_lamps import ProposedPanels
+from lidarspectra.workflow.panes_of_run import panes_in_words
+from lidarspectra.workflow.run_folder.assumed import CEILING_SHARE, uncertain_of_scan
+
+FLOOR_SHARE = 0.5  # [1] of the plan: with less floor in the scan, the outline may be wrong
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InitSummary:
+    """Findings in a scan, as written into a run file.
+
+    Parameters
+    ----------
+    run_file : Path
+        The file written.
+    scan : ScanRecord
+        Unit, upward axis and their confidences, the repairs and the notes.
+    given : tuple of str
+        Of 'unit', 'up', 'floor' and 'ceiling' what the user gave.
+    room : Room
+        Floor, ceiling, walls and outline.
+    sensor_height_m : float
+        Of the proposed grid above the floor. [m]
+    sensor_count : int
+        Points of the proposed grid; 0 if none fits.
+    no_sensor : SensorError or None
+        Why none fits.
+    lamps : LampSearch
+        Lamps lit in the texture, and bright patches that were rejected.
+    panels : ProposedPanels or None
+        Proposed where no lamp is lit.
+    panes : tuple of UnknownSource
+        Windows by day or large screens: upright places that shine and are no lamps.
+    proposed : tuple of Pane
+        Glass, mirrors and screens that the run file proposes.
+    has_color : bool
+        False for a scan without colour, in which no lamp can be seen.
+    picture : Path or None
+        Of the plan, with lamps and points, if it was drawn.
+    """
+
+    run_file: Path
+    scan: ScanRecord
+    given: tuple[str, ...]
+    room: Room
+    sensor_height_m: float
+    sensor_count: int
+    no_sensor: SensorError | None
+    lamps: LampSearch
+    panels: ProposedPanels | None
+    panes: tuple[UnknownSource, ...]
+    proposed: tuple[Pane, ...]
+    has_color: bool
+    picture: Path | None = None
+
+    @property
+    def assumed_of_scan(self) -> tuple[str, ...]:
+        """Of 'unit' and 'up' what was detected and is not certain."""
+        return tuple(name for name in uncertain_of_scan(self.scan) if name not in self.given)
+
+    def sureness(self, name: str) -> str:
+        """How unit ('unit') or upward axis ('up') is known, in words."""
+        confidence = self.scan.unit_confidence if name == "unit" else self.scan.up_confidence
+        guess = ": a guess" if name in self.assumed_of_scan else ""
+        return "given" if name in self.given else f"{percent(confidence)} sure{guess}"
+
+    def height_in_words(self, name: str) -> str:
+        """Where 'floor' or 'ceiling' is: 'z = 2.50 m', and whether it was given."""
+        z = self.room.floor_z if name == "floor" else self.room.ceiling_z
+        rounded = round(z, 2) + 0.0  # no "-0.00"
+        return f"z = {rounded:.2f} m" + (" (given)" if name in self.given else "")
+
+    def lines(self) -> tuple[str, ...]:
+        """The summary in plain lines, for the command line to show."""
+        # What is not certain stands here with what to do about it.
+        notes = [note for note in self.scan.notes if not note.startswith((UNIT_UNCERTAIN, AXIS_UNCERTAIN))]
+        return (*self._findings(), *(f"note: {note}" for note in notes), *self._advice(), self._last())
+
+    def _findings(self) -> Iterator[str]:
+        room, scan = self.room, self.scan
+        length, width = room.extent_m
+        yield f"unit      {scan.unit} ({self.sureness('unit')})"
+        yield f"up        {scan.up_axis} ({self.sureness('up')})"
+        yield (
+            f"room      {length:.2f} m x {width:.2f} m, {room.area_m2:.1f} m² of floor plan, "
+            f"{room.height_m:.2f} m high, {counted(len(room.walls), 'wall plane')}"
+            + (f", {counted(len(room.other_outlines), 'further room')}" if room.other_outlines else "")
+        )
+        yield (
+            f"surfaces  floor {room.floor_area_m2:.1f} m² ({percent(room.floor_confidence)} of the plan) at "
+            f"{self.height_in_words('floor')}, ceiling {room.ceiling_area_m2:.1f} m² "
+            f"({percent(room.ceiling_confidence)}) at {self.height_in_words('ceiling')}"
+        )
+        yield f"sensors   {counted(self.sensor_count, 'point')} {self.sensor_height_m:g} m above the floor"
+        yield f"lamps     {self.lamps_in_words()}"
+        if self.panes:
+            yield f"by day?   light comes from {self.panes_in_words()}"
+        if self.proposed:
+            yield f"panes?    {panes_in_words(self.proposed)} (assumed)"
+        yield f"wrote     {self.run_file}"
+
+    def lamps_in_words(self) -> str:
+        """The lamps by shape, or the panels in their place."""
+        if self.panels is not None:
+            return f"none lit; {counted(len(self.panels), 'panel')} proposed (assumed)"
+        return f"{lamps_in_words(self.lamps.lamps)} (flux and spectrum assumed)"
+
+    def panes_in_words(self) -> str:
+        """Where what shines and is no lamp is: 'a window or screen of 1.2 m² at (3.1, 2.2, 1.5) m'."""
+        places = [", ".join(f"{value + 0.0:.1f}" for value in pane.center) for pane in self.panes]
+        pairs = zip(self.panes, places, strict=True)
+        return ", ".join(f"a window or screen of {pane.area_m2:.1f} m² at ({place}) m" for pane, place in pairs)
+
+    def _advice(self) -> Iterator[str]:
+        if self.assumed_of_scan:
+            guesses = {"unit": f"unit = {self.scan.unit}", "up": f"up = {self.scan.up_axis}"}
+            yield (
+                f"{' and '.join(guesses[name] for name in self.assumed_of_scan)} under [scan] may be wrong, and a "
+                "wrong one spoils all that follows: check it against what you know of the room. If it is wrong, give "
+                "it by --unit and --up, with --force; if it is right, delete 'assumed' there."
+            )
+        if "unit" in self.assumed_of_scan:
+            yield f"By unit the room is: {'; '.join(self._sizes())}."
+        if 0.0 < self.room.ceiling_confidence < CEILING_SHARE:  # a note says that a ceiling was closed
+            yield (
+                "Most of the ceiling is missing in the scan: light that it would reflect is lost, so that the map is "
+                "too dark. Scan the ceiling too, if you can."
+            )
+        if 0.0 < self.room.floor_confidence < FLOOR_SHARE:
+            yield "Little of the floor is in the scan, so that the room's outline may be wrong: check its size above."
+        if self.panes:
+            yield (
+                "By day the light of windows is taken out of the scan's colours with the lamps', and the map has the "
+                "lamps alone; for daylight in the map give the windows under [daylight]."
+            )
+        if self.proposed:
+            yield (
+                "What has signs of glass, mirrors or screens stands in the run file as [[panes]], and is drawn on the "
+                "plan: look whether it is there, correct its place and size or remove it, and delete 'assumed' there."
+            )
+        yield self._lamp_advice()
+
+    def _sizes(self) -> Iterator[str]:
+        length, width = self.room.extent_m
+        for unit, metres in METRES_PER_UNIT.items():
+            factor = metres / METRES_PER_UNIT[self.scan.unit]  # type: ignore[index]  # a record holds a plain str
+            sides = " x ".join(f"{factor * side:.3g}" for side in (length, width, self.room.height_m))
+            yield f"{unit}: {sides} m"
+
+    def _lamp_advice(self) -> str:
+        if self.panels is None:
+            return (
+                "Edit the lamps' fluxes and spectrum, and delete 'assumed' there: a picture shows where a lamp is, but "
+                "not its luminous flux, which is assumed."
+            )
+        why = "No lamp is lit in the scan" if self.has_color else "The scan has no colour in which a lamp could be lit"
+        return (
+            f"{why}: a grid of ceiling panels stands in the run file in place of the room's own lamps, and the map "
+            "will be that of a guess. Replace them by the lamps that hang there."
+        )
+
+    def _last(self) -> str:
+        look = f"Look at the plan in {self.picture}, then: " if self.picture else "Then: "
+        return f"{look}lidarspectra run {self.run_file}"
+
+
+def lamps_in_words(lamps: tuple[LitLamp, ...]) -> str:
+    """Lamps by shape: '1 disc, 2 panels'."""
+    counts = Counter(lamp.shape.word for lamp in lamps)
+    return ", ".join(counted(number, shape) for shape, number in sorted(counts.items()))
+
+
+def counted(number: int, noun: str) -> str:
+    """'1 wall', '2 walls'."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def percent(share: float) -> str:
+    """A share of 1 as '93 %'."""
+    return f"{100 * share:.0f} %"

@@ -1,0 +1,539 @@
+"""De-light a scan's colours, from the direct light of lamps and other sources and the light between its surfaces.
+
+`material.albedo` has the method; here its evidence is gathered (samples of the surfaces, form factors between them,
+direct light of the lamps), and its result is interpolated from the samples to all faces.
+"""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.geometry.rays import RayCaster, caster_of
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.material.albedo import LightFit, fit_light
+from lidarspectra.material.cards import Card, SeenCards, beside_cards, look_at_cards
+from lidarspectra.material.clipped_light import CLIPPED, DARK, beyond_white
+from lidarspectra.material.colored_light import BANDS, Exchange, apparent_ratio
+from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.lamp_fluxes import (
+    UNKNOWN_FLUX_DEVIATION,
+    LampFlux,
+    estimated_fluxes,
+    flux_notes,
+    identifiable_lamps,
+)
+from lidarspectra.material.light_evidence import LightEvidence
+from lidarspectra.material.light_exchange import exchange_matrix
+from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE, CELL_M, LOG_SCATTER, STATED_FLUX_DEVIATION
+from lidarspectra.material.linear_evidence import (
+    UnseenFaces,
+    shown_of_lamps,
+    shown_of_sources,
+    spread_of_views,
+    tone_prior_of,
+    unseen_faces,
+)
+from lidarspectra.material.material_map import MaterialMap
+from lidarspectra.material.one_paint import Paints, one_paint
+from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
+from lidarspectra.material.sun_patches import Openings, SunPatches, find_sun_patches
+from lidarspectra.material.unknown_light import (
+    OPEN_SHARE,
+    PANE_DEVIATION,
+    PANE_REFLECTANCE,
+    UnknownSource,
+    beyond_scan,
+    find_unknown_sources,
+    opening_patterns,
+    source_patterns,
+)
+from lidarspectra.progress import Progress, shares, silent
+from lidarspectra.radiance.engine.engine import Engine
+from lidarspectra.radiance.sampling.direct_light import direct_coefficients
+from lidarspectra.radiance.scene.clearance import clear_lamps
+from lidarspectra.room.room import Room
+from lidarspectra.room.surface_samples import LIFT_M, Samples, samples_of
+from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, tristimulus_table
+from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.workflow.materials.delighting_notes import (
+    beam_note,
+    doubt,
+    fit_in_words,
+    flux_warnings,
+    other_light_note,
+    source_note,
+    sun_note,
+    unlit_note,
+    unsettled_note,
+    whiter_than_paint_note,
+)
+from lidarspectra.workflow.materials.delighting_samples import (
+    ceiling_of,
+    cells_of,
+    groups_of,
+    lamp_emission,
+    near_lamps,
+    seen_lit,
+    shadow_edges_of,
+    spread_of,
+)
+
+SAMPLES = 6_000  # surface points with a light estimate; with 3,000, reflectances differ by 1 %
+RAYS = 128  # rays per sample for the form factors to other surfaces
+NEUTRAL = 0.12  # [1] largest spread of a white ceiling's reflectance over the three channels
+ROUNDS = 3  # of grouping by hue and fitting; in the first the hues are still tinted by the light
+REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
+SCATTERED_RANGE = (REFLECTANCE_RANGE[0], 2.0)  # [1] of single faces, whose light is uncertain
+LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly white (research/benchmarks/whites.py)
+STRAY_LIGHT = 0.02  # [1] of white, from neighbouring places: edges are rounded, frames blended, lenses glare
+MIN_PHOTOGRAPHED = 0.2  # [1] least share of the area whose colour shows light; the rest was drawn by a program
+MIN_WITNESSES = 16  # least independent places, over twice the number of unknowns
+SHINES = 2.0  # [1] of the light that falls on a source; paint sends less, and fits are not so sure
+GREEN_NM = (500.0, 600.0)  # [nm] where the middle cone responds
+CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
+SHARES = (
+    0.1,
+    0.22,
+    0.13,
+    0.55,
+    0.3,
+)  # of the time: colours, direct light, form factors, the fits, and their repetition if needed
+ROUND_SHARES = (0.4, *(0.6 / (ROUNDS - 1),) * (ROUNDS - 1))  # of the fits' time: the first has several starting points
+SEED = 20240911  # of samples and rays; the same scan gives the same reflectances
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Delighting:
+    """De-lit colours of a scan's faces.
+
+    Parameters
+    ----------
+    face_color : (face, 3) float or None
+        Reflectance in linear sRGB; 1 for faces that show no surface. None if de-lighting was not possible.
+    face_deviation : (face, 3) float or None
+        Standard deviation of its logarithm in sharpened cones, from the uncertainty of camera and light alone. [1]
+    fit : LightFit or None
+        Camera and light; None without a fit.
+    words : str
+        Result in one line; empty without one.
+    warnings : tuple of str
+        Sentences for the user: limits of the result, or why there is none.
+    lamp_fluxes : tuple of LampFlux
+        Estimated relative fluxes of the lamps, if they were not stated and de-lighting was possible.
+    """
+
+    face_color: FloatArray | None
+    face_deviation: FloatArray | None
+    fit: LightFit | None
+    words: str
+    warnings: tuple[str, ...] = ()
+    lamp_fluxes: tuple[LampFlux, ...] = ()
+
+
+def _left_in(reason: str, fit: LightFit | None = None) -> Delighting:
+    words = (
+        f"The room's light could not be removed from the scan's colours (de-lighting): {reason} Until then "
+        "reflectances may be far off."
+    )
+    return Delighting(face_color=None, face_deviation=None, fit=fit, words="", warnings=(words,))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Surfaces:
+    """A scan, its faces with `known` colours, and points of it; of those with usable colours `trusted` is True.
+
+    `spread` interpolates from the points to all faces.
+    """
+
+    scan: Scan
+    room: Room
+    known: BoolArray
+    samples: Samples
+    spread: csr_array
+    trusted: BoolArray
+    unseen: UnseenFaces
+
+
+def take_light_out(
+    scan: Scan,
+    room: Room,
+    lamps: Sequence[Lamp],
+    *,
+    cards: Sequence[Card] = (),
+    fluxes_stated: bool = True,
+    engine: Engine | None = None,
+    workers: int | None = None,
+    progress: Progress = silent,
+) -> Delighting:
+    """Estimate the reflectance of every face from what a lit scan shows and from its lamps.
+
+    Parameters
+    ----------
+    scan : Scan
+    room : Room
+        In it.
+    lamps : sequence of Lamp
+        That were lit when it was scanned. The scale of their fluxes does not matter.
+    cards : sequence of Card
+        Of known reflectance, in the picture.
+    fluxes_stated : bool
+        Whether the lamps' relative fluxes are known. If False they are a first guess with a wide prior, and are
+        estimated from the light on the walls.
+    engine : Engine, optional
+        Default: the one that pyradiance brings.
+    workers : int, optional
+        Processes; one a core if left out.
+    progress : Progress, optional
+
+    Returns
+    -------
+    delighting : Delighting
+
+    Raises
+    ------
+    SceneError, EngineError
+        As the tracing does.
+    MaterialError
+        If there is no surface at a card's place.
+    """
+    photographed = scan.appearance.photographed
+    if scan.appearance.known and scan.areas[photographed].sum() < MIN_PHOTOGRAPHED * scan.areas.sum():
+        return Delighting(face_color=None, face_deviation=None, fit=None, words="")  # colours drawn without light
+    if not scan.appearance.known:
+        return _left_in("the scan has no colours. Scan again with colour, or assign materials by hand.")
+    coloring, lighting, exchanging, fitting, fitting_again = shares(
+        progress, (*SHARES[:-1], 0.0 if fluxes_stated else SHARES[-1])
+    )
+    coloring(0.0, "reading colours")
+    clear = clear_lamps(lamps, scan)
+    lamps, scan = clear.lamps, clear.scan
+    shown, known = surface_colors(scan)
+    sources = find_unknown_sources(scan, ~known & scan.appearance.photographed & ~near_lamps(scan.centers, lamps))
+    lamps, unlit = seen_lit(scan, shown, known, lamps, sources)
+    if not lamps and not sources:
+        return _left_in("no lamps are known. Give the lamps that were lit as [[lamps]] in the run file.")
+    generator = np.random.default_rng(SEED)
+    caster = caster_of(scan)
+    samples = samples_of(scan, caster, generator, count=SAMPLES)
+    seen_cards = look_at_cards(scan, caster, cards)
+    samples, card = _with_cards(samples, seen_cards)
+    coefficients = _direct(scan, lamps, samples, engine=engine, workers=workers, progress=lighting)
+    exchanging(0.0, "form factors between surfaces")
+    patterns = [source_patterns(scan, caster, each, samples.positions, samples.normals, generator) for each in sources]
+    exchange = exchange_matrix(
+        caster, len(scan.faces), samples.positions, samples.normals, rays=RAYS, generator=generator
+    )
+    open_share = float(exchange[:, [-1]].mean())
+    if open_share > OPEN_SHARE:
+        sources = (*sources, beyond_scan(open_share))
+        patterns.append(opening_patterns(caster, samples.positions, samples.normals, generator))
+        exchange = _closed(exchange)
+    patches = _sun(scan, caster, samples, np.where(known, shown.max(axis=1), 1.0), sources, open_share)
+    colors = np.concatenate([shown[samples.face[card < 0]], seen_cards.shown])
+    trusted = known[samples.face] & (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK) & (card < 0)
+    trusted &= ~patches.member(scan)[samples.face]
+    face_lamp = ~known & near_lamps(scan.centers, lamps)
+    face_lamp |= _faces_of(sources, scan)
+    unseen = unseen_faces(scan, known)
+    spread = spread_of(scan, samples)
+    surfaces = _Surfaces(
+        scan=scan, room=room, known=known, samples=samples, spread=spread, trusted=trusted, unseen=unseen
+    )
+    evidence = LightEvidence(
+        shown=colors,
+        direct=coefficients[:, :, None] * _lamp_cones(lamps)[:, None, :],
+        emission=lamp_emission(lamps, samples),
+        exchange=exchange,
+        face_shown=unseen.filled(shown),
+        face_area=scan.areas,
+        face_lamp=face_lamp,
+        group=groups_of(colors, samples, trusted, room),
+        cell=cells_of(samples.positions),
+        ceiling=ceiling_of(samples, trusted, room),
+        white=np.zeros(len(colors), dtype=np.bool_),
+        unsure=_three(np.hypot(shadow_edges_of(samples, coefficients), spread_of_views(scan)[samples.face])),
+        card=card,
+        card_log=seen_cards.log_reflectance,
+        card_beside=beside_cards(cards, seen_cards, samples.positions, samples.normals),
+        other=np.stack(patterns) if sources else None,
+        other_upright=np.array([source.is_upright for source in sources]) if sources else None,
+        other_shown=shown_of_sources(scan, sources),
+        lamp_shown=shown_of_lamps(scan, lamps),
+        lamp_sent=_lamp_cones(lamps) / np.array([[lamp.shape.area] for lamp in lamps]).reshape(-1, 1),
+        tone_prior=tone_prior_of(scan.appearance.linear),
+    )
+    if _witnesses(evidence) < MIN_WITNESSES or not (evidence.direct.any() or sources):
+        return _left_in(
+            "too few of its surfaces receive direct light of the lamps. Check the lamps' places in the run file."
+        )
+    unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
+    found = _fit(surfaces, lamps, evidence, coefficients, unsure_of, fitting)
+    identifiable = identifiable_lamps(found[0])
+    if not fluxes_stated and not identifiable.all():  # fluxes that are not identifiable must not absorb other errors
+        unsure_of = np.where(identifiable, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
+        found = _fit(surfaces, lamps, evidence, coefficients, unsure_of, fitting_again)
+    fit, evidence = found
+    if (why := doubt(fit)) is not None:
+        return _left_in(why, fit)
+    sources = _shines(sources, fit, scan, spread @ fit.irradiance)
+    face_color, face_deviation, paints = _of_faces(surfaces, evidence, fit, spread, sources, patches)
+    progress(1.0, "light taken out")
+    fluxes = () if fluxes_stated else estimated_fluxes([lamp.name for lamp in lamps], fit, identifiable)
+    return Delighting(
+        face_color=face_color,
+        face_deviation=face_deviation,
+        fit=fit,
+        words="; ".join(words for words in (fit_in_words(fit), paints.in_words()) if words),
+        warnings=(
+            *(flux_warnings(fit, lamps) if fluxes_stated else flux_notes(fluxes)),
+            *seen_cards.notes,
+            *unlit_note(unlit),
+            *source_note(sources, fit),
+            *sun_note(patches),
+            *beam_note(fit),
+            *unsettled_note(fit),
+            *other_light_note(scan, known | ~scan.appearance.photographed, evidence, spread @ fit.irradiance),
+            *whiter_than_paint_note(paints.color[known], scan.areas[known]),
+        ),
+        lamp_fluxes=fluxes,
+    )
+
+
+def _faces_of(sources: Sequence[UnknownSource], scan: Scan) -> BoolArray:
+    """(face,) which belong to some sources."""
+    member = np.zeros(len(scan.faces), dtype=np.bool_)
+    for source in sources:
+        member[source.faces] = True
+    return member
+
+
+def _three(values: FloatArray) -> FloatArray:
+    """(n, 3) of (n,) values that are the same in all cones."""
+    return np.repeat(values[:, None], 3, axis=1)
+
+
+def _with_cards(samples: Samples, cards: SeenCards) -> tuple[Samples, IntArray]:
+    """The samples and the cards' points after them, and (sample,) which card each is of, -1 for none."""
+    joined = Samples(
+        face=np.concatenate([samples.face, cards.face]),
+        positions=np.concatenate([samples.positions, cards.positions + LIFT_M * cards.normals]),
+        normals=np.concatenate([samples.normals, cards.normals]),
+    )
+    return joined, np.concatenate([np.full(samples.face.size, -1, dtype=np.int64), cards.card])
+
+
+def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_areas: FloatArray) -> MaterialMap:
+    """Materials whose uncertainty includes that of the light, averaged over each material's faces.
+
+    Errors of the light are common to all of a material's faces and do not average out; errors of single places do.
+
+    Parameters
+    ----------
+    materials : MaterialMap
+        Made from the colours of `delighting`.
+    delighting : Delighting
+        With colours.
+    face_areas : (face,) float
+        [m²]
+
+    Returns
+    -------
+    materials : MaterialMap
+    """
+    if delighting.face_deviation is None:
+        return materials
+    changed = []
+    for number, material in enumerate(materials.materials):
+        member = materials.face_material == number
+        area = float(face_areas[member].sum())
+        if material.provenance in ("default", "assigned") or area <= 0:
+            changed.append(material)
+            continue
+        common = np.average(delighting.face_deviation[member], weights=face_areas[member], axis=0)
+        places = max(1.0, area / CELL_M**2)
+        of_cones = np.hypot(common, LOG_SCATTER / np.sqrt(places))
+        wavelengths = material.reflectance.wavelengths_nm
+        relative = np.interp(wavelengths, CONE_PEAKS_NM[::-1], of_cones[::-1])
+        own = 0.0 if material.uncertainty is None else material.uncertainty.at(wavelengths, outside="nearest")
+        both = np.hypot(own, relative * material.reflectance.values)
+        changed.append(replace(material, uncertainty=Spectrum(wavelengths_nm=wavelengths, values=both)))
+    return replace(materials, materials=tuple(changed))
+
+
+def _fit(
+    surfaces: _Surfaces,
+    lamps: Sequence[Lamp],
+    evidence: LightEvidence,
+    coefficients: FloatArray,
+    flux_deviation: FloatArray,
+    progress: Progress,
+) -> tuple[LightFit, LightEvidence]:
+    """Fit camera and light, group surfaces by the hue that results, and fit again."""
+    room, samples, spread, trusted = surfaces.room, surfaces.samples, surfaces.spread, surfaces.trusted
+    library, daylight = load_reflectances(), lamp_spectrum("D65").spectrum
+    bands = np.array([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps]).reshape(len(lamps), len(BANDS))
+    first, *following = shares(progress, ROUND_SHARES)
+    fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
+    shadow_edges, ceiling = evidence.unsure, evidence.ceiling
+    for part in following:
+        part(0.0, "surfaces of one hue")
+        reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
+        light = spread @ fit.irradiance
+        excess = surfaces.unseen.excess(
+            beyond_white(evidence.face_shown, light), evidence.face_shown,
+            _face_reflectance(evidence, fit, spread), srgb_of_cones(light),
+        )  # fmt: skip
+        evidence = replace(evidence, face_excess=excess)
+        faces = _face_reflectance(evidence, fit, spread)
+        faces[evidence.face_lamp] = 0.0
+        direct = _spectral(np.einsum("ls,lb->sb", coefficients * fit.flux_factors[:, None], bands), fit, daylight)
+        evidence = replace(
+            evidence,
+            unsure=_unsure(shadow_edges, fit.irradiance),
+            group=groups_of(reflectance, samples, trusted, room),
+            ceiling=_neutral(ceiling, reflectance),
+            white=_whites(reflectance, ceiling),
+            tint=apparent_ratio(
+                reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct), library, daylight
+            ),
+        )
+        fit = fit_light(
+            evidence, flux_deviation=flux_deviation, start=fit.parameters,
+            observations_per_place=fit.observations_per_place, progress=part,
+        )  # fmt: skip
+    return fit, evidence
+
+
+def _sun(
+    scan: Scan,
+    caster: RayCaster,
+    samples: Samples,
+    brightness: FloatArray,
+    sources: Sequence[UnknownSource],
+    open_share: float,
+) -> SunPatches:
+    """Where the sun shines through windows; (face,) brightness that the picture shows."""
+    panes = _faces_of([source for source in sources if source.is_pane], scan)
+    openings = Openings.of(scan, panes, holes=open_share > OPEN_SHARE)
+    return find_sun_patches(scan, caster, samples, brightness, openings)
+
+
+def _of_faces(
+    surfaces: _Surfaces,
+    evidence: LightEvidence,
+    fit: LightFit,
+    spread: csr_array,
+    sources: Sequence[UnknownSource],
+    patches: SunPatches,
+) -> tuple[FloatArray, FloatArray, Paints]:
+    """(face, 3) reflectances and deviations of their logarithms: of paints, panes, and what lies in the sun."""
+    scan, known = surfaces.scan, surfaces.known
+    sunny = patches.member(scan)
+    # What scatters about a paint's mean is limited after the mean is taken: before, it would darken white ones.
+    paints = one_paint(
+        scan,
+        _face_reflectance(evidence, fit, spread, limits=SCATTERED_RANGE),
+        known & ~sunny,
+        turn_deg=surfaces.room.wall_angle_deg,
+    )
+    color = surfaces.unseen.filled(np.where(known[:, None], np.clip(paints.color, *REFLECTANCE_RANGE), 1.0))
+    deviation = np.hypot(spread @ fit.log_deviation, paints.deviation(CELL_M)[:, None])
+    for pane in (source.faces for source in sources if source.is_pane):
+        color[pane], deviation[pane] = PANE_REFLECTANCE, PANE_DEVIATION
+    return patches.filled(color), patches.widened(deviation), paints
+
+
+def _direct(
+    scan: Scan,
+    lamps: Sequence[Lamp],
+    samples: Samples,
+    *,
+    engine: Engine | None,
+    workers: int | None,
+    progress: Progress,
+) -> FloatArray:
+    """(lamp, sample) direct light of each lamp over its flux [m⁻²]."""
+    if not lamps:
+        return np.zeros((0, len(samples.face)))
+    with tempfile.TemporaryDirectory() as folder:
+        return direct_coefficients(
+            scan, lamps, samples.positions, samples.normals, Path(folder),
+            engine=engine, workers=workers, progress=progress,
+        )  # fmt: skip
+
+
+def _shines(
+    sources: Sequence[UnknownSource], fit: LightFit, scan: Scan, light: FloatArray
+) -> tuple[UnknownSource, ...]:
+    """Sources that send more than white paint would in the (face, 3) light there: what is cut at white may be paint."""
+    chosen = []
+    for source, sent in zip(sources, fit.radiosity, strict=True):
+        there = np.average(light[source.faces], axis=0, weights=scan.areas[source.faces]) if source.faces.size else 0.0
+        if (sent > SHINES * np.asarray(there)).any():
+            chosen.append(source)
+    return tuple(chosen)
+
+
+def _closed(exchange: csr_array) -> csr_array:
+    """The same form factors, none to what lies beyond the scan."""
+    inside = csr_array(exchange[:, :-1])
+    return csr_array((inside.data, inside.indices, inside.indptr), shape=exchange.shape)
+
+
+def _spectral(of_lamps: FloatArray, fit: LightFit, daylight: Spectrum) -> FloatArray:
+    """(sample, band) direct light in the camera's unit, from the lamps' in any; unnamed sources are taken for daylight.
+
+    The middle cone's response tells how much of either there is.
+    """
+    green = (BANDS.centers_nm > GREEN_NM[0]) & (BANDS.centers_nm < GREEN_NM[1])
+    other = np.zeros(len(of_lamps)) if fit.other is None else fit.other[:, 1]
+    lamps = np.maximum(fit.straight[:, 1] - other, 0.0)
+    sky = BANDS.band_values(daylight, outside="nearest")
+    scale = lamps / np.maximum(of_lamps[:, green].mean(axis=1), 1e-30)
+    return np.asarray(scale[:, None] * of_lamps + other[:, None] * (sky / sky[green].mean()), dtype=np.float64)
+
+
+def _witnesses(evidence: LightEvidence) -> int:
+    used = evidence.group >= 0
+    return len(np.unique(np.stack([evidence.group[used], evidence.cell[used]], axis=1), axis=0))
+
+
+def _lamp_cones(lamps: Sequence[Lamp]) -> FloatArray:
+    """(lamp, 3) flux in cones."""
+    daylight, weights = lamp_spectrum("D65").spectrum, tristimulus_table()
+    cones = [cones_of_light(lamp.flux, daylight, COLOR_GRID_NM, weights) for lamp in lamps]
+    return np.array(cones, dtype=np.float64).reshape(len(lamps), 3)
+
+
+def _neutral(ceiling: BoolArray, reflectance: FloatArray) -> BoolArray:
+    """The ceiling if it is near neutral; a coloured one is no reference for white."""
+    if not ceiling.any():
+        return ceiling
+    color = np.median(reflectance[ceiling], axis=0)
+    return ceiling if np.ptp(color) <= NEUTRAL * color.max() else np.zeros_like(ceiling)
+
+
+def _whites(reflectance: FloatArray, ceiling: BoolArray) -> BoolArray:
+    """(sample,) whether it is light and not of the ceiling, whose prior is counted separately."""
+    return np.asarray(~ceiling & (cones_of_srgb(reflectance)[:, 1] > LIGHT_REFLECTANCE), dtype=np.bool_)
+
+
+def _unsure(shadow_edges: FloatArray, irradiance: FloatArray) -> FloatArray:
+    """(sample, 3) relative uncertainty of the (sample, 3) light: at shadow edges, and by stray light."""
+    return np.asarray(np.hypot(shadow_edges, STRAY_LIGHT / irradiance), dtype=np.float64)
+
+
+def _face_reflectance(
+    evidence: LightEvidence, fit: LightFit, spread: csr_array, *, limits: tuple[float, float] = REFLECTANCE_RANGE
+) -> FloatArray:
+    """(face, 3) reflectance in linear sRGB: radiosity of each face over the irradiance interpolated from samples."""
+    light = fit.irradiance if evidence.tint is None else fit.irradiance * evidence.tint
+    seen = cones_of_srgb(evidence.face_light(fit.tone))
+    return np.clip(srgb_of_cones(seen / np.exp(spread @ np.log(light))), *limits)

@@ -1,0 +1,1 @@
+"""A run's light against rules, each requirement with its probability."""

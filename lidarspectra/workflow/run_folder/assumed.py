@@ -1,0 +1,132 @@
+"""What a run assumes and does not know: what `init` guessed and the user has not given yet."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lidarspectra.config import RunFile, ScanSection
+from lidarspectra.geometry.scan import ScanRecord
+from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2
+from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, counted_lamps, named_lamps
+from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
+from lidarspectra.workflow.run_folder.workspace import read_record, stage_folder
+
+if TYPE_CHECKING:
+    from lidarspectra.room.room import Room  # which loads what finds rooms
+
+CERTAIN = 0.95  # [1] a unit or upward axis of a lower probability is a guess: one in twenty would be wrong
+LAMP_TODO = (
+    "Read it off the lamp, write it into the run file and take it out of 'assumed' there; readings of a lux meter give "
+    "fluxes too ('lidarspectra calibrate')."
+)
+CEILING_SHARE = 0.5  # [1] of the plan: a ceiling of which less was scanned counts as assumed
+
+
+def assumed_lamps(run_file: RunFile, names: Sequence[str]) -> Assumptions:
+    """Lamps whose light is a guess.
+
+    Parameters
+    ----------
+    run_file : RunFile
+        With `lamps`, what of them is assumed, `lamps_from_scan`, and `calibration`: a flux that readings determined is
+        assumed no longer.
+    names : sequence of str
+        Of the run's lamps, windows and sun among them.
+
+    Returns
+    -------
+    assumptions : Assumptions
+    """
+    found = run_file.lamps_from_scan
+    if found is not None:
+        outside = {window.name for window in run_file.daylight.windows} | {"sun"} if run_file.daylight else set()
+        lit = [name for name in names if name not in outside]
+        assumed = Assumptions(fluxes=tuple(lit) if found.luminous_exitance_lm_m2 is None else ())
+    else:
+        guesses = {lamp.name: lamp.guesses for lamp in run_file.lamps}
+        assumed = Assumptions.of_lamps({name: guesses.get(name, frozenset()) for name in names})
+    calibration = run_file.calibration
+    return assumed if calibration is None else assumed.without(fluxes=calibration.determined)
+
+
+def uncertain_of_scan(record: ScanRecord) -> tuple[str, ...]:
+    """Of 'unit' and 'up' those that were detected and are not certain."""
+    sure = {"unit": record.unit_confidence, "up": record.up_confidence}
+    return tuple(name for name, confidence in sure.items() if confidence < CERTAIN)
+
+
+def assumed_of_scan(marked: Sequence[str], record: ScanRecord, room: "Room") -> tuple[str, ...]:
+    """Of 'unit', 'up', 'floor' and 'ceiling' those that are guesses.
+
+    Parameters
+    ----------
+    marked : sequence of str
+        `[scan] assumed` of the run file.
+    record : ScanRecord
+        Says how sure the others are.
+    room : Room
+    """
+    guesses = {*marked, *uncertain_of_scan(record)}
+    return (
+        *(name for name in ("unit", "up") if name in guesses),
+        *(("floor",) if room.floor_confidence == 0.0 else ()),
+        *(("ceiling",) if room.ceiling_confidence < CEILING_SHARE else ()),
+    )
+
+
+def scan_notes(section: ScanSection) -> tuple[str, ...]:
+    """A note where the run file marks unit or upward axis as assumed."""
+    said = [f'{name} = "{getattr(section, name)}"' for name in section.assumed if getattr(section, name) != "auto"]
+    if not said:
+        return ()
+    return (
+        f"{' and '.join(said)} under [scan] {'are guesses' if len(said) > 1 else 'is a guess'}, and a wrong one "
+        "spoils all that follows: check the room's size in the summary of the scan stage, correct the run file if it "
+        "is wrong, and delete 'assumed' under [scan] when it is right.",
+    )
+
+
+def lamp_notes(assumptions: Assumptions, lamp_count: int) -> tuple[str, ...]:
+    """Notes where the light of lamps is a guess: a sentence for all lamps of which the same is assumed."""
+    groups = (
+        (assumptions.lamps, "Flux and spectrum", "scales with the flux and takes its colours from the spectrum"),
+        (assumptions.fluxes, "The flux", "scales with it"),
+        (assumptions.spectra, "The spectrum", "takes its colours from it"),
+    )
+    return tuple(
+        f"{what} of {counted_lamps(names, lamp_count)} ({named_lamps(names)}) "
+        f"{'are guesses' if names is assumptions.lamps else 'is a guess'}: the map {effect}, and its standard error "
+        f"does not know of that. {LAMP_TODO}"
+        for names, what, effect in groups
+        if names
+    )
+
+
+def lit_notes(assumptions: Assumptions, lamp_count: int) -> tuple[str, ...]:
+    """A note where the flux of lamps that were found in the scan is a guess."""
+    if not assumptions.fluxes:
+        return ()
+    return (
+        f"The flux of {counted_lamps(assumptions.fluxes, lamp_count)} that {'is' if lamp_count == 1 else 'are'} "
+        f"lit in the scan is a guess, {EXITANCE_LM_M2:,.0f} lm for each m² of lamp: the map scales with it, and "
+        "its standard error does not know of it. Give luminous_exitance_lm_m2 under [lamps_from_scan], the lumens "
+        "of a lamp divided by its area, or calibrate the run by readings of a lux meter ('lidarspectra calibrate').",
+    )
+
+
+def assumptions_of_run(run: Path) -> Assumptions:
+    """What the map of a run assumes; nothing where the run has no map yet."""
+    folder = stage_folder(run, "map")
+    return Assumptions() if read_record(folder) is None else assumptions_of(load_map(folder / MAP_FILE))
+
+
+def result_notes(assumptions: Assumptions) -> tuple[str, ...]:
+    """A note to whatever is computed from a map that rests on guesses."""
+    if not assumptions:
+        return ()
+    return (
+        f"These values rest on guesses: {assumptions.in_words()}. They change with what is true of them. "
+        "Standard errors do not know of it; the map's uncertainty counts 40 % for a guessed flux, and nothing for a "
+        "guessed spectrum. Write what you know into the run file, delete 'assumed' there, and run it "
+        "again.",
+    )

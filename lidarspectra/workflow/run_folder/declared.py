@@ -1,0 +1,222 @@
+"""What a stage declares that it reads: keys of the run file, the files they name, databases, and stages before it.
+
+A stage is given what it declared and nothing else: reading another key of the run file raises an error. Its freshness
+is derived from the same declaration, so a stage cannot depend on anything that does not make it stale.
+
+The key `assumed` of a section says which of its values are guesses and changes no number, so a section's name does not
+cover it: a stage that tells it declares it by its own name ("lamps.assumed"); others see nothing marked.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any, cast
+
+from lidarspectra.config import LampSection, LampsFromScanSection, RunFile
+from lidarspectra.errors import UndeclaredError
+from lidarspectra.hardware.phone.capture_files import open_capture
+from lidarspectra.io.files import hash_file
+from lidarspectra.io.toml_sections import Section
+from lidarspectra.material.assignments import spectrum_files
+from lidarspectra.material.model_card import CARD_SUFFIX
+from lidarspectra.material.segmentation import SHIPPED_MODEL
+from lidarspectra.spectra.databases import list_databases
+from lidarspectra.workflow.run_folder.workspace import StageResult
+
+MULTI_FILE_FORMATS = (".obj", ".gltf", ".ply", ".usda", ".usd")
+COMPANION_SUFFIXES = (
+    ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".usd", ".usda", ".usdc",
+)  # fmt: skip
+ASSUMED = "assumed"  # key of sections
+
+
+class DeclaredSection:
+    """View of a run file section that allows only declared keys; any other raises an UndeclaredError.
+
+    Parameters
+    ----------
+    section : Section
+    keys : frozenset of str
+        Full dotted names of the keys that may be read; a section's name covers all its keys but `assumed`.
+    name : str
+        Full dotted name of this section; empty for the run file itself.
+    """
+
+    __slots__ = ("_keys", "_name", "_section")
+
+    def __init__(self, section: Section, keys: frozenset[str], name: str = "") -> None:
+        self._section, self._keys, self._name = section, keys, name
+
+    def __getattr__(self, key: str) -> Any:
+        value = getattr(self._section, key)
+        name = f"{self._name}.{key}" if self._name else key
+        if name in self._keys:
+            return value if f"{name}.{ASSUMED}" in self._keys else _unmarked(value)
+        if any(declared.startswith(f"{name}.") for declared in self._keys):
+            return None if value is None else DeclaredSection(value, self._keys, name)
+        raise UndeclaredError(
+            expected="a key of the run file that the stage declared",
+            found="one that it did not declare",
+            where=name,
+            todo="Add it to the stage's declaration in workflow/stages.py, so that changing it makes the stage stale.",
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Declared:
+    """Inputs of a stage: the declared part of the run file, and the hash inputs of its freshness.
+
+    Parameters
+    ----------
+    run_file : RunFile
+        At run time a `DeclaredSection` of it.
+    base : Path
+        The run file's folder, where relative file names start.
+    settings : dict
+        Everything that the stage depends on, as JSON values: `run_file` (its keys), `files`, `databases`, `model`,
+        `stages`.
+    """
+
+    run_file: RunFile
+    base: Path
+    settings: Mapping[str, Any]
+
+
+def declare(
+    run_file: RunFile,
+    base: Path,
+    *keys: str,
+    databases: Iterable[str] = (),
+    stages: Iterable[StageResult[Any]] = (),
+    others: Mapping[str, Any] | None = None,
+) -> Declared:
+    """Declare what a stage reads.
+
+    Parameters
+    ----------
+    run_file : RunFile
+    base : Path
+        Its folder.
+    keys : str
+        Dotted names ("trace.noise"); a section's name covers all its keys but `assumed`. Files that these keys name
+        are hashed too.
+    databases : iterable of str
+        Kinds of databases.
+    stages : iterable of StageResult
+        Before it.
+    others : mapping, optional
+        Other dependencies of its result, as JSON values.
+
+    Returns
+    -------
+    declared : Declared
+
+    Raises
+    ------
+    AttributeError
+        If the run file has no such key.
+    """
+    of_files: dict[str, str] = {}
+    for key, names in FILES.items():
+        if _covers(keys, key) and (value := _value(run_file, key)) is not None:
+            of_files |= _hashes(base, names(value, base))
+    uses_shipped = _covers(keys, "materials.model") and run_file.materials.model == "builtin"
+    settings = {
+        "run_file": {key: _json(_value(run_file, key)) for key in sorted(keys)},
+        "files": of_files,
+        "databases": {name: digest for kind in databases for name, digest in database_hashes(kind).items()},
+        "model": {SHIPPED_MODEL.name: hash_file(SHIPPED_MODEL)} if uses_shipped else {},
+        "stages": {result.record.stage: result.contents() for result in stages},
+        **(others or {}),
+    }
+    given = cast(RunFile, DeclaredSection(run_file, frozenset(keys)))
+    return Declared(run_file=given, base=base, settings=settings)
+
+
+def database_hashes(kind: str) -> dict[str, str]:
+    """SHA-256 of every database file of a kind, computed from the file rather than taken from the manifest."""
+    return {f"{file.database}/{file.path.name}": hash_file(file.path) for file in list_databases() if file.kind == kind}
+
+
+def _covers(keys: Iterable[str], name: str) -> bool:
+    """Whether a key, or a section that holds it, is declared."""
+    return any(name == key or name.startswith(f"{key}.") for key in keys)
+
+
+def _value(run_file: RunFile, key: str) -> Any:
+    value: Any = run_file
+    for part in key.split("."):
+        if isinstance(value, tuple):  # [[lamps]]
+            value = tuple(getattr(each, part) for each in value)
+        else:
+            value = None if value is None else getattr(value, part)
+    return value
+
+
+def _unmarked(value: Any) -> Any:
+    """A value of the run file with nothing marked as assumed."""
+    if isinstance(value, tuple):
+        return tuple(_unmarked(each) for each in value)
+    field = type(value).model_fields.get(ASSUMED) if isinstance(value, Section) else None
+    return value if field is None else value.model_copy(update={ASSUMED: field.default})
+
+
+def _json(value: Any) -> Any:
+    if isinstance(value, Section):
+        return value.model_dump(mode="json", exclude={ASSUMED})
+    if isinstance(value, datetime):
+        return value.isoformat()
+    return [_json(each) for each in value] if isinstance(value, tuple) else value
+
+
+def _hashes(base: Path, names: Iterable[str | None]) -> dict[str, str]:
+    """SHA-256 of files; a missing file is skipped here and refused where it is read."""
+    return {name: hash_file(base / name) for name in names if name is not None and (base / name).is_file()}
+
+
+def _scan_files(name: str, base: Path) -> Iterable[str]:
+    """The scan's file and, for formats of several files, those beside it that it may read; all files of a folder.
+
+    Which of them it reads is known only after parsing it; a file too many at worst costs a needless run.
+    """
+    file = base / name
+    if file.is_dir():
+        return sorted((Path(name) / each).as_posix() for each in open_capture(file).names)
+    if not file.is_file() or file.suffix.lower() not in MULTI_FILE_FORMATS:
+        return (name,)
+    beside = sorted(path.name for path in file.parent.iterdir() if path.suffix.lower() in COMPANION_SUFFIXES)
+    return (name, *((Path(name).parent / each).as_posix() for each in beside))
+
+
+def _assignment_files(name: str, base: Path) -> Iterable[str]:
+    """The file of assignments, and the spectra that it names."""
+    return (name, *(str(Path(name).parent / spectrum) for spectrum in spectrum_files(base / name)))
+
+
+def _lamp_files(lamps: tuple[LampSection, ...], base: Path) -> Iterable[str | None]:
+    """Luminaire files and spectra of lamps."""
+    return (*(lamp.file for lamp in lamps), *(lamp.spectrum for lamp in lamps))
+
+
+def _found_lamp_files(section: LampsFromScanSection, base: Path) -> Iterable[str | None]:
+    return (section.spectrum,)
+
+
+def _itself(name: str, base: Path) -> Iterable[str]:
+    return (name,)
+
+
+FILES: Mapping[str, Callable[[Any, Path], Iterable[str | None]]] = {
+    "scan.file": _scan_files,
+    "lamps": _lamp_files,
+    "lamps_from_scan": _found_lamp_files,
+    "materials.file": _assignment_files,
+    "materials.model": lambda name, base: (name, str(Path(name).with_suffix(CARD_SUFFIX))),
+    "materials.databases": lambda names, base: names,
+    "sensors.device": _itself,
+    "sensors.points": _itself,
+    "sensors.receptor": _itself,
+    "cells": lambda sections, base: [section.cell for section in sections],
+}
+"""Keys of the run file that may name files, each with the function that lists them."""

@@ -1,0 +1,491 @@
+"""The run folder: one sub-folder per stage, each complete or absent, each with a record of what it was made from.
+
+A stage is written to a temporary folder beside the final one and renamed when complete, so that an interrupted run
+leaves nothing that a later run would trust. One hash identifies its inputs: its settings, the files that it read,
+and the contents of the stages before it. A stage whose hash did not change is not made again; a file that the user
+edited inside a stage folder is kept, and changes the hash of the stages after it.
+"""
+
+import contextlib
+import hashlib
+import json
+import platform
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Generic, Literal, Self, TypeVar, get_args
+
+from lidarspectra.errors import WorkspaceError
+from lidarspectra.io.file_lock import FileLock
+from lidarspectra.io.files import hash_file, write_whole, writing
+from lidarspectra.progress import Pace, Paced, Progress, is_pace
+from lidarspectra.workflow.run_folder.peak_memory import peak_memory
+
+StageName = Literal["scan", "views", "materials", "scene", "trace", "map", "report"]
+STAGES: tuple[StageName, ...] = get_args(StageName)
+RECORD_FILE = "stage.json"
+LOCK_FILE = "run.lock"
+MARKER_FILE = "lidarspectra-run.json"
+FORMAT = 1  # version of the run folder; changing it makes every stage stale
+
+Result = TypeVar("Result")
+Made_co = TypeVar("Made_co", covariant=True)
+Settings = Mapping[str, Any]
+Maker = Callable[[Path, Progress], "Notes"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Notes:
+    """Summary and warnings of a finished stage.
+
+    Parameters
+    ----------
+    summary : str
+        One line for the summary table.
+    warnings : tuple of str
+        Full sentences for the user where the result is right but has a limit.
+    """
+
+    summary: str
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageRecord:
+    """How a stage was made; kept as `stage.json` in its folder.
+
+    Parameters
+    ----------
+    stage : str
+        Its name.
+    key : str
+        Hash of all inputs.
+    settings : dict
+        The part of the run file and the hashes that the key was computed from.
+    finished : str
+        UTC time, ISO 8601.
+    seconds : float
+        Wall time. [s]
+    peak_memory_mib : float
+        Highest resident memory of this process and its children. [MiB]
+    summary, warnings
+        See `Notes`.
+    outputs : dict of str to str
+        SHA-256 of every file of the stage when it was finished.
+    versions : dict of str to str
+        Of this package, Python, the system and the libraries that results depend on.
+    pace : tuple of (float, float)
+        Share of the time passed at each share of the work, from which the next run estimates its remaining time; see
+        `lidarspectra.progress`. Older records have none. [0-1]
+    """
+
+    stage: str
+    key: str
+    settings: dict[str, Any]
+    finished: str
+    seconds: float
+    peak_memory_mib: float
+    summary: str
+    warnings: tuple[str, ...]
+    outputs: dict[str, str]
+    versions: dict[str, str]
+    pace: Pace = ()
+
+    def __repr__(self) -> str:
+        return f"<StageRecord '{self.stage}', finished {self.finished} in {self.seconds:.1f} s: {self.summary}>"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRequest:
+    """The request of a run; kept in the run folder, so that the run can be repeated.
+
+    Parameters
+    ----------
+    name : str
+        File name of the run file.
+    folder : str
+        Its folder, relative to the run folder if possible, so that both may be moved together.
+    sha256 : str
+        Of the run file.
+    text : str
+        The run file.
+    seed : int
+        Of all random numbers.
+    """
+
+    name: str
+    folder: str
+    sha256: str
+    text: str
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage(Generic[Result]):
+    """Definition of a stage: its name, its dependencies, and how it is made and loaded.
+
+    Parameters
+    ----------
+    name : str
+        One of `STAGES`.
+    settings : mapping
+        Everything that the stage depends on, as JSON values; see `hash_files` for files.
+    make : callable
+        Takes an empty folder and a progress; writes the stage's files there and returns its notes.
+    load : callable
+        Takes the finished folder; returns the result.
+    stands_in : callable, optional
+        Takes the record of a folder that was made for other settings, and the folder; returns whether it gives the
+        result of these settings all the same.
+    shown : callable, optional
+        Takes the record of a finished folder; returns it as the user shall see it, with the lamps' present names.
+    """
+
+    name: StageName
+    settings: Settings
+    make: Maker
+    load: Callable[[Path], Result]
+    stands_in: Callable[["StageRecord", Path], bool] | None = None
+    shown: Callable[["StageRecord"], "StageRecord"] | None = None
+
+    def result(self, record: StageRecord, folder: Path, *, fresh: bool) -> "StageResult[Result]":
+        """The finished stage in its folder."""
+        shown = record if self.shown is None else self.shown(record)
+        return StageResult(shown, folder, self.load, fresh=fresh)
+
+
+class StageResult(Generic[Made_co]):
+    """A finished stage: its record, its folder, and its result, loaded on first access."""
+
+    def __init__(self, record: StageRecord, folder: Path, load: Callable[[Path], Made_co], *, fresh: bool) -> None:
+        self.record = record
+        self.folder = folder
+        self.was_fresh = fresh
+        self._load = load
+        self._value: Made_co | None = None
+
+    def __repr__(self) -> str:
+        return f"<StageResult '{self.record.stage}' in {self.folder}: {self.record.summary}>"
+
+    @property
+    def value(self) -> Made_co:
+        """The stage's result, read from its folder."""
+        if self._value is None:
+            self._value = self._load(self.folder)
+        return self._value
+
+    def contents(self) -> dict[str, str]:
+        """SHA-256 of every file of the stage as it is now; later stages depend on these."""
+        return hash_files(self.folder)
+
+
+class Workspace:
+    """An open run folder, locked by one run at a time; use it in a `with` statement.
+
+    Parameters
+    ----------
+    folder : Path
+        Created if absent. One that holds anything but a run is refused.
+
+    Raises
+    ------
+    WorkspaceError
+        If the folder cannot be written, is no run folder, or is locked by another run.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._lock = FileLock(folder / LOCK_FILE)
+
+    def __enter__(self) -> Self:
+        with writing_run(self.folder):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._claim()
+            self._hold()
+        self._sweep()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._lock.release()
+
+    def keep_request(self, request: RunRequest) -> None:
+        """Store the request of this run, in place of the last one's."""
+        with writing_run(self.folder):
+            write_json(self.folder / MARKER_FILE, {**_marker(), "run_file": asdict(request)})
+
+    def stage_folder(self, stage: StageName) -> Path:
+        """The folder of a stage, `1-scan` to `7-report`."""
+        return stage_folder(self.folder, stage)
+
+    def fresh_record(self, stage: Stage[Result], *, exact: bool = False) -> StageRecord | None:
+        """The record of the stage, made from its present inputs or from others that give the same; None if it is stale.
+
+        Parameters
+        ----------
+        stage : Stage
+        exact : bool
+            Take only what was made from the present inputs.
+        """
+        folder = self.stage_folder(stage.name)
+        record = read_record(folder)
+        if record is None or record.key == stage_key(stage):
+            return record
+        may_stand_in = not exact and stage.stands_in is not None and is_of_this_version(record)
+        return record if may_stand_in and stage.stands_in is not None and stage.stands_in(record, folder) else None
+
+    def run_stage(
+        self, stage: Stage[Result], *, progress: Progress, force: bool = False, exact: bool = False
+    ) -> StageResult[Result]:
+        """Make a stage, or load it from the folder if none of its inputs has changed.
+
+        Parameters
+        ----------
+        stage : Stage
+        progress : callable
+            See `lidarspectra.progress`.
+        force : bool
+            Make it even if it is up to date.
+        exact : bool
+            See `fresh_record`.
+
+        Returns
+        -------
+        result : StageResult
+
+        Raises
+        ------
+        WorkspaceError
+            If the folder cannot be written.
+        """
+        folder = self.stage_folder(stage.name)
+        record = None if force else self.fresh_record(stage, exact=exact)
+        if record is not None:
+            return stage.result(record, folder, fresh=True)
+        return stage.result(self._make(stage, folder, progress), folder, fresh=False)
+
+    def _make(self, stage: Stage[Result], folder: Path, progress: Progress) -> StageRecord:
+        partial = folder.with_name(f"{folder.name}.partial")
+        try:
+            with writing_run(partial):
+                _remove(partial)
+                partial.mkdir()
+                start = time.monotonic()
+                last = parse_record(folder)
+                paced = Paced(progress, last.pace if last else ())
+                with peak_memory() as peak:
+                    notes = stage.make(partial, paced)
+                record = StageRecord(
+                    stage=stage.name,
+                    key=stage_key(stage),
+                    settings=dict(stage.settings),
+                    finished=datetime.now(UTC).isoformat(timespec="seconds"),
+                    seconds=round(time.monotonic() - start, 3),
+                    peak_memory_mib=round(peak.mib, 1),
+                    summary=notes.summary,
+                    warnings=notes.warnings,
+                    outputs=hash_files(partial),
+                    versions=versions(),
+                    pace=paced.pace(),
+                )
+                write_json(partial / RECORD_FILE, asdict(record))
+                _remove(folder)
+                partial.rename(folder)
+        except MemoryError as cause:
+            raise WorkspaceError(
+                expected=f"enough memory for the stage '{stage.name}'",
+                found=f"none left ({cause})" if str(cause) else "none left",
+                where=str(self.folder),
+                todo="End other programs, or reduce the problem: max_faces in [scan], a smaller texture, fewer points.",
+            ) from cause
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)  # of a failed stage; leftovers are removed by the next run
+        return record
+
+    def _claim(self) -> None:
+        """Refuse a folder that holds other files; mark an empty one as a run."""
+        refuse_other_folder(self.folder)
+        if not (self.folder / MARKER_FILE).exists():
+            write_json(self.folder / MARKER_FILE, _marker())
+
+    def _hold(self) -> None:
+        """Lock the folder for this run; refuse it if another run is writing to it."""
+        if not self._lock.take():
+            raise WorkspaceError(
+                expected="a run folder that no other run is writing",
+                found=f"one held by {self._lock.holder()}",
+                where=str(self.folder),
+                todo="Wait for it to end, or name another folder with --out.",
+            )
+
+    def _sweep(self) -> None:
+        """Remove the leftovers of an interrupted run."""
+        for stage in STAGES:
+            folder = self.stage_folder(stage)
+            _remove(folder.with_name(f"{folder.name}.partial"))
+
+
+def refuse_other_folder(folder: Path) -> None:
+    """Raise a WorkspaceError if a folder holds files, and is no run."""
+    if not folder.is_dir() or (folder / MARKER_FILE).exists():
+        return
+    strangers = sorted(path.name for path in folder.iterdir() if path.name != LOCK_FILE)
+    if strangers:
+        raise WorkspaceError(
+            expected="an empty folder or an earlier run",
+            found=f"a folder with other files in it ({', '.join(strangers[:3])})",
+            where=str(folder),
+            todo="Name another folder with --out.",
+        )
+
+
+def stage_folder(run: Path, stage: StageName) -> Path:
+    """The folder of a stage in a run folder."""
+    return run / f"{STAGES.index(stage) + 1}-{stage}"
+
+
+def parse_record(folder: Path) -> StageRecord | None:
+    """The record of a stage, whether or not its files are present; None if it cannot be read."""
+    try:
+        fields = json.loads((folder / RECORD_FILE).read_text(encoding="utf-8"))
+        record = StageRecord(**{**fields, "warnings": tuple(fields["warnings"]), "pace": _pace(fields)})
+        hashes = (record.outputs, record.versions)
+        if any(not isinstance(word, str) for table in hashes for pair in table.items() for word in pair):
+            return None
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return None
+    return record
+
+
+def _pace(fields: dict[str, Any]) -> Pace:
+    """The pace in a record; empty in older or unreadable ones, since only the progress bar uses it."""
+    found = fields.get("pace", ())
+    return tuple((float(done), float(passed)) for done, passed in found) if is_pace(found) else ()
+
+
+def read_record(folder: Path) -> StageRecord | None:
+    """The record of a finished stage; None if the folder holds no readable record or lacks files."""
+    record = parse_record(folder)
+    if record is None or not all((folder / name).is_file() for name in record.outputs):
+        return None
+    return record
+
+
+def read_request(run: Path) -> RunRequest | None:
+    """The request of a run; None in run folders of older versions, which do not store it.
+
+    Raises
+    ------
+    WorkspaceError
+        If it is no run folder.
+    """
+    marker = run / MARKER_FILE
+    try:
+        fields = json.loads(marker.read_text(encoding="utf-8"))
+        return RunRequest(**fields["run_file"]) if "run_file" in fields else None
+    except OSError as cause:
+        raise WorkspaceError(
+            expected="a run folder",
+            found=f"no readable {MARKER_FILE}",
+            where=str(run),
+            todo="Name the folder that 'lidarspectra run' made, NAME.run beside NAME.toml by default.",
+        ) from cause
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return None
+
+
+def require_stage(run: Path, stage: StageName) -> Path:
+    """The folder of a finished stage of an existing run.
+
+    Raises
+    ------
+    WorkspaceError
+        If the run has no such stage, or it was interrupted.
+    """
+    folder = stage_folder(run, stage)
+    if read_record(folder) is None:
+        raise WorkspaceError(
+            expected=f"a run with a finished stage '{stage}'",
+            found="none" if run.is_dir() else "no such folder",
+            where=str(run),
+            todo="Run 'lidarspectra run ROOM.toml' first.",
+        )
+    return folder
+
+
+def hash_files(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file under a folder except its stage record, by its path with forward slashes."""
+    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    return {name: hash_file(folder / name) for name in names if name != RECORD_FILE}
+
+
+def write_json(path: Path, value: object) -> None:
+    """Write a value as indented, strict JSON (no NaN), atomically."""
+    write_whole(path, json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package, Python, the system, and the libraries that results depend on."""
+    libraries = ("pyradiance", "numpy", "scipy", "trimesh", "embreex", "colour-science", "scikit-learn")
+    found = {
+        "lidarspectra": version("lidarspectra"),
+        "python": platform.python_version(),
+        "system": platform.platform(),
+        **{name: version(name) for name in libraries},
+    }
+    with contextlib.suppress(PackageNotFoundError):  # of the extra `decimate`
+        found["pymeshlab"] = version("pymeshlab")
+    return found
+
+
+def record_key(record: StageRecord) -> str:
+    """The key computed from a record's settings; differs from `record.key` only if one of the two was edited."""
+    return _hash_of(record.stage, record.settings, record.versions.get("lidarspectra", ""))
+
+
+def is_of_this_version(record: StageRecord) -> bool:
+    """Whether a record is as this version of the package wrote it."""
+    return record.key == _hash_of(record.stage, record.settings, version("lidarspectra"))
+
+
+def stage_key(stage: Stage[Result]) -> str:
+    """Hash of everything that a stage depends on, as it is now."""
+    return _hash_of(stage.name, stage.settings, version("lidarspectra"))
+
+
+def _hash_of(stage: str, settings: Settings, package_version: str) -> str:
+    content = {"format": FORMAT, "version": package_version, "stage": stage, "settings": settings}
+    text = json.dumps(content, sort_keys=True, ensure_ascii=False, allow_nan=False)
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+
+
+def _marker() -> dict[str, Any]:
+    return {"format": FORMAT, "made_by": f"lidarspectra {version('lidarspectra')}"}
+
+
+def _remove(folder: Path) -> None:
+    if folder.exists():
+        shutil.rmtree(folder)
+
+
+def made_folder(folder: Path) -> Path:
+    """A folder for results, created if absent; raises WorkspaceError if it cannot be."""
+    with writing_run(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def writing_run(folder: Path) -> AbstractContextManager[None]:
+    """Write into a run folder in a `with` block; see `lidarspectra.io.files.writing`."""
+    return writing(
+        folder,
+        expected="a run folder that can be written",
+        todo="Check its permissions and the free disk space, or name another folder with --out.",
+    )
