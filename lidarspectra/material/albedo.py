@@ -61,9 +61,9 @@ LOOSE = 100.0  # [1] times the fit's tolerances suffice to choose among starts, 
 MAX_STEPS = 60  # of a fit; for pictures that the lamps do not explain it may not converge
 USUAL_STEPS = 8  # of a fit
 BOUNDS_BEAM = (-0.5, 4.0)  # [1]
-# [1] observations. A picture that contradicts itself more than the least has no light taken out. Above the most, what
-# the scan lost and rounded is trusted: it errs alike everywhere and does not scatter. Between 2 and 9 the level's error
-# hardly changed in the night scans of office, apartment and large office (the first seed of each).
+# [1] observations. The least keeps a picture that contradicts itself from having no say at all. Above the most,
+# what the scan lost and rounded would be trusted: it errs alike everywhere and does not scatter. Between 2 and 9 the
+# error of the level hardly changed in the night scans of office, apartment and large office (the first seed of each).
 MIN_PER_PLACE, MAX_PER_PLACE = 0.1, 4.0
 BOUND_FLUX = 2.5  # [1] of the log of a lamp's flux over the others': a lamp dimmed to a tenth is hardly lit
 

@@ -4,12 +4,13 @@ Files are read by names that the listing gave, so that no name inside can lead o
 """
 
 import json
+import shutil
 import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from threading import Lock
-from typing import Any
+from typing import IO, Any
 
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.frames import FrameFault
@@ -19,6 +20,7 @@ ARCHIVE_SUFFIXES = (".zip", ".r3d")
 MAX_FILES = 200_000  # a scan of an hour has 60,000
 MAX_FOLDERS_DEEP = 6  # apps' layouts have at most three, and archives often one more around them
 MAX_SMALL_BYTES = 64 * 1024**2  # [byte] of one picture, pose or depth
+COPY_BYTES = 1024**2  # [byte] in memory at a time
 _ZIP_FAULTS = (OSError, ValueError, EOFError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error)
 
 
@@ -49,6 +51,17 @@ class Archive:
             try:
                 _check_size(archive.getinfo(name).file_size, limit, name)
                 return archive.read(name)
+            except _ZIP_FAULTS as cause:
+                raise _damaged(self._path, cause) from cause
+
+    def copy(self, name: str, target: IO[bytes], *, limit: int) -> None:
+        """Copy one of its files to an open one, piece by piece; ScanError as of `read`."""
+        with self._lock:
+            archive = self._opened()
+            try:
+                _check_size(archive.getinfo(name).file_size, limit, name)
+                with archive.open(name) as source:  # which gives no more bytes than the directory says
+                    shutil.copyfileobj(source, target, COPY_BYTES)
             except _ZIP_FAULTS as cause:
                 raise _damaged(self._path, cause) from cause
 

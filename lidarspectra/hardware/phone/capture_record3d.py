@@ -19,7 +19,6 @@ import numpy as np
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.capture_files import CaptureFiles
 from lidarspectra.hardware.phone.frames import (
-    MAX_DEPTH_PIXELS,
     Capture,
     DepthMap,
     Frame,
@@ -35,6 +34,9 @@ from lidarspectra.hardware.phone.frames import (
 APP = "Record3D"
 METADATA = "metadata"
 LIDAR_PX = (192, 256)  # [px] columns and rows of the LiDAR's depth in a picture held upright, where the file is silent
+MAX_PIXELS = (
+    640 * 480
+)  # [px] of the face camera's depth, the larger of the two; bounds what a packed file may unpack to
 _PICTURE = re.compile(r"rgbd/(\d{1,9})\.jpg")
 
 
@@ -133,8 +135,8 @@ def _intrinsics(about: dict[str, Any], row: int, size_px: tuple[int, int]) -> ob
 
 def _depth(files: CaptureFiles, about: dict[str, Any], name: str, size_px: tuple[int, int]) -> DepthMap:
     columns, rows = (about.get(key, usual) for key, usual in zip(("dw", "dh"), LIDAR_PX, strict=True))
-    if not (isinstance(columns, int) and isinstance(rows, int) and 0 < columns * rows <= MAX_DEPTH_PIXELS):
-        raise FrameFault("the size of its depth is not told")
+    if not (isinstance(columns, int) and isinstance(rows, int) and 0 < columns * rows <= MAX_PIXELS):
+        raise FrameFault("the size of its depth is missing, or too large")
     shape = (rows, columns)
     metres = np.frombuffer(_unpacked(files, f"rgbd/{name}.depth", 4 * rows * columns), dtype="<f4").reshape(shape)
     sure = f"rgbd/{name}.conf"

@@ -88,7 +88,7 @@ def fuse_depth(frames: Sequence[Frame], where: str, progress: Progress = silent)
     from scipy.ndimage import minimum_filter  # loads slowly
 
     inside = minimum_filter(seen, size=3)  # all corners of the cubes on either side of a voxel are known
-    vertices, faces, _, _ = surface(mean, level=0.0, mask=inside, gradient_direction="ascent")
+    vertices, faces, _, _ = surface(mean, level=0.0, mask=inside, gradient_direction="descent")
     faces = _large_pieces(np.asarray(faces, dtype=np.int64), len(vertices))
     if not len(faces):
         raise _nothing(where, "pieces of less than a hand's size alone")

@@ -151,7 +151,11 @@ def open_video(files: CaptureFiles, name: str) -> Video:
     where = f"{files.where}/{name}"
     if files.archive is None:
         return Video(files.path / (files.base + name), where)
-    data = files.read_whole(name, limit=MAX_VIDEO_BYTES)
     with tempfile.NamedTemporaryFile(suffix=".mp4", delete=False) as stream:
-        stream.write(data)
-    return Video(Path(stream.name), where, copied=True)
+        copy = Path(stream.name)
+        try:
+            files.archive.copy(files.base + name, stream, limit=MAX_VIDEO_BYTES)
+        except ScanError:
+            copy.unlink()
+            raise
+    return Video(copy, where, copied=True)

@@ -3,6 +3,7 @@
 import json
 import shutil
 import sys
+import tempfile
 import zipfile
 from pathlib import Path
 
@@ -161,6 +162,23 @@ def test_a_playlist_under_the_name_of_a_video_is_not_opened(stray: Path, tmp_pat
     (folder / "rgb.mp4").write_text("#EXTM3U\n#EXTINF:1,\nhttp://127.0.0.1:9/a.ts\n#EXT-X-ENDLIST\n")
     with pytest.raises(ScanError, match="video"):
         read_capture(folder)
+
+
+def test_a_video_in_an_archive_is_copied_out_within_a_limit_and_leaves_nothing(
+    stray: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    archive = Path(shutil.make_archive(str(tmp_path / "stray"), "zip", stray))
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    capture = read_capture(archive)
+    assert len(list(scratch.glob("*.mp4"))) == 1
+    capture.close()
+    assert not list(scratch.iterdir())
+    monkeypatch.setattr("lidarspectra.hardware.phone.video.MAX_VIDEO_BYTES", 100)
+    with pytest.raises(ScanError, match="at most 100 bytes"):
+        read_capture(archive)
+    assert not list(scratch.iterdir())
 
 
 def test_of_a_video_frames_that_moved_are_used(shots: list[Shot], record3d: Path) -> None:
