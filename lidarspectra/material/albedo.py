@@ -65,6 +65,9 @@ BOUNDS_BEAM = (-0.5, 4.0)  # [1]
 # what the scan lost and rounded would be trusted: it errs alike everywhere and does not scatter. Between 2 and 9 the
 # error of the level hardly changed in the night scans of office, apartment and large office (the first seed of each).
 MIN_PER_PLACE, MAX_PER_PLACE = 0.1, 4.0
+# [1] of the direct light, from sources that nobody named, above which a place is one observation at most: three lobes
+# are a crude pattern for a floor lamp or a window, and what they miss is alike all over a wall and does not scatter.
+MAX_UNNAMED = 0.1
 BOUND_FLUX = 2.5  # [1] of the log of a lamp's flux over the others': a lamp dimmed to a tenth is hardly lit
 
 
@@ -217,6 +220,8 @@ def _fit(model: LightObjective, result: "OptimizeResult") -> LightFit:
     information = _Information.of(model, np.asarray(result.jac), np.asarray(result.fun))
     covariance = information.covariance()
     seen, light, direct = model.all_light(best)
+    other = None if model.evidence.other is None else np.asarray(model.whole_light.other(model.strengths(best)))
+    unnamed = 0.0 if other is None else float(other.mean() / max(float(direct.mean()), 1e-30))
     slope = np.empty((*light.shape, model.count))
     slope[:, :, OF_TONE:] = -model.straight_slopes(model.whole_light, best, light) / light[:, :, None]
     for column, step in enumerate(STEP * np.eye(model.count)[:OF_TONE]):
@@ -235,14 +240,14 @@ def _fit(model: LightObjective, result: "OptimizeResult") -> LightFit:
         direct_share=float(direct.mean() / light.mean()),
         straight=direct,
         radiosity=np.einsum("jlc,l->jc", model.strengths(best), UPRIGHT_LOBES),
-        other=None if model.evidence.other is None else np.asarray(model.whole_light.other(model.strengths(best))),
+        other=other,
         parameters=best,
         deviations=np.sqrt(np.diag(covariance)),
         log_deviation=np.sqrt(np.maximum(np.einsum("nci,ij,ncj->nc", slope, covariance, slope), 0.0)),
         scatter=_robust_deviation(model.scatter(best, values)[0]),
         scatter_shown=_robust_deviation(shown - model.centers.of(shown)[model.group]),
         witnesses=model.witnesses,
-        observations_per_place=_observations_per_place(model, information),
+        observations_per_place=_observations_per_place(model, information, unnamed),
         cost=float(result.cost),
         steps=int(result.nfev),
     )
@@ -293,7 +298,7 @@ class _Information:
         return np.asarray(bread @ (self.scores + self.priors) @ bread, dtype=np.float64)
 
 
-def _observations_per_place(model: LightObjective, information: _Information) -> float:
+def _observations_per_place(model: LightObjective, information: _Information, unnamed: float) -> float:
     """How many independent observations of `LOG_SCATTER` each place tells as much as, by what the places scatter by.
 
     Were the weights right, the data's curvature H would be the variance M of its slopes. Its factor is the one for
@@ -301,12 +306,14 @@ def _observations_per_place(model: LightObjective, information: _Information) ->
 
         tr(B H) / tr(B M),                                                                                        (2)
 
-    the magnitude adjustment of composite likelihoods (Ribatet et al., Section 2.2).
+    the magnitude adjustment of composite likelihoods (Ribatet et al., Section 2.2). It knows only of errors that
+    scatter, and is bounded where others are likely; `unnamed` is the share of the direct light from sources that nobody
+    named.
     """
     bread = information.bread()
     told, varies = (float(np.sum(bread * matrix)) for matrix in (information.data, information.scores))
     found = model.observations_per_place * told / max(varies, 1e-12)
-    return float(np.clip(found, MIN_PER_PLACE, MAX_PER_PLACE))
+    return float(np.clip(found, MIN_PER_PLACE, MAX_PER_PLACE if unnamed < MAX_UNNAMED else 1.0))
 
 
 def _flux_deviations(model: LightObjective, covariance: FloatArray) -> FloatArray:

@@ -106,6 +106,23 @@ def test_a_place_tells_the_more_the_less_its_points_err_and_least_where_they_err
     assert fitted(3 * LOG_SCATTER * alike).observations_per_place < as_assumed
 
 
+def test_a_place_is_one_observation_at_most_where_a_source_that_nobody_named_gives_much_of_the_light() -> None:
+    known = lit_by_places()
+    lobe = np.random.default_rng(9).permutation(known.direct[0, :, 0])
+    brighter = 1.0 + lobe / known.direct[0, :, 0]
+    unnamed = replace(
+        known,
+        shown=known.shown * brighter[:, None],
+        other=np.stack([lobe, 1e-6 * lobe, 1e-6 * lobe])[None],
+        other_upright=np.array([False]),
+    )
+    of_known, of_unnamed = (fit_light(each, flux_deviation=np.array([0.15])) for each in (known, unnamed))
+    assert of_unnamed.other is not None
+    assert of_unnamed.other.mean() > 0.2 * of_unnamed.straight.mean()
+    assert of_known.observations_per_place == MAX_PER_PLACE
+    assert of_unnamed.observations_per_place <= 1.0
+
+
 def test_fewer_observations_per_place_leave_the_fit_less_sure() -> None:
     logs = 0.5 * LOG_SCATTER * np.random.default_rng(4).normal(size=len(evidence(2).shown))
     few, many = (np.median(fitted(logs, count).log_deviation) for count in (0.1, 4.0))
