@@ -1,5 +1,6 @@
 """A faulty run file is refused before the first stage, in one sentence that names the key; a right one is not."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -378,6 +379,15 @@ def test_a_run_folder_of_other_things_is_a_fault(write: Write, tmp_path: Path) -
     (tmp_path / "thesis" / "chapter.txt").write_text("mine", encoding="utf-8")
     (fault,) = ls.check(run_file, tmp_path / "thesis").faults
     assert "chapter.txt" in str(fault)
+
+
+def test_that_nothing_can_decimate_is_said_before_the_run(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+    run_file = write(('up = "+z"', 'up = "+z"\nmax_faces = 500'))
+    assert ls.check(run_file).good
+    monkeypatch.setitem(sys.modules, "pymeshlab", None)  # as where it is not installed
+    (fault,) = ls.check(run_file).faults
+    assert "scan.max_faces" in str(fault)
+    assert "lidarspectra[decimate]" in str(fault)
 
 
 def test_a_scan_that_is_up_to_date_is_not_read_again(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:

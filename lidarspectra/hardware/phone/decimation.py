@@ -9,7 +9,7 @@ Garland and Heckbert, "Surface simplification using quadric error metrics", SIGG
 """
 
 from dataclasses import replace
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import cv2
 import numpy as np
@@ -89,9 +89,16 @@ def decimate(scan: Scan, max_faces: int, *, progress: Progress = silent) -> Scan
     return replace(small, record=replace(record, area_m2=float(small.areas.sum())))
 
 
-def _collapsed(scan: Scan, max_faces: int) -> tuple[FloatArray, IntArray]:
+def load_decimation() -> Any:
+    """The library that decimates, pymeshlab; it takes long to load.
+
+    Raises
+    ------
+    ScanError
+        If it is not installed.
+    """
     try:
-        pymeshlab = load_pymeshlab()
+        return load_pymeshlab()
     except ImportError as cause:
         raise ScanError(
             expected="pymeshlab, which decimation needs",
@@ -99,6 +106,10 @@ def _collapsed(scan: Scan, max_faces: int) -> tuple[FloatArray, IntArray]:
             where="[scan] max_faces",
             todo=f"{INSTALL_MESHLAB.format(extra='decimate')} Or leave max_faces out: no run needs it.",
         ) from cause
+
+
+def _collapsed(scan: Scan, max_faces: int) -> tuple[FloatArray, IntArray]:
+    pymeshlab = load_decimation()
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=scan.vertices, face_matrix=scan.faces.astype(np.int32)))
     meshes.meshing_decimation_quadric_edge_collapse(targetfacenum=max_faces, **COLLAPSE)

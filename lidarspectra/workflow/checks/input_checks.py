@@ -12,6 +12,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray
 from lidarspectra.config import CellSection, DaylightSection, GridSection, LampSection, MaterialsSection, RunFile
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.hardware.phone.decimation import load_decimation
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.lamps.lamp_spectra import cct_spectrum, luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
@@ -81,6 +82,9 @@ def check_inputs(inputs: Inputs, findings: Findings, known: ScanExtent | None = 
     run_file, base = inputs.run_file, inputs.base
     findings.number("scan.max_hole_m", run_file.scan.max_hole_m, plausible.HOLE)
     scan = _scan(inputs, findings) if known is None else None
+    if known is None and run_file.scan.max_faces is not None:
+        with findings.at("scan.max_faces"):
+            load_decimation()
     extent = known if scan is None else ScanExtent(bounds=scan.bounds)
     bands = _bands(inputs, findings)
     lamps = tuple(
