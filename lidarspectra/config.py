@@ -127,7 +127,7 @@ class PaneSection(Section):
     reflectance: Annotated[float, Field(ge=0, le=0.99)] | None = None
     """Of a mirror or a screen; None is the usual one."""
     assumed: bool = False
-    """Proposed by `init`, and not yet looked at: said in notes. Changes no number but its deviation."""
+    """Proposed by `init`, and not yet looked at: map and notes say so. Changes no number."""
 
     @model_validator(mode="after")
     def _is_pane(self) -> Self:

@@ -139,7 +139,7 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
         colors = frame_colors(scan, capture, wanted=section.frames, progress=coloring)
         scan = scan if colors is None else colors.scan
         finding(0.0, "finding floor, walls and ceiling")
-        scan, found_room, _ = whole_room(
+        scan, found_room, *_ = whole_room(
             scan,
             close_ceiling=section.close_ceiling,
             close_floor=section.close_floor,
@@ -434,7 +434,7 @@ def map_stage(
     Its folder has the lamps as they are now: of a scene that was kept they may differ from those that were traced.
     """
     given = inputs.declare(
-        *(*LAMP_KEYS, "lamps.assumed", "daylight.windows", "calibration", "scan.assumed"),
+        *(*LAMP_KEYS, "lamps.assumed", "daylight.windows", "calibration", "scan.assumed", "panes", "panes.assumed"),
         databases=("lamps",),
         stages=(scan, materials, scene, transport),
     )
@@ -447,7 +447,7 @@ def map_stage(
         save_lamps(lamps, folder)
         assumed = replace(
             assumed_lamps(run_file, [lamp.name for lamp in lamps]),
-            scan=assumed_of_scan(run_file.scan.assumed, scanned.scan.record, scanned.room),
+            scan=assumed_of_scan(run_file, scanned.scan.record, scanned.room),
         )
         finding(0.0, "what is not known")
         unknowns = unknowns_of_map(

@@ -110,18 +110,27 @@ def test_an_assumption_changes_no_light(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("marked", "sure", "ceiling", "expected"),
+    ("marked", "pane_marked", "sure", "ceiling", "expected"),
     [
-        ((), (1.0, 1.0), 0.9, ()),
-        (("up", "unit"), (1.0, 1.0), 0.9, ("unit", "up")),
-        ((), (0.94, 1.0), 0.9, ("unit",)),
-        (("unit",), (1.0, 0.72), 0.1, ("unit", "up", "ceiling")),
+        ((), None, (1.0, 1.0), 0.9, ()),
+        (("up", "unit"), None, (1.0, 1.0), 0.9, ("unit", "up")),
+        ((), False, (0.94, 1.0), 0.9, ("unit",)),
+        (("unit",), True, (1.0, 0.72), 0.1, ("unit", "up", "ceiling", "panes")),
     ],
 )
-def test_unit_axis_and_ceiling_are_assumed_where_nobody_is_sure(
-    marked: tuple[str, ...], sure: tuple[float, float], ceiling: float, expected: tuple[str, ...]
+def test_unit_axis_ceiling_and_panes_are_assumed_where_nobody_is_sure(
+    marked: tuple[str, ...],
+    pane_marked: bool | None,
+    sure: tuple[float, float],
+    ceiling: float,
+    expected: tuple[str, ...],
 ) -> None:
-    assert assumed_of_scan(marked, record(*sure), room(ceiling)) == expected
+    pane = {"name": "a", "kind": "glass", "center": [0, 0, 1], "size": [1, 1], "normal": [1, 0, 0]}
+    panes = [] if pane_marked is None else [pane | {"assumed": pane_marked}]
+    table = RunFile.model_validate(
+        {"scan": SCAN | {"assumed": list(marked)}, "panes": panes, "lamps_from_scan": {"cct_k": 3000}}
+    )
+    assert assumed_of_scan(table, record(*sure), room(ceiling)) == expected
 
 
 def test_a_guessed_unit_is_a_note_of_the_scan() -> None:

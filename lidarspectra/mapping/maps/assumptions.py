@@ -1,4 +1,4 @@
-"""What a map rests on that is a guess: lamps' fluxes and spectra, and the scan's unit, upward axis, floor and ceiling.
+"""What a map rests on that is a guess: lamps' fluxes and spectra, and of the scan what stands in `OF_SCAN`.
 
 A spectral map says so in its attribute `assumed`, a JSON text: {"flux and spectrum": ["panel 1"], "scan": ["unit"]};
 its table in a column of that name, in words.
@@ -14,7 +14,13 @@ import xarray as xr
 ASSUMED = "assumed"  # attribute of a spectral map
 FLUX_AND_SPECTRUM, FLUX, SPECTRUM, SCAN = "flux and spectrum", "flux", "spectrum", "scan"  # keys of it
 OF_LAMP = (FLUX_AND_SPECTRUM, FLUX, SPECTRUM)
-OF_SCAN = {"unit": "the scan's unit", "up": "the scan's upward axis", "floor": "the floor", "ceiling": "the ceiling"}
+OF_SCAN = {
+    "unit": "the scan's unit",
+    "up": "the scan's upward axis",
+    "floor": "the floor",
+    "ceiling": "the ceiling",
+    "panes": "its glass, mirrors and screens",
+}
 MAX_NAMED = 6  # lamps named in one sentence
 
 
@@ -31,7 +37,7 @@ class Assumptions:
     spectra : tuple of str
         Names of lamps whose spectrum alone is one.
     scan : tuple of str
-        Of 'unit', 'up', 'floor' and 'ceiling' those that are guesses.
+        Of 'unit', 'up', 'floor', 'ceiling' and 'panes' those that are guesses.
     """
 
     lamps: tuple[str, ...] = ()

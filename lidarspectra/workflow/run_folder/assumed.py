@@ -55,22 +55,23 @@ def uncertain_of_scan(record: ScanRecord) -> tuple[str, ...]:
     return tuple(name for name, confidence in sure.items() if confidence < CERTAIN)
 
 
-def assumed_of_scan(marked: Sequence[str], record: ScanRecord, room: "Room") -> tuple[str, ...]:
-    """Of 'unit', 'up', 'floor' and 'ceiling' those that are guesses.
+def assumed_of_scan(run_file: RunFile, record: ScanRecord, room: "Room") -> tuple[str, ...]:
+    """Of 'unit', 'up', 'floor', 'ceiling' and 'panes' those that are guesses.
 
     Parameters
     ----------
-    marked : sequence of str
-        `[scan] assumed` of the run file.
+    run_file : RunFile
+        With what `[scan]` and `[[panes]]` mark as assumed.
     record : ScanRecord
         Says how sure the others are.
     room : Room
     """
-    guesses = {*marked, *uncertain_of_scan(record)}
+    guesses = {*run_file.scan.assumed, *uncertain_of_scan(record)}
     return (
         *(name for name in ("unit", "up") if name in guesses),
         *(("floor",) if room.floor_confidence == 0.0 else ()),
         *(("ceiling",) if room.ceiling_confidence < CEILING_SHARE else ()),
+        *(("panes",) if any(pane.assumed for pane in run_file.panes) else ()),
     )
 
 
