@@ -1,4 +1,4 @@
-"""Processor and clock time of a run's stages, of the libraries' import, and of relighting; before and after in turn.
+"""Processor and clock time of a run's stages, of importing libraries, relighting and `init`; before and after in turn.
 
     python -m research.benchmarks.stages office             a scene of `scenes/`, as `lidarspectra demo` runs it
     python -m research.benchmarks.stages ROOM.toml          any run file
@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from pathlib import Path
 
 import psutil
@@ -91,7 +92,9 @@ def measured(root: Path, room: Path, scratch: Path, profiled: str) -> dict[str, 
     lamps = json.loads((run / "4-scene" / "lamps.json").read_text(encoding="utf-8"))
     words = [word.format(run=run, lamp=lamps[0]["name"]) for word in RELIGHT]
     parts["relight, to its answer"] = _to_first_line(root, scratch, "-c", COMMAND, *words)
+    scan = room.parent / tomllib.loads(room.read_text(encoding="utf-8"))["scan"]["file"]
     others = {"relight": ("-c", COMMAND, *words), "--help": ("-c", COMMAND, "--help")}
+    others["init"] = ("-c", COMMAND, "init", str(scan), "--out", str(scratch / "init.toml"))
     others["import lidarspectra"] = ("-c", "import lidarspectra")
     for name, arguments in others.items():
         _, *parts_of = _timed(root, scratch, *arguments)
