@@ -10,6 +10,7 @@ from lidarspectra.errors import ArrayError
 from lidarspectra.geometry.textures import TextureArray, mean_texture_colors, sample_image
 from lidarspectra.spectra.colorimetry import decode_srgb
 
+NEUTRAL_COLOR = 0.735  # sRGB-encoded; linear 0.5, of faces without colour
 PHOTOGRAPHED, DRAWN, NO_COLOR = 0, 1, 2  # where a face's colour is from: see `Appearance.color_source`
 MAX_PHOTOGRAPHED = 0.2  # share of the faces of a model of a room whose colour is a photograph's
 CLOSED_KINDS = ("closed ceiling", "closed floor", "closed side")  # kinds of parts that close a room; no file has them

@@ -12,6 +12,11 @@ BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 ESCAPES = str.maketrans(LONG_ESCAPES | SHORT_ESCAPES)
 
 
+def toml_vector(values: Sequence[float]) -> str:
+    """Numbers as a TOML array, to three decimals: places and sizes to the millimetre."""
+    return f"[{', '.join(f'{round(value, 3) + 0.0:.3f}' for value in values)}]"  # adding zero turns -0.0 into 0.0
+
+
 def toml_value(value: object) -> str:
     """A value as TOML writes it on one line; what is None in a table is left out.
 

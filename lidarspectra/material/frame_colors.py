@@ -13,7 +13,7 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, SmallFloatArray
 from lidarspectra.errors import ScanError
-from lidarspectra.geometry.appearance import NO_COLOR, PHOTOGRAPHED, Appearance, LinearLight
+from lidarspectra.geometry.appearance import NEUTRAL_COLOR, NO_COLOR, PHOTOGRAPHED, Appearance, LinearLight
 from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.frames import Frame, FrameFault, LeftOut
@@ -250,7 +250,7 @@ def _colored(
         images=(_spread_out(atlas.size_px, texels.rows[shown], texels.columns[shown], light[shown]),),
         face_image=np.where(colored, 0, -1),
         corner_uv=atlas.corner_uv,
-        corner_color=np.full((count, 3, 3), 0.735),
+        corner_color=np.full((count, 3, 3), NEUTRAL_COLOR),
         color_source=np.where(colored, PHOTOGRAPHED, NO_COLOR),
         linear=LinearLight(
             power_deviation=radiometry.power_deviation,

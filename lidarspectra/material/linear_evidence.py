@@ -25,9 +25,7 @@ MIN_SHOWN = 1e-3  # [1] of white, floor of what is divided by
 AT_LAMP_M = 0.12  # [m] between a lamp's surface and the middle of a face that shows it, as of `near_lamps`
 TOLD_POWER = 0.1  # [1] deviation of log g below which exposures were told: overlaps alone never tell a power
 BRIGHT_SHARE = 0.9  # [1] of the faces at a lamp, by number, that are no brighter than what counts as its brightness
-LAMP_SHARE = (
-    0.5  # [1] of the brightest faces there, above which a face is the lamp and not its rim or the ceiling beside
-)
+LAMP_SHARE = 0.5  # [1] of the brightest faces there, above which a face is the lamp and not its rim
 FACING = 0.7  # [1] cosine between a lamp's axis and such a face
 MIN_TOLD = 0.9  # [1] of a source's area whose radiance some frame tells: a window's lower half is the darker one
 

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from lidarspectra.geometry.appearance import CLOSED_KINDS, NO_COLOR, Appearance
+from lidarspectra.geometry.appearance import CLOSED_KINDS, NEUTRAL_COLOR, NO_COLOR, Appearance
 from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.room.free_space import FreeSpace, sphere_directions
@@ -24,7 +24,6 @@ PIXEL_M = 0.05  # [m] of the plan that the shell stands around
 CELL_M = 0.25  # [m] of the shell: what is kept of it follows an opening to within this
 BEYOND_M = 0.12  # [m] the shell lies so far outside the outline and the scanned ceiling: behind uneven walls
 OVERLAP_M = 0.2  # [m] a plate goes so far beyond the outline, so that no slit is left at a wall
-NEUTRAL_COLOR = 0.735  # sRGB-encoded; linear 0.5, as for all surfaces without colour
 BRIDGED_M = 0.4  # [m] rooms no farther apart have one shell: what is between them is a wall
 MIN_HITS = 5  # rays that leave by a square of the shell, from which it is closed: fewer are cracks of the mesh
 ROUNDS = 2  # of closing: what the first leaves open is mostly seen past its edges

@@ -6,7 +6,7 @@ import numpy as np
 
 from lidarspectra.config import PaneSection
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.io.toml_text import toml_value
+from lidarspectra.io.toml_text import toml_value, toml_vector
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.pane_materials import pane_material, with_pane_materials
 from lidarspectra.room.panes.pane import Pane
@@ -70,16 +70,12 @@ def pane_lines(panes: Sequence[Pane]) -> Iterator[str]:
         yield "[[panes]]"
         yield f"name = {toml_value(f'{pane.kind} {numbers[pane.kind]}')}  # {pane.why}"
         yield f"kind = {toml_value(pane.kind)}"
-        yield f"center = {_vector(pane.center.tolist())}  # [m]"
-        yield f"size = {_vector(list(pane.size_m))}  # width, height [m]"
-        yield f"normal = {_vector(pane.normal.tolist())}  # into the room"
+        yield f"center = {toml_vector(pane.center.tolist())}  # [m]"
+        yield f"size = {toml_vector(list(pane.size_m))}  # width, height [m]"
+        yield f"normal = {toml_vector(pane.normal.tolist())}  # into the room"
         yield "assumed = true  # a guess; delete this line once you have looked"
 
 
 def panes_in_words(panes: Sequence[Pane]) -> str:
     """Panes for a summary: what and where, one after the other."""
     return "; ".join(pane.in_words() for pane in panes)
-
-
-def _vector(values: list[float]) -> str:
-    return f"[{', '.join(f'{round(value, 3) + 0.0:.3f}' for value in values)}]"

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from lidarspectra.geometry.scan import Scan, ScanRecord
 from lidarspectra.material.part_materials import typical_in_words
@@ -9,12 +10,33 @@ from lidarspectra.room.closing import Openness, close_room
 from lidarspectra.room.mirrored import mirrored_walls
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.placing import with_panes
-from lidarspectra.room.panes.search import find_panes
+from lidarspectra.room.panes.search import propose_panes
 from lidarspectra.room.room import Room, find_room
 from lidarspectra.workflow.panes_of_run import found_notes
 
 WORTH_SAYING = 0.01  # [1] of all directions that leave the scan: less is cracks of the mesh
 OUTSIDE_SHARE = 0.05  # [1] of the scan's floor outside the room, above which that is said
+
+
+class WholeRoom(NamedTuple):
+    """A room found in a scan.
+
+    Attributes
+    ----------
+    scan : Scan
+        Closed, with its panes in place, and with what was closed, what is open, what lies outside the room and what is
+        probably glass, a mirror or a screen in its record's notes.
+    room : Room
+        As the scan shows it: a ceiling that was closed has the confidence 0.
+    openness : Openness
+    proposed : tuple of Pane
+        Signs of glass, mirrors and screens in it.
+    """
+
+    scan: Scan
+    room: Room
+    openness: Openness
+    proposed: tuple[Pane, ...]
 
 
 def whole_room(
@@ -26,7 +48,7 @@ def whole_room(
     floor_z: float | None = None,
     ceiling_z: float | None = None,
     panes: Sequence[Pane] = (),
-) -> tuple[Scan, Room, Openness]:
+) -> WholeRoom:
     """Find the room in a scan, and close what is missing.
 
     Parameters
@@ -44,12 +66,7 @@ def whole_room(
 
     Returns
     -------
-    scan : Scan
-        Closed, with its panes in place, and with what was closed, what is open, what lies outside the room and what is
-        probably glass, a mirror or a screen in its record's notes.
-    room : Room
-        As the scan shows it: a ceiling that was closed has the confidence 0.
-    openness : Openness
+    whole : WholeRoom
 
     Raises
     ------
@@ -61,7 +78,7 @@ def whole_room(
     room = find_room(mirrors, floor_z=floor_z, ceiling_z=ceiling_z)
     scan = with_panes(mirrors, [pane for pane in panes if pane.kind != "mirror"])
     closed, openness = close_room(scan, room, ceiling=close_ceiling or close, floor=close_floor or close, sides=close)
-    found = find_panes(closed, room)
+    found = propose_panes(closed, room)
     notes = (
         *scan.record.notes,
         *_closing_notes(room, openness, floor_given=floor_z is not None, ceiling_given=ceiling_z is not None),
@@ -78,7 +95,7 @@ def whole_room(
         closed_area_m2=openness.closed_m2,
         notes=notes,
     )
-    return replace(closed, record=record), room, openness
+    return WholeRoom(scan=replace(closed, record=record), room=room, openness=openness, proposed=found)
 
 
 def missing_in_words(record: ScanRecord) -> str:

@@ -24,7 +24,6 @@ from lidarspectra.errors import LidarSpectraError
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.room.panes.pane import REACH_M, Pane
-from lidarspectra.room.panes.search import find_panes
 from lidarspectra.workflow.init.init_file import init
 from lidarspectra.workflow.panes_of_run import panes_of_run
 from lidarspectra.workflow.pipeline import RunSummary, run
@@ -39,10 +38,8 @@ MATERIALS = {"coverage": 0.3, "model": "none", "delight": False}
 
 def found_in(path: Path) -> tuple[Pane, ...]:
     """What is found in a scan's file, as a run looks for it."""
-    scan, room, _ = whole_room(
-        repair_scan(read_scan(path), flatten=True), close_ceiling=True, close_floor=True, close=False
-    )
-    return find_panes(scan, room)
+    repaired = repair_scan(read_scan(path), flatten=True)
+    return whole_room(repaired, close_ceiling=True, close_floor=True, close=False).proposed
 
 
 def write(folder: Path, name: str, mesh: Mesh) -> Path:

@@ -12,7 +12,7 @@ import numpy as np
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
-from lidarspectra.geometry.appearance import DRAWN, NO_COLOR, PHOTOGRAPHED, Appearance
+from lidarspectra.geometry.appearance import DRAWN, NEUTRAL_COLOR, NO_COLOR, PHOTOGRAPHED, Appearance
 from lidarspectra.geometry.textures import check_texture_total, decode_image
 from lidarspectra.hardware.phone.part_names import AIR, ROOM_KIND, counted_kinds
 
@@ -20,7 +20,6 @@ Unit = Literal["m", "cm", "mm", "in", "ft"]
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 
 NO_COLOR_NOTE = "The file has no colour"  # beginning of a note, which does not hold once frames have coloured the mesh
-NEUTRAL_COLOR = 0.735  # sRGB-encoded; linear 0.5, used where a file holds no colour
 MAX_FACES = 20_000_000  # about 6 GB as a Scan
 MAX_FILE_BYTES = 2 * 1024**3  # [byte] a room with an 8k texture is below 0.2 GB
 LONGEST_NAME = 255  # [byte] longest name of a file or folder on common file systems

@@ -9,13 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from lidarspectra.arrays import BoolArray
-from lidarspectra.geometry.appearance import NO_COLOR, PHOTOGRAPHED, Appearance
+from lidarspectra.geometry.appearance import NEUTRAL_COLOR, NO_COLOR, PHOTOGRAPHED, Appearance
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.panes.mirrors import images_behind
 from lidarspectra.room.panes.pane import REACH_M, Pane
 
 BULGE_M = 1.0  # [m] behind a pane of glass within which the mesh is made of few returns, and no surface
-NEUTRAL_COLOR = 0.735  # sRGB-encoded; linear 0.5, as for all surfaces without colour
 WHITE = 0.9  # [1] linear, of all channels: about where pictures are cut
 SHINING = 0.5  # [1] of the area that a pane takes the place of, cut at white, from which it shines in the picture
 

@@ -11,8 +11,8 @@ from scipy import ndimage
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.room.panes.pane import REACH_M, Pane
 from lidarspectra.room.panes.wall_view import CELL_M, WallView
+from lidarspectra.spectra.colorimetry import LUMINANCE_FROM_SRGB
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # [1] of linear sRGB (IEC 61966-2-1)
 DARKER = 0.5  # [1] of its wall's luminance, below which a square is not the wall
 BLACK = 0.15  # [1] of it, below which a surface is as dark as a screen that is off: .1 of a wall of .65
 DARK_SHARE = 0.8  # [1] of a screen that is off
@@ -43,7 +43,7 @@ def screens_of_wall(view: WallView) -> tuple[Pane, ...]:
     flush = np.abs(view.depth) <= REACH_M
     if flush.sum() * CELL_M**2 < MIN_WALL_M2:
         return ()
-    relative = _over_wall(view.color @ LUMINANCE, flush)
+    relative = _over_wall(view.color @ LUMINANCE_FROM_SRGB, flush)
     boxes = flush & (view.depth < np.median(view.depth[flush]) - BEFORE_M)
     found: list[Pane] = []
     for mask, is_box in ((boxes, True), (flush & (relative < DARKER), False)):

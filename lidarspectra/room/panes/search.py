@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.panes.glass import glass_of_wall
 from lidarspectra.room.panes.mirrors import mirror_of_wall
@@ -13,7 +13,7 @@ from lidarspectra.room.room import Room
 from lidarspectra.room.room_planes import face_geometry
 
 
-def find_panes(scan: Scan, room: Room, *, caster: RayCaster | None = None) -> tuple[Pane, ...]:
+def propose_panes(scan: Scan, room: Room) -> tuple[Pane, ...]:
     """Find what in a scan is probably glass, a mirror or a screen.
 
     Parameters
@@ -22,8 +22,6 @@ def find_panes(scan: Scan, room: Room, *, caster: RayCaster | None = None) -> tu
         Repaired.
     room : Room
         In it.
-    caster : RayCaster, optional
-        The scan's, where the caller has one already.
 
     Returns
     -------
@@ -32,7 +30,7 @@ def find_panes(scan: Scan, room: Room, *, caster: RayCaster | None = None) -> tu
     """
     if scan.appearance.is_drawn:
         return ()
-    caster = caster or RayCaster(scan)
+    caster = caster_of(scan)
     faces = face_geometry(scan)
     views = [view for wall in room.walls if (view := wall_view(scan, room, wall, caster)).depth.size]
     found = [pane for view in views if (pane := mirror_of_wall(view, faces)) is not None]

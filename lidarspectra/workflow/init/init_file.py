@@ -22,7 +22,6 @@ from lidarspectra.material.lit_lamps import LampSearch, search_lit_lamps
 from lidarspectra.material.unknown_light import UnknownSource, find_unknown_sources
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.room.free_space import FreeSpace
-from lidarspectra.room.panes.search import find_panes
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, grid_points
 from lidarspectra.workflow.init.choices import SENSOR_HEIGHT_M, InitChoices
@@ -208,10 +207,9 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
                 ceiling_z=choices.ceiling,
             ),
         )
-        scan, room, _ = whole(repaired)
-        proposed = find_panes(scan, room)
+        scan, room, _, proposed = whole(repaired)
         if proposed:  # the room as the run will see it, without images behind mirrors
-            scan, room, _ = whole(repaired, panes=proposed)
+            scan, room, *_ = whole(repaired, panes=proposed)
     except ScanError as cause:
         raise _NoRoom(cause, raw) from cause
     free = FreeSpace(scan, room)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.orientation import METRES_PER_UNIT
-from lidarspectra.io.toml_text import toml_value
+from lidarspectra.io.toml_text import toml_value, toml_vector
 from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2
 from lidarspectra.material.lit_lamps import LitLamp
 from lidarspectra.workflow.init.choices import InitChoices
@@ -161,12 +161,12 @@ def _lamp_lines(summary: InitSummary) -> Iterator[str]:
         yield "[[lamps]]"
         yield f"name = {toml_value(name)}  # {percent(lamp.confidence)} sure"
         yield f"shape = {toml_value(lamp.shape.word)}"
-        yield f"center = {_vector(lamp.center.tolist())}  # [m]"
+        yield f"center = {toml_vector(lamp.center.tolist())}  # [m]"
         size, words = lamp.shape.size, ", ".join(lamp.shape.size_names)
-        yield f"size = {f'{size[0]:.3f}' if len(size) == 1 else _vector(list(size))}  # {words} [m]"
+        yield f"size = {f'{size[0]:.3f}' if len(size) == 1 else toml_vector(list(size))}  # {words} [m]"
         if len(size) > 1:
             yield f"rotation_deg = {lamp.rotation_deg:.1f}  # of the length, about the direction it shines in"
-        yield f"normal = {_vector(lamp.normal.tolist())}  # the direction it shines in"
+        yield f"normal = {toml_vector(lamp.normal.tolist())}  # the direction it shines in"
         yield f"spectrum = {toml_value(SPECTRUM)}  # assumed"
         area = lamp.shape.area
         yield f"luminous_flux_lm = {_significant(EXITANCE_LM_M2 * area)}  # assumed, {area:.3f} m² of lamp"
@@ -182,7 +182,7 @@ def _panel_lines(panels: ProposedPanels, *, has_color: bool, by_day: bool) -> It
         yield "[[lamps]]"
         yield f'name = "panel {number}"'
         yield 'shape = "panel"'
-        yield f"center = {_vector(center)}  # [m], assumed"
+        yield f"center = {toml_vector(center)}  # [m], assumed"
         yield f"size = [{PANEL_M}, {PANEL_M}]  # length, width [m], assumed"
         yield f"rotation_deg = {panels.rotation_deg:.1f}"
         yield f"spectrum = {toml_value(SPECTRUM)}  # assumed, a white LED; see: lidarspectra databases list"
@@ -229,11 +229,6 @@ def _named(lamps: tuple[LitLamp, ...]) -> Iterator[tuple[str, LitLamp]]:
         word = lamp.shape.word
         numbers[word] += 1
         yield f"{word} {numbers[word]}", lamp
-
-
-def _vector(values: list[float]) -> str:
-    # Adding zero turns -0.0 into 0.0.
-    return f"[{', '.join(f'{round(value, 3) + 0.0:.3f}' for value in values)}]"
 
 
 def _significant(value: float) -> str:

@@ -53,7 +53,7 @@ def test_a_missing_ceiling_and_floor_are_closed_where_the_walls_end(builder, lea
 
 def test_what_is_switched_off_stays_open_and_is_said(builder) -> None:
     scan = office(builder, leave_out=("top",))
-    closed, room, openness = whole_room(scan, close_ceiling=False, close_floor=True, close=False)
+    closed, room, openness, _ = whole_room(scan, close_ceiling=False, close_floor=True, close=False)
     assert len(closed.faces) == len(scan.faces)
     assert openness.up > 0.1
     assert openness.up == pytest.approx(openness.total, rel=0.1)
@@ -88,7 +88,7 @@ def test_an_end_whose_ceiling_was_not_scanned_still_belongs_to_the_room(builder)
 
 def test_a_whole_room_is_left_as_it_is(builder) -> None:
     scan = office(builder)
-    closed, room, openness = whole_room(scan, **ALL)
+    closed, room, openness, _ = whole_room(scan, **ALL)
     assert openness.total < 0.01
     assert closed.areas.sum() == pytest.approx(scan.areas.sum(), rel=0.01)
     assert not closed.record.notes
@@ -99,7 +99,7 @@ def test_a_doorway_between_two_rooms_is_not_closed(builder) -> None:
     room = builder(step_m=0.1, noise_m=0.004)
     room.box([0, 0, 0], [4, 3, 2.5], inward=True, holes={"east": (0.0, 0.84, 0.35, 0.65)})
     room.box([4.15, 0, 0], [7.15, 3, 2.5], inward=True, holes={"west": (0.35, 0.65, 0.0, 0.84)}, leave_out=("east",))
-    closed, found, _ = whole_room(room.scan(), **ALL)
+    closed, found, *_ = whole_room(room.scan(), **ALL)
     assert len(found.outlines) == 2
     hit = RayCaster(closed).nearest([[2.0, 1.5, 1.0]], [[1.0, 0.0, 0.0]])
     assert hit.distance[0] == pytest.approx(5.15, abs=0.3), "the ray goes through the door and ends at the open end"
@@ -110,7 +110,7 @@ def test_floor_that_the_room_leaves_out_is_said(builder) -> None:
     room = builder(step_m=0.1, noise_m=0.004)
     room.box([0, 0, 0], [4, 3, 2.5], inward=True)
     room.box([4.15, 0, 0], [7.15, 3, 2.5], inward=True, leave_out=("top",))  # no ceiling: a mirage, perhaps
-    closed, found, _ = whole_room(room.scan(), **ALL)
+    closed, found, *_ = whole_room(room.scan(), **ALL)
     assert found.floor_share == pytest.approx(4.0 / 7.0, rel=0.05)
     assert any("57 % of the floor" in note for note in closed.record.notes)
 
@@ -143,7 +143,7 @@ def test_the_floor_slab_of_a_model_that_goes_beyond_its_walls_is_not_the_room(tm
     parts = [*(part for part in furnished_room() if part.name != "Floor0"), slab]
     write_named_glb(tmp_path / "a.glb", parts)
     scan = repair_scan(read_scan(tmp_path / "a.glb"))
-    closed, room, openness = whole_room(scan, close_ceiling=True, close_floor=True, close=False)
+    closed, room, openness, _ = whole_room(scan, close_ceiling=True, close_floor=True, close=False)
     assert room.area_m2 == pytest.approx(20.0, rel=0.05)
     assert openness.total < 0.01
     assert room.floor_share == pytest.approx(20.0 / 56.0, rel=0.1)
@@ -152,7 +152,7 @@ def test_the_floor_slab_of_a_model_that_goes_beyond_its_walls_is_not_the_room(tm
 
 def test_init_says_what_is_missing_and_proposes_to_close_it(builder) -> None:
     scan = office(builder, leave_out=("top", "east"))
-    closed, room, _ = whole_room(scan, close_ceiling=True, close_floor=True, close=False)
+    closed, room, *_ = whole_room(scan, close_ceiling=True, close_floor=True, close=False)
     said = "\n".join(closing_lines(closed.record, room))
     assert "of all directions leave the scan" in said
     assert "close_ceiling = true" in said

@@ -38,14 +38,14 @@ def scanned(damage: rooms.Damage, tmp_path) -> Scan:
     ids=("stray", "slivers", "turned", "no ceiling", "neither", "open"),
 )
 def test_the_room_is_found_whatever_is_wrong_in_its_scan(damage: rooms.Damage, tmp_path) -> None:
-    closed, room, _ = whole_room(scanned(damage, tmp_path), **CLOSED)
+    closed, room, *_ = whole_room(scanned(damage, tmp_path), **CLOSED)
     assert room.area_m2 == pytest.approx(20.0, rel=0.08)
     assert room.height_m == pytest.approx(2.6, abs=0.08)
     assert np.isfinite(closed.vertices).all()
 
 
 def test_a_ghost_behind_a_mirror_is_told_and_a_room_like_it_is_not(tmp_path) -> None:
-    closed, room, _ = whole_room(scanned(rooms.mirrored_at_wall(1.0), tmp_path), **CLOSED)
+    closed, room, *_ = whole_room(scanned(rooms.mirrored_at_wall(1.0), tmp_path), **CLOSED)
     assert room.area_m2 > 30.0
     assert any("its mirror image" in note or "the room's own image" in note for note in closed.record.notes)
     assert not mirrored_walls(whole_room(scanned(rooms.stray_faces, tmp_path), **CLOSED)[1])

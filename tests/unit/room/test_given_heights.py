@@ -57,7 +57,7 @@ def test_a_mirrored_room_under_a_polished_floor_is_no_part_of_the_room_once_the_
 def test_a_floor_that_was_not_scanned_lies_where_it_is_given_and_is_closed_there(builder) -> None:
     scan = above_the_tables(builder)
     assert find_room(scan).floor_z == pytest.approx(0.74, abs=0.02), "found wrongly"
-    closed, room, _ = whole_room(scan, **CLOSED, floor_z=0.0)
+    closed, room, *_ = whole_room(scan, **CLOSED, floor_z=0.0)
     assert (room.floor_z, room.floor_confidence) == (0.0, 0.0)
     assert room.area_m2 == pytest.approx(20.0, rel=0.05)
     hit = RayCaster(closed).nearest([[2.5, 2.0, 1.5]], [[0.0, 0.0, -1.0]])
@@ -69,7 +69,7 @@ def test_a_floor_that_was_not_scanned_lies_where_it_is_given_and_is_closed_there
 def test_a_ceiling_that_was_not_scanned_lies_where_it_is_given_and_is_closed_there(builder) -> None:
     scan = below_the_ceiling(builder)
     assert find_room(scan).ceiling_z == pytest.approx(2.4, abs=0.02), "where the scan ends; the shelves are no ceiling"
-    closed, room, openness = whole_room(scan, **CLOSED, ceiling_z=3.2)
+    closed, room, openness, _ = whole_room(scan, **CLOSED, ceiling_z=3.2)
     assert (room.ceiling_z, room.ceiling_confidence) == (3.2, 0.0)
     assert room.area_m2 == pytest.approx(20.0, rel=0.05)
     hit = RayCaster(closed).nearest([[2.5, 2.0, 1.5]], [[0.0, 0.0, 1.0]])
@@ -77,7 +77,7 @@ def test_a_ceiling_that_was_not_scanned_lies_where_it_is_given_and_is_closed_the
     assert openness.aside > 0.05, "between the walls' end and the ceiling"
     assert any("no ceiling at the height that is given. It was closed there, 3.20 m" in note
                for note in closed.record.notes)  # fmt: skip
-    whole, _, left = whole_room(scan, close_ceiling=True, close_floor=True, close=True, ceiling_z=3.2)
+    whole, _, left, _ = whole_room(scan, close_ceiling=True, close_floor=True, close=True, ceiling_z=3.2)
     assert left.total < 0.005
     assert whole.record.closed_area_m2 > closed.record.closed_area_m2 + 0.5 * 0.8 * 18.0
 

@@ -20,7 +20,6 @@ from lidarspectra.material.part_materials import typical_material
 from lidarspectra.room.panes.mirrors import images_behind
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.placing import with_panes
-from lidarspectra.room.panes.search import find_panes
 from lidarspectra.workflow.init.init_file import write_init
 from lidarspectra.workflow.panes_of_run import assumed_notes
 from lidarspectra.workflow.whole_room import whole_room
@@ -60,8 +59,7 @@ def scanned(tmp_path_factory):
 @pytest.mark.parametrize("name", FOUND)
 def test_a_pane_is_found_where_it_is(name: str, scanned) -> None:
     true = BY_NAME[name].true
-    scan, room, _ = whole_room(scanned(BY_NAME[name]), **CLOSED)
-    found = find_panes(scan, room)
+    scan, _, _, found = whole_room(scanned(BY_NAME[name]), **CLOSED)
     assert [pane.kind for pane in found] == [true.kind]
     # Squares of 5 cm at either edge, and rounded corners of the mesh beside it.
     np.testing.assert_allclose(found[0].size_m, true.size_m, atol=0.15)
@@ -74,14 +72,14 @@ def test_a_pane_is_found_where_it_is(name: str, scanned) -> None:
 def test_a_pane_that_the_run_file_has_is_not_asked_about_again(name: str, scanned) -> None:
     true = BY_NAME[name].true
     assert true is not None
-    scan, _, _ = whole_room(scanned(BY_NAME[name]), **CLOSED, panes=[true])
+    scan, *_ = whole_room(scanned(BY_NAME[name]), **CLOSED, panes=[true])
     assert not any("probably" in note for note in scan.record.notes)
 
 
 @pytest.mark.parametrize("name", NOTHING)
 def test_nothing_is_found_where_there_is_no_pane(name: str, scanned) -> None:
-    scan, room, _ = whole_room(scanned(BY_NAME[name]), **CLOSED)
-    assert find_panes(scan, room) == ()
+    scan, _, _, found = whole_room(scanned(BY_NAME[name]), **CLOSED)
+    assert found == ()
     assert not any("probably" in note for note in scan.record.notes)
 
 
