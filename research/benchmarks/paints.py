@@ -14,17 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import BoolArray
-from lidarspectra.config import read_run_file
-from lidarspectra.geometry.scan import Scan
-from lidarspectra.hardware.phone.readers import read_scan
-from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.geometry.scan import Scan, load_scan
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.material_map import MaterialMap, load_materials
-from lidarspectra.room.room import Room, find_room
+from lidarspectra.room.room import Room, load_room
 from lidarspectra.room.room_planes import Wall
+from lidarspectra.workflow.run_folder.workspace import stage_folder
 
-STAGE = "3-materials"
 REFERENCE_NM = 555.0  # [nm]
 FACING, NEAR_M = 0.9, 0.1  # [1] cosine, [m]: faces of a wall
 ROUNDING = 1e-3  # [1] of a colour at the limit
@@ -62,13 +59,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("run_file", type=Path)
     given = parser.parse_args(arguments)
-    settings = read_run_file(given.run_file).scan
-    scan = repair_scan(
-        read_scan(given.run_file.parent / settings.file, unit=settings.unit, up=settings.up),
-        close_holes=settings.close_holes, max_hole_m=settings.max_hole_m, flatten=settings.flatten,
-    )  # fmt: skip
-    room = find_room(scan)
-    found = load_materials(given.run_file.with_suffix(".run") / STAGE)
+    run = given.run_file.with_suffix(".run")
+    scan, room = load_scan(stage_folder(run, "scan")), load_room(stage_folder(run, "scan"))
+    found = load_materials(stage_folder(run, "materials"))
     for wall in room.walls:
         print(wall_in_words(wall, scan, found))
     inside, beyond = at_limit(scan, room, found)
