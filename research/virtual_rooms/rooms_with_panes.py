@@ -114,6 +114,24 @@ def corridor_behind(pane: Pane, *, patches: int) -> Change:
     return change
 
 
+def niche(opening: Pane, depth_m: float) -> Change:
+    """A flat recess of the east wall, for shelves or before a window."""
+
+    def change(mesh: Mesh, random: np.random.Generator) -> Mesh:
+        (x, y, z), (width, height) = opening.center - 0.5 * np.array([0.0, *opening.size_m]), opening.size_m
+        deep, along, up = (depth_m, 0.0, 0.0), (0.0, width, 0.0), (0.0, 0.0, height)
+        recess = joined(
+            sheet((x + depth_m, y, z), up, along, WALL, STEP_M),
+            sheet((x, y, z), deep, along, WALL, STEP_M),
+            sheet((x, y, z + height), along, deep, WALL, STEP_M),
+            sheet((x, y, z), up, deep, WALL, STEP_M),
+            sheet((x, y + width, z), deep, up, WALL, STEP_M),
+        )
+        return joined(mesh.some(~in_pane(mesh, opening)), recess)
+
+    return change
+
+
 def mirrored(pane: Pane, *, lost: float, furniture: bool = True) -> Change:
     """The room's image behind a mirror, of which some is lost; without its furniture it is another room."""
 
@@ -151,6 +169,12 @@ def _picture(places: FloatArray) -> FloatArray:
     return np.where(inside[:, None], pattern[:, None] * np.array([0.6, 0.8, 1.0]), 0.02)
 
 
+def _canvas(places: FloatArray) -> FloatArray:
+    """A bright picture up to its edges, as on a canvas."""
+    pattern = 0.35 + 0.4 * (np.sin(9.0 * places[:, 0]) * np.sin(11.0 * places[:, 2]) > 0.0)
+    return pattern[:, None] * np.array([1.0, 0.9, 0.8])
+
+
 def _grey(value: float) -> Callable[[FloatArray], FloatArray]:
     return lambda places: np.full((len(places), 3), value)
 
@@ -159,6 +183,7 @@ GLASS_WALL = east_pane("glass", (2.0, 1.25), (3.4, 2.2))
 WINDOW = east_pane("glass", (2.0, 1.5), (1.6, 1.2))
 PARTITION = east_pane("glass", (2.0, 1.3), (3.0, 2.5))
 MIRROR, SMALL_MIRROR = east_pane("mirror", (2.0, 1.3), (2.0, 2.0)), east_pane("mirror", (2.0, 1.5), (0.9, 1.2))
+NICHE = east_pane("glass", (2.0, 1.5), (1.2, 1.2))  # no glass in truth
 DOOR = east_pane("glass", (2.0, 1.0), (0.9, 2.0))  # a passage, in truth
 SCREEN = Pane(kind="screen", center=np.array([2.5, 3.94, 1.6]), size_m=(1.2, 0.68), normal=np.array([0.0, -1.0, 0.0]))
 SCREEN_BOX = ((1.9, 3.94, 1.26), (3.1, 4.0, 1.94))
@@ -176,6 +201,8 @@ ROOMS = (
     PaneRoom(name="screen, on", change=hung(*SCREEN_BOX, _picture), true=SCREEN),
     PaneRoom(name="door to a corridor", change=corridor_behind(DOOR, patches=0)),
     PaneRoom(name="door to a room of the same plan", change=mirrored(DOOR, lost=0.0, furniture=False)),
+    PaneRoom(name="niche, .3 m deep", change=niche(NICHE, 0.3)),
+    PaneRoom(name="picture on a canvas", change=hung(*SCREEN_BOX, _canvas)),
     PaneRoom(name="grey board", change=hung(*SCREEN_BOX, _grey(0.15))),
     PaneRoom(name="blackboard", change=hung((1.5, 3.96, 0.9), (3.5, 4.0, 2.0), _grey(0.05))),
 )

@@ -37,7 +37,14 @@ FOUND = (
     "screen, off",
     "screen, on",
 )
-NOTHING = ("nothing", "door to a corridor", "door to a room of the same plan", "grey board")
+NOTHING = (
+    "nothing",
+    "door to a corridor",
+    "door to a room of the same plan",
+    "niche, .3 m deep",
+    "picture on a canvas",
+    "grey board",
+)
 
 
 @pytest.fixture(scope="module")
