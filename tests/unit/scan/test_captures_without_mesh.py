@@ -157,9 +157,10 @@ def test_without_the_extra_the_error_says_what_to_install(
         read_scan(record3d)
 
 
-def test_a_playlist_under_the_name_of_a_video_is_not_opened(stray: Path, tmp_path: Path) -> None:
+def test_a_list_of_files_under_the_name_of_a_video_is_not_opened(stray: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(stray, tmp_path / "stray"))
-    (folder / "rgb.mp4").write_text("#EXTM3U\n#EXTINF:1,\nhttp://127.0.0.1:9/a.ts\n#EXT-X-ENDLIST\n")
+    (folder / "rgb.mp4").rename(folder / "elsewhere.mp4")
+    (folder / "rgb.mp4").write_text("ffconcat version 1.0\nfile elsewhere.mp4\nduration 12.0\n")  # which FFmpeg follows
     with pytest.raises(ScanError, match="video"):
         read_capture(folder)
 
