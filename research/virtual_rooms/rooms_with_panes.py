@@ -172,7 +172,7 @@ def _picture(places: FloatArray) -> FloatArray:
 def _canvas(places: FloatArray) -> FloatArray:
     """A bright picture up to its edges, as on a canvas."""
     pattern = 0.35 + 0.4 * (np.sin(9.0 * places[:, 0]) * np.sin(11.0 * places[:, 2]) > 0.0)
-    return pattern[:, None] * np.array([1.0, 0.9, 0.8])
+    return np.asarray(pattern[:, None] * np.array([1.0, 0.9, 0.8]), dtype=np.float64)
 
 
 def _grey(value: float) -> Callable[[FloatArray], FloatArray]:
