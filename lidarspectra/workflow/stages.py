@@ -56,7 +56,6 @@ from lidarspectra.workflow.kept_light import (
 from lidarspectra.workflow.materials.delighting import Delighting, take_light_out, with_light_uncertainty
 from lidarspectra.workflow.materials.materials_of_run import materials_of_run, model_of_run
 from lidarspectra.workflow.materials.votes_ahead import votes_beside
-from lidarspectra.workflow.panes_of_run import assumed_notes, panes_of_run, with_panes_of_run
 from lidarspectra.workflow.run_folder.assumed import assumed_lamps, assumed_of_scan, lamp_notes, lit_notes, scan_notes
 from lidarspectra.workflow.run_folder.calibration_of_run import (
     calibrated_lamps,
@@ -75,6 +74,7 @@ from lidarspectra.workflow.run_folder.lamps_of_run import (
     with_estimated_fluxes,
     without_names,
 )
+from lidarspectra.workflow.run_folder.panes_of_run import assumed_notes, panes_of_run, with_panes_of_run
 from lidarspectra.workflow.run_folder.sensing_of_run import receptor_of_run, sensor_points, trace_engine
 from lidarspectra.workflow.run_folder.workspace import (
     Notes,

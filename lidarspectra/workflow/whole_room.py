@@ -12,7 +12,7 @@ from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.placing import with_panes
 from lidarspectra.room.panes.search import propose_panes
 from lidarspectra.room.room import Room, find_room
-from lidarspectra.workflow.panes_of_run import found_notes
+from lidarspectra.workflow.run_folder.panes_of_run import found_notes
 
 WORTH_SAYING = 0.01  # [1] of all directions that leave the scan: less is cracks of the mesh
 OUTSIDE_SHARE = 0.05  # [1] of the scan's floor outside the room, above which that is said

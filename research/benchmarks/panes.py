@@ -25,8 +25,8 @@ from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.room.panes.pane import REACH_M, Pane
 from lidarspectra.workflow.init.init_file import init
-from lidarspectra.workflow.panes_of_run import panes_of_run
 from lidarspectra.workflow.pipeline import RunSummary, run
+from lidarspectra.workflow.run_folder.panes_of_run import panes_of_run
 from lidarspectra.workflow.whole_room import whole_room
 from research.benchmarks.scans import Case
 from research.virtual_rooms.damaged_rooms import Mesh, glb

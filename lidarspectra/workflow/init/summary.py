@@ -13,8 +13,8 @@ from lidarspectra.material.unknown_light import UnknownSource
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.room import Room
 from lidarspectra.workflow.init.proposed_lamps import ProposedPanels
-from lidarspectra.workflow.panes_of_run import panes_in_words
 from lidarspectra.workflow.run_folder.assumed import CEILING_SHARE, uncertain_of_scan
+from lidarspectra.workflow.run_folder.panes_of_run import panes_in_words
 
 FLOOR_SHARE = 0.5  # [1] of the plan: with less floor in the scan, the outline may be wrong
 

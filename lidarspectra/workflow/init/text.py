@@ -12,8 +12,8 @@ from lidarspectra.material.lit_lamps import LitLamp
 from lidarspectra.workflow.init.choices import InitChoices
 from lidarspectra.workflow.init.proposed_lamps import PANEL_M, ProposedPanels
 from lidarspectra.workflow.init.summary import InitSummary, counted, lamps_in_words, percent
-from lidarspectra.workflow.panes_of_run import pane_lines
 from lidarspectra.workflow.run_folder.assumed import uncertain_of_scan
+from lidarspectra.workflow.run_folder.panes_of_run import pane_lines
 from lidarspectra.workflow.whole_room import closing_lines
 
 SPECTRUM = "LED-B3"  # a white LED of 4100 K, common in offices (CIE 015:2018, illuminant LED-B3)

@@ -21,7 +21,7 @@ from lidarspectra.room.panes.mirrors import images_behind
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.placing import with_panes
 from lidarspectra.workflow.init.init_file import write_init
-from lidarspectra.workflow.panes_of_run import assumed_notes
+from lidarspectra.workflow.run_folder.panes_of_run import assumed_notes
 from lidarspectra.workflow.whole_room import whole_room
 from research.virtual_rooms import damaged_rooms
 from research.virtual_rooms.rooms_with_panes import GLASS_WALL, MIRROR, ROOMS, SCREEN, PaneRoom, bulging, mirrored
