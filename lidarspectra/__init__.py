@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from lidarspectra.mapping.photovoltaics.currents import photocurrent_density
     from lidarspectra.material.estimate import estimate_materials, one_material
     from lidarspectra.material.material_map import Material, MaterialMap
-    from lidarspectra.material.viewpoints import render_views
+    from lidarspectra.material.views.viewpoints import render_views
     from lidarspectra.radiance.sampling.plain_rtrace import trace_plain
     from lidarspectra.radiance.sampling.trace import trace
     from lidarspectra.radiance.scene.scene import write_scene
@@ -137,7 +137,7 @@ _HOMES = {
     "read_scan": "hardware.phone.readers",
     "relight": "mapping.maps.spectral_map",
     "relight_run": "workflow.scenarios.relighting",
-    "render_views": "material.viewpoints",
+    "render_views": "material.views.viewpoints",
     "repair_scan": "hardware.phone.repair",
     "rules_run": "workflow.rules.rules_of_run",
     "run": "workflow.pipeline",

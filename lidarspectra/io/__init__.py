@@ -1,1 +1,1 @@
-"""Files: atomic writing, locks, NetCDF and TOML."""
+"""Files: atomic writing, locks, NetCDF, arrays and TOML."""

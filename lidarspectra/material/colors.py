@@ -10,7 +10,7 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.surface_samples import surface_samples
+from lidarspectra.geometry.surface_samples import surface_samples
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab
 from lidarspectra.threads import one_thread
 

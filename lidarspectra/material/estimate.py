@@ -22,17 +22,17 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import DatabaseError, MaterialError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.assignments import database_material
-from lidarspectra.material.color_priors import color_likelihood
 from lidarspectra.material.colors import color_words, mean_color, primary_colors, saturated, surface_colors
-from lidarspectra.material.face_groups import agreement, face_adjacency, smooth_labels
-from lidarspectra.material.fusion import FaceClasses, fuse, split_by_class, view_votes
 from lidarspectra.material.matching import Match, MatchMethod, match_color
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.material.part_materials import named_prior, typical_materials
-from lidarspectra.material.place_priors import class_prior, find_places
-from lidarspectra.material.segmentation import SHIPPED_MODEL, Classifier
-from lidarspectra.material.surface_classes import favored_surfaces
-from lidarspectra.material.views import ViewSet
+from lidarspectra.material.segmentation.color_priors import color_likelihood
+from lidarspectra.material.segmentation.face_groups import agreement, face_adjacency, smooth_labels
+from lidarspectra.material.segmentation.fusion import FaceClasses, fuse, split_by_class, view_votes
+from lidarspectra.material.segmentation.place_priors import class_prior, find_places
+from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL, Classifier
+from lidarspectra.material.segmentation.surface_classes import favored_surfaces
+from lidarspectra.material.views.views import ViewSet
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.room.room import Room
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab, linear_srgb_to_xyz

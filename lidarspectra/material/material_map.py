@@ -9,9 +9,9 @@ from typing import Literal, cast, get_args
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
-from lidarspectra.errors import ArrayError, DatabaseError, MaterialError
+from lidarspectra.errors import ArrayError, DatabaseError, MaterialError, WorkspaceError
+from lidarspectra.io.array_files import read_arrays
 from lidarspectra.io.files import write_whole
-from lidarspectra.material.array_files import read_arrays
 from lidarspectra.spectra.colorimetry import hex_color
 from lidarspectra.spectra.reflectance_library import MAX_REFLECTANCE as MAX_REFLECTANCE
 from lidarspectra.spectra.spectrum import Spectrum
@@ -279,7 +279,7 @@ def load_materials(folder: Path) -> MaterialMap:
             face_color=float_array(arrays["face_color"], name="face_color", shape=(None, 3)),
             face_seen=float_array(arrays["face_seen"], name="face_seen", shape=(None,)),
         )
-    except (OSError, ValueError, TypeError, KeyError, ArrayError, DatabaseError, MaterialError) as cause:
+    except (OSError, ValueError, TypeError, KeyError, ArrayError, DatabaseError, WorkspaceError) as cause:
         raise MaterialError(
             expected="the materials that an earlier stage wrote",
             found=f"{type(cause).__name__}: {cause}",

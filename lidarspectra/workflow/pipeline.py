@@ -22,7 +22,7 @@ from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.io.files import hash_file, hash_text
 from lidarspectra.material.material_map import MaterialMap
-from lidarspectra.material.views import ViewSet
+from lidarspectra.material.views.views import ViewSet
 from lidarspectra.progress import Progress, silent
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.room import Room

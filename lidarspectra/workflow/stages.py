@@ -23,11 +23,11 @@ from lidarspectra.mapping.maps.light_unknowns import save_unknowns, uncertainty_
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, load_map, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report import PAGE
-from lidarspectra.material.cards import Card
-from lidarspectra.material.lamp_fluxes import save_lamp_fluxes
+from lidarspectra.material.delighting.cards import Card
+from lidarspectra.material.lit_lamps.fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
-from lidarspectra.material.viewpoints import render_views
-from lidarspectra.material.views import ViewSet, load_views, no_views, save_views
+from lidarspectra.material.views.viewpoints import render_views
+from lidarspectra.material.views.views import ViewSet, load_views, no_views, save_views
 from lidarspectra.progress import Progress, shares
 from lidarspectra.radiance.engine.engine import find_engine
 from lidarspectra.radiance.engine.options import reflections_in_words

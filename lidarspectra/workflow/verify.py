@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.files import hash_file
-from lidarspectra.material.segmentation import SHIPPED_MODEL
+from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL
 from lidarspectra.spectra.databases import list_databases
 from lidarspectra.workflow.run_folder.workspace import (
     RECORD_FILE,

@@ -23,11 +23,11 @@ import xarray as xr
 from lidarspectra.config import read_run_file
 from lidarspectra.mapping.maps.metrics import compare_maps
 from lidarspectra.mapping.maps.spectral_map import spectral_map
-from lidarspectra.material.cards import Card
 from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.delighting.cards import Card
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.material_map import MaterialMap
-from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
 from lidarspectra.room.surface_parts import PARTS, surface_parts
 from lidarspectra.spectra.colorimetry import xyz_to_linear_srgb

@@ -36,7 +36,7 @@ from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.material_map import MAX_REFLECTANCE, Material, MaterialMap
-from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.scene.scene import write_scene
 from lidarspectra.room.room import find_room

@@ -18,9 +18,9 @@ import numpy as np
 
 from lidarspectra.arrays import ByteArray, FloatArray
 from lidarspectra.errors import MaterialError
-from lidarspectra.material.fusion import WRONG
-from lidarspectra.material.place_priors import KINDS, Places, class_prior
-from lidarspectra.material.segmentation import SHIPPED_MODEL, Classifier, segment
+from lidarspectra.material.segmentation.fusion import WRONG
+from lidarspectra.material.segmentation.place_priors import KINDS, Places, class_prior
+from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL, Classifier, segment
 
 FOLDERS = {"carpet": "carpet", "tiles": "tile", "wood": "wood"}  # of the photographs, and the classes they show
 

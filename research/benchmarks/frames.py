@@ -32,13 +32,13 @@ from lidarspectra.hardware.phone.captures import read_capture
 from lidarspectra.hardware.phone.orientation import upright_rotation
 from lidarspectra.hardware.phone.readers import read_scan, read_scan_and_frames
 from lidarspectra.mapping.maps.metrics import compare_maps
-from lidarspectra.material import light_objective
 from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.delighting import light_objective
+from lidarspectra.material.delighting.light_objective import CEILING_DEVIATION
 from lidarspectra.material.estimate import estimate_materials
-from lidarspectra.material.frame_colors import FrameColors, color_from_frames
-from lidarspectra.material.light_objective import CEILING_DEVIATION
+from lidarspectra.material.frames.frame_colors import FrameColors, color_from_frames
 from lidarspectra.material.material_map import MaterialMap
-from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.colorimetry import encode_srgb, xyz_to_linear_srgb
 from lidarspectra.spectra.databases import load_reflectances, tristimulus_table

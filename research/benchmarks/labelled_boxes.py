@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.material.segmentation import CELL_PX, SHIPPED_MODEL, Classifier, segment
+from lidarspectra.material.segmentation.segmentation import CELL_PX, SHIPPED_MODEL, Classifier, segment
 from research.benchmarks.floors import read_photograph
 
 

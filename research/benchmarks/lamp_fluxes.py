@@ -19,8 +19,8 @@ from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.lamps.lamp_spectra import cct_spectrum
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.make_lamp import lamps_from_lit
-from lidarspectra.material.lamp_fluxes import LampFlux
-from lidarspectra.material.lit_lamps import find_lit_lamps
+from lidarspectra.material.lit_lamps.fluxes import LampFlux
+from lidarspectra.material.lit_lamps.lit_lamps import find_lit_lamps
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.workflow.materials.delighting import take_light_out

@@ -16,7 +16,7 @@ import numpy as np
 from lidarspectra.arrays import BoolArray
 from lidarspectra.geometry.scan import Scan, load_scan
 from lidarspectra.material.colors import surface_colors
-from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE
+from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.material_map import MaterialMap, load_materials
 from lidarspectra.room.room import Room, load_room
 from lidarspectra.room.room_planes import Wall

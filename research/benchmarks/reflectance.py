@@ -25,8 +25,8 @@ from lidarspectra.material import matching
 from lidarspectra.material.colors import color_difference, surface_colors
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.matching import MatchMethod, match_color
-from lidarspectra.material.surface_classes import of_class, surface_class
-from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.material.segmentation.surface_classes import of_class, surface_class
+from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab
 from lidarspectra.spectra.database_files import table
 from lidarspectra.spectra.databases import load_reflectances, scenes_folder

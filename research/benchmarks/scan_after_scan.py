@@ -21,7 +21,7 @@ from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.maps.metrics import compare_maps
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.material_map import MaterialMap
-from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import find_room
 from lidarspectra.room.sensor_points import SensorPoints

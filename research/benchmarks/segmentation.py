@@ -7,7 +7,7 @@ Shares of the surface area whose class is the true one. The rooms' own surfaces 
 of textures that the shipped model was trained on (see `research.training`), every surface is also dressed
 in a tile of its class that training never saw, 1.28 m to a tile, with the room's light left on it: several times, with
 other tiles, because one tile covers a wall. `--wrong` prints what other values of `fusion.WRONG` make of a room. With
-spectraldb, how blue and how green measured surfaces of each class are (`lidarspectra.material.color_priors`).
+spectraldb, how blue and how green measured surfaces of each class are (`material.segmentation.color_priors`).
 """
 
 import argparse
@@ -22,16 +22,16 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.geometry.textures import sample_image
 from lidarspectra.hardware.phone.readers import read_scan
-from lidarspectra.material.color_priors import color_likelihood
 from lidarspectra.material.colors import surface_colors
-from lidarspectra.material.face_groups import agreement, face_adjacency
-from lidarspectra.material.fusion import FaceClasses, fuse, view_votes
-from lidarspectra.material.place_priors import class_prior, find_places
-from lidarspectra.material.projection import pixel_grid, reverse_project
-from lidarspectra.material.segmentation import SHIPPED_MODEL, Classifier
-from lidarspectra.material.surface_classes import surface_class
-from lidarspectra.material.viewpoints import render_views
-from lidarspectra.material.views import View, ViewSet
+from lidarspectra.material.segmentation.color_priors import color_likelihood
+from lidarspectra.material.segmentation.face_groups import agreement, face_adjacency
+from lidarspectra.material.segmentation.fusion import FaceClasses, fuse, view_votes
+from lidarspectra.material.segmentation.place_priors import class_prior, find_places
+from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL, Classifier
+from lidarspectra.material.segmentation.surface_classes import surface_class
+from lidarspectra.material.views.projection import pixel_grid, reverse_project
+from lidarspectra.material.views.viewpoints import render_views
+from lidarspectra.material.views.views import View, ViewSet
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb, linear_srgb_to_lab
 from lidarspectra.spectra.databases import load_reflectances, scenes_folder

@@ -1,4 +1,4 @@
-"""What hue the light surfaces of buildings have, which the light's colour is told by (`material.albedo`).
+"""What hue the light surfaces of buildings have, which the light's colour is told by (`material.delighting.albedo`).
 
     python -m research.benchmarks.whites --spectraldb FILE
 
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.material.sharpened_cones import CONES_FROM_XYZ
+from lidarspectra.material.delighting.sharpened_cones import CONES_FROM_XYZ
 from lidarspectra.spectra.databases import load_reflectances
 from research.benchmarks.spectraldb import imported
 

@@ -6,7 +6,7 @@ import numpy as np
 import onnx
 
 from lidarspectra.arrays import ByteArray, FloatArray
-from lidarspectra.material.segmentation import load_model
+from lidarspectra.material.segmentation.segmentation import load_model
 from research.training.backbone import MEAN, SCALE, Weights
 from research.training.backbone_features import STRIDE_PX, add_features, feature_count
 from research.training.graph import Graph

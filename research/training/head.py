@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import log_softmax, softmax
 
 from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from lidarspectra.material.segmentation import load_model
+from lidarspectra.material.segmentation.segmentation import load_model
 from research.training.model import Layers, joined, logits_of
 from research.training.model_input import model_input
 from research.training.pictures import CLASSES, Picture

@@ -18,7 +18,7 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.geometry.textures import sample_image
-from lidarspectra.material.projection import Camera, camera_towards, pixel_grid, ray_directions
+from lidarspectra.material.views.projection import Camera, camera_towards, pixel_grid, ray_directions
 from lidarspectra.spectra.colorimetry import encode_srgb
 from research.training.drawn import any_color
 from research.training.pictures import CLASSES, Picture

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import softmax
 
 from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from lidarspectra.material.segmentation import load_model
+from lidarspectra.material.segmentation.segmentation import load_model
 from research.training.drawn import ONLY_DRAWN
 from research.training.model_input import MEAN, SCALE, model_input
 from research.training.pictures import CLASSES, Picture

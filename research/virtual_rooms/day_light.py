@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.geometry.rays import RayCaster
-from lidarspectra.material.light_exchange import cosine_directions
+from lidarspectra.material.delighting.light_exchange import cosine_directions
 from research.virtual_rooms.room_plan import BoxSection
 from research.virtual_rooms.true_room import TrueRoom
 

@@ -311,7 +311,7 @@ def read_a_plan(path: Path) -> object:
 
 
 def card_seeds(folder: Path) -> Iterator[Files]:
-    from lidarspectra.material.segmentation import SHIPPED_MODEL
+    from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL
 
     yield {"model.toml": SHIPPED_MODEL.with_suffix(".toml").read_bytes()}
     yield {
@@ -321,7 +321,7 @@ def card_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_a_card(path: Path) -> object:
-    from lidarspectra.material.model_card import read_card
+    from lidarspectra.material.segmentation.model_card import read_card
 
     return read_card(path.with_suffix(".onnx"))
 
@@ -343,7 +343,7 @@ def model_seeds(folder: Path) -> Iterator[Files]:
 
 
 def read_a_model(path: Path) -> object:
-    from lidarspectra.material.segmentation import Classifier
+    from lidarspectra.material.segmentation.segmentation import Classifier
 
     return Classifier(path, threads=1)
 

@@ -32,7 +32,7 @@ from lidarspectra.io.netcdf import read_netcdf
 from lidarspectra.lamps.ies import read_ies
 from lidarspectra.lamps.ldt import ies_text_of_ldt
 from lidarspectra.mapping.photometry.schedule import parse_hours
-from lidarspectra.material.segmentation import Classifier
+from lidarspectra.material.segmentation.segmentation import Classifier
 from lidarspectra.radiance.sampling.receptors import read_receptor
 from lidarspectra.spectra.database_files import read_manifest
 from lidarspectra.spectra.databases import import_lspdd

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.material.lamp_fluxes import LampFlux, save_lamp_fluxes
+from lidarspectra.material.lit_lamps.fluxes import LampFlux, save_lamp_fluxes
 from lidarspectra.workflow.pipeline import run
 from lidarspectra.workflow.run_folder.inputs import read_inputs
 from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps, with_estimated_fluxes

@@ -10,7 +10,7 @@ import pytest
 
 import lidarspectra as ls
 from lidarspectra.config import parse_run_file
-from lidarspectra.material.views import ViewSet
+from lidarspectra.material.views.views import ViewSet
 from lidarspectra.workflow.run_folder.workspace import StageRecord
 
 LAMP = {"name": "bulb", "shape": "bulb", "center": (1.5, 1.5, 1.5), "spectrum": "A", "luminous_flux_lm": 1000.0}

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ArgumentError, MaterialError
-from lidarspectra.material import viewpoints
-from lidarspectra.material.segmentation import SHIPPED_MODEL
-from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL
+from lidarspectra.material.views import viewpoints
+from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.progress import silent
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.workflow.materials import votes_ahead

@@ -22,8 +22,8 @@ from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
-from lidarspectra.material.light_exchange import cosine_directions
-from lidarspectra.room.surface_samples import Samples
+from lidarspectra.material.delighting.light_exchange import cosine_directions
+from lidarspectra.room.light_samples import Samples
 
 SURFACE_RAYS = 128  # from each point of a surface
 SENSOR_RAYS = (32, 512)  # from each sensor point, at least and at most

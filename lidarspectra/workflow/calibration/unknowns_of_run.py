@@ -28,8 +28,8 @@ from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients
 from lidarspectra.radiance.scene.clearance import clear_lamps
+from lidarspectra.room.light_samples import samples_of
 from lidarspectra.room.surface_parts import PARTS, surface_parts
-from lidarspectra.room.surface_samples import samples_of
 from lidarspectra.spectra.spectrum import BandSet
 from lidarspectra.workflow.calibration.results import SUMMARY
 from lidarspectra.workflow.run_folder.lamps_of_run import ScannedRoom

@@ -18,7 +18,7 @@ from lidarspectra.lamps.lamp_spectra import cct_spectrum, luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.assignments import check_assignments, read_assignments
 from lidarspectra.material.estimate import default_material
-from lidarspectra.material.segmentation import Classifier
+from lidarspectra.material.segmentation.segmentation import Classifier
 from lidarspectra.radiance.engine.bands import lamp_band_flux
 from lidarspectra.radiance.engine.engine import find_engine
 from lidarspectra.radiance.scene.daylight import Window

@@ -18,8 +18,8 @@ from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.io.files import writing
 from lidarspectra.io.toml_sections import check_sections
 from lidarspectra.material.colors import surface_colors
-from lidarspectra.material.lit_lamps import LampSearch, search_lit_lamps
-from lidarspectra.material.unknown_light import UnknownSource, find_unknown_sources
+from lidarspectra.material.delighting.unknown_light import UnknownSource, find_unknown_sources
+from lidarspectra.material.lit_lamps.lit_lamps import LampSearch, search_lit_lamps
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, float_array
-from lidarspectra.material.lit_lamps import CLEARANCE_M
+from lidarspectra.material.lit_lamps.lit_lamps import CLEARANCE_M
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room
 

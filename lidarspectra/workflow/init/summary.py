@@ -8,8 +8,8 @@ from pathlib import Path
 from lidarspectra.errors import SensorError
 from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.hardware.phone.orientation import AXIS_UNCERTAIN, METRES_PER_UNIT, UNIT_UNCERTAIN
-from lidarspectra.material.lit_lamps import LampSearch, LitLamp
-from lidarspectra.material.unknown_light import UnknownSource
+from lidarspectra.material.delighting.unknown_light import UnknownSource
+from lidarspectra.material.lit_lamps.lit_lamps import LampSearch, LitLamp
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.room import Room
 from lidarspectra.workflow.init.proposed_lamps import ProposedPanels

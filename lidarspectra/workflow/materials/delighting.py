@@ -1,7 +1,7 @@
 """De-light a scan's colours, from the direct light of lamps and other sources and the light between its surfaces.
 
-`material.albedo` has the method; here its evidence is gathered (samples of the surfaces, form factors between them,
-direct light of the lamps), and its result is interpolated from the samples to all faces.
+`material.delighting.albedo` has the method; here its evidence is gathered (samples of the surfaces, form factors
+between them, direct light of the lamps), and its result is interpolated from the samples to all faces.
 """
 
 import tempfile
@@ -16,22 +16,20 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.albedo import LightFit, fit_light
-from lidarspectra.material.cards import Card, SeenCards, beside_cards, look_at_cards
-from lidarspectra.material.clipped_light import CLIPPED, DARK, beyond_white
-from lidarspectra.material.colored_light import BANDS, Exchange, apparent_ratio
 from lidarspectra.material.colors import surface_colors
-from lidarspectra.material.lamp_fluxes import (
-    UNKNOWN_FLUX_DEVIATION,
-    LampFlux,
-    estimated_fluxes,
-    flux_notes,
-    identifiable_lamps,
+from lidarspectra.material.delighting.albedo import LightFit, fit_light
+from lidarspectra.material.delighting.cards import Card, SeenCards, beside_cards, look_at_cards
+from lidarspectra.material.delighting.clipped_light import CLIPPED, DARK, beyond_white
+from lidarspectra.material.delighting.colored_light import BANDS, Exchange, apparent_ratio
+from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.light_exchange import exchange_matrix
+from lidarspectra.material.delighting.light_objective import (
+    BRIGHTEST_REFLECTANCE,
+    CELL_M,
+    LOG_SCATTER,
+    STATED_FLUX_DEVIATION,
 )
-from lidarspectra.material.light_evidence import LightEvidence
-from lidarspectra.material.light_exchange import exchange_matrix
-from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE, CELL_M, LOG_SCATTER, STATED_FLUX_DEVIATION
-from lidarspectra.material.linear_evidence import (
+from lidarspectra.material.delighting.linear_evidence import (
     UnseenFaces,
     shown_of_lamps,
     shown_of_sources,
@@ -39,11 +37,10 @@ from lidarspectra.material.linear_evidence import (
     tone_prior_of,
     unseen_faces,
 )
-from lidarspectra.material.material_map import MaterialMap
-from lidarspectra.material.one_paint import Paints, one_paint
-from lidarspectra.material.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
-from lidarspectra.material.sun_patches import Openings, SunPatches, find_sun_patches
-from lidarspectra.material.unknown_light import (
+from lidarspectra.material.delighting.one_paint import Paints, one_paint
+from lidarspectra.material.delighting.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
+from lidarspectra.material.delighting.sun_patches import Openings, SunPatches, find_sun_patches
+from lidarspectra.material.delighting.unknown_light import (
     OPEN_SHARE,
     PANE_DEVIATION,
     PANE_REFLECTANCE,
@@ -53,12 +50,20 @@ from lidarspectra.material.unknown_light import (
     opening_patterns,
     source_patterns,
 )
+from lidarspectra.material.lit_lamps.fluxes import (
+    UNKNOWN_FLUX_DEVIATION,
+    LampFlux,
+    estimated_fluxes,
+    flux_notes,
+    identifiable_lamps,
+)
+from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients
 from lidarspectra.radiance.scene.clearance import clear_lamps
+from lidarspectra.room.light_samples import LIFT_M, Samples, samples_of
 from lidarspectra.room.room import Room
-from lidarspectra.room.surface_samples import LIFT_M, Samples, samples_of
 from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra.spectrum import Spectrum

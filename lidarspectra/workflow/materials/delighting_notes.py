@@ -7,11 +7,11 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.albedo import MAX_STEPS, LightFit
-from lidarspectra.material.light_evidence import LightEvidence
-from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE, COMMON
-from lidarspectra.material.sun_patches import SunPatches
-from lidarspectra.material.unknown_light import UnknownSource
+from lidarspectra.material.delighting.albedo import MAX_STEPS, LightFit
+from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE, COMMON
+from lidarspectra.material.delighting.sun_patches import SunPatches
+from lidarspectra.material.delighting.unknown_light import UnknownSource
 
 MIN_WHITE = 0.75  # [1] least reflectance of a surface called white
 WHITE_SHARE = 0.05  # [1] of the scan's area brighter than paint, above which the user is warned

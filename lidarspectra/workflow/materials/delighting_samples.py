@@ -9,11 +9,11 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.light_objective import CELL_M
-from lidarspectra.material.surface_hues import surface_groups
-from lidarspectra.material.unknown_light import UnknownSource
+from lidarspectra.material.delighting.light_objective import CELL_M
+from lidarspectra.material.delighting.surface_hues import surface_groups
+from lidarspectra.material.delighting.unknown_light import UnknownSource
+from lidarspectra.room.light_samples import LIFT_M, SMOOTH_COSINE, Samples
 from lidarspectra.room.room import Room
-from lidarspectra.room.surface_samples import LIFT_M, SMOOTH_COSINE, Samples
 
 EDGE_NEIGHBORS = 7  # nearest samples, itself included, by which the edge of a shadow is detected
 INDIRECT = 0.5  # [1] typical ratio of reflected light to the mean direct light

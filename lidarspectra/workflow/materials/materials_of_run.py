@@ -14,8 +14,8 @@ from lidarspectra.material.estimate import (
     votes_of,
 )
 from lidarspectra.material.material_map import MaterialMap
-from lidarspectra.material.segmentation import SHIPPED_MODEL
-from lidarspectra.material.views import ViewSet
+from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL
+from lidarspectra.material.views.views import ViewSet
 from lidarspectra.progress import Progress, silent
 from lidarspectra.room.room import Room
 from lidarspectra.spectra.databases import load_reflectances

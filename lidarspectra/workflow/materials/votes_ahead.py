@@ -9,9 +9,9 @@ from threading import Event
 
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.estimate import CountVotes
-from lidarspectra.material.fusion import FaceClasses, view_votes
-from lidarspectra.material.segmentation import Classifier
-from lidarspectra.material.views import ViewSet
+from lidarspectra.material.segmentation.fusion import FaceClasses, view_votes
+from lidarspectra.material.segmentation.segmentation import Classifier
+from lidarspectra.material.views.views import ViewSet
 from lidarspectra.progress import Progress
 from lidarspectra.threads import cores_for
 

@@ -16,7 +16,7 @@ from lidarspectra.mapping.report.report import ReportInput, ReportView, StageRow
 from lidarspectra.mapping.report.room_view import RoomSurfaces
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.material_mesh import daylight_colors
-from lidarspectra.material.views import ViewSet
+from lidarspectra.material.views.views import ViewSet
 from lidarspectra.progress import Progress
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.workflow.calibration.report import calibration_sections

@@ -19,8 +19,8 @@ from lidarspectra.hardware.phone.capture_files import open_capture
 from lidarspectra.io.files import hash_file
 from lidarspectra.io.toml_sections import Section
 from lidarspectra.material.assignments import spectrum_files
-from lidarspectra.material.model_card import CARD_SUFFIX
-from lidarspectra.material.segmentation import SHIPPED_MODEL
+from lidarspectra.material.segmentation.model_card import CARD_SUFFIX
+from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL
 from lidarspectra.spectra.databases import list_databases
 from lidarspectra.workflow.run_folder.workspace import StageResult
 

@@ -13,8 +13,8 @@ from lidarspectra.errors import ScanError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.frames import Capture, left_out_note
 from lidarspectra.io.files import write_whole, writing
-from lidarspectra.material.frame_colors import FrameColors, color_from_frames
-from lidarspectra.material.frame_gains import Radiometry
+from lidarspectra.material.frames.frame_colors import FrameColors, color_from_frames
+from lidarspectra.material.frames.gains import Radiometry
 from lidarspectra.progress import Progress, silent
 
 FRAMES_FILE = "frames.json"

@@ -12,8 +12,8 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamp_spectra import cct_spectrum
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2, LitShape, lamps_from_lit, make_lamp
-from lidarspectra.material.lamp_fluxes import flux_factors, load_lamp_fluxes
-from lidarspectra.material.lit_lamps import find_lit_lamps
+from lidarspectra.material.lit_lamps.fluxes import flux_factors, load_lamp_fluxes
+from lidarspectra.material.lit_lamps.lit_lamps import find_lit_lamps
 from lidarspectra.radiance.engine.engine import find_engine
 from lidarspectra.radiance.scene.daylight import Window, daylight_lamps
 from lidarspectra.radiance.scene.sky import Daylight, compute_sky

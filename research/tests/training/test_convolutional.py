@@ -7,7 +7,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from lidarspectra.errors import MaterialError
-from lidarspectra.material.segmentation import Classifier
+from lidarspectra.material.segmentation.segmentation import Classifier
 from research.training.convolutional import make_convolutional
 
 CARD = """

@@ -6,7 +6,7 @@ import onnx
 import pytest
 from sklearn.datasets import load_sample_image
 
-from lidarspectra.material.segmentation import Classifier, load_model
+from lidarspectra.material.segmentation.segmentation import Classifier, load_model
 from research.training.backbone import STAGES, Weights, add_backbone, bounded, convolved, read_weights
 from research.training.backbone_features import STRIDE_PX, feature_count
 from research.training.backbone_model import MARGIN_PX, backbone_input, middle_places, save_backbone_model, write_card

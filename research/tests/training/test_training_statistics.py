@@ -4,7 +4,7 @@ import numpy as np
 import onnx
 import pytest
 
-from lidarspectra.material.segmentation import SHIPPED_MODEL, load_model
+from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL, load_model
 from research.training.model import joined, save_model
 from research.training.model_input import model_input
 from research.training.patches import learn_patterns

@@ -9,7 +9,7 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.light_exchange import exchange_matrix
+from lidarspectra.material.delighting.light_exchange import exchange_matrix
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients
 from lidarspectra.spectra.colorimetry import encode_srgb
 

@@ -11,8 +11,8 @@ from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.light_exchange import cosine_directions
-from lidarspectra.material.unknown_light import PANE_REFLECTANCE
+from lidarspectra.material.delighting.light_exchange import cosine_directions
+from lidarspectra.material.delighting.unknown_light import PANE_REFLECTANCE
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.materials.delighting import Delighting, take_light_out
 

@@ -11,7 +11,7 @@ from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.cards import Card, look_at_cards
+from lidarspectra.material.delighting.cards import Card, look_at_cards
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.materials.delighting import take_light_out
 

@@ -8,7 +8,7 @@ import pytest
 import lidarspectra as ls
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.mapping.maps.reflected_change import Surfaces, reflectance_effects
-from lidarspectra.room.surface_samples import samples_of
+from lidarspectra.room.light_samples import samples_of
 
 from .lit_rooms import all_light, joined, lamp_light, plane
 

@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.sparse import csr_array
 
-from lidarspectra.material.light_evidence import LightEvidence
-from lidarspectra.material.light_objective import WHITE_HUE
-from lidarspectra.material.sharpened_cones import srgb_of_cones
+from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.light_objective import WHITE_HUE
+from lidarspectra.material.delighting.sharpened_cones import srgb_of_cones
 
 PER_GROUP = 60
 BALANCE = np.array([0.30, 0.36, 0.42])  # [1] k of the picture: bluish light

@@ -12,7 +12,7 @@ from lidarspectra.errors import MaterialError
 from lidarspectra.material.assignments import assign, read_assignments, spectrum_files
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.material_map import MaterialMap, save_materials
-from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.spectra.databases import load_reflectances
 from lidarspectra.workflow.materials.materials_of_run import materials_of_run
 

@@ -9,7 +9,7 @@ import trimesh
 from lidarspectra.geometry.appearance import LinearLight
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
-from lidarspectra.material.cards import Card, SeenCards, beside_cards, look_at_cards
+from lidarspectra.material.delighting.cards import Card, SeenCards, beside_cards, look_at_cards
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 

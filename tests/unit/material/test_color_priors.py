@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lidarspectra.material.color_priors import CAST, MIN_LIKELIHOOD, UNDYED, color_likelihood
+from lidarspectra.material.segmentation.color_priors import CAST, MIN_LIKELIHOOD, UNDYED, color_likelihood
 
 CLASSES = ("carpet", "painted", "stone", "wood")
 OAK, GREY, BLUE, GREEN = (65.0, 8.0, 25.0), (60.0, 0.0, 0.0), (45.0, 3.0, -17.0), (45.0, -30.0, 20.0)

@@ -5,7 +5,7 @@ import pytest
 from scipy.special import softmax
 
 from lidarspectra.errors import ArrayError
-from lidarspectra.material.crf import CrfSettings, refine
+from lidarspectra.material.segmentation.crf import CrfSettings, refine
 
 SIZE = 32
 CLASSES = 3

@@ -7,10 +7,10 @@ import pytest
 
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Strip
-from lidarspectra.material.albedo import MAX_STEPS, fit_light
-from lidarspectra.material.clipped_light import beyond_white
-from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE
-from lidarspectra.material.sharpened_cones import cones_of_srgb
+from lidarspectra.material.delighting.albedo import MAX_STEPS, fit_light
+from lidarspectra.material.delighting.clipped_light import beyond_white
+from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
+from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.materials.delighting import STRAY_LIGHT, _unsure, _whites
 from lidarspectra.workflow.materials.delighting_notes import unsettled_note, whiter_than_paint_note

@@ -10,7 +10,7 @@ from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.material.colors import color_difference
 from lidarspectra.material.estimate import default_material, estimate_materials, one_material
 from lidarspectra.material.material_map import MAX_REFLECTANCE, load_materials, save_materials
-from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab, xyz_to_lab
 from lidarspectra.spectra.databases import load_reflectances

@@ -6,8 +6,8 @@ import pytest
 from lidarspectra.errors import MaterialError
 from lidarspectra.material.estimate import UNKNOWN, estimate_materials
 from lidarspectra.material.material_map import load_materials, save_materials
-from lidarspectra.material.segmentation import Classifier
-from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.material.segmentation.segmentation import Classifier
+from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
 
 from .conftest import box_scan

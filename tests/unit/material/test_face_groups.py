@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lidarspectra.material.face_groups import agreement, face_adjacency, smooth_labels
+from lidarspectra.material.segmentation.face_groups import agreement, face_adjacency, smooth_labels
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab
 
 from .conftest import COLORS, box_scan

@@ -11,10 +11,10 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan, load_scan, save_scan
 from lidarspectra.hardware.phone.frames import DepthMap, Frame, FrameFault
 from lidarspectra.lamps.make_lamp import make_lamp
-from lidarspectra.material.frame_colors import UNTIED, FrameColors, color_from_frames
-from lidarspectra.material.frame_views import MeshView
-from lidarspectra.material.linear_evidence import shown_of_lamps, tone_prior_of
-from lidarspectra.material.tone_curve import ToneCurve
+from lidarspectra.material.delighting.linear_evidence import shown_of_lamps, tone_prior_of
+from lidarspectra.material.delighting.tone_curve import ToneCurve
+from lidarspectra.material.frames.frame_colors import UNTIED, FrameColors, color_from_frames
+from lidarspectra.material.frames.frame_views import MeshView
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 SIZE_PX, FOCAL_PX = (160, 120), 90.0
@@ -210,7 +210,7 @@ def test_a_frame_sees_what_lies_before_and_not_what_lies_behind(box: Box) -> Non
 
 
 def test_jpegs_are_averaged_in_light_not_in_bytes() -> None:
-    from lidarspectra.material.frame_views import averaged, linear_table
+    from lidarspectra.material.frames.frame_views import averaged, linear_table
 
     stripes = np.zeros((480, 960, 3), dtype=np.uint8)
     stripes[:, ::2] = 188  # half of white

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidarspectra.material.frame_fusion import VIEWS, BestViews
+from lidarspectra.material.frames.fusion import VIEWS, BestViews
 
 ALL = np.arange(3)
 

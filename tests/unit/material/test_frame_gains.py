@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lidarspectra.material.frame_gains import Observations, Radiometry, solve_radiometry
-from lidarspectra.material.tone_curve import ToneCurve
+from lidarspectra.material.delighting.tone_curve import ToneCurve
+from lidarspectra.material.frames.gains import Observations, Radiometry, solve_radiometry
 
 FRAMES, POINTS = 40, 1200
 VIGNETTING = np.array([-0.1, -0.05])

@@ -6,8 +6,8 @@ import pytest
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.hardware.phone.frames import Frame
-from lidarspectra.material.frame_poses import MAX_SHIFT_M, ShownPoints, mended_pose
-from lidarspectra.material.frame_views import averaged, linear_table
+from lidarspectra.material.frames.frame_views import averaged, linear_table
+from lidarspectra.material.frames.poses import MAX_SHIFT_M, ShownPoints, mended_pose
 
 SIZE_PX, FOCAL_PX = (480, 360), 360.0
 WALL_M = 2.0  # before the camera

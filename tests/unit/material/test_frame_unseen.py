@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lidarspectra.material.frame_unseen import FromTexture, Places, light_of_texture
-from lidarspectra.material.tone_curve import ToneCurve
+from lidarspectra.material.delighting.tone_curve import ToneCurve
+from lidarspectra.material.frames.unseen import FromTexture, Places, light_of_texture
 
 GAIN = np.array([2.0, 1.5, 1.2])  # of the frames' scale over the texture's
 CURVE = ToneCurve(power=1.1, shoulder=0.4)

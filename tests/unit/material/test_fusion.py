@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import MaterialError
-from lidarspectra.material.face_groups import agreement, face_adjacency
-from lidarspectra.material.fusion import FaceClasses, fuse, split_by_class, view_votes
-from lidarspectra.material.place_priors import KINDS, PRIORS, class_prior, find_places
-from lidarspectra.material.segmentation import Classifier
-from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.material.segmentation.face_groups import agreement, face_adjacency
+from lidarspectra.material.segmentation.fusion import FaceClasses, fuse, split_by_class, view_votes
+from lidarspectra.material.segmentation.place_priors import KINDS, PRIORS, class_prior, find_places
+from lidarspectra.material.segmentation.segmentation import Classifier
+from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab
 

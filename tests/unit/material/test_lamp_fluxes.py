@@ -11,7 +11,7 @@ from lidarspectra.errors import MaterialError
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.lamp_fluxes import (
+from lidarspectra.material.lit_lamps.fluxes import (
     FLUXES_FILE,
     LampFlux,
     flux_factors,

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from lidarspectra.material.albedo import MAX_PER_PLACE, LightFit, fit_light
-from lidarspectra.material.light_evidence import LightEvidence
-from lidarspectra.material.light_objective import LOG_SCATTER, MAX_UNSURE, OF_TONE, LightObjective
-from lidarspectra.material.robust_centers import RobustCenters
-from lidarspectra.material.sharpened_cones import cones_of_srgb, srgb_of_cones
-from lidarspectra.material.surface_light import MIN_LIGHT
-from lidarspectra.material.tone_curve import TonePrior
+from lidarspectra.material.delighting.albedo import MAX_PER_PLACE, LightFit, fit_light
+from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.light_objective import LOG_SCATTER, MAX_UNSURE, OF_TONE, LightObjective
+from lidarspectra.material.delighting.robust_centers import RobustCenters
+from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb, srgb_of_cones
+from lidarspectra.material.delighting.surface_light import MIN_LIGHT
+from lidarspectra.material.delighting.tone_curve import TonePrior
 
 from .lit_walls import BALANCE, GREY, PER_GROUP, evidence
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.geometry.scan import Scan, bare_scan
-from lidarspectra.material.one_paint import one_paint
+from lidarspectra.material.delighting.one_paint import one_paint
 
 SIDE_M, STEP_M = 4.0, 0.1
 WALL, DOOR = np.array([0.5, 0.45, 0.4]), 0.4

@@ -8,11 +8,11 @@ import pytest
 from lidarspectra.geometry.appearance import DRAWN, NO_COLOR, PHOTOGRAPHED, Appearance
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.estimate import estimate_materials
-from lidarspectra.material.lit_lamps import search_lit_lamps
+from lidarspectra.material.lit_lamps.lit_lamps import search_lit_lamps
 from lidarspectra.material.part_materials import NAMED_PRIORS, TYPICAL, named_prior, typical_materials
-from lidarspectra.material.place_priors import KINDS, PRIORS
-from lidarspectra.material.segmentation import SHIPPED_MODEL, Classifier
-from lidarspectra.material.views import ViewSet
+from lidarspectra.material.segmentation.place_priors import KINDS, PRIORS
+from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL, Classifier
+from lidarspectra.material.views.views import ViewSet
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.materials.delighting import take_light_out
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lidarspectra.errors import ArrayError
-from lidarspectra.material.projection import (
+from lidarspectra.material.views.projection import (
     DIRECTIONS,
     Camera,
     camera_towards,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import MaterialError
-from lidarspectra.material.crf import CrfSettings
-from lidarspectra.material.segmentation import CELL_PX, SHIPPED_MODEL, Classifier, segment
+from lidarspectra.material.segmentation.crf import CrfSettings
+from lidarspectra.material.segmentation.segmentation import CELL_PX, SHIPPED_MODEL, Classifier, segment
 
 from .tiny_models import CARD, write_model
 

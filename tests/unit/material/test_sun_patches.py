@@ -6,8 +6,8 @@ import pytest
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
-from lidarspectra.material.sun_patches import Openings, SunPatches, find_sun_patches
-from lidarspectra.room.surface_samples import samples_of
+from lidarspectra.material.delighting.sun_patches import Openings, SunPatches, find_sun_patches
+from lidarspectra.room.light_samples import samples_of
 
 from .conftest import box_scan
 

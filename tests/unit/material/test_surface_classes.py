@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.material.matching import match_color
-from lidarspectra.material.surface_classes import favored_surfaces, of_class, surface_class
+from lidarspectra.material.segmentation.surface_classes import favored_surfaces, of_class, surface_class
 from lidarspectra.spectra.databases import load_reflectances
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, Reflectance
 from lidarspectra.spectra.spectrum import Spectrum

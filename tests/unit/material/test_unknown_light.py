@@ -10,10 +10,16 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Panel
-from lidarspectra.material.albedo import fit_light
-from lidarspectra.material.light_evidence import LightEvidence
-from lidarspectra.material.sharpened_cones import srgb_of_cones
-from lidarspectra.material.unknown_light import LOBES, STEEP, find_unknown_sources, opening_patterns, source_patterns
+from lidarspectra.material.delighting.albedo import fit_light
+from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.sharpened_cones import srgb_of_cones
+from lidarspectra.material.delighting.unknown_light import (
+    LOBES,
+    STEEP,
+    find_unknown_sources,
+    opening_patterns,
+    source_patterns,
+)
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.materials.delighting_samples import seen_lit
 

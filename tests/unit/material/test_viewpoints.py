@@ -8,18 +8,18 @@ import pytest
 from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.geometry.surface_samples import coarse_cells, surface_samples
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import repair_scan
-from lidarspectra.material.projection import camera_towards, pixel_grid, reverse_project
-from lidarspectra.material.surface_samples import coarse_cells, surface_samples
-from lidarspectra.material.viewpoints import (
+from lidarspectra.material.views.projection import camera_towards, pixel_grid, reverse_project
+from lidarspectra.material.views.viewpoints import (
     FIRST_SHARE,
     ViewSettings,
     free_candidates,
     render_views,
     visible,
 )
-from lidarspectra.material.views import capture_image, load_views, save_views
+from lidarspectra.material.views.views import capture_image, load_views, save_views
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.colorimetry import decode_srgb
 from lidarspectra.spectra.databases import scenes_folder
@@ -123,7 +123,7 @@ def test_pixels_of_one_ray_look_as_if_they_had_several(monkeypatch):
     caster = RayCaster(textured)
     camera = camera_towards(SIZE_M / 2, np.array([1.0, 0, -0.5]), width=128, height=128, field_of_view_deg=90.0)
     few = capture_image(textured, camera, name="few", caster=caster).image.astype(np.int64)
-    monkeypatch.setattr("lidarspectra.material.views.MIN_CONTRAST", -1)  # every pixel has several
+    monkeypatch.setattr("lidarspectra.material.views.views.MIN_CONTRAST", -1)  # every pixel has several
     all_rays = capture_image(textured, camera, name="all", caster=caster).image.astype(np.int64)
     single = capture_image(textured, camera, name="single", caster=caster, samples=1).image.astype(np.int64)
     apart, without = np.abs(few - all_rays), np.abs(single - all_rays)

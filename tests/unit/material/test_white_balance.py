@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from lidarspectra.material.albedo import FIT_SHARES, fit_light
-from lidarspectra.material.light_evidence import LightEvidence
-from lidarspectra.material.light_objective import WHITE_HUE, WHITE_HUE_DEVIATION, _from_white
-from lidarspectra.material.sharpened_cones import cones_of_srgb
-from lidarspectra.material.surface_light import MIN_EMISSION, LightAt
-from lidarspectra.material.tone_curve import ToneCurve
+from lidarspectra.material.delighting.albedo import FIT_SHARES, fit_light
+from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.light_objective import WHITE_HUE, WHITE_HUE_DEVIATION, _from_white
+from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
+from lidarspectra.material.delighting.surface_light import MIN_EMISSION, LightAt
+from lidarspectra.material.delighting.tone_curve import ToneCurve
 
 from .lit_walls import WHITE, evidence
 

@@ -7,7 +7,7 @@ import trimesh
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.hardware.phone.repair import repair_scan
-from lidarspectra.material.viewpoints import ViewSettings, render_views
+from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.room.hidden_layers import covered_places, hidden_faces
 from lidarspectra.room.room import find_room
 

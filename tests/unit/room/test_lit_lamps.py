@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from lidarspectra.lamps.surfaces import Place
-from lidarspectra.material.lit_lamps import find_lit_lamps, search_lit_lamps
-from lidarspectra.material.outline_fit import fit_outline
-from lidarspectra.material.plane_picture import PlaneFrame
+from lidarspectra.material.lit_lamps.lit_lamps import find_lit_lamps, search_lit_lamps
+from lidarspectra.material.lit_lamps.outline_fit import fit_outline
+from lidarspectra.material.lit_lamps.plane_picture import PlaneFrame
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import find_room
 

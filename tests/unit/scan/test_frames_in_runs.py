@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.hardware.phone.readers import read_scan_and_frames
-from lidarspectra.material.frame_colors import color_from_frames
+from lidarspectra.material.frames.frame_colors import color_from_frames
 from lidarspectra.workflow.run_folder.declared import FILES
 from lidarspectra.workflow.run_folder.frames_of_run import (
     FRAMES_FILE,

@@ -14,9 +14,9 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.clipped_light import CLIPPED, DARK
-from lidarspectra.material.linear_evidence import MAX_CUT
-from lidarspectra.material.sharpened_cones import cones_of_srgb
+from lidarspectra.material.delighting.clipped_light import CLIPPED, DARK
+from lidarspectra.material.delighting.linear_evidence import MAX_CUT
+from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
 
 REACH_M = 0.15  # [m] from a card's stated middle to the surface that it lies on: a tape measure, the scan's drift
 LOOKS = 200  # directions in which the surface is sought

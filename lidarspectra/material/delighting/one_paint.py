@@ -16,8 +16,8 @@ from scipy.signal import find_peaks
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE
-from lidarspectra.material.surface_hues import surface_groups
+from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
+from lidarspectra.material.delighting.surface_hues import surface_groups
 
 ALIKE = 0.3  # [1] of the logarithm of reflectance, about the commonest, that light may have changed by
 STEP, BLUR = 0.02, 0.06  # [1] of that logarithm: of the histogram, and by which it is smoothed

@@ -4,9 +4,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.material.light_evidence import LightEvidence
-from lidarspectra.material.sharpened_cones import cones_of_srgb
-from lidarspectra.material.tone_curve import ToneCurve
+from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
+from lidarspectra.material.delighting.tone_curve import ToneCurve
 
 MIN_LIGHT = 1e-5  # [1] of white, floor of cone responses before their logarithm
 MIN_EMISSION = 1e-3  # [1] cosine below which a lamp is seen from its edge

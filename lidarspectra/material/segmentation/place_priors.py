@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.face_groups import Adjacency
+from lidarspectra.material.segmentation.face_groups import Adjacency
 from lidarspectra.room.room import Room
 
 KINDS = ("floor", "ceiling", "wall", "top", "other")

@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.light_exchange import cosine_directions
+from lidarspectra.material.delighting.light_exchange import cosine_directions
 
 LINK_M = 0.15  # [m] clipped faces nearer to one another are one source
 MIN_AREA_M2 = 0.06  # [m²] of a source; smaller ones are highlights

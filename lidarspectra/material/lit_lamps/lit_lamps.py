@@ -16,7 +16,7 @@ from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.shapes import Shape, shape_of
-from lidarspectra.material.lamp_evidence import (
+from lidarspectra.material.lit_lamps.evidence import (
     ON_CEILING,
     RING_GAP_M,
     Evidence,
@@ -26,9 +26,9 @@ from lidarspectra.material.lamp_evidence import (
     grown,
     opened,
 )
-from lidarspectra.material.lamp_surveys import Survey, seeds, surveys
-from lidarspectra.material.outline_fit import OutlineFit, fit_outline
-from lidarspectra.material.plane_picture import PlanePicture
+from lidarspectra.material.lit_lamps.outline_fit import OutlineFit, fit_outline
+from lidarspectra.material.lit_lamps.plane_picture import PlanePicture
+from lidarspectra.material.lit_lamps.surveys import Survey, seeds, surveys
 from lidarspectra.room.room import Room
 
 MARGIN_M = 0.25  # [m] around a patch in its own picture

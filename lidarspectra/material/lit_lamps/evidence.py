@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, ByteArray, FloatArray
-from lidarspectra.material.outline_fit import OutlineFit
-from lidarspectra.material.plane_picture import PlanePicture
+from lidarspectra.material.lit_lamps.outline_fit import OutlineFit
+from lidarspectra.material.lit_lamps.plane_picture import PlanePicture
 
 PlaneKind = Literal["ceiling", "wall"]
 

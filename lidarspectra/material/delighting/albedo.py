@@ -34,8 +34,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.material.light_evidence import LightEvidence
-from lidarspectra.material.light_objective import (
+from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.light_objective import (
     BOUND_SHOULDER,
     COMMON,
     OF_TONE,
@@ -44,9 +44,9 @@ from lidarspectra.material.light_objective import (
     UPRIGHT_LOBES,
     LightObjective,
 )
-from lidarspectra.material.sharpened_cones import cones_of_srgb
-from lidarspectra.material.surface_light import MIN_LIGHT
-from lidarspectra.material.tone_curve import ToneCurve
+from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
+from lidarspectra.material.delighting.surface_light import MIN_LIGHT
+from lidarspectra.material.delighting.tone_curve import ToneCurve
 from lidarspectra.progress import Progress, shares, silent
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from lidarspectra.geometry.appearance import LinearLight
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.colors import weighted_median
-from lidarspectra.material.tone_curve import USUAL_TONE, TonePrior
-from lidarspectra.material.unknown_light import UnknownSource
+from lidarspectra.material.delighting.tone_curve import USUAL_TONE, TonePrior
+from lidarspectra.material.delighting.unknown_light import UnknownSource
 
 MIN_DEVIATION = 0.02  # [1] of log g and log(1 + s): no curve has just two parameters
 MAX_CUT = 0.2  # [1] of a face, cut at white in all frames

@@ -14,11 +14,11 @@ from scipy.sparse import csr_array
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.crf import MIN_PROBABILITY
-from lidarspectra.material.face_groups import ROUNDS
-from lidarspectra.material.projection import ray_directions
-from lidarspectra.material.segmentation import CELL_PX, Classifier, segment
-from lidarspectra.material.views import View, ViewSet
+from lidarspectra.material.segmentation.crf import MIN_PROBABILITY
+from lidarspectra.material.segmentation.face_groups import ROUNDS
+from lidarspectra.material.segmentation.segmentation import CELL_PX, Classifier, segment
+from lidarspectra.material.views.projection import ray_directions
+from lidarspectra.material.views.views import View, ViewSet
 from lidarspectra.progress import Progress, silent
 
 MIN_CONFIDENCE = 0.05  # [1] weight of a pixel with uniform probabilities, relative to a certain one

@@ -3,8 +3,8 @@
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.material.light_objective import BRIGHTEST_REFLECTANCE
-from lidarspectra.material.sharpened_cones import srgb_of_cones
+from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
+from lidarspectra.material.delighting.sharpened_cones import srgb_of_cones
 
 CLIPPED = 0.97  # [1] a channel from which on it is cut at white
 DARK = 0.012  # [1] the brightest channel, up to which noise and the camera's black hide the colour

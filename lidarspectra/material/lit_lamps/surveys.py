@@ -9,8 +9,8 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, ByteArray, FloatArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.lamp_evidence import RECESS_M, SATURATED, PlaneKind, demands_on
-from lidarspectra.material.plane_picture import PlaneFrame, PlanePicture, take_picture
+from lidarspectra.material.lit_lamps.evidence import RECESS_M, SATURATED, PlaneKind, demands_on
+from lidarspectra.material.lit_lamps.plane_picture import PlaneFrame, PlanePicture, take_picture
 from lidarspectra.room.room import Room
 from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 

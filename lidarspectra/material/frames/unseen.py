@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import BoolArray, FloatArray
-from lidarspectra.material.tone_curve import USUAL_TONE, ToneCurve
+from lidarspectra.material.delighting.tone_curve import USUAL_TONE, ToneCurve
 
 MIN_SHOWN, MAX_SHOWN = 0.004, 0.95  # [1] of white, between which a texture tells a ratio
 MIN_PLACES = 200  # that both show, below which the texture is not used

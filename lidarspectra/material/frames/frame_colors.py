@@ -19,11 +19,11 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.frames import Frame, FrameFault, LeftOut
 from lidarspectra.hardware.phone.raw_mesh import NO_COLOR_NOTE
 from lidarspectra.hardware.phone.texture_atlas import unwrap
-from lidarspectra.material.frame_fusion import Fused
-from lidarspectra.material.frame_gains import CELL_M, Observations, Radiometry, solve_radiometry
-from lidarspectra.material.frame_texels import Roll, Texels, fuse_frames, mend_poses
-from lidarspectra.material.frame_unseen import FromTexture, Places, light_of_texture
-from lidarspectra.material.frame_views import DARK, MeshView, linear_table, pictures, sampled
+from lidarspectra.material.frames.frame_views import DARK, MeshView, linear_table, pictures, sampled
+from lidarspectra.material.frames.fusion import Fused
+from lidarspectra.material.frames.gains import CELL_M, Observations, Radiometry, solve_radiometry
+from lidarspectra.material.frames.texels import Roll, Texels, fuse_frames, mend_poses
+from lidarspectra.material.frames.unseen import FromTexture, Places, light_of_texture
 from lidarspectra.progress import Progress, shares, silent
 
 TEXEL_M = 0.01  # [m] of the texture; phones' poses are not better

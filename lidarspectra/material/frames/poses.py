@@ -22,7 +22,7 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, SmallFloatArray
 from lidarspectra.hardware.phone.frames import Frame
-from lidarspectra.material.frame_views import Picture
+from lidarspectra.material.frames.frame_views import Picture
 
 STEPS = ((6.0, 0.5), (3.0, 0.4), (1.5, 0.3), (1.5, 0.2), (1.0, 0.1), (0.7, 0.1))
 """Blur of the small picture [px], from 1° to .1°, and scale of Cauchy's loss [1]: where a pose is off, edges lie beside

@@ -23,8 +23,8 @@ from scipy.special import softmax
 from lidarspectra.arrays import ByteArray, FloatArray
 from lidarspectra.errors import MaterialError
 from lidarspectra.io.onnx_errors import onnx_errors
-from lidarspectra.material.crf import CrfSettings, refine
-from lidarspectra.material.model_card import ModelCard, read_card
+from lidarspectra.material.segmentation.crf import CrfSettings, refine
+from lidarspectra.material.segmentation.model_card import ModelCard, read_card
 
 SHIPPED_MODEL = Path(__file__).parent / "models" / "materials.onnx"
 MODEL_LIMIT_BYTES = 500_000_000  # far above any classifier of this use; a larger file is a mistake

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.room.surface_samples import LIFT_M, Samples
+from lidarspectra.room.light_samples import LIFT_M, Samples
 
 HEIGHTS_DEG = np.arange(4.0, 76.0, 4.0)  # [deg] of the sun that are tried; higher ones light window sills only
 AZIMUTH_STEP_DEG = 4.0  # [deg] a patch 3 m from its window moves by 20 cm

@@ -22,8 +22,8 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import FloatArray
+from lidarspectra.material.delighting.sharpened_cones import CONES_FROM_XYZ
 from lidarspectra.material.matching import match_color
-from lidarspectra.material.sharpened_cones import CONES_FROM_XYZ
 from lidarspectra.spectra.colorimetry import lab_to_xyz, linear_srgb_to_lab
 from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands

@@ -29,7 +29,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.material.tone_curve import USUAL_TONE, ToneCurve
+from lidarspectra.material.delighting.tone_curve import USUAL_TONE, ToneCurve
 from lidarspectra.threads import one_thread
 
 ROBUST_SCALE = 2.0  # [1] of Cauchy's loss, in standard deviations

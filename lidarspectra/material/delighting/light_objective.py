@@ -1,4 +1,4 @@
-"""The objective of de-lighting's fit: how far points of one surface are from one reflectance (`material.albedo`)."""
+"""The objective of de-lighting's fit: how far points of one surface are from one reflectance (`delighting.albedo`)."""
 
 from functools import cached_property
 
@@ -6,11 +6,11 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.material.light_evidence import LightEvidence
-from lidarspectra.material.robust_centers import RobustCenters
-from lidarspectra.material.sharpened_cones import cones_of_srgb, srgb_of_cones
-from lidarspectra.material.surface_light import MIN_LIGHT, LightAt
-from lidarspectra.material.tone_curve import ToneCurve
+from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.robust_centers import RobustCenters
+from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb, srgb_of_cones
+from lidarspectra.material.delighting.surface_light import MIN_LIGHT, LightAt
+from lidarspectra.material.delighting.tone_curve import ToneCurve
 
 LOG_SCATTER = 0.07  # [1] usual deviation of log ρ within a surface: grain, uneven exposure, noise of the mesh
 MAX_UNSURE = 3.0 * LOG_SCATTER  # [1] relative deviation of the light, above which a point tells only of a shadow's edge

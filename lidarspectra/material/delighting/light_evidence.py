@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from scipy.sparse import csr_array
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.material.tone_curve import USUAL_TONE, ToneCurve, TonePrior
+from lidarspectra.material.delighting.tone_curve import USUAL_TONE, ToneCurve, TonePrior
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -27,9 +27,9 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.projection import DIRECTIONS, Camera, camera_towards, project
-from lidarspectra.material.surface_samples import SurfaceSamples, coarse_cells, surface_samples
-from lidarspectra.material.views import View, ViewSet, capture_image
+from lidarspectra.geometry.surface_samples import SurfaceSamples, coarse_cells, surface_samples
+from lidarspectra.material.views.projection import DIRECTIONS, Camera, camera_towards, project
+from lidarspectra.material.views.views import View, ViewSet, capture_image
 from lidarspectra.progress import Progress, silent
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.hidden_layers import covered_places

@@ -18,7 +18,7 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.errors import DatabaseError, MaterialError
 from lidarspectra.io.files import write_whole
-from lidarspectra.material.albedo import LightFit
+from lidarspectra.material.delighting.albedo import LightFit
 from lidarspectra.spectra.spectrum_files import read_text
 
 FLUXES_FILE = "lamp-fluxes.csv"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lidarspectra.errors import MaterialError
+from lidarspectra.errors import WorkspaceError
 
 FASTEST = 1  # zlib's level; numpy's own, 6, takes five times as long for files that are a fifth smaller
 
@@ -40,7 +40,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
 
     Raises
     ------
-    MaterialError
+    WorkspaceError
         If the file is missing, cut off or no npz.
     """
     try:
@@ -48,6 +48,6 @@ def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}
     except (OSError, ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zlib.error) as cause:
-        raise MaterialError(
+        raise WorkspaceError(
             expected="arrays that an earlier stage wrote", found=f"{type(cause).__name__}: {cause}", where=str(path)
         ) from cause

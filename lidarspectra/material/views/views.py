@@ -10,11 +10,11 @@ import numpy as np
 from PIL import Image
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray, float_array, int_array
-from lidarspectra.errors import ArrayError, MaterialError
+from lidarspectra.errors import ArrayError, MaterialError, WorkspaceError
 from lidarspectra.geometry.rays import Hits, RayCaster
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.array_files import FASTEST, read_arrays, write_arrays
-from lidarspectra.material.projection import Camera, pixel_grid, ray_directions, shift_of_rays
+from lidarspectra.io.array_files import FASTEST, read_arrays, write_arrays
+from lidarspectra.material.views.projection import Camera, pixel_grid, ray_directions, shift_of_rays
 from lidarspectra.spectra.colorimetry import encode_srgb
 from lidarspectra.threads import cores_for
 
@@ -276,7 +276,7 @@ def load_views(folder: Path) -> ViewSet:
             history=np.array(record["history"]),
             stopped=str(record["stopped"]),
         )
-    except (OSError, ValueError, TypeError, KeyError, SyntaxError, ArrayError, MaterialError) as cause:
+    except (OSError, ValueError, TypeError, KeyError, SyntaxError, ArrayError, WorkspaceError) as cause:
         raise MaterialError(
             expected="the views that an earlier stage wrote",
             found=f"{type(cause).__name__}: {cause}",

@@ -8,10 +8,18 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.frames import Frame
 from lidarspectra.hardware.phone.texture_atlas import Atlas
-from lidarspectra.material.frame_fusion import BestViews, Fused
-from lidarspectra.material.frame_gains import Radiometry
-from lidarspectra.material.frame_poses import ShownPoints, mended_pose
-from lidarspectra.material.frame_views import DARK, MeshView, Picture, linear_table, pictures, radius2_of, sampled
+from lidarspectra.material.frames.frame_views import (
+    DARK,
+    MeshView,
+    Picture,
+    linear_table,
+    pictures,
+    radius2_of,
+    sampled,
+)
+from lidarspectra.material.frames.fusion import BestViews, Fused
+from lidarspectra.material.frames.gains import Radiometry
+from lidarspectra.material.frames.poses import ShownPoints, mended_pose
 from lidarspectra.progress import Progress
 
 TEXEL_BLUR = 3.0  # [1] weight falls by this power of a frame's sharpness over its neighbours'
