@@ -5,7 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lidarspectra.cli.sensor_options import CalibrationOption, ColumnsOption, SensorOption
+from lidarspectra.cli.sensor_options import (
+    CalibrationOption,
+    ColumnsOption,
+    GainOption,
+    IntegrationOption,
+    SensorOption,
+)
 from lidarspectra.cli.terminal import console, print_note, say, shown
 
 if TYPE_CHECKING:
@@ -45,11 +51,13 @@ def fit_command(
     calibration: CalibrationOption = None,
     columns: ColumnsOption = None,
     sensor: SensorOption = None,
+    gain: GainOption = None,
+    integration: IntegrationOption = None,
 ) -> None:
     """Fit a cell's counts to the sensor's channels beside it; test on the log's later part, write, renew."""
     from lidarspectra.workflow.applications.cell_fits import fit_log, renew_fit, save_fit_of_log
 
-    choice = log_choice(log, calibration, columns, sensor)
+    choice = log_choice(log, calibration, columns, sensor, gain, integration)
     if renew is not None:
         target = out or renew
         saved, used = renew_fit(renew, choice, column, count=count, out=target)
@@ -70,13 +78,24 @@ def fit_command(
     say(f"Fit on {saved.fit.readings} readings of {saved.signal}: {out}")
 
 
-def log_choice(log: Path, calibration: str | None, columns: str | None, sensor: str | None) -> "LogChoice":
+def log_choice(
+    log: Path,
+    calibration: str | None,
+    columns: str | None,
+    sensor: str | None,
+    gain: float | None,
+    integration: float | None,
+) -> "LogChoice":
     """How a log is to be read."""
-    from lidarspectra.cli.sensor_options import calibration_named, columns_given
+    from lidarspectra.cli.sensor_options import calibration_named, columns_given, settings_given
     from lidarspectra.workflow.applications.cell_fits import LogChoice
 
     return LogChoice(
-        path=log, sensor=sensor, columns=columns_given(columns), calibration=calibration_named(calibration)
+        path=log,
+        sensor=sensor,
+        columns=columns_given(columns),
+        calibration=calibration_named(calibration),
+        settings=settings_given(gain, integration),
     )
 
 

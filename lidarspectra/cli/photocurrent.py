@@ -6,7 +6,13 @@ from typing import Annotated, Literal
 import typer
 
 from lidarspectra.cli import cell_fits
-from lidarspectra.cli.sensor_options import CalibrationOption, ColumnsOption, SensorOption
+from lidarspectra.cli.sensor_options import (
+    CalibrationOption,
+    ColumnsOption,
+    GainOption,
+    IntegrationOption,
+    SensorOption,
+)
 from lidarspectra.cli.terminal import console, print_note, say, shown
 
 app = typer.Typer(
@@ -145,13 +151,16 @@ def predict_command(
     calibration: CalibrationOption = None,
     columns: ColumnsOption = None,
     sensor: SensorOption = None,
+    gain: GainOption = None,
+    integration: IntegrationOption = None,
 ) -> None:
     """Predict a cell's current, with its uncertainty, from a spectral sensor's readings at the same place."""
     path = out or measured.with_name(f"{measured.stem}-current.csv")
     if Path(cell).suffix == ".json":
         from lidarspectra.workflow.applications.cell_fits import predict_by_fit
 
-        table, notes = predict_by_fit(Path(cell), cell_fits.log_choice(measured, calibration, columns, sensor), path)
+        choice = cell_fits.log_choice(measured, calibration, columns, sensor, gain, integration)
+        table, notes = predict_by_fit(Path(cell), choice, path)
     else:
         from lidarspectra.workflow.applications.cells_of_run import predict_from_table
 

@@ -14,7 +14,7 @@ from lidarspectra.cli.sensor_options import (
     calibration_named,
     settings_given,
 )
-from lidarspectra.cli.terminal import console, say
+from lidarspectra.cli.terminal import console, print_log_notes, say
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.as7265x import SensorSettings
@@ -65,6 +65,7 @@ def calibrate(
             raise typer.BadParameter("--field goes with --map and --at")
         light, distance = simulated_light_at(simulated, at)
         readings = readings_from_csv(field, settings=settings_given(gain, integration), sensor=sensor)
+        print_log_notes(readings)
         fitted = field_calibration(readings, light, name=name, device=device)
         say(f"The map's nearest point is {distance:.2f} m away.")
     else:
@@ -100,12 +101,14 @@ def _lamp_calibration(
         if not separator:
             raise typer.BadParameter(f"'{pair}' is not of the form LOG=SPECTRUM")
         readings = readings_from_csv(Path(log), settings=settings, sensor=sensor)
+        print_log_notes(readings)
         kind = kind or best_signal(readings)
         gain, time_ms = settings_of(readings)
         reference = reference_from_file(Path(spectrum), unit=unit)
         observations.append(observe(readings, reference, name=Path(spectrum).stem, kind=kind, uncertainty=uncertainty))
     for path in dark:
         readings = readings_from_csv(path, settings=settings, sensor=sensor)
+        print_log_notes(readings)
         observations.append(observe(readings, np.zeros(18), name=f"dark {path.stem}", kind=kind, uncertainty=0.0))
     assert kind is not None  # there is a lamp
     if len(lamps) > 1:

@@ -17,7 +17,7 @@ from lidarspectra.cli.sensor_options import (
     columns_given,
     settings_given,
 )
-from lidarspectra.cli.terminal import print_note, say
+from lidarspectra.cli.terminal import print_log_notes, say
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -51,8 +51,7 @@ def convert(
         readings = one_sensor(readings, sensor, where=str(log))
     light = spectral_irradiance(readings, calibration_named(calibration))
     write_readings(readings, out, light=light)
-    for note in str(readings.attrs.get("notes", "")).splitlines():
-        print_note(note)
+    print_log_notes(readings)
     say(f"{out}: {readings.sizes['reading']} readings, E in W/m²/nm by {light.attrs['calibration']}")
 
 
@@ -105,8 +104,7 @@ def join(
 
     settings = settings_given(gain, integration)
     readings = readings_from_csv(log, settings=settings, columns=columns_given(columns), sensor=sensor)
-    for note in str(readings.attrs.get("notes", "")).splitlines():
-        print_note(note)
+    print_log_notes(readings)
     light = spectral_irradiance(readings, calibration_named(calibration))
     alignment = None
     if align is not None:
@@ -187,6 +185,7 @@ def cells(
         open_circuit_volt=open_circuit,
     )
     readings = readings_from_csv(log, columns=columns_given(columns), sensor=sensor)
+    print_log_notes(readings)
     if "adc" not in readings:
         from lidarspectra.errors import ReadingError
 
@@ -203,8 +202,10 @@ def _show_currents(adc: "ArrayLike", unix_s: "ArrayLike", circuit: "CellCircuit"
     import numpy as np
     import pandas as pd
 
+    from lidarspectra.errors import ReadingError
     from lidarspectra.hardware.sensor.photocell import cell_current, cell_current_density, loading
-    from lidarspectra.io.files import write_whole
+    from lidarspectra.io.csv_text import csv_text
+    from lidarspectra.io.files import write_whole, writing
 
     counts = np.asarray(adc, dtype=np.float64)
     columns = {"unix_s": np.asarray(unix_s, dtype=np.float64)}
@@ -217,5 +218,6 @@ def _show_currents(adc: "ArrayLike", unix_s: "ArrayLike", circuit: "CellCircuit"
         note = f", at most {100 * load:.0f} % of its open-circuit voltage" if load is not None else ""
         say(f"cell {cell + 1}: median {typical}, {np.nanmedian(density):.3g} A/m²{note}")
     if out is not None:
-        write_whole(out, pd.DataFrame(columns).to_csv(index=False, float_format="%.9g", lineterminator="\n"))
+        with writing(out, error=ReadingError):
+            write_whole(out, csv_text(pd.DataFrame(columns)))
         say(str(out))

@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 
 from lidarspectra.cli.sensor_options import ColumnsOption, HeaderOption, LogArgument, SensorOption, columns_given
-from lidarspectra.cli.terminal import console, print_note, say
+from lidarspectra.cli.terminal import console, print_log_notes, say
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -54,8 +54,7 @@ def show(
     for reason, group in held.gaps.groupby("reason"):
         lasted = (group["unix_s"] - group["since_unix_s"]).sum()
         say(f"{len(group)} gaps, {lasted:.1f} s, {group['lost'].sum()} readings known to be lost: {reason}")
-    for note in str(readings.attrs.get("notes", "")).splitlines():
-        print_note(note)
+    print_log_notes(readings)
     if plot is not None:
         from lidarspectra.mapping.figures.log_figure import log_figure
 
@@ -99,13 +98,17 @@ def _say_values(name: str, values: "ArrayLike") -> None:
 
 
 def _table_of_channels(readings: "xr.Dataset") -> Table:
+    import numpy as np
+
     from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, FLAG_SATURATED
 
     saturated = (readings["flag"].to_numpy() & FLAG_SATURATED).astype(bool).sum(axis=0)
-    table = Table("nm", "count, median", "module value, median", "saturated", box=None, header_style="bold")
+    values = [readings[name].to_numpy() for name in ("counts", "module_value")]
+    missing = readings.sizes["reading"] - (np.isfinite(values[0]) | np.isfinite(values[1])).sum(axis=0) - saturated
+    table = Table("nm", "count, median", "module value, median", "missing", "saturated", box=None, header_style="bold")
     for c, label in enumerate(CHANNEL_LABELS):
-        medians = [_median(readings[name].to_numpy()[:, c]) for name in ("counts", "module_value")]
-        table.add_row(label, *medians, str(saturated[c] or ""))
+        medians = [_median(each[:, c]) for each in values]
+        table.add_row(label, *medians, str(missing[c] or ""), str(saturated[c] or ""))
     return table
 
 

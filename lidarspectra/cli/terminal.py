@@ -10,6 +10,8 @@ from rich.text import Text
 from lidarspectra.errors import LidarSpectraError
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lidarspectra.mapping.figures.tables import Table
 
 PIPED_WIDTH = 100_000  # [character] longer than any line or row of a table that a command prints
@@ -44,6 +46,12 @@ def say(words: str) -> None:
 def print_note(note: str) -> None:
     """Print a sentence that the user needs in order to judge the numbers."""
     console.print(Text.assemble(("note: ", "yellow"), note), soft_wrap=True)
+
+
+def print_log_notes(readings: "xr.Dataset") -> None:
+    """Print what was left out of a log, or assumed of it, when it was read."""
+    for note in str(readings.attrs.get("notes", "")).splitlines():
+        print_note(note)
 
 
 def print_error(error: LidarSpectraError) -> None:

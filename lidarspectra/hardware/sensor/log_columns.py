@@ -15,10 +15,15 @@ Family = Literal["count", "module", "flag", "plain", "derived"]
 MIN_CHANNELS = 6  # of a sensor: one die
 TIME_NAMES = (
     "unix_s", "unix", "epoch", "timestamp", "time", "utc", "date", "datetime", "_time", "last_changed", "last_updated",
-    "time_s", "seconds", "elapsed", "millis", "time_ms", "ms",
+    "ts", "created_at", "zeitstempel", "zeit", "datum", "time_s", "seconds", "elapsed", "millis", "time_ms", "ms",
 )  # fmt: skip
-SENSOR_NAMES = ("sensor", "sensor_id", "sensorid", "node", "node_id", "device", "device_id", "mac", "id", "entity")
-LABEL_NAMES = ("label", "loc", "location", "place")
+DAY_NAMES = ("date", "datum")  # beside one of `CLOCK_NAMES`
+CLOCK_NAMES = ("time", "uhrzeit", "zeit")
+SENSOR_NAMES = (
+    "sensor", "sensor_id", "sensorid", "sensor_name", "node", "node_id", "device", "device_id", "board", "mac",
+    "address", "addr", "knoten", "gerät", "geraet", "id", "entity",
+)  # fmt: skip
+LABEL_NAMES = ("label", "loc", "location", "position", "place")
 _FAMILIES: dict[str, Family] = {
     "count": "count", "counts": "count", "raw": "count", "module": "module", "cal": "module", "calibrated": "module",
     "flag": "flag", "e": "derived", "se": "derived", "u": "derived", "su": "derived", "basic": "derived",
@@ -55,8 +60,11 @@ def channel_column(name: str) -> ChannelColumn | None:
     """The channel that a column's name means, and the sensor if it says one.
 
     Known are 410, '410 nm', A, count_410, s1_410, s1_w1, 's1 A', 'desk_count_410nm', and names with labels as Grafana
-    writes them: '410nm {sensor="desk"}', 'value {channel="A", node="3"}'. None for any other.
+    writes them: '410nm {sensor="desk"}', 'value {channel="A", node="3"}'. None for any other, and for names of times:
+    'unix_s' is no channel S of a sensor 'unix'.
     """
+    if name.strip().lower() in TIME_NAMES:
+        return None
     labelled = _SERIES.fullmatch(name.strip())
     if labelled is not None:
         return _of_labels(labelled["field"], labelled["labels"])

@@ -1,6 +1,8 @@
 """Tables with a header that names channels: of one sensor, of several by a column of names, of several side by side."""
 
+import itertools
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,10 @@ from lidarspectra.hardware.sensor.as7265x import (
     mask_module_values,
 )
 from lidarspectra.hardware.sensor.log_columns import (
+    CLOCK_NAMES,
+    DAY_NAMES,
     MEANINGS,
+    MIN_CHANNELS,
     Family,
     channel_column,
     channels_of,
@@ -23,10 +28,11 @@ from lidarspectra.hardware.sensor.log_columns import (
     sensor_column,
     time_column,
 )
-from lidarspectra.hardware.sensor.log_text import LogTable, numbers, table_of
-from lidarspectra.hardware.sensor.log_times import parse_times
+from lidarspectra.hardware.sensor.log_text import LogTable, numbers, require_no_points_for_thousands, table_of
+from lidarspectra.hardware.sensor.log_times import MIN_UNIX_S, parse_times
 from lidarspectra.hardware.sensor.readings import make_readings
 
+MAX_SENSORS = 64  # whose names take turns in a column; more values are readings of something else
 UNNAMED = "unnamed"  # a sensor whose cell in the column of names is empty
 _CELL = re.compile(r"(?:cell|solar|adc)_?(\d+)", re.IGNORECASE)
 
@@ -55,11 +61,17 @@ def headed_table(
     if table is None:
         return None
     sensors = channels_of(table.names)
-    others = [name for name in table.names if channel_column(name) is None]
-    if not sensors or (not others and set(sensors) == {""} and "plain" in sensors[""]):
+    channels = {name for families in sensors.values() for letters in families.values() for name in letters.values()}
+    if not sensors or (set(table.names) == channels and set(sensors) == {""} and "plain" in sensors[""]):
         return None  # a header of one sensor's channels only is the text of a sketch
     if not table.rows:
-        raise ReadingError(expected="one reading at least", found="none", where=str(path))
+        raise ReadingError(
+            expected="one reading at least below the header",
+            found=table.notes[0] if table.notes else "none",
+            where=str(path),
+            todo="Rows need the header's delimiter and its number of cells.",
+        )
+    require_no_points_for_thousands(table, sorted(channels))
     said_by = "the user: --columns" if renamed else "header: its column names"
     about = {"source": path.name, "layout": _layout(table, sensors), "order_said_by": said_by}
     return _Columns(table, about).readings(sensors)
@@ -77,11 +89,21 @@ def columns_seen(text: str) -> str | None:
 def how_to_name(text: str) -> str:
     """What to do about a table in which no channel was found."""
     table = table_of(text)
-    first = table.names[0] if table is not None else "Ch1"
+    names = ("Zeit", "Ch1") if table is None else table.names
+    first = f"{names[0]}=410" if _is_value(table, names[0]) else f"{names[0]}=time,{names[1]}=410"
     return (
-        f'Say what each column is with --columns "{first}=410,...": NAME=MEANING, with {MEANINGS}. The order of the '
-        "numbers cannot be known from the numbers."
+        f'Say what each column is with --columns "{first},...": NAME=MEANING, with {MEANINGS}. The order of the '
+        f"numbers cannot be known from the numbers, and a sensor has {MIN_CHANNELS} channels or more."
     )
+
+
+def _is_value(table: LogTable | None, name: str) -> bool:
+    """Whether a column's first cell is a number that is no time since 1970."""
+    cell = table.column(name)[0].replace(",", ".") if table is not None and table.rows else ""
+    try:
+        return abs(float(cell)) < MIN_UNIX_S
+    except ValueError:
+        return False
 
 
 def _layout(table: LogTable, sensors: dict[str, dict[Family, dict[str, str]]]) -> str:
@@ -97,6 +119,7 @@ class _Columns:
         self._table = table
         self._about = about
         self._notes = list(table.notes)
+        self._words_in: dict[int, list[str]] = {}
         self._used: set[str] = set()
 
     def readings(self, sensors: dict[str, dict[Family, dict[str, str]]]) -> xr.Dataset:
@@ -141,7 +164,8 @@ class _Columns:
             result = result.assign_coords(sensor=("reading", own))
         if label is not None:
             result = result.assign_coords(label=("reading", np.repeat(np.array(self._words(label)), count)))
-        result.attrs["notes"] = "\n".join((*self._notes, *self._unused(sensors)))
+        result, order = _in_order_of_time(result)
+        result.attrs["notes"] = "\n".join((*self._notes, *self._missing(), *order, *self._unused(sensors)))
         return result
 
     def _of_sensor(self, families: dict[Family, dict[str, str]], rows: int) -> dict[str, FloatArray | ByteArray]:
@@ -169,7 +193,7 @@ class _Columns:
     def _numbers(self, name: str) -> FloatArray:
         values, words = numbers(self._table.column(name), name=name, delimiter=self._table.delimiter)
         if words and name not in self._used:
-            self._notes.append(f"{words} cells of the column '{name}' hold no number and count as missing.")
+            self._words_in.setdefault(words, []).append(name)
         self._used.add(name)
         return values
 
@@ -197,12 +221,11 @@ class _Columns:
         name, unit = found
         self._used.add(name)
         cells = self._table.column(name)
-        day = next((other for other in self._table.names if other.lower() == "date" and other != name), None)
-        clock = next((other for other in self._table.names if other.lower() == "time"), None)
-        if day is not None or (name.lower() == "date" and clock is not None):
-            self._used |= {day or name, clock or name}
-            pairs = zip(self._table.column(day or name), self._table.column(clock or name), strict=True)
-            cells = [f"{first} {second}" for first, second in pairs]
+        day = next((other for other in self._table.names if other.lower() in DAY_NAMES), None)
+        clock = next((other for other in self._table.names if other.lower() in CLOCK_NAMES), None)
+        if day is not None and clock is not None and name in (day, clock):
+            self._used |= {day, clock}
+            cells = [f"{a} {b}" for a, b in zip(self._table.column(day), self._table.column(clock), strict=True)]
         times, notes = parse_times(cells, name=name, unit=unit)
         lost = int((~np.isfinite(times)).sum())
         if lost:
@@ -210,20 +233,72 @@ class _Columns:
         self._notes += notes
         return times
 
+    def _missing(self) -> list[str]:
+        """What is said of cells that hold words in place of numbers."""
+        return [
+            f"{words} cells of the column {_named(names)} hold no number and count as missing."
+            if len(names) == 1
+            else f"{words} cells of each of the columns {_named(names)} hold no number and count as missing."
+            for words, names in self._words_in.items()
+        ]
+
     def _unused(self, sensors: dict[str, dict[Family, dict[str, str]]]) -> list[str]:
-        derived = {name for families in sensors.values() for name in families.get("derived", {}).values()}
         doubled = {
             name
             for families in sensors.values()
             if "count" in families or "module" in families
             for name in families.get("plain", {}).values()
         }
-        left = [name for name in self._table.names if name not in self._used | derived - doubled]
-        left = [name for name in left if not re.match(r"ignore \d+$", name)]
+        left = [name for name in self._table.names if name not in self._used and not re.match(r"ignore \d+$", name)]
+        left = [name for name in left if name in doubled or not _is_derived(name)]
         if not left:
             return []
-        shown = ", ".join(left[:12]) + (f" and {len(left) - 12} more" if len(left) > 12 else "")
-        return [
-            f"Columns that were not used: {shown}. If one is a channel, a sensor's name or a time, say so with "
+        notes = [
+            f"Columns that were not used: {_named(left)}. If one is a channel, a sensor's name or a time, say so with "
             "--columns NAME=MEANING."
         ]
+        mixed = next((name for name in left if _alternates(self._table.column(name))), None)
+        if mixed is not None and sensor_column(self._table.names) is None:
+            values = list(dict.fromkeys(self._table.column(mixed)))
+            notes.append(
+                f"The column '{mixed}' goes to and fro between {len(values)} values ({', '.join(values[:5])}): if they "
+                f"are sensors, their readings are mixed here. Say --columns '{mixed}=sensor', or '{mixed}=ignore'."
+            )
+        return notes
+
+
+def _named(names: Sequence[str]) -> str:
+    """The first names of many, between commas."""
+    return ", ".join(f"'{name}'" for name in names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+
+
+def _is_derived(name: str) -> bool:
+    """Whether a column is one that `readings.readings_table` computes from others."""
+    column = channel_column(name)
+    return column is not None and column.family == "derived"
+
+
+def _alternates(cells: Sequence[str]) -> bool:
+    """Whether few values take turns from row to row, as the names of sensors in one file do."""
+    changes = sum(first != second for first, second in itertools.pairwise(cells))
+    return 2 <= len(set(cells)) <= min(MAX_SENSORS, len(cells) // 2) and changes > len(cells) / 2
+
+
+def _in_order_of_time(readings: xr.Dataset) -> tuple[xr.Dataset, list[str]]:
+    """Readings with the oldest first where the newest came first, and what is said where times run backwards."""
+    times = readings["unix_s"].to_numpy()
+    names = readings["sensor"].to_numpy() if "sensor" in readings.coords else np.zeros(times.size)
+    back = forth = 0
+    for name in dict.fromkeys(names.tolist()):
+        own = times[names == name]
+        steps = np.diff(own[np.isfinite(own)])
+        back += int((steps < 0).sum())
+        forth += int((steps > 0).sum())
+    if not back:
+        return readings, []
+    if not forth and float(np.nanmin(times)) >= MIN_UNIX_S:
+        return readings.isel(reading=slice(None, None, -1)), ["The newest row came first: rows are read from the last."]
+    return readings, [
+        f"{back} readings have a time before that of the row above: the board restarted, its clock was set, or rows "
+        "were sorted otherwise. They are taken in the order in which they stand."
+    ]

@@ -1,5 +1,6 @@
 """Text of logs as files hold it: packed or not, with a monitor's time stamps, any delimiter, either decimal sign."""
 
+import codecs
 import csv
 import gzip
 import io
@@ -17,8 +18,10 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import SATURATED_MODULE_VALUE
 
 MAX_LOG_BYTES = 500_000_000  # a year at one reading a second is 15 GB: split before; this is what memory holds
+HEAD_BYTES = 20_000  # of a text, which hold its header
 MAX_PREAMBLE_LINES = 20  # before a table's header: titles, comments, a board's greeting
 MAX_WORDS_SHARE = 0.1  # [1] of a column of numbers; more words than that are no damage but another kind of column
+ROWS_TO_LOOK_AT = 200
 DELIMITERS = (",", ";", "\t", "|")
 MISSING_WORDS = frozenset(("", "nan", "na", "n/a", "null", "none", "-", "unavailable", "unknown", "undefined"))
 
@@ -27,6 +30,8 @@ _STAMP = re.compile(
 )
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 _DECIMAL_POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?")
+_POINTS = re.compile(r"[1-9]\d{0,2}(?:\.\d{3})+")
+_WHOLE = re.compile(r"\d{1,3}")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+")
 
 
@@ -78,8 +83,28 @@ def log_text(path: Path) -> str:
                 data = packed.read(MAX_LOG_BYTES + 1)
     except (OSError, EOFError, zlib.error) as cause:  # a damaged gzip file is any of the three
         raise ReadingError(expected="a readable log", found=str(cause), where=str(path)) from cause
-    coding = "utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"  # Excel's "Unicode text"
-    return data.decode(coding, errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    return data.decode(_coding(data), errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _coding(data: bytes) -> str:
+    """A text's coding: UTF-16 as Excel's "Unicode text" has it, UTF-8, or that of Western Europe's Windows.
+
+    Only the first lines decide, in which columns are named: damaged bytes of a serial line may stand anywhere.
+    """
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    first = b"\n".join(data[:HEAD_BYTES].split(b"\n")[:MAX_PREAMBLE_LINES])
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(first)
+    except UnicodeDecodeError:
+        return "cp1252" if _is_printable(first) else "utf-8-sig"
+    return "utf-8-sig"
+
+
+def _is_printable(data: bytes) -> bool:
+    """Whether bytes are text of Windows' Western coding: no noise of a serial line."""
+    is_text = re.fullmatch(rb"[\t\r\n\x20-\x7e\x80\xa0-\xff]*", data) is not None
+    return is_text and re.search(rb"[A-Za-z]{3}", data) is not None
 
 
 def take_stamps(text: str) -> tuple[str, list[str] | None]:
@@ -136,10 +161,10 @@ def table_of(text: str, renamed: dict[str, str] | None = None) -> LogTable | Non
     while names and not names[-1]:
         names.pop()
     rows, again, other = [], 0, 0
-    for row in cells[1:]:
+    for place, row in enumerate(cells[1:], start=number + 2):
         while len(row) > len(names) and not row[-1].strip():
             row.pop()
-        if [cell.strip() for cell in row] == names:
+        if _is_header_again(row, names, place):
             again += 1
         elif len(row) == len(names):
             rows.append([cell.strip() for cell in row])
@@ -195,6 +220,50 @@ def numbers(cells: Sequence[str], *, name: str, delimiter: str = ",") -> tuple[F
             "no channel, say so with --columns, as '" + name + "=ignore'.",
         )
     return values, len(words)
+
+
+def require_no_points_for_thousands(table: LogTable, names: Sequence[str]) -> None:
+    """Refuse columns as 950; 1.210; 12.400 between semicolons or tabs: points at thousands, and none below.
+
+    Raises
+    ------
+    ReadingError
+        If all points stand before three digits, whole numbers below a thousand have none, and there are both.
+    """
+    if table.delimiter == ",":
+        return
+    places = [table.names.index(name) for name in names]
+    cells = [row[place] for row in table.rows[:ROWS_TO_LOOK_AT] for place in places]
+    pointed = [cell for cell in cells if "." in cell]
+    whole = any(_WHOLE.fullmatch(cell) for cell in cells)
+    if whole and len(pointed) > 2 and all(_POINTS.fullmatch(cell) for cell in pointed):
+        raise ReadingError(
+            expected="numbers without marks for thousands",
+            found=f"'{pointed[0]}' beside whole numbers, which may be {pointed[0].replace('.', '')} or {pointed[0]}",
+            where="the log's channels",
+            todo="Export plain numbers.",
+        )
+
+
+def _is_header_again(row: Sequence[str], names: Sequence[str], line: int) -> bool:
+    """Whether a row is the header once more, whole or damaged.
+
+    Raises
+    ------
+    ReadingError
+        If it names the columns in another order: the rows below it would be taken for other channels.
+    """
+    places = [(place, names.index(cell.strip())) for place, cell in enumerate(row) if cell.strip() in names]
+    if len(places) <= max(1, len(row) / 2) or all(not names[place] for _, place in places):
+        return False
+    if all(here == there for here, there in places):
+        return True
+    raise ReadingError(
+        expected="columns in one order",
+        found=f"another header among the rows: {', '.join(row)[:80]} ...",
+        where=f"line {line}",
+        todo="Split the file there: each recording is a log of its own.",
+    )
 
 
 def _is_missing(cell: str) -> bool:
@@ -260,5 +329,10 @@ def _each_once(names: list[str]) -> tuple[str, ...]:
     filled = [name or f"(column {number})" for number, name in enumerate(names, start=1)]
     twice = next((name for name in filled if filled.count(name) > 1), None)
     if twice is not None and twice != "ignore":
-        raise ReadingError(expected="each column once", found=f"'{twice}' twice", where="the log's header")
+        raise ReadingError(
+            expected="each column once",
+            found=f"'{twice}' twice",
+            where="the log's header",
+            todo="Give one of them another name in the file, as 'ignore'.",
+        )
     return tuple(f"ignore {number}" if name == "ignore" else name for number, name in enumerate(filled))

@@ -40,6 +40,7 @@ from lidarspectra.hardware.sensor.as7265x import (
     basic_counts,
     count_uncertainty,
 )
+from lidarspectra.io.csv_text import csv_text
 from lidarspectra.io.files import write_whole, writing
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM
 
@@ -297,6 +298,6 @@ def write_readings(readings: xr.Dataset, path: Path, *, light: xr.Dataset | None
     ReadingError
         If it cannot be written.
     """
-    text = readings_table(readings, light).to_csv(index=False, float_format="%.10g", lineterminator="\n")
+    text = csv_text(readings_table(readings, light), digits=10)
     with writing(path, error=ReadingError):
         write_whole(path, text)

@@ -10,6 +10,7 @@ the place of the person, `time_s` the time. Rows with the label `empty` are read
 becomes the table's `empty`. A second file with the columns name, x, y and z has the places' coordinates in metres.
 """
 
+import gzip
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,7 +29,7 @@ from lidarspectra.mapping.localization.fingerprint_table import load_fingerprint
 from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, gaussian_bands
 
-LABEL_COLUMNS = ("label", "loc", "location", "position")
+LABEL_COLUMNS = ("label", "loc", "location", "position", "place")
 TIME_COLUMN = "time_s"
 EMPTY_LABEL = "empty"
 NETCDF_SUFFIXES = (".nc", ".nc4")
@@ -288,12 +289,24 @@ def _csv(path: Path) -> pd.DataFrame:
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise ValueError(f"{path.stat().st_size // 1_000_000} MB, more than {MAX_FILE_BYTES // 1_000_000} MB")
-        frame = pd.read_csv(path, comment="#", encoding="utf-8-sig", skipinitialspace=True)
+        delimiter = _delimiter(path)
+        decimal = "." if delimiter == "," else ","
+        frame = pd.read_csv(
+            path, comment="#", encoding="utf-8-sig", skipinitialspace=True, sep=delimiter, decimal=decimal
+        )
     except (OSError, EOFError, ValueError) as cause:  # pandas' parser errors are ValueErrors
         raise MapError(expected="a readable CSV", found=str(cause), where=str(path)) from cause
     if frame.empty:
         raise MapError(expected="a header and one row or more", found="no row", where=str(path))
     return frame
+
+
+def _delimiter(path: Path) -> str:
+    """What stands between the names of a table's header."""
+    opened = gzip.open if path.suffix == ".gz" else open
+    with opened(path, "rt", encoding="utf-8-sig", errors="replace") as file:
+        header = next((line for line in file if line.strip() and not line.startswith("#")), "")
+    return max(",;\t", key=header.count)
 
 
 def _channel(found: "re.Match[str]", where: str) -> int:

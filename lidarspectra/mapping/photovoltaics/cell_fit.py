@@ -228,7 +228,9 @@ def fit_cell(
     return replace(found, reach=float(found.distance(readings).max()))
 
 
-def renewed(fit: CellFit, readings: FloatArray, counts: FloatArray) -> CellFit:
+def renewed(
+    fit: CellFit, readings: FloatArray, counts: FloatArray, *, extras: Mapping[str, FloatArray] | None = None
+) -> CellFit:
     """The fit with gain and offset renewed from a few readings of another day, sensor or cell of the kind.
 
     The most probable gain and shift under normal priors (`GAIN_DOUBT`, `OFFSET_DOUBT`): one reading divides the change
@@ -241,6 +243,9 @@ def renewed(fit: CellFit, readings: FloatArray, counts: FloatArray) -> CellFit:
         One or more, without gaps.
     counts : (reading,) float
         [count]
+    extras : mapping of str to (reading,) float, optional
+        Temperature [°C] and angle [deg] by their names in `EXTRAS`, where the fit knows them: a warm cell is no change
+        of gain.
 
     Raises
     ------
@@ -256,7 +261,8 @@ def renewed(fit: CellFit, readings: FloatArray, counts: FloatArray) -> CellFit:
     # readings of a minute share their error: together they are at most as good as a few
     noise = fit.inflation * fit.noise_count
     precision = design.T @ design / noise**2 + prior
-    off = counts - (fit.offset + light)
+    before = replace(fit, gain=1.0, shift=0.0)
+    off = counts - before.counts(readings, extras)[0]
     change = np.linalg.solve(precision, design.T @ off / noise**2)
     return replace(
         fit,

@@ -9,13 +9,14 @@ import pandas as pd
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LidarSpectraError, ReadingError
-from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, SensorSettings
 from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
 from lidarspectra.hardware.sensor.calibration import Calibration
 from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
 from lidarspectra.hardware.sensor.log_text import log_text, table_of
 from lidarspectra.hardware.sensor.photocell import CellCircuit
 from lidarspectra.hardware.sensor.readings import best_signal
+from lidarspectra.io.csv_text import csv_text
 from lidarspectra.io.files import write_whole, writing
 from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.photovoltaics.cell_fit import EXTRAS, OUTSIDE_FACTOR, fit_cell, renewed
@@ -42,12 +43,15 @@ class LogChoice:
         What the user calls columns.
     calibration : Calibration or None
         Of the sensor.
+    settings : SensorSettings or None
+        Gain and integration time of a log that does not state them.
     """
 
     path: Path
     sensor: str | None = None
     columns: dict[str, str] | None = None
     calibration: Calibration | None = None
+    settings: SensorSettings | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,7 +101,7 @@ def beside_cell(choice: LogChoice, wanted: FitSignal | None = None) -> BesideCel
     ReadingError
         If it cannot be read, or does not have the wanted signal.
     """
-    readings = readings_from_csv(choice.path, columns=choice.columns, sensor=choice.sensor)
+    readings = readings_from_csv(choice.path, columns=choice.columns, sensor=choice.sensor, settings=choice.settings)
     converted = _converted_light(choice, readings["unix_s"].size)
     has_settings = converted is not None or best_signal(readings) != "module values"
     signal = wanted or ("irradiance" if has_settings or choice.calibration is not None else "module values")
@@ -214,7 +218,8 @@ def fit_log(
         "equally well."
     )
     table = Table(name="cell-curve", caption=words, frame=curve, formats={"a (relative)": ".2f"})
-    return score, table, _outside_notes(result.outside_percent / 100.0, "the later part")
+    notes = (*beside_cell(log).notes, *_outside_notes(result.outside_percent / 100.0, "the later part"))
+    return score, table, notes
 
 
 def save_fit_of_log(
@@ -276,8 +281,9 @@ def renew_fit(path: Path, log: LogChoice, column: int, *, count: int | None, out
     saved = load_fit(path)
     beside = beside_cell(log, saved.signal)
     counts = _counts_of(beside, column, log.path)
-    good = np.flatnonzero(usable(beside.light, counts))[:count]
-    fresh = replace(saved, fit=renewed(saved.fit, beside.light[good], counts[good]))
+    good = np.flatnonzero(usable(beside.light, counts, beside.extras))[:count]
+    extras = {name: values[good] for name, values in beside.extras.items()}
+    fresh = replace(saved, fit=renewed(saved.fit, beside.light[good], counts[good], extras=extras))
     save_fit(fresh, out)
     return fresh, good.size
 
@@ -304,7 +310,7 @@ def predict_by_fit(fit_file: Path, log: LogChoice, out: Path) -> tuple[Table, tu
         frame["SE_current_A"] = error * saved.circuit.ampere_per_count
     frame["outside"] = outside.astype(np.int64)
     with writing(out, error=ReadingError):
-        write_whole(out, frame.to_csv(index=False, float_format="%.9g", lineterminator="\n"))
+        write_whole(out, csv_text(frame))
     rows = [
         (name, frame[name].mean(), frame[name].min(), frame[name].max(),
          100.0 * float((frame[f"SE_{name}"] / frame[name].abs()).mean()))

@@ -10,6 +10,7 @@ import xarray as xr
 from lidarspectra.errors import MapError, ReadingError
 from lidarspectra.geometry.scan import load_scan
 from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
+from lidarspectra.io.csv_text import csv_text
 from lidarspectra.io.files import write_whole, writing
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
@@ -243,7 +244,7 @@ def predict_from_table(
         frame["current_A"] = area * frame["current_density_A_m2"]
         frame["SE_current_A"] = area * frame["SE_current_density_A_m2"]
     with writing(out, error=ReadingError):
-        write_whole(out, frame.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+        write_whole(out, csv_text(frame, digits=6))
     caption = (
         f"Current of the cell '{cell.name}' predicted from {len(bands)} channels at {len(frame)} places, with its "
         "standard uncertainty."

@@ -57,6 +57,16 @@ class CellsBeside:
                 )
             self._fits.setdefault(sensor, []).append(saved)
 
+    def notes(self) -> tuple[str, ...]:
+        """What the currents do not know, as full sentences."""
+        return tuple(
+            f"The fit of '{saved.name}' knows {' and '.join(saved.fit.extras)}, which no reading brings here: its mean "
+            "is taken, and the error does not cover that."
+            for fits in self._fits.values()
+            for saved in fits
+            if saved.fit.extras
+        )
+
     def take(self, arrival: Arrival, on_notice: Callable[[Notice], None]) -> None:
         """Keep the currents beside a reading that has all channels."""
         fits = self._fits.get(arrival.sensor)

@@ -170,6 +170,8 @@ class LiveRun:
         readings : int
             That were taken.
         """
+        for text in self._cells.notes():
+            on_notice(Notice(source="cells", text=text))
         shown_s = -math.inf
         newest: PresentAnswer | None = None
 

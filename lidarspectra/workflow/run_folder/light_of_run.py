@@ -180,7 +180,10 @@ def light_of_table(path: Path, bands: BandSet, *, needs_places: bool = True) -> 
     for name in (*channels, *(errors if spread else ())):
         if name not in table.columns:
             raise MapError(
-                expected=f"a column '{name}'", found=", ".join(map(str, table.columns[:20])), where=str(path)
+                expected=f"a column '{name}'",
+                found=", ".join(map(str, table.columns[:20])),
+                where=str(path),
+                todo="A sensor's log becomes such a table by 'lidarspectra sensor convert LOG --out table.csv'.",
             )
     upward = {"nx": 0.0, "ny": 0.0, "nz": 1.0, "buried": 0.0}
     # copied first: a table of more than a hundred columns would be warned of by pandas

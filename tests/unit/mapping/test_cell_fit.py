@@ -89,6 +89,21 @@ def test_temperature_and_angle_enter_where_they_are_given() -> None:
     assert np.mean(np.abs(told - truth)) < 2.0 < np.mean(np.abs(unknown.counts(later)[0] - truth))
 
 
+def test_a_warm_cell_is_no_change_of_gain_when_it_is_renewed() -> None:
+    light, later = mixed_light(300, 1), mixed_light(200, 2)
+    warm = np.linspace(15.0, 40.0, 300)
+    fit = fit_cell(
+        light, counted(light, 20.0, 3) - 1.2 * (warm - 25.0), WAVELENGTHS, FLAT, extras={"cell_temperature_c": warm}
+    )
+    hot = {"cell_temperature_c": np.full(200, 40.0)}
+    truth = counted(later, 20.0, 4)
+    fresh = renewed(
+        fit, later[:5], truth[:5] - 1.2 * 15.0, extras={"cell_temperature_c": hot["cell_temperature_c"][:5]}
+    )
+    cool = {"cell_temperature_c": np.full(200, 25.0)}
+    assert np.mean(np.abs(fresh.counts(later[5:], {n: v[5:] for n, v in cool.items()})[0] - truth[5:])) < 3.0
+
+
 def test_a_fit_is_the_same_after_it_was_kept_and_others_are_refused(tmp_path: Path) -> None:
     light = mixed_light(100, 1)
     fit = renewed(fit_cell(light, counted(light, 20.0, 3), WAVELENGTHS, FLAT), light[:3], counted(light[:3], 9.0, 4))

@@ -7,6 +7,7 @@ import pytest
 
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import ASCENDING_LETTERS, CHANNEL_LABELS, UART_LETTERS
+from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
 from lidarspectra.hardware.sensor.log_columns import channel_column, columns_by_user
 from lidarspectra.hardware.sensor.log_layouts import one_sensor, read_sensor_log, readings_from_csv, sensors_of
 from lidarspectra.hardware.sensor.log_times import OF_DAY, SINCE_START, parse_times
@@ -192,3 +193,82 @@ def test_days_and_months_that_may_be_either_are_refused() -> None:
     assert parse_times(["4/13/2023 2:36:08 PM"], name="t")[0].tolist() == [1681396568.0]
     with pytest.raises(ReadingError, match="day and month"):
         parse_times(["03/04/2023 14:36:08"], name="t")
+
+
+def test_german_headers_and_windows_letters_are_read(tmp_path: Path) -> None:
+    head = ";".join(("Datum", "Uhrzeit", "Gerät", *(f"{label} nm" for label in CHANNEL_LABELS)))
+    lines = [f"20.04.2023;14:36:0{i};Küche {i % 2};{row(mark=';')}" for i in range(4)]
+    path = tmp_path / "log.csv"
+    path.write_bytes("\r\n".join([head, *lines]).encode("cp1252"))
+    readings = read_sensor_log(path).readings
+    assert sensors_of(readings) == ("Küche 0", "Küche 1")
+    assert readings["unix_s"].to_numpy().tolist() == [1682001360.0 + i for i in range(4)]
+
+
+@pytest.mark.parametrize("name", ["unix_s", "time_s", "ts", "created_at", "Zeitstempel"])
+def test_a_column_of_times_is_no_channel_of_a_sensor(name: str, tmp_path: Path) -> None:
+    text = (
+        f"{name}," + ",".join(CHANNEL_LABELS) + "\n" + f"1700000000,{row()}\n1700000001,,{row(ASCENDING_LETTERS[1:])}\n"
+    )
+    readings = readings_from_csv(saved(tmp_path, text))
+    assert readings["unix_s"].to_numpy().tolist() == [1.7e9, 1.7e9 + 1]
+    assert np.isnan(readings["counts"].to_numpy()[1, 0])
+    assert readings.attrs["notes"] == ""
+
+
+def test_a_second_header_in_another_order_is_refused_and_the_same_one_is_told(tmp_path: Path) -> None:
+    first = "time," + ",".join(ASCENDING_LETTERS) + "\n" + f"1700000000,{row()}\n"
+    second = "time," + ",".join(UART_LETTERS) + "\n" + f"1700000001,{row(UART_LETTERS)}\n"
+    with pytest.raises(ReadingError, match=r"line 3.*one order"):
+        readings_from_csv(saved(tmp_path, first + second))
+    damaged = first.replace("time,A,B", "time,A,?")
+    readings = readings_from_csv(saved(tmp_path, first + damaged))
+    assert readings.sizes["reading"] == 2
+    assert "header comes 2 times" in readings.attrs["notes"]
+
+
+def test_names_that_take_turns_are_told_though_their_column_is_not_known(tmp_path: Path) -> None:
+    text = "time,mux,humidity," + ",".join(CHANNEL_LABELS) + "\n"
+    text += "".join(f"{1.7e9 + i},{'ab'[i % 2]},4{i},{row(shift=9 * (i % 2))}\n" for i in range(8))
+    path = saved(tmp_path, text)
+    notes = readings_from_csv(path).attrs["notes"]
+    assert "'mux=sensor'" in notes
+    assert "'humidity=sensor'" not in notes
+    assert sensors_of(read_sensor_log(path, columns={"mux": "sensor"}).readings) == ("a", "b")
+
+
+def test_the_newest_row_first_is_turned_round_and_a_jumble_is_told(tmp_path: Path) -> None:
+    head = "time,sensor," + ",".join(CHANNEL_LABELS) + "\n"
+    lines = [f"{1.7e9 + i},{sensor},{row(shift=i)}\n" for i in range(3) for sensor in ("a", "b")]
+    readings = one_sensor(read_sensor_log(saved(tmp_path, head + "".join(reversed(lines)))).readings, "a")
+    assert readings["unix_s"].to_numpy().tolist() == [1.7e9, 1.7e9 + 1, 1.7e9 + 2]
+    assert readings["counts"].to_numpy()[:, 0].tolist() == [10.0, 11.0, 12.0]
+    jumbled = read_sensor_log(saved(tmp_path, head + "".join([*lines[2:], *lines[:2]]))).readings
+    assert "2 readings have a time before" in jumbled.attrs["notes"]
+    restarted = head + "".join(f"{time},a,{row()}\n" for time in (5, 6, 1, 2))
+    assert "1 readings have a time before" in read_sensor_log(saved(tmp_path, restarted)).readings.attrs["notes"]
+
+
+def test_points_at_thousands_between_semicolons_are_refused_and_three_decimals_are_not(tmp_path: Path) -> None:
+    head = "time;" + ";".join(CHANNEL_LABELS) + "\n"
+    marked = f"1700000000;950;1.210;12.400;{row(ASCENDING_LETTERS[3:], mark=';')}\n" * 2
+    with pytest.raises(ReadingError, match="thousands"):
+        readings_from_csv(saved(tmp_path, head + marked))
+    decimals = f"1700000000;{row(shift=0.25, mark=';', form='.3f')}\n" * 2
+    values = readings_from_csv(saved(tmp_path, head + decimals))["module_value"].to_numpy()
+    assert np.array_equal(values[0], BY_WAVELENGTH + 0.25)
+
+
+def test_rows_of_another_delimiter_than_the_header_are_told(tmp_path: Path) -> None:
+    text = "time," + ",".join(CHANNEL_LABELS) + "\n" + f"1700000000;{row(mark=';')}\n" * 3
+    with pytest.raises(ReadingError, match="3 of 3 rows were left out"):
+        readings_from_csv(saved(tmp_path, text))
+
+
+def test_what_convert_writes_is_read_again_to_the_millisecond_and_without_notes(tmp_path: Path) -> None:
+    text = "time,gain,integration_ms," + ",".join(CHANNEL_LABELS) + "\n" + f"1700000000.125,64,140,{row()}\n" * 2
+    readings = readings_from_csv(saved(tmp_path, text))
+    write_readings(readings, tmp_path / "table.csv", light=spectral_irradiance(readings))
+    again = readings_from_csv(tmp_path / "table.csv")
+    assert again["unix_s"].to_numpy().tolist() == [1700000000.125] * 2
+    assert again.attrs["notes"] == ""
