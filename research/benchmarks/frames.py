@@ -3,6 +3,7 @@
     python -m research.scenes.frames FOLDER
     python -m research.benchmarks.frames FOLDER [--only office-day ...] [--no-map]
     python -m research.benchmarks.frames FOLDER --lamps         lamps seen in frames, with and without
+    python -m research.benchmarks.frames FOLDER --only office-night-1 --plan docs/pictures/frames.png
     python -m research.benchmarks.frames --capture RAW_DATA     a real capture: held-out observations alone
 
 Of each scan in the folder, by its texture and by its frames: area-weighted mean of the absolute reflectance error
@@ -12,15 +13,18 @@ Of the frames, how far the gains are from the true ones, what held-out observati
 after the solve, and the processor time. The row "true" has the true radiance of every face: what is left there
 is not the frames'. `--lamps`: reflectance error and bias of the faces' colours after the light is
 taken out, where frames saw, and the lamps' relative fluxes if they are not stated (truly 1), each with and without what
-frames show of the lamps' own surfaces, and with and without the belief in white ceilings.
+frames show of the lamps' own surfaces, and with and without the belief in white ceilings. `--plan`: the frames of the
+first scan on its plan, the poses of two of them shifted by a metre so that they are left out.
 """
 
 import argparse
+import json
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 import numpy as np
@@ -31,6 +35,9 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.captures import read_capture
 from lidarspectra.hardware.phone.orientation import upright_rotation
 from lidarspectra.hardware.phone.readers import read_scan, read_scan_and_frames
+from lidarspectra.mapping.figures.figure_style import save_picture
+from lidarspectra.mapping.figures.floor_plan import floor_plan
+from lidarspectra.mapping.figures.frames_figure import frames_figure
 from lidarspectra.mapping.maps.metrics import compare_maps
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.delighting import light_objective
@@ -44,6 +51,8 @@ from lidarspectra.spectra.colorimetry import encode_srgb, xyz_to_linear_srgb
 from lidarspectra.spectra.databases import load_reflectances, tristimulus_table
 from lidarspectra.workflow.materials import delighting
 from lidarspectra.workflow.materials.delighting import take_light_out, with_light_uncertainty
+from lidarspectra.workflow.report.report_frames import frames_on_plan
+from lidarspectra.workflow.run_folder.frames_of_run import FRAMES_FILE, save_frames
 from research.benchmarks.by_day import coverage
 from research.benchmarks.delighting import (
     Case,
@@ -56,9 +65,11 @@ from research.benchmarks.delighting import (
     true_light,
 )
 from research.benchmarks.true_faces import nearest_faces
+from research.scenes.by_day import GLASS
 from research.scenes.frames import FACE_LIGHT, FRAMES, GAINS
 
 SURE = 0.9  # [1] of white, below which frames' colours are surfaces'
+SPOILED, SPOILED_M = (24, 66), 1.0  # frames whose pose is shifted along their axis for the picture [m]
 NO_BELIEF = 100.0  # [1] of the log: a deviation that tells nothing
 HEADER = (
     f"{'scan':18s} {'':8s} {'error':>6s} {'seen':>6s} {'bias':>7s} {'NRMSE':>6s} {'bias':>8s} {'one':>6s} {'two':>6s}"
@@ -91,7 +102,11 @@ def with_true_radiance(case: Case, colors: FrameColors) -> Scan:
     alike = colors.face_seen & (light.min(axis=1) > 0) & (shown.max(axis=1) < SURE)
     scale = float(np.median(shown[alike].mean(axis=1) / light[alike].mean(axis=1)))
     nothing = np.zeros(count)
-    exact = LinearLight(power_deviation=0.0, shoulder_deviation=0.0, face_deviation=nothing, face_cut=nothing)
+    # A window's radiance depends on the direction: one number a face would be wrong from most places.
+    windows = np.array([material.name == GLASS for material in case.truth])[case.face_truth]
+    exact = LinearLight(
+        power_deviation=0.0, shoulder_deviation=0.0, face_deviation=nothing, face_cut=windows.astype(np.float64)
+    )
     appearance = Appearance(
         images=(), face_image=np.full(count, -1), corner_uv=np.zeros((count, 3, 2)),
         corner_color=np.repeat(encode_srgb(scale * light)[:, None], 3, axis=1), linear=exact,
@@ -185,6 +200,21 @@ def lamps_seen(folder: Path) -> None:
             print("  fluxes " + ", ".join(f"{each.factor:.2f} ± {each.log_deviation:.2f}" for each in free), flush=True)
 
 
+def draw_on_plan(folder: Path, picture: Path) -> None:
+    """Draw where a scan's frames were taken, with what is left out of them."""
+    case, capture = read_case(folder), read_capture(folder / FRAMES)
+    frames = [frame.moved(upright_rotation("+y")) for frame in capture.frames]
+    for number in SPOILED:
+        pose = frames[number].camera_to_world.copy()
+        pose[:3, 3] += SPOILED_M * frames[number].direction
+        frames[number] = replace(frames[number], camera_to_world=pose)
+    colors = color_from_frames(case.scan, frames)
+    with TemporaryDirectory() as kept:
+        save_frames(colors, capture, Path(kept))
+        about = json.loads((Path(kept) / FRAMES_FILE).read_text(encoding="utf-8"))
+    save_picture(frames_figure(floor_plan(case.scan, find_room(case.scan)), frames_on_plan(about)), picture)
+
+
 def real(path: Path) -> None:
     """Print what the solve makes of a real capture."""
     scan, capture = read_scan_and_frames(path, unit="m", up="+y")
@@ -202,16 +232,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="+", default=[""], help="scans whose names begin so")
     parser.add_argument("--no-map", action="store_true", help="reflectances alone")
     parser.add_argument("--lamps", action="store_true", help="what lamps seen in frames tell")
+    parser.add_argument("--plan", type=Path, help="draw the frames of the first scan there, as PNG")
     parser.add_argument("--capture", action="store_true", help="the folder is a real capture")
     given = parser.parse_args(arguments)
     if given.capture:
         real(given.folder)
         return
-    if not given.lamps:
+    if not given.lamps and given.plan is None:
         print(HEADER)
     for folder in sorted(given.folder.iterdir()):
         if not (folder / FRAMES).is_dir() or not folder.name.startswith(tuple(given.only)):
             continue
+        if given.plan is not None:
+            draw_on_plan(folder, given.plan)
+            return
         if given.lamps:
             lamps_seen(folder)
         else:

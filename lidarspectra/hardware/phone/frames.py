@@ -98,6 +98,16 @@ class Frame:
         """(3,) where the camera was [m]."""
         return np.asarray(self.camera_to_world[:3, 3], dtype=np.float64)
 
+    @property
+    def direction(self) -> FloatArray:
+        """(3,) unit vector along which it looks [1]."""
+        return np.asarray(-self.camera_to_world[:3, 2], dtype=np.float64)
+
+    def left_out(self, reason: str) -> "LeftOut":
+        """The record of this frame if it is not used."""
+        x, y, z = self.position.tolist()
+        return LeftOut(name=self.name, reason=reason, position_m=(x, y, z))
+
     def moved(self, rotation: FloatArray, scale: float = 1.0) -> "Frame":
         """The same frame in axes turned by a (3, 3) rotation; positions are multiplied by a scale [1]."""
         pose = np.eye(4)
@@ -115,10 +125,13 @@ class LeftOut:
     name : str
     reason : str
         Part of a sentence ("its picture is cut off").
+    position_m : (float, float, float), optional
+        Where it was taken by its pose, in the axes of the frames that are used; None if that is not known. [m]
     """
 
     name: str
     reason: str
+    position_m: tuple[float, float, float] | None = None
 
 
 def _stay_closed() -> None:

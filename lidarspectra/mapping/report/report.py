@@ -49,6 +49,7 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
     """
     writer = ReportWriter(folder, report.figure_files)
     light = parts.light_of_report(report)
+    frames = () if report.frames is None else (report.frames,)
     makers: tuple[tuple[str, float, Callable[[], str]], ...] = (  # title, share of the time, content
         (ROOM, 0.0, lambda: parts.room_section(report)),
         ("Summary", 0.1, lambda: parts.summary_section(report, writer)),
@@ -60,6 +61,7 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
         *((each.title, 0.5, partial(parts.application_section, each, writer)) for each in report.applications),
         ("Materials", 2.6, lambda: parts.materials_section(report, writer)),
         ("Views", 2.0, lambda: parts.views_section(report, writer)),
+        *((each.title, 0.5, partial(parts.application_section, each, writer)) for each in frames),
         ("Scan", 0.0, lambda: parts.scan_section(report, writer)),
         ("All points", 0.1, lambda: parts.points_section(report, writer)),
         ("Provenance", 0.1, lambda: parts.provenance_section(report, writer)),

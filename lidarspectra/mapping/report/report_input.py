@@ -67,6 +67,8 @@ class ReportInput:
         Text of the run file.
     applications : tuple of Application
         Sections on people, plants and solar cells.
+    frames : Application, optional
+        The section on the frames of the scan, if its colours come of frames.
     figure_files : tuple of str
         Kinds of the figures' files beside the page: 'svg', 'png', 'pdf'.
     bands : BandSet, optional
@@ -98,6 +100,7 @@ class ReportInput:
     provenance: Mapping[str, str] = field(default_factory=dict)
     run_file: str = ""
     applications: tuple[Application, ...] = ()
+    frames: Application | None = None
     figure_files: tuple[FileType, ...] = ("svg",)
     bands: BandSet | None = None
     cells: tuple[tuple[Cell, float], ...] = ()

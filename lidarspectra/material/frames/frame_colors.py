@@ -164,11 +164,11 @@ def _observe(
     for number, (frame, picture) in enumerate(zip(frames, pictures(frames, linear_table()), strict=True)):
         progress(number / len(frames), "reading frames")
         if isinstance(picture, FrameFault):
-            left_out.append(LeftOut(name=frame.name, reason=str(picture)))
+            left_out.append(frame.left_out(str(picture)))
             continue
         depth = view.depth(frame)
         if view.is_lost(depth, picture.depth):
-            left_out.append(LeftOut(name=frame.name, reason="its depth does not fit the mesh from its pose"))
+            left_out.append(frame.left_out("its depth does not fit the mesh from its pose"))
             continue
         sight = view.sight(frame, depth, picture.depth, points, normals)
         light, uneven, clipped = sampled(picture, sight)
@@ -185,7 +185,7 @@ def _observe(
     tying = np.bincount(point, minlength=len(points))[point] >= MIN_VIEWS
     _, renumbered = np.unique(point[tying], return_inverse=True)
     tied, of_tied = np.unique(which[tying], return_inverse=True)
-    left_out += [LeftOut(name=usable[each].name, reason=UNTIED) for each in range(len(usable)) if each not in tied]
+    left_out += [usable[each].left_out(UNTIED) for each in range(len(usable)) if each not in tied]
     kept = tuple(usable[each] for each in tied)
     observations = Observations(
         point=renumbered.astype(np.int64), frame=of_tied.astype(np.int64), shown=light[tying], uneven=uneven[tying],

@@ -21,6 +21,7 @@ from lidarspectra.progress import Progress
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.workflow.calibration.report import calibration_sections
 from lidarspectra.workflow.report.report_applications import report_applications, shown_cells
+from lidarspectra.workflow.report.report_frames import frames_section
 from lidarspectra.workflow.rules.report import rules_sections
 from lidarspectra.workflow.run_folder.declared import Declared
 from lidarspectra.workflow.run_folder.lamps_of_run import ScannedRoom
@@ -101,6 +102,7 @@ def report_of_run(
                 progress=applying,
             ),
         ),
+        frames=frames_section(before.scan.folder, plan),
         scan=mesh.record,
         materials=materials.materials,
         material_areas_m2=materials.areas(mesh.areas),

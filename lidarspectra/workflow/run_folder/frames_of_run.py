@@ -106,11 +106,13 @@ def save_frames(colors: FrameColors, capture: Capture, folder: Path) -> None:
     ScanError
         If it cannot be written.
     """
+    left_out = (*capture.left_out, *colors.left_out)
     about = {
         "app": capture.app,
         "not_kept": NOT_KEPT,
         **({} if colors.radiometry is None else _fitted(colors, colors.radiometry)),
-        "left_out": {each.name: each.reason for each in (*capture.left_out, *colors.left_out)},
+        "left_out": {each.name: each.reason for each in left_out},
+        "left_out_position_m": {each.name: each.position_m for each in left_out if each.position_m is not None},
     }
     with writing(folder, error=ScanError):
         write_whole(folder / FRAMES_FILE, json.dumps(about, indent=1) + "\n")
@@ -131,6 +133,7 @@ def _fitted(colors: FrameColors, radiometry: Radiometry) -> dict[str, object]:
             {
                 "name": frame.name,
                 "position_m": frame.position.tolist(),
+                "direction": frame.direction.tolist(),
                 "gain": np.exp(gain).tolist(),
                 "log_gain_deviation": float(deviation),
             }

@@ -33,6 +33,7 @@ def test_a_run_keeps_gains_and_faults_of_frames_and_no_personal_field(tmp_path: 
     about = json.loads(text)
     assert about["not_kept"] == list(NOT_KEPT)
     assert list(about["left_out"]) == ["00002"]
+    assert all(np.isclose(np.linalg.norm(frame["direction"]), 1.0) for frame in about["frames"])
     gains = np.array([frame["gain"] for frame in about["frames"]])
     assert np.abs(np.log(gains)).max() < 0.02  # all are the same gray
     words = " ".join(frame_notes(colors, capture))
