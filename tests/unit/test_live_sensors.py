@@ -73,6 +73,9 @@ def test_a_file_of_sensors_gives_its_sources(tmp_path: Path) -> None:
         "{{ value_json.E_410 }}",
         "{{ value_json.E_560 }}",
     ]
+    name = next(sensor.name for sensor in sensors.sensors if sensor.topic == "home/as7265x")
+    _, wider = sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room", beside_cells=[name])
+    assert len(wider._readers["home/as7265x"]) == 18  # type: ignore[attr-defined]
     heard: list[Arrival | Notice] = []
     broker._take("home/as7265x", b'{"E_410": 2.129, "E_560": 0}', heard.append)  # type: ignore[attr-defined]
     (arrival,) = heard
@@ -232,7 +235,9 @@ def test_recordings_are_gone_through_in_the_order_of_their_times(tmp_path: Path)
         path.write_text("unix_s,lux\n" + "\n".join(rows) + "\n", encoding="utf-8")
         logs.append(GrowingLog(path, sensor=name))
     answers: list[PresentAnswer] = []
-    assert replay(PresentLight(room), logs, {}, stop=lambda: False, on_answer=answers.append) == 180
+    heard: list[Arrival] = []
+    taken = replay(PresentLight(room), logs, {}, stop=lambda: False, on_answer=answers.append, beside=heard.append)
+    assert taken == len(heard) == 180
     assert [round(answer.time_s) for answer in answers] == list(range(1000, 1060))
     east = np.array([answer.states.state[1] for answer in answers])
     assert east[:29].max() < 0.1

@@ -116,21 +116,35 @@ class Cell:
         """Caveats on its currents, with a factor on its curve from a calibration [1]; full sentences."""
         if self.quantity == "relative" and scale == 1.0:
             return (
+                *self._identifiable(),
                 f"The response curve of '{self.name}' is known only up to a factor, and is taken as its quantum "
                 "efficiency: only ratios of these currents are meaningful. Calibrate the cell against a measured "
                 "current, and give the factor with --scale, or as scale in the run file.",
             )
         if self.provenance == "fitted":
-            return (
-                f"The response of '{self.name}' was fitted beside a sensor. Under one kind of lamp a curve is not "
-                "identifiable: currents under lamps of another kind, or in daylight, may be off. Fit it under more.",
-            )
+            return self._identifiable()
         if self.provenance == "modelled":
             return (
                 f"'{self.name}' is an ideal model of a material, not a product: its currents are an upper limit. For a "
                 "real cell, give its measured quantum efficiency as a file.",
             )
         return ()
+
+    def _identifiable(self) -> tuple[str, ...]:
+        if self.provenance != "fitted":
+            return ()
+        under_one_lamp = (
+            f"The response of '{self.name}' was fitted beside a sensor. Under one kind of lamp a curve is not "
+            "identifiable: currents under lamps of another kind, or in daylight, may be off. Fit it under more."
+        )
+        if self.quantity != "relative":
+            return (under_one_lamp,)
+        return (
+            under_one_lamp,
+            f"The fit of '{self.name}' is no quantum efficiency: its readings are no irradiances, its circuit was not "
+            "given, or it would make more than one electron of a photon, as can be where the sensor was not "
+            "calibrated. Fit it with --calibration, --reference and --shunt.",
+        )
 
 
 def list_cells() -> tuple[Cell, ...]:

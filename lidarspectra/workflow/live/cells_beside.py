@@ -13,6 +13,7 @@ from lidarspectra.io.files import writing
 from lidarspectra.mapping.photovoltaics.cell_fit_files import SavedFit, load_fit
 
 CELLS_FILE = "cells.csv"
+REPLAY_FILE = "cells-replay.csv"
 COLUMNS = ("unix_s", "sensor", "cell", "count", "SE_count", "current_A", "SE_current_A", "outside")
 
 
@@ -26,7 +27,9 @@ class CellsBeside:
     sensors : sequence of str
         Names of the run's sensors.
     folder : Path
-        Where `CELLS_FILE` is kept, if there is a cell; it is continued.
+        Where `CELLS_FILE` is kept, if there is a cell; it is made if absent, and the file is continued.
+    is_recording : bool
+        Whether readings come from a recording: their currents go to `REPLAY_FILE`, begun anew.
 
     Raises
     ------
@@ -34,8 +37,11 @@ class CellsBeside:
         If a fit cannot be read, is not one of irradiances, or names no sensor.
     """
 
-    def __init__(self, cells: Sequence[str], sensors: Sequence[str], folder: Path) -> None:
-        self._path = folder / CELLS_FILE
+    def __init__(
+        self, cells: Sequence[str], sensors: Sequence[str], folder: Path, *, is_recording: bool = False
+    ) -> None:
+        self._path = folder / (REPLAY_FILE if is_recording else CELLS_FILE)
+        self._is_recording = is_recording
         self._file: IO[str] | None = None
         self._fits: dict[str, list[SavedFit]] = {}
         self._reported: set[str] = set()
@@ -57,6 +63,11 @@ class CellsBeside:
                 )
             self._fits.setdefault(sensor, []).append(saved)
 
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors that have a cell beside them."""
+        return tuple(self._fits)
+
     def notes(self) -> tuple[str, ...]:
         """What the currents do not know, as full sentences."""
         return tuple(
@@ -68,9 +79,19 @@ class CellsBeside:
         )
 
     def take(self, arrival: Arrival, on_notice: Callable[[Notice], None]) -> None:
-        """Keep the currents beside a reading that has all channels."""
+        """Keep the currents beside a reading that has all channels; one without them is told once a sensor."""
         fits = self._fits.get(arrival.sensor)
-        if not fits or not set(CHANNEL_LABELS) <= set(arrival.values):
+        if not fits:
+            return
+        missing = [label for label in CHANNEL_LABELS if label not in arrival.values]
+        if missing:
+            self._say_once(
+                arrival.sensor,
+                f"A reading has no channel {', '.join(missing)} nm: the fit of '{fits[0].name}' wants all "
+                f"{len(CHANNEL_LABELS)}, and gives no current without them.",
+                arrival.sensor,
+                on_notice,
+            )
             return
         light = np.array([[arrival.values[label] for label in CHANNEL_LABELS]])
         if not np.isfinite(light).all():
@@ -84,13 +105,19 @@ class CellsBeside:
                 ampere = [f"{(count - dark) * each:.6g}", f"{spread * each:.6g}"]
             cells = [f"{arrival.unix_s:.3f}", arrival.sensor, saved.name, f"{count:.6g}", f"{spread:.6g}", *ampere]
             self._write(",".join([*cells, str(int(outside))]))
-            if outside and saved.name not in self._reported:
-                self._reported.add(saved.name)
-                text = (
+            if outside:
+                self._say_once(
+                    f"{saved.name}@{arrival.sensor}",
                     f"The light lies outside what the fit of '{saved.name}' was made on: its current and error hold "
-                    "less. Renew it with a few readings ('cells fit --renew')."
+                    "less. Renew it with a few readings ('cells fit --renew').",
+                    arrival.sensor,
+                    on_notice,
                 )
-                on_notice(Notice(source=arrival.sensor, text=text))
+
+    def _say_once(self, about: str, text: str, sensor: str, on_notice: Callable[[Notice], None]) -> None:
+        if about not in self._reported:
+            self._reported.add(about)
+            on_notice(Notice(source=sensor, text=text))
 
     def close(self) -> None:
         """Close the file."""
@@ -100,8 +127,9 @@ class CellsBeside:
     def _write(self, line: str) -> None:
         with writing(self._path, error=ReadingError):
             if self._file is None:
-                is_new = not self._path.exists()
-                self._file = self._path.open("a", encoding="utf-8", newline="\n")
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+                is_new = self._is_recording or not self._path.exists()
+                self._file = self._path.open("w" if is_new else "a", encoding="utf-8", newline="\n")
                 if is_new:
                     self._file.write(",".join(COLUMNS) + "\n")
             self._file.write(line + "\n")

@@ -15,7 +15,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.scan import load_scan
 from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
-from lidarspectra.hardware.incoming.arrivals import Notice, Stop
+from lidarspectra.hardware.incoming.arrivals import Arrival, Notice, Stop
 from lidarspectra.hardware.incoming.growing_log import GrowingLog
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.mapping.present_light.now import LitRoom, PresentAnswer, PresentLight
@@ -127,7 +127,8 @@ class LiveRun:
     def __init__(self, run: Path, sources: Sequence[str], options: LiveOptions, *, progress: Progress = silent) -> None:
         sensors, base = read_sensors(list(sources))
         self.readings = run / READINGS
-        self._cells = CellsBeside(options.cells, [sensor.name for sensor in sensors.sensors], self.readings)
+        names = [sensor.name for sensor in sensors.sensors]
+        self._cells = CellsBeside(options.cells, names, self.readings, is_recording=options.replay)
         if not options.replay:
             with writing_run(run):
                 self.readings.mkdir(parents=True, exist_ok=True)
@@ -138,6 +139,7 @@ class LiveRun:
             logs=self.readings,
             run_name=run.resolve().name,
             replay=options.replay,
+            beside_cells=self._cells.sensors,
         )
         room = lit_room(run, sensors, workers=options.workers, progress=progress)
         self.present = PresentLight(room, max_age_s=sensors.max_age_s, patience=options.patience)
@@ -186,6 +188,9 @@ class LiveRun:
                 self._trend = trend_json(self.present.trend, len(self.present.room.quantities))
             on_answer(answer)
 
+        def beside(arrival: Arrival) -> None:
+            self._cells.take(arrival, on_notice)
+
         thread = threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": LOOK_S}, daemon=True)
         thread.start()
         try:
@@ -195,12 +200,12 @@ class LiveRun:
                     self._sources,
                     log=ArrivalLog(self.readings),
                     factors=self._factors,
-                    beside=lambda arrival: self._cells.take(arrival, on_notice),
+                    beside=beside,
                 )
                 session.run(stop=stop, on_answer=show, on_notice=on_notice)
                 return session.readings
             logs = [source for source in self._sources if isinstance(source, GrowingLog)]
-            readings = replay(self.present, logs, self._factors, stop=stop, on_answer=show)
+            readings = replay(self.present, logs, self._factors, stop=stop, on_answer=show, beside=beside)
             self._trend = trend_json(self.present.trend, len(self.present.room.quantities))
             if newest is not None:
                 self._board.show(self._view.message(newest, self.present.last_s))

@@ -93,6 +93,7 @@ def replay(
     *,
     stop: Stop,
     on_answer: Listen,
+    beside: Callable[[Arrival], None] = lambda arrival: None,
 ) -> int:
     """Go through recordings in the order of their times, with an answer for every second that has a reading.
 
@@ -105,6 +106,8 @@ def replay(
         As of `LiveSession`.
     stop : callable
     on_answer : callable
+    beside : callable
+        Hears every reading.
 
     Returns
     -------
@@ -126,6 +129,7 @@ def replay(
         if math.isinf(due_s):
             due_s = arrival.unix_s + REPLAY_STEP_S
         last_s = arrival.unix_s
+        beside(arrival)
         readings += used(present, arrival, factors)
     if not math.isnan(last_s):
         on_answer(present.answer(last_s))

@@ -1,6 +1,6 @@
 """The sources of readings that a file of sensors names."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from lidarspectra.errors import ReadingError
@@ -10,6 +10,7 @@ from lidarspectra.hardware.incoming.growing_log import GrowingLog
 from lidarspectra.hardware.incoming.mqtt_source import Broker, MqttSource, Topic
 from lidarspectra.hardware.incoming.serial_source import SerialSource
 from lidarspectra.hardware.sensor.as7265x import (
+    CHANNEL_LABELS,
     DEFAULT_SETTINGS,
     GAUSSIAN_WIDTH_NM,
     UW_CM2_TO_W_M2,
@@ -30,7 +31,14 @@ from lidarspectra.workflow.live.sensors_file import (
 
 
 def sources_of(
-    sensors: SensorsFile, labels: Sequence[str], *, base: Path, logs: Path, run_name: str, replay: bool = False
+    sensors: SensorsFile,
+    labels: Sequence[str],
+    *,
+    base: Path,
+    logs: Path,
+    run_name: str,
+    replay: bool = False,
+    beside_cells: Collection[str] = (),
 ) -> tuple[Source, ...]:
     """Make the sources; nothing is opened yet.
 
@@ -47,6 +55,8 @@ def sources_of(
         For the broker, where the file gives no client_id.
     replay : bool
         Read logs from their start to their end, in place of what comes.
+    beside_cells : collection of str
+        Sensors all of whose channels are asked of the broker, whatever the run has: a fitted cell wants them.
 
     Returns
     -------
@@ -78,7 +88,8 @@ def sources_of(
             path = base / sensor.log
             found.append(GrowingLog(path, sensor=sensor.name, light=_light(sensor)))
         else:
-            topics += _topics(sensor, sensors.broker, labels)
+            wanted = CHANNEL_LABELS if sensor.name in beside_cells else labels
+            topics += _topics(sensor, sensors.broker, wanted)
     topics += [_switch(switch, sensors.broker) for switch in sensors.switches if not replay]
     if topics:
         assert sensors.broker is not None  # since the file was checked

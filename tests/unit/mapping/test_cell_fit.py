@@ -222,5 +222,28 @@ def test_a_live_cell_is_kept_reading_by_reading(tmp_path: Path) -> None:
     np.testing.assert_allclose(kept["count"][:2], fit.counts(light[:2])[0], rtol=1e-4)
     assert kept["outside"].tolist() == [0, 0, 1]
     assert len(told) == 1
+    few = dict.fromkeys(CHANNEL_LABELS[:14], 1.0)
+    for _ in range(2):  # a run of 14 channels may ask no more of its sensors
+        beside.take(Arrival(sensor="desk", values=few, unix_s=1.7e9), told.append)
+    assert len(told) == 2
+    assert "810, 860, 900, 940" in told[1].text
     with pytest.raises(LidarSpectraError, match="desk"):
         CellsBeside([f"{path}@lamp"], ["desk"], tmp_path)
+
+
+def test_the_cells_of_a_replay_are_begun_anew_and_a_fit_that_wants_a_temperature_says_so(tmp_path: Path) -> None:
+    from lidarspectra.hardware.incoming.arrivals import Arrival
+    from lidarspectra.workflow.live.cells_beside import REPLAY_FILE, CellsBeside
+
+    light = 1e-3 * mixed_light(100, 1)
+    warm = {"cell_temperature_c": np.linspace(15.0, 40.0, 100)}
+    fit = fit_cell(light, counted(1e3 * light, 20.0, 3), WAVELENGTHS, FLAT, extras=warm)
+    path = tmp_path / "fit.json"
+    save_fit(SavedFit(fit=fit, name="mine", signal="irradiance", calibration="desk", circuit=CIRCUIT), path)
+    values = dict(zip(CHANNEL_LABELS, light[0].tolist(), strict=True))
+    for _ in range(2):
+        beside = CellsBeside([f"{path}@desk"], ["desk"], tmp_path / "live", is_recording=True)
+        beside.take(Arrival(sensor="desk", values=values, unix_s=1.7e9), lambda notice: None)
+        beside.close()
+    assert len(pd.read_csv(tmp_path / "live" / REPLAY_FILE)) == 1
+    assert "cell_temperature_c" in beside.notes()[0]
