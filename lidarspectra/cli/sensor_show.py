@@ -104,11 +104,25 @@ def _table_of_channels(readings: "xr.Dataset") -> Table:
 
     saturated = (readings["flag"].to_numpy() & FLAG_SATURATED).astype(bool).sum(axis=0)
     values = [readings[name].to_numpy() for name in ("counts", "module_value")]
+    if "irradiance" in readings and not np.isfinite(values).any():
+        return _table_of_irradiances(readings)
     missing = readings.sizes["reading"] - (np.isfinite(values[0]) | np.isfinite(values[1])).sum(axis=0) - saturated
     table = Table("nm", "count, median", "module value, median", "missing", "saturated", box=None, header_style="bold")
     for c, label in enumerate(CHANNEL_LABELS):
         medians = [_median(each[:, c]) for each in values]
         table.add_row(label, *medians, str(missing[c] or ""), str(saturated[c] or ""))
+    return table
+
+
+def _table_of_irradiances(readings: "xr.Dataset") -> Table:
+    import numpy as np
+
+    from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
+
+    light = readings["irradiance"].to_numpy()
+    table = Table("nm", "irradiance, median [W/m²/nm]", "missing", box=None, header_style="bold")
+    for c, label in enumerate(CHANNEL_LABELS):
+        table.add_row(label, _median(light[:, c]), str(int((~np.isfinite(light[:, c])).sum()) or ""))
     return table
 
 
@@ -125,6 +139,8 @@ def _table_of_sensors(readings: "xr.Dataset", sensors: tuple[str, ...]) -> Table
     values = np.where(
         np.isfinite(readings["counts"].to_numpy()), readings["counts"].to_numpy(), readings["module_value"].to_numpy()
     )
+    if "irradiance" in readings and not np.isfinite(values).any():
+        values = readings["irradiance"].to_numpy()
     used = np.isfinite(values).any(axis=0)
     saturated = (readings["flag"].to_numpy() & FLAG_SATURATED).astype(bool)
     for sensor in sensors:

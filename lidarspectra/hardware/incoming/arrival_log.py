@@ -17,6 +17,7 @@ from lidarspectra.io.files import writing
 
 COLUMNS = ("utc", "unix_s", "device_s", "sensor", STATE, LUX, *(f"E_{label}" for label in CHANNEL_LABELS))
 HEADER = (",".join(COLUMNS) + "\n").encode()
+LAST_BYTES = 65536  # of a log, which hold its last rows
 SYNC_INTERVAL_S = 1.0  # [s] longest time whose rows a power cut may lose
 
 
@@ -90,6 +91,27 @@ class ArrivalLog:
         assert self._file is not None  # the day's was opened
         with _writing(self._folder):
             self._file.write(buffer.getvalue().encode("utf-8"))
+
+
+def newest_time(folder: Path) -> float | None:
+    """Time of the last whole row of a folder's newest log [s since 1970], or None if there is none.
+
+    Raises
+    ------
+    ReadingError
+        If the log cannot be read.
+    """
+    newest = max(folder.glob("????-??-??.csv"), default=None)
+    if newest is None:
+        return None
+    with _writing(newest), newest.open("rb") as file:
+        file.seek(-min(LAST_BYTES, file.seek(0, os.SEEK_END)), os.SEEK_END)
+        rows = file.read().decode("utf-8", errors="replace").split("\n")[:-1]  # what follows the last end was cut
+    for row in reversed(rows):
+        cells = row.split(",")
+        if len(cells) == len(COLUMNS) and cells[1] != COLUMNS[1]:
+            return float(cells[1])
+    return None
 
 
 def _has_columns(path: Path) -> bool:

@@ -9,8 +9,8 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import ASCENDING_LETTERS, CHANNEL_COUNT, CHANNEL_LABELS, channel_letter
 from lidarspectra.hardware.sensor.log_times import PER_SECOND
 
-Family = Literal["count", "module", "flag", "plain", "derived"]
-"""Whole counts, the module's values, flags, either of the first two, or what is computed from them."""
+Family = Literal["count", "module", "flag", "plain", "irradiance", "derived"]
+"""Whole counts, the module's values, flags, either of the first two; irradiances, and what else is computed of them."""
 
 MIN_CHANNELS = 6  # of a sensor: one die
 TIME_NAMES = (
@@ -26,7 +26,7 @@ SENSOR_NAMES = (
 LABEL_NAMES = ("label", "loc", "location", "position", "place")
 _FAMILIES: dict[str, Family] = {
     "count": "count", "counts": "count", "raw": "count", "module": "module", "cal": "module", "calibrated": "module",
-    "flag": "flag", "e": "derived", "se": "derived", "u": "derived", "su": "derived", "basic": "derived",
+    "flag": "flag", "e": "irradiance", "se": "derived", "u": "derived", "su": "derived", "basic": "derived",
     "basic_se": "derived", "channel": "plain", "ch": "plain", "wavelength": "plain",
 }  # fmt: skip
 _SERIES = re.compile(r"(?P<field>[^{]*?)\s*\{(?P<labels>.*)\}")
@@ -137,7 +137,11 @@ def channels_of(names: Sequence[str]) -> dict[str, dict[Family, dict[str, str]]]
         sensor: {family: letters for family, letters in families.items() if len(letters) >= MIN_CHANNELS}
         for sensor, families in found.items()
     }
-    return {sensor: families for sensor, families in wide.items() if {"count", "module", "plain"} & set(families)}
+    return {
+        sensor: families
+        for sensor, families in wide.items()
+        if {"count", "module", "plain", "irradiance"} & set(families)
+    }
 
 
 def time_column(names: Sequence[str]) -> tuple[str, str | None] | None:

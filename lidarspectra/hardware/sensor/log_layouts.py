@@ -23,7 +23,6 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import (
     ASCENDING_LETTERS,
     CHANNEL_COUNT,
-    CHANNEL_LABELS,
     UART_LETTERS,
     ChannelOrder,
     SensorSettings,
@@ -46,8 +45,6 @@ PUBLISHED: dict[str, str] = {
     "2504dbd310604fc84bb8970be3981b8737864202708748c92d1857d510b51739":
     "as7265x-20190111A.dat of jdesbonnet/as7265x, whose plot of it names the columns A to L by wavelength",
 }  # SHA-256 of the text: who says that it runs by wavelength  # fmt: skip
-
-KEPT_COLUMNS = ("utc", "unix_s", "sensor", "lux", *(f"E_{label}" for label in CHANNEL_LABELS))  # of `ArrivalLog`
 
 _STAMPED = re.compile(r"(?P<time>\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(?:\.\d+)?),(?P<rest>.*)")
 _SOLAR = re.compile(r"solar (?P<cell>\d+):(?P<count>\d+)")
@@ -114,14 +111,6 @@ def read_sensor_log(
     if found is not None:
         return _with_settings(found, settings)
     first = next((line for line in text.splitlines() if line.strip()), "")
-    if set(KEPT_COLUMNS) <= set(first.split(",")):
-        raise ReadingError(
-            expected="a log of counts",
-            found="irradiances of several sensors, as 'sensor nodes' and 'live' keep them",
-            where=str(path),
-            todo="The counts of each sensor at a port are in NAME.recorder.csv beside it; 'live --replay' goes through "
-            "this one.",
-        )
     seen = columns_seen(text)
     raise ReadingError(
         expected="a log that names its channels in a header, or one of a known layout",

@@ -81,7 +81,7 @@ def _rows_of_channels(table: LogTable, series: str) -> tuple[dict[int, ChannelCo
     left_out: dict[str, int] = {}
     for number, name in enumerate(table.column(series)):
         column = known[name]
-        if column is None or column.family in ("flag", "derived"):
+        if column is None or column.family in ("flag", "irradiance", "derived"):
             left_out[name] = left_out.get(name, 0) + 1
             continue
         sensor = "/".join(filter(None, (ids[number] if ids is not None else "", column.sensor)))

@@ -13,6 +13,7 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import (
     ASCENDING_LETTERS,
     CHANNEL_COUNT,
+    CHANNEL_LABELS,
     mask_counts,
     mask_module_values,
 )
@@ -30,9 +31,10 @@ from lidarspectra.hardware.sensor.log_columns import (
 )
 from lidarspectra.hardware.sensor.log_text import LogTable, numbers, require_no_points_for_thousands, table_of
 from lidarspectra.hardware.sensor.log_times import MIN_UNIX_S, parse_times
-from lidarspectra.hardware.sensor.readings import make_readings
+from lidarspectra.hardware.sensor.readings import make_readings, with_irradiance
 
 MAX_SENSORS = 64  # whose names take turns in a column; more values are readings of something else
+KEPT_COLUMNS = ("utc", "unix_s", "sensor", "lux", *(f"E_{label}" for label in CHANNEL_LABELS))  # of `ArrivalLog`
 UNNAMED = "unnamed"  # a sensor whose cell in the column of names is empty
 _CELL = re.compile(r"(?:cell|solar|adc)_?(\d+)", re.IGNORECASE)
 
@@ -157,6 +159,8 @@ class _Columns:
             position=np.repeat(np.stack([self._optional(axis) for axis in "xyz"], axis=1), count, axis=0),
             attributes=self._about,
         )
+        if np.isfinite(values["irradiance"]).any():
+            result = with_irradiance(result, values["irradiance"].astype(np.float64))
         for name in ("cell_temperature_c", "angle_deg"):
             if name in names:
                 result[name] = ("reading", np.repeat(self._optional(name), count))
@@ -171,7 +175,7 @@ class _Columns:
     def _of_sensor(self, families: dict[Family, dict[str, str]], rows: int) -> dict[str, FloatArray | ByteArray]:
         counts, module = families.get("count", {}), families.get("module", {})
         if not counts and not module:
-            plain = families["plain"]
+            plain = families.get("plain", {})
             values = self._channels(plain, rows)
             known = values[np.isfinite(values)]
             counts, module = (plain, {}) if np.array_equal(known, np.rint(known)) else ({}, plain)
@@ -181,7 +185,8 @@ class _Columns:
             flags = np.nan_to_num(self._channels(families["flag"], rows)).astype(np.uint8)
         elif not counts:
             flags = module_flags
-        return {"counts": masked, "module": modules, "flag": flags}
+        light = self._channels(families.get("irradiance", {}), rows)
+        return {"counts": masked, "module": modules, "flag": flags, "irradiance": light}
 
     def _channels(self, names: dict[str, str], rows: int) -> FloatArray:
         """(row, 18) values by wavelength, NaN for channels without a column."""
@@ -251,6 +256,8 @@ class _Columns:
         }
         left = [name for name in self._table.names if name not in self._used and not re.match(r"ignore \d+$", name)]
         left = [name for name in left if name in doubled or not _is_derived(name)]
+        if set(KEPT_COLUMNS) <= set(self._table.names):
+            left = []  # a recording of this package: all else in it is told from those that are used
         if not left:
             return []
         notes = [
@@ -275,7 +282,7 @@ def _named(names: Sequence[str]) -> str:
 def _is_derived(name: str) -> bool:
     """Whether a column is one that `readings.readings_table` computes from others."""
     column = channel_column(name)
-    return column is not None and column.family == "derived"
+    return column is not None and column.family in ("derived", "irradiance")
 
 
 def _alternates(cells: Sequence[str]) -> bool:

@@ -162,6 +162,13 @@ def make_readings(
     return dataset
 
 
+def with_irradiance(readings: xr.Dataset, irradiance: FloatArray) -> xr.Dataset:
+    """Readings with the irradiances (reading, channel) that their log states itself [W/m²/nm]."""
+    found = readings.assign(irradiance=(CHANNEL, irradiance))
+    found["irradiance"].attrs["units"] = "W m-2 nm-1"
+    return found
+
+
 def _shaped(values: ArrayLike | None, shape: tuple[int, int], what: str) -> FloatArray:
     if values is None:
         return np.full(shape, np.nan)
@@ -214,6 +221,13 @@ def best_signal(readings: xr.Dataset) -> Signal:
             found="every channel of every reading saturated",
             where=readings.attrs.get("source", "readings"),
             todo="Put the sensor further from the lamp, or lower the gain or the integration time.",
+        )
+    if "irradiance" in readings:
+        raise ReadingError(
+            expected="a log of counts",
+            found="irradiances, as 'sensor nodes' and 'live' keep them",
+            where=readings.attrs.get("source", "readings"),
+            todo="The counts of each sensor at a port are in NAME.recorder.csv beside it.",
         )
     raise ReadingError(
         expected="counts with their gain and integration time, or module values",

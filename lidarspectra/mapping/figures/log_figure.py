@@ -72,6 +72,8 @@ def _drawn_values(readings: xr.Dataset) -> tuple[FloatArray, str]:
         return counts, "counts"
     if np.isfinite(module).any():
         return module, "module values"
+    if "irradiance" in readings and np.isfinite(readings["irradiance"].to_numpy()).any():
+        return np.asarray(readings["irradiance"].to_numpy(), dtype=np.float64), "irradiance [W/m²/nm]"
     raise MapError(expected="readings with a value", found="none", where="figure of a log")
 
 

@@ -9,11 +9,10 @@ import pandas as pd
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LidarSpectraError, ReadingError
-from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, SensorSettings
+from lidarspectra.hardware.sensor.as7265x import SensorSettings
 from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
 from lidarspectra.hardware.sensor.calibration import Calibration
 from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
-from lidarspectra.hardware.sensor.log_text import log_text, table_of
 from lidarspectra.hardware.sensor.photocell import CellCircuit
 from lidarspectra.hardware.sensor.readings import best_signal
 from lidarspectra.io.csv_text import csv_text
@@ -27,6 +26,7 @@ from lidarspectra.mapping.photovoltaics.node_day import DAY_H, DAY_S, NodeDay, l
 
 SAID_OUTSIDE = 0.05  # [1] of the readings under light that was not fitted, above which it is said
 BY_DATA_SHEET = "data sheet"
+BY_LOG = "that of the log's irradiances"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +94,7 @@ def beside_cell(choice: LogChoice, wanted: FitSignal | None = None) -> BesideCel
     ----------
     choice : LogChoice
     wanted : 'irradiance' or 'module values', optional
-        Irradiances wherever the log has gain and time, or `sensor convert` has written them, by default.
+        Irradiances wherever the log has gain and time, or states them itself, by default.
 
     Raises
     ------
@@ -102,14 +102,14 @@ def beside_cell(choice: LogChoice, wanted: FitSignal | None = None) -> BesideCel
         If it cannot be read, or does not have the wanted signal.
     """
     readings = readings_from_csv(choice.path, columns=choice.columns, sensor=choice.sensor, settings=choice.settings)
-    converted = _converted_light(choice, readings["unix_s"].size)
-    has_settings = converted is not None or best_signal(readings) != "module values"
+    stated = readings["irradiance"].to_numpy() if "irradiance" in readings else None
+    has_settings = stated is not None or best_signal(readings) != "module values"
     signal = wanted or ("irradiance" if has_settings or choice.calibration is not None else "module values")
     said_by = BY_DATA_SHEET if choice.calibration is None else choice.calibration.label
     if signal == "module values":
         light = readings["module_value"].to_numpy()
-    elif converted is not None and choice.calibration is None:
-        light, said_by = converted, "that of 'sensor convert'"
+    elif stated is not None and choice.calibration is None:
+        light, said_by = stated, BY_LOG
     else:
         light = spectral_irradiance(readings, choice.calibration)["irradiance"].to_numpy()
     given = {name: readings[name].to_numpy() for name in EXTRAS if name in readings}
@@ -123,16 +123,6 @@ def beside_cell(choice: LogChoice, wanted: FitSignal | None = None) -> BesideCel
         extras={name: values for name, values in given.items() if np.isfinite(values).all()},
         notes=tuple(str(readings.attrs.get("notes", "")).splitlines()),
     )
-
-
-def _converted_light(choice: LogChoice, count: int) -> FloatArray | None:
-    """(reading, 18) irradiance that `sensor convert` wrote into a table [W/m²/nm], or None if it did not."""
-    table = table_of(log_text(choice.path))
-    names = [f"E_{label}" for label in CHANNEL_LABELS]
-    if table is None or not set(names) <= set(table.names) or choice.sensor is not None or len(table.rows) != count:
-        return None
-    columns = [pd.to_numeric(pd.Series(table.column(name)), errors="coerce").to_numpy(np.float64) for name in names]
-    return np.stack(columns, axis=1)
 
 
 def _counts_of(beside: BesideCell, column: int, log: Path) -> FloatArray:

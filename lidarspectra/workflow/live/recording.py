@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
+from lidarspectra.hardware.incoming.arrival_log import ArrivalLog, newest_time
 from lidarspectra.hardware.incoming.arrivals import Arrival, Notice, Stop
 from lidarspectra.hardware.incoming.gathering import gather
 from lidarspectra.hardware.incoming.node_clocks import NodeClock, NodeStatus
@@ -49,9 +49,15 @@ def record_nodes(
     sensors, base = read_sensors(list(sources), need_places=False)
     made_folder(folder)
     made = sources_of(sensors, CHANNEL_LABELS, base=base, logs=folder, run_name=folder.resolve().name)
+    before_s = newest_time(folder)
     clocks = {sensor.name: NodeClock(sensor.name) for sensor in sensors.sensors}
 
     def count(arrival: Arrival) -> None:
+        nonlocal before_s
+        if before_s is not None:
+            gap = f"The recording goes on {arrival.unix_s - before_s:.1f} s after its last reading."
+            on_notice(Notice(source=folder.name, text=gap))
+            before_s = None
         if arrival.sensor in clocks:  # not a switch
             clocks[arrival.sensor].take(arrival)
 
@@ -76,7 +82,10 @@ def nodes_table(nodes: Sequence[NodeStatus]) -> Table:
         }
     )
     formats = {"longest gap [s]": ".1f", "clock slow by [s/day]": ".2f", "± [s/day]": ".2f"}
-    caption = "Nodes under this machine's clock. Clocks are compared from ten minutes on, where a node tells its own."
+    caption = (
+        "Nodes under this machine's clock, since the recording was last begun. Clocks are compared from ten minutes "
+        "on, where a node tells its own."
+    )
     return Table(name="nodes", caption=caption, frame=frame, formats=formats)
 
 

@@ -7,14 +7,18 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ReadingError
-from lidarspectra.hardware.incoming.arrival_log import HEADER, ArrivalLog
+from lidarspectra.hardware.incoming.arrival_log import HEADER, ArrivalLog, newest_time
 from lidarspectra.hardware.incoming.arrivals import NODE_TIME, Arrival, Notice
 from lidarspectra.hardware.incoming.growing_log import GrowingLog
 from lidarspectra.hardware.incoming.node_clocks import NodeClock
-from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
+from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
+from lidarspectra.hardware.sensor.log_layouts import one_sensor, read_sensor_log, sensors_of
 from lidarspectra.hardware.virtual.emulator import SketchBoard
 from lidarspectra.hardware.virtual.emulator_ports import EmulatorServer
 from lidarspectra.hardware.virtual.faults import FaultyWire
+from lidarspectra.mapping.figures.log_figure import log_figure
+from lidarspectra.workflow.applications.cell_fits import LogChoice, beside_cell
 from lidarspectra.workflow.live.recording import node_notes, record_nodes
 from lidarspectra.workflow.live.sensors_file import read_sensors
 from lidarspectra.workflow.live.sources import sources_of
@@ -73,6 +77,8 @@ def test_a_recording_that_was_cut_goes_on_and_loses_the_half_row_alone(tmp_path:
     (path,) = tmp_path.glob("*.csv")
     whole = path.read_bytes()
     path.write_bytes(whole[: whole.rstrip(b"\n").rfind(b"\n") + 30])
+    assert newest_time(tmp_path) == pytest.approx(given[18].unix_s, abs=1e-3)
+    assert newest_time(tmp_path / "other") is None
     log = ArrivalLog(tmp_path)
     log.write(given[20:])
     log.close()
@@ -123,6 +129,7 @@ def test_sensors_at_ports_become_one_recording(tmp_path: Path) -> None:
     assert {len(each.values) for each in read} == {18}
     assert (out / "a.recorder.csv").is_file()  # the counts
     assert (out / "nodes.csv").is_file()
+    assert not any("goes on" in notice.text for notice in notices)
 
 
 def test_clocks_that_drift_apart_are_told() -> None:
@@ -157,10 +164,23 @@ def test_a_nodes_own_clock_comes_in_its_payload(tmp_path: Path) -> None:
         read_sensors([str(path)])
 
 
-def test_the_recording_is_no_log_of_counts_and_says_where_they_are(tmp_path: Path) -> None:
+def test_the_recording_is_read_and_drawn_and_says_where_the_counts_are(tmp_path: Path) -> None:
+    light = 1e-3 * np.random.default_rng(1).uniform(0.5, 1.0, (6, 18))
     log = ArrivalLog(tmp_path)
-    log.write(arrivals_of(0.0, 3))
+    for number, row in enumerate(light.tolist()):
+        values = dict(zip(CHANNEL_LABELS, row, strict=True))
+        log.write([Arrival(sensor="ab"[number % 2], values=values, unix_s=1.7e9 + number)])
     log.close()
     (path,) = tmp_path.glob("*.csv")
+    readings = read_sensor_log(path).readings
+    assert sensors_of(readings) == ("a", "b")
+    assert readings.attrs["notes"] == ""
+    one = one_sensor(readings, "b")
+    assert one["irradiance"].to_numpy() == pytest.approx(light[1::2], rel=1e-6)
+    beside = beside_cell(LogChoice(path=path, sensor="b"))
+    assert beside.signal == "irradiance"
+    assert beside.light == pytest.approx(light[1::2], rel=1e-6)
+    assert log_figure(readings).axes
+    assert "irradiance" in log_figure(one).axes[0].get_ylabel()
     with pytest.raises(ReadingError, match="recorder"):
-        read_sensor_log(path)
+        spectral_irradiance(one)

@@ -180,7 +180,7 @@ def test_what_is_left_out_or_not_used_is_told(tmp_path: Path) -> None:
     ("name", "sensor", "family", "letter"),
     [("count_410", "", "count", "A"), ("s1_410", "s1", "plain", "A"), ("s12_w18", "s12", "plain", "L"),
      ("desk_count_610nm", "desk", "count", "R"), ("B (435 nm)", "", "plain", "B"), ("SE_410", "", "derived", "A"),
-     ('value {channel="C", node="3"}', "3", "plain", "C"), ("E_410", "", "derived", "A")],
+     ('value {channel="C", node="3"}', "3", "plain", "C"), ("E_410", "", "irradiance", "A")],
 )  # fmt: skip
 def test_names_of_columns_are_understood(name: str, sensor: str, family: str, letter: str) -> None:
     column = channel_column(name)
