@@ -1,11 +1,15 @@
 """Fixtures that every test room uses."""
 
 import os
-from collections.abc import Generator
+import shutil
+import time
+from collections.abc import Callable, Generator
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
+from lidarspectra.io.file_lock import FileLock
 from lidarspectra.threads import start_with_one_thread
 from tools.slowest_tests import PROPERTY
 
@@ -63,3 +67,42 @@ def shared() -> Path:
     if not (folder / "data").is_dir():
         pytest.skip(f"real data is not at {folder} (or $LIDARSPECTRA_SHARED)")
     return folder / "data"
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], None]], Path]:
+    """(name, make) -> folder that the first worker to ask made, for all of them; nobody may change what is in it."""
+    base = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        base = base.parent  # a worker's own folder lies in the one of all
+
+    def shared_folder(name: str, make: Callable[[Path], None]) -> Path:
+        folder, done, lock = base / name, base / f"{name}.done", FileLock(base / f"{name}.lock")
+        while not done.exists():
+            if lock.take():
+                try:
+                    if not done.exists():
+                        shutil.rmtree(folder, ignore_errors=True)  # of a worker that failed
+                        folder.mkdir()
+                        make(folder)
+                        done.touch()
+                finally:
+                    lock.release()
+            else:
+                time.sleep(0.1)
+        return folder
+
+    return shared_folder
+
+
+@pytest.fixture(scope="session")
+def atmosphere(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of genssky's tables of the air, which take it a minute: pytest's cache keeps them from run to run.
+
+    It lies where a program whose cache is two folders above it looks for them.
+    """
+    cache = getattr(request.config, "cache", None)
+    programs = tmp_path_factory.mktemp("programs") if cache is None else cache.mkdir("programs")
+    folder = Path(programs) / f"pyradiance-{version('pyradiance')}" / "lidarspectra" / "atmosphere"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder

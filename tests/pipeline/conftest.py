@@ -1,5 +1,7 @@
 """A small room, and the command line as a user starts it."""
 
+import contextlib
+import io
 import os
 import shutil
 import signal
@@ -10,16 +12,19 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 import trimesh
 from PIL import Image
 
+from lidarspectra.cli.app import main
 from lidarspectra.workflow.pipeline import run
 
 RoomWriter = Callable[..., Path]
 RunCopier = Callable[[Path], Path]
+SharedMaker = Callable[[str, Callable[[Path], None]], Path]  # the fixture `made_once`
 
 ROOM = """
 [scan]
@@ -86,11 +91,13 @@ def write_room() -> RoomWriter:
 
 
 @pytest.fixture(scope="session")
-def _whole_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def _whole_run(made_once: SharedMaker) -> Path:
     """The run file of the room's run up to its map, which nobody may change."""
-    run_file = _write_room(tmp_path_factory.mktemp("whole") / "room")
-    run(run_file, last="map")
-    return run_file
+
+    def make(folder: Path) -> None:
+        run(_write_room(folder / "room"), last="map")
+
+    return made_once("whole-run", make) / "room" / "room.toml"
 
 
 @pytest.fixture(scope="session")
@@ -119,17 +126,45 @@ class Answer:
 
 
 class CommandLine:
-    """The installed `lidarspectra`, as a child process."""
+    """`lidarspectra`, with what a user types after it.
+
+    Called, it answers in this process, where the libraries are loaded: that takes seconds in each new one. The
+    installed program is started by `as_program` and `start`, where a process of its own is what is tested.
+    """
 
     def __init__(self, cache: Path) -> None:
         name = "lidarspectra.exe" if sys.platform == "win32" else "lidarspectra"
         self.program = Path(sysconfig.get_path("scripts")) / name
         self.cache = cache
-        # A long line, so that no name is broken; caches of its own.
-        self.environment = {**os.environ, "COLUMNS": "500", "XDG_CACHE_HOME": str(cache), "LOCALAPPDATA": str(cache)}
+        self.environment = {**os.environ, **self._own_cache}
 
-    def __call__(self, *words: str | Path, environment: dict[str, str] | None = None) -> Answer:
-        """Run a command to its end."""
+    @property
+    def _own_cache(self) -> dict[str, str]:
+        """Where programs keep what takes long to make; not the user's."""
+        return {"XDG_CACHE_HOME": str(self.cache), "LOCALAPPDATA": str(self.cache)}
+
+    def __call__(self, *words: str | Path) -> Answer:
+        """Run a command to its end, in this process."""
+        on_end = signal.getsignal(signal.SIGTERM)
+        stdout, stderr = io.StringIO(), io.StringIO()
+        try:
+            with (
+                patch.dict(os.environ, self._own_cache),
+                patch.object(sys, "argv", ["lidarspectra", *map(str, words)]),
+                contextlib.redirect_stdout(stdout),
+                contextlib.redirect_stderr(stderr),
+            ):
+                main()
+            status: int | str | None = 0
+        except SystemExit as end:
+            status = end.code
+        finally:
+            signal.signal(signal.SIGTERM, on_end)
+        assert isinstance(status, int | None)
+        return Answer(status=status or 0, stdout=stdout.getvalue(), stderr=stderr.getvalue())
+
+    def as_program(self, *words: str | Path, environment: dict[str, str] | None = None) -> Answer:
+        """Run a command to its end, by the installed program."""
         run = subprocess.run(
             [self.program, *map(str, words)],
             env=environment or self.environment, capture_output=True, text=True, encoding="utf-8", check=False,
@@ -149,6 +184,6 @@ class CommandLine:
 
 
 @pytest.fixture(scope="session")
-def command_line(tmp_path_factory: pytest.TempPathFactory) -> CommandLine:
-    """The installed program."""
-    return CommandLine(tmp_path_factory.mktemp("cache"))
+def command_line(atmosphere: Path) -> CommandLine:
+    """The command line, with the tables of the air at hand."""
+    return CommandLine(atmosphere.parents[1])

@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 from lidarspectra.cli.app import app
 from lidarspectra.config import parse_run_file
 from lidarspectra.workflow.pipeline import run
+from tests.pipeline.conftest import SharedMaker
 
 PROJECT = Path(__file__).resolve().parents[2]
 RUN_FILE = "scan.toml"
@@ -133,17 +134,19 @@ def do_block(language: str, text: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def finished_room(tmp_path_factory: pytest.TempPathFactory, write_room: Callable[..., Path]) -> Path:
+def finished_room(made_once: SharedMaker, write_room: Callable[..., Path]) -> Path:
     """A folder with a scan, its run file and its run."""
-    folder = tmp_path_factory.mktemp("documented")
-    write_room(folder / "made", ROOM)
-    shutil.copyfile(folder / "made" / "room scan.glb", folder / "scan.glb")
-    shutil.rmtree(folder / "made")
-    (folder / "three.csv").write_text(SENSOR, encoding="utf-8")
-    (folder / RUN_FILE).write_text(ROOM, encoding="utf-8")
-    write_databases(folder)
-    run(folder / RUN_FILE)
-    return folder
+
+    def make(folder: Path) -> None:
+        write_room(folder / "made", ROOM)
+        shutil.copyfile(folder / "made" / "room scan.glb", folder / "scan.glb")
+        shutil.rmtree(folder / "made")
+        (folder / "three.csv").write_text(SENSOR, encoding="utf-8")
+        (folder / RUN_FILE).write_text(ROOM, encoding="utf-8")
+        write_databases(folder)
+        run(folder / RUN_FILE)
+
+    return made_once("documented", make)
 
 
 def write_databases(folder: Path) -> None:
@@ -164,7 +167,12 @@ def shows_something(page: Path) -> bool:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if shows_something(page)], ids=lambda page: page.stem)
 def test_what_a_page_shows_works(
-    page: Path, finished_room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    page: Path,
+    finished_room: Path,
+    atmosphere: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     found = list(blocks(page.read_text(encoding="utf-8")))
     here = tmp_path / "here"
@@ -175,6 +183,7 @@ def test_what_a_page_shows_works(
         (here / RUN_FILE).unlink()
     monkeypatch.chdir(here)
     monkeypatch.setenv("LIDARSPECTRA_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(atmosphere.parents[1]))
     # The demo's own room takes minutes; here the command shows a room that has been run.
     copy = "lidarspectra.workflow.run_folder.inputs.copy_scene"
     monkeypatch.setattr(copy, lambda name, folder: here / "demo" / RUN_FILE)

@@ -1,6 +1,7 @@
 """What a user sees when something is wrong: one clear paragraph, status 1, and nothing that a later run would trust.
 
-Every fault is tried through the installed program, as a child process.
+Faults are tried through the command line's own entry point. Where a process matters (an engine that is not there,
+signals), and once for a fault in a file, it is the installed program, as a child process.
 """
 
 import contextlib
@@ -21,10 +22,11 @@ import psutil
 import pytest
 
 from lidarspectra.radiance.engine.engine import find_engine
+from tests.pipeline.conftest import CommandLine
 
 BY_SIGNAL = pytest.mark.chance("a signal must hit a child process while one of its programs runs")
 
-pytestmark = pytest.mark.slow  # a child process loads its libraries anew, which takes seconds
+pytestmark = pytest.mark.slow  # runs to cut, and child processes that load their libraries anew, which takes seconds
 
 RoomWriter = Callable[..., Path]
 SCAN = "room scan.glb"
@@ -150,7 +152,7 @@ def test_a_dark_room_is_refused(command_line: Any, write_room: RoomWriter, room_
 
 def test_a_scan_given_for_a_run_file_is_told_apart(command_line: Any, write_room: RoomWriter, tmp_path: Path) -> None:
     write_room(tmp_path)
-    assert "lidarspectra init" in paragraph(command_line("run", tmp_path / SCAN))
+    assert "lidarspectra init" in paragraph(command_line.as_program("run", tmp_path / SCAN))
 
 
 # --- places
@@ -180,10 +182,10 @@ def test_no_engine_is_told_with_how_to_get_it(
     (tmp_path / "pyradiance" / "__init__.py").write_text("", encoding="utf-8")  # hides the real one
     environment = {**command_line.environment, "PYTHONPATH": str(tmp_path)}
     run_file = a_copy(prepared, tmp_path / "room")
-    said = paragraph(command_line("run", run_file, environment=environment))
+    said = paragraph(command_line.as_program("run", run_file, environment=environment))
     assert "expected Radiance's programs" in said
     assert "pip install pyradiance" in said
-    doctor = command_line("doctor", environment=environment)
+    doctor = command_line.as_program("doctor", environment=environment)
     assert doctor.status == 1
     assert "pip install pyradiance" in doctor.stdout
     assert "Traceback" not in doctor.stderr
@@ -335,9 +337,8 @@ normal = [1, 0, 0]
 
 @BY_SIGNAL
 @NEEDS_SIGNALS
-def test_a_run_cut_in_the_scene_leaves_no_half_written_sky(
-    command_line: Any, prepared: Path, slow_text: str, tmp_path: Path
-) -> None:
+def test_a_run_cut_in_the_scene_leaves_no_half_written_sky(prepared: Path, slow_text: str, tmp_path: Path) -> None:
+    command_line = CommandLine(tmp_path / "cache")  # without tables of the air
     run_file = a_copy(prepared, tmp_path / "room")
     run_file.write_text(slow_text + DAYLIGHT, encoding="utf-8")
     run = command_line.start("scene", run_file)  # the first sky of a climate takes a minute

@@ -41,12 +41,6 @@ def engine() -> Engine:
     return find_engine()
 
 
-@pytest.fixture(scope="module")
-def atmosphere(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Tables of the air's scattering, computed once: over a minute."""
-    return tmp_path_factory.mktemp("atmosphere")
-
-
 def day(hour: int, **settings: float) -> Daylight:
     """A summer's day at 48 north, 11 east."""
     time = datetime(2024, 6, 21, hour, 0, tzinfo=CET)
