@@ -1,11 +1,13 @@
 """Glass, mirrors and screens: what is found in rooms with and without them, and what the map gains.
 
-    python -m research.benchmarks.panes [found] [maps] [--only WORD ...] [--scans SCAN ...] [--real SCAN]
+    python -m research.benchmarks.panes [found] [maps] [open] [--only WORD ...] [--scans SCAN ...] [--real SCAN]
 
 `found` reads, repairs and searches the virtual rooms of `research.virtual_rooms.rooms_with_panes`, and then the scans
 that are named. `maps` lights each room that truly has a pane by the true lamps, thrice: the whole room with its true
 pane (the truth), the scan without a pane in the run file, and the scan with what `init` proposes. Colours are
 reflectances there and are not de-lit, so that the maps differ by the pane alone; the traces aim at a noise of 1 %.
+`open` tells which share of all directions leave each room, as its free space sees them, with its true pane in place and
+with what `init` proposes.
 `--real` runs a scan as `init` proposes it, with its panes and without, to the map: what the surfaces where panes are
 proposed are made of, and how the maps differ.
 """
@@ -86,6 +88,24 @@ def map_of(scan: Path, panes: Sequence[dict[str, object]], points: Path) -> Floa
     return np.asarray(summary.map["irradiance"], dtype=np.float64)
 
 
+def open_share(path: Path, panes: Sequence[Pane]) -> float:
+    """Share of all directions that leave a scan with some panes [0-1]."""
+    repaired = repair_scan(read_scan(path), flatten=True)
+    whole = whole_room(repaired, close_ceiling=True, close_floor=True, close=False, panes=panes)
+    return whole.openness.total
+
+
+def open_table(folder: Path, rooms: Sequence[PaneRoom]) -> None:
+    """Print how open each room with glass or a mirror is with it in place: a pane closes what it stands in."""
+    print("| room | with its true pane | as `init` proposes |")
+    print("|---|---|---|")
+    for room in rooms:
+        if room.true is not None and room.true.kind != "screen":
+            path = write(folder, room.name, room.scanned())
+            shares = (open_share(path, panes) for panes in ([room.true], found_in(path)))
+            print(f"| {room.name} | {' | '.join(f'{100 * share:.2f} %' for share in shares)} |", flush=True)
+
+
 def as_table(pane: Pane) -> dict[str, object]:
     """A pane as the run file has it."""
     return {
@@ -146,6 +166,7 @@ def real_table(path: Path, folder: Path) -> None:
         print(f"| {pane.in_words()} | {made_of(without, pane)} | {made_of(with_them, pane)} |")
     before, after = (np.asarray(each.map["irradiance"], dtype=np.float64) for each in (without, with_them))
     change = float(np.sqrt(np.mean((after - before) ** 2)) / before.mean())
+    print(f"directions that leave the scan with them: {100 * with_them.scan.record.open_share:.2f} %")
     print(
         f"map: {100 * (after.mean() / before.mean() - 1.0):+.1f} % in the mean, {100 * change:.1f} % root mean square"
     )
@@ -154,7 +175,7 @@ def real_table(path: Path, folder: Path) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("tables", nargs="*", default=["found", "maps"], help="found, maps")
+    parser.add_argument("tables", nargs="*", default=["found", "maps"], help="found, maps, open")
     parser.add_argument("--scans", nargs="*", type=Path, default=(), metavar="SCAN")
     parser.add_argument("--only", nargs="*", default=(), metavar="WORD", help="rooms whose name has one of these")
     parser.add_argument("--real", type=Path, metavar="SCAN", help="that is run with its panes and without")
@@ -167,6 +188,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             return
         if "found" in given.tables:
             found_table(folder, chosen, given.scans)
+        if "open" in given.tables:
+            open_table(folder, chosen)
         if "maps" in given.tables:
             print("| room | without a pane: NRMSE, bias | as `init` proposes |")
             print("|---|---|---|")

@@ -78,6 +78,16 @@ class Pane:
         across = np.abs(away @ self.along) <= 0.5 * self.size_m[0] + margin_m
         return np.asarray(across & (np.abs(away[:, 2]) <= 0.5 * self.size_m[1] + margin_m), dtype=np.bool_)
 
+    def nearest(self, places: FloatArray) -> FloatArray:
+        """(place, 3) points of its rectangle that are nearest to (place, 3) places [m]."""
+        away = places - self.center
+        half_width, half_height = 0.5 * self.size_m[0], 0.5 * self.size_m[1]
+        across = np.clip(away @ self.along, -half_width, half_width)
+        up = np.clip(away[:, 2], -half_height, half_height)
+        return np.asarray(
+            self.center + across[:, None] * self.along + up[:, None] * np.array([0.0, 0.0, 1.0]), dtype=np.float64
+        )
+
     def members(self, places: FloatArray) -> BoolArray:
         """(place,) which (place, 3) places lie in it, within the roughness of a scan [m]."""
         return np.asarray(self.covers(places) & (np.abs(self.heights(places)) <= REACH_M), dtype=np.bool_)

@@ -113,6 +113,44 @@ def test_glass_becomes_one_flat_pane_and_its_bulge_is_gone(scanned) -> None:
     assert flat.appearance.sources[-1] != PHOTOGRAPHED  # no paint is read from it
 
 
+@pytest.mark.parametrize(
+    "name", ["glass wall, bulges", "glass wall, mostly in its plane", "glass before a corridor, 8 patches"]
+)
+def test_no_slit_is_left_around_a_pane(name: str, scanned) -> None:
+    true = BY_NAME[name].true
+    assert true is not None
+    bare = whole_room(scanned(BY_NAME[name]), **CLOSED).openness.total
+    # A thousand rays from each of 150 places; cracks of the mesh are left. A slit of 3 cm around the pane lets out 1 %.
+    assert whole_room(scanned(BY_NAME[name]), **CLOSED, panes=[true]).openness.total < bare + 3e-4
+
+
+def test_a_rough_edge_around_a_pane_is_joined_to_it_without_a_crack_and_looks_like_what_is_beside_it() -> None:
+    side = np.linspace(0.0, 4.0, 41)
+    y, z = (grid.ravel() for grid in np.meshgrid(side, side, indexing="ij"))
+    x = 5.0 + np.random.default_rng(3).normal(scale=0.02, size=y.size)
+    first = (np.arange(40)[:, None] * 41 + np.arange(40)).ravel()
+    # Fronts look towards -x, as the pane's does.
+    quads = np.stack([first, first + 1, first + 42, first + 41], axis=1)
+    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    wall = bare_scan(np.column_stack([x, y, z]), faces)
+    colored = Appearance(
+        images=(), face_image=np.full(len(faces), -1), corner_uv=np.zeros((len(faces), 3, 2)),
+        corner_color=np.full((len(faces), 3, 3), 0.7),
+    )  # fmt: skip
+    pane = Pane(kind="glass", center=np.array([5.0, 2.03, 1.98]), size_m=(1.47, 0.91), normal=np.array([-1.0, 0, 0]))
+    placed = with_panes(replace(wall, appearance=colored), [pane])
+    places = np.random.default_rng(4).uniform([4.0, 1.0, 1.0], [4.0, 3.0, 3.0], (20_000, 3))
+    assert RayCaster(placed).nearest(places, np.tile([1.0, 0.0, 0.0], (len(places), 1))).met.all()
+    glass = pane.members(placed.centers) & (placed.appearance.sources != PHOTOGRAPHED)
+    assert placed.areas[glass].sum() == pytest.approx(pane.area_m2, rel=1e-9)
+    around = placed.face_colors()[~glass]
+    np.testing.assert_allclose(around, np.broadcast_to(around[0], around.shape), atol=1e-6)
+    # Seen from the room, wall, pane and what joins them cover what the wall did: no face is turned round. Squares of
+    # 10 cm whose middle lies beside the pane's rectangle stay, and cover some of it twice.
+    seen, whole = ((each.areas * (each.normals @ pane.normal)).sum() for each in (placed, wall))
+    assert whole - 1e-9 <= seen < whole + 0.25 * 0.1 * 2.0 * sum(pane.size_m)
+
+
 def test_a_pane_that_shines_in_the_picture_stays_white() -> None:
     mesh = damaged_rooms.furnished(step_m=0.2)
     bare = bare_scan(mesh.vertices, mesh.faces)
@@ -139,7 +177,8 @@ def test_faces_in_a_pane_get_its_material_and_no_others() -> None:
     assert [material.kind for material in after.materials] == ["plastic", "glass", "plastic"]
     assert after.materials[1].transmittance == GLASS_TRANSMITTANCE
     areas = after.areas(scan.areas)
-    assert areas[1] == pytest.approx(GLASS_WALL.area_m2, rel=1e-6)
+    # And those parts of what joins the wall's squares of 20 cm to it that lie in its rectangle.
+    assert GLASS_WALL.area_m2 <= areas[1] < 1.04 * GLASS_WALL.area_m2
     assert areas[2] == pytest.approx(SCREEN.area_m2, rel=0.5)  # whole squares of 20 cm
     assert (after.face_material[~GLASS_WALL.members(scan.centers) & ~SCREEN.members(scan.centers)] == 0).all()
 
