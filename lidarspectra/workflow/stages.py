@@ -24,6 +24,7 @@ from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, load_m
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report import PAGE
 from lidarspectra.material.delighting.cards import Card
+from lidarspectra.material.frames.records import FrameRecords
 from lidarspectra.material.lit_lamps.fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
 from lidarspectra.material.views.viewpoints import render_views
@@ -54,6 +55,7 @@ from lidarspectra.workflow.kept_light import (
     with_present_names,
 )
 from lidarspectra.workflow.materials.delighting import Delighting, take_light_out, with_light_uncertainty
+from lidarspectra.workflow.materials.gloss_of_run import gloss_in_words, gloss_of_materials, save_gloss, with_gloss
 from lidarspectra.workflow.materials.materials_of_run import materials_of_run, model_of_run
 from lidarspectra.workflow.materials.votes_ahead import votes_beside
 from lidarspectra.workflow.run_folder.assumed import assumed_lamps, assumed_of_scan, lamp_notes, lit_notes, scan_notes
@@ -251,6 +253,9 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         saving(0.0, "saving")
         if unlit is not None:
             materials = with_light_uncertainty(materials, unlit, mesh.areas)
+        gloss = gloss_of_materials(FrameRecords.load(scan.folder), mesh, materials, unlit)
+        save_gloss(materials, gloss, folder)
+        materials = with_gloss(materials, gloss)
         materials = with_panes_of_run(materials, mesh, given.run_file.panes)
         save_materials(materials, folder, face_areas=mesh.areas)
         save_lamp_fluxes(unlit.lamp_fluxes if unlit else (), folder)
@@ -258,7 +263,8 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         if views.value.views:
             pictures = material_pictures(mesh, views.value, materials)
             save_figure(segmentation_figure(pictures), folder, SEGMENTATION, kinds=("png",))
-        return _materials_notes(materials, mesh.areas, unlit)
+        notes = _materials_notes(materials, mesh.areas, unlit)
+        return replace(notes, summary=notes.summary + gloss_in_words(gloss))
 
     return Stage(
         name="materials",

@@ -26,6 +26,7 @@ from lidarspectra.hardware.phone.orientation import upright_rotation
 from lidarspectra.hardware.phone.texture_atlas import Atlas
 from lidarspectra.spectra.colorimetry import encode_srgb
 from research.virtual_rooms.camera import tone_curve
+from research.virtual_rooms.gloss_light import Gloss, thrown_back
 from research.virtual_rooms.phone import ScannedShape
 from research.virtual_rooms.true_room import TrueRoom
 
@@ -61,10 +62,13 @@ class Shining:
         Radiosity in linear colour, in any one unit.
     sky : (size, size) bool
         Where it is a window, whose radiance depends on the direction.
+    gloss : Gloss, optional
+        How glossy it is; matt everywhere if left out.
     """
 
     texture: "np.ndarray[tuple[int, ...], np.dtype[np.float32]]"
     sky: "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"
+    gloss: Gloss | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +134,8 @@ def write_frames(
     """
     caster = RayCaster(bare_scan(shape.vertices, shape.faces))
     poses = _walk(room, plan.count, generator) + _looks_at_lamps(room, plan.lamp_frames)
-    seen = [_look(pose, caster, atlas, shining, sky) for pose in poses]
+    eye = _Eye(caster=caster, atlas=atlas, shining=shining, sky=sky)
+    seen = [_look(pose, eye, generator) for pose in poses]
     gain = _gains([light for light, _ in seen], plan.exposure_range, generator)
     write = _write_3dscanner if layout == "3dscanner" else _write_polycam
     folder.mkdir(parents=True, exist_ok=True)
@@ -170,23 +175,64 @@ def _walk(room: TrueRoom, count: int, generator: np.random.Generator) -> list[Fl
     return poses
 
 
-def _look(
-    pose: FloatArray, caster: RayCaster, atlas: Atlas, shining: Shining, sky: Callable[[FloatArray], FloatArray]
-) -> tuple[FloatArray, FloatArray]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Eye:
+    """What a camera looks at."""
+
+    caster: RayCaster
+    atlas: Atlas
+    shining: Shining
+    sky: Callable[[FloatArray], FloatArray]
+
+    def sees(
+        self, start: FloatArray, ways: FloatArray, *, lamps: bool = True
+    ) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
+        """(n, 3) light, (n,) distance over the ways' lengths, (m, 2) texels, and the (m,) ways that meet a front."""
+        hits = self.caster.nearest(start, ways)
+        front = np.flatnonzero(hits.met & (np.einsum("nc,nc->n", self.caster.normals[hits.face], ways) < 0))
+        light, shining, size = np.zeros((len(ways), 3)), self.shining, self.atlas.size_px
+        uv = np.einsum("nk,nkc->nc", hits.barycentric[front], self.atlas.corner_uv[hits.face[front]])
+        light[front] = sample_image(shining.texture, uv)
+        texel = np.clip(np.stack([1.0 - uv[:, 1], uv[:, 0]], axis=1) * size, 0, size - 1).astype(np.int64)
+        is_sky = shining.sky[texel[:, 0], texel[:, 1]]
+        out = front[is_sky]
+        light[out] *= self.sky(ways[out, 2] / np.linalg.norm(ways[out], axis=1))[:, None]
+        if not lamps and shining.gloss is not None:
+            light[front[shining.gloss.shining[texel[:, 0], texel[:, 1]]]] = 0.0
+        distance = np.zeros(len(ways))
+        distance[front] = hits.distance[front]
+        return light, distance, texel, front
+
+    def glossy(
+        self, start: FloatArray, ways: FloatArray, distance: FloatArray, texel: IntArray, generator: np.random.Generator
+    ) -> FloatArray:
+        """(m, 3) light that the surfaces met throw back."""
+        gloss = self.shining.gloss
+        if gloss is None:
+            return np.zeros((len(ways), 3))
+        row, column = texel.T
+        light = np.zeros((len(ways), 3))
+        some = np.flatnonzero(gloss.lobe[row, column, 0] > 0)
+        row, column = row[some], column[some]
+        light[some] = thrown_back(
+            start[some] + distance[some, None] * ways[some],
+            -ways[some] / np.linalg.norm(ways[some], axis=1, keepdims=True),
+            gloss.normal[row, column].astype(np.float64), gloss.lobe[row, column].astype(np.float64), gloss,
+            self.caster,
+            lambda origin, way: self.sees(origin, way, lamps=False)[0], generator,
+        )  # fmt: skip
+        return light
+
+
+def _look(pose: FloatArray, eye: _Eye, generator: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """(row, column, 3) light and (row, column) depth along the axis [m]; 0 where the shape has a hole."""
     columns, rows = np.meshgrid(np.arange(WIDTH_PX) + 0.5, np.arange(HEIGHT_PX) + 0.5)
     x, y = (columns - WIDTH_PX / 2) / FOCAL_PX, -(rows - HEIGHT_PX / 2) / FOCAL_PX
     ways = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3) @ pose[:3, :3].T
-    hits = caster.nearest(np.broadcast_to(pose[:3, 3], ways.shape), ways)
-    front = hits.met & (np.einsum("nc,nc->n", caster.normals[hits.face], ways) < 0)
-    light = np.zeros((len(ways), 3))
-    uv = np.einsum("nk,nkc->nc", hits.barycentric[front], atlas.corner_uv[hits.face[front]])
-    light[front] = sample_image(shining.texture, uv)
-    texel = np.clip(np.stack([1.0 - uv[:, 1], uv[:, 0]]) * atlas.size_px, 0, atlas.size_px - 1).astype(np.int64)
-    out = np.flatnonzero(front)[shining.sky[texel[0], texel[1]]]
-    light[out] *= sky(ways[out, 2] / np.linalg.norm(ways[out], axis=1))[:, None]
-    depth = np.where(front, hits.distance, 0.0)
-    return light.reshape(HEIGHT_PX, WIDTH_PX, 3), np.where(np.isfinite(depth), depth, 0.0).reshape(HEIGHT_PX, WIDTH_PX)
+    start = np.broadcast_to(pose[:3, 3], ways.shape)
+    light, depth, texel, front = eye.sees(start, ways)
+    light[front] += eye.glossy(start[front], ways[front], depth[front], texel, generator)
+    return light.reshape(HEIGHT_PX, WIDTH_PX, 3), depth.reshape(HEIGHT_PX, WIDTH_PX)
 
 
 def _looks_at_lamps(room: TrueRoom, count: int) -> list[FloatArray]:

@@ -94,6 +94,8 @@ class LightFit:
         Light straight from lamps and unknown sources, in the same unit as `irradiance`.
     other : (sample, 3) float or None
         That of unknown sources alone; None without any.
+    lamp_radiosity : (lamp, 3) float
+        What the lamps' own surfaces send, in the same unit; of no lamp if the evidence does not have it.
     radiosity : (source, 3) float
         What unknown sources send, in the same unit.
     flux_deviations : (lamp,) float
@@ -126,6 +128,7 @@ class LightFit:
     direct_share: float
     straight: FloatArray
     other: FloatArray | None
+    lamp_radiosity: FloatArray
     radiosity: FloatArray
     parameters: FloatArray
     deviations: FloatArray
@@ -239,6 +242,7 @@ def _fit(model: LightObjective, result: "OptimizeResult") -> LightFit:
         irradiance=light,
         direct_share=float(direct.mean() / light.mean()),
         straight=direct,
+        lamp_radiosity=model.lamp_radiosity(best),
         radiosity=np.einsum("jlc,l->jc", model.strengths(best), UPRIGHT_LOBES),
         other=other,
         parameters=best,

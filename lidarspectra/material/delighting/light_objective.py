@@ -337,6 +337,12 @@ class LightObjective:
         shown = np.maximum(cones_of_srgb(self.evidence.other_shown), MIN_LIGHT)
         return [np.log(sent / shown)[np.isfinite(shown)] / SOURCE_SEEN_DEVIATION]
 
+    def lamp_radiosity(self, parameters: FloatArray) -> FloatArray:
+        """(lamp, 3) what the lamps' own surfaces send, in cones and the unit of the light; none where not told."""
+        _, exposure, _, factors = self.parts(parameters)
+        sent = self.evidence.lamp_sent
+        return np.zeros((0, 3)) if sent is None else exposure * factors[:, None] * sent / self.mean_direct
+
     def _lamp_sightings(self, parameters: FloatArray) -> list[FloatArray]:
         """How far the lamps' radiosity is from what frames show of it: it tells exposure and the lamps' relative flux.
 
@@ -344,8 +350,8 @@ class LightObjective:
         """
         if self.evidence.lamp_shown is None or self.evidence.lamp_sent is None:
             return []
-        tone, exposure, _, factors = self.parts(parameters)
-        sent = exposure * factors[:, None] * self.evidence.lamp_sent / self.mean_direct
+        tone = self.parts(parameters)[0]
+        sent = self.lamp_radiosity(parameters)
         told = np.isfinite(self.evidence.lamp_shown).all(axis=1)
         shown = cones_of_srgb(self.evidence.lamp_shown[told] ** (1.0 / tone.power))
         return [np.log(sent[told] / np.maximum(shown, MIN_LIGHT)) / LAMP_SEEN_DEVIATION]

@@ -22,6 +22,7 @@ from lidarspectra.hardware.phone.texture_atlas import unwrap
 from lidarspectra.material.frames.frame_views import DARK, MeshView, linear_table, pictures, sampled
 from lidarspectra.material.frames.fusion import Fused
 from lidarspectra.material.frames.gains import CELL_M, Observations, Radiometry, solve_radiometry
+from lidarspectra.material.frames.records import FrameRecords, Recorder
 from lidarspectra.material.frames.texels import Roll, Texels, fuse_frames, mend_poses
 from lidarspectra.material.frames.unseen import FromTexture, Places, light_of_texture
 from lidarspectra.progress import Progress, shares, silent
@@ -69,6 +70,8 @@ class FrameColors:
         Area that every frame shows cut at white. [m²]
     spread : float
         Median over the texels of their relative deviation. [1]
+    records : FrameRecords or None
+        What each frame shows of places all over the surface; None if no frame is used.
     """
 
     scan: Scan
@@ -82,6 +85,7 @@ class FrameColors:
     recovered_m2: float
     cut_m2: float
     spread: float
+    records: FrameRecords | None
 
 
 def color_from_frames(
@@ -124,7 +128,7 @@ def color_from_frames(
         return FrameColors(
             scan=scan, radiometry=None, frames=(), left_out=seen.left_out,
             face_seen=np.zeros(len(scan.faces), dtype=np.bool_), seen_share=0.0, texture_share=0.0, texture_spread=0.0,
-            recovered_m2=0.0, cut_m2=0.0, spread=0.0,
+            recovered_m2=0.0, cut_m2=0.0, spread=0.0, records=None,
         )  # fmt: skip
     solving(0.0, "one radiometry for all frames")
     radiometry = solve_radiometry(seen.observations, generator)
@@ -135,9 +139,10 @@ def color_from_frames(
     roll = Roll(frames=seen.frames, sharpness=seen.sharpness, radiometry=radiometry)
     fused = fuse_frames(texels, view, roll, fusing)
     roll = mend_poses(texels, view, roll, fused, mending)
-    fused = fuse_frames(texels, view, roll, fusing_again)
+    recorder = Recorder(texels.points, scan.normals[texels.face], float(scan.areas.sum()), generator)
+    fused = fuse_frames(texels, view, roll, fusing_again, recorder)
     filling(0.0, "filling what no frame saw")
-    return _colored(texels, roll, seen.left_out, fused, generator)
+    return _colored(texels, roll, seen.left_out, fused, recorder.records(), generator)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -227,7 +232,12 @@ def _exposures(frames: Sequence[Frame]) -> FloatArray:
 
 
 def _colored(
-    texels: Texels, roll: Roll, left_out: tuple[LeftOut, ...], fused: Fused, generator: np.random.Generator
+    texels: Texels,
+    roll: Roll,
+    left_out: tuple[LeftOut, ...],
+    fused: Fused,
+    records: FrameRecords,
+    generator: np.random.Generator,
 ) -> FrameColors:
     """The scan with the fused radiance as its texture."""
     scan, atlas, face, radiometry = texels.scan, texels.atlas, texels.face, roll.radiometry
@@ -274,6 +284,7 @@ def _colored(
         recovered_m2=float(area[above].sum()),
         cut_m2=float(area[fused.at_least].sum()),
         spread=float(np.median(fused.deviation[known])),
+        records=records.scaled(float(scale)),
     )
 
 

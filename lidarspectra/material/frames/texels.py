@@ -20,6 +20,7 @@ from lidarspectra.material.frames.frame_views import (
 from lidarspectra.material.frames.fusion import BestViews, Fused
 from lidarspectra.material.frames.gains import Radiometry
 from lidarspectra.material.frames.poses import ShownPoints, mended_pose
+from lidarspectra.material.frames.records import Recorder
 from lidarspectra.progress import Progress
 
 TEXEL_BLUR = 3.0  # [1] weight falls by this power of a frame's sharpness over its neighbours'
@@ -90,7 +91,9 @@ class Roll:
     radiometry: Radiometry
 
 
-def fuse_frames(texels: Texels, view: MeshView, roll: Roll, progress: Progress) -> Fused:
+def fuse_frames(
+    texels: Texels, view: MeshView, roll: Roll, progress: Progress, recorder: Recorder | None = None
+) -> Fused:
     """Radiance of each texel.
 
     Parameters
@@ -100,6 +103,8 @@ def fuse_frames(texels: Texels, view: MeshView, roll: Roll, progress: Progress) 
         Of their scan.
     roll : Roll
     progress : callable
+    recorder : Recorder, optional
+        Is told what each frame shows.
 
     Returns
     -------
@@ -119,13 +124,16 @@ def fuse_frames(texels: Texels, view: MeshView, roll: Roll, progress: Progress) 
         sight = view.sight(
             frame, view.depth(frame), picture.depth, texels.points[some], scan.normals[texels.face[some]]
         )
-        light, _, clipped = sampled(picture, sight)
+        light, uneven, clipped = sampled(picture, sight)
         gain = np.exp(radiometry.log_gain[number]) * radiometry.fall(sight.radius2)[:, None]
         cut = clipped[:, None] & (light > CUT_SHARE * white)  # the other channels are told
         light[cut] = white
         dark = 1.0 / (1.0 + DARK / np.maximum(light.min(axis=1), 1e-6))
         weight = sight.weight * dark * sharp[number] ** TEXEL_BLUR
-        best.add(some[sight.index], light / gain, weight, clipped)
+        light /= gain
+        best.add(some[sight.index], light, weight, clipped)
+        if recorder is not None:
+            recorder.add(frame.position, some[sight.index], light, uneven, clipped)
     return best.fused()
 
 

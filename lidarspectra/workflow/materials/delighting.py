@@ -132,6 +132,8 @@ class Delighting:
         Sentences for the user: limits of the result, or why there is none.
     lamp_fluxes : tuple of LampFlux
         Estimated relative fluxes of the lamps, if they were not stated and de-lighting was possible.
+    lit : tuple of Lamp
+        The lamps of the fit, in its order.
     """
 
     face_color: FloatArray | None
@@ -140,6 +142,7 @@ class Delighting:
     words: str
     warnings: tuple[str, ...] = ()
     lamp_fluxes: tuple[LampFlux, ...] = ()
+    lit: tuple[Lamp, ...] = ()
 
 
 def _left_in(reason: str, fit: LightFit | None = None) -> Delighting:
@@ -308,6 +311,7 @@ def take_light_out(
             *whiter_than_paint_note(paints.color[known], scan.areas[known]),
         ),
         lamp_fluxes=fluxes,
+        lit=tuple(lamps),
     )
 
 

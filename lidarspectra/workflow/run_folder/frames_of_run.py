@@ -92,7 +92,7 @@ def frame_notes(colors: FrameColors | None, capture: Capture | None) -> tuple[st
 
 
 def save_frames(colors: FrameColors, capture: Capture, folder: Path) -> None:
-    """Write what is known of the frames as JSON.
+    """Write what is known of the frames as JSON, and what they show of places all over the surface.
 
     Parameters
     ----------
@@ -116,6 +116,8 @@ def save_frames(colors: FrameColors, capture: Capture, folder: Path) -> None:
     }
     with writing(folder, error=ScanError):
         write_whole(folder / FRAMES_FILE, json.dumps(about, indent=1) + "\n")
+    if colors.records is not None:
+        colors.records.save(folder)
 
 
 def _fitted(colors: FrameColors, radiometry: Radiometry) -> dict[str, object]:

@@ -1,0 +1,126 @@
+"""What each frame shows of places all over the surface, kept so that later stages can see how it changes with the view.
+
+A texture has one colour a place. Whether it is brighter from where a lamp is mirrored in it, only the views tell.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, SmallFloatArray
+from lidarspectra.errors import ScanError
+from lidarspectra.io.files import writing
+
+PLACES = 20_000  # at most
+PLACE_SPACING_M = 0.05  # [m] on average, where that gives fewer
+RECORDS_FILE = "frame-views.npz"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrameRecords:
+    """Views of places; one row is one place in one frame.
+
+    Parameters
+    ----------
+    points, normals : (place, 3) float
+        On the scan's surface. [m], [1]
+    camera : (frame, 3) float
+        Where each frame was taken. [m]
+    place, frame : (row,) int
+    light : (row,) float32
+        Mean of the three channels of linear sRGB, on the scale of the scan's colours; a lower bound where clipped. [1]
+    uneven : (row,) float32
+        Relative deviation of the light around, in the picture. [1]
+    clipped : (row,) bool
+        Whether the frame is cut at white there.
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    camera: FloatArray
+    place: IntArray
+    frame: IntArray
+    light: SmallFloatArray
+    uneven: SmallFloatArray
+    clipped: BoolArray
+
+    def scaled(self, factor: float) -> Self:
+        """With all light multiplied by a factor [1]."""
+        return replace(self, light=self.light * np.float32(factor))
+
+    def save(self, folder: Path) -> None:
+        """Write them into a folder; ScanError if that is not possible."""
+        with writing(folder, error=ScanError):
+            np.savez_compressed(
+                folder / RECORDS_FILE,
+                points=self.points.astype(np.float32), normals=self.normals.astype(np.float32),
+                camera=self.camera, place=self.place.astype(np.int32), frame=self.frame.astype(np.int32),
+                light=self.light, uneven=self.uneven.astype(np.float16), clipped=self.clipped,
+            )  # fmt: skip
+
+    @classmethod
+    def load(cls, folder: Path) -> Self | None:
+        """Those of a scan stage's folder; None where it has none."""
+        path = folder / RECORDS_FILE
+        if not path.is_file():
+            return None
+        with np.load(path) as kept:
+            return cls(
+                points=kept["points"].astype(np.float64), normals=kept["normals"].astype(np.float64),
+                camera=kept["camera"], place=kept["place"].astype(np.int64), frame=kept["frame"].astype(np.int64),
+                light=kept["light"], uneven=kept["uneven"].astype(np.float32), clipped=kept["clipped"],
+            )  # fmt: skip
+
+
+class Recorder:
+    """Keeps what frames show of some of the texels, frame by frame.
+
+    Parameters
+    ----------
+    points, normals : (texel, 3) float
+        Of all texels. [m], [1]
+    area_m2 : float
+        Of the scan, which says how many of them are kept. [m²]
+    generator : numpy.random.Generator
+        Chooses them.
+    """
+
+    def __init__(self, points: FloatArray, normals: FloatArray, area_m2: float, generator: np.random.Generator) -> None:
+        count = min(PLACES, round(area_m2 / PLACE_SPACING_M**2), len(points))
+        chosen = np.sort(generator.choice(len(points), count, replace=False))
+        self._points, self._normals = points[chosen], normals[chosen]
+        self._place = np.full(len(points), -1, dtype=np.int64)
+        self._place[chosen] = np.arange(count)
+        self._rows: list[tuple[IntArray, IntArray, SmallFloatArray, SmallFloatArray, BoolArray]] = []
+        self._camera: list[FloatArray] = []
+
+    def add(
+        self, camera: FloatArray, texel: IntArray, light: FloatArray, uneven: FloatArray, clipped: BoolArray
+    ) -> None:
+        """Add a frame.
+
+        Parameters
+        ----------
+        camera : (3,) float
+            Where it was taken. [m]
+        texel : (seen,) int
+        light : (seen, 3) float
+        uneven : (seen,) float
+        clipped : (seen,) bool
+        """
+        place = self._place[texel]
+        kept = np.flatnonzero(place >= 0)
+        frame = np.full(kept.size, len(self._camera), dtype=np.int64)
+        level = light[kept].mean(axis=1).astype(np.float32)
+        self._rows.append((place[kept], frame, level, uneven[kept].astype(np.float32), clipped[kept]))
+        self._camera.append(camera)
+
+    def records(self) -> FrameRecords:
+        """All that was added."""
+        place, frame, light, uneven, clipped = (np.concatenate(each) for each in zip(*self._rows, strict=True))
+        return FrameRecords(
+            points=self._points, normals=self._normals, camera=np.array(self._camera), place=place, frame=frame,
+            light=light, uneven=uneven, clipped=clipped,
+        )  # fmt: skip

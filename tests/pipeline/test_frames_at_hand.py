@@ -1,0 +1,52 @@
+"""A run of an app's raw data, from frames to the report: what it keeps and shows of them, and what it finds matt."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from lidarspectra.workflow.pipeline import run
+from tests.unit.scan.capture_layouts import box_room, gray_shots, write_3dscanner
+
+RUN_FILE = """
+[scan]
+file = "scan"
+up = "+y"
+unit = "m"
+[[lamps]]
+name = "panel"
+shape = "panel"
+center = [0.0, 0.0, 1.2]
+size = [0.6, 0.6]
+spectrum = "LED-B3"
+luminous_flux_lm = 2000
+[materials]
+coverage = 0.3
+model = "none"
+[sensors.grid]
+count = 4
+height = 0.5
+[trace]
+accuracy = "low"
+noise = "draft"
+"""
+
+
+@pytest.mark.slow
+def test_a_run_of_frames_draws_them_in_its_report_and_takes_gray_walls_for_matt(tmp_path: Path) -> None:
+    room = box_room()
+    write_3dscanner(tmp_path / "scan", room, gray_shots(room, 8))
+    (tmp_path / "room.toml").write_text(RUN_FILE, encoding="utf-8")
+    summary = run(tmp_path / "room.toml")
+    assert (summary.folder / "1-scan" / "frame-views.npz").is_file()
+    with (summary.folder / "3-materials" / "materials.csv").open(encoding="utf-8", newline="") as file:
+        materials = list(csv.DictReader(file))
+    assert materials
+    assert all(float(row["specularity"]) == 0.0 for row in materials)
+    gloss = summary.folder / "3-materials" / "gloss.json"
+    if gloss.is_file():  # only if the light could be taken out
+        assert all(each["matt"] for each in json.loads(gloss.read_text(encoding="utf-8")))
+    (report,) = summary.folder.glob("7-report/index.html")
+    assert 'id="figure-frames"' in report.read_text(encoding="utf-8")
+    assert (report.parent / "figures" / "frames.svg").is_file()

@@ -1,0 +1,156 @@
+"""Gloss from frames: found where a lamp is mirrored, with deviations that cover the truth, and nowhere else."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Panel
+from lidarspectra.material.frames.gloss import NO_HIGHLIGHT, TOO_FEW, GlossOfPart, ShownLamps, gloss_of_parts, smoothed
+from lidarspectra.material.frames.gloss_lobe import LampPieces, highlight
+from lidarspectra.material.frames.records import FrameRecords, Recorder
+from lidarspectra.material.material_map import MAX_REFLECTANCE, Material, MaterialMap
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.workflow.materials.gloss_of_run import gloss_in_words, with_gloss
+
+WHITE = Spectrum(wavelengths_nm=[380.0, 780.0], values=[1.0, 1.0])
+PANEL = Lamp(name="panel", shape=Panel(0.6, 0.6), center=np.array([1.5, 1.5, 2.6]), flux=WHITE)
+LAMPS = ShownLamps(lamps=(PANEL,), radiosity=np.array([60.0]), log_deviation=0.05)
+FLOOR = bare_scan(np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0.0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+MATT_LEVEL, WHITE_LEVEL = 0.3, 2.0  # [1] of the floor; at which frames are cut
+
+
+def walk(specularity: float, roughness: float, *, white: float = WHITE_LEVEL, gain: float = 0.02) -> FrameRecords:
+    """A floor of 3 m x 3 m under the panel, in 40 frames along a ring, each off by a gain, each view by 2 %."""
+    generator = np.random.default_rng(3)
+    points = np.column_stack([generator.uniform(0, 3, (400, 2)), np.zeros(400)])
+    turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    camera = np.column_stack([1.5 + np.cos(turn), 1.5 + np.sin(turn), np.full(40, 1.45)])
+    frame, place = (each.ravel() for each in np.meshgrid(np.arange(40), np.arange(400)))
+    toward = camera[frame] - points[place]
+    toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+    normals = np.tile([0.0, 0.0, 1.0], (400, 1))
+    lobe = highlight(points[place], normals[place], toward, np.array([[max(roughness, 0.02)]]), LampPieces.of([PANEL]))[
+        0
+    ]
+    matt = MATT_LEVEL * (1.0 + 0.3 * generator.random(400))
+    light = matt[place] + specularity * lobe * LAMPS.radiosity[0] / np.pi
+    light *= np.exp(gain * generator.normal(size=40))[frame] * (1.0 + 0.02 * generator.normal(size=light.size))
+    return FrameRecords(
+        points=points, normals=normals, camera=camera, place=place, frame=frame,
+        light=np.minimum(light, white).astype(np.float32), uneven=np.full(light.size, 0.02, dtype=np.float32),
+        clipped=light >= white,
+    )  # fmt: skip
+
+
+def found(records: FrameRecords, lamps: ShownLamps = LAMPS) -> GlossOfPart:
+    part = np.zeros(len(records.points), dtype=np.int64)
+    dark = np.zeros
+    (gloss,) = gloss_of_parts(
+        records, part, 1, lamps, RayCaster(FLOOR), lambda origins, _: dark(len(origins)), np.random.default_rng(0)
+    )
+    return gloss
+
+
+@pytest.mark.parametrize(("specularity", "roughness"), [(0.04, 0.12), (0.06, 0.2), (0.02, 0.06)])
+def test_specularity_and_roughness_come_back_within_their_deviations(specularity: float, roughness: float) -> None:
+    gloss = found(walk(specularity, roughness))
+    assert not gloss.matt
+    assert abs(gloss.specularity - specularity) < 3.0 * gloss.specularity_deviation
+    assert abs(gloss.roughness - roughness) < 3.0 * gloss.roughness_deviation
+    assert gloss.specularity_deviation < 0.25 * specularity  # and they say something
+    assert gloss.roughness_deviation < 0.3 * roughness
+
+
+def test_a_matt_floor_is_matt_although_gains_are_off() -> None:
+    assert found(walk(0.0, 0.1, gain=0.04)).matt
+
+
+def test_a_highlight_that_is_cut_at_white_in_part_still_tells_and_is_not_taken_for_a_dull_one() -> None:
+    records = walk(0.04, 0.08, white=0.45)
+    assert 0.01 < records.clipped.mean() < 0.2
+    gloss = found(records)
+    assert not gloss.matt
+    assert abs(gloss.specularity - 0.04) < 3.0 * gloss.specularity_deviation
+
+
+def test_a_floor_that_no_frame_shows_from_where_the_lamp_is_mirrored_is_matt() -> None:
+    behind = replace(PANEL, normal=np.array([0.0, 0.0, 1.0]))
+    assert found(walk(0.04, 0.1), replace(LAMPS, lamps=(behind,))).matt == NO_HIGHLIGHT
+
+
+def test_a_part_of_few_places_is_matt() -> None:
+    records = walk(0.04, 0.1)
+    part = np.where(np.arange(400) < 10, 0, -1)
+    (gloss,) = gloss_of_parts(
+        records, part, 1, LAMPS, RayCaster(FLOOR), lambda origins, _: np.zeros(len(origins)), np.random.default_rng(0)
+    )
+    assert gloss.matt == TOO_FEW
+
+
+def test_a_rough_meshs_normals_are_smoothed_but_not_over_an_edge() -> None:
+    generator = np.random.default_rng(1)
+    floor = np.column_stack([generator.uniform(0, 1, (2000, 2)), np.zeros(2000)])
+    wall = floor[:, [2, 0, 1]]
+    normals = np.repeat([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], 2000, axis=0) + 0.1 * generator.normal(size=(4000, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    smooth = smoothed(np.concatenate([floor, wall]), normals)
+    assert np.degrees(np.arccos(np.clip(smooth[:2000, 2], -1, 1))).mean() < 2.0
+    assert np.degrees(np.arccos(np.clip(smooth[2000:, 0], -1, 1))).mean() < 2.0
+
+
+def test_what_frames_show_is_kept_and_read_back(tmp_path: Path) -> None:
+    points = np.random.default_rng(0).uniform(0, 1, (500, 3))
+    recorder = Recorder(points, np.tile([0.0, 0.0, 1.0], (500, 1)), 1.0, np.random.default_rng(2))
+    seen = np.arange(0, 500, 2)
+    light = np.linspace(0, 1, seen.size)[:, None] * [1.0, 2.0, 3.0]
+    recorder.add(np.array([1.0, 2.0, 3.0]), seen, light, np.zeros(seen.size), light[:, 0] > 0.5)
+    records = recorder.records().scaled(0.5)
+    assert len(records.points) == 400  # of a square metre, 5 cm apart
+    records.save(tmp_path)
+    read = FrameRecords.load(tmp_path)
+    assert read is not None
+    number = np.array([np.argmin(np.linalg.norm(points - each, axis=1)) for each in read.points[read.place]])
+    np.testing.assert_allclose(read.light, light[np.searchsorted(seen, number), 1] * 0.5, rtol=1e-6)
+    np.testing.assert_array_equal(read.clipped, light[np.searchsorted(seen, number), 0] > 0.5)
+    assert FrameRecords.load(tmp_path / "nowhere") is None
+
+
+def _materials(**changes: object) -> MaterialMap:
+    material = Material(
+        name="floor", category="unknown", reflectance=WHITE.scaled(0.3), source="default", provenance="recovered",
+        confidence=1.0, measured_range_nm=(380.0, 780.0), color=(0.3, 0.3, 0.3),
+    )  # fmt: skip
+    return MaterialMap(
+        materials=(replace(material, **changes),), face_material=np.zeros(2, dtype=int), face_color=np.zeros((2, 3)),
+        face_seen=np.ones(2),
+    )  # fmt: skip
+
+
+GLOSSY = GlossOfPart(specularity=0.05, specularity_deviation=0.01, roughness=0.1, roughness_deviation=0.01, gain=20.0)
+
+
+def test_a_glossy_material_throws_back_what_it_did_not_scatter() -> None:
+    (material,) = with_gloss(_materials(), [GLOSSY]).materials
+    assert (material.specularity, material.roughness) == (0.05, 0.1)
+    np.testing.assert_allclose(material.reflectance.values, 0.35)
+    (white,) = with_gloss(_materials(reflectance=WHITE.scaled(MAX_REFLECTANCE)), [GLOSSY]).materials
+    assert white.reflectance.values.max() <= MAX_REFLECTANCE
+    assert gloss_in_words([GLOSSY]) == "; gloss of 1 of 1 materials from the frames"
+
+
+@pytest.mark.parametrize("changes", [{"provenance": "assigned"}, {"kind": "glass", "transmittance": 0.5}])
+def test_what_is_assigned_and_glass_keep_their_own_gloss(changes: dict[str, object]) -> None:
+    before = _materials(**changes)
+    assert with_gloss(before, [GLOSSY]).materials[0] == before.materials[0]
+
+
+def test_where_nothing_is_told_a_material_stays_as_it_was() -> None:
+    before = _materials()
+    assert with_gloss(before, [replace(GLOSSY, matt=NO_HIGHLIGHT)]).materials[0] == before.materials[0]
+    assert with_gloss(before, []) is before
+    assert gloss_in_words([]) == ""
