@@ -31,6 +31,7 @@ from lidarspectra.hardware.sensor.as7265x import (
     order_from_header,
 )
 from lidarspectra.hardware.sensor.at_capture import at_capture
+from lidarspectra.hardware.sensor.log_objects import table_of_objects
 from lidarspectra.hardware.sensor.log_series import value_rows
 from lidarspectra.hardware.sensor.log_tables import columns_seen, headed_table, how_to_name
 from lidarspectra.hardware.sensor.log_text import log_text, plain_rows, table_of, take_stamps
@@ -95,7 +96,23 @@ def read_sensor_log(
     ReadingError
         If it cannot be read, holds no reading, or does not state which number is which channel.
     """
-    text = log_text(path)
+    text, left_out = log_text(path), ""
+    text, left_out = table_of_objects(text) or (text, left_out)
+    found = _log_of_text(text, path, order, settings, columns)
+    if left_out:
+        said = found.readings.attrs.get("notes", "")
+        found.readings.attrs["notes"] = f"{left_out}\n{said}".strip()
+    return found
+
+
+def _log_of_text(
+    text: str,
+    path: Path,
+    order: ChannelOrder | None,
+    settings: SensorSettings | None,
+    columns: dict[str, str] | None,
+) -> SensorLog:
+    """A log by its words, or the error that says why it cannot be known (`read_sensor_log`)."""
     if columns is None:
         for layout in (_own_log, _robot_lines, _robot_table, _utility):
             known = layout(text, path)

@@ -156,7 +156,15 @@ def table_of(text: str, renamed: dict[str, str] | None = None) -> LogTable | Non
     if head is None:
         return None
     number, delimiter = head
-    cells = list(csv.reader(lines[number:], delimiter=delimiter))
+    try:
+        cells = list(csv.reader(lines[number:], delimiter=delimiter))
+    except csv.Error as cause:  # a quotation mark that is never closed, most often
+        raise ReadingError(
+            expected="rows of cells",
+            found=str(cause),
+            where="the log's table",
+            todo="Look for a single quotation mark, or for a line that was damaged.",
+        ) from cause
     names = [name.strip().strip('"').strip() for name in cells[0]]
     while names and not names[-1]:
         names.pop()
@@ -298,6 +306,8 @@ def _header_line(lines: Sequence[str]) -> tuple[int, str] | None:
             continue
         if not words or words.startswith("#"):
             continue
+        if len(line) > csv.field_size_limit():
+            return None
         delimiter = stated or max(DELIMITERS, key=lambda mark: len(next(csv.reader([line], delimiter=mark), [])))
         fields = [field.strip() for field in next(csv.reader([line], delimiter=delimiter), [])]
         named = [field for field in fields if field]

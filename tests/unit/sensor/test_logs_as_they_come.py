@@ -1,5 +1,6 @@
 """Logs as programs and people write them: nothing is merged or dropped without a word."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -272,3 +273,32 @@ def test_what_convert_writes_is_read_again_to_the_millisecond_and_without_notes(
     again = readings_from_csv(tmp_path / "table.csv")
     assert again["unix_s"].to_numpy().tolist() == [1700000000.125] * 2
     assert again.attrs["notes"] == ""
+
+
+def test_an_object_a_line_is_a_row(tmp_path: Path) -> None:
+    lines = [
+        json.dumps({
+            "Time": f"2024-01-01T10:00:0{i}Z", "node": f"n{i % 2}", "battery": None,
+            "AS7265X": dict(zip(ASCENDING_LETTERS, (BY_WAVELENGTH + i).tolist(), strict=True)),
+        })
+        for i in range(4)
+    ]  # fmt: skip
+    nested = read_sensor_log(saved(tmp_path, "\n".join([*lines * 4, "Client disconnected"]))).readings
+    assert sensors_of(nested) == ("n0", "n1")
+    assert np.array_equal(nested["counts"].to_numpy()[1], BY_WAVELENGTH + 1)
+    assert "1 lines are no JSON objects" in nested.attrs["notes"]
+    two = json.dumps({"time": 1.7e9, **{n: dict(zip(CHANNEL_LABELS, BY_WAVELENGTH, strict=True)) for n in ("a", "b")}})
+    assert sensors_of(read_sensor_log(saved(tmp_path, f"{two}\n{two}\n")).readings) == ("a", "b")
+    with pytest.raises(ReadingError, match="names its channels"):
+        read_sensor_log(saved(tmp_path, '{"a":' * 100_000))
+    listed = json.dumps({"time": 1.7e9, "raw": BY_WAVELENGTH.tolist()})
+    with pytest.raises(ReadingError, match="time, raw_1, raw_2"):  # which number is which channel is not said
+        read_sensor_log(saved(tmp_path, f"{listed}\n{listed}\n"))
+
+
+def test_a_cell_without_an_end_is_one_clear_error(tmp_path: Path) -> None:
+    text = "time," + ",".join(CHANNEL_LABELS) + "\n" + f"1700000000,{row()}\n" + '"' + "1,2\n" * 50_000
+    with pytest.raises(ReadingError, match="quotation mark"):
+        read_sensor_log(saved(tmp_path, text))
+    with pytest.raises(ReadingError, match="names its channels"):
+        read_sensor_log(saved(tmp_path, "7" * 200_000))
