@@ -4,7 +4,7 @@
 
 Both are in `scenes/office`, scanned with its ceiling lamps alone. The shelf is the northern desk under two strips of
 4000 lm that are lit from 6 to 22 every day; its points lie where leaves are. The office has a south window, the ceiling
-lamps dimmed by a schedule on working days, and seven days of daylight from March 18th on (the synthetic year); its
+lamps dimmed by a schedule on working days, and seven days of daylight from March 25th on (the synthetic year); its
 points are eyes at 1.2 m, looking level to all sides. Printed are the tables of `lidarspectra photometry --week`, and
 the map's own uncertainty. FOLDER keeps the runs; a second call traces nothing anew.
 """
@@ -58,7 +58,7 @@ mon-fri,panel east,8,11,0.6
 mon-fri,panel east,11,15,0.2
 mon-fri,panel east,15,18,0.6
 """
-FIRST_DAY = "03-18"
+FIRST_DAY = "03-25"
 LEAVES_M = 0.85  # height of the leaves: the desk's top is at .74
 EYES_M = 1.2  # of somebody who sits
 
