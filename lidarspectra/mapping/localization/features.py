@@ -274,3 +274,19 @@ def known_median(values: FloatArray, *, axis: int) -> FloatArray:
     """Median of the values that are not NaN; 0 where there are none."""
     nothing = np.isnan(values).all(axis=axis, keepdims=True)
     return np.asarray(np.nanmedian(np.where(nothing, 0.0, values), axis=axis), dtype=np.float64)
+
+
+def known_quantile(values: FloatArray, quantile: float, *, axis: int) -> FloatArray:
+    """Quantile [0-1] of the values that are not NaN; 0 where there are none."""
+    missing = np.isnan(values)
+    given = np.where(missing.all(axis=axis, keepdims=True), 0.0, values)
+    # numpy takes quantiles with missing values column by column, which is a hundred times slower.
+    find = np.nanquantile if np.isnan(given).any() else np.quantile
+    return np.asarray(find(given, quantile, axis=axis), dtype=np.float64)
+
+
+def known_mean(values: FloatArray, *, axis: int) -> FloatArray:
+    """Mean of the values that are not NaN; NaN where there are none."""
+    known = np.isfinite(values)
+    total, count = np.where(known, values, 0.0).sum(axis=axis), known.sum(axis=axis)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan), dtype=np.float64)

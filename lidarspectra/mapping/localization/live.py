@@ -7,7 +7,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.localization.features import require_same_sensors
+from lidarspectra.mapping.localization.features import known_mean, require_same_sensors
 from lidarspectra.mapping.localization.fingerprint_table import quantity_of
 from lidarspectra.mapping.localization.frames import Frame
 from lidarspectra.mapping.localization.location_model import LocationModel
@@ -111,7 +111,7 @@ class LiveLocator:
         if quantity_of(table) == "counts":
             usable = reference >= self._model.space.settings.min_count
         self._features.append(self._model.space.features(readings, reference, usable=usable)[0])
-        mean = _known_mean(np.array(self._features))
+        mean = known_mean(np.array(self._features), axis=0)
         located = self._model.locate_features(mean[None], self._settings.method)
         nobody, one, two = (float(value) for value in located.people[0])
         if self._settings.always_one:
@@ -132,10 +132,3 @@ class LiveLocator:
             sensors=heard,
             people=(nobody, one, two),
         )
-
-
-def _known_mean(values: FloatArray) -> FloatArray:
-    """Mean over the rows of the values that are not NaN; NaN where there are none."""
-    known = np.isfinite(values)
-    total = np.where(known, values, 0.0).sum(axis=0)
-    return np.asarray(np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan), dtype=np.float64)

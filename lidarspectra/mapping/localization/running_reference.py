@@ -3,6 +3,11 @@
 A person changes few sensors at a time, so that the median over a few minutes in which people move about is close to the
 empty room, and it follows lamps, daylight and the drift of sensors. A person who stays at one place for longer than
 half of the window becomes part of the reference.
+
+In the first minutes one stay can be more than half of all frames. A body takes light from most of the sensors that it
+changes, so that of a sensor's few levels until then the higher ones are the empty room's: the reference begins at an
+upper quantile, and comes down to the median until half of the window is full. Quantiles are of means over a few frames,
+whose noise and rounding would otherwise lift them above the level.
 """
 
 from collections import deque
@@ -12,10 +17,13 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.localization.features import known_median
+from lidarspectra.mapping.localization.features import known_mean, known_quantile
 
 WINDOW_FRAMES, FIRST_FRAMES = 600, 60  # ten minutes and one, at a reading a second
 REFRESH_FRAMES = 10  # a running median over hundreds of frames does not change faster
+MEANS_AT_FIRST = 6  # of frames, over which the first quantile is taken
+FIRST_QUANTILE = 0.9  # [1] of the first frames, and
+SETTLED_SHARE = 0.5  # [1] of the window, from which on it is the median: both chosen on virtual offices 2 to 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,9 +49,26 @@ class MedianWindow:
                 where="running median",
             )
 
+    @property
+    def frames_per_mean(self) -> int:
+        """Number of frames that are averaged before the quantile is taken; as many as leave six at first."""
+        return max(1, min(REFRESH_FRAMES, self.first // MEANS_AT_FIRST))
+
+    def quantile(self, frames: int) -> float:
+        """The quantile that stands for the empty room after so many frames: the median from half a window on [0-1].
+
+        Parameters
+        ----------
+        frames : int
+            `first` or more.
+        """
+        settled = max(SETTLED_SHARE * self.frames, self.first)
+        left = (settled - frames) / (settled - self.first) if frames < settled else 0.0
+        return 0.5 + (FIRST_QUANTILE - 0.5) * left
+
 
 class RunningMedian:
-    """A running median over frames.
+    """A running median over frames, a higher quantile while there are few.
 
     Parameters
     ----------
@@ -52,7 +77,8 @@ class RunningMedian:
 
     def __init__(self, window: MedianWindow | None = None) -> None:
         self._window = window or MedianWindow()
-        self._seen: deque[FloatArray] = deque(maxlen=self._window.frames)
+        self._latest: list[FloatArray] = []
+        self._means: deque[FloatArray] = deque(maxlen=self._window.frames // self._window.frames_per_mean)
         self._since = 0
         self._median: FloatArray | None = None
 
@@ -69,11 +95,15 @@ class RunningMedian:
         median : (sensor, band) float or None
             0 for a sensor without readings; None while there are too few frames.
         """
-        self._seen.append(readings)
+        self._latest.append(readings)
         self._since += 1
-        due = self._median is None or self._since >= REFRESH_FRAMES
-        if due and len(self._seen) >= self._window.first:
-            self._median = known_median(np.array(self._seen), axis=0)
+        if len(self._latest) == self._window.frames_per_mean:
+            self._means.append(known_mean(np.array(self._latest), axis=0))
+            self._latest.clear()
+        frames = len(self._means) * self._window.frames_per_mean + len(self._latest)
+        if frames >= self._window.first and (self._median is None or self._since >= REFRESH_FRAMES):
+            rest = [known_mean(np.array(self._latest), axis=0)] if self._latest else []
+            self._median = known_quantile(np.array([*self._means, *rest]), self._window.quantile(frames), axis=0)
             self._since = 0
         return self._median
 
