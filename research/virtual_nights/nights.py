@@ -47,6 +47,8 @@ class NightSettings:
         Pieces of furniture of eight that stand elsewhere.
     daylight : float
         Light through blinds over that of the lamps, of a sensor that sees the window well. [1]
+    sway_m : float
+        How far a person stands from the place, along each axis; drawn for each stance. [m]
     """
 
     die_jump: float = 0.2
@@ -55,6 +57,7 @@ class NightSettings:
     replaced: int = 1
     moved: int = 2
     daylight: float = 0.0
+    sway_m: float = SWAY_M
 
 
 SAME_ROOM = NightSettings(replaced=0, moved=0, age=0.02)
@@ -148,7 +151,7 @@ class Night:
         lit = lit + np.where((office.kind < 0)[None], reflected, 0.0) @ self._emitted
         taken = np.zeros(clear.shape, dtype=np.bool_)
         for place, person in zip(visit.places, visit.people, strict=True):
-            stood = place + SWAY_M * self._generator.standard_normal(2)
+            stood = place + self._settings.sway_m * self._generator.standard_normal(2)
             new = behind_cylinder(office, stood, person) & clear & ~taken
             taken |= new
             lit = lit - (office.geometry * new) @ self._emitted
