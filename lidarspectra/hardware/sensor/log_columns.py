@@ -32,6 +32,7 @@ _FAMILIES: dict[str, Family] = {
 _SERIES = re.compile(r"(?P<field>[^{]*?)\s*\{(?P<labels>.*)\}")
 _LABEL = re.compile(r"\s*\"?(?P<key>[\w.]+)\"?\s*[=:]\s*\"?(?P<value>[^\",]*)\"?\s*(?:,|$)")
 _OF_SENSOR = re.compile(r"(?P<sensor>.*[^\s_.:/-])[\s_.:/-]+(?P<channel>w\d{1,2}|[A-LR-W]|[4-9]\d\d)(?:\s*_?nm)?", re.I)
+_NM_FIRST = re.compile(r"(?P<channel>[4-9]\d\d)\s*_?nm[\s_.:/-]+(?P<sensor>.+)", re.I)
 _FAMILY_LAST = re.compile(
     r"(?P<sensor>.*?)[\s_.:/-]*(?<![A-Za-z])(?P<family>counts?|raw|cal|calibrated|module|channel|ch)$", re.I
 )
@@ -76,14 +77,17 @@ def channel_column(name: str) -> ChannelColumn | None:
     if letter is not None:
         word = re.match(r"[A-Za-z]+(?=[\s_:-])", name.strip())
         return ChannelColumn(sensor="", family=_FAMILIES.get(word[0].lower() if word else "", "plain"), letter=letter)
-    found = _OF_SENSOR.fullmatch(name.strip())
+    found = _OF_SENSOR.fullmatch(name.strip()) or _NM_FIRST.fullmatch(name.strip())
     letter = _channel(found["channel"]) if found is not None else None
     if found is None or letter is None:
         return None
-    last_word = _FAMILY_LAST.fullmatch(found["sensor"])
-    if last_word is not None and last_word["sensor"]:
+    sensor = re.sub(
+        rf"(?<=[^\s_.:/-])[\s_.:/-]+{letter}$", "", found["sensor"], flags=re.IGNORECASE
+    )  # A as well as 410
+    last_word = _FAMILY_LAST.fullmatch(sensor)
+    if last_word is not None:
         return ChannelColumn(sensor=last_word["sensor"], family=_FAMILIES[last_word["family"].lower()], letter=letter)
-    return ChannelColumn(sensor=found["sensor"], family="plain", letter=letter)
+    return ChannelColumn(sensor=sensor, family="plain", letter=letter)
 
 
 def _of_labels(field: str, text: str) -> ChannelColumn | None:

@@ -42,6 +42,8 @@ from lidarspectra.hardware.sensor.sensor_records import Moment, Reading, Trouble
 from lidarspectra.hardware.sensor.sketch_text import SketchTextDriver, split_row
 
 CELLS_APART_S = 2.0  # [s] largest time between a spectrum and the cell reading joined to it
+MAX_GREETING_LINES = 5  # that a sketch prints before its first row
+MAX_DAMAGED = 0.5  # [1] damaged lines for each reading: more are rows of another form
 PUBLISHED: dict[str, str] = {
     "2504dbd310604fc84bb8970be3981b8737864202708748c92d1857d510b51739":
     "as7265x-20190111A.dat of jdesbonnet/as7265x, whose plot of it names the columns A to L by wavelength",
@@ -396,6 +398,13 @@ def _from_rows(
             elif isinstance(item, Trouble) and item.reason == "damaged" and line.strip():
                 damaged.append(f"line {number + 1}: '{line.strip()[:40]}'")
     _require(len(readings), path)
+    if len(damaged) > max(MAX_GREETING_LINES, MAX_DAMAGED * len(readings)):
+        raise ReadingError(
+            expected=f"rows of {len(order)} numbers under the header",
+            found=f"{len(damaged)} lines that are none; the first is {damaged[0]}",
+            where=str(path),
+            todo="If a sensor's name begins each line, write a comma behind it, and 'sensor,' before the header.",
+        )
     if damaged:
         notes = (*notes, f"{len(damaged)} lines are no rows of {len(order)} numbers; the first is {damaged[0]}.")
     given = sum(bool(line.strip()) for line in lines)

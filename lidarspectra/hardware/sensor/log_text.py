@@ -308,12 +308,20 @@ def _header_line(lines: Sequence[str]) -> tuple[int, str] | None:
             continue
         if len(line) > csv.field_size_limit():
             return None
-        delimiter = stated or max(DELIMITERS, key=lambda mark: len(next(csv.reader([line], delimiter=mark), [])))
+        delimiter = stated or _delimiter(line, next((row for row in lines[number + 1 :] if row.strip()), ""))
         fields = [field.strip() for field in next(csv.reader([line], delimiter=delimiter), [])]
         named = [field for field in fields if field]
         if len(named) >= 2 and not any(_is_number(field) for field in named):
             return number, delimiter
     return None
+
+
+def _delimiter(header: str, row: str) -> str:
+    """What divides a header into most names; of what divides the row below it into as many cells, if anything does."""
+    counts = {mark: len(next(csv.reader([header], delimiter=mark), [])) for mark in DELIMITERS}
+    short = len(row) <= csv.field_size_limit()
+    agrees = {mark: short and len(next(csv.reader([row], delimiter=mark), [])) == counts[mark] for mark in DELIMITERS}
+    return max(DELIMITERS, key=lambda mark: (counts[mark] > 1 and agrees[mark], counts[mark]))
 
 
 def _is_number(field: str) -> bool:

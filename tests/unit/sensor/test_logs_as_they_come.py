@@ -136,6 +136,10 @@ def test_grafanas_exports_are_read_joined_by_time_and_by_series(tmp_path: Path) 
     assert sensors_of(first) == ("a", "b")
     assert float(first["unix_s"][0]) == 1.7e9
     assert np.array_equal(one_sensor(first, "b")["counts"].to_numpy()[0], BY_WAVELENGTH + 3)
+    names = [f'"light.mean {{channel: {label}, node: {sensor}}}"' for sensor in ("a", "b") for label in CHANNEL_LABELS]
+    cells = row(mark='";"')
+    joined = ";".join(['"Time"', *names]) + "\n" + f'"2024-01-01T10:00:00.000Z";"{cells}";"{cells}"\n' * 2
+    assert sensors_of(read_sensor_log(saved(tmp_path, joined)).readings) == ("a", "b")  # as many commas as semicolons
     lines = ['"Series";"Time";"Value"']
     lines += [f"desk_{label};2024-01-01T10:00:0{i}+00:00;{value}" for i in (1, 2)
               for label, value in zip(CHANNEL_LABELS, BY_WAVELENGTH, strict=True)]  # fmt: skip
@@ -181,7 +185,9 @@ def test_what_is_left_out_or_not_used_is_told(tmp_path: Path) -> None:
     ("name", "sensor", "family", "letter"),
     [("count_410", "", "count", "A"), ("s1_410", "s1", "plain", "A"), ("s12_w18", "s12", "plain", "L"),
      ("desk_count_610nm", "desk", "count", "R"), ("B (435 nm)", "", "plain", "B"), ("SE_410", "", "derived", "A"),
-     ('value {channel="C", node="3"}', "3", "plain", "C"), ("E_410", "", "irradiance", "A")],
+     ('value {channel="C", node="3"}', "3", "plain", "C"), ("410nm_desk", "desk", "plain", "A"),
+     ("as7265x_channel_a_410nm", "as7265x", "plain", "A"), ("desk a 410 nm", "desk", "plain", "A"),
+     ("E_410", "", "irradiance", "A")],
 )  # fmt: skip
 def test_names_of_columns_are_understood(name: str, sensor: str, family: str, letter: str) -> None:
     column = channel_column(name)
@@ -213,6 +219,7 @@ def test_a_column_of_times_is_no_channel_of_a_sensor(name: str, tmp_path: Path) 
     )
     readings = readings_from_csv(saved(tmp_path, text))
     assert readings["unix_s"].to_numpy().tolist() == [1.7e9, 1.7e9 + 1]
+    assert channel_column(name) is None
     assert np.isnan(readings["counts"].to_numpy()[1, 0])
     assert readings.attrs["notes"] == ""
 
@@ -302,3 +309,11 @@ def test_a_cell_without_an_end_is_one_clear_error(tmp_path: Path) -> None:
         read_sensor_log(saved(tmp_path, text))
     with pytest.raises(ReadingError, match="names its channels"):
         read_sensor_log(saved(tmp_path, "7" * 200_000))
+
+
+def test_lines_that_begin_with_a_name_are_not_read_as_one_sensor_with_a_channel_lost(tmp_path: Path) -> None:
+    text = ",".join(ASCENDING_LETTERS) + "\n" + "".join(f"S{i % 2}: {row()}\n" for i in range(6))
+    with pytest.raises(ReadingError, match="'sensor,' before the header"):
+        read_sensor_log(saved(tmp_path, text))
+    mended = "sensor," + text.replace(": ", ",")
+    assert sensors_of(read_sensor_log(saved(tmp_path, mended)).readings) == ("S0", "S1")
