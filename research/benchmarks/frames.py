@@ -1,7 +1,7 @@
 """What the frames themselves buy over an app's texture: the same virtual phone, walk and light, by both.
 
     python -m research.scenes.frames FOLDER
-    python -m research.benchmarks.frames FOLDER [--only office-day ...] [--no-map]
+    python -m research.benchmarks.frames FOLDER [--only office-day ...] [--no-map] [--blended]
     python -m research.benchmarks.frames FOLDER --lamps         lamps seen in frames, with and without
     python -m research.benchmarks.frames FOLDER --only office-night-1 --plan docs/pictures/frames.png
     python -m research.benchmarks.frames --capture RAW_DATA     a real capture: held-out observations alone
@@ -11,7 +11,8 @@ Of each scan in the folder, by its texture and by its frames: area-weighted mean
 against the true room's; how many surfaces (by area, over 400 to 700 nm) lie within one and two stated deviations.
 Of the frames, how far the gains are from the true ones, what held-out observations differ by as they are shown and
 after the solve, and the processor time. The row "true" has the true radiance of every face: what is left there
-is not the frames'. `--lamps`: reflectance error and bias of the faces' colours after the light is
+is not the frames'. `--blended` adds the texture that an app would blend from these very frames, whose exposure moves.
+`--lamps`: reflectance error and bias of the faces' colours after the light is
 taken out, where frames saw, and the lamps' relative fluxes if they are not stated (truly 1), each with and without what
 frames show of the lamps' own surfaces, and with and without the belief in white ceilings. `--plan`: the frames of the
 first scan on its plan, the poses of two of them shifted by a metre so that they are left out.
@@ -53,6 +54,7 @@ from lidarspectra.workflow.materials import delighting
 from lidarspectra.workflow.materials.delighting import take_light_out, with_light_uncertainty
 from lidarspectra.workflow.report.report_frames import frames_on_plan
 from lidarspectra.workflow.run_folder.frames_of_run import FRAMES_FILE, save_frames
+from research.benchmarks.blended_texture import blended
 from research.benchmarks.by_day import coverage
 from research.benchmarks.delighting import (
     Case,
@@ -76,7 +78,7 @@ HEADER = (
 )
 
 
-def run(folder: Path, *, with_map: bool) -> None:
+def run(folder: Path, *, with_map: bool, with_blended: bool) -> None:
     """Print a scan's rows."""
     case = read_case(folder)
     reference = true_light(case) if with_map else None
@@ -89,6 +91,8 @@ def run(folder: Path, *, with_map: bool) -> None:
     seen = surface_colors(case.scan)[1] & colors.face_seen
     _row(folder.name, "texture", case, case.scan, seen, reference)
     _row(folder.name, "frames", case, colors.scan, seen, reference)
+    if with_blended:
+        _row(folder.name, "blended", case, blended(case.scan, frames), seen, reference)
     if (folder / FACE_LIGHT).is_file():
         _row(folder.name, "true", case, with_true_radiance(case, colors), seen, reference)
     print(f"  {capture.app}: {radiometry_words(colors)}, gains off by {gain_error(folder, colors):.3f}; {took:.0f} s")
@@ -231,6 +235,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", nargs="+", default=[""], help="scans whose names begin so")
     parser.add_argument("--no-map", action="store_true", help="reflectances alone")
+    parser.add_argument("--blended", action="store_true", help="the texture that an app blends from these frames, too")
     parser.add_argument("--lamps", action="store_true", help="what lamps seen in frames tell")
     parser.add_argument("--plan", type=Path, help="draw the frames of the first scan there, as PNG")
     parser.add_argument("--capture", action="store_true", help="the folder is a real capture")
@@ -249,7 +254,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if given.lamps:
             lamps_seen(folder)
         else:
-            run(folder, with_map=not given.no_map)
+            run(folder, with_map=not given.no_map, with_blended=given.blended)
 
 
 if __name__ == "__main__":

@@ -76,7 +76,7 @@ def thrown_back(
     start = points + LIFT_M * normals
     light = np.zeros((len(points), 3))
     for pieces, radiosity in zip(gloss.lamps, gloss.radiosity, strict=True):
-        strength = highlight(points, normals, toward_eye, lobe[None, :, 1], pieces)[0] / np.pi
+        strength = highlight(points, normals, toward_eye, lobe[None, :, 1], pieces)[0]
         lit = np.flatnonzero(strength > 0)
         share = np.zeros(lit.size)
         for _ in range(SHADOW_RAYS):

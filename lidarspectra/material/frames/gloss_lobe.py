@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, FloatArray
+from lidarspectra.arrays import FloatArray
 from lidarspectra.lamps.lamps import Lamp
 
 PIECES = 8  # along each side of a lamp's surface; a panel of .6 m at 2 m is cut into pieces of 2°
@@ -61,19 +61,13 @@ class LampPieces:
             lamp=np.repeat([each[3] for each in cut], u.size).astype(np.int64),
         )
 
-    def some(self, chosen: BoolArray) -> "LampPieces":
-        """Some of them."""
-        return LampPieces(
-            position=self.position[chosen], normal=self.normal[chosen], area=self.area[chosen], lamp=self.lamp[chosen]
-        )
-
 
 def highlight(
     points: FloatArray, normals: FloatArray, toward_eye: FloatArray, roughness: FloatArray, pieces: LampPieces
 ) -> FloatArray:
-    """What a surface of specularity 1 throws back of matt lamps of radiosity π, as radiance times π.
+    """What a surface of specularity 1 throws back of matt lamps: radiance over theirs, or radiosity over theirs.
 
-    The integral of Eq. 1 over the lamps, times the cosine at the surface: of radiosity M, it sends M times this over π.
+    The integral of Eq. 1 times the cosine at the surface over the solid angle of the lamps.
 
     Parameters
     ----------

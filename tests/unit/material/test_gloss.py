@@ -19,7 +19,7 @@ from lidarspectra.workflow.materials.gloss_of_run import gloss_in_words, with_gl
 
 WHITE = Spectrum(wavelengths_nm=[380.0, 780.0], values=[1.0, 1.0])
 PANEL = Lamp(name="panel", shape=Panel(0.6, 0.6), center=np.array([1.5, 1.5, 2.6]), flux=WHITE)
-LAMPS = ShownLamps(lamps=(PANEL,), radiosity=np.array([60.0]), log_deviation=0.05)
+LAMPS = ShownLamps(lamps=(PANEL,), radiosity=np.array([20.0]), log_deviation=0.05)
 FLOOR = bare_scan(np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0.0]]), np.array([[0, 1, 2], [0, 2, 3]]))
 MATT_LEVEL, WHITE_LEVEL = 0.3, 2.0  # [1] of the floor; at which frames are cut
 
@@ -38,7 +38,7 @@ def walk(specularity: float, roughness: float, *, white: float = WHITE_LEVEL, ga
         0
     ]
     matt = MATT_LEVEL * (1.0 + 0.3 * generator.random(400))
-    light = matt[place] + specularity * lobe * LAMPS.radiosity[0] / np.pi
+    light = matt[place] + specularity * lobe * LAMPS.radiosity[0]
     light *= np.exp(gain * generator.normal(size=40))[frame] * (1.0 + 0.02 * generator.normal(size=light.size))
     return FrameRecords(
         points=points, normals=normals, camera=camera, place=place, frame=frame,
@@ -64,6 +64,14 @@ def test_specularity_and_roughness_come_back_within_their_deviations(specularity
     assert abs(gloss.roughness - roughness) < 3.0 * gloss.roughness_deviation
     assert gloss.specularity_deviation < 0.25 * specularity  # and they say something
     assert gloss.roughness_deviation < 0.3 * roughness
+
+
+def test_a_sharp_lobe_that_a_lamp_fills_shows_the_lamp_itself() -> None:
+    above = replace(PANEL, shape=Panel(3.0, 3.0))
+    point, up = np.array([[1.5, 1.5, 0.0]]), np.array([[0.0, 0.0, 1.0]])
+    toward = np.array([[0.1, 0.05, 1.0]]) / np.linalg.norm([0.1, 0.05, 1.0])
+    light = highlight(point, up, toward, np.array([[0.03], [0.08]]), LampPieces.of([above], 64))
+    np.testing.assert_allclose(light, 1.0, atol=0.02)  # whose radiosity it shows, times the specularity
 
 
 def test_a_matt_floor_is_matt_although_gains_are_off() -> None:
