@@ -2,11 +2,12 @@
 
 import os
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from operator import index
 from pathlib import Path
+from typing import Any
 
 import platformdirs
 
@@ -109,7 +110,6 @@ def read_manifest(folder: Path, *, database: str | None) -> tuple[DatabaseFile, 
     """
     path = folder / MANIFEST_FILE
     try:
-        entries = tomllib.loads(read_text(path)).get("file", [])
         return tuple(
             DatabaseFile(
                 database=database or Path(entry["path"]).stem,
@@ -125,7 +125,7 @@ def read_manifest(folder: Path, *, database: str | None) -> tuple[DatabaseFile, 
                 source_sha256=str(entry.get("source_sha256", "")),
                 note=str(entry.get("note", "")),
             )
-            for entry in entries
+            for entry in _manifest_entries(read_text(path))
         )
     except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as cause:
         raise DatabaseError(
@@ -134,6 +134,12 @@ def read_manifest(folder: Path, *, database: str | None) -> tuple[DatabaseFile, 
             where=str(path),
             todo="Import the databases again.",
         ) from cause
+
+
+@lru_cache(maxsize=8)
+def _manifest_entries(text: str) -> tuple[Mapping[str, Any], ...]:
+    """The files that a manifest's text names: every lamp that is asked for looks through them."""
+    return tuple(tomllib.loads(text).get("file", ()))
 
 
 def write_manifest(folder: Path, entries: Sequence[DatabaseFile]) -> None:

@@ -142,11 +142,10 @@ def choose_slots(
     slots : Slots
     """
     room = _Room(channels, reflectances, area_shares)
-    own = _cut_tables(room, lights, ())
+    others = [lamp_spectrum(name).spectrum for name in RELIGHTING_LAMPS]
+    own, both = zip(*(_cut_tables(room, band, lights, others) for band in range(len(channels))), strict=True)
     wanted = _parts(own, np.ones(len(channels), dtype=np.int64), limit=MAX_PARTS * len(channels), goal=max_error)
     capacity = MAX_SPECTRAL_SLOTS if mode == "native" else RGB_SLOTS
-    others = [lamp_spectrum(name).spectrum for name in RELIGHTING_LAMPS]
-    both = _cut_tables(room, lights, others)
     limit = -(-int(wanted.sum()) // capacity) * capacity
     parts = _parts(both, wanted, limit=limit, goal=MAX_RELIGHTING_ERROR)
     edges = [table.edges[count - 1] for table, count in zip(both, parts, strict=True)]
@@ -175,8 +174,8 @@ class _Room:
     def error(self, band: int, edges: IntArray, lights: Sequence[Spectrum]) -> float:
         """Largest relative error of a channel's own light, cut at these grid places [1]."""
         sums = _Sums(self, band, edges, lights, ())
-        parts = [sums.errors(part, np.array([part + 1]))[..., 0] for part in range(len(edges) - 1)]
-        return float(np.abs(np.sum(parts, axis=0)).max(initial=0.0))
+        part = np.arange(len(edges) - 1)
+        return float(np.abs(sums.errors(part, part + 1).sum(axis=-1)).max(initial=0.0))
 
 
 class _Sums:
@@ -203,14 +202,15 @@ class _Sums:
         zero = np.zeros((*values.shape[:-1], 1))
         return np.concatenate([zero, np.cumsum(values, axis=-1)], axis=-1)[..., self.cuts]
 
-    def errors(self, first: int, last: IntArray) -> FloatArray:
+    def errors(self, first: IntArray, last: IntArray) -> FloatArray:
         """(light, 1 + other, surface, stretch) errors of stretches as one slot each, over the channel's true light.
 
-        Each traced light by itself, and then every other lamp through that light's slots.
+        Each traced light by itself, and then every other lamp through that light's slots. Stretches go from the cuts
+        (stretch,) `first` to `last`.
         """
 
         def within(running: FloatArray) -> FloatArray:
-            return running[..., last] - running[..., first, None]
+            return running[..., last] - running[..., first]
 
         flux = within(self.flux)
         dark = flux <= DARK_STRETCH * self.flux[:, -1:]
@@ -241,22 +241,28 @@ class _CutTable:
     edges: list[IntArray]  # grid places, first and last included
 
 
-def _cut_tables(room: _Room, lights: Sequence[Spectrum], others: Sequence[Spectrum]) -> list[_CutTable]:
-    return [_cut_table(room, band, lights, others) for band in range(len(room.channels))]
-
-
-def _cut_table(room: _Room, band: int, lights: Sequence[Spectrum], others: Sequence[Spectrum]) -> _CutTable:
-    """Cut one channel best, by dynamic programming over its stretches."""
+def _cut_tables(
+    room: _Room, band: int, lights: Sequence[Spectrum], others: Sequence[Spectrum]
+) -> tuple[_CutTable, _CutTable]:
+    """The best cuts of a channel for the traced light alone, and for the other lamps too."""
     weight = room.channels.weights[band]
     inside = np.flatnonzero(weight > MIN_RESPONSE * weight.max())
     step = max(1, round(CUT_STEP_NM / float(np.diff(room.grid_nm).mean())))
     cuts = np.unique([0, *np.arange(inside[0] + step, inside[-1], step), room.grid_nm.size])
+    first, last = np.triu_indices(len(cuts), k=1)
+    errors = np.abs(_Sums(room, band, cuts, lights, others).errors(first, last))
+
+    def table(considered: FloatArray) -> _CutTable:
+        cost = np.full((len(cuts), len(cuts)), np.inf)
+        cost[first, last] = considered.max(axis=(0, 1, 2), initial=0.0)
+        return _cut_table(cost, cuts)
+
+    return table(errors[:, :1]), table(errors)
+
+
+def _cut_table(cost: FloatArray, cuts: IntArray) -> _CutTable:
+    """Cut one channel best, by dynamic programming over its stretches; `cost` (cut, cut) is that of a stretch."""
     count = len(cuts) - 1
-    sums = _Sums(room, band, cuts, lights, others)
-    cost = np.full((count + 1, count + 1), np.inf)
-    for first in range(count):
-        last = np.arange(first + 1, count + 1)
-        cost[first, last] = np.abs(sums.errors(first, last)).max(axis=(0, 1, 2), initial=0.0)
     best = np.full((MAX_PARTS + 1, count + 1), np.inf)
     best[0, 0] = 0.0
     before = np.zeros((MAX_PARTS + 1, count + 1), dtype=np.int64)
