@@ -28,15 +28,24 @@ def show(
     ] = None,
 ) -> None:
     """Print what a log or a table of fingerprints holds: layout, channel order, sensors, times, gaps, saturation."""
+    from lidarspectra.errors import MapError, ReadingError
     from lidarspectra.hardware.sensor.identify import order_by_user
     from lidarspectra.hardware.sensor.log_layouts import one_sensor, read_sensor_log, sensors_of
-    from lidarspectra.mapping.localization.fingerprint_files import NETCDF_SUFFIXES
+    from lidarspectra.mapping.localization.fingerprint_files import NETCDF_SUFFIXES, read_fingerprints
 
     if log.suffix in NETCDF_SUFFIXES:
-        _show_fingerprints(log, plot)
+        _show_fingerprints(read_fingerprints(log), plot)
         return
     order = order_by_user(header) if header is not None else None
-    held = read_sensor_log(log, order=order, columns=columns_given(columns))
+    try:
+        held = read_sensor_log(log, order=order, columns=columns_given(columns))
+    except ReadingError as error:  # a wide table of sensors with few channels is no log, but `localize` takes it
+        try:
+            table = read_fingerprints(log)
+        except MapError:
+            raise error from None
+        _show_fingerprints(table, plot)
+        return
     readings = held.readings if sensor is None else one_sensor(held.readings, sensor, where=str(log))
     for key, value in readings.attrs.items():
         if key != "notes":
@@ -158,14 +167,12 @@ def _percent(share: float) -> str:
     return f"{share:.2g} %" if share > 0 else ""
 
 
-def _show_fingerprints(path: Path, plot: Path | None) -> None:
-    """Summary of a NetCDF file of fingerprints."""
+def _show_fingerprints(table: "xr.Dataset", plot: Path | None) -> None:
+    """Summary of a table of fingerprints."""
     import numpy as np
 
-    from lidarspectra.mapping.localization.fingerprint_files import read_fingerprints
     from lidarspectra.mapping.localization.fingerprint_table import quantity_of
 
-    table = read_fingerprints(path)
     quantity = quantity_of(table)
     labels = set(table["label"].to_numpy().astype(str).tolist())
     say(f"fingerprints: {table.sizes['fingerprint']} at {len(labels)} places, in {quantity}")

@@ -26,8 +26,8 @@ SENSOR_NAMES = (
 LABEL_NAMES = ("label", "loc", "location", "position", "place")
 _FAMILIES: dict[str, Family] = {
     "count": "count", "counts": "count", "raw": "count", "module": "module", "cal": "module", "calibrated": "module",
-    "flag": "flag", "e": "irradiance", "se": "derived", "u": "derived", "su": "derived", "basic": "derived",
-    "basic_se": "derived", "channel": "plain", "ch": "plain", "wavelength": "plain",
+    "flag": "flag", "e": "irradiance", "se": "derived", "sd": "derived", "u": "derived", "su": "derived",
+    "basic": "derived", "basic_se": "derived", "channel": "plain", "ch": "plain", "wavelength": "plain",
 }  # fmt: skip
 _SERIES = re.compile(r"(?P<field>[^{]*?)\s*\{(?P<labels>.*)\}")
 _LABEL = re.compile(r"\s*\"?(?P<key>[\w.]+)\"?\s*[=:]\s*\"?(?P<value>[^\",]*)\"?\s*(?:,|$)")

@@ -1,14 +1,20 @@
 """Wide tables of counts, and the files of positions."""
 
 import gzip
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
+from typer.testing import CliRunner
 
+from lidarspectra.cli.sensor import app
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.localization.fingerprint_files import header_of, parse_frame, read_fingerprints
+from lidarspectra.mapping.localization.fingerprint_table import save_fingerprints
 
+Maker = Callable[..., xr.Dataset]
 HEADER = "s1_w1,s1_w9,s2_w1,s2_w9,loc"
 
 
@@ -26,6 +32,24 @@ def test_channels_are_found_by_name_and_not_by_place(tmp_path: Path) -> None:
     assert by_number["counts"].to_numpy().tolist() == [[[8.0, 153.0], [9.0, 216.0]]]
     assert (by_wavelength["counts"] == by_number["counts"]).all()
     assert by_number["label"].item() == by_wavelength["label"].item() == "0"
+
+
+def test_semicolons_and_tabs_stand_between_channels_too(tmp_path: Path) -> None:
+    commas = read_fingerprints(written(tmp_path, "8,153,,216,a"))
+    for mark in ";\t":
+        other = written(tmp_path, "8,153,,216,a".replace(",", mark), header=HEADER.replace(",", mark), name="b.csv")
+        assert read_fingerprints(other)["counts"].equals(commas["counts"])
+
+
+def test_all_that_localization_reads_is_shown_and_drawn(make_table: Maker, tmp_path: Path) -> None:
+    save_fingerprints(make_table(), tmp_path / "prints.nc")
+    few = written(tmp_path, *(f"{8 + i},153,9,216,p{i}" for i in range(4)))  # two channels a sensor
+    for path, words in ((tmp_path / "prints.nc", "s1"), (few, "4 at 4 places")):
+        picture = tmp_path / f"{path.stem}.png"
+        result = CliRunner().invoke(app, ["show", str(path), "--plot", str(picture)])
+        assert result.exit_code == 0, result.exception
+        assert words in result.output
+        assert picture.stat().st_size > 5000
 
 
 def test_saturated_and_absent_counts_are_missing(tmp_path: Path) -> None:
