@@ -25,6 +25,7 @@ from lidarspectra.mapping.photovoltaics.fit_ahead import AheadOfTime, predict_ah
 from lidarspectra.mapping.photovoltaics.node_day import DAY_H, DAY_S, NodeDay, light_hours
 
 SAID_OUTSIDE = 0.05  # [1] of the readings under light that was not fitted, above which it is said
+SAID_OFFSET = 0.2  # [1] of the mean count, above which the fit's offset is said to be in the current
 BY_DATA_SHEET = "data sheet"
 BY_LOG = "that of the log's irradiances"
 
@@ -323,6 +324,7 @@ def predict_by_fit(fit_file: Path, log: LogChoice, out: Path) -> tuple[Table, tu
             "renew gain and offset ('cells fit --renew'), unless they are the same."
         )
     notes += _outside_notes(float(outside.mean()), "the readings")
+    notes += _offset_notes(saved, float(counts.mean()))
     table = Table(name="predicted-current", caption=caption, frame=summary, formats={"uncertainty [%]": ".1f"})
     return table, tuple(notes)
 
@@ -334,6 +336,21 @@ def _outside_notes(share: float, what: str) -> tuple[str, ...]:
         f"{100.0 * share:.0f} % of {what} lie outside what was fitted (more than {OUTSIDE_FACTOR:g} times as far from "
         "its mean as any fitted reading): the light there differs in colour or level, and the stated error holds less. "
         "Fit a log that covers such light, or renew gain and offset with a few readings there ('cells fit --renew').",
+    )
+
+
+def _offset_notes(saved: SavedFit, mean_count: float) -> tuple[str, ...]:
+    """What is said of a current that no channel explains."""
+    if saved.circuit is None:
+        return ()
+    offset = saved.fit.offset + saved.fit.shift - saved.circuit.dark_count
+    share = offset / max(abs(mean_count - saved.circuit.dark_count), 1.0)
+    if abs(share) <= SAID_OFFSET:
+        return ()
+    return (
+        f"{100.0 * share:.0f} % of the current is the fit's offset ({offset:.0f} counts), which no channel explains: "
+        "the converter's zero, which is no current, or light that the sensor does not see. Cover the cell once, and "
+        "fit again with that count as --dark.",
     )
 
 

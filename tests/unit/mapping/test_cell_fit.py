@@ -169,6 +169,20 @@ def test_from_a_log_to_a_file_and_to_currents_beside_another_log(tmp_path: Path)
     assert "Renewed with 3 readings" in call("fit", other, "--column", 1, "--renew", fit, "--count", 3)
 
 
+def test_an_offset_that_no_light_explains_is_said_to_be_in_the_current(tmp_path: Path) -> None:
+    light = mixed_light(120, 1)
+    log = log_file(tmp_path / "log.csv", light, counted(light, 300.0, 3))
+    fit, out = tmp_path / "cell.json", tmp_path / "currents.csv"
+    circuit = ("--reference", 1.1, "--shunt", 10, "--amplification", 20)
+    call("fit", log, "--column", 1, "--out", fit, *circuit)
+    assert "as --dark" in call("predict", log, "--cell", fit, "--out", out)
+    with_offset = pd.read_csv(out)["current_A"].mean()
+    call("fit", log, "--column", 1, "--out", fit, *circuit, "--dark", 300)
+    assert "as --dark" not in call("predict", log, "--cell", fit, "--out", out)
+    taken_off = with_offset - pd.read_csv(out)["current_A"].mean()
+    assert taken_off == pytest.approx(300.0 * CIRCUIT.ampere_per_count, rel=0.02)
+
+
 def test_predict_takes_what_sensor_convert_writes(tmp_path: Path) -> None:
     from lidarspectra.cli.sensor import app as sensor
 
