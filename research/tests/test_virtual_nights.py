@@ -1,5 +1,7 @@
 """Virtual nights: people take light where they stand, and nights differ as their settings say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,3 +58,16 @@ def test_a_night_is_a_table_of_fingerprints_with_places(office: Office) -> None:
     table = as_table(*Night(office, SAME_ROOM, 2, 7).counts(visits), office, "night")
     assert table.sizes["fingerprint"] == 10
     np.testing.assert_allclose(table["position_m"].to_numpy()[0, :2], office.places[0])
+
+
+def test_a_person_who_stands_exactly_at_a_place_reads_alike_in_all_stances(office: Office) -> None:
+    """Beside a sensor, stances differ by noise alone without sway, and by more with it."""
+    beside = office.places[np.linalg.norm(office.places - office.sensors[5, :2], axis=1).argmin()]
+    visit = Visit(label="0", places=(beside,), people=(draw_person(np.random.default_rng(0)),), frames=60)
+    spread = {}
+    for sway_m in (0.0, 0.06):
+        counts, _ = Night(office, replace(STILL, sway_m=sway_m), 1, 7).counts([visit])
+        stances = counts.reshape(3, 20, *counts.shape[1:]).mean(axis=1)
+        bright = stances.min(axis=0) > 30
+        spread[sway_m] = np.abs(np.log(stances[1, bright] / stances[0, bright])).max()
+    assert spread[0.0] < 0.02 < spread[0.06]  # [1] rounding to whole counts is up to 1.7 % of 30

@@ -6,8 +6,8 @@ half of the window becomes part of the reference.
 
 In the first minutes one stay can be more than half of all frames. A body takes light from most of the sensors that it
 changes, so that of a sensor's few levels until then the higher ones are the empty room's: the reference begins at an
-upper quantile, and comes down to the median until half of the window is full. Quantiles are of means over a few frames,
-whose noise and rounding would otherwise lift them above the level.
+upper quantile, and is the median once half of the window is full. Quantiles are of means over a few frames, whose
+noise and rounding would otherwise lift them above the level.
 """
 
 from collections import deque
@@ -22,8 +22,7 @@ from lidarspectra.mapping.localization.features import known_mean, known_quantil
 WINDOW_FRAMES, FIRST_FRAMES = 600, 60  # ten minutes and one, at a reading a second
 REFRESH_FRAMES = 10  # a running median over hundreds of frames does not change faster
 MEANS_AT_FIRST = 6  # of frames, over which the first quantile is taken
-FIRST_QUANTILE = 0.9  # [1] of the first frames, and
-SETTLED_SHARE = 0.5  # [1] of the window, from which on it is the median: both chosen on virtual offices 2 to 5
+FIRST_QUANTILE, SETTLED_SHARE = 0.9, 0.5  # [1] chosen on virtual offices 2 to 5: research.benchmarks.localization_tried
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,16 +35,28 @@ class MedianWindow:
         Number of latest frames. They must span much more time than a person stays at one place.
     first : int
         Number of frames from which on the median is used.
+    first_quantile : float
+        The quantile after that number of frames, 0.5 or more. [0-1]
+    settled_share : float
+        Share of the window from which on it is the median. [0-1]
     """
 
     frames: int = WINDOW_FRAMES
     first: int = FIRST_FRAMES
+    first_quantile: float = FIRST_QUANTILE
+    settled_share: float = SETTLED_SHARE
 
     def __post_init__(self) -> None:
         if not 1 <= self.first <= self.frames:
             raise MapError(
                 expected="a window of one frame or more, its first part no longer",
                 found=f"window {self.frames}, first {self.first}",
+                where="running median",
+            )
+        if not (0.5 <= self.first_quantile < 1.0 and 0.0 <= self.settled_share <= 1.0):
+            raise MapError(
+                expected="a first quantile from 0.5 to below 1, a share from 0 to 1",
+                found=f"{self.first_quantile:g} and {self.settled_share:g}",
                 where="running median",
             )
 
@@ -55,16 +66,16 @@ class MedianWindow:
         return max(1, min(REFRESH_FRAMES, self.first // MEANS_AT_FIRST))
 
     def quantile(self, frames: int) -> float:
-        """The quantile that stands for the empty room after so many frames: the median from half a window on [0-1].
+        """The quantile that stands for the empty room after so many frames [0-1]; it falls to the median, linearly.
 
         Parameters
         ----------
         frames : int
             `first` or more.
         """
-        settled = max(SETTLED_SHARE * self.frames, self.first)
+        settled = max(self.settled_share * self.frames, self.first)
         left = (settled - frames) / (settled - self.first) if frames < settled else 0.0
-        return 0.5 + (FIRST_QUANTILE - 0.5) * left
+        return 0.5 + (self.first_quantile - 0.5) * left
 
 
 class RunningMedian:

@@ -39,6 +39,12 @@ def test_the_first_reference_is_a_higher_quantile_and_comes_down_to_the_median()
     assert MedianWindow(frames=9, first=9).quantile(9) == 0.5  # half of the window is full at once
 
 
+@pytest.mark.parametrize(("quantile", "share"), [(0.4, 0.5), (1.0, 0.5), (0.8, 1.2)])
+def test_a_window_that_is_no_upper_quantile_is_refused(quantile: float, share: float) -> None:
+    with pytest.raises(MapError, match="first quantile"):
+        MedianWindow(first_quantile=quantile, settled_share=share)
+
+
 def test_who_stays_for_more_than_half_of_the_first_minute_is_not_part_of_the_empty_room() -> None:
     """One sensor is a tenth darker for 40 of the first 60 frames, another for the other 20."""
     frames = np.full((60, 2, 1), 100.0)
