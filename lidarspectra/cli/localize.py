@@ -165,7 +165,7 @@ def live(
     settings = LiveSettings(method=method, window=median, average=average, always_one=always_one)
     rows = [",".join(TRACK_COLUMNS) + "\n"]
     with until_interrupted() as stopped:
-        given = live_frames(sources, period_s=period, max_age_s=max_age, stop=stopped, baud=baud)
+        given = live_frames(sources, period_s=period, max_age_s=max_age, stop=stopped, baud=baud, on_note=print_note)
         for number, fix in enumerate(follow(model, given, settings=settings, empty=empty)):
             x, y = fix.position_m
             where = f"  ({x:.2f}, {y:.2f}) ± {fix.spread_m:.2f} m" if math.isfinite(x) else ""

@@ -17,9 +17,10 @@ import numpy as np
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.errors import DeviceError, LidarSpectraError, MapError
+from lidarspectra.errors import DeviceError, LidarSpectraError, MapError, ReadingError
 from lidarspectra.hardware.sensor.drivers import LineSplitter
 from lidarspectra.hardware.sensor.log_layouts import one_sensor, read_sensor_log, sensors_of
+from lidarspectra.hardware.sensor.log_times import MIN_UNIX_S
 from lidarspectra.hardware.sensor.reading_log import Entry, LogWriter
 from lidarspectra.hardware.sensor.recorder import RecordOptions, record
 from lidarspectra.hardware.sensor.sensor_records import Reading
@@ -118,7 +119,9 @@ def frames_of_lines(port: Port, *, baud: int | None = None, clock: Clock | None 
         link.close()
 
 
-def replay_logs(logs: Mapping[str, Path], *, period_s: float, max_age_s: float) -> Iterator[Frame]:
+def replay_logs(
+    logs: Mapping[str, Path], *, period_s: float, max_age_s: float, on_note: Callable[[str], None] = lambda note: None
+) -> Iterator[Frame]:
     """Frames from a log of each sensor, at a fixed rate.
 
     Parameters
@@ -129,22 +132,25 @@ def replay_logs(logs: Mapping[str, Path], *, period_s: float, max_age_s: float) 
         Time between frames. [s]
     max_age_s : float
         Older readings are missing. [s]
+    on_note : callable
+        Hears what was left out of a log, a sentence at a time.
 
     Raises
     ------
     ReadingError
-        If a log cannot be read.
+        If a log cannot be read, or has no counts.
     MapError
-        If a log has no times.
+        If a log has no times, or each log those of another clock.
     """
     assembler = FrameAssembler(tuple(logs), max_age_s=max_age_s)
     readings: list[tuple[float, str, FloatArray]] = []
     for name, path in logs.items():
         held = read_sensor_log(path).readings
         log = one_sensor(held, name if len(sensors_of(held)) > 1 else None, where=f"{path}, for {name}")
+        for note in str(held.attrs.get("notes", "")).splitlines():
+            on_note(f"{name}: {note}")
         times = log["unix_s"].to_numpy()
-        if not np.isfinite(times).all():
-            raise MapError(expected="a log with times", found="readings without", where=str(path))
+        _require_counts_in_time(log, path, has_own_clock=len(set(logs.values())) > 1)
         readings += [(float(t), name, row) for t, row in zip(times, log["counts"].to_numpy(), strict=True)]
     readings.sort(key=lambda reading: reading[0])
     due_s = readings[0][0] + period_s
@@ -154,6 +160,22 @@ def replay_logs(logs: Mapping[str, Path], *, period_s: float, max_age_s: float) 
             due_s += period_s
         assembler.take(name, time_s, counts)
     yield assembler.frame(due_s)
+
+
+def _require_counts_in_time(log: xr.Dataset, path: Path, *, has_own_clock: bool) -> None:
+    """Raise unless a log has counts, and times that go together with those of the other logs."""
+    times = log["unix_s"].to_numpy()
+    if not np.isfinite(times).all():
+        raise MapError(expected="a log with times", found="readings without", where=str(path))
+    if has_own_clock and float(times.min()) < MIN_UNIX_S:
+        raise MapError(
+            expected="times with a date, since each sensor has a log of its own",
+            found="times from a start, or of day",
+            where=str(path),
+            todo="Record with 'lidarspectra sensor record' or 'sensor nodes', which stamp readings by one clock.",
+        )
+    if not np.isfinite(log["counts"].to_numpy()).any():
+        raise ReadingError(expected="counts", found="no counts, but values of another kind", where=str(path))
 
 
 def frames_of_ports(

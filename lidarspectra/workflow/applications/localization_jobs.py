@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -230,7 +230,13 @@ def score_nights(
 
 
 def live_frames(
-    sources: Sequence[str], *, period_s: float, max_age_s: float, stop: Stop, baud: int | None = None
+    sources: Sequence[str],
+    *,
+    period_s: float,
+    max_age_s: float,
+    stop: Stop,
+    baud: int | None = None,
+    on_note: Callable[[str], None] = lambda note: None,
 ) -> Iterator[Frame]:
     """Frames from what the user named.
 
@@ -238,7 +244,7 @@ def live_frames(
     ----------
     sources : sequence of str
         One FILE or PORT of wide lines; or SENSOR=LOG for each sensor, or SENSOR=PORT for each.
-    period_s, max_age_s, stop, baud
+    period_s, max_age_s, stop, baud, on_note
         See `mapping.localization.frames`.
 
     Raises
@@ -261,7 +267,7 @@ def live_frames(
     are_files = {Path(place).is_file() for place in named.values()}
     if are_files == {True}:
         logs = {sensor: Path(place) for sensor, place in named.items()}
-        return replay_logs(logs, period_s=period_s, max_age_s=max_age_s)
+        return replay_logs(logs, period_s=period_s, max_age_s=max_age_s, on_note=on_note)
     if are_files == {False}:
         ports = {sensor: SerialPort(place) for sensor, place in named.items()}
         options = RecordOptions(baud=baud)

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from lidarspectra.errors import DeviceError, MapError
+from lidarspectra.errors import DeviceError, MapError, ReadingError
+from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.identify import Wishes
+from lidarspectra.hardware.sensor.log_times import SINCE_START
 from lidarspectra.hardware.sensor.readings import make_readings, write_readings
 from lidarspectra.hardware.sensor.recorder import RecordOptions
 from lidarspectra.hardware.sensor.serial_link import SerialPort
@@ -88,15 +90,31 @@ def test_a_recorded_table_is_replayed_in_its_order(make_table: Maker, tmp_path: 
 def test_logs_of_single_sensors_become_frames_and_old_readings_are_missing(tmp_path: Path) -> None:
     for name, times in (("a", [0.0, 1.0, 2.0, 3.0]), ("b", [0.5, 1.5])):
         counts = np.repeat(np.array(times)[:, None] + 100.0, 18, axis=1)
-        readings = make_readings(unix_s=1000.0 + np.array(times), counts=counts, gain=16.0, integration_ms=165.2)
+        readings = make_readings(unix_s=1.7e9 + np.array(times), counts=counts, gain=16.0, integration_ms=165.2)
         write_readings(readings, tmp_path / f"{name}.csv")
     logs = {name: tmp_path / f"{name}.csv" for name in "ab"}
     frames = list(replay_logs(logs, period_s=1.0, max_age_s=1.0))
-    told = [(frame.time_s - 1000.0, frame.table["counts"].to_numpy()[0, :, 0].tolist()) for frame in frames]
+    told = [(frame.time_s - 1.7e9, frame.table["counts"].to_numpy()[0, :, 0].tolist()) for frame in frames]
     assert told[0] == (1.0, [101.0, 100.5])
     assert told[1] == (2.0, [102.0, 101.5])
     assert told[2][1][0] == 103.0
     assert np.isnan(told[2][1][1])  # sensor b fell silent
+
+
+def test_logs_of_boards_own_clocks_or_without_counts_make_no_frames(tmp_path: Path) -> None:
+    row = ",".join(str(count) for count in range(100, 118))
+    for name in "ab":
+        text = f"time_ms,{','.join(CHANNEL_LABELS)}\n" + "".join(f"{1000 * i},{row}\n" for i in range(3))
+        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
+    logs = {name: tmp_path / f"{name}.csv" for name in "ab"}
+    with pytest.raises(MapError, match="times with a date"):
+        next(replay_logs(logs, period_s=1.0, max_age_s=1.0))
+    notes: list[str] = []
+    assert next(replay_logs({"a": logs["a"]}, period_s=1.0, max_age_s=1.0, on_note=notes.append)).time_s == 1.0
+    assert notes == [f"a: {SINCE_START}"]
+    logs["a"].write_text(logs["a"].read_text(encoding="utf-8").replace("100,", "100.5,"), encoding="utf-8")
+    with pytest.raises(ReadingError, match="no counts"):  # the module's values
+        next(replay_logs({"a": logs["a"]}, period_s=1.0, max_age_s=1.0))
 
 
 def test_ports_of_single_sensors_become_frames(tmp_path: Path) -> None:
