@@ -15,6 +15,7 @@ reference is only a few counts are left out, since one count is then more than a
 The channels are averaged because a body takes light in all of them and clothes tint what is left: by how much a sensor
 changes tells where somebody stands, in which colours it changes tells what they wear. On virtual nights, where another
 person comes than the one who was learned, every locator is right more often so than with a feature for each channel.
+Where lamps and walls differ in colour, as in traced rooms, channels tell more than that (docs/howto-localize.md).
 """
 
 from dataclasses import dataclass
