@@ -30,8 +30,8 @@ from unittest.mock import patch
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray
-from lidarspectra.geometry.appearance import Appearance, LinearLight
+from lidarspectra.arrays import BoolArray, FloatArray, SmallFloatArray
+from lidarspectra.geometry.appearance import NEUTRAL_COLOR, PHOTOGRAPHED, Appearance, LinearLight
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.captures import read_capture
 from lidarspectra.hardware.phone.orientation import upright_rotation
@@ -48,7 +48,7 @@ from lidarspectra.material.frames.frame_colors import FrameColors, color_from_fr
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
-from lidarspectra.spectra.colorimetry import encode_srgb, xyz_to_linear_srgb
+from lidarspectra.spectra.colorimetry import xyz_to_linear_srgb
 from lidarspectra.spectra.databases import load_reflectances, tristimulus_table
 from lidarspectra.workflow.materials import delighting
 from lidarspectra.workflow.materials.delighting import take_light_out, with_light_uncertainty
@@ -111,11 +111,25 @@ def with_true_radiance(case: Case, colors: FrameColors) -> Scan:
     exact = LinearLight(
         power_deviation=0.0, shoulder_deviation=0.0, face_deviation=nothing, face_cut=windows.astype(np.float64)
     )
+    image, corner_uv = _texel_each(scale * light)
     appearance = Appearance(
-        images=(), face_image=np.full(count, -1), corner_uv=np.zeros((count, 3, 2)),
-        corner_color=np.repeat(encode_srgb(scale * light)[:, None], 3, axis=1), linear=exact,
+        images=(image,), face_image=np.zeros(count, dtype=np.int64), corner_uv=corner_uv,
+        corner_color=np.full((count, 3, 3), NEUTRAL_COLOR), color_source=np.full(count, PHOTOGRAPHED), linear=exact,
     )  # fmt: skip
     return replace(scan, appearance=appearance)
+
+
+def _texel_each(light: FloatArray) -> tuple[SmallFloatArray, FloatArray]:
+    """Linear texture with one texel for each of (face, 3) colours, and (face, 3, 2) places in it.
+
+    Colours of corners end at white, which lamps are beyond.
+    """
+    size = int(np.ceil(np.sqrt(len(light))))
+    image = np.zeros((size * size, 3), dtype=np.float32)
+    image[: len(light)] = light
+    row, column = np.divmod(np.arange(len(light)), size)
+    uv = np.stack([(column + 0.5) / size, 1.0 - (row + 0.5) / size], axis=1)
+    return image.reshape(size, size, 3), np.repeat(uv[:, None], 3, axis=1)
 
 
 def error_where(found: MaterialMap, case: Case, chosen: BoolArray) -> tuple[float, float]:

@@ -1,0 +1,79 @@
+"""Where the reflectance error of frames comes from: one scan, its light taken out of colours of several origins.
+
+    python -m research.scenes.frames FOLDER
+    python -m research.benchmarks.frame_causes FOLDER [--only office-day-1 ...]
+
+Of each scan, over the faces that some frame saw, the area-weighted mean of the absolute and of the signed error of the
+faces' colours after the light is taken out (linear sRGB, before materials are matched): by the app's texture, by the
+texture that an app blends from these very frames, by the frames, by the frames without bright patches of less than
+`LARGE_M2` that are taken for sources of light, and by the true radiance of every face.
+"""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.hardware.phone.captures import read_capture
+from lidarspectra.hardware.phone.orientation import upright_rotation
+from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.delighting.unknown_light import UnknownSource, find_unknown_sources
+from lidarspectra.material.frames.frame_colors import color_from_frames
+from lidarspectra.room.room import find_room
+from lidarspectra.workflow.materials import delighting
+from lidarspectra.workflow.materials.delighting import take_light_out
+from research.benchmarks.blended_texture import blended
+from research.benchmarks.delighting import Case, read_case, true_colors
+from research.benchmarks.frames import with_true_radiance
+from research.scenes.frames import FRAMES
+
+LARGE_M2 = 0.5  # [m²] a window is larger; paper on a desk that all frames show cut at white is not
+
+
+def large_sources(scan: Scan, bright: BoolArray) -> tuple[UnknownSource, ...]:
+    """Bright patches that are taken for sources, but for small ones."""
+    found = find_unknown_sources(scan, bright)
+    return tuple(source for source in found if scan.areas[source.faces].sum() > LARGE_M2)
+
+
+def causes(folder: Path) -> None:
+    """Print a scan's rows."""
+    case = read_case(folder)
+    frames = tuple(frame.moved(upright_rotation("+y")) for frame in read_capture(folder / FRAMES).frames)
+    colors = color_from_frames(case.scan, frames)
+    seen = surface_colors(case.scan)[1] & colors.face_seen
+    _row(case, case.scan, seen, "texture")
+    _row(case, colors.scan, seen, "frames")
+    with patch.object(delighting, "find_unknown_sources", large_sources):
+        _row(case, colors.scan, seen, "frames, large sources")
+    _row(case, with_true_radiance(case, colors), seen, "true radiance")
+    _row(case, blended(case.scan, frames), seen, "blended texture")
+
+
+def _row(case: Case, scan: Scan, seen: BoolArray, kind: str) -> None:
+    found = take_light_out(scan, find_room(scan), case.lamps)
+    if found.face_color is None:
+        print(f"{case.folder.name:18s} {kind:22s} {found.warnings[0]}", flush=True)
+        return
+    apart, areas = (found.face_color - true_colors(case))[seen], case.scan.areas[seen]
+    error, bias = (float(np.average(each.mean(axis=1), weights=areas)) for each in (np.abs(apart), apart))
+    print(f"{case.folder.name:18s} {kind:22s} error {error:.4f} bias {bias:+.4f}   {found.words}", flush=True)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--only", nargs="+", default=[""], help="scans whose names begin so")
+    given = parser.parse_args(arguments)
+    for folder in sorted(given.folder.iterdir()):
+        if (folder / FRAMES).is_dir() and folder.name.startswith(tuple(given.only)):
+            causes(folder)
+
+
+if __name__ == "__main__":
+    main()
