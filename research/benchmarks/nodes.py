@@ -10,6 +10,7 @@ Told are the size, the processor time, how long the restart takes, which rows ar
 
 import argparse
 import csv
+import resource
 import tempfile
 import time
 from pathlib import Path
@@ -21,6 +22,7 @@ from lidarspectra.hardware.incoming.arrivals import Arrival
 from lidarspectra.hardware.incoming.growing_log import GrowingLog
 from lidarspectra.hardware.incoming.node_clocks import NodeClock
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
+from lidarspectra.hardware.sensor.log_layouts import read_sensor_log
 
 START_S = 1_780_272_000.0  # [s] a day's beginning, UTC
 MAX_DRIFT = 100e-6  # [1] of a node's clock
@@ -96,6 +98,9 @@ def main() -> None:
         began = time.process_time()
         read = sum(1 for path in files for _ in GrowingLog(path, sensor="").past())
         reading_s = time.process_time() - began
+        began = time.process_time()
+        held = sum(read_sensor_log(path).readings.sizes["reading"] for path in files)
+        shown_s = time.process_time() - began
         first = next(csv.DictReader(files[0].open(encoding="utf-8")))
     began = time.process_time()
     found = [clock.status for clock in clocks.values()]
@@ -106,6 +111,8 @@ def main() -> None:
     print(f"writing and clocks: {writing_s:.0f} s of processor time, {1e6 * writing_s / count:.0f} µs a reading, "
           f"{100 * writing_s / seconds:.2f} % of a core")  # fmt: skip
     print(f"read back: {reading_s:.0f} s; {read} readings whole, {count - read} lost with the cut")
+    print(f"as a log, for 'sensor show' and 'cells': {shown_s:.0f} s of processor time; {held} readings; "
+          f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB of memory at most")  # fmt: skip
     print(f"restart after the cut, to the first reading on disk: {1e3 * restart_s:.1f} ms")
     print(f"drift: root mean square error {np.sqrt(np.mean(errors**2)):.2f} ppm of up to {1e6 * MAX_DRIFT:.0f}, "
           f"largest {np.abs(errors).max():.2f}; told in {told_s:.1f} s")  # fmt: skip

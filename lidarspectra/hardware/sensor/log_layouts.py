@@ -32,6 +32,7 @@ from lidarspectra.hardware.sensor.as7265x import (
 )
 from lidarspectra.hardware.sensor.at_capture import at_capture
 from lidarspectra.hardware.sensor.log_objects import table_of_objects
+from lidarspectra.hardware.sensor.log_recordings import recording
 from lidarspectra.hardware.sensor.log_series import value_rows
 from lidarspectra.hardware.sensor.log_tables import columns_seen, headed_table, how_to_name
 from lidarspectra.hardware.sensor.log_text import log_text, plain_rows, table_of, take_stamps
@@ -98,6 +99,9 @@ def read_sensor_log(
     ReadingError
         If it cannot be read, holds no reading, or does not state which number is which channel.
     """
+    kept = recording(path) if columns is None else None
+    if kept is not None:
+        return _with_settings(_log(kept), settings)
     text, left_out = log_text(path), ""
     text, left_out = table_of_objects(text) or (text, left_out)
     found = _log_of_text(text, path, order, settings, columns)

@@ -13,7 +13,6 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import (
     ASCENDING_LETTERS,
     CHANNEL_COUNT,
-    CHANNEL_LABELS,
     mask_counts,
     mask_module_values,
 )
@@ -34,7 +33,6 @@ from lidarspectra.hardware.sensor.log_times import MIN_UNIX_S, parse_times
 from lidarspectra.hardware.sensor.readings import make_readings, with_irradiance
 
 MAX_SENSORS = 64  # whose names take turns in a column; more values are readings of something else
-KEPT_COLUMNS = ("utc", "unix_s", "sensor", "lux", *(f"E_{label}" for label in CHANNEL_LABELS))  # of `ArrivalLog`
 UNNAMED = "unnamed"  # a sensor whose cell in the column of names is empty
 _CELL = re.compile(r"(?:cell|solar|adc)_?(\d+)", re.IGNORECASE)
 
@@ -256,8 +254,6 @@ class _Columns:
         }
         left = [name for name in self._table.names if name not in self._used and not re.match(r"ignore \d+$", name)]
         left = [name for name in left if name in doubled or not _is_derived(name)]
-        if set(KEPT_COLUMNS) <= set(self._table.names):
-            left = []  # a recording of this package: all else in it is told from those that are used
         if not left:
             return []
         notes = [

@@ -170,11 +170,15 @@ def test_the_recording_is_read_and_drawn_and_says_where_the_counts_are(tmp_path:
     for number, row in enumerate(light.tolist()):
         values = dict(zip(CHANNEL_LABELS, row, strict=True))
         log.write([Arrival(sensor="ab"[number % 2], values=values, unix_s=1.7e9 + number)])
+        log.write([Arrival(sensor="meter", values={"lux": 7.0}, unix_s=1.7e9 + number)])
     log.close()
     (path,) = tmp_path.glob("*.csv")
+    path.write_bytes(path.read_bytes() + b"2023-11-14T22:13:26.000Z,170000")  # and there the power was cut
     readings = read_sensor_log(path).readings
     assert sensors_of(readings) == ("a", "b")
-    assert readings.attrs["notes"] == ""
+    cut, without = readings.attrs["notes"].splitlines()
+    assert "1 rows were left out, since they were cut" in cut
+    assert "6 rows without channels" in without
     one = one_sensor(readings, "b")
     assert one["irradiance"].to_numpy() == pytest.approx(light[1::2], rel=1e-6)
     beside = beside_cell(LogChoice(path=path, sensor="b"))
