@@ -5,9 +5,10 @@ A wide table has one row per reading of all sensors, and one column per channel,
     s1_410, s1_435, ...   by the channel's wavelength in nm
     s1_w1, s1_w2, ...     by the channel's number, counted by wavelength: w1 is 410 nm, w18 is 940 nm
 
-An empty cell, and a count of 65535, are missing readings. A column `label` (or `loc`, `location`, `position`) names
-the place of the person, `time_s` the time. Rows with the label `empty` are readings of the empty room; their mean
-becomes the table's `empty`. A second file with the columns name, x, y and z has the places' coordinates in metres.
+Commas, semicolons or tabs stand between columns. An empty cell, and a count of 65535, are missing readings. A column
+`label` (or `loc`, `location`, `position`, `place`) names the place of the person, `time_s` the time. Rows with the
+label `empty` are readings of the empty room; their mean becomes the table's `empty`. A second file with the columns
+name, x, y and z has the places' coordinates in metres.
 """
 
 import gzip
