@@ -63,7 +63,7 @@ def _numbers(header: str, lines: list[str]) -> pd.DataFrame:
     table = pd.read_csv(io.StringIO(header + "".join(lines)), usecols=list(COLUMNS), dtype={"sensor": "category"})
     numbers = table[["unix_s", *CHANNEL_COLUMNS]].apply(pd.to_numeric, errors="coerce").astype(np.float64)
     numbers["sensor"] = table["sensor"].astype(str)
-    return numbers[numbers["unix_s"] >= MIN_UNIX_S]
+    return pd.DataFrame(numbers[numbers["unix_s"] >= MIN_UNIX_S])
 
 
 def _readings(table: pd.DataFrame, path: Path, notes: list[str]) -> xr.Dataset:
