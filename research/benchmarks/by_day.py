@@ -1,14 +1,14 @@
 """Reflectances and maps from scans taken by day, in mixed light, with blinds half drawn, lamps off.
 
     python -m research.scenes.by_day FOLDER
-    python -m research.benchmarks.by_day FOLDER [--only office-day ...] [--raw]
+    python -m research.benchmarks.by_day FOLDER [--only office-day ...] [--raw] [--no-map]
 
 Of each scan in the folder: area-weighted mean of the absolute reflectance error and of its signed one (linear sRGB),
 the map by the lamps alone against the true room's, how many surfaces (by area, over 400 to 700 nm) lie within one and
 two stated deviations; the map's stated uncertainty, lamps known exactly, and the shares of its points and channels
 within one and two of it; by how much each part's level is off, of what is stated; processor time of taking the light
 out, and what the run says. Scans with cards have rows with one of them and with both told. `--raw`: with the light left
-in.
+in. `--no-map`: reflectances alone, without the traces, which take most of the time.
 """
 
 import argparse
@@ -50,8 +50,8 @@ from research.benchmarks.delighting import (
 )
 
 HEADER = (
-    f"{'scan':24s} {'':5s} {'error':>6s} {'bias':>7s} {'NRMSE':>6s} {'median':>7s} {'bias':>8s} "
-    f"{'one':>6s} {'two':>6s} {'stated':>7s} {'one':>6s} {'two':>6s} {'time':>6s}"
+    f"{'scan':24s} {'':5s} {'error':>6s} {'bias':>7s} {'one':>6s} {'two':>6s} "
+    f"{'NRMSE':>6s} {'median':>7s} {'bias':>8s} {'stated':>7s} {'one':>6s} {'two':>6s} {'time':>6s}"
 )
 
 
@@ -110,14 +110,27 @@ def levels(found: MaterialMap, case: Case) -> str:
     return ", ".join(f"{name} {100 * off:+.1f} of {100 * deviation:.1f} %" for name, off, deviation in pairs)
 
 
-def run(folder: Path, references: dict[int, Light], *, raw: bool) -> None:
-    """Print a scan's rows."""
+def map_cells(found: MaterialMap, case: Case, reference: Light | None) -> str:
+    """How far the map by the lamps alone is from the true room's, and within what it states; blank without one."""
+    if reference is None:
+        return " " * 48
+    transport = traced(case.scan, found, case)
+    errors = compare_maps(light_of(transport).irradiance, reference.irradiance)
+    stated, one, two = coverage_of_map(found, case, transport, reference)
+    return (
+        f"{errors.nrmse_all:6.3f} {errors.mape_median:5.1f} % {errors.bias_percent:+6.1f} % "
+        f"{100 * stated:5.1f} % {100 * one:4.0f} % {100 * two:4.0f} %"
+    )
+
+
+def run(folder: Path, references: dict[int, Light] | None, *, raw: bool) -> None:
+    """Print a scan's rows; the true rooms' light is kept, and None does without maps."""
     case = read_case(folder)
     # The same for all scans of a room with the same windows and points.
     key = hash(((folder / "plan.toml").read_bytes(), (folder / "truth" / "points.csv").read_bytes()))
-    if key not in references:
+    if references is not None and key not in references:
         references[key] = true_light(case)
-    reference = references[key]
+    reference = None if references is None else references[key]
     views = render_views(case.scan, settings=ViewSettings(width=128, height=128))
     library = load_reflectances()
     start = time.process_time()
@@ -137,15 +150,11 @@ def run(folder: Path, references: dict[int, Light], *, raw: bool) -> None:
     if raw:
         maps["raw"] = estimate_materials(case.scan, views, library=library)
     for name, materials in maps.items():
-        transport = traced(case.scan, materials, case)
-        errors = compare_maps(light_of(transport).irradiance, reference.irradiance)
         one, two = coverage(materials, case)
-        stated, map_one, map_two = coverage_of_map(materials, case, transport, reference)
         print(
             f"{folder.name:24s} {name:5s} {reflectance_errors(materials, case)[0]:6.3f} "
-            f"{reflectance_bias(materials, case):+7.3f} {errors.nrmse_all:6.3f} {errors.mape_median:5.1f} % "
-            f"{errors.bias_percent:+6.1f} % {100 * one:4.0f} % {100 * two:4.0f} % {100 * stated:5.1f} % "
-            f"{100 * map_one:4.0f} % {100 * map_two:4.0f} % {took:4.0f} s",
+            f"{reflectance_bias(materials, case):+7.3f} {100 * one:4.0f} % {100 * two:4.0f} % "
+            f"{map_cells(materials, case, reference)} {took:4.0f} s",
             flush=True,
         )
         print(f"  levels off: {levels(materials, case)}")
@@ -159,8 +168,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", nargs="+", default=[""], help="scans whose names begin so")
     parser.add_argument("--raw", action="store_true")
+    parser.add_argument("--no-map", action="store_true")
     given = parser.parse_args(arguments)
-    references: dict[int, Light] = {}
+    references: dict[int, Light] | None = None if given.no_map else {}
     print(HEADER)
     for folder in sorted(given.folder.iterdir()):
         if (folder / "scan.glb").is_file() and folder.name.startswith(tuple(given.only)):

@@ -38,6 +38,8 @@ DARK = 0.05  # [1] luminance of a surface that is nearly black
 UNSEEN_FROM_NM = 710.0  # [nm]
 COMPARED = np.isin(COLOR_GRID_NM, np.arange(PROTOCOL_NM[0], PROTOCOL_NM[1] + 1.0, 10.0))
 SEEN, UNSEEN = COMPARED & (COLOR_GRID_NM < UNSEEN_FROM_NM), COMPARED & (COLOR_GRID_NM >= UNSEEN_FROM_NM)
+NORMAL_SHARES = (0.6827, 0.9545)  # [1] of a normal law within one and two deviations
+SCALES = (0.7, 0.85, 1.2)  # [1] of other deviations that might be stated
 SMALLEST = 1e-3  # [1] a percentage error of less than a tenth of a per cent of the light says nothing
 
 Method = Callable[[int], FloatArray]
@@ -203,6 +205,18 @@ def print_coverage(words: str, library: ReflectanceLibrary, among: ReflectanceLi
     for kind, chosen in {"all": np.ones_like(is_dark), f"below {DARK}": is_dark}.items():
         shares = [f"{(some[chosen][:, part] <= times).mean():4.0%}" for part in (SEEN, UNSEEN) for times in (1, 2)]
         print(f"{words}, {kind}: within one and two {' '.join(shares[:2])}, beyond 700 nm {' '.join(shares[2:])}")
+    print(f"{words}: {shape_of_errors(some[:, SEEN])}")
+
+
+def shape_of_errors(off: FloatArray) -> str:
+    """How far absolute errors over stated deviations are from the normal law, and what other deviations would hold."""
+    one, two = np.quantile(off, NORMAL_SHARES)
+    kurtosis = float((off**4).mean() / (off**2).mean() ** 2)
+    scales = ", ".join(f"x {scale:g} {(off <= scale).mean():.0%} {(off <= 2 * scale).mean():.0%}" for scale in SCALES)
+    return (
+        f"to 700 nm {NORMAL_SHARES[0]:.0%} within {one:.2f}, {NORMAL_SHARES[1]:.0%} within {two:.2f} deviations, ratio "
+        f"{two / one:.1f} (normal 2), kurtosis {kurtosis:.0f} (normal 3); deviations {scales}"
+    )
 
 
 def office() -> None:

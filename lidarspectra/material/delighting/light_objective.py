@@ -40,9 +40,13 @@ LAMP_SEEN_DEVIATION = (
     0.15  # [1] of the log of a lamp's radiosity about what frames show: no lamp is quite matt and even
 )
 SOURCE_HUE_DEVIATION = 0.4  # [1] of the log of its cones' ratios over the picture's: daylight among lamps, or lamps
-SKY_LOBES, SKY_LOBES_DEVIATION = (-0.4, -1.3), (0.5, 0.8)  # [1] log low over high sky, ground over high sky: windows
+# [1] log low over high sky, ground over high sky, of windows: half-way between an even sky (0) and an overcast one
+# (-1.1), and ground that reflects .2 to .3 of the sky's light.
+SKY_LOBES, SKY_LOBES_DEVIATION = (-0.55, -1.5), (0.55, 0.8)
 LOBES_DEVIATION = (1.0, 1.0)  # [1] the same of other sources, which may shine in any way
-UPRIGHT_LOBES = np.array([0.25, 0.25, 0.5])  # [1] shares of an upright surface's radiosity in its lobes, if alike
+# [1] shares of an upright surface's radiosity in its lobes, if alike: the mean of |sin h| over cosine-weighted
+# directions is 4/(3 pi).
+UPRIGHT_LOBES = 0.5 * np.array([4.0 / (3.0 * np.pi), 1.0 - 4.0 / (3.0 * np.pi), 2.0])
 CELL_M = 1.0  # [m] of a cluster, in which errors of light and exposure are correlated: a phone's frame shows 1 to 2 m
 BOUND_SHOULDER = 2.3  # [1] of log(1 + s)
 STEP = 1e-3  # [1] of a parameter, for slopes by differences

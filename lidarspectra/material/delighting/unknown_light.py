@@ -3,12 +3,18 @@
 Where a picture is cut at white and no known lamp is near, something shines there: by day a window. How strongly cannot
 be read off a clipped picture, but its light on the other surfaces has a pattern that follows from geometry alone. So
 such a place is a source of unknown strength and colour in the fit (`albedo`), with three lobes that are free of one
-another: light that falls steeply (the high sky, a ceiling's light through a door), light that falls at a low angle (the
-low sky, the facade opposite) and light that rises (the ground outside).
+another: the high sky (a ceiling's light through a door), the low sky (the facade opposite) and the ground outside. Seen
+towards a direction of elevation h, their radiance is
+
+    sin h,    1 - sin h    (h > 0)    and    1    (h < 0),                                                        (1)
+
+so that every sky whose radiance is linear in sin h is in their span: an even one, and Moon and Spencer's overcast one,
+1 + 2 sin h, whose low lobe is a third of the high one.
 
 References
 ----------
-CIE S 011/E:2003, Spatial distribution of daylight (how the radiance of skies depends on height).
+CIE S 011/E:2003, Spatial distribution of daylight (how the radiance of skies depends on height). Moon, Spencer (1942)
+Illumination from a non-uniform sky, Illum. Eng. 37, 707.
 """
 
 from dataclasses import dataclass
@@ -26,10 +32,9 @@ from lidarspectra.material.delighting.light_exchange import cosine_directions
 LINK_M = 0.15  # [m] clipped faces nearer to one another are one source
 MIN_AREA_M2 = 0.06  # [m²] of a source; smaller ones are highlights
 MAX_SOURCES = 6  # largest first; each has five unknowns
-PLACES = 64  # on a source, from which its light is gathered
+PLACES = 256  # on a source, from which its light is gathered
 NEAREST_M = 0.05  # [m] closer, a place's light is taken as from there
 OFF_M = 0.02  # [m] off the mesh, clear of its noise
-STEEP = 0.4  # [1] sine of the height above which light falls steeply
 LOBES = 3
 OPEN_SHARE = 0.01  # [1] of all directions that leave the scan, from which what lies beyond is a source
 OPEN_RAYS = 256  # from a point
@@ -37,6 +42,8 @@ PANE_M2 = 0.25  # [m²] of an upright source from which it is taken for a window
 PANE_DEVIATION = 1.0  # [1] of its logarithm: a blind may be drawn when the map's light burns
 PANE_REFLECTANCE = 0.1  # [1] of a window as the room sees it at night: two panes reflect .15, the dark outside nothing
 VERTICAL = 0.5  # [1] of a normal's height, below which a source is upright, as windows are
+MUCH_LARGER = 2.0  # [1] of areas: the two panes of a window round a corner are alike
+ONE_WAY = 0.5  # [1] cosine between normals, above which two clipped faces may shine as one: a pane's mesh is rough
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,6 +59,8 @@ class UnknownSource:
     area_m2 : float
     open_share : float
         Of what lies beyond the scan: mean share of directions that leave it; 0 for a place on its surface. [0-1]
+    is_beside : bool
+        Whether it touches a much larger source and looks another way: a reveal, a desk, a wall that this one lights.
     """
 
     faces: IntArray
@@ -59,16 +68,22 @@ class UnknownSource:
     normal: FloatArray
     area_m2: float
     open_share: float = 0.0
+    is_beside: bool = False
 
     @property
     def is_upright(self) -> bool:
-        """Whether it may be a window in a wall."""
+        """Whether it stands, as windows do."""
         return bool(abs(self.normal[2]) < VERTICAL)
+
+    @property
+    def may_be_window(self) -> bool:
+        """Whether it may be a window in a wall."""
+        return self.is_upright and not self.is_beside
 
     @property
     def is_pane(self) -> bool:
         """Whether it is taken for the pane of a window."""
-        return self.is_upright and self.area_m2 >= PANE_M2
+        return self.may_be_window and self.area_m2 >= PANE_M2
 
 
 def find_unknown_sources(scan: Scan, clipped: BoolArray) -> tuple[UnknownSource, ...]:
@@ -83,22 +98,20 @@ def find_unknown_sources(scan: Scan, clipped: BoolArray) -> tuple[UnknownSource,
     Returns
     -------
     sources : tuple of UnknownSource
-        Largest first, at most `MAX_SOURCES`.
+        Largest first, at most `MAX_SOURCES`. A desk that is cut at white below a window is a source of its own: it
+        sends its light elsewhere.
     """
     faces = np.flatnonzero(clipped)
     if not faces.size:
         return ()
-    centers = scan.centers[faces]
-    pairs = cKDTree(centers).query_pairs(LINK_M, output_type="ndarray")
-    ones = np.ones(len(pairs))
-    links = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(faces.size, faces.size))
-    _, label = connected_components(links, directed=False)
+    label, together = _shining_parts(scan, faces)
     area = np.bincount(label, weights=scan.areas[faces])
     found = []
     for number in np.argsort(-area)[:MAX_SOURCES]:
         if area[number] < MIN_AREA_M2:
             break
-        own = faces[label == number]
+        member = label == number
+        own, beside = faces[member], np.unique(label[together == together[member.argmax()]])
         weights = scan.areas[own]
         normal = weights @ scan.normals[own]
         found.append(
@@ -107,9 +120,37 @@ def find_unknown_sources(scan: Scan, clipped: BoolArray) -> tuple[UnknownSource,
                 center=np.average(scan.centers[own], axis=0, weights=weights),
                 normal=normal / max(float(np.linalg.norm(normal)), 1e-12),
                 area_m2=float(area[number]),
+                is_beside=bool(area[beside].max() > MUCH_LARGER * area[number]),
             )
         )
     return tuple(found)
+
+
+def _shining_parts(scan: Scan, faces: IntArray) -> tuple[IntArray, IntArray]:
+    """(face,) source that each of some faces belongs to, near one another and looking one way; and which hang together.
+
+    What is too small for a source of its own, as the rough parts of a pane are, belongs to the largest one it hangs
+    together with.
+    """
+    pairs = cKDTree(scan.centers[faces]).query_pairs(LINK_M, output_type="ndarray")
+    normals = scan.normals[faces]
+    level = np.abs(normals[:, 2]) > VERTICAL
+    alike = np.einsum("pc,pc->p", normals[pairs[:, 0]], normals[pairs[:, 1]]) > ONE_WAY
+    alike &= level[pairs[:, 0]] == level[pairs[:, 1]]
+    together, part = _linked(pairs, faces.size), _linked(pairs[alike], faces.size)
+    area = np.bincount(part, weights=scan.areas[faces])
+    group = np.zeros(area.size, dtype=np.int64)
+    group[part] = together
+    largest = np.zeros(int(together.max()) + 1, dtype=np.int64)
+    ascending = np.argsort(area, kind="stable")
+    largest[group[ascending]] = ascending  # the last one written stays
+    return np.where(area >= MIN_AREA_M2, np.arange(area.size), largest[group])[part], together
+
+
+def _linked(pairs: IntArray, count: int) -> IntArray:
+    """(count,) number of the connected component of each."""
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
 
 
 def beyond_scan(open_share: float) -> UnknownSource:
@@ -137,12 +178,11 @@ def opening_patterns(
     Returns
     -------
     patterns : (lobe, point) float
-        Share of cosine-weighted directions that meet nothing, by lobe. [0-1]
+        Share of cosine-weighted directions that meet nothing, weighed by the lobes. [0-1]
     """
     ways = cosine_directions(normals, OPEN_RAYS, generator)
     met = caster.blocked(np.repeat(positions, OPEN_RAYS, axis=0), ways.reshape(-1, 3)).reshape(len(positions), -1)
-    lobe = _lobe(ways[..., 2])
-    return np.stack([(~met & (lobe == number)).mean(axis=1) for number in range(LOBES)])
+    return np.asarray((~met * _lobes(ways[..., 2])).mean(axis=2), dtype=np.float64)
 
 
 def source_patterns(
@@ -169,7 +209,7 @@ def source_patterns(
     Returns
     -------
     patterns : (lobe, point) float
-        Steeply falling, flatly falling, rising light. [1]
+        From the high sky, the low sky, the ground. [1]
     """
     weights = scan.areas[source.faces]
     share = np.cumsum(weights) / weights.sum()
@@ -190,10 +230,12 @@ def source_patterns(
         some = np.flatnonzero(factor > 0)
         blocked = caster.blocked(positions[some], way[some], max_distance=1.0 - 1e-4)
         factor[some[blocked]] = 0.0
-        np.add.at(patterns, (_lobe(toward[:, 2]), np.arange(len(positions))), factor)
+        patterns += factor * _lobes(toward[:, 2])
     return patterns
 
 
-def _lobe(height: FloatArray) -> IntArray:
-    """Lobe of light that comes from directions of this sine of elevation."""
-    return np.where(height > STEEP, 0, np.where(height > 0, 1, 2)).astype(np.int64)
+def _lobes(height: FloatArray) -> FloatArray:
+    """(lobe, ...) radiance of each lobe towards directions of this sine of elevation, of any shape (Eq. 1)."""
+    sky = height > 0.0
+    high = np.where(sky, height, 0.0)
+    return np.stack([high, np.where(sky, 1.0 - high, 0.0), np.where(sky, 0.0, 1.0)])

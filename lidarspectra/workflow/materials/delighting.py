@@ -271,7 +271,7 @@ def take_light_out(
         card_log=seen_cards.log_reflectance,
         card_beside=beside_cards(cards, seen_cards, samples.positions, samples.normals),
         other=np.stack(patterns) if sources else None,
-        other_upright=np.array([source.is_upright for source in sources]) if sources else None,
+        other_upright=np.array([source.may_be_window for source in sources]) if sources else None,
         other_shown=shown_of_sources(scan, sources),
         lamp_shown=shown_of_lamps(scan, lamps),
         lamp_sent=_lamp_cones(lamps) / np.array([[lamp.shape.area] for lamp in lamps]).reshape(-1, 1),

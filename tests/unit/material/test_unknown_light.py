@@ -1,6 +1,7 @@
 """Windows and other light that nobody named: found where the picture is cut, and told apart from the lamps'."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -10,12 +11,13 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Panel
+from lidarspectra.material.delighting import unknown_light
 from lidarspectra.material.delighting.albedo import fit_light
 from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.sharpened_cones import srgb_of_cones
 from lidarspectra.material.delighting.unknown_light import (
     LOBES,
-    STEEP,
+    UnknownSource,
     find_unknown_sources,
     opening_patterns,
     source_patterns,
@@ -56,6 +58,47 @@ def test_what_shines_is_one_source_a_window_and_a_highlight_is_none() -> None:
     assert find_unknown_sources(scan, np.zeros_like(shines)) == ()
 
 
+def test_a_desk_cut_at_white_below_a_window_is_a_source_of_its_own_and_a_rough_pane_is_one() -> None:
+    scan, _ = room_with_window()
+    # It touches the window's lower edge, and looks up.
+    desk = sheet((0, -0.5, 1), (1, 0, 0), (0, 1, 0), 10)
+    corners = np.concatenate([scan.vertices[scan.faces], desk])
+    joined = bare_scan(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    shines = np.concatenate([room_with_window()[1], np.ones(len(desk), dtype=np.bool_)])
+    first, second = find_unknown_sources(joined, shines)
+    assert (first.area_m2, second.area_m2) == pytest.approx((1.0, 1.0))
+    assert sorted((first.is_upright, second.is_upright)) == [False, True]
+    assert [first.is_beside, second.is_beside] == [
+        False,
+        False,
+    ]  # alike: a window round a corner
+    small = find_unknown_sources(joined, shines & (joined.centers[:, 0] < 0.45))
+    assert [(each.is_pane, each.is_beside) for each in small] == [(True, False), (False, True)]
+    pane = first if first.is_upright else second
+    assert pane.normal == pytest.approx([1.0, 0.0, 0.0])
+    # Normals that a phone turned by 15 degrees (standard deviation) leave a pane in one piece.
+    rough = scan.vertices.copy()
+    shining = np.unique(scan.faces[room_with_window()[1]])
+    places, same = np.unique(rough[shining].round(6), axis=0, return_inverse=True)
+    rough[shining, 0] += np.random.default_rng(2).normal(scale=0.02, size=len(places))[same.reshape(-1)]
+    (source,) = find_unknown_sources(bare_scan(rough, scan.faces), room_with_window()[1])
+    assert source.area_m2 == pytest.approx(1.0, rel=0.15)
+
+
+@pytest.mark.parametrize(("zenith", "horizon"), [(1.0, 1.0), (1.0, 1.0 / 3.0)])
+def test_even_and_overcast_skies_are_in_the_span_of_a_windows_lobes(zenith: float, horizon: float) -> None:
+    # A large window before a point of the opposite wall is all that the point sees: half of it is sky.
+    scan = bare_scan(sheet((0, -20, -20), (0, 40, 0), (0, 0, 40), 80).reshape(-1, 3), np.arange(38400).reshape(-1, 3))
+    every = np.arange(len(scan.faces))
+    source = UnknownSource(faces=every, center=np.zeros(3), normal=np.array([1.0, 0.0, 0.0]), area_m2=1600.0)
+    away, facing = np.array([[1.5, 0.0, 0.0]]), np.array([[-1.0, 0.0, 0.0]])
+    with patch.object(unknown_light, "PLACES", 20_000):
+        patterns = source_patterns(scan, RayCaster(scan), source, away, facing, np.random.default_rng(5))[:, 0]
+    found = zenith * patterns[0] + horizon * patterns[1]
+    # Irradiance of an upright surface from half a sky of radiance horizon + (zenith - horizon) sin h, over pi.
+    assert found == pytest.approx(0.5 * (horizon + (zenith - horizon) * 4.0 / (3.0 * np.pi)), rel=0.04)
+
+
 def test_light_of_a_window_is_that_of_its_solid_angle_and_falls_or_rises() -> None:
     scan, shines = room_with_window()
     (source,) = find_unknown_sources(scan, shines)
@@ -80,7 +123,7 @@ def test_what_lies_beyond_the_scan_shines_in_from_where_nothing_is_met() -> None
     scan, _ = room_with_window()
     positions, normals = np.array([[2.0, 1.0, 0.02], [2.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
     patterns = opening_patterns(RayCaster(scan), positions, normals, np.random.default_rng(1))
-    assert patterns[:, 0] == pytest.approx([1 - STEEP**2, STEEP**2, 0.0], abs=0.02)  # nearly all is open above
+    assert patterns[:, 0] == pytest.approx([2 / 3, 1 / 3, 0.0], abs=0.02)  # nearly all is open above
     assert patterns[:, 1] == pytest.approx([0.0, 0.0, 1.0])
 
 
