@@ -13,6 +13,7 @@ name, x, y and z has the places' coordinates in metres.
 
 import gzip
 import re
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
@@ -295,7 +296,7 @@ def _csv(path: Path) -> pd.DataFrame:
         frame = pd.read_csv(
             path, comment="#", encoding="utf-8-sig", skipinitialspace=True, sep=delimiter, decimal=decimal
         )
-    except (OSError, EOFError, ValueError) as cause:  # pandas' parser errors are ValueErrors
+    except (OSError, EOFError, ValueError, zlib.error) as cause:  # pandas' parser errors are ValueErrors
         raise MapError(expected="a readable CSV", found=str(cause), where=str(path)) from cause
     if frame.empty:
         raise MapError(expected="a header and one row or more", found="no row", where=str(path))

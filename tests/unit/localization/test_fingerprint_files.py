@@ -72,6 +72,15 @@ def test_a_packed_table_and_labels_with_gaps_are_read(tmp_path: Path) -> None:
     assert read_fingerprints(packed)["label"].to_numpy().tolist() == ["3", ""]
 
 
+def test_a_damaged_packed_table_is_one_clear_error(tmp_path: Path) -> None:
+    packed = bytearray(gzip.compress(HEADER.encode() + b"\n" + b"8,153,9,216,a\n" * 500))
+    packed[12:20] = b"\xff" * 8
+    path = tmp_path / "night.csv.gz"
+    path.write_bytes(bytes(packed))
+    with pytest.raises(MapError, match="readable CSV"):
+        read_fingerprints(path)
+
+
 def test_positions_come_from_a_file_of_names(tmp_path: Path) -> None:
     night = written(tmp_path, "8,153,9,216,a", "8,150,9,210,b")
     places = written(tmp_path, "b,3,4", "a,1,2", header="name,x,y", name="places.csv")
