@@ -127,6 +127,11 @@ def test_a_bad_scan_is_refused_in_words(
 # --- run files
 
 
+def test_in_the_test_s_process_a_command_answers_as_the_program_does(command_line: CommandLine, tmp_path: Path) -> None:
+    for words in (("databases", "list"), ("run", tmp_path / "missing.toml")):
+        assert command_line(*words) == command_line.as_program(*words)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
