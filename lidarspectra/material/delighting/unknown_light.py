@@ -129,14 +129,21 @@ def find_unknown_sources(scan: Scan, clipped: BoolArray) -> tuple[UnknownSource,
 def _shining_parts(scan: Scan, faces: IntArray) -> tuple[IntArray, IntArray]:
     """(face,) source that each of some faces belongs to, near one another and looking one way; and which hang together.
 
+    So do faces that lie behind one another's planes, as sides of a lamp's shade do; a desk lies before a window's.
     What is too small for a source of its own, as the rough parts of a pane are, belongs to the largest one it hangs
     together with.
     """
     pairs = cKDTree(scan.centers[faces]).query_pairs(LINK_M, output_type="ndarray")
-    normals = scan.normals[faces]
-    level = np.abs(normals[:, 2]) > VERTICAL
-    alike = np.einsum("pc,pc->p", normals[pairs[:, 0]], normals[pairs[:, 1]]) > ONE_WAY
-    alike &= level[pairs[:, 0]] == level[pairs[:, 1]]
+    first, second = faces[pairs[:, 0]], faces[pairs[:, 1]]
+    way, normals, level = (
+        scan.centers[second] - scan.centers[first],
+        scan.normals,
+        np.abs(scan.normals[:, 2]) > VERTICAL,
+    )
+    alike = np.einsum("pc,pc->p", normals[first], normals[second]) > ONE_WAY
+    alike &= level[first] == level[second]
+    behind = np.einsum("pc,pc->p", way, normals[first]) < -OFF_M
+    alike |= behind & (np.einsum("pc,pc->p", -way, normals[second]) < -OFF_M)
     together, part = _linked(pairs, faces.size), _linked(pairs[alike], faces.size)
     area = np.bincount(part, weights=scan.areas[faces])
     group = np.zeros(area.size, dtype=np.int64)

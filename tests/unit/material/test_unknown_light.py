@@ -85,6 +85,22 @@ def test_a_desk_cut_at_white_below_a_window_is_a_source_of_its_own_and_a_rough_p
     assert source.area_m2 == pytest.approx(1.0, rel=0.15)
 
 
+def test_a_lamps_shade_is_one_source_whose_sides_look_all_ways() -> None:
+    x, y, z = 0.3 * np.eye(3)
+    zero = np.zeros(3)
+    sides = [
+        sheet(tuple(corner), tuple(along), tuple(up), 6)
+        for corner, along, up in (
+            (zero, x, z), (x, y, z), (x + y, -x, z), (y, -y, z), (zero, y, x), (z, x, y),
+        )
+    ]  # fmt: skip
+    corners = np.concatenate(sides)
+    scan = bare_scan(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    assert ((scan.centers - 0.15) * scan.normals).sum(axis=1).min() > 0.0  # all look outwards
+    (source,) = find_unknown_sources(scan, np.ones(len(scan.faces), dtype=np.bool_))
+    assert source.area_m2 == pytest.approx(6 * 0.3**2)
+
+
 @pytest.mark.parametrize(("zenith", "horizon"), [(1.0, 1.0), (1.0, 1.0 / 3.0)])
 def test_even_and_overcast_skies_are_in_the_span_of_a_windows_lobes(zenith: float, horizon: float) -> None:
     # A large window before a point of the opposite wall is all that the point sees: half of it is sky.
