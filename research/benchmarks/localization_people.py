@@ -107,7 +107,7 @@ def virtual_tables(offices: int, first_seed: int) -> list[Table]:
                 known = left & np.isfinite(features).any(axis=1)
                 people = people_of(newer, night, against="running")[0]
                 of_known = left[np.isfinite(features).any(axis=1)]
-                by_kind[f"{SURE}, renewed"].append((people[of_known], newer.presence.probabilities(features[known])))
+                by_kind[f"{SURE}, renewed"].append((people[of_known], newer.people(features[known])))
     rows = []
     for kind, parts in by_kind.items():
         people, probabilities = (np.concatenate(each) for each in zip(*parts, strict=True))
@@ -139,7 +139,7 @@ def _answers(model: LocationModel, night: xr.Dataset, alone: FloatArray) -> tupl
     """(reading, 2) whether an answer was right and what it said; (reading, 5) of one person, told as one [m].
 
     Right is the nearest place to where a person stood. The latter: whether between the places, and errors of the
-    likeliest place, of the mean position, the stated spread, and the distance from the nearest place.
+    likeliest place, of the position, the stated spread, and the distance from the nearest place.
     """
     features = model.features(night, against="running")
     known = np.isfinite(features).any(axis=1)
@@ -168,7 +168,7 @@ def _between_table(metres: FloatArray) -> Table:
         quantiles = [np.percentile(each, percent) for each in (nearest, place, mean) for percent in (50, 90)]
         rows.append((words, int(chosen.sum()), *quantiles, inside))
     headings = ["one person", "readings"]
-    headings += [f"{name}, {part} [m]" for name in ("nearest place", "likeliest place", "mean position")
+    headings += [f"{name}, {part} [m]" for name in ("nearest place", "likeliest place", "position")
                  for part in ("median", "90th percentile")]  # fmt: skip
     headings.append("within two spreads or 0.3 m [%]")
     formats = {heading: ".2f" for heading in headings if "[m]" in heading} | {headings[-1]: ".0f"}
@@ -190,7 +190,7 @@ def real_tables(path: Path) -> list[Table]:
     apart = labels[first] != labels[second]
     pairs = np.rint(counts[first[apart]] * counts[second[apart]] / np.where(reference > 0, reference, np.nan))
     features = model.space.features(pairs, reference, usable=np.broadcast_to(reference >= 10.0, pairs.shape))
-    told = model.presence.probabilities(features)
+    told = model.people(features)
     both = people_of(model, tested)
     people = np.concatenate([both[0], np.full(len(told), 2)])
     tables = [

@@ -96,7 +96,7 @@ def references_table(numbers: Sequence[int]) -> Table:
                 scores.setdefault(test, []).append(100.0 * float((told == labels).mean()))
             for day, _ in days.values():
                 features, labels = _running(counter, day, window)
-                told = counter.presence.probabilities(features[labels == "nobody"]).argmax(axis=1)
+                told = counter.people(features[labels == "nobody"]).argmax(axis=1)
                 scores.setdefault("nobody [%]", []).append(100.0 * float((told == 0).mean()))
     rows = [
         {"first quantile": quantile, "median from this share of the window on": share}

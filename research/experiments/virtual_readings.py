@@ -54,8 +54,8 @@ def read_by_sensors(
     Returns
     -------
     counts : xarray.Dataset
-        The readings of one fingerprint stand together; labels, positions and sensors are the table's. The attributes
-        gain and integration_ms tell the settings.
+        The readings of one fingerprint stand together; labels, persons, positions and sensors are the table's. The
+        attributes gain and integration_ms tell the settings.
 
     Raises
     ------
@@ -65,9 +65,10 @@ def read_by_sensors(
     generator = np.random.default_rng([seed, noise_seed])
     rows = np.repeat(np.arange(table.sizes["fingerprint"]), max(readings, 0))
     late_h = hours * generator.random(rows.size)
-    return _read(
-        table, rows, late_h, seed=seed, generator=generator, settings=settings, extra={"time_s": 3600.0 * late_h}
-    )
+    extra = {"time_s": 3600.0 * late_h}
+    if "draw" in table.coords:
+        extra["draw"] = table["draw"].to_numpy()[rows]
+    return _read(table, rows, late_h, seed=seed, generator=generator, settings=settings, extra=extra)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,8 @@ per place are far too few to estimate it in hundreds of dimensions, but most of 
     D   drift of the dies since the reference: common to all channels of one die of one sensor, standard deviation d
     T   Monte Carlo noise of the simulation: common to a sensor's channels, which share their paths
 
-N, D and T are independent from sensor to sensor, so that they lie on the diagonal. The scatter of real readings
-contains N already, so that it is added to traced fingerprints only.
+N, D and T are independent from sensor to sensor; where a feature is a sensor's they lie on the diagonal. The scatter of
+real readings contains N already, so that it is added to traced fingerprints only.
 
 References
 ----------
@@ -118,21 +118,19 @@ def sensor_blur(space: FeatureSpace, table: xr.Dataset, device: SensorSettings |
     blur : (feature, feature) float
         For small changes, where a feature is the change in units of its noise. [1]
     """
-    heard = space.usable.any(axis=1)
-    usable = space.usable[heard]
-    weight = np.where(usable, space.noise[heard] ** -2.0, 0.0)
-    weight = weight / weight.sum(axis=1, keepdims=True)
-    of_die = np.eye(DIE_INDEX.max() + 1)[_dies(space.bands_nm)]
-    variance = drift**2 * ((weight @ of_die) ** 2).sum(axis=1)
+    sensor, band = np.nonzero(space.usable)
+    die = sensor * (DIE_INDEX.max() + 1) + _dies(space.bands_nm)[band]
+    channels = np.where(die[:, None] == die[None, :], drift**2, 0.0)
     if quantity_of(table) == "irradiance":
-        counts = np.maximum(reference_counts(table, device), 1.0)[heard]
-        variance += ((weight * count_uncertainty(counts) / counts) ** 2).sum(axis=1)
+        counts = np.maximum(reference_counts(table, device), 1.0)
+        channels[np.diag_indices_from(channels)] += (count_uncertainty(counts) / counts)[space.usable] ** 2
     if "effect_se" in table:
-        lit = np.where(usable, reference_of(table)[heard], np.inf)
-        traced = np.sqrt((table["effect_se"].to_numpy() ** 2).mean(axis=0))[heard] / lit
-        variance += (weight * traced).sum(axis=1) ** 2
+        effect_se = np.sqrt((table["effect_se"].to_numpy() ** 2).mean(axis=0))[space.usable]
+        traced = effect_se / reference_of(table)[space.usable]
+        channels += np.where(sensor[:, None] == sensor[None, :], np.outer(traced, traced), 0.0)
+    per_noise = space.averaging / space.feature_noise[:, None]
     # A thousandth of the features' unit keeps the matrix regular where all fingerprints of counts are equal.
-    return np.asarray(np.diag(variance / space.sensor_noise**2 + 1e-6), dtype=np.float64)
+    return np.asarray(per_noise @ channels @ per_noise.T + 1e-6 * np.eye(space.count), dtype=np.float64)
 
 
 def _scatter(deviations: FloatArray, place_count: int) -> FloatArray | None:

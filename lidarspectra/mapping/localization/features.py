@@ -1,10 +1,11 @@
-"""Features of a locator: the change that a person makes at each sensor, over its channels, in units of its noise.
+"""Features of a locator: the change that a person makes at each sensor, or in each channel, in units of its noise.
 
     u = ln(N / N0)                               change against the reference N0, in each sensor and channel
     c = Σ_b u/σ² / Σ_b 1/σ²                       change of a sensor
     c' = c - median of c over the sensors         a common change of level, as by dimming, is taken out
     σ_s² = 1 / Σ_b 1/σ² + d²                      variance of c
-    z = asinh(κ c'/σ_s) / κ                       the feature
+    z = asinh(κ c'/σ_s) / κ                       the feature of a sensor
+    z = asinh(κ u'/σ) / κ                         of a channel, with u' = u - median of c over the sensors
 
 A sensor's gain, its dies' errors and the lamps' spectrum cancel in the ratio. N0 is the empty room, or the median over
 readings of many places, which is close to it because a person changes few sensors at a time. σ is the standard
@@ -12,13 +13,13 @@ deviation of u by rounding to whole counts, repeatability and the drift d. κ is
 change: asinh(κ c/σ_s)/κ is the variance-stabilising transform for a variance of c of σ_s² + (κc)². Channels whose
 reference is only a few counts are left out, since one count is then more than a person changes.
 
-The channels are averaged because a body takes light in all of them and clothes tint what is left: by how much a sensor
-changes tells where somebody stands, in which colours it changes tells what they wear. On virtual nights, where another
-person comes than the one who was learned, every locator is right more often so than with a feature for each channel.
-Where lamps and walls differ in colour, as in traced rooms, channels tell more than that (docs/howto-localize.md).
+By how much a sensor changes tells where somebody stands; in which colours it changes tells what they wear and, by the
+colours of the room around them, where they stand. Who has seen one person alone cannot know which: channels are then
+averaged, and on virtual nights, where another person comes, every locator is right more often so. Fingerprints of
+several people tell how much clothes do, and whether a feature for each channel is better (`chosen_features`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -38,6 +39,8 @@ from lidarspectra.hardware.sensor.as7265x import (
 from lidarspectra.mapping.localization.fingerprint_table import quantity_of
 
 Reference = Literal["empty", "median"]
+Per = Literal["sensor", "channel"]
+"""Of what there is a feature."""
 DARKEST_COUNT = 0.5  # [count] replaces a count of 0, which has no logarithm
 HEADROOM = 0.9  # [1] of full scale, up to which a gain is used
 DRIFT = 0.003  # [1] of a sensor against its own reference within hours, beside rounding and repeatability
@@ -55,11 +58,15 @@ class FeatureSettings:
         κ: relative error of a simulated change. [1]
     remove_level : bool
         Whether a common change of level is taken out.
+    per : 'sensor' or 'channel', optional
+        Of what there is a feature; without it, training chooses by the people that it has (`chosen_features`), and a
+        feature space has one for each sensor.
     """
 
     min_count: float = 10.0
     mismatch: float = 0.15
     remove_level: bool = True
+    per: Per | None = None
 
     def __post_init__(self) -> None:
         if not (self.min_count >= 0 and 0 < self.mismatch <= 1):
@@ -80,7 +87,7 @@ class FeatureSpace:
     bands_nm : (band,) float
         Centres. [nm]
     usable : (sensor, band) bool
-        Which channels are averaged; a sensor without any has no feature.
+        Which channels are used; a sensor without any has no feature.
     noise : (sensor, band) float
         σ, the standard deviation of ln(N/N0). [1]
     settings : FeatureSettings
@@ -107,15 +114,39 @@ class FeatureSpace:
         object.__setattr__(self, "noise", noise)
 
     @property
+    def is_of_channels(self) -> bool:
+        """Whether each channel has a feature, not each sensor."""
+        return self.settings.per == "channel"
+
+    @property
     def count(self) -> int:
-        """Number of features, one for each sensor with a usable channel."""
-        return int(self.usable.any(axis=1).sum())
+        """Number of features, one for each usable channel or for each sensor that has one."""
+        return int(self.usable.sum() if self.is_of_channels else self.usable.any(axis=1).sum())
 
     @property
     def sensor_noise(self) -> FloatArray:
-        """(feature,) σ_s, standard deviation of a sensor's change [1]."""
+        """(heard sensor,) σ_s, standard deviation of the change of each sensor with a usable channel [1]."""
         precision = np.where(self.usable, self.noise**-2.0, 0.0).sum(axis=1)[self.usable.any(axis=1)]
         return np.asarray(np.hypot(1.0 / np.sqrt(precision), DRIFT), dtype=np.float64)
+
+    @property
+    def feature_noise(self) -> FloatArray:
+        """(feature,) standard deviation of the change that each feature is made of [1]."""
+        return np.asarray(self.noise[self.usable] if self.is_of_channels else self.sensor_noise, dtype=np.float64)
+
+    @property
+    def averaging(self) -> FloatArray:
+        """(feature, usable channel) weights by which the channels' changes make up each feature's [1]."""
+        if self.is_of_channels:
+            return np.eye(self.count)
+        return self._sensor_averaging()
+
+    def _sensor_averaging(self) -> FloatArray:
+        """(heard sensor, usable channel) weights of the channels in each sensor's change [1]."""
+        sensor, _ = np.nonzero(self.usable)
+        heard = np.flatnonzero(self.usable.any(axis=1))
+        weight = np.where(heard[:, None] == sensor[None, :], self.noise[self.usable] ** -2.0, 0.0)
+        return np.asarray(weight / weight.sum(axis=1, keepdims=True), dtype=np.float64)
 
     def changes(self, readings: FloatArray, reference: FloatArray) -> FloatArray:
         """u': changes of the logarithm against the reference, the common level taken out.
@@ -157,8 +188,34 @@ class FeatureSpace:
         changes = self.changes(readings, reference)
         if usable is not None:
             changes = np.where(usable, changes, np.nan)
+        if self.is_of_channels:
+            return self._pressed(changes[:, self.usable] / self.feature_noise)
+        return self._pressed(self._of_sensors(changes)[:, self.usable.any(axis=1)] / self.feature_noise)
+
+    def of_sensors(self) -> "FeatureSpace":
+        """The same sensors with a feature for each."""
+        return replace(self, settings=replace(self.settings, per="sensor"))
+
+    def sensor_features(self, features: FloatArray) -> FloatArray:
+        """(reading, heard sensor) features of the sensors out of those of readings; NaN where one has no reading.
+
+        Parameters
+        ----------
+        features : (reading, feature) float
+            Of this space. [1]
+        """
+        if not self.is_of_channels:
+            return features
         kappa = self.settings.mismatch
-        relative = self._of_sensors(changes)[:, self.usable.any(axis=1)] / self.sensor_noise
+        changes = np.sinh(kappa * np.nan_to_num(features)) / kappa * self.feature_noise
+        weight = np.isfinite(features)[:, None, :] * self._sensor_averaging()
+        total = weight.sum(axis=2)
+        mean = np.einsum("rsc,rc->rs", weight, changes) / np.where(total > 0, total, 1.0)
+        return self._pressed(np.where(total > 0, mean, np.nan) / self.sensor_noise)
+
+    def _pressed(self, relative: FloatArray) -> FloatArray:
+        """Changes in units of noise, the larger the more pressed together."""
+        kappa = self.settings.mismatch
         return np.asarray(np.arcsinh(kappa * relative) / kappa, dtype=np.float64)
 
     def _level(self, changes: FloatArray) -> FloatArray:

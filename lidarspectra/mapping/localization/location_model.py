@@ -16,6 +16,7 @@ from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import SensorSettings
 from lidarspectra.mapping.localization.augmentation import Augmentation, augmented_counts, unsettled_references
 from lidarspectra.mapping.localization.discriminant import DiscriminantPlaces, fit_discriminant, sensor_blur
+from lidarspectra.mapping.localization.feature_choice import chosen_features
 from lidarspectra.mapping.localization.features import (
     FeatureSettings,
     FeatureSpace,
@@ -59,6 +60,7 @@ class TrainingSettings:
     Parameters
     ----------
     features : FeatureSettings
+        Without `per`, it is chosen; see `chosen_features`.
     augmentation : Augmentation
         Its drift is also that of the discriminant's covariance.
     network : NetworkSettings
@@ -176,8 +178,12 @@ class LocationModel:
         return Located(
             scores=self.locators[method].scores(features),
             places=self.places,
-            people=self.presence.probabilities(features),
+            people=self.people(features),
         )
+
+    def people(self, features: FloatArray) -> FloatArray:
+        """(reading, 3) probability of nobody, one person and two [0-1]."""
+        return self.presence.probabilities(self.space.sensor_features(features))
 
 
 def train_locator(
@@ -225,6 +231,7 @@ def train_locator(
     if len({quantity_of(table) for table in fitted}) > 1:
         raise MapError(expected="fingerprints that are all traced or all measured", found="both", where="training")
     places = _joined_places(fitted)
+    space = chosen_features(space, fitted, places, device, drift=settings.augmentation.drift)
     generator = np.random.default_rng(seed)
     clean, drawn, unsettled, place, drawn_place, changes = [], [], [], [], [], []
     for number, table in enumerate(fitted):

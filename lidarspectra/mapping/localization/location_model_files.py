@@ -25,7 +25,7 @@ from lidarspectra.mapping.localization.places import Places
 from lidarspectra.mapping.localization.presence import Presence
 
 MODEL_FILE, NETWORK_FILE, DISCRIMINANT_FILE = "model.nc", "network.onnx", "discriminant.onnx"
-SCHEMA = "lidarspectra location model 4"
+SCHEMA = "lidarspectra location model 5"
 PRESENCE = ("changes", "mean", "scale", "weights", "offset")  # of `Presence`
 
 
@@ -52,7 +52,7 @@ def save_locator(model: LocationModel, folder: Path) -> Path:
             "ridge_offset": (("place",), model.ridge.offset),
             "discriminant_weights": (("feature", "place"), model.discriminant.weights),
             "discriminant_offset": (("place",), model.discriminant.offset),
-            "presence_changes": (("place", "feature"), model.presence.changes),
+            "presence_changes": (("place", "heard"), model.presence.changes),
             "presence_mean": (("statistic",), model.presence.mean),
             "presence_scale": (("statistic",), model.presence.scale),
             "presence_weights": (("term", "people"), model.presence.weights),
@@ -109,6 +109,7 @@ def load_locator(folder: str | PathLike[str]) -> LocationModel:
                 min_count=float(kept.attrs["min_count"]),
                 mismatch=float(kept.attrs["mismatch"]),
                 remove_level=bool(kept.attrs["remove_level"]),
+                per="channel" if kept.attrs["per"] == "channel" else "sensor",
             ),
         )
         places = Places(

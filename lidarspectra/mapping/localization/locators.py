@@ -2,8 +2,8 @@
 
 A fourth, the linear discriminant, has a module of its own (`discriminant`). The default, together, is the mean of
 network, neighbours and ridge, whose errors differ: on one night or another each of them is the worst. Each gives a
-score for every place that sum to 1, and the position is the mean of the places with these weights. For the ridge on
-one-hot places that mean equals the ridge regression on the coordinates, since both are linear.
+score for every place that sum to 1, and the position is the geometric median of the places with these weights
+(`places`).
 
 The network (one hidden layer, ReLU, softmax) takes the place of that of Iris, which is not published. It is trained by
 scikit-learn and stored as an ONNX graph, which onnxruntime runs here and on devices.

@@ -3,7 +3,7 @@
     features (reading, feature)  ->  probability (reading, place),  position_m (reading, 3) where coordinates are known
 
 The graphs are built here from five basic operators that any runtime has. The model's metadata describes the features as
-JSON: sensors, bands, usable channels, noise of channels and of sensors, labels.
+JSON: sensors, bands, usable channels, noise of channels and of features, labels.
 """
 
 import json
@@ -20,6 +20,14 @@ from lidarspectra.mapping.localization.locators import NetworkWeights
 from lidarspectra.mapping.localization.places import Places
 
 OPSET = 13  # of ONNX 1.8 (2020); all operators here are older
+FEATURE_OF_SENSOR = (
+    "asinh(mismatch c / feature_noise) / mismatch for each sensor with a usable channel, less the median of c over the "
+    "sensors; c = sum(u / noise²) / sum(1 / noise²) over usable channels, u = ln(count / reference)"
+)
+FEATURE_OF_CHANNEL = (
+    "asinh(mismatch u / feature_noise) / mismatch for each usable channel, sensor by sensor, less the median over the "
+    "sensors of c = sum(u / noise²) / sum(1 / noise²) over their usable channels, u = ln(count / reference)"
+)
 IR_VERSION = 7  # the file format that goes with it, so that old runtimes read it too
 PRODUCER = "lidarspectra"
 
@@ -121,10 +129,10 @@ def _metadata(places: Places, space: FeatureSpace) -> dict[str, Any]:
         "bands_nm": space.bands_nm.tolist(),
         "usable": space.usable.astype(int).tolist(),
         "noise": np.round(space.noise, 9).tolist(),
-        "sensor_noise": np.round(space.sensor_noise, 9).tolist(),
+        "per": "channel" if space.is_of_channels else "sensor",
+        "feature_noise": np.round(space.feature_noise, 9).tolist(),
         "mismatch": space.settings.mismatch,
         "remove_level": space.settings.remove_level,
         "labels": places.labels,
-        "feature": "asinh(mismatch c / sensor_noise) / mismatch for each sensor with a usable channel, less the median "
-        "of c over the sensors; c = sum(u / noise²) / sum(1 / noise²) over usable channels, u = ln(count / reference)",
+        "feature": FEATURE_OF_CHANNEL if space.is_of_channels else FEATURE_OF_SENSOR,
     }

@@ -36,7 +36,7 @@ def people_of(model: LocationModel, table: xr.Dataset, *, against: Against = "ow
     known = np.isfinite(features).any(axis=1)
     labels = table["label"].to_numpy().astype(str)[known]
     people = np.where(labels == NOBODY, 0, np.where(labels == TWO_PEOPLE, 2, 1)).astype(np.int64)
-    return people, model.presence.probabilities(features[known])
+    return people, model.people(features[known])
 
 
 def people_table(people: IntArray, probabilities: FloatArray) -> Table:

@@ -1,6 +1,20 @@
-"""The places that a locator knows, and the position from their probabilities."""
+"""The places that a locator knows, and the position from their probabilities.
+
+The position is the geometric median of the places, the point of least expected distance from where the person is:
+
+    argmin_x Σ_k p_k |x - x_k|
+
+A place with more than half of the probability is it; between two places of a half each, all points of the line are. The
+mean of the places has the least expected square of the distance, so that one far place of some probability moves it.
+
+References
+----------
+Weiszfeld (1937) Sur le point pour lequel la somme des distances de n points donnés est minimum, Tohoku Mathematical
+Journal 43, 355-386. Vardi, Zhang (2000) The multivariate L1-median and associated data depth, PNAS 97, 1423-1426.
+"""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
@@ -8,6 +22,9 @@ from numpy.typing import NDArray
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import MapError
+
+NEAR_M = 1e-9  # [m] keeps a point's weight finite where the iteration passes it
+STEPS = 100  # of Weiszfeld's iteration: then the point stands still within a millimetre in a room
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,14 +94,16 @@ class Located:
     places: Places
     people: FloatArray
 
-    @property
+    @cached_property
     def positions_m(self) -> FloatArray:
-        """(reading, 3) mean of the places, weighted by their scores; NaN where coordinates are not known [m]."""
-        return np.asarray(self.scores @ self.places.positions_m, dtype=np.float64)
+        """(reading, 3) geometric median of the places, with their scores as weights; NaN without coordinates [m]."""
+        if not self.places.has_positions:
+            return np.full((len(self.scores), 3), np.nan)
+        return geometric_median(self.places.positions_m, np.maximum(self.scores, 0.0))
 
     @property
     def spread_m(self) -> FloatArray:
-        """(reading,) root mean square distance of the places from that mean, with the same weights [m]."""
+        """(reading,) root mean square distance of the places from that point, with the same weights [m]."""
         away = self.places.positions_m[None, :, :2] - self.positions_m[:, None, :2]
         squares = (np.maximum(self.scores, 0.0) * (away**2).sum(axis=2)).sum(axis=1)
         return np.asarray(np.sqrt(squares), dtype=np.float64)
@@ -98,6 +117,41 @@ class Located:
         """(reading,) number of other places with at least the score of the true one: a tie counts as an error."""
         own = self.scores[np.arange(len(self.scores)), true_place]
         return np.asarray((self.scores >= own[:, None]).sum(axis=1) - 1, dtype=np.int64)
+
+
+def geometric_median(points: FloatArray, weights: FloatArray) -> FloatArray:
+    """The point whose weighted sum of distances from some points is least, for each set of weights.
+
+    Parameters
+    ----------
+    points : (point, axis) float
+        [m]
+    weights : (set, point) float
+        0 or more, and not all 0. [1]
+
+    Returns
+    -------
+    median : (set, axis) float
+        [m]
+    """
+    away = points[None, :, :] - points[:, None, :]
+    distance = np.linalg.norm(away, axis=2)
+    unit = away / np.where(distance > 0, distance, 1.0)[:, :, None]
+    # A point is the median itself if the others' pull on it, a sum of unit vectors, is not above its own weight.
+    pull = np.linalg.norm(np.einsum("sp,mpa->sma", weights, unit), axis=2)
+    surplus = weights @ (distance == 0.0) - pull
+    at_point = surplus.max(axis=1) >= 0.0
+    median = np.asarray(points[surplus.argmax(axis=1)], dtype=np.float64)
+    between = np.flatnonzero(~at_point)
+    if between.size:
+        own = weights[between]
+        found = (own @ points) / own.sum(axis=1, keepdims=True)
+        for _ in range(STEPS):
+            near = np.linalg.norm(points[None] - found[:, None], axis=2)
+            share = own / np.maximum(near, NEAR_M)
+            found = (share @ points) / share.sum(axis=1, keepdims=True)
+        median[between] = found
+    return median
 
 
 def places_of_table(table: xr.Dataset) -> Places:

@@ -1,6 +1,6 @@
 """How many people are there: nobody, one, or two, from how well one place or two explain what the sensors read.
 
-    x = z                                     change of each sensor in units of its noise, the features (`features`)
+    x                                         change of each sensor in units of its noise (`features`)
     E0 = |x|²      E1 = min |x - a m_p|²      E2 = min |x - a m_p - b m_q|²       over places p, q and 0.3 <= a, b <= 2
 
 with m_p the mean x of place p. A multinomial logistic regression on logarithms of E0, E1 and E2 gives the
@@ -43,8 +43,8 @@ class Presence:
 
     Parameters
     ----------
-    changes : (place, feature) float
-        m_p.
+    changes : (place, sensor) float
+        m_p, of the sensors with a usable channel.
     mean, scale : (statistic,) float
         Of the statistics in training.
     weights : (term, people) float
@@ -58,21 +58,21 @@ class Presence:
     weights: FloatArray
     offset: FloatArray
 
-    def probabilities(self, features: FloatArray) -> FloatArray:
+    def probabilities(self, changes: FloatArray) -> FloatArray:
         """(reading, 3) probability of nobody, one person and two [0-1].
 
         Parameters
         ----------
-        features : (reading, feature) float
-            NaN where missing, which counts as no change.
+        changes : (reading, sensor) float
+            x (`FeatureSpace.sensor_features`); NaN where missing, which counts as no change.
         """
-        statistics, _ = _explained(np.nan_to_num(features), self.changes)
+        statistics, _ = _explained(np.nan_to_num(changes), self.changes)
         terms = _terms((statistics - self.mean) / self.scale)
         return np.asarray(softmax(PEOPLE_POWER * (terms @ self.weights + self.offset), axis=1), dtype=np.float64)
 
-    def pairs(self, features: FloatArray) -> IntArray:
-        """(reading, 2) places of two people, if there are two."""
-        return _explained(np.nan_to_num(features), self.changes)[1]
+    def pairs(self, changes: FloatArray) -> IntArray:
+        """(reading, 2) places of two people, if there are two; changes as in `probabilities`."""
+        return _explained(np.nan_to_num(changes), self.changes)[1]
 
 
 def log_changes(readings: FloatArray, reference: FloatArray) -> FloatArray:
@@ -106,7 +106,8 @@ def fit_presence(
     """
     from sklearn.linear_model import LogisticRegression
 
-    own = np.nan_to_num(space.features(reference * np.exp(change), reference))
+    sensors = space.of_sensors()
+    own = np.nan_to_num(sensors.features(reference * np.exp(change), reference))
     place_count = len(positions_m)
     means = np.stack([own[place == number].mean(axis=0) for number in range(place_count)])
     near = _near(positions_m if np.isfinite(positions_m).all() else means)
@@ -115,7 +116,7 @@ def fit_presence(
     one = _people(change, place, near, generator.integers(0, place_count, EXAMPLES), generator)
     two = sum(_people(change, place, near, chosen, generator) for chosen in (first, second))
     drawn = _drifted(np.concatenate([np.zeros_like(one), one, two]), reference, generator)
-    statistics, _ = _explained(np.nan_to_num(space.features(drawn, reference)), means)
+    statistics, _ = _explained(np.nan_to_num(sensors.features(drawn, reference)), means)
     mean, scale = statistics.mean(axis=0), np.maximum(statistics.std(axis=0), 1e-9)
     people = np.repeat(np.arange(MAX_PEOPLE + 1), EXAMPLES)
     fitted = LogisticRegression(C=L2, max_iter=500).fit(_terms((statistics - mean) / scale), people)

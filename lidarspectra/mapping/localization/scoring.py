@@ -61,7 +61,7 @@ def errors_of(model: LocationModel, table: xr.Dataset, *, against: Against = "ow
             todo=f"A running median needs {MedianWindow().first} readings." if against == "running" else "",
         )
     readings, given = table.isel(fingerprint=known), features[known]
-    people = model.presence.probabilities(given)  # the same for all methods
+    people = model.people(given)  # the same for all methods
     return {
         method: location_errors(
             Located(scores=model.locators[method].scores(given), places=model.places, people=people), readings

@@ -86,7 +86,7 @@ def test_the_graph_for_devices_tells_the_same(model: LocationModel, make_table: 
     located = model.locate_features(features, "discriminant")
     # Single precision in sums of some hundred
     assert probability == pytest.approx(located.scores, abs=1e-3)
-    assert position == pytest.approx(located.positions_m, abs=5e-3)  # [m]
+    assert position == pytest.approx(located.scores @ model.places.positions_m, abs=5e-3)  # [m]
 
 
 def test_a_place_without_a_fingerprint_is_refused() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
+from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
@@ -16,7 +17,7 @@ from lidarspectra.mapping.localization.location_figures import (
     gain_curve_figure,
     two_times_figure,
 )
-from lidarspectra.mapping.localization.places import Located, Places
+from lidarspectra.mapping.localization.places import Located, Places, geometric_median
 from lidarspectra.mapping.localization.time_splits import time_splits, visits_of
 
 
@@ -56,13 +57,36 @@ def test_errors_by_place_are_told_apart() -> None:
     assert frame.loc["b", "median [m]"] == 2.0
 
 
-def test_the_position_is_the_mean_of_the_places_and_a_tie_is_lost() -> None:
+def test_the_position_is_the_geometric_median_of_the_places_and_a_tie_is_lost() -> None:
     places = Places(labels=tuple("abc"), positions_m=np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 2.0, 0.0]]))
     located = Located(scores=np.array([[0.5, 0.25, 0.25]]), places=places, people=np.array([[0.0, 1.0, 0.0]]))
-    assert located.positions_m.tolist() == [[1.0, 0.5, 0.0]]
-    # Mean square distance from (1, .5): .5 x 1.25 + .25 x 9.25 + .25 x 3.25
-    assert located.spread_m == pytest.approx([np.sqrt(3.75)])
+    # The others pull at a with .25 along x and along y, .35 together, which is less than its own .5
+    assert located.positions_m.tolist() == [[0.0, 0.0, 0.0]]
+    assert located.spread_m == pytest.approx([np.sqrt(0.25 * 16.0 + 0.25 * 4.0)])
     assert [int(located.rank(np.array([place]))[0]) for place in range(3)] == [0, 2, 2]
+
+
+def test_the_geometric_median_has_the_least_weighted_sum_of_distances() -> None:
+    generator = np.random.default_rng(0)
+    points = np.column_stack([generator.uniform(0.0, 5.0, (12, 2)), np.zeros(12)])
+    weights = generator.dirichlet(np.ones(12), 20)
+    found = geometric_median(points, weights)
+
+    def cost(where: FloatArray) -> FloatArray:
+        return np.asarray((weights * np.linalg.norm(points[None] - where[:, None], axis=2)).sum(axis=1))
+
+    for step in 0.01 * np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]):
+        assert (cost(found + step) >= cost(found) - 1e-9).all()
+    assert (cost(found) < cost(weights @ points)).all()
+
+
+def test_the_geometric_median_of_an_equilateral_triangle_is_its_middle() -> None:
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
+    found = geometric_median(points, np.array([[1.0, 1.0, 1.0], [0.2, 0.2, 0.6], [0.0, 1.0, 0.0]]))
+    assert found == pytest.approx(np.array([[0.5, np.sqrt(0.75) / 3.0], points[2], points[1]]), abs=1e-6)
+    # Two places with one position weigh together
+    twice = geometric_median(np.array([[0.0, 0.0], [0.0, 0.0], [3.0, 0.0]]), np.array([[0.3, 0.3, 0.4]]))
+    assert twice.tolist() == [[0.0, 0.0]]
 
 
 def test_a_visit_ends_where_the_label_changes() -> None:

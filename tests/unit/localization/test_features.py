@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ ONES = np.ones((5, 2))
 SENSOR_NOISE = np.hypot(0.01 / np.sqrt(2.0), DRIFT)  # of two channels with a noise of .01
 
 
-def space(**settings: float | bool) -> FeatureSpace:
+def space(**settings: Any) -> FeatureSpace:
     return FeatureSpace(
         sensors=SENSORS,
         bands_nm=np.array([460.0, 560.0]),
@@ -69,6 +70,25 @@ def test_channels_count_by_their_precision() -> None:
     assert dark == 0.0  # the channel that changed does not count
     blind = replace(uneven, usable=np.array([[True, True]] * 4 + [[False, False]]))
     assert blind.count == blind.features(readings, 100.0 * ONES).shape[1] == 4
+
+
+def test_each_channel_can_have_a_feature_and_gives_its_sensors_back() -> None:
+    generator = np.random.default_rng(2)
+    sensors, channels = space(per="sensor"), space(per="channel")
+    readings = 100.0 * (1.0 - 0.1 * generator.random((7, 5, 2)))
+    readings[0, 2], readings[1, 4, 0] = np.nan, np.nan
+    found = channels.features(readings, 100.0 * ONES)
+    assert found.shape == (7, channels.count) == (7, 10)
+    assert channels.sensor_features(found) == pytest.approx(
+        sensors.features(readings, 100.0 * ONES), rel=1e-9, nan_ok=True
+    )
+    # A change of one channel against the other stays there, in units of the channel's own noise
+    tinted = np.full((1, 5, 2), 100.0)
+    tinted[0, 3, 1] = 101.0
+    expected = np.zeros((5, 2))
+    expected[3, 1] = np.log(1.01) / 0.01
+    gentle = space(per="channel", mismatch=1e-6).features(tinted, 100.0 * ONES)
+    assert gentle[0].reshape(5, 2) == pytest.approx(expected, abs=1e-6)
 
 
 def test_small_changes_are_linear_and_large_ones_are_pressed_together() -> None:

@@ -68,10 +68,11 @@ def test_the_graph_gives_the_position_and_says_what_it_takes(model: LocationMode
     probability, position = session.run(None, {"features": features.astype(np.float32)})
     located = model.locate_features(features, "network")
     assert probability == pytest.approx(located.scores, abs=1e-6)
-    assert position == pytest.approx(located.positions_m, abs=1e-5)  # [m]
+    mean = located.scores @ model.places.positions_m  # which a device has in two operators
+    assert position == pytest.approx(mean, abs=1e-5)  # [m]
     told = json.loads(onnx.load_from_string(model.network.model).metadata_props[0].value)
     assert told["sensors"] == list(model.space.sensors)
-    assert len(told["sensor_noise"]) == features.shape[1]
+    assert len(told["feature_noise"]) == features.shape[1]
 
 
 def test_the_ridge_on_places_is_the_ridge_on_coordinates() -> None:
@@ -86,7 +87,7 @@ def test_the_ridge_on_places_is_the_ridge_on_coordinates() -> None:
     assert located.scores.sum(axis=1) == pytest.approx(1.0)
     alpha = RidgeCV(alphas=RIDGE_ALPHAS).fit(features, np.eye(4)[place]).alpha_
     direct = RidgeCV(alphas=[alpha]).fit(features, positions[place]).predict(features)
-    assert located.positions_m == pytest.approx(direct, abs=1e-9)
+    assert located.scores @ positions == pytest.approx(direct, abs=1e-9)
 
 
 def test_the_nearest_fingerprints_leave_a_silent_sensor_out() -> None:

@@ -65,7 +65,7 @@ def test_the_pair_that_explains_two_people_is_theirs(model: LocationModel, make_
     one = make_table(11, gains=GAINS, draws=1)
     counts, empty = one["counts"].to_numpy(), one["empty"].to_numpy()
     corners = labelled(one, (counts[0] * counts[-1] / empty)[None], TWO_PEOPLE)
-    pair = model.presence.pairs(model.features(corners))[0]
+    pair = model.presence.pairs(model.space.sensor_features(model.features(corners)))[0]
     assert sorted(model.places.labels[number] for number in pair) == ["p0", "p11"]
 
 
