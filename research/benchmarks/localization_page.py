@@ -4,7 +4,6 @@ from pathlib import Path
 
 from research.experiments.results_page import Part, write_results_page
 
-# NAME-before: rows of rooms that were made at an earlier revision and not again; to be removed where they are.
 PARTS = (
     Part(
         title="Table 4 and Figure 14: learned from a simulation, tested in the true room",
@@ -21,12 +20,9 @@ PARTS = (
         "leads from each place to where its readings are put on the average.",
         tables=(
             "table-4",
-            "table-4-before",
             "paper-table-4",
             "table-4-all",
-            "table-4-all-before",
             "person-effect",
-            "person-effect-before",
         ),
         figures=("figure-14", "error-map-*"),
     ),
@@ -35,14 +31,14 @@ PARTS = (
         words="This was tried before the test of Table 4, on other people and other sensors: those of the survey, the "
         "first at each place, read by sensors drawn anew. Table 4 uses four in the large office, where eight are "
         "better and cost more, and two in the apartment.",
-        tables=("people", "people-before"),
+        tables=("people"),
     ),
     Part(
         title="How old the reference may be",
         words="The virtual sensors' dies drift by 1 % an hour (standard deviation, each for itself). Beside Table 4's "
         "running median stands one of people who stay longer, with the same window of ten minutes, and readings that "
         "are compared with an empty room: five of each person, at times by lot since it was read.",
-        tables=("reference-age", "reference-age-before"),
+        tables=("reference-age"),
     ),
     Part(
         title="Table 5 and Figures 15 and 16: the room has changed",
