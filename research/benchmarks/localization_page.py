@@ -31,14 +31,14 @@ PARTS = (
         words="This was tried before the test of Table 4, on other people and other sensors: those of the survey, the "
         "first at each place, read by sensors drawn anew. Table 4 uses four in the large office, where eight are "
         "better and cost more, and two in the apartment.",
-        tables=("people"),
+        tables=("people",),
     ),
     Part(
         title="How old the reference may be",
         words="The virtual sensors' dies drift by 1 % an hour (standard deviation, each for itself). Beside Table 4's "
         "running median stands one of people who stay longer, with the same window of ten minutes, and readings that "
         "are compared with an empty room: five of each person, at times by lot since it was read.",
-        tables=("reference-age"),
+        tables=("reference-age",),
     ),
     Part(
         title="Table 5 and Figures 15 and 16: the room has changed",
