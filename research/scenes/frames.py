@@ -124,7 +124,7 @@ def _gloss(
     return Gloss(
         lobe=lobe,
         normal=normal,
-        lamps=tuple(LampPieces.of([lamp]) for lamp in lamps),
+        lamps=tuple(LampPieces.of(lamp) for lamp in lamps),
         radiosity=np.concatenate([sends[lamp.name] for lamp in lamps]),
         shining=shining,
     )

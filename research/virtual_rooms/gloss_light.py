@@ -12,7 +12,7 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, SmallFloatArray
 from lidarspectra.geometry.rays import RayCaster
-from lidarspectra.material.frames.gloss_lobe import LampPieces, highlight
+from lidarspectra.material.frames.gloss_lobe import LampPieces, half_vectors, highlight
 
 LIFT_M = 0.02  # [m] rays start so far off a scanned surface
 SHADOW_RAYS = 2  # to random pieces of each lamp
@@ -85,12 +85,7 @@ def thrown_back(
         light[lit] += (strength[lit] * share / SHADOW_RAYS)[:, None] * radiosity
     slope = lobe[:, 1] * np.sqrt(-np.log(1.0 - generator.random(len(points))))
     turn = 2.0 * np.pi * generator.random(len(points))
-    across = np.cross(normals, np.where(np.abs(normals[:, :1]) > 0.7, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]]))
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    half = normals + slope[:, None] * (
-        np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * np.cross(normals, across)
-    )
-    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    half = half_vectors(normals, slope, turn)
     away = 2.0 * np.einsum("nc,nc->n", half, toward_eye)[:, None] * half - toward_eye
     cosine, eye = (np.einsum("nc,nc->n", each, normals) for each in (away, toward_eye))
     up = np.flatnonzero((cosine > 0) & (eye > 0))

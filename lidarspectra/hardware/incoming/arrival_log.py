@@ -109,8 +109,11 @@ def newest_time(folder: Path) -> float | None:
         rows = file.read().decode("utf-8", errors="replace").split("\n")[:-1]  # what follows the last end was cut
     for row in reversed(rows):
         cells = row.split(",")
-        if len(cells) == len(COLUMNS) and cells[1] != COLUMNS[1]:
-            return float(cells[1])
+        try:
+            if len(cells) == len(COLUMNS):
+                return float(cells[1])
+        except ValueError:  # a header, or a row that a power cut damaged
+            continue
     return None
 
 

@@ -28,7 +28,7 @@ FLAT = 1e-3  # [1] cosine below which light or eye are behind the surface
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LampPieces:
-    """Pieces of lamps' surfaces.
+    """Pieces of a lamp's surfaces.
 
     Parameters
     ----------
@@ -36,30 +36,48 @@ class LampPieces:
         [m], [1]
     area : (piece,) float
         [m²]
-    lamp : (piece,) int
     """
 
     position: FloatArray
     normal: FloatArray
     area: FloatArray
-    lamp: "np.ndarray[tuple[int, ...], np.dtype[np.int64]]"
 
     @staticmethod
-    def of(lamps: "tuple[Lamp, ...] | list[Lamp]", pieces: int = PIECES) -> "LampPieces":
-        """Cut the surfaces of lamps into pieces of one size, `pieces` along each side."""
+    def of(lamp: Lamp, pieces: int = PIECES) -> "LampPieces":
+        """Cut the surfaces of a lamp into pieces of one size, `pieces` along each side."""
         steps = (np.arange(pieces) + 0.5) / pieces
         u, v = (each.ravel() for each in np.meshgrid(steps, steps))
-        cut = [
-            (*surface.sample(u, v), surface.area / u.size, number)
-            for number, lamp in enumerate(lamps)
-            for surface in lamp.surfaces
-        ]
+        cut = [(*surface.sample(u, v), surface.area / u.size) for surface in lamp.surfaces]
         return LampPieces(
             position=np.concatenate([each[0] for each in cut]).reshape(-1, 3),
             normal=np.concatenate([each[1] for each in cut]).reshape(-1, 3),
             area=np.repeat([each[2] for each in cut], u.size),
-            lamp=np.repeat([each[3] for each in cut], u.size).astype(np.int64),
         )
+
+
+def half_vectors(normals: FloatArray, slope: FloatArray | float, turn: FloatArray | float) -> FloatArray:
+    """Unit normals of facets, tilted out of the surface's.
+
+    Parameters
+    ----------
+    normals : (n, 3) float
+        Unit normals. [1]
+    slope : (n,) float or float
+        Tangent of the angle by which each is tilted; α √(-ln u) spreads them by the lobe. [1]
+    turn : (n,) float or float
+        Which way, from any direction in the surface. [rad]
+
+    Returns
+    -------
+    half : (n, 3) float
+        [1]
+    """
+    across = np.cross(normals, np.where(np.abs(normals[:, :1]) > 0.7, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]]))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    along = np.cross(normals, across)
+    sideways = np.cos(turn)[..., None] * across + np.sin(turn)[..., None] * along
+    half = normals + np.asarray(slope)[..., None] * sideways
+    return np.asarray(half / np.linalg.norm(half, axis=1, keepdims=True), dtype=np.float64)
 
 
 def highlight(

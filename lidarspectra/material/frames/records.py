@@ -9,8 +9,9 @@ from typing import Self
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray, SmallFloatArray
-from lidarspectra.errors import ScanError
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, SmallFloatArray, float_array, int_array
+from lidarspectra.errors import ArrayError, ScanError, WorkspaceError
+from lidarspectra.io.array_files import read_arrays, write_arrays
 from lidarspectra.io.files import writing
 
 PLACES = 20_000  # at most
@@ -46,6 +47,24 @@ class FrameRecords:
     uneven: SmallFloatArray
     clipped: BoolArray
 
+    def __post_init__(self) -> None:
+        rows = len(self.place)
+        shapes: dict[str, tuple[int | None, ...]] = {
+            "points": (None, 3), "normals": (len(self.points), 3), "camera": (None, 3),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, float_array(getattr(self, name), name=f"FrameRecords.{name}", shape=shape))
+        for name, count in (("place", len(self.points)), ("frame", len(self.camera))):
+            number = int_array(getattr(self, name), name=f"FrameRecords.{name}", shape=(rows,))
+            if rows and not (number.min() >= 0 and number.max() < count):
+                found = f"{number.min()} to {number.max()}"
+                raise ArrayError(expected=f"numbers below {count}", found=found, where=f"FrameRecords.{name}")
+            object.__setattr__(self, name, number)
+        for name in ("light", "uneven", "clipped"):
+            if np.shape(getattr(self, name)) != (rows,):
+                found = f"shape {np.shape(getattr(self, name))}"
+                raise ArrayError(expected=f"{rows} values", found=found, where=f"FrameRecords.{name}")
+
     def scaled(self, factor: float) -> Self:
         """With all light multiplied by a factor [1]."""
         return replace(self, light=self.light * np.float32(factor))
@@ -53,7 +72,7 @@ class FrameRecords:
     def save(self, folder: Path) -> None:
         """Write them into a folder; ScanError if that is not possible."""
         with writing(folder, error=ScanError):
-            np.savez_compressed(
+            write_arrays(
                 folder / RECORDS_FILE,
                 points=self.points.astype(np.float32), normals=self.normals.astype(np.float32),
                 camera=self.camera, place=self.place.astype(np.int32), frame=self.frame.astype(np.int32),
@@ -62,16 +81,31 @@ class FrameRecords:
 
     @classmethod
     def load(cls, folder: Path) -> Self | None:
-        """Those of a scan stage's folder; None where it has none."""
+        """Those of a scan stage's folder; None where it has none.
+
+        Raises
+        ------
+        ScanError
+            If the file is damaged.
+        """
         path = folder / RECORDS_FILE
         if not path.is_file():
             return None
-        with np.load(path) as kept:
+        try:
+            kept = read_arrays(path)
             return cls(
                 points=kept["points"].astype(np.float64), normals=kept["normals"].astype(np.float64),
-                camera=kept["camera"], place=kept["place"].astype(np.int64), frame=kept["frame"].astype(np.int64),
-                light=kept["light"], uneven=kept["uneven"].astype(np.float32), clipped=kept["clipped"],
+                camera=kept["camera"].astype(np.float64), place=kept["place"].astype(np.int64),
+                frame=kept["frame"].astype(np.int64), light=kept["light"].astype(np.float32),
+                uneven=kept["uneven"].astype(np.float32), clipped=kept["clipped"].astype(np.bool_),
             )  # fmt: skip
+        except (KeyError, ValueError, TypeError, ArrayError, WorkspaceError) as cause:
+            raise ScanError(
+                expected="what frames show, as the scan stage wrote it",
+                found=str(cause),
+                where=str(path),
+                todo="Run the scan stage again.",
+            ) from cause
 
 
 class Recorder:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from lidarspectra.errors import ArrayError, WorkspaceError
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.frames_figure import FramesOnPlan, frames_figure
 from lidarspectra.mapping.report.applications import Application, ApplicationFigure
@@ -28,13 +29,32 @@ def frames_section(folder: Path, plan: FloorPlan) -> Application | None:
     folder : Path
         Of the scan stage.
     plan : FloorPlan
+
+    Raises
+    ------
+    WorkspaceError
+        If what is kept of the frames is damaged.
     """
     path = folder / FRAMES_FILE
     if not path.is_file():
         return None
-    about = json.loads(path.read_text(encoding="utf-8"))
-    if "left_out_position_m" not in about or not about.get("frames"):  # no frame used, or of an earlier version
-        return None
+    try:
+        about = json.loads(path.read_text(encoding="utf-8"))
+        if about.get("left_out_position_m") is None or not about.get(
+            "frames"
+        ):  # no frame used, or of an earlier version
+            return None
+        return _section(about, plan)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, ArrayError) as cause:
+        raise WorkspaceError(
+            expected="what the scan stage wrote of its frames",
+            found=f"{type(cause).__name__}: {cause}",
+            where=str(path),
+            todo="Run the scan stage again.",
+        ) from cause
+
+
+def _section(about: dict[str, Any], plan: FloorPlan) -> Application:
     held_out = about["held_out_deviation"]
     words = (
         f"{len(about['frames'])} frames of {about['app']} have one radiometry. Observations held out of the solve "

@@ -36,9 +36,7 @@ def test_a_panels_highlight_is_that_of_radiance(tmp_path: Path, roughness: float
     toward = eye - points
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
     normals = np.tile([0.0, 0.0, 1.0], (6000, 1))
-    (ours,) = (
-        SPECULARITY * RADIANCE * highlight(points, normals, toward, np.array([[roughness]]), LampPieces.of([PANEL]))
-    )
+    (ours,) = SPECULARITY * RADIANCE * highlight(points, normals, toward, np.array([[roughness]]), LampPieces.of(PANEL))
     options = ["-h", "-fff", "-ab", "0", "-dj", "0", "-ds", "0.02", "-st", "0", "-ss", "0", "-lr", "1", "room.oct"]
     rays = np.concatenate([eye, -toward], axis=1).astype("<f4").tobytes()
     theirs = float_rows(engine.run("rtrace", options, folder=tmp_path, stdin=rays), rows=6000, columns=3)

@@ -88,6 +88,18 @@ def test_a_recording_that_was_cut_goes_on_and_loses_the_half_row_alone(tmp_path:
     assert path.read_bytes().count(HEADER) == 1
 
 
+def test_a_row_that_a_power_cut_damaged_has_no_time(tmp_path: Path) -> None:
+    given = arrivals_of(0.0, 3)
+    log = ArrivalLog(tmp_path)
+    log.write(given)
+    log.close()
+    (path,) = tmp_path.glob("*.csv")
+    *rows, last = path.read_text(encoding="utf-8").rstrip("\n").split("\n")
+    cells = last.split(",")
+    path.write_text("\n".join([*rows, ",".join([cells[0], "\0" * 8, *cells[2:]])]) + "\n", encoding="utf-8")
+    assert newest_time(tmp_path) == pytest.approx(given[1].unix_s, abs=1e-3)
+
+
 def test_a_log_of_other_columns_is_continued_under_a_header_of_its_own(tmp_path: Path) -> None:
     given = arrivals_of(0.0, 1)
     day = tmp_path / "2001-09-09.csv"

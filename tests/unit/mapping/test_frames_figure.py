@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.quiver import Quiver
 
-from lidarspectra.errors import MapError
+from lidarspectra.errors import MapError, WorkspaceError
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.frames_figure import FramesOnPlan, frames_figure
 from lidarspectra.workflow.report.report_frames import frames_section
@@ -94,3 +94,10 @@ def test_a_scan_without_frames_has_no_section(tmp_path: Path) -> None:
     assert frames_section(tmp_path, PLAN) is None
     (tmp_path / FRAMES_FILE).write_text(json.dumps({"left_out": {}, "left_out_position_m": {}}), encoding="utf-8")
     assert frames_section(tmp_path, PLAN) is None
+
+
+@pytest.mark.parametrize("damaged", ['{"frames": [', "[1]", '{"left_out_position_m": {}, "frames": [{"name": "a"}]}'])
+def test_a_damaged_record_of_frames_is_one_clear_error(tmp_path: Path, damaged: str) -> None:
+    (tmp_path / FRAMES_FILE).write_text(damaged, encoding="utf-8")
+    with pytest.raises(WorkspaceError, match="Run the scan stage again"):
+        frames_section(tmp_path, PLAN)

@@ -6,13 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lidarspectra.errors import ScanError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.io.array_files import read_arrays, write_arrays
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Panel
 from lidarspectra.material.frames.gloss import NO_HIGHLIGHT, TOO_FEW, GlossOfPart, ShownLamps, gloss_of_parts, smoothed
 from lidarspectra.material.frames.gloss_lobe import LampPieces, highlight
-from lidarspectra.material.frames.records import FrameRecords, Recorder
+from lidarspectra.material.frames.records import RECORDS_FILE, FrameRecords, Recorder
 from lidarspectra.material.material_map import MAX_REFLECTANCE, Material, MaterialMap
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.materials.gloss_of_run import gloss_in_words, with_gloss
@@ -34,9 +36,7 @@ def walk(specularity: float, roughness: float, *, white: float = WHITE_LEVEL, ga
     toward = camera[frame] - points[place]
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
     normals = np.tile([0.0, 0.0, 1.0], (400, 1))
-    lobe = highlight(points[place], normals[place], toward, np.array([[max(roughness, 0.02)]]), LampPieces.of([PANEL]))[
-        0
-    ]
+    lobe = highlight(points[place], normals[place], toward, np.array([[max(roughness, 0.02)]]), LampPieces.of(PANEL))[0]
     matt = MATT_LEVEL * (1.0 + 0.3 * generator.random(400))
     light = matt[place] + specularity * lobe * LAMPS.radiosity[0]
     light *= np.exp(gain * generator.normal(size=40))[frame] * (1.0 + 0.02 * generator.normal(size=light.size))
@@ -70,8 +70,22 @@ def test_a_sharp_lobe_that_a_lamp_fills_shows_the_lamp_itself() -> None:
     above = replace(PANEL, shape=Panel(3.0, 3.0))
     point, up = np.array([[1.5, 1.5, 0.0]]), np.array([[0.0, 0.0, 1.0]])
     toward = np.array([[0.1, 0.05, 1.0]]) / np.linalg.norm([0.1, 0.05, 1.0])
-    light = highlight(point, up, toward, np.array([[0.03], [0.08]]), LampPieces.of([above], 64))
+    light = highlight(point, up, toward, np.array([[0.03], [0.08]]), LampPieces.of(above, 64))
     np.testing.assert_allclose(light, 1.0, atol=0.02)  # whose radiosity it shows, times the specularity
+
+
+def test_a_floor_shows_its_specularity_times_the_radiosity_of_a_lamp_that_fills_the_lobe() -> None:
+    """By hand: where the mirrored eye looks into a large lamp the floor is brighter by s M, elsewhere it is not."""
+    records = walk(0.0, 0.1, gain=0.0)
+    way = records.points[records.place] - records.camera[records.frame]
+    way[:, 2] *= -1.0  # mirrored
+    met = records.points[records.place] + way * (PANEL.center[2] / way[:, 2])[:, None]
+    wide = replace(LAMPS, lamps=(replace(PANEL, shape=Panel(1.5, 1.5)),))
+    seen = (np.abs(met[:, :2] - PANEL.center[:2]) < 0.75).all(axis=1)
+    assert seen.sum() > 400
+    light = records.light + np.where(seen, 0.03 * LAMPS.radiosity[0], 0.0).astype(np.float32)
+    gloss = found(replace(records, light=light, clipped=np.zeros(light.size, dtype=np.bool_)), wide)
+    assert gloss.specularity == pytest.approx(0.03, rel=0.05)
 
 
 def test_a_matt_floor_is_matt_although_gains_are_off() -> None:
@@ -126,6 +140,22 @@ def test_what_frames_show_is_kept_and_read_back(tmp_path: Path) -> None:
     np.testing.assert_allclose(read.light, light[np.searchsorted(seen, number), 1] * 0.5, rtol=1e-6)
     np.testing.assert_array_equal(read.clipped, light[np.searchsorted(seen, number), 0] > 0.5)
     assert FrameRecords.load(tmp_path / "nowhere") is None
+
+
+@pytest.mark.parametrize("damage", ["cut", "text", "a place beyond", "lengths"])
+def test_damaged_records_are_one_clear_error(tmp_path: Path, damage: str) -> None:
+    walk(0.04, 0.1).save(tmp_path)
+    path = tmp_path / RECORDS_FILE
+    if damage == "cut":
+        path.write_bytes(path.read_bytes()[:-200])
+    elif damage == "text":
+        path.write_text("not arrays", encoding="utf-8")
+    else:
+        arrays = read_arrays(path)
+        changed = {"place": arrays["place"] + 1} if damage == "a place beyond" else {"light": arrays["light"][1:]}
+        write_arrays(path, **{**arrays, **changed})
+    with pytest.raises(ScanError, match="Run the scan stage again"):
+        FrameRecords.load(tmp_path)
 
 
 def _materials(**changes: object) -> MaterialMap:
