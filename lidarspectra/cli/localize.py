@@ -69,7 +69,7 @@ def train(
     usable = model.space.usable
     console.print(
         f"{len(model.places)} places, {len(model.space.sensors)} sensors, {usable.sum()} of {usable.size} channels"
-        f" bright enough; saved in {out}",
+        f" bright enough, a feature for each {model.space.per}; saved in {out}",
         soft_wrap=True,
     )
     if not model.places.has_positions:

@@ -6,7 +6,8 @@ In the rooms of Table 4 walls, furniture and lamps have spectra, so that the col
 where they stand. In the virtual offices all lamps of a survey have one spectrum and nothing but clothes has a colour.
 What training chooses by the people that it has (`feature_choice`) is told beside both. DIR is that of
 `research.benchmarks.localization --only table-4`, whose traces are used; learned from 'high', other people are located
-against the running median.
+against the running median. Beside the position, the geometric median of the places by their probability, stands their
+mean, which it was before.
 """
 
 import argparse
@@ -17,9 +18,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from lidarspectra.arrays import FloatArray
 from lidarspectra.mapping.figures.tables import Table, table_markdown
 from lidarspectra.mapping.localization.features import FeatureSettings, Per
 from lidarspectra.mapping.localization.location_model import LocationModel, TrainingSettings, train_locator
+from lidarspectra.mapping.localization.locators import Method
 from lidarspectra.mapping.localization.scoring import errors_of
 from research.benchmarks.localization_readings import PEOPLE, SCENES, TRIED_PEOPLE, simulated, true_readings
 from research.benchmarks.localization_tried import NIGHTS, tests_of
@@ -33,6 +36,17 @@ def models_of(learned: xr.Dataset) -> tuple[dict[Per, LocationModel], Per | None
     return {per: train_locator(learned, settings[per]) for per in KINDS}, train_locator(learned).space.settings.per
 
 
+def errors_of_means(model: LocationModel, table: xr.Dataset) -> dict[Method, FloatArray]:
+    """Per method, (reading,) distance of the mean of the places by their scores from the true place [m]."""
+    features, true = model.features(table, against="running"), table["position_m"].to_numpy()[:, :2]
+    known = np.isfinite(features).any(axis=1) & np.isfinite(true).all(axis=1)
+    places = model.places.positions_m[:, :2]
+    return {
+        method: np.hypot(*(locator.scores(features[known]) @ places - true[known]).T)
+        for method, locator in model.locators.items()
+    }
+
+
 def rooms_table(work: Path) -> Table:
     """Distances and right places in the traced rooms."""
     rows = []
@@ -42,6 +56,7 @@ def rooms_table(work: Path) -> Table:
             learned = simulated(scene, ("high",), true.positions, work, people)["high"]
             models, chosen = models_of(learned)
             for per, model in models.items():
+                mean_m = errors_of_means(model, true.tested)
                 for method, errors in errors_of(model, true.tested, against="running").items():
                     rows.append(
                         {
@@ -52,6 +67,8 @@ def rooms_table(work: Path) -> Table:
                             "median [m]": errors.percentile_m(50),
                             "90th percentile [m]": errors.percentile_m(90),
                             "mean [m]": float(errors.error_m.mean()),
+                            "places' mean, median [m]": float(np.median(mean_m[method])),
+                            "places' mean, mean [m]": float(mean_m[method].mean()),
                             "right [%]": 100.0 * errors.top(1),
                         }
                     )

@@ -136,10 +136,11 @@ def _shares(people: IntArray, probabilities: FloatArray) -> tuple[float, ...]:
 
 
 def _answers(model: LocationModel, night: xr.Dataset, alone: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(reading, 2) whether an answer was right and what it said; (reading, 5) of one person, told as one [m].
+    """(reading, 2) whether an answer was right and what it said; (reading, 6) of one person, told as one [m].
 
     Right is the nearest place to where a person stood. The latter: whether between the places, and errors of the
-    likeliest place, of the position, the stated spread, and the distance from the nearest place.
+    likeliest place, of the position, the stated spread, the distance from the nearest place, and the error of the
+    places' mean.
     """
     features = model.features(night, against="running")
     known = np.isfinite(features).any(axis=1)
@@ -156,19 +157,27 @@ def _answers(model: LocationModel, night: xr.Dataset, alone: FloatArray) -> tupl
     chosen = one & (said == 1)
     rows = np.flatnonzero(chosen)
     error = np.linalg.norm(located.positions_m[rows, :2] - stood[rows], axis=1)
-    metres = [labels[rows] == BETWEEN, away[rows, best[rows]], error, located.spread_m[rows], away[rows].min(axis=1)]
+    of_mean = np.linalg.norm(located.scores[rows] @ spots - stood[rows], axis=1)
+    metres = [
+        labels[rows] == BETWEEN,
+        away[rows, best[rows]],
+        error,
+        located.spread_m[rows],
+        away[rows].min(axis=1),
+        of_mean,
+    ]
     return np.column_stack([right, probability]).astype(np.float64), np.column_stack(metres).astype(np.float64)
 
 
 def _between_table(metres: FloatArray) -> Table:
     rows = []
     for words, chosen in (("at a place", metres[:, 0] == 0), ("between", metres[:, 0] == 1)):
-        _, place, mean, spread, nearest = metres[chosen].T
+        _, place, mean, spread, nearest, of_mean = metres[chosen].T
         inside = 100.0 * float(np.mean(mean <= np.maximum(2.0 * spread, OFF_M)))
-        quantiles = [np.percentile(each, percent) for each in (nearest, place, mean) for percent in (50, 90)]
+        quantiles = [np.percentile(each, percent) for each in (nearest, place, mean, of_mean) for percent in (50, 90)]
         rows.append((words, int(chosen.sum()), *quantiles, inside))
     headings = ["one person", "readings"]
-    headings += [f"{name}, {part} [m]" for name in ("nearest place", "likeliest place", "position")
+    headings += [f"{name}, {part} [m]" for name in ("nearest place", "likeliest place", "position", "places' mean")
                  for part in ("median", "90th percentile")]  # fmt: skip
     headings.append("within two spreads or 0.3 m [%]")
     formats = {heading: ".2f" for heading in headings if "[m]" in heading} | {headings[-1]: ".0f"}

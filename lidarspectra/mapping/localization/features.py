@@ -114,9 +114,14 @@ class FeatureSpace:
         object.__setattr__(self, "noise", noise)
 
     @property
+    def per(self) -> Per:
+        """Of what there is a feature."""
+        return self.settings.per or "sensor"
+
+    @property
     def is_of_channels(self) -> bool:
         """Whether each channel has a feature, not each sensor."""
-        return self.settings.per == "channel"
+        return self.per == "channel"
 
     @property
     def count(self) -> int:

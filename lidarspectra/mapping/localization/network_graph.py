@@ -129,7 +129,7 @@ def _metadata(places: Places, space: FeatureSpace) -> dict[str, Any]:
         "bands_nm": space.bands_nm.tolist(),
         "usable": space.usable.astype(int).tolist(),
         "noise": np.round(space.noise, 9).tolist(),
-        "per": "channel" if space.is_of_channels else "sensor",
+        "per": space.per,
         "feature_noise": np.round(space.feature_noise, 9).tolist(),
         "mismatch": space.settings.mismatch,
         "remove_level": space.settings.remove_level,

@@ -40,10 +40,8 @@ def frames_section(folder: Path, plan: FloorPlan) -> Application | None:
         return None
     try:
         about = json.loads(path.read_text(encoding="utf-8"))
-        if about.get("left_out_position_m") is None or not about.get(
-            "frames"
-        ):  # no frame used, or of an earlier version
-            return None
+        if about.get("left_out_position_m") is None or not about.get("frames"):
+            return None  # no frame was used, or it is of an earlier version
         return _section(about, plan)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, ArrayError) as cause:
         raise WorkspaceError(
