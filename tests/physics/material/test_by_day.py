@@ -1,7 +1,8 @@
 """A room photographed by day: its window's light is taken out with the lamps', or alone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.delighting.light_exchange import cosine_directions
-from lidarspectra.material.delighting.unknown_light import PANE_REFLECTANCE
+from lidarspectra.material.delighting.unknown_light import PANE_REFLECTANCE, find_unknown_sources
 from lidarspectra.room.room import find_room
+from lidarspectra.workflow.materials import delighting
 from lidarspectra.workflow.materials.delighting import Delighting, take_light_out
 
 from .lit_rooms import OFF_M, all_light, joined, lamp_light, painted, plane
@@ -103,6 +105,22 @@ def test_a_window_beside_lamps_leaves_the_reflectances_right(tmp_path: Path, day
     assert found.face_color[made.window] == pytest.approx(PANE_REFLECTANCE)
     assert (found.face_deviation[made.window] >= 1.0).all()  # a blind may be drawn, or the night be bright
     assert any("no lamp of the run file" in warning for warning in found.warnings)
+
+
+def test_what_a_window_lights_has_no_skys_prior(tmp_path: Path) -> None:
+    """A reveal that is cut at white beside a window stands as windows do, and sends its light anywhere."""
+    made = room(tmp_path, day=2.0, lit=1.0)
+    told = []
+    for is_beside in (False, True):
+        found = [replace(each, is_beside=is_beside) for each in find_unknown_sources(made.scan, made.window)]
+        with (
+            patch.object(delighting, "find_unknown_sources", return_value=tuple(found)),
+            patch.object(delighting, "fit_light", side_effect=InterruptedError) as fit,
+            pytest.raises(InterruptedError),
+        ):
+            de_lit(made, made.lamps)
+        told.append(fit.call_args.args[0].other_upright.tolist())
+    assert told == [[True], [False]]
 
 
 def test_a_room_in_which_all_lamps_were_off_is_lit_by_its_window(tmp_path: Path) -> None:

@@ -68,10 +68,7 @@ def test_a_desk_cut_at_white_below_a_window_is_a_source_of_its_own_and_a_rough_p
     first, second = find_unknown_sources(joined, shines)
     assert (first.area_m2, second.area_m2) == pytest.approx((1.0, 1.0))
     assert sorted((first.is_upright, second.is_upright)) == [False, True]
-    assert [first.is_beside, second.is_beside] == [
-        False,
-        False,
-    ]  # alike: a window round a corner
+    assert [first.is_beside, second.is_beside] == [False, False]  # alike, as a window round a corner
     small = find_unknown_sources(joined, shines & (joined.centers[:, 0] < 0.45))
     assert [(each.is_pane, each.is_beside) for each in small] == [(True, False), (False, True)]
     pane = first if first.is_upright else second
@@ -83,6 +80,15 @@ def test_a_desk_cut_at_white_below_a_window_is_a_source_of_its_own_and_a_rough_p
     rough[shining, 0] += np.random.default_rng(2).normal(scale=0.02, size=len(places))[same.reshape(-1)]
     (source,) = find_unknown_sources(bare_scan(rough, scan.faces), room_with_window()[1])
     assert source.area_m2 == pytest.approx(1.0, rel=0.15)
+
+
+def test_the_panes_of_a_window_round_a_corner_are_two_sources() -> None:
+    panes = [sheet((0, 0, 1), (0, 1, 0), (0, 0, 1), 10), sheet((0, 0, 1), (0, 0, 1), (1, 0, 0), 10)]
+    corners = np.concatenate(panes)
+    scan = bare_scan(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    found = find_unknown_sources(scan, np.ones(len(scan.faces), dtype=np.bool_))
+    assert sorted(each.normal.round(6).tolist() for each in found) == [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]
+    assert all(each.is_pane for each in found)
 
 
 def test_a_lamps_shade_is_one_source_whose_sides_look_all_ways() -> None:

@@ -317,3 +317,10 @@ def test_lines_that_begin_with_a_name_are_not_read_as_one_sensor_with_a_channel_
         read_sensor_log(saved(tmp_path, text))
     mended = "sensor," + text.replace(": ", ",")
     assert sensors_of(read_sensor_log(saved(tmp_path, mended)).readings) == ("S0", "S1")
+
+
+def test_a_boards_greeting_in_json_makes_no_objects_of_the_table_below_it(tmp_path: Path) -> None:
+    header = ",".join(("unix_s", *CHANNEL_LABELS))
+    rows = [f"{1.7e9 + i},{','.join(f'{value + i:.0f}' for value in BY_WAVELENGTH)}" for i in range(4)]
+    found = read_sensor_log(saved(tmp_path, "\n".join(['{"boot": 1}', header, *rows]))).readings
+    assert np.array_equal(found["counts"].to_numpy()[2], BY_WAVELENGTH + 2)
