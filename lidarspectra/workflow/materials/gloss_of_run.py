@@ -70,11 +70,11 @@ def gloss_of_faces(
     hits = caster.nearest(records.points + LOOK_M * records.normals, -records.normals, max_distance=2.0 * LOOK_M)
     part = np.where(hits.met, face_part[hits.face], -1)
     generator = np.random.default_rng(SEED)
-    return gloss_of_parts(records, part, parts, shown, caster, _mirrored(scan, caster, lit), generator)
+    return gloss_of_parts(records, part, parts, shown, caster, mirrored_in(scan, caster, lit), generator)
 
 
-def _mirrored(scan: Scan, caster: RayCaster, lamps: Sequence[Lamp]) -> Mirrored:
-    """What the scan shows in a direction, without the lamps."""
+def mirrored_in(scan: Scan, caster: RayCaster, lamps: Sequence[Lamp]) -> Mirrored:
+    """What a scan shows in a direction; 0 of lamps, NaN where it has no picture or was cut at white in all frames."""
     level = scan.face_colors().mean(axis=1)
     unknown = ~scan.appearance.photographed
     if scan.appearance.linear is not None:

@@ -196,6 +196,10 @@ def test_the_recording_is_read_and_drawn_and_says_where_the_counts_are(tmp_path:
     beside = beside_cell(LogChoice(path=path, sensor="b"))
     assert beside.signal == "irradiance"
     assert beside.light == pytest.approx(light[1::2], rel=1e-6)
+    row = path.read_bytes().split(b"\n")[1]
+    path.write_bytes(path.read_bytes()[: -len(b"2023-11-14T22:13:26.000Z,170000")] + row[:-2])  # in the last number
+    again = read_sensor_log(path).readings
+    assert again["irradiance"].to_numpy() == pytest.approx(light, rel=1e-6)
     assert log_figure(readings).axes
     assert "irradiance" in log_figure(one).axes[0].get_ylabel()
     with pytest.raises(ReadingError, match="recorder"):

@@ -1,23 +1,38 @@
 """Gloss from frames: found where a lamp is mirrored, with deviations that cover the truth, and nowhere else."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry.appearance import PHOTOGRAPHED
 from lidarspectra.geometry.rays import RayCaster
-from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.io.array_files import read_arrays, write_arrays
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Panel
-from lidarspectra.material.frames.gloss import NO_HIGHLIGHT, TOO_FEW, GlossOfPart, ShownLamps, gloss_of_parts, smoothed
+from lidarspectra.material.frames.gloss import (
+    MIN_GAIN,
+    MIN_RATIO,
+    MIN_SPECULARITY,
+    NO_HIGHLIGHT,
+    NOT_TOLD,
+    TOO_FEW,
+    GlossOfPart,
+    Mirrored,
+    ShownLamps,
+    gloss_of_parts,
+    smoothed,
+)  # fmt: skip
 from lidarspectra.material.frames.gloss_lobe import LampPieces, highlight
 from lidarspectra.material.frames.records import RECORDS_FILE, FrameRecords, Recorder
 from lidarspectra.material.material_map import MAX_REFLECTANCE, Material, MaterialMap
 from lidarspectra.spectra.spectrum import Spectrum
-from lidarspectra.workflow.materials.gloss_of_run import gloss_in_words, with_gloss
+from lidarspectra.workflow.materials.gloss_of_run import gloss_in_words, mirrored_in, with_gloss
 
 WHITE = Spectrum(wavelengths_nm=[380.0, 780.0], values=[1.0, 1.0])
 PANEL = Lamp(name="panel", shape=Panel(0.6, 0.6), center=np.array([1.5, 1.5, 2.6]), flux=WHITE)
@@ -47,13 +62,23 @@ def walk(specularity: float, roughness: float, *, white: float = WHITE_LEVEL, ga
     )  # fmt: skip
 
 
-def found(records: FrameRecords, lamps: ShownLamps = LAMPS) -> GlossOfPart:
+def dark(origins: FloatArray, _: FloatArray) -> FloatArray:
+    return np.zeros(len(origins))
+
+
+def found(
+    records: FrameRecords, lamps: ShownLamps = LAMPS, *, scan: Scan = FLOOR, mirrored: Mirrored = dark
+) -> GlossOfPart:
     part = np.zeros(len(records.points), dtype=np.int64)
-    dark = np.zeros
-    (gloss,) = gloss_of_parts(
-        records, part, 1, lamps, RayCaster(FLOOR), lambda origins, _: dark(len(origins)), np.random.default_rng(0)
-    )
+    (gloss,) = gloss_of_parts(records, part, 1, lamps, RayCaster(scan), mirrored, np.random.default_rng(0))
     return gloss
+
+
+def seen_by(records: FrameRecords, frames: Sequence[int], places: int = 400) -> FrameRecords:
+    """What some frames show of the first places."""
+    kept = np.isin(records.frame, frames) & (records.place < places)
+    rows = {name: getattr(records, name)[kept] for name in ("place", "frame", "light", "uneven", "clipped")}
+    return replace(records, **rows)
 
 
 @pytest.mark.parametrize(("specularity", "roughness"), [(0.04, 0.12), (0.06, 0.2), (0.02, 0.06)])
@@ -92,6 +117,59 @@ def test_a_matt_floor_is_matt_although_gains_are_off() -> None:
     assert found(walk(0.0, 0.1, gain=0.04)).matt
 
 
+def test_a_highlight_that_two_frames_show_and_three_do_not_is_not_told() -> None:
+    """An error of a few frames, as a spot of sun that came and went."""
+    matt, glossy = walk(0.0, 0.1, gain=0.0), walk(0.03, 0.1, gain=0.0)
+    light = np.where(np.isin(matt.frame, [0, 13]), glossy.light, matt.light)
+    gloss = found(seen_by(replace(matt, light=light), [0, 13, 5, 20, 33]))
+    assert gloss.specularity > MIN_SPECULARITY
+    assert gloss.gain > MIN_GAIN
+    assert gloss.matt == NOT_TOLD
+
+
+def test_two_frames_of_a_few_places_are_no_proof() -> None:
+    gloss = found(seen_by(walk(0.01, 0.1, gain=0.0), [0, 20], places=60))
+    assert gloss.specularity > MIN_RATIO * gloss.specularity_deviation
+    assert gloss.matt == NOT_TOLD
+
+
+def test_a_lamp_that_something_hides_from_the_floor_is_not_mirrored_in_it() -> None:
+    plate = np.array([[0, 0, 2], [3, 0, 2], [3, 3, 2], [0, 3, 2.0]])
+    vertices = np.concatenate([FLOOR.vertices, plate])
+    covered = bare_scan(vertices, np.concatenate([FLOOR.faces, [[4, 6, 5], [4, 7, 6]]]))
+    assert not found(walk(0.04, 0.1)).matt
+    assert found(walk(0.04, 0.1), scan=covered).matt == NO_HIGHLIGHT
+
+
+def test_a_bright_wall_that_is_mirrored_tells_gloss_as_a_lamp_does() -> None:
+    records = walk(0.0, 0.1)
+    toward = records.camera[records.frame] - records.points[records.place]
+
+    def wall(_: FloatArray, ways: FloatArray) -> FloatArray:
+        return np.where(ways[:, 0] > 0.0, 4.0, 0.0)
+
+    light = records.light + np.where(toward[:, 0] < 0.0, 0.05 * 4.0, 0.0).astype(np.float32)  # mirrored along x
+    behind = replace(PANEL, normal=np.array([0.0, 0.0, 1.0]))
+    gloss = found(replace(records, light=light), replace(LAMPS, lamps=(behind,)), mirrored=wall)
+    assert gloss.specularity == pytest.approx(0.05, abs=3.0 * gloss.specularity_deviation)
+    assert not gloss.matt
+
+
+def test_what_is_mirrored_of_a_scan_is_its_picture_without_lamps_and_holes() -> None:
+    """A wall to the right in grey, a lamp's plate above it, and nothing to the left."""
+    corners = np.array([[2, -1, 0], [2, 1, 0], [2, 1, 2], [2, -1, 2.0]])
+    wall = bare_scan(corners, np.array([[0, 2, 1], [0, 3, 2]]))
+    grey = replace(wall.appearance, corner_color=np.full((2, 3, 3), 0.5), color_source=np.full(2, PHOTOGRAPHED))
+    scan = replace(wall, appearance=grey)
+    lamp = replace(PANEL, center=np.array([2.0, 0.0, 1.7]), normal=np.array([-1.0, 0.0, 0.0]), shape=Panel(0.4, 0.4))
+    light = mirrored_in(scan, RayCaster(scan), [lamp])
+    origins = np.tile([0.0, 0.0, 0.5], (3, 1))
+    shown = light(origins, np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 1.2], [-1.0, 0.0, 0.0]]))
+    assert shown[0] == pytest.approx(scan.face_colors().mean())
+    assert shown[1] == 0.0
+    assert np.isnan(shown[2])
+
+
 def test_a_highlight_that_is_cut_at_white_in_part_still_tells_and_is_not_taken_for_a_dull_one() -> None:
     records = walk(0.04, 0.08, white=0.45)
     assert 0.01 < records.clipped.mean() < 0.2
@@ -108,9 +186,7 @@ def test_a_floor_that_no_frame_shows_from_where_the_lamp_is_mirrored_is_matt() -
 def test_a_part_of_few_places_is_matt() -> None:
     records = walk(0.04, 0.1)
     part = np.where(np.arange(400) < 10, 0, -1)
-    (gloss,) = gloss_of_parts(
-        records, part, 1, LAMPS, RayCaster(FLOOR), lambda origins, _: np.zeros(len(origins)), np.random.default_rng(0)
-    )
+    (gloss,) = gloss_of_parts(records, part, 1, LAMPS, RayCaster(FLOOR), dark, np.random.default_rng(0))
     assert gloss.matt == TOO_FEW
 
 
