@@ -2,10 +2,15 @@
 
 import csv
 import json
+import re
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
+from lidarspectra.material.frames.gloss import GlossOfPart
+from lidarspectra.material.material_map import load_materials
+from lidarspectra.workflow import stages
 from lidarspectra.workflow.pipeline import run
 from tests.unit.scan.capture_layouts import box_room, gray_shots, write_3dscanner
 
@@ -50,3 +55,17 @@ def test_a_run_of_frames_draws_them_in_its_report_and_takes_gray_walls_for_matt(
     (report,) = summary.folder.glob("7-report/index.html")
     assert 'id="figure-frames"' in report.read_text(encoding="utf-8")
     assert (report.parent / "figures" / "frames.svg").is_file()
+    # What frames tell of gloss is in the scene, and said; here all materials are told to be glossy.
+    told = GlossOfPart(
+        specularity=0.07, specularity_deviation=0.01, roughness=0.11, roughness_deviation=0.01, gain=20.0
+    )
+    with patch.object(
+        stages, "gloss_of_materials", side_effect=lambda _, __, found, ___: (told,) * len(found.materials)
+    ):
+        again = run(tmp_path / "room.toml", first="materials", last="scene")
+    kept = json.loads(gloss.read_text(encoding="utf-8"))
+    assert [each["roughness"] for each in kept] == [0.11] * len(kept)
+    found = load_materials(again.folder / "3-materials").materials
+    assert {each.specularity for each in found if each.kind == "plastic"} == {0.07}
+    scene = "\n".join(path.read_text(encoding="utf-8") for path in (again.folder / "4-scene").rglob("*.rad"))
+    assert re.search(r" 0?\.07 0?\.11\b", scene)

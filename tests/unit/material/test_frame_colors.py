@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import cKDTree
 
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.rays import RayCaster
@@ -106,6 +107,19 @@ def test_the_radiance_of_surfaces_comes_back_up_to_one_factor_a_channel(box: Box
     assert np.quantile(np.abs(np.log(ratio)), 0.95) < 0.12  # texels at corners of the box
 
 
+def test_what_frames_show_of_places_is_kept_on_the_scale_of_the_colours(colors: FrameColors) -> None:
+    """Of one frame with gain 1 the mean of three channels, as the scan's own colours there have it."""
+    records = colors.records
+    assert records is not None
+    scan = colors.scan
+    _, face = cKDTree(scan.centers).query(records.points)
+    own = scan.face_colors().mean(axis=1)[face][records.place]
+    ratio = records.light / own
+    clear = ~records.clipped & (own < 1.0)
+    assert np.median(ratio[clear]) == pytest.approx(1.0, abs=0.02)
+    assert np.quantile(np.abs(np.log(ratio[clear])), 0.8) < 0.1
+
+
 def test_gains_come_back(box: Box, colors: FrameColors) -> None:
     assert colors.radiometry is not None
     true = np.log(box.gain) - np.log(box.gain).mean(axis=0)
@@ -167,6 +181,8 @@ def test_a_damaged_picture_and_a_wrong_pose_are_left_out_by_name(box: Box) -> No
     found = color_from_frames(box.scan, frames[:12], texel_m=0.05)
     assert {each.name for each in found.left_out} == {"1", "3"}
     assert len(found.frames) == 10
+    for each in found.left_out:
+        assert each.position_m == pytest.approx(frames[int(each.name)].position)
 
 
 def test_a_frame_that_shares_no_surface_with_the_others_is_left_out_by_name(box: Box) -> None:
