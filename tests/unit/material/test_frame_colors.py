@@ -1,6 +1,7 @@
 """Frames of a box whose faces' radiance is known, taken at different exposures, give that radiance back."""
 
 from dataclasses import dataclass, replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from lidarspectra.hardware.phone.frames import DepthMap, Frame, FrameFault
 from lidarspectra.lamps.make_lamp import make_lamp
 from lidarspectra.material.delighting.linear_evidence import shown_of_lamps, tone_prior_of
 from lidarspectra.material.delighting.tone_curve import ToneCurve
+from lidarspectra.material.frames import frame_colors
 from lidarspectra.material.frames.frame_colors import UNTIED, FrameColors, color_from_frames
 from lidarspectra.material.frames.frame_views import MeshView
 from lidarspectra.spectra.colorimetry import encode_srgb
@@ -107,15 +109,19 @@ def test_the_radiance_of_surfaces_comes_back_up_to_one_factor_a_channel(box: Box
     assert np.quantile(np.abs(np.log(ratio)), 0.95) < 0.12  # texels at corners of the box
 
 
-def test_what_frames_show_of_places_is_kept_on_the_scale_of_the_colours(colors: FrameColors) -> None:
-    """Of one frame with gain 1 the mean of three channels, as the scan's own colours there have it."""
+@pytest.mark.parametrize("scale", [1.0, 0.4])
+def test_what_frames_show_of_places_is_kept_on_the_scale_of_the_colours(box: Box, scale: float) -> None:
+    """The mean of three channels, as the scan's own colours there have it, whatever their scale is."""
+    with patch.object(frame_colors, "_scale", return_value=scale):
+        colors = color_from_frames(box.scan, box.frames[:12], texel_m=0.05)
     records = colors.records
     assert records is not None
     scan = colors.scan
+    shown = scan.face_colors().mean(axis=1)
     _, face = cKDTree(scan.centers).query(records.points)
-    own = scan.face_colors().mean(axis=1)[face][records.place]
+    own = shown[face][records.place]
     ratio = records.light / own
-    clear = ~records.clipped & (own < 1.0)
+    clear = ~records.clipped & (own < scale)
     assert np.median(ratio[clear]) == pytest.approx(1.0, abs=0.02)
     assert np.quantile(np.abs(np.log(ratio[clear])), 0.8) < 0.1
 
