@@ -9,12 +9,14 @@ from pathlib import Path
 
 import pytest
 
+from lidarspectra.garbage import collect_rarely
 from lidarspectra.io.file_lock import FileLock
 from lidarspectra.threads import start_with_one_thread
 from tools.slowest_tests import PROPERTY
 
 RERUNS = 2  # a defect fails every time; what fails once in 1,000 runs by chance fails thrice in a row once in 10^9
 start_with_one_thread()  # before numpy is loaded: the workers of pytest share the cores
+collect_rarely()  # as the command line does
 BEGAN_S = pytest.StashKey[float]()  # processor time when a test began
 PROJECT = Path(__file__).resolve().parent
 

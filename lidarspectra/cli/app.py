@@ -35,6 +35,7 @@ from lidarspectra.cli.last_resort import bug_report
 from lidarspectra.cli.options import ClusterOption, OutOption, RunFileArgument, WorkersOption
 from lidarspectra.cli.terminal import console, messages, print_error, print_note, say, shown
 from lidarspectra.errors import LidarSpectraError
+from lidarspectra.garbage import collect_rarely
 from lidarspectra.progress import remaining_words
 from lidarspectra.threads import start_with_one_thread
 from lidarspectra.workflow.run_folder.workspace import STAGES, StageName
@@ -103,6 +104,7 @@ def options(
 def main() -> None:
     """Run the command line; the entry point of `lidarspectra`."""
     start_with_one_thread()
+    collect_rarely()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a Windows console may be in a code page without '²' or '∫'
             stream.reconfigure(errors="replace")

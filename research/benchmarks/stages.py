@@ -34,6 +34,11 @@ def spent():
     t = os.times()
     return t.user + t.system + t.children_user + t.children_system
 run_file, folder, profiled = sys.argv[1:]
+try:
+    from lidarspectra.garbage import collect_rarely  # as the command line does
+    collect_rarely()
+except ModuleNotFoundError:  # of revisions before 25 November 2026
+    pass
 from pathlib import Path
 try:
     from lidarspectra.workflow.pipeline import run

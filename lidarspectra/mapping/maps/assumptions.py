@@ -7,9 +7,10 @@ its table in a column of that name, in words.
 import json
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
-import xarray as xr
+if TYPE_CHECKING:
+    import xarray as xr  # loads slowly; who starts a run file needs the words alone
 
 ASSUMED = "assumed"  # attribute of a spectral map
 FLUX_AND_SPECTRUM, FLUX, SPECTRUM, SCAN = "flux and spectrum", "flux", "spectrum", "scan"  # keys of it
@@ -103,7 +104,7 @@ def named_lamps(names: tuple[str, ...]) -> str:
     return ", ".join(f"'{name}'" for name in names[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
-def mark_assumed(spectral_map: xr.Dataset, assumptions: Assumptions) -> xr.Dataset:
+def mark_assumed(spectral_map: "xr.Dataset", assumptions: Assumptions) -> "xr.Dataset":
     """The map with its attribute `assumed`."""
     parts = {
         FLUX_AND_SPECTRUM: assumptions.lamps,
@@ -115,7 +116,7 @@ def mark_assumed(spectral_map: xr.Dataset, assumptions: Assumptions) -> xr.Datas
     return spectral_map.assign_attrs({ASSUMED: json.dumps(stated, ensure_ascii=False)})
 
 
-def assumptions_of(spectral_map: xr.Dataset) -> Assumptions:
+def assumptions_of(spectral_map: "xr.Dataset") -> Assumptions:
     """What a map says that it assumes; nothing where it does not say, as maps of measured light."""
     try:
         stated: Any = json.loads(spectral_map.attrs.get(ASSUMED, "{}"))

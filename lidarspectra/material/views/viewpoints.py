@@ -227,10 +227,11 @@ class _Search:
     def _cells_shown(self, cells: SurfaceSamples) -> csr_array:
         """(candidate and direction, cell) 1 where a view shows it."""
         sees = visible(cells, self._candidates, self._caster, self._settings)
+        cameras = [_camera(np.zeros(3), direction, self._settings) for direction in DIRECTIONS]
         shown = [
-            np.flatnonzero(_shown(_camera(place, direction, self._settings), cells.positions, seen))
+            np.flatnonzero(_shown(camera, cells.positions - place, seen))
             for place, seen in zip(self._candidates, sees, strict=True)
-            for direction in DIRECTIONS
+            for camera in cameras
         ]
         ends = np.cumsum([0, *(each.size for each in shown)])
         return csr_array((np.ones(ends[-1]), np.concatenate(shown), ends), shape=(len(shown), cells.area.size))

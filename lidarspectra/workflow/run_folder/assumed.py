@@ -8,7 +8,6 @@ from lidarspectra.config import RunFile, ScanSection
 from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2
 from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, counted_lamps, named_lamps
-from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.workflow.run_folder.workspace import read_record, stage_folder
 
 if TYPE_CHECKING:
@@ -118,7 +117,11 @@ def lit_notes(assumptions: Assumptions, lamp_count: int) -> tuple[str, ...]:
 def assumptions_of_run(run: Path) -> Assumptions:
     """What the map of a run assumes; nothing where the run has no map yet."""
     folder = stage_folder(run, "map")
-    return Assumptions() if read_record(folder) is None else assumptions_of(load_map(folder / MAP_FILE))
+    if read_record(folder) is None:
+        return Assumptions()
+    from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map  # loads slowly, and `init` has no map
+
+    return assumptions_of(load_map(folder / MAP_FILE))
 
 
 def result_notes(assumptions: Assumptions) -> tuple[str, ...]:
