@@ -6,6 +6,9 @@ else
 BIN := .venv/bin
 endif
 JOBS ?= auto
+# Containers often ask Python to keep nothing that it compiles. Every process of demo and tests would then compile its
+# libraries again, two seconds each; what is kept lies in .venv and in folders that git ignores.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo .demo-words test quick coverage test-lowest fuzz lint hooks docs experiments blender test-blender setup setup-test clean
 

@@ -35,3 +35,14 @@ def test_the_first_line_of_the_demo_says_what_happens_and_how_long_it_takes(chec
     assert again.startswith("echo ")
     assert "Maps" in again
     assert ".venv" not in again
+
+
+def test_what_python_compiles_is_kept_whatever_the_container_asks_for(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    asked = ("import sys", "print(sys.dont_write_bytecode)")
+    rule = f"asked: ; @$(PYTHON) -c '{'; '.join(asked)}'"
+    words = ["make", "--no-print-directory", "--eval", rule, "asked"]
+    done = subprocess.run(words, cwd=checkout, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
