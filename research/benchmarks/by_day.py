@@ -8,7 +8,8 @@ the map by the lamps alone against the true room's, how many surfaces (by area, 
 two stated deviations; the map's stated uncertainty, lamps known exactly, and the shares of its points and channels
 within one and two of it; by how much each part's level is off, of what is stated; processor time of taking the light
 out, and what the run says. Scans with cards have rows with one of them and with both told. `--raw`: with the light left
-in. `--no-map`: reflectances alone, without the traces, which take most of the time.
+in as well, and with the true materials, of which only the map may differ. `--no-map`: reflectances alone, without the
+traces, which take most of the time.
 """
 
 import argparse
@@ -48,6 +49,7 @@ from research.benchmarks.delighting import (
     traced,
     true_light,
 )
+from research.benchmarks.true_faces import materials_on
 
 HEADER = (
     f"{'scan':24s} {'':5s} {'error':>6s} {'bias':>7s} {'one':>6s} {'two':>6s} "
@@ -149,6 +151,7 @@ def run(folder: Path, references: dict[int, Light] | None, *, raw: bool) -> None
         print("".join(f"  {note}\n" for note in told.warnings if "card" in note), end="")
     if raw:
         maps["raw"] = estimate_materials(case.scan, views, library=library)
+        maps["true"] = materials_on(case.truth, case.face_truth)
     for name, materials in maps.items():
         one, two = coverage(materials, case)
         print(

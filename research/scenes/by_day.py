@@ -1,6 +1,7 @@
 """Make scans of the scenes as a phone takes them by day: with windows, lamps off, other cameras.
 
     python -m research.scenes.by_day FOLDER [--scene office ...] [--case day ...] [--seed 1 2 3]
+    python -m research.scenes.by_day FOLDER --scene other --case night day     the rooms of research/scenes/rooms
 
     FOLDER/office-day-1/plan.toml, room.toml, scan.glb, truth/   as in scenes/, the windows in the plan besides
 
@@ -55,6 +56,15 @@ WINDOWS = {
     "apartment": (((3.2, -0.04, 0.9), (4.8, 0.01, 2.1)), ((0.8, 6.29, 0.9), (2.0, 6.34, 2.1))),
     "large-office": (((1.5, -0.04, 0.9), (4.5, 0.01, 2.2)), ((7.0, -0.04, 0.9), (10.0, 0.01, 2.2))),
 }
+OTHER_ROOMS = Path(__file__).parent / "rooms"
+# Of the rooms there, which have these cases alone.
+OTHER_WINDOWS = {
+    "corridor": (((0.3, -0.04, 0.9), (1.2, 0.01, 2.1)), ((4.79, 2.5, 0.9), (4.84, 4.3, 2.1))),
+    "kitchen": (((1.3, -0.04, 1.0), (2.7, 0.01, 2.1)),),
+    "red-room": (((4.59, 1.5, 0.8), (4.64, 3.1, 2.2)),),
+    "timber-study": (((4.19, 1.8, 0.9), (4.24, 3.0, 2.0)),),
+}
+OTHER_CASES = ("night", "day")
 CARDS = {"grey card": 0.18, "white paper": 0.85}  # [1] reflectance
 CARD_M = (0.3, 0.21)
 CARDS_AT = {  # middles on the floor [m]
@@ -62,7 +72,11 @@ CARDS_AT = {  # middles on the floor [m]
     "apartment": ((3.6, 1.0), (3.6, 0.5)),
     "large-office": ((4.1, 2.2), (4.1, 2.7)),
 }
-FLUX_RATIO = {"office": 1.0, "apartment": 2.0, "large-office": 1.0}  # [1] of all windows over all lamps, in lumens
+# [1] of all windows over all lamps, in lumens
+FLUX_RATIO = {
+    "office": 1.0, "apartment": 2.0, "large-office": 1.0,
+    "corridor": 1.0, "kitchen": 1.5, "red-room": 2.0, "timber-study": 1.0,
+}  # fmt: skip
 SUN_AT = {"office": (30.0, 40.0), "apartment": (-70.0, 35.0), "large-office": (-110.0, 35.0)}  # [deg] azimuth, height
 SHADE = "floor lamp"  # names of the parts that are its shade, stand and foot begin so
 SHADE_M, SHADE_LOW_M, STAND_M = (0.3, 0.3, 0.3), 1.35, 0.03
@@ -121,7 +135,7 @@ def build_by_day(scene: str, case: Case, folder: Path, *, seed: int, besides: Be
     Parameters
     ----------
     scene : str
-        In `WINDOWS`.
+        In `WINDOWS` or `OTHER_WINDOWS`.
     case : Case
     folder : Path
         Made.
@@ -174,20 +188,26 @@ def build_by_day(scene: str, case: Case, folder: Path, *, seed: int, besides: Be
     if case.cards:
         with (folder / "room.toml").open("a", encoding="utf-8") as file:
             file.write(_told_cards(scene))
-    points = SCENES / scene / "points.csv"
+    points = plan_folder(scene) / "points.csv"
     if points.is_file():
         (folder / "points.csv").write_bytes(points.read_bytes())
     write_points(folder)
     return built
 
 
+def plan_folder(scene: str) -> Path:
+    """Where the plan of a room is."""
+    return OTHER_ROOMS / scene if scene in OTHER_WINDOWS else SCENES / scene
+
+
 def _with_windows(scene: str, case: Case, folder: Path, seed: int) -> RoomPlan:
     """The scene's plan with windows and this seed's camera, written to the folder and read again."""
-    text = (SCENES / scene / "plan.toml").read_text()
+    source = plan_folder(scene)
+    text = (source / "plan.toml").read_text()
     text = text.replace('"../reflectances.csv"', '"reflectances.csv"')
-    (folder / "reflectances.csv").write_bytes((SCENES / "reflectances.csv").read_bytes())
+    (folder / "reflectances.csv").write_bytes((source.parent / "reflectances.csv").read_bytes())
     text += f'\n[[materials]]\nname = "{GLASS}"\nreflectance = "plastic-black"\n'
-    for number, (low, high) in enumerate(WINDOWS[scene]):
+    for number, (low, high) in enumerate((WINDOWS | OTHER_WINDOWS)[scene]):
         top = low[2] + case.open_share * (high[2] - low[2])
         text += (
             f'\n[[parts]]\nname = "{WINDOW} {number + 1}"\nshape = "box"\nlow = {list(low)}\n'
@@ -251,8 +271,9 @@ def _direct(
     lamps = resolve_lamps(plan.file.lamps, folder)
     flux = spectral_flux(lamps, wavelengths)
     openings = openings_of(scene, case, plan, folder, wavelengths)
-    sun, window = _sun(scene, case, openings, wavelengths), window_faces(room)
-    shade = _sides_of_shade(scene, case, flux, wavelengths)
+    sun = _sun(scene, case, openings, wavelengths) if case.sun > 0 else None
+    window = window_faces(room)
+    shade = _sides_of_shade(scene, case, flux, wavelengths) if case.shade > 0 else []
 
     def light(positions: FloatArray, normals: FloatArray) -> FloatArray:
         total = np.zeros((len(positions), wavelengths.size))
@@ -260,9 +281,9 @@ def _direct(
             total += case.lamps * lamp_coefficients(room, lamps, positions, normals) @ flux
         if case.day > 0:
             total += straight_light(room, openings, positions, normals)
-        if case.sun > 0:
+        if sun is not None:
             total += sunlight(room, sun, window, positions, normals)
-        if case.shade > 0:
+        if shade:
             total += straight_light(room, shade, positions, normals)
         return total
 
@@ -321,11 +342,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--scene", nargs="+", choices=sorted(WINDOWS), default=sorted(WINDOWS))
+    choices = (*sorted(WINDOWS), *sorted(OTHER_WINDOWS), "other")
+    parser.add_argument("--scene", nargs="+", choices=choices, default=sorted(WINDOWS))
     parser.add_argument("--case", nargs="+", choices=sorted(CASES), default=list(CASES))
     parser.add_argument("--seed", nargs="+", type=int, default=[1, 2, 3])
     given = parser.parse_args(arguments)
-    for scene in given.scene:
+    scenes = [room for scene in given.scene for room in (sorted(OTHER_WINDOWS) if scene == "other" else [scene])]
+    if set(scenes) & set(OTHER_WINDOWS) and not set(given.case) <= set(OTHER_CASES):
+        parser.error(f"the rooms of {OTHER_ROOMS.name} have the cases {', '.join(OTHER_CASES)} alone: give --case")
+    for scene in scenes:
         for name in given.case:
             for seed in given.seed:
                 built = build_by_day(scene, CASES[name], given.folder / f"{scene}-{name}-{seed}", seed=seed)

@@ -1,6 +1,9 @@
-"""Write scenes/reflectances.csv: the true reflectances of our rooms' surfaces, from smooth models.
+"""Write the true reflectances of our rooms' surfaces, from smooth models.
 
     python -m research.scenes.reflectances
+
+scenes/reflectances.csv has those of the scenes; research/scenes/rooms/reflectances.csv has those and the ones of the
+other rooms.
 
 Each spectrum is a base, plus steps (pigments and dyes that open up at some wavelength: sigmoids), plus bumps
 (Gaussians, negative ones are absorption bands). They are modelled, not measured: levels and edges follow what
@@ -19,6 +22,7 @@ from lidarspectra.spectra.spectrum_files import TableRow, write_table
 
 WAVELENGTHS_NM = np.arange(360.0, 965.0, 5.0)  # [nm] covers the AS7265x with its widths
 TABLE = Path(__file__).parents[2] / "scenes" / "reflectances.csv"
+OTHER_TABLE = Path(__file__).parent / "rooms" / "reflectances.csv"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,9 +115,67 @@ MODELS = (
     Model(id="grey-50", name="neutral grey of 50 %", category="painted", base=0.50),
 )  # fmt: skip
 
+OTHER_MODELS = (
+    Model(id="timber-dark", name="dark stained timber", category="wood", base=0.035,
+          steps=((0.03, 510.0, 40.0), (0.07, 600.0, 35.0), (0.20, 715.0, 38.0))),
+    Model(id="paint-black", name="matt black paint", category="painted", base=0.048,
+          steps=((0.006, 450.0, 40.0),)),
+    Model(id="oak-dark", name="smoked oak boards", category="wood", base=0.05,
+          steps=((0.07, 500.0, 40.0), (0.12, 600.0, 42.0), (0.15, 700.0, 40.0))),
+    Model(id="leather-brown", name="brown leather", category="leather", base=0.04,
+          steps=((0.04, 540.0, 30.0), (0.11, 610.0, 28.0), (0.22, 720.0, 32.0))),
+    Model(id="rug-beige", name="beige wool rug", category="carpet", base=0.14,
+          steps=((0.22, 465.0, 38.0), (0.16, 575.0, 50.0), (0.08, 700.0, 40.0))),
+    Model(id="paper-white", name="white office paper", category="paper", base=0.10,
+          steps=((0.74, 408.0, 7.0),), bumps=((0.04, 450.0, 18.0),)),
+    Model(id="brass", name="tarnished brass", category="metal", base=0.12,
+          steps=((0.14, 505.0, 25.0), (0.12, 600.0, 70.0))),
+    Model(id="floor-rubber", name="grey rubber floor", category="plastic", base=0.09,
+          steps=((0.10, 415.0, 15.0), (0.03, 560.0, 60.0), (0.05, 740.0, 30.0)), bumps=((-0.02, 650.0, 35.0),)),
+    Model(id="wall-greige", name="greige wall paint", category="painted", base=0.07,
+          steps=((0.40, 406.0, 9.0), (0.10, 540.0, 55.0))),
+    Model(id="carpet-charcoal", name="charcoal carpet", category="carpet", base=0.055,
+          steps=((0.015, 560.0, 50.0), (0.30, 735.0, 20.0))),
+    Model(id="ceiling-tile", name="mineral ceiling tiles", category="painted", base=0.09,
+          steps=((0.56, 402.0, 9.0), (0.06, 520.0, 60.0))),
+    Model(id="wall-pale-blue", name="pale blue wall paint", category="painted", base=0.10,
+          steps=((0.52, 403.0, 9.0), (-0.16, 560.0, 40.0), (0.08, 730.0, 30.0))),
+    Model(id="board-green", name="green notice board", category="fabric", base=0.05,
+          steps=((0.30, 720.0, 18.0),), bumps=((0.14, 515.0, 38.0),)),
+    Model(id="carpet-green", name="green carpet", category="carpet", base=0.05,
+          steps=((0.02, 410.0, 15.0), (0.34, 722.0, 18.0)), bumps=((0.17, 540.0, 36.0),)),
+    Model(id="ceiling-off-white", name="off-white ceiling paint", category="painted", base=0.06,
+          steps=((0.58, 405.0, 8.0), (0.10, 500.0, 45.0))),
+    Model(id="wall-beige", name="beige wall paint", category="painted", base=0.07,
+          steps=((0.30, 408.0, 10.0), (0.22, 520.0, 45.0), (0.05, 650.0, 40.0))),
+    Model(id="wall-red", name="red wall paint", category="painted", base=0.055,
+          steps=((0.50, 597.0, 10.0), (0.10, 670.0, 30.0)), bumps=((0.015, 440.0, 25.0),)),
+    Model(id="velvet-blue", name="blue velvet", category="fabric", base=0.03,
+          steps=((0.45, 705.0, 16.0),), bumps=((0.12, 445.0, 28.0), (0.03, 495.0, 25.0))),
+    Model(id="lacquer-yellow", name="yellow lacquer", category="painted", base=0.06,
+          steps=((0.60, 515.0, 12.0), (0.10, 590.0, 35.0))),
+    Model(id="curtain-purple", name="purple curtain", category="fabric", base=0.05,
+          steps=((0.16, 625.0, 16.0), (0.30, 690.0, 22.0)), bumps=((0.15, 435.0, 32.0),)),
+    Model(id="tile-pale", name="pale porcelain tile", category="tile", base=0.20,
+          steps=((0.30, 415.0, 18.0), (0.10, 550.0, 55.0))),
+    Model(id="tile-white", name="white glazed tile", category="tile", base=0.12,
+          steps=((0.66, 400.0, 9.0), (0.02, 520.0, 50.0))),
+    Model(id="paint-brilliant", name="brilliant white paint", category="painted", base=0.05,
+          steps=((0.82, 403.0, 7.0), (0.01, 500.0, 50.0))),
+    Model(id="lacquer-white", name="white kitchen lacquer", category="painted", base=0.07,
+          steps=((0.71, 408.0, 8.0), (0.03, 510.0, 45.0))),
+    Model(id="steel-satin", name="satin steel", category="metal", base=0.42,
+          steps=((0.10, 480.0, 90.0), (0.06, 700.0, 120.0))),
+    Model(id="stone-black", name="black granite", category="stone", base=0.055,
+          steps=((0.012, 600.0, 90.0),)),
+    Model(id="enamel-orange", name="orange enamel", category="ceramic", base=0.06,
+          steps=((0.12, 550.0, 12.0), (0.40, 585.0, 10.0))),
+)  # fmt: skip
+"""Of research/scenes/rooms, which nothing was set on before they were written."""
 
-def rows() -> tuple[TableRow, ...]:
-    """Return every model as a row of the table."""
+
+def rows(models: tuple[Model, ...]) -> tuple[TableRow, ...]:
+    """Return every model as a row of a table."""
     return tuple(
         TableRow(
             id=model.id,
@@ -122,10 +184,11 @@ def rows() -> tuple[TableRow, ...]:
             spectrum=Spectrum(wavelengths_nm=WAVELENGTHS_NM, values=model.reflectance(), name=model.name),
             properties={"provenance": "modelled"},
         )
-        for model in MODELS
+        for model in models
     )
 
 
 if __name__ == "__main__":
-    write_table(TABLE, rows())
-    print(f"{len(MODELS)} reflectances, {WAVELENGTHS_NM[0]:g} to {WAVELENGTHS_NM[-1]:g} nm: {TABLE}")
+    for table, models in ((TABLE, MODELS), (OTHER_TABLE, MODELS + OTHER_MODELS)):
+        write_table(table, rows(models))
+        print(f"{len(models)} reflectances, {WAVELENGTHS_NM[0]:g} to {WAVELENGTHS_NM[-1]:g} nm: {table}")

@@ -10,7 +10,7 @@ import trimesh
 
 from lidarspectra.config import read_run_file
 from lidarspectra.spectra.spectrum_files import read_table, write_table
-from research.scenes import build, reflectances
+from research.scenes import build, by_day, reflectances
 from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import true_room
 
@@ -120,8 +120,29 @@ def test_the_large_office_has_108_m2_3_strips_and_27_sensors_in_the_air(project:
 
 
 def test_the_table_of_reflectances_is_what_its_script_writes(project: Path, tmp_path: Path) -> None:
-    write_table(tmp_path / "again.csv", reflectances.rows())
-    assert (tmp_path / "again.csv").read_bytes() == (project / "scenes" / "reflectances.csv").read_bytes()
+    for table, models in (
+        (project / "scenes" / "reflectances.csv", reflectances.MODELS),
+        (by_day.OTHER_ROOMS / "reflectances.csv", reflectances.MODELS + reflectances.OTHER_MODELS),
+    ):
+        write_table(tmp_path / "again.csv", reflectances.rows(models))
+        assert (tmp_path / "again.csv").read_bytes() == table.read_bytes()
+
+
+@pytest.mark.parametrize("scene", by_day.OTHER_WINDOWS)
+def test_the_other_rooms_have_lamps_and_sensors_in_the_air_and_windows_in_a_wall(tmp_path: Path, scene: str) -> None:
+    plan = by_day._with_windows(scene, by_day.CASES["day"], tmp_path, seed=1)
+    room = true_room(plan)
+    points = np.loadtxt(by_day.plan_folder(scene) / "points.csv", delimiter=",", skiprows=1)[:, :3]
+    assert room.in_air(points).all()
+    assert room.in_air(np.array([lamp.center for lamp in plan.file.lamps])).all()
+    area = room.scan.areas[by_day.window_faces(room)].sum()
+    sides = [np.sort(np.subtract(high, low)) for low, high in by_day.OTHER_WINDOWS[scene]]
+    assert area == pytest.approx(sum(np.prod(side[1:]) for side in sides), rel=0.05)  # flush but for 1 cm of its rim
+
+
+def test_the_other_rooms_have_only_the_cases_that_were_made_for_them(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit):
+        by_day.main([str(tmp_path), "--scene", "other", "--case", "sun"])
 
 
 def test_wall_points_of_the_box_stand_for_equal_shares_and_look_inwards(project: Path, tmp_path: Path) -> None:
