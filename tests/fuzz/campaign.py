@@ -228,6 +228,7 @@ def try_readers(readers: list[Reader], arguments: argparse.Namespace) -> list[Ou
             os.environ[variable] = str(work / variable)
         tempfile.tempdir = None
         guard = Guard(allowed=work, decoy=work / DECOY)
+        sys.dont_write_bytecode = True  # a module that is first loaded within a case would be kept, as a file
         sys.addaudithook(guard)
         first = arguments.first if arguments.case is None else arguments.case
         cases = range(first, first + (arguments.cases if arguments.case is None else 1))

@@ -12,11 +12,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from lidarspectra.arrays import FloatArray
 from lidarspectra.mapping.calibration.model import LightModel, Observations, Priors
 from lidarspectra.mapping.calibration.posterior import Posterior, fit
 
 SIZES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # times the prior's median, the grid of the integral
 SIZE_SD = 1.2  # [1] of the prior's logarithm: a factor of 3.3 either way
+
+
+def prior_of_sizes() -> FloatArray:
+    """(size,) probability of each of `SIZES` before any reading, summing to 1."""
+    density = np.exp(-0.5 * (np.log(SIZES) / SIZE_SD) ** 2)
+    return np.asarray(density / density.sum(), dtype=np.float64)
 
 
 def fit_with_model_error(model: LightModel, readings: Observations, priors: Priors) -> Posterior:
@@ -36,7 +43,7 @@ def fit_with_model_error(model: LightModel, readings: Observations, priors: Prio
         chi-square and evidence are those of the prior's median, so that a bad fit is seen.
     """
     found = [fit(model, readings, replace(priors, local_sd=size * priors.local_sd)) for size in SIZES]
-    weight = np.array([each.log_evidence for each in found]) - 0.5 * (np.log(SIZES) / SIZE_SD) ** 2
+    weight = np.array([each.log_evidence for each in found]) + np.log(prior_of_sizes())
     weight = np.exp(weight - weight.max())
     weight /= weight.sum()
     unknowns = np.stack([each.unknowns for each in found])

@@ -187,7 +187,7 @@ def calibrate_run(
     exact = light.model(weights, readings.numbers.row)
     posterior = fit_with_model_error(exact, readings.numbers, priors)
     on_map = map_model(room, light, first_point=first_point)
-    own_error = _own_error(on_map)
+    own_error = own_error_on(on_map)
     map_sd_before = np.hypot(posterior.light_sd(on_map, before=True), LOCAL_SD * own_error)
     map_sd_after = np.hypot(posterior.light_sd(on_map), posterior.local_sd * own_error)
     return Calibration(
@@ -302,7 +302,8 @@ def _with_model_error(
     return replace(readings.numbers, model_error=covariance)
 
 
-def _own_error(on_map: LightModel) -> FloatArray:
+def own_error_on(on_map: LightModel) -> FloatArray:
+    """(point,) by how much the model's own error is larger at the map's points than where light is usual [1]."""
     light = on_map.light.sum(axis=1)
     return error_scale(light, float(light.mean()))
 

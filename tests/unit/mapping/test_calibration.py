@@ -14,9 +14,10 @@ from lidarspectra.mapping.calibration.model import (
     Priors,
     error_covariance,
 )
-from lidarspectra.mapping.calibration.model_error import fit_with_model_error
+from lidarspectra.mapping.calibration.model_error import SIZES, fit_with_model_error, prior_of_sizes
 from lidarspectra.mapping.calibration.planning import choose_readings
 from lidarspectra.mapping.calibration.posterior import disagreement, fit, swapped, turned_over
+from lidarspectra.mapping.calibration.promised import stated_after
 from lidarspectra.mapping.maps.light_unknowns import error_scale
 
 LAMPS, PARTS, ROWS = 3, 4, 8
@@ -156,6 +157,27 @@ def test_planned_readings_tell_more_than_any_others_of_their_number() -> None:
     by_lot = [spread(draw.choice(10, 3, replace=False)) for _ in range(50)]
     assert planned.map_sd[-1] <= 1.1 * min(by_lot)  # greedy, and a new place costs
     assert planned.map_sd[-1] < np.median(by_lot)
+
+
+@pytest.mark.parametrize("count", [1, 2, 6])
+def test_what_is_promised_of_readings_is_what_a_calibration_states(count: int) -> None:
+    """Rooms drawn from the priors, the size of the model's own error among them: median and worst tenth of both agree.
+
+    120 rooms tell the median of what they state to 6 %, and where its last tenth begins to 15 %.
+    """
+    some, on_map, known = model(rows=count), model(seed=9, rows=30), priors()
+    own_error = error_scale(on_map.light.sum(axis=1), float(on_map.light.sum(axis=1).mean()))
+    promised = stated_after(some, on_map, known, model_error=np.eye(count), own_error=own_error)
+    generator, stated = np.random.default_rng(count), []
+    for _ in range(120):
+        size = float(generator.choice(SIZES, p=prior_of_sizes()))
+        readings, _ = drawn(some, replace(known, local_sd=size * known.local_sd), generator)
+        found = fit_with_model_error(some, readings, known)
+        stated.append(np.hypot(found.light_sd(on_map), found.local_sd * own_error).mean())
+    assert np.median(promised[-1]) == pytest.approx(np.median(stated), rel=0.15)
+    assert np.quantile(promised[-1], 0.9) == pytest.approx(np.quantile(stated, 0.9), rel=0.3)
+    before = np.hypot(found.light_sd(on_map, before=True), known.local_sd * own_error).mean()
+    assert promised[0] == pytest.approx(before)
 
 
 def test_a_reading_of_nothing_is_refused() -> None:

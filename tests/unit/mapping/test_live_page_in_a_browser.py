@@ -81,7 +81,7 @@ def test_the_page_shows_the_light_of_now_an_alarm_and_when_the_server_is_gone(br
         assert HOSTILE in lamps.nth(1).inner_text()  # as text
         assert page.locator("#live-sensors tr").nth(0).locator("td").nth(1).inner_text() == "210 lx"
         assert page.locator("#live-alarm").is_hidden()
-        assert page.locator("#live-trend svg").count() == 1
+        page.locator("#live-trend svg").wait_for()  # drawn after the numbers
         before = page.locator("#room-canvas").screenshot()
         for lamp, level in (("west", 1.0), (HOSTILE, 0.5)):
             present.take(lamp, {"state": level}, 1001.0)
