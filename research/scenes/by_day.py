@@ -2,6 +2,7 @@
 
     python -m research.scenes.by_day FOLDER [--scene office ...] [--case day ...] [--seed 1 2 3]
     python -m research.scenes.by_day FOLDER --scene other --case night day     the rooms of research/scenes/rooms
+    python -m research.scenes.by_day FOLDER --scene held-out --case night day  those of research/scenes/held_out
 
     FOLDER/office-day-1/plan.toml, room.toml, scan.glb, truth/   as in scenes/, the windows in the plan besides
 
@@ -45,7 +46,7 @@ from research.virtual_rooms.day_light import (
     straight_light,
     sunlight,
 )
-from research.virtual_rooms.room_plan import BoxSection, CameraSection, RoomPlan, read_plan
+from research.virtual_rooms.room_plan import BoxSection, CameraSection, Curve, RoomPlan, read_plan
 from research.virtual_rooms.true_room import TrueRoom, true_room
 
 WINDOW = "window"  # names of parts that are windows begin so
@@ -57,13 +58,21 @@ WINDOWS = {
     "large-office": (((1.5, -0.04, 0.9), (4.5, 0.01, 2.2)), ((7.0, -0.04, 0.9), (10.0, 0.01, 2.2))),
 }
 OTHER_ROOMS = Path(__file__).parent / "rooms"
-# Of the rooms there, which have these cases alone.
+HELD_OUT_ROOMS = Path(__file__).parent / "held_out"
+# Of the rooms in these two folders, which have these cases alone.
 OTHER_WINDOWS = {
     "corridor": (((0.3, -0.04, 0.9), (1.2, 0.01, 2.1)), ((4.79, 2.5, 0.9), (4.84, 4.3, 2.1))),
     "kitchen": (((1.3, -0.04, 1.0), (2.7, 0.01, 2.1)),),
     "red-room": (((4.59, 1.5, 0.8), (4.64, 3.1, 2.2)),),
     "timber-study": (((4.19, 1.8, 0.9), (4.24, 3.0, 2.0)),),
 }
+HELD_OUT_WINDOWS = {
+    "dark-room": (((4.19, 0.5, 1.0), (4.24, 1.5, 2.0)),),
+    "l-shape": (((4.99, 0.5, 0.9), (5.04, 1.9, 2.1)), ((4.2, 4.99, 1.1), (4.8, 5.04, 2.0))),
+    "red-wall": (((1.0, -0.04, 0.9), (2.0, 0.01, 2.1)),),
+    "light-kitchen": (((3.39, 0.9, 1.0), (3.44, 2.1, 2.0)),),
+}
+GROUPS = {"other": OTHER_WINDOWS, "held-out": HELD_OUT_WINDOWS}
 OTHER_CASES = ("night", "day")
 CARDS = {"grey card": 0.18, "white paper": 0.85}  # [1] reflectance
 CARD_M = (0.3, 0.21)
@@ -76,13 +85,15 @@ CARDS_AT = {  # middles on the floor [m]
 FLUX_RATIO = {
     "office": 1.0, "apartment": 2.0, "large-office": 1.0,
     "corridor": 1.0, "kitchen": 1.5, "red-room": 2.0, "timber-study": 1.0,
+    "dark-room": 0.5, "l-shape": 1.0, "red-wall": 1.5, "light-kitchen": 2.0,
 }  # fmt: skip
 SUN_AT = {"office": (30.0, 40.0), "apartment": (-70.0, 35.0), "large-office": (-110.0, 35.0)}  # [deg] azimuth, height
 SHADE = "floor lamp"  # names of the parts that are its shade, stand and foot begin so
 SHADE_M, SHADE_LOW_M, STAND_M = (0.3, 0.3, 0.3), 1.35, 0.03
 SHADE_AT = {"office": (0.75, 0.5), "apartment": (2.2, 0.6), "large-office": (6.0, 4.4)}  # [m] middle
 # Tone curve, exposure (share of white at which the brightest 3 % are), white balance; plain sRGB, filmic, lifted.
-CAMERAS = ((0.6, 0.8, 0.85), (0.0, 0.6, 0.6), (1.2, 0.4, 1.0))
+CAMERAS: tuple[tuple[float | Curve, float, float], ...] = ((0.6, 0.8, 0.85), (0.0, 0.6, 0.6), (1.2, 0.4, 1.0))
+HELD_OUT_CAMERAS: tuple[tuple[float | Curve, float, float], ...] = ((0.9, 0.7, 0.75), ("filmic", 0.55, 0.95))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +146,7 @@ def build_by_day(scene: str, case: Case, folder: Path, *, seed: int, besides: Be
     Parameters
     ----------
     scene : str
-        In `WINDOWS` or `OTHER_WINDOWS`.
+        In `WINDOWS`, `OTHER_WINDOWS` or `HELD_OUT_WINDOWS`.
     case : Case
     folder : Path
         Made.
@@ -197,6 +208,8 @@ def build_by_day(scene: str, case: Case, folder: Path, *, seed: int, besides: Be
 
 def plan_folder(scene: str) -> Path:
     """Where the plan of a room is."""
+    if scene in HELD_OUT_WINDOWS:
+        return HELD_OUT_ROOMS / scene
     return OTHER_ROOMS / scene if scene in OTHER_WINDOWS else SCENES / scene
 
 
@@ -207,7 +220,7 @@ def _with_windows(scene: str, case: Case, folder: Path, seed: int) -> RoomPlan:
     text = text.replace('"../reflectances.csv"', '"reflectances.csv"')
     (folder / "reflectances.csv").write_bytes((source.parent / "reflectances.csv").read_bytes())
     text += f'\n[[materials]]\nname = "{GLASS}"\nreflectance = "plastic-black"\n'
-    for number, (low, high) in enumerate((WINDOWS | OTHER_WINDOWS)[scene]):
+    for number, (low, high) in enumerate((WINDOWS | OTHER_WINDOWS | HELD_OUT_WINDOWS)[scene]):
         top = low[2] + case.open_share * (high[2] - low[2])
         text += (
             f'\n[[parts]]\nname = "{WINDOW} {number + 1}"\nshape = "box"\nlow = {list(low)}\n'
@@ -219,9 +232,11 @@ def _with_windows(scene: str, case: Case, folder: Path, seed: int) -> RoomPlan:
         text += _floor_lamp(scene)
     (folder / "plan.toml").write_text(text)
     plan = read_plan(folder / "plan.toml")
-    tone, level, balance = CAMERAS[(seed - 1) % len(CAMERAS)]
-    camera = plan.file.camera.model_copy(update={"tone": tone, "bright_level": level, "white_balance": balance})
-    return replace(plan, file=plan.file.model_copy(update={"camera": CameraSection(**camera.model_dump())}))
+    cameras = HELD_OUT_CAMERAS if scene in HELD_OUT_WINDOWS else CAMERAS
+    tone, level, balance = cameras[(seed - 1) % len(cameras)]
+    curve = {"curve": tone} if isinstance(tone, str) else {"tone": tone}
+    camera = plan.file.camera.model_dump() | curve | {"bright_level": level, "white_balance": balance}
+    return replace(plan, file=plan.file.model_copy(update={"camera": CameraSection(**camera)}))
 
 
 def _floor_lamp(scene: str) -> str:
@@ -342,14 +357,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path)
-    choices = (*sorted(WINDOWS), *sorted(OTHER_WINDOWS), "other")
+    choices = (*sorted(WINDOWS), *(room for group in GROUPS.values() for room in sorted(group)), *GROUPS)
     parser.add_argument("--scene", nargs="+", choices=choices, default=sorted(WINDOWS))
     parser.add_argument("--case", nargs="+", choices=sorted(CASES), default=list(CASES))
     parser.add_argument("--seed", nargs="+", type=int, default=[1, 2, 3])
     given = parser.parse_args(arguments)
-    scenes = [room for scene in given.scene for room in (sorted(OTHER_WINDOWS) if scene == "other" else [scene])]
-    if set(scenes) & set(OTHER_WINDOWS) and not set(given.case) <= set(OTHER_CASES):
-        parser.error(f"the rooms of {OTHER_ROOMS.name} have the cases {', '.join(OTHER_CASES)} alone: give --case")
+    scenes = [room for scene in given.scene for room in sorted(GROUPS.get(scene, [scene]))]
+    if not set(scenes) <= set(WINDOWS) and not set(given.case) <= set(OTHER_CASES):
+        folders = f"{OTHER_ROOMS.name} and {HELD_OUT_ROOMS.name}"
+        parser.error(f"the rooms of {folders} have the cases {', '.join(OTHER_CASES)} alone: give --case")
     for scene in scenes:
         for name in given.case:
             for seed in given.seed:

@@ -2,8 +2,8 @@
 
     python -m research.scenes.reflectances
 
-scenes/reflectances.csv has those of the scenes; research/scenes/rooms/reflectances.csv has those and the ones of the
-other rooms.
+scenes/reflectances.csv has those of the scenes; research/scenes/rooms/reflectances.csv and
+research/scenes/held_out/reflectances.csv have those and the ones of the rooms there.
 
 Each spectrum is a base, plus steps (pigments and dyes that open up at some wavelength: sigmoids), plus bumps
 (Gaussians, negative ones are absorption bands). They are modelled, not measured: levels and edges follow what
@@ -23,6 +23,7 @@ from lidarspectra.spectra.spectrum_files import TableRow, write_table
 WAVELENGTHS_NM = np.arange(360.0, 965.0, 5.0)  # [nm] covers the AS7265x with its widths
 TABLE = Path(__file__).parents[2] / "scenes" / "reflectances.csv"
 OTHER_TABLE = Path(__file__).parent / "rooms" / "reflectances.csv"
+HELD_OUT_TABLE = Path(__file__).parent / "held_out" / "reflectances.csv"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,6 +174,52 @@ OTHER_MODELS = (
 )  # fmt: skip
 """Of research/scenes/rooms, which nothing was set on before they were written."""
 
+HELD_OUT_MODELS = (
+    Model(id="ceiling-black", name="matt black ceiling paint", category="painted", base=0.047),
+    Model(id="ceiling-tired", name="yellowed white ceiling paint", category="painted", base=0.07,
+          steps=((0.50, 408.0, 10.0), (0.13, 480.0, 35.0))),
+    Model(id="ceiling-fresh", name="fresh white ceiling paint", category="painted", base=0.07,
+          steps=((0.79, 400.0, 8.0), (0.015, 500.0, 50.0))),
+    Model(id="timber-stained", name="dark stained timber", category="wood", base=0.035,
+          steps=((0.03, 510.0, 40.0), (0.06, 610.0, 40.0), (0.18, 735.0, 40.0))),
+    Model(id="floor-stained", name="dark stained floor boards", category="wood", base=0.04,
+          steps=((0.04, 530.0, 45.0), (0.05, 640.0, 45.0), (0.15, 740.0, 40.0))),
+    Model(id="floor-cork", name="cork floor", category="wood", base=0.07,
+          steps=((0.10, 505.0, 38.0), (0.14, 590.0, 42.0), (0.12, 700.0, 45.0))),
+    Model(id="screed", name="polished cement screed", category="stone", base=0.22,
+          steps=((0.07, 440.0, 40.0), (0.03, 580.0, 60.0))),
+    Model(id="pine", name="varnished pine boards", category="wood", base=0.10,
+          steps=((0.24, 485.0, 30.0), (0.26, 560.0, 40.0), (0.08, 680.0, 45.0))),
+    Model(id="birch", name="birch plywood", category="wood", base=0.20,
+          steps=((0.28, 450.0, 30.0), (0.18, 545.0, 45.0))),
+    Model(id="brick", name="red brick", category="brick", base=0.06,
+          steps=((0.06, 540.0, 25.0), (0.16, 592.0, 22.0), (0.07, 710.0, 45.0))),
+    Model(id="granite", name="dark grey granite", category="stone", base=0.13, steps=((0.03, 480.0, 70.0),)),
+    Model(id="wall-bluegrey", name="blue-grey wall paint", category="painted", base=0.10,
+          steps=((0.33, 406.0, 9.0), (-0.10, 590.0, 45.0), (0.10, 740.0, 30.0))),
+    Model(id="wall-ochre", name="ochre wall paint", category="painted", base=0.08,
+          steps=((0.16, 470.0, 25.0), (0.35, 545.0, 22.0))),
+    Model(id="wall-red", name="red wall paint", category="painted", base=0.045,
+          steps=((0.42, 598.0, 10.0), (0.12, 660.0, 30.0)), bumps=((0.03, 420.0, 30.0),)),
+    Model(id="carpet-green", name="green carpet", category="carpet", base=0.035,
+          steps=((0.36, 722.0, 18.0),), bumps=((0.13, 528.0, 34.0),)),
+    Model(id="cloth-navy", name="navy cloth", category="fabric", base=0.028,
+          steps=((0.40, 725.0, 20.0),), bumps=((0.05, 450.0, 32.0),)),
+    Model(id="rug-beige", name="beige wool rug", category="carpet", base=0.22,
+          steps=((0.16, 480.0, 40.0), (0.10, 580.0, 45.0))),
+    Model(id="leather-brown", name="brown leather", category="leather", base=0.045,
+          steps=((0.05, 560.0, 30.0), (0.10, 640.0, 35.0), (0.22, 735.0, 35.0))),
+    Model(id="lacquer-yellow", name="yellow lacquer", category="painted", base=0.06,
+          steps=((0.62, 512.0, 14.0), (0.08, 630.0, 40.0))),
+    Model(id="tile-white", name="white glazed tile", category="tile", base=0.10,
+          steps=((0.68, 402.0, 8.0), (0.03, 520.0, 50.0))),
+    Model(id="tile-light", name="off-white floor tile", category="tile", base=0.12,
+          steps=((0.46, 410.0, 12.0), (0.10, 500.0, 40.0))),
+    Model(id="brass", name="brushed brass", category="metal", base=0.28,
+          steps=((0.30, 515.0, 20.0), (0.08, 620.0, 50.0))),
+)  # fmt: skip
+"""Of research/scenes/held_out, which nothing was set on before they were written either."""
+
 
 def rows(models: tuple[Model, ...]) -> tuple[TableRow, ...]:
     """Return every model as a row of a table."""
@@ -189,6 +236,10 @@ def rows(models: tuple[Model, ...]) -> tuple[TableRow, ...]:
 
 
 if __name__ == "__main__":
-    for table, models in ((TABLE, MODELS), (OTHER_TABLE, MODELS + OTHER_MODELS)):
+    for table, models in (
+        (TABLE, MODELS),
+        (OTHER_TABLE, MODELS + OTHER_MODELS),
+        (HELD_OUT_TABLE, MODELS + HELD_OUT_MODELS),
+    ):
         write_table(table, rows(models))
         print(f"{len(models)} reflectances, {WAVELENGTHS_NM[0]:g} to {WAVELENGTHS_NM[-1]:g} nm: {table}")

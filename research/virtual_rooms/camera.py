@@ -127,7 +127,8 @@ def photograph(
     exposed = linear * (settings.bright_level / bright)
     exposed[lit] = LAMP_RADIANCE
     exposed += generator.normal(scale=settings.noise, size=exposed.shape)
-    toned = tone_curve(np.maximum(exposed, 0.0), settings.tone)
+    lit_up = np.maximum(exposed, 0.0)
+    toned = filmic_curve(lit_up) if settings.curve == "filmic" else tone_curve(lit_up, settings.tone)
     return np.rint(255.0 * encode_srgb(toned)).astype(np.uint8)
 
 
@@ -135,6 +136,21 @@ def tone_curve(linear: FloatArray, strength: float) -> FloatArray:
     """(1 + k)x / (1 + kx), cut at 1: 0 to 0, 1 to 1, shadows lifted by up to 1 + k; its inverse is y / (1 + k - ky)."""
     curve: FloatArray = np.minimum((1.0 + strength) * linear / (1.0 + strength * linear), 1.0)
     return curve
+
+
+def filmic_curve(linear: FloatArray) -> FloatArray:
+    """Narkowicz's fit to the ACES film curve, 1 to 1 and cut there: a toe below .02, then a shoulder.
+
+    No power and shoulder make this curve, so that whoever fits those to a picture has the wrong family.
+
+    References
+    ----------
+    Narkowicz (2015) ACES filmic tone mapping curve, y = x(2.51x + .03) / (x(2.43x + .59) + .14).
+    """
+    cut = np.minimum(linear, 1.0)
+    value: FloatArray = cut * (2.51 * cut + 0.03) / (cut * (2.43 * cut + 0.59) + 0.14)
+    white = (2.51 + 0.03) / (2.43 + 0.59 + 0.14)
+    return value / white
 
 
 def seen_light(

@@ -24,6 +24,7 @@ from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import read_table
 
 Side = Literal["west", "east", "south", "north"]
+Curve = Literal["lifted", "filmic"]
 NotNegative = Annotated[float, Field(ge=0)]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 
@@ -156,6 +157,8 @@ class CameraSection(Section):
     """Before the tone curve, white being 1. [1]"""
     tone: NotNegative = 0.6
     """Strength k of the tone curve (1 + k)x / (1 + kx), which lifts shadows and presses highlights. [1]"""
+    curve: Curve = "lifted"
+    """That curve, or a filmic one with a toe, whatever `tone` is."""
     exposure_spread: Annotated[float, Field(ge=0, le=0.5)] = 0.04
     """Relative standard deviation of exposure over the texture, as it comes from several frames. [1]"""
     noise: Annotated[float, Field(ge=0, le=0.5)] = 0.004

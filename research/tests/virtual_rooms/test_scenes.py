@@ -123,26 +123,38 @@ def test_the_table_of_reflectances_is_what_its_script_writes(project: Path, tmp_
     for table, models in (
         (project / "scenes" / "reflectances.csv", reflectances.MODELS),
         (by_day.OTHER_ROOMS / "reflectances.csv", reflectances.MODELS + reflectances.OTHER_MODELS),
+        (by_day.HELD_OUT_ROOMS / "reflectances.csv", reflectances.MODELS + reflectances.HELD_OUT_MODELS),
     ):
         write_table(tmp_path / "again.csv", reflectances.rows(models))
         assert (tmp_path / "again.csv").read_bytes() == table.read_bytes()
 
 
-@pytest.mark.parametrize("scene", by_day.OTHER_WINDOWS)
+@pytest.mark.parametrize("scene", [*by_day.OTHER_WINDOWS, *by_day.HELD_OUT_WINDOWS])
 def test_the_other_rooms_have_lamps_and_sensors_in_the_air_and_windows_in_a_wall(tmp_path: Path, scene: str) -> None:
     plan = by_day._with_windows(scene, by_day.CASES["day"], tmp_path, seed=1)
     room = true_room(plan)
-    points = np.loadtxt(by_day.plan_folder(scene) / "points.csv", delimiter=",", skiprows=1)[:, :3]
-    assert room.in_air(points).all()
+    if scene in by_day.OTHER_WINDOWS:  # the rooms held out have a grid
+        points = np.loadtxt(by_day.plan_folder(scene) / "points.csv", delimiter=",", skiprows=1)[:, :3]
+        assert room.in_air(points).all()
     assert room.in_air(np.array([lamp.center for lamp in plan.file.lamps])).all()
     area = room.scan.areas[by_day.window_faces(room)].sum()
-    sides = [np.sort(np.subtract(high, low)) for low, high in by_day.OTHER_WINDOWS[scene]]
+    sides = [np.sort(np.subtract(high, low)) for low, high in (by_day.OTHER_WINDOWS | by_day.HELD_OUT_WINDOWS)[scene]]
     assert area == pytest.approx(sum(np.prod(side[1:]) for side in sides), rel=0.05)  # flush but for 1 cm of its rim
 
 
 def test_the_other_rooms_have_only_the_cases_that_were_made_for_them(tmp_path: Path) -> None:
     with pytest.raises(SystemExit):
         by_day.main([str(tmp_path), "--scene", "other", "--case", "sun"])
+    with pytest.raises(SystemExit):
+        by_day.main([str(tmp_path), "--scene", "held-out", "--case", "cards"])
+
+
+def test_the_second_camera_of_the_rooms_held_out_is_filmic_and_the_known_rooms_have_none(tmp_path: Path) -> None:
+    def curve(scene: str, seed: int) -> str:
+        return by_day._with_windows(scene, by_day.CASES["night"], tmp_path, seed=seed).file.camera.curve
+
+    assert [curve("dark-room", seed) for seed in (1, 2)] == ["lifted", "filmic"]
+    assert [curve("office", seed) for seed in (1, 2, 3)] == ["lifted"] * 3
 
 
 def test_wall_points_of_the_box_stand_for_equal_shares_and_look_inwards(project: Path, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from lidarspectra.spectra.spectrum import Spectrum
 from research.virtual_rooms.camera import (
     SurfaceLight,
     _corner_colors,
+    filmic_curve,
     material_colors,
     photograph,
     tone_curve,
@@ -87,6 +88,31 @@ def test_the_tone_curve_keeps_black_and_white_rises_and_is_cut_at_white() -> Non
     assert y.max() == 1.0
     below = y[1:100]
     assert below / (1 + 0.6 - 0.6 * below) == pytest.approx(x[1:100])
+
+
+def test_the_filmic_curve_has_a_toe_that_no_lifted_one_has() -> None:
+    x = np.linspace(0, 2, 201)
+    y = filmic_curve(x)
+    assert y[0] == 0
+    assert y[100:] == pytest.approx(1.0)
+    assert np.all(np.diff(y) >= 0)
+    assert filmic_curve(np.array([0.005]))[0] < 0.005  # darker than plain
+    assert filmic_curve(np.array([0.3]))[0] > 0.3  # and lighter above
+    steep = np.diff(y)[:100]
+    assert np.argmax(steep) > 2  # bent both ways, where a lifted curve is steepest at black
+
+
+def test_a_filmic_camera_shows_what_is_light_lighter_than_a_plain_one(
+    room: TrueRoom, shape: ScannedShape, atlas: Atlas
+) -> None:
+    light = even_light(room)
+    plain, filmic = (
+        photograph(room, shape, atlas, light, no_direct_light, settings, np.random.default_rng(0))
+        for settings in (PLAIN, PLAIN.model_copy(update={"curve": "filmic"}))
+    )
+    light_too = atlas.covered & (plain.min(axis=2) > 140) & (plain.max(axis=2) < 250)
+    assert light_too.sum() > 50
+    assert (filmic[light_too].astype(int) > plain[light_too]).all()
 
 
 def test_the_lit_face_of_a_lamp_is_white_and_nothing_else_is(room: TrueRoom, shape: ScannedShape, atlas: Atlas) -> None:
