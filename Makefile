@@ -9,6 +9,8 @@ JOBS ?= auto
 # Containers often ask Python to keep nothing that it compiles. Every process of demo and tests would then compile its
 # libraries again, two seconds each; what is kept lies in .venv and in folders that git ignores.
 export PYTHONDONTWRITEBYTECODE :=
+# mypy on all cores: half the wait where it has no cache yet. Releases that cannot do it do not look.
+export MYPY_NUM_WORKERS ?= auto
 
 .PHONY: demo .demo-words test quick coverage test-lowest fuzz lint hooks docs experiments blender test-blender setup setup-test clean
 

@@ -37,12 +37,25 @@ def test_the_first_line_of_the_demo_says_what_happens_and_how_long_it_takes(chec
     assert ".venv" not in again
 
 
+def in_a_rule(checkout: Path, statements: str) -> str:
+    """What Python prints when a rule of make runs it."""
+    rule = f"asked: ; @$(PYTHON) -c '{statements}'"
+    words = ["make", "--no-print-directory", "--eval", rule, "asked"]
+    return subprocess.run(words, cwd=checkout, capture_output=True, text=True, check=True).stdout.strip()
+
+
 def test_what_python_compiles_is_kept_whatever_the_container_asks_for(
     checkout: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
-    asked = ("import sys", "print(sys.dont_write_bytecode)")
-    rule = f"asked: ; @$(PYTHON) -c '{'; '.join(asked)}'"
-    words = ["make", "--no-print-directory", "--eval", rule, "asked"]
-    done = subprocess.run(words, cwd=checkout, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
+    assert in_a_rule(checkout, "import sys; print(sys.dont_write_bytecode)") == "False"
+
+
+def test_types_are_checked_on_all_cores_unless_the_user_says_how_many(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = 'import os; print(os.environ["MYPY_NUM_WORKERS"])'
+    monkeypatch.delenv("MYPY_NUM_WORKERS", raising=False)
+    assert in_a_rule(checkout, asked) == "auto"
+    monkeypatch.setenv("MYPY_NUM_WORKERS", "1")
+    assert in_a_rule(checkout, asked) == "1"
