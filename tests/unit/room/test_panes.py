@@ -22,7 +22,7 @@ from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.placing import with_panes
 from lidarspectra.workflow.init.init_file import write_init
 from lidarspectra.workflow.run_folder.panes_of_run import assumed_notes
-from lidarspectra.workflow.whole_room import whole_room
+from lidarspectra.workflow.whole_room import WholeRoom, whole_room
 from research.virtual_rooms import damaged_rooms
 from research.virtual_rooms.rooms_with_panes import GLASS_WALL, MIRROR, ROOMS, SCREEN, PaneRoom, bulging, mirrored
 
@@ -63,10 +63,25 @@ def scanned(tmp_path_factory):
     return scan_of
 
 
+@pytest.fixture(scope="module")
+def whole(scanned):
+    """(name, with_its_pane) -> what becomes of a room in the scan stage, its pane in the run file or not; each once."""
+    made: dict[tuple[str, bool], WholeRoom] = {}
+
+    def whole_of(name: str, with_its_pane: bool = False) -> WholeRoom:
+        if (name, with_its_pane) not in made:
+            room = BY_NAME[name]
+            panes = [room.true] if with_its_pane else []
+            made[name, with_its_pane] = whole_room(scanned(room), **CLOSED, panes=panes)
+        return made[name, with_its_pane]
+
+    return whole_of
+
+
 @pytest.mark.parametrize("name", FOUND)
-def test_a_pane_is_found_where_it_is(name: str, scanned) -> None:
+def test_a_pane_is_found_where_it_is(name: str, whole) -> None:
     true = BY_NAME[name].true
-    scan, _, _, found = whole_room(scanned(BY_NAME[name]), **CLOSED)
+    scan, _, _, found = whole(name)
     assert [pane.kind for pane in found] == [true.kind]
     # Squares of 5 cm at either edge, and rounded corners of the mesh beside it.
     np.testing.assert_allclose(found[0].size_m, true.size_m, atol=0.15)
@@ -76,24 +91,24 @@ def test_a_pane_is_found_where_it_is(name: str, scanned) -> None:
 
 
 @pytest.mark.parametrize("name", ["glass wall, bulges", "mirror of 2 m"])
-def test_a_pane_that_the_run_file_has_is_not_asked_about_again(name: str, scanned) -> None:
-    true = BY_NAME[name].true
-    assert true is not None
-    scan, *_ = whole_room(scanned(BY_NAME[name]), **CLOSED, panes=[true])
+def test_a_pane_that_the_run_file_has_is_not_asked_about_again(name: str, whole) -> None:
+    assert BY_NAME[name].true is not None
+    scan, *_ = whole(name, with_its_pane=True)
     assert not any("probably" in note for note in scan.record.notes)
 
 
 @pytest.mark.parametrize("name", NOTHING)
-def test_nothing_is_found_where_there_is_no_pane(name: str, scanned) -> None:
-    scan, _, _, found = whole_room(scanned(BY_NAME[name]), **CLOSED)
+def test_nothing_is_found_where_there_is_no_pane(name: str, whole) -> None:
+    scan, _, _, found = whole(name)
     assert found == ()
     assert not any("probably" in note for note in scan.record.notes)
 
 
-def test_the_room_behind_a_mirror_is_cut_off_and_a_real_room_there_is_not(scanned) -> None:
+def test_the_room_behind_a_mirror_is_cut_off_and_a_real_room_there_is_not(scanned, whole) -> None:
     ghost = scanned(BY_NAME["mirror of 2 m"])
-    assert whole_room(ghost, **CLOSED)[1].area_m2 > 35.0
-    assert whole_room(ghost, **CLOSED, panes=[MIRROR])[1].area_m2 == pytest.approx(20.0, rel=0.08)
+    assert BY_NAME["mirror of 2 m"].true is MIRROR
+    assert whole("mirror of 2 m").room.area_m2 > 35.0
+    assert whole("mirror of 2 m", with_its_pane=True).room.area_m2 == pytest.approx(20.0, rel=0.08)
     corridor = scanned(BY_NAME["glass before a corridor, 8 patches"])
     assert images_behind(ghost, MIRROR).sum() > 10_000
     assert not images_behind(corridor, MIRROR).any()
@@ -116,12 +131,11 @@ def test_glass_becomes_one_flat_pane_and_its_bulge_is_gone(scanned) -> None:
 @pytest.mark.parametrize(
     "name", ["glass wall, bulges", "glass wall, mostly in its plane", "glass before a corridor, 8 patches"]
 )
-def test_no_slit_is_left_around_a_pane(name: str, scanned) -> None:
-    true = BY_NAME[name].true
-    assert true is not None
-    bare = whole_room(scanned(BY_NAME[name]), **CLOSED).openness.total
+def test_no_slit_is_left_around_a_pane(name: str, whole) -> None:
+    assert BY_NAME[name].true is not None
+    bare = whole(name).openness.total
     # A thousand rays from each of 150 places; cracks of the mesh are left. A slit of 3 cm around the pane lets out 1 %.
-    assert whole_room(scanned(BY_NAME[name]), **CLOSED, panes=[true]).openness.total < bare + 3e-4
+    assert whole(name, with_its_pane=True).openness.total < bare + 3e-4
 
 
 def test_a_rough_edge_around_a_pane_is_joined_to_it_without_a_crack_and_looks_like_what_is_beside_it() -> None:
