@@ -44,12 +44,16 @@ def lamp_light(scan: Scan, lamps: list[Lamp], folder: Path) -> FloatArray:
     return direct_coefficients(scan, lamps, scan.centers + OFF_M * scan.normals, scan.normals, folder).sum(axis=0)
 
 
-def all_light(scan: Scan, reflectance: FloatArray, direct: FloatArray) -> FloatArray:
-    """(face,) light, straight and from other faces."""
-    shares = exchange_matrix(
+def exchange(scan: Scan) -> FloatArray:
+    """(face, face) share of what a face gets that comes from each: the radiosity of what is there."""
+    return exchange_matrix(
         RayCaster(scan), len(scan.faces), scan.centers + OFF_M * scan.normals, scan.normals,
         rays=512, generator=np.random.default_rng(1),
     )[:, :-1]  # fmt: skip
+
+
+def all_light(shares: FloatArray, reflectance: FloatArray, direct: FloatArray) -> FloatArray:
+    """(face,) light, straight and from other faces by their shares (`exchange`)."""
     light = direct
     for _ in range(REFLECTIONS):
         light = direct + shares @ (reflectance * light)

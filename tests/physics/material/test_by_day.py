@@ -1,7 +1,6 @@
 """A room photographed by day: its window's light is taken out with the lamps', or alone."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
@@ -18,7 +17,7 @@ from lidarspectra.room.room import find_room
 from lidarspectra.workflow.materials import delighting
 from lidarspectra.workflow.materials.delighting import Delighting, take_light_out
 
-from .lit_rooms import OFF_M, all_light, joined, lamp_light, painted, plane
+from .lit_rooms import OFF_M, all_light, exchange, joined, lamp_light, painted, plane
 
 pytestmark = pytest.mark.slow  # rooms photographed by radiosity and de-lit, each some seconds
 
@@ -41,8 +40,18 @@ class Room:
     lamps: list[Lamp]
 
 
-def room(folder: Path, *, day: float, lit: float, bright: float = 0.85) -> Room:
-    """A room lit by its lamps and `day` times their flux from a window; .8 shows the quantile `bright` of its light."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Unlit:
+    """The room before anything shines: which faces get how much of one lumen of each light, and send it on to which."""
+
+    room: Room
+    of_lamps: FloatArray
+    of_sky: FloatArray
+    shares: FloatArray
+
+
+@pytest.fixture(scope="module")
+def unlit(tmp_path_factory: pytest.TempPathFactory) -> Unlit:
     x, y, z = np.diag([LENGTH_M, WIDTH_M, HEIGHT_M])
     zero = np.zeros(3)
     scan, member, reflectance = joined(
@@ -76,11 +85,21 @@ def room(folder: Path, *, day: float, lit: float, bright: float = 0.85) -> Room:
     radiance = np.where(ways[..., 2] > 0, 1.0, GROUND) * (window[hits.face] & hits.met).reshape(len(at), RAYS)
     sky = radiance.mean(axis=1)
     flux_of_sky = scan.areas[window].sum() * 0.5 * (1.0 + GROUND)
-    direct = lit * lamp_light(scan, lamps, folder) + day * len(lamps) * sky / flux_of_sky
-    seen = reflectance * all_light(scan, reflectance, direct)
+    return Unlit(
+        room=Room(scan=scan, reflectance=reflectance, window=window, desk=(member == 6), lamps=lamps),
+        of_lamps=lamp_light(scan, lamps, tmp_path_factory.mktemp("lamps")),
+        of_sky=len(lamps) * sky / flux_of_sky,
+        shares=exchange(scan),
+    )
+
+
+def lit_room(unlit: Unlit, *, day: float, lit: float, bright: float = 0.85) -> Room:
+    """A room lit by its lamps and `day` times their flux from a window; .8 shows the quantile `bright` of its light."""
+    room = unlit.room
+    light = all_light(unlit.shares, room.reflectance, lit * unlit.of_lamps + day * unlit.of_sky)
+    seen = room.reflectance * light
     exposed = seen / np.quantile(seen, bright)
-    picture = painted(scan, 0.8 * exposed, window if day > 0 else None)
-    return Room(scan=picture, reflectance=reflectance, window=window, desk=(member == 6), lamps=lamps)
+    return replace(room, scan=painted(room.scan, 0.8 * exposed, room.window if day > 0 else None))
 
 
 def error(made: Room, found: Delighting) -> float:
@@ -96,8 +115,8 @@ def de_lit(made: Room, lamps: list[Lamp]) -> Delighting:
 
 
 @pytest.mark.parametrize(("day", "lit"), [(2.0, 1.0), (0.7, 1.0)])
-def test_a_window_beside_lamps_leaves_the_reflectances_right(tmp_path: Path, day: float, lit: float) -> None:
-    made = room(tmp_path, day=day, lit=lit)
+def test_a_window_beside_lamps_leaves_the_reflectances_right(unlit: Unlit, day: float, lit: float) -> None:
+    made = lit_room(unlit, day=day, lit=lit)
     found = de_lit(made, made.lamps)
     assert error(made, found) < 0.05
     assert found.face_color is not None
@@ -107,9 +126,9 @@ def test_a_window_beside_lamps_leaves_the_reflectances_right(tmp_path: Path, day
     assert any("no lamp of the run file" in warning for warning in found.warnings)
 
 
-def test_what_a_window_lights_has_no_skys_prior(tmp_path: Path) -> None:
+def test_what_a_window_lights_has_no_skys_prior(unlit: Unlit) -> None:
     """A reveal that is cut at white beside a window stands as windows do, and sends its light anywhere."""
-    made = room(tmp_path, day=2.0, lit=1.0)
+    made = lit_room(unlit, day=2.0, lit=1.0)
     told = []
     for is_beside in (False, True):
         found = [replace(each, is_beside=is_beside) for each in find_unknown_sources(made.scan, made.window)]
@@ -123,17 +142,17 @@ def test_what_a_window_lights_has_no_skys_prior(tmp_path: Path) -> None:
     assert told == [[True], [False]]
 
 
-def test_a_room_in_which_all_lamps_were_off_is_lit_by_its_window(tmp_path: Path) -> None:
-    made = room(tmp_path, day=1.0, lit=0.0)
+def test_a_room_in_which_all_lamps_were_off_is_lit_by_its_window(unlit: Unlit) -> None:
+    made = lit_room(unlit, day=1.0, lit=0.0)
     found = de_lit(made, [])
     assert error(made, found) < 0.05
     assert found.fit is not None
     assert found.fit.other == pytest.approx(found.fit.straight)
 
 
-def test_white_paint_that_is_cut_at_white_stays_paint(tmp_path: Path) -> None:
+def test_white_paint_that_is_cut_at_white_stays_paint(unlit: Unlit) -> None:
     """The desk below the window, and much of the ceiling, are as white in the picture as the window."""
-    made = room(tmp_path, day=2.0, lit=1.0, bright=0.55)
+    made = lit_room(unlit, day=2.0, lit=1.0, bright=0.55)
     assert (made.scan.face_colors()[made.desk].min(axis=1) > 0.97).all()
     found = de_lit(made, made.lamps)
     assert found.face_color is not None
@@ -141,8 +160,8 @@ def test_white_paint_that_is_cut_at_white_stays_paint(tmp_path: Path) -> None:
     assert found.face_color[made.window] == pytest.approx(PANE_REFLECTANCE)
 
 
-def test_a_picture_by_night_has_no_source_but_its_lamps(tmp_path: Path) -> None:
-    made = room(tmp_path, day=0.0, lit=1.0)
+def test_a_picture_by_night_has_no_source_but_its_lamps(unlit: Unlit) -> None:
+    made = lit_room(unlit, day=0.0, lit=1.0)
     found = de_lit(made, made.lamps)
     assert found.face_color is not None
     assert not found.warnings

@@ -15,7 +15,7 @@ from lidarspectra.material.delighting.cards import Card, look_at_cards
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.materials.delighting import take_light_out
 
-from .lit_rooms import all_light, joined, lamp_light, painted, plane
+from .lit_rooms import all_light, exchange, joined, lamp_light, painted, plane
 
 pytestmark = pytest.mark.slow  # a room photographed by radiosity and de-lit, twice
 
@@ -56,7 +56,7 @@ def dim_room(tmp_path_factory: pytest.TempPathFactory) -> Room:
         for at_x in (1.2, 2.8)
     ]
     direct = lamp_light(scan, lamps, tmp_path_factory.mktemp("light"))
-    seen = reflectance * all_light(scan, reflectance, direct)
+    seen = reflectance * all_light(exchange(scan), reflectance, direct)
     return Room(
         scan=painted(scan, 0.7 * seen / np.quantile(seen, 0.98)),
         reflectance=reflectance,

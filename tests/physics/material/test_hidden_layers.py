@@ -12,7 +12,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.materials.delighting import take_light_out
 
-from .lit_rooms import Part, all_light, joined, lamp_light, painted, plane
+from .lit_rooms import Part, all_light, exchange, joined, lamp_light, painted, plane
 
 pytestmark = pytest.mark.slow  # a room photographed by radiosity and de-lit, twice
 
@@ -45,7 +45,7 @@ def photographed(wall_edge_m: float, lamps: list[Lamp], folder: Path) -> Scan:
     parts = surfaces(wall_edge_m)
     scan, member, reflectance = joined(parts)
     direct = lamp_light(scan, lamps, folder)
-    seen = reflectance * all_light(scan, reflectance, direct)
+    seen = reflectance * all_light(exchange(scan), reflectance, direct)
     behind = (member == 5) & (scan.centers[:, 0] > DOOR[0]) & (scan.centers[:, 0] < DOOR[1])
     seen[behind & (scan.centers[:, 2] < DOOR[2])] = seen[member == 6].mean()  # the camera paints it like the door
     return painted(scan, EXPOSURE / direct.mean() * 60.0 * seen)

@@ -10,7 +10,7 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.mapping.maps.reflected_change import Surfaces, reflectance_effects
 from lidarspectra.room.light_samples import samples_of
 
-from .lit_rooms import all_light, joined, lamp_light, plane
+from .lit_rooms import all_light, exchange, joined, lamp_light, plane
 
 LENGTH_M, WIDTH_M, HEIGHT_M = 3.0, 2.4, 2.2
 SAMPLES = 400
@@ -48,9 +48,9 @@ def test_a_lit_room_gains_what_a_radiosity_solution_with_that_part_changed_gains
     scan, part, reflectance = closed_box(0.25)
     lamp = ls.make_lamp("panel", (0.9, 1.2, 2.1), name="panel", size=0.6, spectrum="LED-B3", luminous_flux_lm=1.0)
     direct = lamp_light(scan, [lamp], tmp_path)
-    step, ceiling = 0.02, part == 1
+    step, ceiling, shares = 0.02, part == 1, exchange(scan)
     lower, higher = (
-        all_light(scan, np.where(ceiling, reflectance * np.exp(by), reflectance), direct) for by in (-step, step)
+        all_light(shares, np.where(ceiling, reflectance * np.exp(by), reflectance), direct) for by in (-step, step)
     )
     expected = (higher - lower) / (2 * step)
     rng = np.random.default_rng(4)
