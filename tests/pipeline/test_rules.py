@@ -111,7 +111,7 @@ def test_a_picture_of_a_dimmed_room_is_darker_and_keeps_its_name(
     tmp_path: Path, copy_run: Callable[[Path], Path]
 ) -> None:
     folder = copy_run(tmp_path / "room").with_suffix(".run")
-    view = ("--from", "2.0,0.3,1.6", "--to", "0.5,1.5,1.0", "--size", "48x36", "--fast")
+    view = ("--from", "2.0,0.3,1.6", "--to", "0.5,1.5,1.0", "--size", "24x18", "--fast")
     told("picture", folder, *view, "--name", "full")
     told(
         "picture",
@@ -129,10 +129,10 @@ def test_a_picture_of_a_dimmed_room_is_darker_and_keeps_its_name(
         "0.1",
     )
     full, dim = ((folder / "pictures" / name / "picture.hdr").read_bytes() for name in ("full", "dim"))
-    exponents = [np.frombuffer(each[-48 * 36 * 4 :], dtype=np.uint8)[3::4].astype(float) for each in (full, dim)]
+    exponents = [np.frombuffer(each[-24 * 18 * 4 :], dtype=np.uint8)[3::4].astype(float) for each in (full, dim)]
     assert (exponents[0] - exponents[1]).mean() > 3.0  # less than an eighth of the light
     with Image.open(folder / "pictures" / "dim" / "picture.png") as picture:
-        assert picture.size == (48, 36)
+        assert picture.size == (24, 18)
     refused = CliRunner().invoke(app, ["picture", str(folder), "--from", "20,0,1"])
     assert refused.exit_code == 1
     assert "an eye in the room" in str(refused.exception)
