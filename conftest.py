@@ -3,9 +3,12 @@
 import os
 import shutil
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 import pytest
 
@@ -17,16 +20,18 @@ from tools.slowest_tests import PROPERTY
 RERUNS = 2  # a defect fails every time; what fails once in 1,000 runs by chance fails thrice in a row once in 10^9
 start_with_one_thread()  # before numpy is loaded: the workers of pytest share the cores
 collect_rarely()  # as the command line does
+SCATTERING_ORDERS = 2  # of the tables of the air that tests make; genssky itself would go to 4, in twice the time
 BEGAN_S = pytest.StashKey[float]()  # processor time when a test began
 PROJECT = Path(__file__).resolve().parent
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Try tests marked `chance(reason)` again before they count as failed; the summary says so (RERUN).
+    """Try tests marked `chance(reason)` again before they count as failed, and begin with those marked `longest`.
 
     The engine seeds its shadow rays by the clock, and emulated devices and child processes answer when the machine
-    lets them. Every other test fails at once.
+    lets them. Every other test fails at once. The summary names those that were tried again (RERUN).
     """
+    items.sort(key=lambda item: item.get_closest_marker("longest") is None)
     for item in items:
         for mark in item.iter_markers("chance"):
             if len(mark.args) != 1 or not isinstance(mark.args[0], str) or mark.kwargs:
@@ -99,12 +104,42 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callab
 
 @pytest.fixture(scope="session")
 def atmosphere(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of genssky's tables of the air, which take it a minute: pytest's cache keeps them from run to run.
+    """Folder of genssky's tables of the air: pytest's cache keeps them from run to run.
 
-    It lies where a program whose cache is two folders above it looks for them.
+    It lies where a program whose cache is two folders above it looks for them. Who needs a clear sky asks for
+    `clear_air`, so that tables are in it.
     """
     cache = getattr(request.config, "cache", None)
     programs = tmp_path_factory.mktemp("programs") if cache is None else cache.mkdir("programs")
-    folder = Path(programs) / f"pyradiance-{version('pyradiance')}" / "lidarspectra" / "atmosphere"
+    made_by = f"pyradiance-{version('pyradiance')}-orders-{SCATTERING_ORDERS}"
+    folder = Path(programs) / made_by / "lidarspectra" / "atmosphere"
     folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+@pytest.fixture(scope="session")
+def clear_air(atmosphere: Path, made_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
+    """Folder of genssky's tables of the air, with those of a summer's day: made by one worker, in half the usual time.
+
+    Light that was scattered more often than SCATTERING_ORDERS is left out of them, which changes how a clear sky's
+    light is spread over it (-14 to +4 %, both pictures of the sky held against each other by Radiance's pvalue). How
+    much light there is follows from SPECTRL2 alone (`compute_sky`).
+    """
+    # Here, since they load numpy.
+    from lidarspectra.radiance.engine.engine import Engine, EngineRun, find_engine
+    from lidarspectra.radiance.scene.sky import TABLES_FOLDER, Daylight, compute_sky
+
+    engine_run = Engine.run
+
+    def fewer_orders(engine: Engine, program: str, arguments: Sequence[str], **others: Any) -> EngineRun:
+        asked = ("-i", str(SCATTERING_ORDERS)) if program == "genssky" else ()
+        return engine_run(engine, program, [*arguments, *asked], **others)
+
+    def make(folder: Path) -> None:
+        noon = Daylight(latitude_deg=48.0, longitude_deg=0.0, time=datetime(2024, 6, 21, 12, 0, tzinfo=UTC))
+        if not any((atmosphere / TABLES_FOLDER).glob("*.dat")):
+            with patch.object(Engine, "run", fewer_orders):
+                compute_sky(noon, folder, find_engine(), atmosphere=atmosphere)
+
+    made_once("clear-air", make)
+    return atmosphere

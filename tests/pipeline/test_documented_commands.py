@@ -108,8 +108,8 @@ def replaced_tables(run_file: str, tables: str) -> str:
 
 
 def smaller_picture(command: str) -> str:
-    """A command whose picture has a sixteenth of the pixels: a page shows them, and the test looks at none."""
-    return re.sub(r"--size (\d+)x(\d+)", lambda size: f"--size {int(size[1]) // 4}x{int(size[2]) // 4}", command)
+    """A command whose picture is an eighth as wide and high: a page shows it, and the test does not look at it."""
+    return re.sub(r"--size (\d+)x(\d+)", lambda size: f"--size {int(size[1]) // 8}x{int(size[2]) // 8}", command)
 
 
 def do_command(text: str) -> None:
@@ -174,7 +174,7 @@ def shows_something(page: Path) -> bool:
 def test_what_a_page_shows_works(
     page: Path,
     finished_room: Path,
-    atmosphere: Path,
+    clear_air: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -188,7 +188,7 @@ def test_what_a_page_shows_works(
         (here / RUN_FILE).unlink()
     monkeypatch.chdir(here)
     monkeypatch.setenv("LIDARSPECTRA_DATA", str(tmp_path / "data"))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(atmosphere.parents[1]))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(clear_air.parents[1]))
     # The demo's own room takes minutes; here the command shows a room that has been run.
     copy = "lidarspectra.workflow.run_folder.inputs.copy_scene"
     monkeypatch.setattr(copy, lambda name, folder: here / "demo" / RUN_FILE)

@@ -13,6 +13,7 @@ import lidarspectra
 
 
 @pytest.mark.slow
+@pytest.mark.longest
 def test_the_site_is_built_without_a_warning_and_its_gallery_has_pictures(project: Path, tmp_path: Path) -> None:
     site = tmp_path / "site"
     done = subprocess.run(

@@ -30,3 +30,15 @@ def test_what_a_failed_maker_left_is_gone_for_the_next(made_once: SharedMaker) -
         made_once("failed-fixture", fail)
     folder = made_once("failed-fixture", lambda folder: (folder / "whole.txt").touch())
     assert [path.name for path in folder.iterdir()] == ["whole.txt"]
+
+
+def test_the_longest_are_begun_first_and_the_others_stay_in_their_order(
+    request: pytest.FixtureRequest, project: Path
+) -> None:
+    file = str(project / "conftest.py")
+    (ours,) = (each for each in request.config.pluginmanager.get_plugins() if getattr(each, "__file__", "") == file)
+    names = ("c", "a", "b")
+    items = [pytest.Function.from_parent(request.node.parent, name=name, callobj=lambda: None) for name in names]
+    items[2].add_marker("longest")
+    ours.pytest_collection_modifyitems(items)
+    assert [item.name for item in items] == ["b", "c", "a"]
