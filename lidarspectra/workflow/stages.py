@@ -65,7 +65,13 @@ from lidarspectra.workflow.run_folder.calibration_of_run import (
     calibration_notes,
 )
 from lidarspectra.workflow.run_folder.declared import Declared
-from lidarspectra.workflow.run_folder.frames_of_run import frame_colors, frame_notes, frames_in_words, save_frames
+from lidarspectra.workflow.run_folder.frames_of_run import (
+    frame_colors,
+    frame_notes,
+    frames_in_words,
+    panes_seen_in,
+    save_frames,
+)
 from lidarspectra.workflow.run_folder.inputs import Inputs
 from lidarspectra.workflow.run_folder.lamps_of_run import (
     MOMENT_KEYS,
@@ -149,6 +155,7 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
             floor_z=section.floor,
             ceiling_z=section.ceiling,
             panes=panes_of_run(given.run_file.panes),
+            seen=panes_seen_in(colors, capture),
         )
         saving(0.0, "saving")
         save_scan(scan, folder)

@@ -10,7 +10,7 @@ from lidarspectra.room.closing import Openness, close_room
 from lidarspectra.room.mirrored import mirrored_walls
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.placing import with_panes
-from lidarspectra.room.panes.search import propose_panes
+from lidarspectra.room.panes.search import Seen, propose_panes
 from lidarspectra.room.room import Room, find_room
 from lidarspectra.workflow.run_folder.panes_of_run import found_notes
 
@@ -48,6 +48,7 @@ def whole_room(
     floor_z: float | None = None,
     ceiling_z: float | None = None,
     panes: Sequence[Pane] = (),
+    seen: Seen | None = None,
 ) -> WholeRoom:
     """Find the room in a scan, and close what is missing.
 
@@ -63,6 +64,8 @@ def whole_room(
         Heights that the user gives; None finds them. [m]
     panes : sequence of Pane
         Glass, mirrors and screens that are known.
+    seen : callable, optional
+        What frames tell of glass and mirrors, where there are any.
 
     Returns
     -------
@@ -78,7 +81,7 @@ def whole_room(
     room = find_room(mirrors, floor_z=floor_z, ceiling_z=ceiling_z)
     scan = with_panes(mirrors, [pane for pane in panes if pane.kind != "mirror"])
     closed, openness = close_room(scan, room, ceiling=close_ceiling or close, floor=close_floor or close, sides=close)
-    found = propose_panes(closed, room)
+    found = propose_panes(closed, room, seen=seen)
     notes = (
         *scan.record.notes,
         *_closing_notes(room, openness, floor_given=floor_z is not None, ceiling_given=ceiling_z is not None),

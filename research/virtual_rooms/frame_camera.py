@@ -8,7 +8,7 @@ white balance wanders. What is written beside it is the pose with an error, and 
 
 import io
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -27,6 +27,7 @@ from lidarspectra.hardware.phone.texture_atlas import Atlas
 from lidarspectra.spectra.colorimetry import encode_srgb
 from research.virtual_rooms.camera import tone_curve
 from research.virtual_rooms.gloss_light import Gloss, thrown_back
+from research.virtual_rooms.pane_light import ShownPanes
 from research.virtual_rooms.phone import ScannedShape
 from research.virtual_rooms.true_room import TrueRoom
 
@@ -64,11 +65,14 @@ class Shining:
         Where it is a window, whose radiance depends on the direction.
     gloss : Gloss, optional
         How glossy it is; matt everywhere if left out.
+    panes : ShownPanes, optional
+        Its mirrors and panes of glass.
     """
 
     texture: "np.ndarray[tuple[int, ...], np.dtype[np.float32]]"
     sky: "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]"
     gloss: Gloss | None = None
+    panes: ShownPanes | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +112,7 @@ def write_frames(
     generator: np.random.Generator,
     *,
     layout: Layout = "3dscanner",
+    poses: Sequence[FloatArray] = (),
 ) -> FloatArray:
     """Take and write the frames of a walk.
 
@@ -126,6 +131,8 @@ def write_frames(
         From the (n,) sines of elevation of directions out of a window to the radiance over the texture's.
     generator : numpy.random.Generator
     layout : str
+    poses : sequence of (4, 4) float
+        Camera to world, z up, in place of the walk around the room.
 
     Returns
     -------
@@ -133,7 +140,7 @@ def write_frames(
         True gains, over the texture's unit.
     """
     caster = RayCaster(bare_scan(shape.vertices, shape.faces))
-    poses = _walk(room, plan.count, generator) + _looks_at_lamps(room, plan.lamp_frames)
+    poses = list(poses) or _walk(room, plan.count, generator) + _looks_at_lamps(room, plan.lamp_frames)
     eye = _Eye(caster=caster, atlas=atlas, shining=shining, sky=sky)
     seen = [_look(pose, eye, generator) for pose in poses]
     gain = _gains([light for light, _ in seen], plan.exposure_range, generator)
@@ -164,15 +171,20 @@ def _walk(room: TrueRoom, count: int, generator: np.random.Generator) -> list[Fl
         heading = angle + (np.pi if lap % 2 == 0 else 0.0) + generator.normal(scale=0.1)
         phase = 0.5 - 0.5 * np.cos(2 * np.pi * number / FRAMES_PER_SWEEP)
         pitch = np.radians(PITCH_DEG[0] + phase * (PITCH_DEG[1] - PITCH_DEG[0]))
-        ahead = np.array([np.cos(pitch) * np.cos(heading), np.cos(pitch) * np.sin(heading), np.sin(pitch)])
-        side = np.array([np.sin(heading), -np.cos(heading), 0.0])
-        above = np.cross(side, ahead)
-        # The sensor's rows run upright in a phone that is held upright: camera x down, y to the right.
-        pose = np.eye(4)
-        pose[:3, 0], pose[:3, 1], pose[:3, 2] = -above, side, -ahead
-        pose[:3, 3] = position
-        poses.append(pose)
+        poses.append(upright_pose(position, heading, pitch))
     return poses
+
+
+def upright_pose(position: FloatArray, heading: float, pitch: float) -> FloatArray:
+    """(4, 4) camera to world, z up, of a phone that is held upright at a (3,) position [m]; angles [rad]."""
+    ahead = np.array([np.cos(pitch) * np.cos(heading), np.cos(pitch) * np.sin(heading), np.sin(pitch)])
+    side = np.array([np.sin(heading), -np.cos(heading), 0.0])
+    above = np.cross(side, ahead)
+    # The sensor's rows run upright in a phone that is held upright: camera x down, y to the right.
+    pose = np.eye(4)
+    pose[:3, 0], pose[:3, 1], pose[:3, 2] = -above, side, -ahead
+    pose[:3, 3] = position
+    return pose
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -232,6 +244,10 @@ def _look(pose: FloatArray, eye: _Eye, generator: np.random.Generator) -> tuple[
     start = np.broadcast_to(pose[:3, 3], ways.shape)
     light, depth, texel, front = eye.sees(start, ways)
     light[front] += eye.glossy(start[front], ways[front], depth[front], texel, generator)
+    if (panes := eye.shining.panes) is not None:
+        light, beyond, met = panes.seen(start, ways, eye.sees)
+        shape = (HEIGHT_PX, WIDTH_PX)
+        depth = panes.lidar(depth.reshape(shape), beyond.reshape(shape), met.reshape(shape), generator)
     return light.reshape(HEIGHT_PX, WIDTH_PX, 3), depth.reshape(HEIGHT_PX, WIDTH_PX)
 
 

@@ -72,6 +72,8 @@ class FrameColors:
         Median over the texels of their relative deviation. [1]
     records : FrameRecords or None
         What each frame shows of places all over the surface; None if no frame is used.
+    scale : float
+        Of the scan's colours over the radiometry's unit. [1]
     """
 
     scan: Scan
@@ -86,6 +88,7 @@ class FrameColors:
     cut_m2: float
     spread: float
     records: FrameRecords | None
+    scale: float = 1.0
 
 
 def color_from_frames(
@@ -285,6 +288,7 @@ def _colored(
         cut_m2=float(area[fused.at_least].sum()),
         spread=float(np.median(fused.deviation[known])),
         records=records.scaled(float(scale)),
+        scale=float(scale),
     )
 
 

@@ -185,12 +185,12 @@ class MeshView:
 
     def depth(self, frame: Frame) -> FloatArray:
         """(row, column) depth of the mesh along the axis, `BUFFER_PX` wide; infinite where there is none [m]."""
-        return self._looked(frame)[0].distance.reshape(_buffer_size(frame)[::-1])
+        return self.looked(frame)[0].distance.reshape(buffer_size(frame)[::-1])
 
     def shown(self, frame: Frame) -> ShownFaces:
         """What a frame's pose shows, pixel by pixel of the buffer, without flat views and edges of what is in front."""
-        hits, ways = self._looked(frame)
-        shape = _buffer_size(frame)[::-1]
+        hits, ways = self.looked(frame)
+        shape = buffer_size(frame)[::-1]
         depth = np.minimum(hits.distance, 1e6).reshape(shape)
         front = cv2.erode(depth, np.ones((2 * EDGE_PX + 1,) * 2))
         inner = (depth - (1.0 + TOLERANCE) * front < TOLERANCE_M / MIN_COSINE).ravel()
@@ -198,9 +198,21 @@ class MeshView:
         kept = hits.met & inner & (cosine > MIN_COSINE) & (hits.distance > NEAREST_M) & (hits.distance < FARTHEST_M)
         return ShownFaces(face=hits.face[kept], barycentric=hits.barycentric[kept])
 
-    def _looked(self, frame: Frame) -> tuple[Hits, FloatArray]:
-        """What the buffer's rays meet, row by row, and their directions, of length 1 along the axis."""
-        width, height = _buffer_size(frame)
+    def looked(self, frame: Frame) -> tuple[Hits, FloatArray]:
+        """What the rays of a frame's pose meet, pixel by pixel of a small picture.
+
+        Parameters
+        ----------
+        frame : Frame
+
+        Returns
+        -------
+        hits : Hits
+            Of each pixel of a picture of `buffer_size`, row by row.
+        ways : (pixel, 3) float
+            Directions of the rays, of length 1 along the camera's axis. [1]
+        """
+        width, height = buffer_size(frame)
         columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
         scale = width / frame.size_px[0]
         matrix = frame.intrinsics
@@ -282,7 +294,8 @@ class MeshView:
         )
 
 
-def _buffer_size(frame: Frame) -> tuple[int, int]:
+def buffer_size(frame: Frame) -> tuple[int, int]:
+    """Width and height of the small picture in which a frame's pose is held against the mesh [px]."""
     width, height = frame.size_px
     return BUFFER_PX, max(1, round(BUFFER_PX * height / width))
 

@@ -28,6 +28,10 @@ class Pane:
         Into the room; made a unit vector, and level. [1]
     why : str
         What in the scan speaks for it, as the rest of a sentence; empty for panes that the user gives.
+    transmittance : float or None
+        Of glass, where frames tell it. [0-1]
+    reflectance : float or None
+        Of a mirror, where frames tell it. [0-1]
     """
 
     kind: PaneKind
@@ -35,6 +39,8 @@ class Pane:
     size_m: tuple[float, float]
     normal: FloatArray
     why: str = ""
+    transmittance: float | None = None
+    reflectance: float | None = None
 
     def __post_init__(self) -> None:
         normal = float_array(self.normal, name="Pane.normal", shape=(3,))

@@ -1,19 +1,24 @@
 """Look at every wall of a room for glass, mirrors and screens."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
-from lidarspectra.geometry.rays import caster_of
+from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.panes.glass import glass_of_wall
 from lidarspectra.room.panes.mirrors import mirror_of_wall
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.screens import screens_of_wall
-from lidarspectra.room.panes.wall_view import wall_view
+from lidarspectra.room.panes.wall_view import WallView, wall_view
 from lidarspectra.room.room import Room
 from lidarspectra.room.room_planes import face_geometry
 
+Seen = Callable[[Scan, Sequence[WallView], RayCaster], tuple[Pane, ...]]
+"""From a scan, its room's walls and what rays meet in it to the mirrors and panes that frames show."""
 
-def propose_panes(scan: Scan, room: Room) -> tuple[Pane, ...]:
+
+def propose_panes(scan: Scan, room: Room, *, seen: Seen | None = None) -> tuple[Pane, ...]:
     """Find what in a scan is probably glass, a mirror or a screen.
 
     Parameters
@@ -22,11 +27,14 @@ def propose_panes(scan: Scan, room: Room) -> tuple[Pane, ...]:
         Repaired.
     room : Room
         In it.
+    seen : callable, optional
+        What frames tell, where there are any.
 
     Returns
     -------
     panes : tuple of Pane
-        Mirrors, then glass, then screens, none over another; none in a model of a room, whose parts have names.
+        Mirrors, then those that frames show, glass, and screens, none over another; none in a model of a room, whose
+        parts have names.
     """
     if scan.appearance.is_drawn:
         return ()
@@ -34,6 +42,7 @@ def propose_panes(scan: Scan, room: Room) -> tuple[Pane, ...]:
     faces = face_geometry(scan)
     views = [view for wall in room.walls if (view := wall_view(scan, room, wall, caster)).depth.size]
     found = [pane for view in views if (pane := mirror_of_wall(view, faces)) is not None]
+    found += () if seen is None else seen(scan, views, caster)
     found += [pane for view in views for pane in glass_of_wall(view)]
     if scan.appearance.known:
         found += [pane for view in views for pane in screens_of_wall(view)]

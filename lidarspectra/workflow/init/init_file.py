@@ -29,7 +29,7 @@ from lidarspectra.workflow.init.proposed_lamps import propose_panels
 from lidarspectra.workflow.init.summary import InitSummary
 from lidarspectra.workflow.init.text import bare_text, run_file_text
 from lidarspectra.workflow.run_folder.assumed import uncertain_of_scan
-from lidarspectra.workflow.run_folder.frames_of_run import frame_colors
+from lidarspectra.workflow.run_folder.frames_of_run import frame_colors, panes_seen_in
 from lidarspectra.workflow.whole_room import whole_room
 
 SENSOR_COUNTS = (176, 100, 50, 25, 10, 5, 1)  # the paper's count, then what smaller rooms hold
@@ -207,7 +207,7 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
                 ceiling_z=choices.ceiling,
             ),
         )
-        scan, room, _, proposed = whole(repaired)
+        scan, room, _, proposed = whole(repaired, seen=panes_seen_in(colors, capture))
         if proposed:  # the room as the run will see it, without images behind mirrors
             scan, room, *_ = whole(repaired, panes=proposed)
     except ScanError as cause:

@@ -5,17 +5,23 @@ apps write beside the frames and into pictures, are not read, so that no run hol
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.frames import Capture, left_out_note
 from lidarspectra.io.files import write_whole, writing
 from lidarspectra.material.frames.frame_colors import FrameColors, color_from_frames
 from lidarspectra.material.frames.gains import Radiometry
+from lidarspectra.material.frames.seen_panes import panes_of_frames
 from lidarspectra.progress import Progress, silent
+from lidarspectra.room.panes.pane import Pane
+from lidarspectra.room.panes.search import Seen
+from lidarspectra.room.panes.wall_view import WallView
 
 FRAMES_FILE = "frames.json"
 NOT_KEPT = ("position on Earth", "date and time", "device", "title", "EXIF")
@@ -38,6 +44,20 @@ def frame_colors(
         return color_from_frames(scan, capture.frames, progress=progress) if wanted else None
     finally:
         capture.close()
+
+
+def panes_seen_in(colors: FrameColors | None, capture: Capture | None) -> Seen | None:
+    """What looks in frames for glass and mirrors, and closes them then; None without any."""
+    if colors is None or capture is None:
+        return None
+
+    def seen(scan: Scan, walls: Sequence[WallView], caster: RayCaster) -> tuple[Pane, ...]:
+        try:
+            return panes_of_frames(colors, scan, walls, caster)
+        finally:
+            capture.close()
+
+    return seen
 
 
 def frames_in_words(colors: FrameColors | None) -> str:

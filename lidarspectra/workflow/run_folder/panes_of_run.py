@@ -73,6 +73,9 @@ def pane_lines(panes: Sequence[Pane]) -> Iterator[str]:
         yield f"center = {toml_vector(pane.center.tolist())}  # [m]"
         yield f"size = {toml_vector(list(pane.size_m))}  # width, height [m]"
         yield f"normal = {toml_vector(pane.normal.tolist())}  # into the room"
+        for key, share in (("transmittance", pane.transmittance), ("reflectance", pane.reflectance)):
+            if share is not None:
+                yield f"{key} = {toml_value(share)}  # as the frames tell"
         yield "assumed = true  # a guess; delete this line once you have looked"
 
 
