@@ -23,7 +23,6 @@ from lidarspectra.radiance.sampling.estimator import smooth_over_neighbours
 from lidarspectra.radiance.sampling.pooling import draw_pooled_paths
 from lidarspectra.radiance.sampling.receptors import cosine_receptor
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
-from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.scene import primitives
 from lidarspectra.radiance.scene.scene import RadianceScene, write_scene
 from research.benchmarks.cross_check import Room
@@ -79,6 +78,12 @@ class Bench:
 
     def gather(self, bounces: int, *, count: int = RAYS, lattice: bool = True, change: Sequence[str] = ()) -> Cost:
         """Rays of all sensors, each followed by a path of its own."""
+        return self.cost(*self.gathered(bounces, count=count, lattice=lattice, change=change))
+
+    def gathered(
+        self, bounces: int, *, count: int = RAYS, lattice: bool = True, change: Sequence[str] = ()
+    ) -> tuple[FloatArray, float]:
+        """(point, set, slot) estimates of `gather`, and the processor time [s]."""
         points = np.arange(len(self.sensors.positions))
         sets, size = (SETS, count) if lattice else (SETS * count, 1)
         rays = self.sensors.draw_rays(points, sets=sets, count=size, generator=self.generator)
@@ -86,7 +91,7 @@ class Bench:
         for name, value in zip(change[::2], change[1::2], strict=True):
             arguments[arguments.index(name) + 1] = value
         values, seconds = self.ask("rcontrib", arguments, rays, rows=len(points) * SETS)
-        return self.cost(np.pi * values.reshape(len(points), SETS, -1), seconds)
+        return np.pi * values.reshape(len(points), SETS, -1), seconds
 
     def cost(self, values: FloatArray, seconds: float) -> Cost:
         """Of (point, set, slot) estimates."""
@@ -115,12 +120,16 @@ class Bench:
 
     def direct(self, part: str) -> Cost:
         """Light straight from the lamps, cut into parts of another `-ds`."""
+        return self.cost(*self.shadow_rays(part))
+
+    def shadow_rays(self, part: str) -> tuple[FloatArray, float]:
+        """(point, set, slot) estimates of `direct`, and the processor time [s]."""
         count = len(self.sensors.positions)
         rays = np.repeat(np.concatenate([self.sensors.positions, self.sensors.normals], axis=1), SETS, axis=0)
         arguments = [*self.options.direct_arguments(1)]
         arguments[arguments.index("-ds") + 1] = part
         values, seconds = self.ask("rcontrib", arguments, rays, rows=count * SETS)
-        return self.cost(values.reshape(count, SETS, -1), seconds)
+        return values.reshape(count, SETS, -1), seconds
 
     def cast(self, kind: str) -> Cost:
         """Light straight from the lamps, or reflected once, by ray casting; what gleams is asked of the engine."""
@@ -205,11 +214,10 @@ class Bench:
 
 
 def open_bench(room: Room, scene: RadianceScene) -> Bench:
-    """With the mean irradiance that errors are relative to."""
-    whole = trace(scene, room.points, accuracy="ultra", noise="standard", seed=4)
-    light = np.einsum("lpb,lb->b", whole["coefficient"].to_numpy().astype(float), scene.written_flux)
-    mean = scene.passes[0].group.to_slots(light / len(room.points))[::-1]  # in the engine's order
-    return Bench(room, scene, mean)
+    """With the mean irradiance that errors are relative to: the engine's own, by paths of each sensor."""
+    bench = Bench(room, scene, np.ones(scene.passes[0].slot_count))
+    parts = (bench.shadow_rays("0.05"), bench.gathered(BOUNCES))
+    return Bench(room, scene, np.asarray(sum(values.mean(axis=(0, 1)) for values, _ in parts), dtype=np.float64))
 
 
 def together(*parts: Cost) -> Cost:
