@@ -12,7 +12,7 @@ import pytest
 import lidarspectra as ls
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.room.sensor_points import SensorPoints
-from lidarspectra.workflow.calibration import calibrating
+from lidarspectra.workflow.calibration import calibrating, plan
 from lidarspectra.workflow.calibration.light import (
     RunRoom,
     TracedLight,
@@ -142,13 +142,16 @@ def test_channels_tell_the_spectrum_of_a_lamp(run: Path, readings: pd.DataFrame,
     assert every.run_file.lamps[0].spectrum == "LED-B3"
 
 
-def test_a_plan_of_readings_is_a_file_to_fill_in(run: Path, command_line: CommandLine) -> None:
+def test_a_plan_of_readings_is_a_file_to_fill_in(
+    run: Path, command_line: CommandLine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plan, "MAX_PLACES", 8)  # of which it takes two
     answer = command_line("calibrate", run, "--plan", "4")
     assert answer.status == 0, answer.stderr
-    plan = pd.read_csv(run / "calibration" / "readings-to-take.csv")
-    assert list(plan.columns) == ["name", "x", "y", "z", "nx", "ny", "nz", "lux"]
-    assert len(plan) == 4
-    assert len(plan[["x", "y", "z"]].drop_duplicates()) <= 2
-    assert plan["z"].between(0.1, 2.0).all()
-    assert len({name.split()[1] for name in plan["name"]}) >= 2  # what is told by one direction is not told twice
+    told = pd.read_csv(run / "calibration" / "readings-to-take.csv")
+    assert list(told.columns) == ["name", "x", "y", "z", "nx", "ny", "nz", "lux"]
+    assert len(told) == 4
+    assert len(told[["x", "y", "z"]].drop_duplicates()) <= 2
+    assert told["z"].between(0.1, 2.0).all()
+    assert len({name.split()[1] for name in told["name"]}) >= 2  # what is told by one direction is not told twice
     assert (run / "calibration" / "readings-to-take.png").is_file()

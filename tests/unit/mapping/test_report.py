@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,6 +63,16 @@ def whole(make_transport, make_report, tmp_path_factory):
     report = make_report(make_transport(points=64, buried=(9,)))
     write_report(folder, replace(report, figure_files=("svg", "png")))
     return folder
+
+
+@pytest.fixture(scope="module")
+def written(report, tmp_path_factory) -> tuple[Path, list[float]]:
+    """The page of the small room, written once, and the progress that was told meanwhile."""
+    heard: list[float] = []
+    page = write_report(
+        tmp_path_factory.mktemp("small"), report, progress=lambda fraction, message: heard.append(fraction)
+    )
+    return page, heard
 
 
 def _read(path) -> tuple[str, _Page]:
@@ -162,9 +173,8 @@ def test_every_figure_lies_beside_the_page_in_the_kinds_asked_for_and_every_tabl
     }
 
 
-def test_the_same_run_gives_the_same_page(report, tmp_path):
-    pages = [write_report(tmp_path / name, report).read_bytes() for name in ("first", "second")]
-    assert pages[0] == pages[1]
+def test_the_same_run_gives_the_same_page(report, written, tmp_path):
+    assert write_report(tmp_path, report).read_bytes() == written[0].read_bytes()
 
 
 def test_a_bare_report_leaves_out_what_it_does_not_have(report, tmp_path):
@@ -192,8 +202,8 @@ def test_a_report_of_buried_points_says_that_none_can_be_trusted(report, make_tr
     assert "9 buried" in page.text
 
 
-def test_bands_that_cannot_follow_the_eye_give_no_illuminance_and_say_why(report, tmp_path):
-    _, page = _read(write_report(tmp_path, report))
+def test_bands_that_cannot_follow_the_eye_give_no_illuminance_and_say_why(written):
+    _, page = _read(written[0])
     assert "no illuminance can be computed" in page.text
 
 
@@ -235,9 +245,8 @@ def test_a_run_by_plain_rtrace_says_so_and_that_it_does_not_know_what_is_missing
     assert "missing, and not estimated by plain runs of rtrace" in page.text
 
 
-def test_progress_ends_at_one(report, tmp_path):
-    heard: list[float] = []
-    write_report(tmp_path, report, progress=lambda fraction, message: heard.append(fraction))
+def test_progress_ends_at_one(written):
+    _, heard = written
     assert heard == sorted(heard)
     assert heard[0] == 0.0
     assert heard[-1] == 1.0

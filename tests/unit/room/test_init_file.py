@@ -11,7 +11,7 @@ import pytest
 from lidarspectra.config import parse_run_file, read_run_file
 from lidarspectra.errors import ArgumentError, RunFileError, ScanError, SensorError, WorkspaceError
 from lidarspectra.workflow.init.choices import InitChoices
-from lidarspectra.workflow.init.init_file import write_init
+from lidarspectra.workflow.init.init_file import InitSummary, write_init
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +33,30 @@ def dark_room(builder, ceiling, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def lit_init(lit_room, tmp_path_factory) -> tuple[Path, InitSummary]:
+    """The run file of the lit room, written once, and what was told of it."""
+    path = tmp_path_factory.mktemp("lit-init") / "my.room.toml"
+    return path, write_init(lit_room, path)
+
+
+@pytest.fixture(scope="module")
+def dark_init(dark_room, tmp_path_factory) -> tuple[Path, InitSummary, list[float]]:
+    """The run file of the dark room, written once, what was told of it, and the progress meanwhile."""
+    path = tmp_path_factory.mktemp("dark-init") / "room.toml"
+    heard: list[float] = []
+    return path, write_init(dark_room, path, progress=lambda fraction, message: heard.append(fraction)), heard
+
+
+@pytest.fixture(scope="module")
+def small_room(builder, tmp_path_factory):
+    """A bare room of few triangles."""
+    room = builder(step_m=0.5)
+    room.box([0, 0, 0], [2, 2, 2.5], inward=True)
+    room.write_glb(path := tmp_path_factory.mktemp("small") / "room.glb")
+    return path
+
+
+@pytest.fixture(scope="module")
 def odd_room(tmp_path_factory):
     """A cube in a format that says nothing of its axes: which of them is up, can only be guessed."""
     import lidarspectra as ls
@@ -48,10 +72,10 @@ def _written(builder, picture, path):
     return path
 
 
-def test_the_run_file_holds_what_was_found_and_is_read_unchanged(lit_room, tmp_path) -> None:
-    summary = write_init(lit_room, tmp_path / "room.toml")
-    run_file = read_run_file(tmp_path / "room.toml")
-    assert (tmp_path / run_file.scan.file).resolve() == lit_room.resolve()
+def test_the_run_file_holds_what_was_found_and_is_read_unchanged(lit_room, lit_init) -> None:
+    path, summary = lit_init
+    run_file = read_run_file(path)
+    assert (path.parent / run_file.scan.file).resolve() == lit_room.resolve()
     assert (run_file.scan.unit, run_file.scan.up) == ("m", "+y")
     assert sorted(lamp.name for lamp in run_file.lamps) == ["disc 1", "panel 1", "strip 1"]
     by_name = {lamp.name: lamp for lamp in run_file.lamps}
@@ -66,12 +90,12 @@ def test_the_run_file_holds_what_was_found_and_is_read_unchanged(lit_room, tmp_p
     assert summary.room.area_m2 == pytest.approx(12.0, rel=0.05)
 
 
-def test_the_assumptions_are_marked_in_the_file(lit_room, tmp_path) -> None:
-    write_init(lit_room, tmp_path / "room.toml")
-    text = (tmp_path / "room.toml").read_text(encoding="utf-8")
+def test_the_assumptions_are_marked_in_the_file(lit_init) -> None:
+    path, _ = lit_init
+    text = path.read_text(encoding="utf-8")
     assert text.count("# assumed") == 6
     assert text.count('assumed = ["flux", "spectrum"]') == 3
-    run_file = read_run_file(tmp_path / "room.toml")
+    run_file = read_run_file(path)
     assert all(lamp.guesses == {"flux", "spectrum"} for lamp in run_file.lamps)
     assert all(lamp.dim_in_scan == 1 for lamp in run_file.lamps)
     assert run_file.scan.assumed == ()  # a GLB declares unit and axis
@@ -80,35 +104,36 @@ def test_the_assumptions_are_marked_in_the_file(lit_room, tmp_path) -> None:
     assert text.count("% sure") >= 5
 
 
-def test_the_lamps_of_the_run_file_hang_well(lit_room, tmp_path) -> None:
+def test_the_lamps_of_the_run_file_hang_well(lit_room, lit_init) -> None:
     from lidarspectra.hardware.phone.readers import read_scan
     from lidarspectra.hardware.phone.repair import repair_scan
     from lidarspectra.radiance.scene.placement import placement_notes
     from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 
-    write_init(lit_room, tmp_path / "room.toml")
-    lamps = resolve_lamps(read_run_file(tmp_path / "room.toml").lamps, tmp_path)
+    path, _ = lit_init
+    lamps = resolve_lamps(read_run_file(path).lamps, path.parent)
     assert placement_notes(lamps, repair_scan(read_scan(lit_room))) == ()
 
 
-def test_the_summary_tells_everything_in_lines(lit_room, tmp_path) -> None:
-    lines = write_init(lit_room, tmp_path / "room.toml").lines()
+def test_the_summary_tells_everything_in_lines(lit_init) -> None:
+    _, summary = lit_init
+    lines = summary.lines()
     text = "\n".join(lines)
     for words in (
         "unit      m",
         "up        +y",
         "176 points",
         "1 disc, 1 panel, 1 strip",
-        "room.toml",
+        "my.room.toml",
         "Edit the lamps",
     ):
         assert words in text
     assert all("\n" not in line for line in lines)
 
 
-def test_without_lit_lamps_a_grid_of_panels_is_proposed_as_assumed(dark_room, tmp_path) -> None:
-    summary = write_init(dark_room, tmp_path / "room.toml")
-    run_file = read_run_file(tmp_path / "room.toml")  # it has light, so that it runs as it is
+def test_without_lit_lamps_a_grid_of_panels_is_proposed_as_assumed(dark_init) -> None:
+    path, summary, _ = dark_init
+    run_file = read_run_file(path)  # it has light, so that it runs as it is
     assert summary.lamps.lamps == ()
     assert [lamp.name for lamp in run_file.lamps] == ["panel 1", "panel 2"]  # 4 m x 3 m, one each 2.4 m
     assert all(lamp.assumed and lamp.luminous_flux_lm == 3600 for lamp in run_file.lamps)
@@ -135,14 +160,14 @@ def test_a_window_that_shines_by_day_is_told_and_lamps_that_were_off_are_marked(
     assert run_file.materials.delight
 
 
-def test_proposed_panels_hang_well(dark_room, tmp_path) -> None:
+def test_proposed_panels_hang_well(dark_room, dark_init) -> None:
     from lidarspectra.hardware.phone.readers import read_scan
     from lidarspectra.hardware.phone.repair import repair_scan
     from lidarspectra.radiance.scene.placement import placement_notes
     from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 
-    write_init(dark_room, tmp_path / "room.toml")
-    lamps = resolve_lamps(read_run_file(tmp_path / "room.toml").lamps, tmp_path)
+    path, *_ = dark_init
+    lamps = resolve_lamps(read_run_file(path).lamps, path.parent)
     assert placement_notes(lamps, repair_scan(read_scan(dark_room))) == ()
 
 
@@ -191,12 +216,12 @@ def test_panels_keep_clear_of_ducts_and_follow_a_turned_room(builder) -> None:
         "'.glb",
     ],
 )
-def test_any_file_name_survives(dark_room, tmp_path, name) -> None:
+def test_any_file_name_survives(small_room, tmp_path, name) -> None:
     if sys.platform == "win32" and set(name) & set('"\\\t\n'):
         pytest.skip("Windows has no such file names")
     scan = tmp_path / "scans" / name
     scan.parent.mkdir()
-    scan.write_bytes(dark_room.read_bytes())
+    scan.write_bytes(small_room.read_bytes())
     (tmp_path / "runs").mkdir()
     write_init(scan, tmp_path / "runs" / "room.toml")
     table = tomllib.loads((tmp_path / "runs" / "room.toml").read_text(encoding="utf-8"))
@@ -204,13 +229,13 @@ def test_any_file_name_survives(dark_room, tmp_path, name) -> None:
     assert (tmp_path / "runs" / table["scan"]["file"]).samefile(scan)
 
 
-def test_a_run_file_that_is_there_is_kept_unless_forced(dark_room, tmp_path) -> None:
+def test_a_run_file_that_is_there_is_kept_unless_forced(small_room, tmp_path) -> None:
     path = tmp_path / "room.toml"
     path.write_text("mine", encoding="utf-8")
     with pytest.raises(RunFileError, match="--force"):
-        write_init(dark_room, path)
+        write_init(small_room, path)
     assert path.read_text(encoding="utf-8") == "mine"
-    write_init(dark_room, path, force=True)
+    write_init(small_room, path, force=True)
     assert "[scan]" in path.read_text(encoding="utf-8")
 
 
@@ -285,9 +310,9 @@ def test_sensors_that_fit_nowhere_leave_a_run_file_with_all_else(dark_room, tmp_
     assert "no sensor fits at this height" in (tmp_path / "room.toml").read_text(encoding="utf-8")
 
 
-def test_the_plan_is_drawn_beside_the_run_file_and_named_in_the_last_line(lit_room, tmp_path) -> None:
-    summary = write_init(lit_room, tmp_path / "my.room.toml")
-    picture = tmp_path / "my.room.plan.png"
+def test_the_plan_is_drawn_beside_the_run_file_and_named_in_the_last_line(lit_init) -> None:
+    path, summary = lit_init
+    picture = path.parent / "my.room.plan.png"
     assert summary.picture == picture
     assert "my.room.plan.png" in summary.lines()[-1]
     shown = cv2.imread(str(picture))
@@ -317,9 +342,9 @@ def test_a_missing_scan_leaves_no_run_file(tmp_path) -> None:
     assert not (tmp_path / "room.toml").exists()
 
 
-def test_a_place_that_cannot_be_written_is_a_clear_error(dark_room, tmp_path) -> None:
+def test_a_place_that_cannot_be_written_is_a_clear_error(small_room, tmp_path) -> None:
     with pytest.raises(WorkspaceError, match="--out"):
-        write_init(dark_room, tmp_path / "nowhere" / "room.toml")
+        write_init(small_room, tmp_path / "nowhere" / "room.toml")
 
 
 def test_a_tiny_room_gets_fewer_sensors(builder, ceiling, tmp_path) -> None:
@@ -332,9 +357,8 @@ def test_a_tiny_room_gets_fewer_sensors(builder, ceiling, tmp_path) -> None:
     assert f"count = {summary.sensor_count}" in (tmp_path / "room.toml").read_text(encoding="utf-8")
 
 
-def test_progress_is_told_to_the_end(dark_room, tmp_path) -> None:
-    told: list[float] = []
-    write_init(dark_room, tmp_path / "room.toml", progress=lambda fraction, message: told.append(fraction))
+def test_progress_is_told_to_the_end(dark_init) -> None:
+    *_, told = dark_init
     assert told[-1] == 1.0
     assert told == sorted(told)
 
