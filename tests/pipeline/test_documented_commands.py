@@ -13,13 +13,16 @@ import tomllib
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from lidarspectra.cli.app import app
 from lidarspectra.config import parse_run_file
+from lidarspectra.workflow.applications import annual
 from lidarspectra.workflow.pipeline import run
+from lidarspectra.workflow.run_folder.inputs import Inputs
 from tests.pipeline.conftest import SharedMaker
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -164,12 +167,29 @@ def write_databases(folder: Path) -> None:
         (folder / f"{number}.json").write_text(json.dumps(lamp), encoding="utf-8")
 
 
+@pytest.fixture
+def year_traced_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page shows the same year by command and in Python: its sky is traced once."""
+    kept: dict[str, Any] = {}
+    traced = annual._traced
+
+    def once(inputs: Inputs, *rest: Any) -> Any:
+        given = inputs.run_file
+        key = repr((given.daylight, given.sensors, given.trace, given.materials, given.lamps))
+        if key not in kept:
+            kept[key] = traced(inputs, *rest)
+        return kept[key]
+
+    monkeypatch.setattr(annual, "_traced", once)
+
+
 def shows_something(page: Path) -> bool:
     found = blocks(page.read_text(encoding="utf-8"))
     return any(language == "python" or list(commands(text)) for language, text in found)
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("year_traced_once")
 @pytest.mark.parametrize("page", [page for page in PAGES if shows_something(page)], ids=lambda page: page.stem)
 def test_what_a_page_shows_works(
     page: Path,
