@@ -11,7 +11,8 @@ import pytest
 from lidarspectra.config import parse_run_file, read_run_file
 from lidarspectra.errors import ArgumentError, RunFileError, ScanError, SensorError, WorkspaceError
 from lidarspectra.workflow.init.choices import InitChoices
-from lidarspectra.workflow.init.init_file import InitSummary, write_init
+from lidarspectra.workflow.init.init_file import write_init
+from lidarspectra.workflow.init.summary import InitSummary
 
 
 @pytest.fixture(scope="module")
