@@ -22,6 +22,7 @@ import numpy as np
 import xarray as xr
 
 from lidarspectra.config import read_run_file
+from lidarspectra.mapping.maps.light_unknowns import CAUSES, OF_CAUSE
 from lidarspectra.mapping.maps.metrics import compare_maps
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.material.colors import surface_colors
@@ -82,8 +83,8 @@ def coverage(found: MaterialMap, case: Case) -> tuple[float, float]:
 
 def coverage_of_map(
     materials: MaterialMap, case: Case, transport: xr.Dataset, reference: Light
-) -> tuple[float, float, float]:
-    """Root mean square of a map's stated uncertainty over its mean, and shares of its numbers within one and two."""
+) -> tuple[float, float, float, str]:
+    """Root mean square of a map's stated uncertainty over its mean, shares within one and two of it, causes."""
     run_file = read_run_file(case.folder / "room.toml")
     unknowns = unknowns_of_map(
         run_file, case.folder, ScannedRoom(scan=case.scan, room=find_room(case.scan)), materials, case.lamps,
@@ -95,7 +96,8 @@ def coverage_of_map(
     stated = found["irradiance_sd"].to_numpy()
     apart = np.abs(found["irradiance"].to_numpy() - reference.irradiance)
     rms = float(np.sqrt((stated**2).mean()) / found["irradiance"].to_numpy().mean())
-    return rms, float((apart <= stated).mean()), float((apart <= 2 * stated).mean())
+    causes = ", ".join(f"{100 * float(found.attrs[f'{OF_CAUSE}{cause}']):.1f} % {cause}" for cause in CAUSES)
+    return rms, float((apart <= stated).mean()), float((apart <= 2 * stated).mean()), causes
 
 
 def levels(found: MaterialMap, case: Case) -> str:
@@ -112,17 +114,18 @@ def levels(found: MaterialMap, case: Case) -> str:
     return ", ".join(f"{name} {100 * off:+.1f} of {100 * deviation:.1f} %" for name, off, deviation in pairs)
 
 
-def map_cells(found: MaterialMap, case: Case, reference: Light | None) -> str:
-    """How far the map by the lamps alone is from the true room's, and within what it states; blank without one."""
+def map_cells(found: MaterialMap, case: Case, reference: Light | None) -> tuple[str, str]:
+    """How far the map by the lamps alone is from the true room's, within what it states, and its causes; or blank."""
     if reference is None:
-        return " " * 48
+        return " " * 48, ""
     transport = traced(case.scan, found, case)
     errors = compare_maps(light_of(transport).irradiance, reference.irradiance)
-    stated, one, two = coverage_of_map(found, case, transport, reference)
-    return (
+    stated, one, two, causes = coverage_of_map(found, case, transport, reference)
+    cells = (
         f"{errors.nrmse_all:6.3f} {errors.mape_median:5.1f} % {errors.bias_percent:+6.1f} % "
         f"{100 * stated:5.1f} % {100 * one:4.0f} % {100 * two:4.0f} %"
     )
+    return cells, f"  the map's uncertainty: {causes}\n"
 
 
 def run(folder: Path, references: dict[int, Light] | None, *, raw: bool) -> None:
@@ -154,13 +157,14 @@ def run(folder: Path, references: dict[int, Light] | None, *, raw: bool) -> None
         maps["true"] = materials_on(case.truth, case.face_truth)
     for name, materials in maps.items():
         one, two = coverage(materials, case)
+        cells, causes = map_cells(materials, case, reference)
         print(
             f"{folder.name:24s} {name:5s} {reflectance_errors(materials, case)[0]:6.3f} "
             f"{reflectance_bias(materials, case):+7.3f} {100 * one:4.0f} % {100 * two:4.0f} % "
-            f"{map_cells(materials, case, reference)} {took:4.0f} s",
+            f"{cells} {took:4.0f} s",
             flush=True,
         )
-        print(f"  levels off: {levels(materials, case)}")
+        print(f"{causes}  levels off: {levels(materials, case)}")
     print(f"  {delit.words or 'light left in'}")
     print("".join(f"  {warning}\n" for warning in delit.warnings), end="", flush=True)
 

@@ -20,6 +20,7 @@ from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTAN
 from lidarspectra.material.delighting.surface_hues import surface_groups
 
 ALIKE = 0.3  # [1] of the logarithm of reflectance, about the commonest, that light may have changed by
+PIECES_ALIKE = 0.1  # [1] the same between pieces of a plane that a wall parts: their lights are known to some 5 % each
 STEP, BLUR = 0.02, 0.06  # [1] of that logarithm: of the histogram, and by which it is smoothed
 FINE_BLUR = 0.03  # [1] of that logarithm, by which the histogram is smoothed where a step is looked for
 DIP = 0.6  # [1] of the lower of two peaks; a histogram lower than that between them is of two paints
@@ -73,7 +74,9 @@ class Paints:
         )
 
 
-def one_paint(scan: Scan, color: FloatArray, usable: BoolArray, *, turn_deg: float) -> Paints:
+def one_paint(
+    scan: Scan, color: FloatArray, usable: BoolArray, *, turn_deg: float, piece: IntArray | None = None
+) -> Paints:
     """Give each paint the mean of its faces' reflectances.
 
     Parameters
@@ -85,17 +88,20 @@ def one_paint(scan: Scan, color: FloatArray, usable: BoolArray, *, turn_deg: flo
         Which show a surface; others are left as they are.
     turn_deg : float
         Turn of the room's walls from the x axis. [deg]
+    piece : (face,) int, optional
+        Of its plane (`plane_pieces`); planes are one piece if left out.
 
     Returns
     -------
     paints : Paints
     """
-    group = surface_groups(color, scan.centers, scan.normals, usable, turn_deg=turn_deg)
+    pieces = np.zeros(len(color), dtype=np.int64) if piece is None else piece
+    group = surface_groups(color, scan.centers, scan.normals, usable, turn_deg=turn_deg, piece=pieces)
     logs = np.log(np.maximum(color, FLOOR))
     evened, paint = color.copy(), np.full(len(color), -1, dtype=np.int64)
     spread: list[float] = []
     means: list[FloatArray] = []
-    for member in _one_plane_one_hue(scan, logs, group):
+    for member in _one_plane_one_hue(scan, logs, group, pieces):
         means.append(np.average(logs[member], axis=0, weights=scan.areas[member]))
         paint[member] = len(means) - 1
     paint = _without_beyond_white(scan, logs, usable, paint, means)
@@ -134,7 +140,7 @@ def _without_beyond_white(
     return np.asarray(renamed[changed], dtype=np.int64)
 
 
-def _one_plane_one_hue(scan: Scan, logs: FloatArray, group: IntArray) -> list[IntArray]:
+def _one_plane_one_hue(scan: Scan, logs: FloatArray, group: IntArray, piece: IntArray) -> list[IntArray]:
     """Faces of each paint; groups that differ neither in plane nor in hue nor much in lightness are joined."""
     found: list[IntArray] = []
     for number in range(int(group.max(initial=-1)) + 1):
@@ -151,14 +157,14 @@ def _one_plane_one_hue(scan: Scan, logs: FloatArray, group: IntArray) -> list[In
     seen = [_Patch.of(scan, logs, member) for member in found]
     joined: dict[int, list[IntArray]] = {}  # by the largest of each
     for number, member in enumerate(found):
-        alike = next(
-            (
-                other
-                for other, members in joined.items()
-                if seen[number].is_like(seen[other]) and not _has_step(scan, logs, np.concatenate([*members, member]))
-            ),
-            number,
-        )
+
+        def is_of(other: int, members: list[IntArray], number: int = number, member: IntArray = member) -> bool:
+            one_piece = any(piece[each[0]] == piece[member[0]] for each in members)
+            return seen[number].is_like(seen[other], ALIKE if one_piece else PIECES_ALIKE) and not _has_step(
+                scan, logs, np.concatenate([*members, member])
+            )
+
+        alike = next((other for other, members in joined.items() if is_of(other, members)), number)
         joined.setdefault(alike, []).append(member)
     return [np.concatenate(members) for members in joined.values()]
 
@@ -179,14 +185,14 @@ class _Patch:
         )
         return cls(normal=normal, center=center, logs=color)
 
-    def is_like(self, other: Self) -> bool:
-        """Whether both lie in one plane, and differ in colour by no more than light may have changed it."""
+    def is_like(self, other: Self, alike: float) -> bool:
+        """Whether both lie in one plane, and differ in lightness by less than `alike`, and hardly in hue."""
         away = abs(float((self.center - other.center) @ other.normal))
         apart = self.logs - other.logs
         return bool(
             self.normal @ other.normal > FLAT
             and away < SAME_PLANE_M
-            and abs(apart[GREEN]) < ALIKE
+            and abs(apart[GREEN]) < alike
             and np.ptp(apart) < SAME_HUE
         )
 

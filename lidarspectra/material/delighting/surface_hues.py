@@ -1,4 +1,4 @@
-"""Groups of surface points that most likely have one reflectance: of one plane and one hue, whatever their brightness.
+"""Groups of surface points that most likely have one reflectance: of a plane and hue, whatever their brightness.
 
 Points must not be separated by brightness: its change over a surface is the evidence of the light.
 """
@@ -19,9 +19,15 @@ SEED = 20240827  # of K-means; the same picture gives the same groups
 
 
 def surface_groups(
-    colors: FloatArray, positions: FloatArray, normals: FloatArray, usable: BoolArray, *, turn_deg: float
+    colors: FloatArray,
+    positions: FloatArray,
+    normals: FloatArray,
+    usable: BoolArray,
+    *,
+    turn_deg: float,
+    piece: IntArray | None = None,
 ) -> IntArray:
-    """Group points by plane and hue.
+    """Group points by plane, piece of it and hue.
 
     Parameters
     ----------
@@ -33,6 +39,8 @@ def surface_groups(
         Others are in no group.
     turn_deg : float
         Turn of the room's walls from the x axis. [deg]
+    piece : (point,) int, optional
+        Of its plane (`plane_pieces`); planes are one piece if left out.
 
     Returns
     -------
@@ -56,7 +64,8 @@ def surface_groups(
         found = KMeans(count, n_init=HUE_STARTS, random_state=SEED).fit(hue)
     offset = np.rint(places[own, axis] / PLANE_M)
     keys = np.stack([axis, np.sign(facing[own, axis]), offset], axis=1)[member]
-    _, label = np.unique(np.column_stack([keys, found.labels_]), axis=0, return_inverse=True)
+    pieces = np.zeros(len(keys)) if piece is None else piece[member]
+    _, label = np.unique(np.column_stack([keys, pieces, found.labels_]), axis=0, return_inverse=True)
     label = label.reshape(-1)
     label[np.bincount(label)[label] < FEWEST] = -1
     group[member] = label

@@ -38,6 +38,7 @@ from lidarspectra.material.delighting.linear_evidence import (
     unseen_faces,
 )
 from lidarspectra.material.delighting.one_paint import Paints, one_paint
+from lidarspectra.material.delighting.plane_pieces import plane_pieces
 from lidarspectra.material.delighting.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
 from lidarspectra.material.delighting.sun_patches import Openings, SunPatches, find_sun_patches
 from lidarspectra.material.delighting.unknown_light import (
@@ -157,7 +158,7 @@ def _left_in(reason: str, fit: LightFit | None = None) -> Delighting:
 class _Surfaces:
     """A scan, its faces with `known` colours, and points of it; of those with usable colours `trusted` is True.
 
-    `spread` interpolates from the points to all faces.
+    `spread` interpolates from the points to all faces; `piece` of its plane is where each point lies.
     """
 
     scan: Scan
@@ -165,6 +166,7 @@ class _Surfaces:
     known: BoolArray
     samples: Samples
     spread: csr_array
+    piece: IntArray
     trusted: BoolArray
     unseen: UnseenFaces
 
@@ -252,8 +254,9 @@ def take_light_out(
     unseen = unseen_faces(scan, known)
     spread = spread_of(scan, samples)
     surfaces = _Surfaces(
-        scan=scan, room=room, known=known, samples=samples, spread=spread, trusted=trusted, unseen=unseen
-    )
+        scan=scan, room=room, known=known, samples=samples, spread=spread, trusted=trusted, unseen=unseen,
+        piece=plane_pieces(caster, samples.positions, samples.normals),
+    )  # fmt: skip
     evidence = LightEvidence(
         shown=colors,
         direct=coefficients[:, :, None] * _lamp_cones(lamps)[:, None, :],
@@ -262,7 +265,7 @@ def take_light_out(
         face_shown=unseen.filled(shown),
         face_area=scan.areas,
         face_lamp=face_lamp,
-        group=groups_of(colors, samples, trusted, room),
+        group=groups_of(colors, samples, trusted, room, surfaces.piece),
         cell=cells_of(samples.positions),
         ceiling=ceiling_of(samples, trusted, room),
         white=np.zeros(len(colors), dtype=np.bool_),
@@ -406,7 +409,7 @@ def _fit(
         evidence = replace(
             evidence,
             unsure=_unsure(shadow_edges, fit.irradiance),
-            group=groups_of(reflectance, samples, trusted, room),
+            group=groups_of(reflectance, samples, trusted, room, surfaces.piece),
             ceiling=_neutral(ceiling, reflectance),
             white=_whites(reflectance, ceiling),
             tint=apparent_ratio(
@@ -451,6 +454,7 @@ def _of_faces(
         _face_reflectance(evidence, fit, spread, limits=SCATTERED_RANGE),
         known & ~sunny,
         turn_deg=surfaces.room.wall_angle_deg,
+        piece=surfaces.piece[np.asarray(spread.argmax(axis=1)).ravel()],
     )
     color = surfaces.unseen.filled(np.where(known[:, None], np.clip(paints.color, *REFLECTANCE_RANGE), 1.0))
     deviation = np.hypot(spread @ fit.log_deviation, paints.deviation(CELL_M)[:, None])

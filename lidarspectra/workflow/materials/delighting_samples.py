@@ -76,9 +76,11 @@ def seen_lit(
     return lit_ones, tuple(lamp.name for lamp, is_off in zip(lamps, off, strict=True) if is_off)
 
 
-def groups_of(colors: FloatArray, samples: Samples, trusted: BoolArray, room: Room) -> IntArray:
-    """(sample,) points of one plane and one hue; -1 for those that are not trusted."""
-    return surface_groups(colors, samples.positions, samples.normals, trusted, turn_deg=room.wall_angle_deg)
+def groups_of(colors: FloatArray, samples: Samples, trusted: BoolArray, room: Room, piece: IntArray) -> IntArray:
+    """(sample,) points of one piece of a plane and one hue; -1 for those that are not trusted."""
+    return surface_groups(
+        colors, samples.positions, samples.normals, trusted, turn_deg=room.wall_angle_deg, piece=piece
+    )  # fmt: skip
 
 
 def cells_of(positions: FloatArray) -> IntArray:

@@ -93,3 +93,19 @@ def test_what_is_brighter_than_white_on_a_wall_is_light_on_its_paint_and_a_poste
     np.testing.assert_allclose(found.color[rest].max(), 1.7 * WALL.max(), rtol=0.03)  # the glare does not count in it
     np.testing.assert_allclose(found.color[poster], [[0.2, 0.4, 1.1]] * int(poster.sum()), rtol=0.01)
     assert found.spread[found.paint[rest][0]] > 0.1  # but in how sure it is
+
+
+@pytest.mark.parametrize(("ratio", "paints"), [(0.87, 2), (0.96, 1)])
+def test_what_a_wall_parts_is_one_paint_only_if_it_is_about_as_light(wall: Scan, ratio: float, paints: int) -> None:
+    """An eighth darker and parted: another paint, which in one room would be taken for the light's error."""
+    color = WALL * np.exp(0.06 * np.random.default_rng(2).standard_normal((len(wall.faces), 1)))
+    beyond = wall.centers[:, 0] > 0.5 * SIDE_M
+    color[beyond] *= ratio
+    usable = np.ones(len(beyond), dtype=bool)
+    assert one_paint(wall, color, usable, turn_deg=0.0).spread.size == 1
+    found = one_paint(wall, color, usable, turn_deg=0.0, piece=beyond.astype(np.int64))
+    assert found.spread.size == paints
+    if paints == 2:
+        for member, truth in ((beyond, ratio * WALL), (~beyond, WALL)):
+            mean = np.average(found.color[member], axis=0, weights=wall.areas[member])
+            np.testing.assert_allclose(mean, truth, rtol=0.01)  # 6 % of scatter over 1,600 faces
