@@ -3,7 +3,7 @@
     python -m research.benchmarks.calibration [box office apartment large-office] [--draws 200] [--keep FOLDER]
 
 Each scene is traced as a run has it (its scan, true materials, stated lamps) and with faults that the model does not
-know; draws then change fluxes, reflectances and the meter, and read it with noise at three places of the plan. Printed
+know; draws then change fluxes, reflectances and the meter, and read it with noise where the plan says. Printed
 for each fault: the map's error before and after against the truth at up to 60 of the scene's own sensor points, and how
 many points lie within one and two of the deviations that are stated. Then the plan against readings by lot and habit.
 """

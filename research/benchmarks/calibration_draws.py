@@ -118,18 +118,22 @@ def by_habit(room: RoomLight) -> Choice:
     return lambda generator: generator.choice(room.habit, min(READINGS, room.habit.size), replace=False)
 
 
-def outcomes(room: RoomLight, case: Case, choose: Choice, draws: int, seed: int) -> list[Outcome]:
-    """So many draws of a case."""
+def outcomes(
+    room: RoomLight, case: Case, choose: Choice, draws: int, seed: int, *, noise: float = METER_NOISE
+) -> list[Outcome]:
+    """So many draws of a case, with a meter of so much noise in each reading [1]."""
     generator = np.random.default_rng(seed)
     priors = replace(room.priors, meter_sd=np.array([case.meter_sd]))
-    return [_outcome(room, case, priors, choose, generator) for _ in range(draws)]
+    return [_outcome(room, case, priors, choose, noise, generator) for _ in range(draws)]
 
 
-def _outcome(room: RoomLight, case: Case, priors: Priors, choose: Choice, generator: np.random.Generator) -> Outcome:
+def _outcome(
+    room: RoomLight, case: Case, priors: Priors, choose: Choice, noise: float, generator: np.random.Generator
+) -> Outcome:
     truth = drawn_light(room, case, generator)
     chosen = choose(generator)
     meter = case.meter_off * generator.standard_normal()
-    value = truth[chosen] * np.exp(meter + METER_NOISE * generator.standard_normal(chosen.size))
+    value = truth[chosen] * np.exp(meter + noise * generator.standard_normal(chosen.size))
     row = np.arange(chosen.size)
     readings = Observations(
         value=value,

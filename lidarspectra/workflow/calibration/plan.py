@@ -76,7 +76,7 @@ def plan_readings(
     """Choose places and directions for readings of illuminance.
 
     Places are 40, spread evenly over what a person can reach: see `reachable_places`. Directions are up, down, and
-    along the axes. There are at most half as many places as readings.
+    along the axes. A further place is taken where it is worth the walk.
 
     Parameters
     ----------

@@ -180,6 +180,25 @@ def test_what_is_promised_of_readings_is_what_a_calibration_states(count: int) -
     assert promised[0] == pytest.approx(before)
 
 
+def test_readings_that_are_best_alone_are_exchanged_for_those_that_are_best_together() -> None:
+    """Two lamps, and a place in the middle that sees both: one reading is taken there, two below the lamps."""
+    light = np.array([[100.0, 100.0], [140.0, 1.0], [1.0, 140.0]])
+    candidates = LightModel(light=light, slope=np.zeros((3, 2, PARTS)))
+    on_map = LightModel(light=[[140.0, 40.0], [40.0, 140.0]], slope=np.zeros((2, 2, PARTS)))
+    known = Priors(flux_sd=np.full(2, 0.2), levels_covariance=LEVELS, meter_sd=np.array([0.001]))
+    assert choose_readings(candidates, np.arange(3), on_map, known, 1).chosen.tolist() == [0]
+    assert sorted(choose_readings(candidates, np.arange(3), on_map, known, 2).chosen.tolist()) == [1, 2]
+
+
+def test_a_place_that_is_worth_nothing_more_is_not_walked_to() -> None:
+    """One lamp and a meter of unknown factor at places of the same light: all directions are at one of them."""
+    light = LightModel(light=np.full((8, 1), 50.0), slope=np.tile(np.eye(PARTS)[:, None], (2, 1, 1)))
+    known = Priors(flux_sd=np.array([0.2]), levels_covariance=LEVELS, meter_sd=np.array([0.03]))
+    place = np.array([0, 1, 0, 1, 1, 0, 1, 0])
+    chosen = choose_readings(light, place, light, known, 3).chosen
+    assert np.unique(place[chosen]).size == 1
+
+
 def test_a_reading_of_nothing_is_refused() -> None:
     with pytest.raises(MapError, match="above 0"):
         Observations(value=[1.0, 0.0], row=[0, 1], meter=[0, 0])
