@@ -38,7 +38,7 @@ def project_of_tests(project: Path, tmp_path_factory: pytest.TempPathFactory) ->
     (folder / "conftest.py").write_text((project / "conftest.py").read_text(encoding="utf-8"), encoding="utf-8")
     (folder / "pytest.ini").write_text("[pytest]\n", encoding="utf-8")
     (folder / "test_few.py").write_text(TESTS, encoding="utf-8")
-    options = ["-q", "-p", "no:cacheprovider", "-n", "2", f"--rootdir={folder}", "-o", f"pythonpath={project}"]
+    options = ["-q", "-p", "no:cacheprovider", "-n", "1", f"--rootdir={folder}", "-o", f"pythonpath={project}"]
     subprocess.run(
         [sys.executable, "-m", "pytest", *options, "--junitxml=found.xml", "test_few.py"],
         cwd=folder,
