@@ -76,6 +76,8 @@ def run(path: Path, true: Sequence[Pane], seed: int) -> None:
         truly = true_share(pane, seed)
         words = "" if truly is None or told is None else f", {told:.2f} for {truly:.2f}"
         by = f" ({best.why})" if best is not None and share else ""
+        without = max((shared_m2(each, pane) for each in by_mesh if each.kind == pane.kind), default=0.0)
+        by += f", {100 * without / pane.area_m2:.0f} % by the mesh alone"
         print(f"{name:22s} {pane.kind:7s} {pane.area_m2:4.1f} m², {100 * share:3.0f} % found{words}{by}", flush=True)
     real = [*true, *([GLASS_BEHIND] if true else [])]
     for source, panes in (("frames and mesh", whole.proposed), ("mesh alone", by_mesh)):
