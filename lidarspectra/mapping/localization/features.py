@@ -195,7 +195,7 @@ class FeatureSpace:
             changes = np.where(usable, changes, np.nan)
         if self.is_of_channels:
             return self._pressed(changes[:, self.usable] / self.feature_noise)
-        return self._pressed(self._of_sensors(changes)[:, self.usable.any(axis=1)] / self.feature_noise)
+        return self._pressed(self.sensor_changes(changes)[:, self.usable.any(axis=1)] / self.feature_noise)
 
     def of_sensors(self) -> "FeatureSpace":
         """The same sensors with a feature for each."""
@@ -225,10 +225,16 @@ class FeatureSpace:
 
     def _level(self, changes: FloatArray) -> FloatArray:
         """(reading,) change of the level that most sensors share; 0 where no sensor has a reading."""
-        return known_median(self._of_sensors(changes), axis=1)
+        return known_median(self.sensor_changes(changes), axis=1)
 
-    def _of_sensors(self, changes: FloatArray) -> FloatArray:
-        """(reading, sensor) mean of the channels' changes, weighted by their precision; NaN where none is known."""
+    def sensor_changes(self, changes: FloatArray) -> FloatArray:
+        """(reading, sensor) mean of the channels' changes, weighted by their precision; NaN where none is known.
+
+        Parameters
+        ----------
+        changes : (reading, sensor, band) float
+            NaN where missing. [1]
+        """
         weight = np.where(self.usable & np.isfinite(changes), self.noise**-2.0, 0.0)
         total = weight.sum(axis=2)
         mean = (weight * np.nan_to_num(changes)).sum(axis=2) / np.where(total > 0, total, 1.0)

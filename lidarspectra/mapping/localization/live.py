@@ -107,10 +107,9 @@ class LiveLocator:
         reference = self._given if self._given is not None else self._median.take(readings[0])
         if reference is None or not heard:
             return None
-        usable = None
-        if quantity_of(table) == "counts":
-            usable = reference >= self._model.space.settings.min_count
-        self._features.append(self._model.space.features(readings, reference, usable=usable)[0])
+        trend = self._median.trend if self._given is None else None
+        features = self._model.features_against(readings, reference, quantity_of(table), trend=trend)
+        self._features.append(features[0])
         mean = known_mean(np.array(self._features), axis=0)
         located = self._model.locate_features(mean[None], self._settings.method)
         nobody, one, two = (float(value) for value in located.people[0])

@@ -28,6 +28,7 @@ from lidarspectra.mapping.localization.features import (
     require_same_sensors,
 )
 from lidarspectra.mapping.localization.fingerprint_table import Quantity, quantity_of
+from lidarspectra.mapping.localization.light_trend import follow_trend
 from lidarspectra.mapping.localization.locators import (
     METHODS,
     Locator,
@@ -43,7 +44,7 @@ from lidarspectra.mapping.localization.locators import (
 from lidarspectra.mapping.localization.network_graph import network_graph
 from lidarspectra.mapping.localization.places import Located, Places, places_of_table
 from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE, Presence, fit_presence, log_changes
-from lidarspectra.mapping.localization.running_reference import running_references
+from lidarspectra.mapping.localization.running_reference import LightTrend, references_and_trends
 from lidarspectra.progress import Progress, silent
 
 MAX_NEIGHBOURS = 20_000  # fingerprints that are kept to compare with; longer tables are thinned evenly
@@ -159,14 +160,32 @@ class LocationModel:
         readings = fitted[quantity].to_numpy()
         match against:
             case "own":
-                reference = reference_of(fitted)
+                return self.features_against(readings, reference_of(fitted), quantity)
             case "running":
-                reference = running_references(readings)
+                reference, trend = references_and_trends(readings)
+                return self.features_against(readings, reference, quantity, trend=trend)
             case "trained":
-                reference = self.reference
-        usable = None
-        if quantity == "counts":
-            usable = reference >= self.space.settings.min_count
+                return self.features_against(readings, self.reference, quantity)
+
+    def features_against(
+        self, readings: FloatArray, reference: FloatArray, quantity: Quantity, *, trend: LightTrend | None = None
+    ) -> FloatArray:
+        """(reading, feature) features of readings against a reference, NaN where missing.
+
+        Parameters
+        ----------
+        readings : (reading, sensor, band) float
+            Of the model's sensors and bands; NaN where missing.
+        reference : (sensor, band) or (reading, sensor, band) float
+            [unit of the readings]
+        quantity : 'irradiance' or 'counts'
+            Of both. Channels whose reference is a few counts are left out.
+        trend : LightTrend, optional
+            Of all readings or at each, along which the reference goes on; see `follow_trend`.
+        """
+        usable = reference >= self.space.settings.min_count if quantity == "counts" else None
+        if trend is not None:
+            reference = follow_trend(self.space, readings, reference, trend, usable=usable)
         return self.space.features(readings, reference, usable=usable)
 
     def locate(self, table: xr.Dataset, method: Method = "together", *, against: Against = "own") -> Located:
