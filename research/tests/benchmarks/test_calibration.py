@@ -1,5 +1,7 @@
 """The program that prints what a calibration is worth: its rooms, draws and table, without a trace."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,8 @@ from lidarspectra.mapping.calibration.model import LightModel, Priors
 from lidarspectra.room.surface_parts import PARTS
 from lidarspectra.spectra.spectrum import Spectrum
 from research.benchmarks.calibration import print_choices, print_faults, row
+from research.benchmarks.calibration_causes import flux_bound
+from research.benchmarks.calibration_causes import row as row_of_causes
 from research.benchmarks.calibration_draws import CASES, Case, by_habit, by_lot, drawn_light, outcomes, planned
 from research.benchmarks.calibration_rooms import FAULTS, RoomLight, other_lamp
 
@@ -85,3 +89,24 @@ def test_a_lamp_of_another_type_has_its_place_and_flux(shape: Panel | Bulb | Spo
     if isinstance(other.shape, Luminaire):
         upwards = other.shape.table.luminous_flux_lm(upward=True) / other.shape.table.luminous_flux_lm()
         assert upwards == pytest.approx(0.375 if isinstance(shape, Bulb) else 0.0, abs=0.01)  # (1 - 1/4) / 2
+
+
+def test_the_bound_of_fluxes_is_the_whole_error_before_and_nothing_once_all_lamps_are_known(room: RoomLight) -> None:
+    case = Case(faults=("scan",))
+    exact = replace(room, truth={"scan": room.model.light})
+    drawn = outcomes(exact, case, planned(room, case.meter_sd), 200, seed=2)
+    before = np.sqrt(np.mean([each.nrmse[0] ** 2 for each in drawn]))
+    # Errors are over the truth's mean, which itself varies by the fluxes: a few per cent with two lamps.
+    assert flux_bound(room, 0) == pytest.approx(before, rel=0.15)
+    assert flux_bound(room, 1) < 0.7 * flux_bound(room, 0)
+    assert flux_bound(room, 2) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_causes_are_the_errors_that_stay_when_the_others_are_taken_away(room: RoomLight) -> None:
+    generator = np.random.default_rng(4)
+    of_scan = room.model.light * generator.lognormal(0.0, 0.05, (room.model.light.shape[0], 1))
+    told = row_of_causes(replace(room, truth={"scan": of_scan}), 6, 20)
+    error = {name: float(str(value)) for name, value in told.items()}
+    assert error["after"] < 0.5 * error["before"]
+    assert error["scan right, no noise"] < error["scan right"] < error["after"]
+    assert error["fluxes known"] == pytest.approx(0.05, rel=0.4)  # 5 % at each of 30 points of the map
