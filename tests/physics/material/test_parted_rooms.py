@@ -12,7 +12,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.materials.delighting import take_light_out
 
-from .lit_rooms import all_light, joined, lamp_light, painted, plane
+from .lit_rooms import all_light, exchange, joined, lamp_light, painted, plane
 
 pytestmark = pytest.mark.slow  # rooms photographed by radiosity and de-lit, some seconds
 
@@ -51,7 +51,7 @@ def rooms(folder: Path) -> tuple[Scan, list[BoolArray], list[Lamp]]:
         ls.make_lamp("panel", (at_x, 1.6, 2.5), name=f"{at_x}", size=0.6, spectrum="LED-B3", luminous_flux_lm=3000)
         for at_x in (1.5, 4.5)
     ]
-    seen = reflectance * all_light(scan, reflectance, lamp_light(scan, lamps, folder))
+    seen = reflectance * all_light(exchange(scan), reflectance, lamp_light(scan, lamps, folder))
     seen *= np.exp(SCATTER * np.random.default_rng(4).standard_normal(len(seen)))
     return painted(scan, 0.9 * seen / seen.max()), [member == 1, member == 2], lamps
 
