@@ -257,7 +257,7 @@ class LightObjective:
         tone = self.evidence.tone_prior
         parts = [
             [parameters[0] / tone.power_deviation],
-            [(parameters[1] - tone.shoulder - tone.shoulder_per_power * parameters[0]) / tone.shoulder_deviation],
+            [(parameters[1] - tone.shoulder) / tone.shoulder_deviation],
             balance / BALANCE_DEVIATION,
             [parameters[5] / BEAM_DEVIATION],
             self.flux_logs(parameters) / self.flux_deviation if self.fit_fluxes else [],

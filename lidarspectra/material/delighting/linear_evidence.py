@@ -15,7 +15,7 @@ from lidarspectra.geometry.appearance import LinearLight
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.colors import weighted_median
-from lidarspectra.material.delighting.tone_curve import TEXTURE_TONE, TonePrior
+from lidarspectra.material.delighting.tone_curve import USUAL_TONE, TonePrior
 from lidarspectra.material.delighting.unknown_light import UnknownSource
 
 MIN_DEVIATION = 0.02  # [1] of log g and log(1 + s): no curve has just two parameters
@@ -33,7 +33,7 @@ MIN_TOLD = 0.9  # [1] of a source's area whose radiance some frame tells: a wind
 def tone_prior_of(linear: LinearLight | None) -> TonePrior:
     """What is known of the curve that is left in a scan's colours: a phone's, or hardly one where frames told it."""
     if linear is None:
-        return TEXTURE_TONE
+        return USUAL_TONE
     return TonePrior(
         power_deviation=max(linear.power_deviation, MIN_DEVIATION),
         shoulder=0.0,

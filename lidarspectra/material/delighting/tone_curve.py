@@ -10,8 +10,6 @@ with x and `shown` linear, 0 to 1, for each sRGB channel by itself. g = 1, s = 0
 References
 ----------
 Reinhard, Stark, Shirley, Ferwerda (2002) Photographic tone reproduction for digital images, ACM TOG 21, 267, Eq. 3.
-Narkowicz (2015) ACES filmic tone mapping curve. Hable (2010) Filmic tonemapping for real-time rendering, SIGGRAPH
-course. Hejl, Burgess-Dawson (2010), the same course.
 """
 
 from dataclasses import dataclass
@@ -33,26 +31,16 @@ class TonePrior:
     power_deviation : float
         Standard deviation of log g about g = 1. [1]
     shoulder, shoulder_deviation : float
-        Mean, at g = 1, and standard deviation of log(1 + s); phones lift shadows, most by less than 2.5. [1]
-    shoulder_per_power : float
-        By how much that mean grows with log g. [1]
+        Mean and standard deviation of log(1 + s); phones lift shadows, most by less than 2.5. [1]
     """
 
     power_deviation: float = 0.15
     shoulder: float = 0.4
     shoulder_deviation: float = 0.5
-    shoulder_per_power: float = 0.0
 
 
 USUAL_TONE = TonePrior()
-"""Of frames, whose curve they tell themselves."""
-TEXTURE_TONE = TonePrior(power_deviation=0.25, shoulder_per_power=3.5)
-"""Of a texture of which nothing else is known.
-
-Curves that are published lie about it at (log g, log(1 + s)): none (0, 0), Reinhard's of white 1.6 to 3 (0, .5 to 1.1),
-Hable's (0, .8 to 1.5), and, with a toe, Narkowicz's (.47, 1.9) and Hejl's (.4, 2.4): who adds contrast in shadows
-presses highlights more as well (`research/benchmarks/tone_curves.py`).
-"""
+"""Of a picture of which nothing else is known."""
 
 
 @dataclass(frozen=True, kw_only=True)

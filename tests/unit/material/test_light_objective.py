@@ -12,7 +12,7 @@ from lidarspectra.material.delighting.light_objective import LOG_SCATTER, MAX_UN
 from lidarspectra.material.delighting.robust_centers import RobustCenters
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb, srgb_of_cones
 from lidarspectra.material.delighting.surface_light import MIN_LIGHT
-from lidarspectra.material.delighting.tone_curve import TEXTURE_TONE, TonePrior
+from lidarspectra.material.delighting.tone_curve import TonePrior
 
 from .lit_walls import BALANCE, GREY, PER_GROUP, evidence
 
@@ -66,20 +66,6 @@ def test_where_hardly_any_light_arrives_the_least_light_is_taken_which_no_lamp_m
     assert (light[:6] == MIN_LIGHT).all()
     assert np.all(slopes[:6] == 0.0)
     assert np.all(slopes[6:, :, 3] != 0.0)
-
-
-def test_a_texture_s_shoulder_is_expected_to_grow_with_its_power() -> None:
-    model = LightObjective(replace(rich_evidence(), tone_prior=TEXTURE_TONE), flux_deviation=np.full(3, 0.15))
-    power, shoulder = 3 * model.rows.size, 3 * model.rows.size + 1
-    place = np.zeros(model.count)
-
-    def beliefs(log_power: float, log_shoulder: float) -> np.ndarray:
-        place[:2] = log_power, log_shoulder
-        return model.residuals(place)[[power, shoulder]]
-
-    assert beliefs(0.0, 0.4) == pytest.approx([0.0, 0.0], abs=1e-12)
-    assert beliefs(0.4, 0.4 + 3.5 * 0.4) == pytest.approx([0.4 / 0.25, 0.0], abs=1e-12)
-    assert beliefs(0.4, 0.4)[1] == pytest.approx(-3.5 * 0.4 / 0.5)
 
 
 def scattered(data: LightEvidence, logs: np.ndarray) -> LightEvidence:
