@@ -122,7 +122,7 @@ def clear_air(atmosphere: Path, made_once: Callable[[str, Callable[[Path], None]
     """Folder of genssky's tables of the air, with those of a summer's day: made by one worker, in half the usual time.
 
     Light that was scattered more often than SCATTERING_ORDERS is left out of them, which changes how a clear sky's
-    light is spread over it (-14 to +4 %, both pictures of the sky held against each other by Radiance's pvalue). How
+    light is spread over it, by some per cent. How
     much light there is follows from SPECTRL2 alone (`compute_sky`).
     """
     # Here, since they load numpy.

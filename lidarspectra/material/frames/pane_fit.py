@@ -1,11 +1,11 @@
 """Whether a piece of wall shows the room's image, or what lies behind it, by its colours from frame to frame.
 
-A matt square q of a wall sends the same light M_q to all frames. One that mirrors sends, to frame f,
+A matt square q of a wall sends the same light M_q to all frames. A mirror or glass sends, to frame f,
 
-    L_qf = M_q + ρ R_qf + τ T_qf,                                                                                  (1)
+    L_qf = M_q + ρ R_qf   or   M_q + τ T_qf,                                                                       (1)
 
 with R what a perfect mirror in its place would show, T what lies behind, ρ its reflectance and τ its transmittance. The
-M_q are eliminated exactly; what is left is a line through the origin, or a plane with glass. The gain over a matt
+M_q are eliminated exactly; what is left is a line through the origin. The gain over a matt
 surface is that of the residuals' variance: the noise of pictures need not be known,
 
     G = - n/2 log(1 - r²),                                                                                         (2)
@@ -32,19 +32,20 @@ ROUNDS = 5  # re-weightings
 ROBUST_SCALE = 2.5  # [1] of Cauchy's loss, in standard deviations: poses, edges, people
 MIN_VIEWS = 3  # of a square
 NOISE = 0.03  # [1] of the light, below which residuals say nothing more
+LEAST = 1e-12  # in place of a sum that is 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Line:
-    """Rows of squares held against one or two predictions.
+    """Rows of squares held against what is predicted of them.
 
     Parameters
     ----------
     square, frame : (row,) int
     shown : (row,) float
         [1]
-    predicted : (row, term) float
-        [1]
+    predicted : (row,) float
+        R or T of Eq. 1. [1]
     shape : (int, int)
         Rows and columns of squares.
     """
@@ -70,12 +71,12 @@ class Line:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """The coefficients of some squares together.
+    """The coefficient of some squares together.
 
     Parameters
     ----------
-    share, deviation : (term,) float
-        ρ, τ and their standard deviations, by clusters that are frames. [1]
+    share, deviation : float
+        ρ or τ and its standard deviation, by clusters that are frames. [1]
     gain : float
         G of Eq. 2, over a matt surface. [1]
     own : float
@@ -83,43 +84,39 @@ class Fit:
     frames : int
     """
 
-    share: FloatArray
-    deviation: FloatArray
+    share: float
+    deviation: float
     gain: float
     own: float
     frames: int
 
 
 def fitted(line: Line) -> Fit:
-    """One ρ and one τ for all squares of some rows."""
-    terms = line.predicted.shape[1]
+    """One ρ or τ for all squares of some rows."""
     if not len(line.shown):
-        return Fit(share=np.zeros(terms), deviation=np.zeros(terms), gain=0.0, own=1.0, frames=0)
-    weight = np.ones(len(line.shown))
-    share: FloatArray = np.zeros(terms)
+        return Fit(share=0.0, deviation=0.0, gain=0.0, own=1.0, frames=0)
+    weight, share = np.ones(len(line.shown)), 0.0
     for _ in range(ROUNDS):
         y, x = _centred(line, weight)
-        normal = x.T @ (weight[:, None] * x)
-        share = np.asarray(np.linalg.lstsq(normal, x.T @ (weight * y), rcond=None)[0], dtype=np.float64)
-        left = y - x @ share
-        weight = _weights(left, line.shown)
+        share = float(np.sum(weight * x * y) / max(float(np.sum(weight * x**2)), LEAST))
+        weight = _weights(y - share * x, line.shown)
     y, x = _centred(line, weight)
-    left = y - x @ share
+    left = y - share * x
     frames, which = np.unique(line.frame, return_inverse=True)
-    score = np.stack([np.bincount(which, weights=weight * left * x[:, term]) for term in range(terms)], axis=1)
-    bread = np.linalg.pinv(x.T @ (weight[:, None] * x))
-    covariance = bread @ (score.T @ score) @ bread * frames.size / max(frames.size - 1, 1)
+    score = np.bincount(which, weights=weight * left * x)
+    spread = max(float(np.sum(weight * x**2)), LEAST)
+    variance = float(np.sum(score**2)) / spread**2 * frames.size / max(frames.size - 1, 1)
     floor = (weight * (NOISE * line.shown) ** 2).sum()
     matt, mirrored = ((weight * each**2).sum() + floor for each in (y, left))
-    own = np.median((line.shown - line.predicted @ share) / np.maximum(line.shown, 1e-6))
+    own = np.median((line.shown - share * line.predicted) / np.maximum(line.shown, 1e-6))
     return Fit(
-        share=share, deviation=np.sqrt(np.maximum(np.diag(covariance), 0.0)),
-        gain=float(0.5 * frames.size * np.log(matt / max(mirrored, 1e-12))), own=float(own), frames=int(frames.size),
+        share=share, deviation=float(np.sqrt(variance)),
+        gain=float(0.5 * frames.size * np.log(matt / max(mirrored, LEAST))), own=float(own), frames=int(frames.size),
     )  # fmt: skip
 
 
 def gains_of_squares(line: Line) -> tuple[FloatArray, FloatArray]:
-    """Gain of each square with the squares around it, and its first coefficient.
+    """Gain of each square with the squares around it, and its coefficient.
 
     Parameters
     ----------
@@ -134,31 +131,29 @@ def gains_of_squares(line: Line) -> tuple[FloatArray, FloatArray]:
     gain = share = np.zeros(line.shape)
     for _ in range(ROUNDS):
         y, x = _centred(line, weight)
-        sums = [
-            _windowed(line, weight * first * second) for first, second in ((x[:, 0], x[:, 0]), (x[:, 0], y), (y, y))
-        ]
-        share = sums[1] / np.maximum(sums[0], 1e-12)
-        left = y - share.ravel()[line.square] * x[:, 0]
+        sums = [_windowed(line, weight * first * second) for first, second in ((x, x), (x, y), (y, y))]
+        share = sums[1] / np.maximum(sums[0], LEAST)
+        left = y - share.ravel()[line.square] * x
         weight = _weights(left, line.shown)
         floor = _windowed(line, weight * (NOISE * line.shown) ** 2)
-        explained = (sums[1] * share) / np.maximum(sums[2] + floor, 1e-12)
+        explained = (sums[1] * share) / np.maximum(sums[2] + floor, LEAST)
         gain = -0.5 * _views(line) * np.log(np.maximum(1.0 - np.clip(explained, 0.0, 1.0), 1e-6))
     few = _views(line) < MIN_VIEWS
     return np.where(few, np.nan, gain), np.where(few, np.nan, share)
 
 
-def gains_over_matt(line: Line, share: FloatArray) -> FloatArray:
-    """(row, column) gain of each square by itself if its coefficients are (term,) `share`; 0 where none shows it."""
+def gains_over_matt(line: Line, share: float) -> FloatArray:
+    """(row, column) gain of each square by itself if its coefficient is `share`; 0 where none shows it."""
     weight = np.ones(len(line.shown))
     y, x = _centred(line, weight)
-    left = y - x @ share
+    left = y - share * x
     floor = (NOISE * line.shown) ** 2
     matt, mirrored = (
         np.bincount(line.square, weights=each**2 + floor, minlength=line.count).reshape(line.shape)
         for each in (y, left)
     )
     rows = np.bincount(line.square, minlength=line.count).reshape(line.shape)
-    return np.where(rows >= MIN_VIEWS, 0.5 * rows * np.log(np.maximum(matt, 1e-12) / np.maximum(mirrored, 1e-12)), 0.0)
+    return np.where(rows >= MIN_VIEWS, 0.5 * rows * np.log(np.maximum(matt, LEAST) / np.maximum(mirrored, LEAST)), 0.0)
 
 
 def best_rectangle(gain: FloatArray) -> tuple[slice, slice]:
@@ -178,14 +173,13 @@ def best_rectangle(gain: FloatArray) -> tuple[slice, slice]:
 
 def _centred(line: Line, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What is shown and predicted, less the weighted means of each square."""
-    total = np.maximum(np.bincount(line.square, weights=weight, minlength=line.count), 1e-12)
+    total = np.maximum(np.bincount(line.square, weights=weight, minlength=line.count), LEAST)
 
     def less_mean(values: FloatArray) -> FloatArray:
         mean = np.bincount(line.square, weights=weight * values, minlength=line.count) / total
         return np.asarray(values - mean[line.square], dtype=np.float64)
 
-    terms = [less_mean(line.predicted[:, term]) for term in range(line.predicted.shape[1])]
-    return less_mean(line.shown), np.stack(terms, axis=1)
+    return less_mean(line.shown), less_mean(line.predicted)
 
 
 def _weights(left: FloatArray, shown: FloatArray) -> FloatArray:

@@ -100,7 +100,7 @@ def panes_of_wall(wall: WallView, rows: WallRows) -> Iterator[Pane]:
         if fit is None:
             yield pane
             continue
-        share = round(min(float(fit.share[0]), MAX_SHARE), 2)
+        share = round(min(fit.share, MAX_SHARE), 2)
         yield replace(pane, transmittance=share) if found.kind == "glass" else replace(pane, reflectance=share)
 
 
@@ -143,7 +143,7 @@ def _of_kind(kind: PaneKind, rows: WallRows, left: BoolArray) -> _Candidate | No
 
 def _is_told(fit: Fit) -> bool:
     """Whether a fit is that of a pane and not of a matt wall."""
-    share, deviation = float(fit.share[0]), float(fit.deviation[0])
+    share, deviation = fit.share, fit.deviation
     is_sure = fit.frames >= MIN_FRAMES and fit.gain >= MIN_GAIN and share >= MIN_RATIO * deviation
     return is_sure and share >= MIN_SHARE and fit.own <= MAX_OWN
 
@@ -153,10 +153,10 @@ def _reasons(found: _Candidate) -> Iterator[str]:
     if (fit := found.fit) is not None:
         seen = "what lies behind it" if found.kind == "glass" else "the room's image in it"
         how = "transmittance" if found.kind == "glass" else "reflectance"
-        deviation = max(float(fit.deviation[0]), LEAST_DEVIATION)
+        deviation = max(fit.deviation, LEAST_DEVIATION)
         yield (
             f"its colours in {fit.frames} frames move as {seen} would, with a {how} of "
-            f"{min(float(fit.share[0]), MAX_SHARE):.2f} ± {deviation:.2f}"
+            f"{min(fit.share, MAX_SHARE):.2f} ± {deviation:.2f}"
         )
     if (through := found.through) is not None:
         yield f"the LiDAR measured beyond it in {100 * through.share:.0f} % of its values there"
@@ -175,5 +175,5 @@ def line_of(kind: PaneKind, rows: WallRows, left: BoolArray) -> Line:
     count = np.maximum(np.bincount(which), 1)
     shown, seen = (np.bincount(which, weights=each[known]) / count for each in (rows.shown, predicted))
     return Line(
-        square=both // frames, frame=both % frames, shown=shown, predicted=seen[:, None], shape=left.shape
+        square=both // frames, frame=both % frames, shown=shown, predicted=seen, shape=left.shape
     )  # fmt: skip

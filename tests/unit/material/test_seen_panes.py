@@ -192,7 +192,7 @@ def _line(shown: FloatArray, predicted: FloatArray, frames: int) -> Line:
     squares = len(shown) // frames
     return Line(
         square=np.repeat(np.arange(squares), frames), frame=np.tile(np.arange(frames), squares), shown=shown,
-        predicted=predicted[:, None], shape=(1, squares),
+        predicted=predicted, shape=(1, squares),
     )  # fmt: skip
 
 
@@ -203,7 +203,7 @@ def test_a_reflectance_comes_back_within_its_deviation_whatever_the_wall_itself_
         own, image = generator.uniform(0, 0.3, 20).repeat(15), generator.uniform(0.1, 0.9, 300)
         gain = np.tile(1.0 + 0.02 * generator.normal(size=15), 20)  # of a frame, for all of its rows
         fit = fitted(_line(gain * (own + 0.7 * image), image, 15))
-        off.append((fit.share[0] - 0.7) / fit.deviation[0])
+        off.append((fit.share - 0.7) / fit.deviation)
     assert abs(np.mean(off)) < 0.8
     assert 0.6 < np.std(off) < 1.7  # 15 clusters: their deviation is a little short
 
@@ -214,7 +214,7 @@ def test_rows_of_one_frame_are_one_witness() -> None:
     line = _line(0.7 * image + 0.1 * generator.normal(size=300), image, 15)
     twice = replace(
         line, square=np.tile(line.square, 2), frame=np.tile(line.frame, 2), shown=np.tile(line.shown, 2),
-        predicted=np.tile(line.predicted, (2, 1)),
+        predicted=np.tile(line.predicted, 2),
     )  # fmt: skip
     assert fitted(twice).gain == pytest.approx(fitted(line).gain)
     assert fitted(twice).deviation == pytest.approx(fitted(line).deviation)
