@@ -30,9 +30,23 @@ SIZE_M = (4.0, 3.0, 2.6)
 BEHIND_M = 2.0  # [m] of a second room beyond the wall at the largest x
 PANE = Pane(kind="mirror", center=np.array([4.0, 1.5, 1.3]), size_m=(1.2, 1.0), normal=np.array([-1.0, 0.0, 0.0]))
 FRAMES = 24
-What = Literal["matt", "gloss", "mirror", "glass"]
-SHARES = {"matt": (0.0, 0.0), "gloss": (0.05, 0.0), "mirror": (0.8, 0.0), "glass": (0.08, 0.85)}  # ρ, τ
-OWN = {"matt": 1.0, "gloss": 1.0, "mirror": 0.1, "glass": 0.1}  # [1] of the wall's own light
+What = Literal["matt", "gloss", "brushed", "dusty", "mirror", "glass"]
+SHARES = {
+    "matt": (0.0, 0.0),
+    "gloss": (0.05, 0.0),
+    "brushed": (0.3, 0.0),
+    "dusty": (0.5, 0.0),
+    "mirror": (0.8, 0.0),
+    "glass": (0.08, 0.85),
+}  # ρ, τ
+OWN = {
+    "matt": 1.0,
+    "gloss": 1.0,
+    "brushed": 0.05,
+    "dusty": 1.0,
+    "mirror": 0.1,
+    "glass": 0.1,
+}  # [1] of the wall's own light
 
 
 @dataclass(frozen=True)
@@ -68,7 +82,11 @@ def _room() -> tuple[Scan, FloatArray]:
     return scan, light
 
 
-def _taken(what: What, *, still: bool = False, noise: float = 0.02) -> Taken:
+def _taken(
+    what: What, *, still: bool = False, noise: float = 0.02, log_gain: FloatArray | None = None, scale: float = 1.0
+) -> Taken:
+    """A wall in frames of (frame, 3) log gains, whose radiometry has another unit than the scan's colours."""
+    log_gain = np.zeros((FRAMES, 3)) if log_gain is None else log_gain
     scan, light = _room()
     colors = np.repeat(encode_srgb(np.clip(light, 0, 1))[:, None, None], 3, axis=1).repeat(3, axis=2)
     count = len(scan.faces)
@@ -83,20 +101,21 @@ def _taken(what: What, *, still: bool = False, noise: float = 0.02) -> Taken:
     for number in range(FRAMES):
         turn = 0.0 if still else 2 * np.pi * number / FRAMES
         position = np.array([1.6 + 0.8 * np.cos(turn), 1.5 + 0.9 * np.sin(turn), 1.3 + 0.3 * np.sin(3 * turn)])
-        frames.append(_frame(f"{number}", upright_pose(position, 0.0, 0.0), caster, light, what, noise, generator))
+        pose, level = upright_pose(position, 0.0, 0.0), float(np.exp(log_gain[number, 0])) / scale
+        frames.append(_frame(f"{number}", pose, caster, light, what, level, noise, generator))
     radiometry = Radiometry(
-        tone=ToneCurve(), shoulder_deviation=0.0, power_deviation=0.0, log_gain=np.zeros((FRAMES, 3)),
+        tone=ToneCurve(), shoulder_deviation=0.0, power_deviation=0.0, log_gain=log_gain,
         deviation=np.zeros(FRAMES), vignetting=np.zeros(2), before=0.0, after=0.0,
     )  # fmt: skip
     room = find_room(scan)
     wall = next(each for each in room.walls if each.normal[0] < -0.9 and abs(each.offset_m + 4.0) < 0.1)
     view = wall_view(scan, room, wall, caster)
-    (rows,) = views_of_walls(scan, caster, [view], frames, radiometry, 1.0)
+    (rows,) = views_of_walls(scan, caster, [view], frames, radiometry, scale)
     return Taken(wall=view, rows=rows, scan=scan, frames=tuple(frames))
 
 
 def _frame(
-    name: str, pose: FloatArray, caster: RayCaster, light: FloatArray, what: What, noise: float,
+    name: str, pose: FloatArray, caster: RayCaster, light: FloatArray, what: What, level: float, noise: float,
     generator: np.random.Generator,
 ) -> Frame:  # fmt: skip
     columns, rows = np.meshgrid(np.arange(SIZE_PX[0]) + 0.5, np.arange(SIZE_PX[1]) + 0.5)
@@ -111,7 +130,7 @@ def _frame(
     image = light[caster.nearest(on - 0.01 * np.array([1.0, 0.0, 0.0]), turned).face]
     behind = light[caster.nearest(on + 0.05 * ways[there] / ways[there, :1], ways[there]).face]
     seen[there] = OWN[what] * seen[there] + reflectance * image + transmittance * behind
-    seen = seen * (1.0 + noise * generator.normal(size=seen.size))
+    seen = level * seen * (1.0 + noise * generator.normal(size=seen.size))
     image_bytes = np.rint(255 * encode_srgb(np.clip(seen, 0, 1))).astype(np.uint8).reshape(*columns.shape, 1)
     depth = hits.distance.reshape(columns.shape).astype(np.float32)
     small = DepthMap(depth_m=depth, confidence=np.full(depth.shape, 2, dtype=np.uint8))
@@ -140,10 +159,18 @@ def test_a_pane_that_is_flat_in_the_mesh_is_told_where_it_is_with_its_share(what
     assert (found.transmittance is None) == (what == "mirror")
 
 
-@pytest.mark.parametrize("what", ["matt", "gloss"])
+@pytest.mark.parametrize("what", ["matt", "gloss", "brushed", "dusty"])
 def test_paint_and_polish_are_no_mirror(what: What) -> None:
     taken = _taken(what)
     assert not list(panes_of_wall(taken.wall, taken.rows))
+
+
+def test_exposure_that_changes_from_frame_to_frame_and_the_scans_own_unit_are_taken_out() -> None:
+    gains = np.random.default_rng(9).uniform(-0.5, 0.0, (FRAMES, 1)).repeat(3, axis=1)
+    taken = _taken("mirror", log_gain=gains, scale=1.5)
+    (found,) = panes_of_wall(taken.wall, taken.rows)
+    assert found.kind == "mirror"
+    assert found.reflectance == pytest.approx(SHARES["mirror"][0], abs=0.08)
 
 
 def test_a_phone_that_stands_still_tells_nothing() -> None:
