@@ -58,17 +58,38 @@ def stated_after(
     read = np.einsum("dij,dj->di", np.linalg.cholesky(spread)[true], generator.standard_normal((DRAWS, count)))
     before = np.hypot(np.sqrt(_variance(wanted, prior)), priors.local_sd * own_error).mean()
     after = [
-        _stated(gradient[:n], wanted, prior, spread[:, :n, :n], read[:, :n], sizes, own_error)
+        stated_of(gradient[:n], wanted, prior, spread[:, :n, :n], read[:, :n], sizes, own_error)
         for n in range(1, count + 1)
     ]
     return np.stack([np.full(DRAWS, before), *after])
 
 
-def _stated(
+def stated_of(
     gradient: FloatArray, wanted: FloatArray, prior: FloatArray, spread: FloatArray, read: FloatArray,
     sizes: FloatArray, own_error: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(draw,) mean deviation on the map, given the (draw, reading) logarithms read and their covariance by size."""
+    """Mean relative deviation of the map's light that a calibration states, given what is read.
+
+    Parameters
+    ----------
+    gradient, wanted : (reading, unknown), (point, unknown) float
+        G and H: slopes of the logarithms of readings and map. [1]
+    prior : (unknown, unknown) float
+        P. [1]
+    spread : (size, reading, reading) float
+        Y_s. [1]
+    read : (draw, reading) float
+        Logarithms of readings over the model. [1]
+    sizes : (size,) float
+        Of the model's own error. [1]
+    own_error : (point,) float
+        As of `stated_after`. [1]
+
+    Returns
+    -------
+    stated : (draw,) float
+        [1]
+    """
     logs, variances, means = [], [], []
     for each in spread:
         factor = cho_factor(each, lower=True)

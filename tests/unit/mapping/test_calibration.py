@@ -17,7 +17,7 @@ from lidarspectra.mapping.calibration.model import (
 from lidarspectra.mapping.calibration.model_error import SIZES, fit_with_model_error, prior_of_sizes
 from lidarspectra.mapping.calibration.planning import choose_readings
 from lidarspectra.mapping.calibration.posterior import disagreement, fit, swapped, turned_over
-from lidarspectra.mapping.calibration.promised import stated_after
+from lidarspectra.mapping.calibration.promised import stated_after, stated_of
 from lidarspectra.mapping.maps.light_unknowns import error_scale
 
 LAMPS, PARTS, ROWS = 3, 4, 8
@@ -197,6 +197,25 @@ def test_a_place_that_is_worth_nothing_more_is_not_walked_to() -> None:
     place = np.array([0, 1, 0, 1, 1, 0, 1, 0])
     chosen = choose_readings(light, place, light, known, 3).chosen
     assert np.unique(place[chosen]).size == 1
+
+
+def test_for_the_same_readings_the_promise_is_what_a_calibration_states() -> None:
+    """Readings that fit, and such as contradict each other, which no factor explains: draw by draw."""
+    some, on_map = model(rows=2), model(seed=9, rows=30)
+    known = replace(priors(), flux_sd=np.full(LAMPS, 0.05), levels_covariance=0.01 * LEVELS, reading_sd=0.001)
+    own_error = error_scale(on_map.light.sum(axis=1), float(on_map.light.sum(axis=1).mean()))
+    zero = np.zeros(LAMPS), np.zeros(PARTS)
+    gradient = np.concatenate([some.gradient(*zero), np.ones((2, 1))], axis=1)
+    wanted = np.concatenate([on_map.gradient(*zero), np.zeros((30, 1))], axis=1)
+    prior, sizes = known.covariance(), known.local_sd * np.array(SIZES)
+    noise = sizes[:, None, None] ** 2 * np.eye(2) + known.reading_sd**2 * np.eye(2)
+    read = np.array([[0.0, 0.0], [0.03, 0.02], [0.1, 0.1], [0.1, -0.1], [-0.2, 0.0], [0.25, 0.25]])
+    promised = stated_of(gradient, wanted, prior, gradient @ prior @ gradient.T + noise, read, sizes, own_error)
+    for logs, each in zip(read, promised, strict=True):
+        value = some.light.sum(axis=1) * np.exp(logs)
+        readings = Observations(value=value, row=np.arange(2), meter=np.zeros(2, dtype=np.int64))
+        found = fit_with_model_error(some, readings, known)
+        assert each == pytest.approx(np.hypot(found.light_sd(on_map), found.local_sd * own_error).mean(), rel=0.01)
 
 
 def test_a_reading_of_nothing_is_refused() -> None:
