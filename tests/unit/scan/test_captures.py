@@ -65,6 +65,17 @@ def test_an_archive_is_read_like_the_folder_wherever_the_layout_begins_in_it(
     assert len(read_scan(archive).faces) == len(read_scan(scanner_folder).faces)
 
 
+def test_an_archive_that_was_closed_is_opened_again_when_its_frames_are_looked_at_once_more(
+    scanner_folder: Path, tmp_path: Path
+) -> None:
+    """Colours are taken from frames, which are then closed, and mirrors and glass looked for in them afterwards."""
+    capture = read_capture(Path(shutil.make_archive(str(tmp_path / "a"), "zip", scanner_folder)))
+    first = capture.frames[0].read_image(1)
+    capture.close()
+    assert np.array_equal(capture.frames[0].read_image(1), first)
+    capture.close()
+
+
 def test_the_directory_of_an_archive_is_parsed_once_for_all_its_files(
     scanner_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
