@@ -1,11 +1,12 @@
 """What is left of a map's error after six readings, cause by cause: the scans of `research.scenes.by_day`.
 
-    python -m research.benchmarks.calibration_causes SCENE-LIGHT-SEED [...] --scans FOLDER [--keep FOLDER] [--draws 100]
+    python -m research.benchmarks.calibration_causes SCENE-LIGHT-SEED [...] --scans FOLDER [--draws 100]
 
 Each lamp's flux is off by 20 %, up or down, and the true room is read where the plan says, with 3 % of noise
-(`research.benchmarks.scan_after_scan`). Beside that: readings without noise; a scan that is right, so that fluxes alone
-are off; both; and fluxes known, so that the scan alone is. The bound is what is left of the fluxes if any combinations
-of lamps could be measured exactly, the principal ones of the map's error: no six numbers tell more of them.
+(`research.benchmarks.scan_after_scan`; traces that it left beside a scan are taken). Beside that: readings without
+noise; a scan that is right, so that fluxes alone are off; both; and fluxes known, so that the scan alone is. The bound
+is what is left of the fluxes if any combinations of lamps could be measured exactly, the principal ones of the map's
+error: no six numbers tell more of them.
 """
 
 import argparse
@@ -26,17 +27,17 @@ from lidarspectra.workflow.materials.delighting import take_light_out
 from research.benchmarks.calibration_draws import FROM_SCAN, METER_NOISE, READINGS, outcomes, planned
 from research.benchmarks.calibration_rooms import KNOWN_METER_SD, RoomLight
 from research.benchmarks.delighting import read_case
-from research.benchmarks.scan_after_scan import SEED, room_light
+from research.benchmarks.scan_after_scan import LIGHT_FILE, SEED, room_light
 
 COUNTS = (READINGS, 12)
 NO_NOISE = 1e-6  # [1]
 FLUX_OFF = FROM_SCAN.flux_off  # [1] of each lamp
 
 
-def room_of(folder: Path, keep: Path | None) -> RoomLight:
-    """Light of a scan's run and of its true room, traced, or as `keep` has it from an earlier call."""
-    path = None if keep is None else keep / f"{folder.name}.pkl"
-    if path is not None and path.is_file():
+def room_of(folder: Path) -> RoomLight:
+    """Light of a scan's run and of its true room, traced, or as an earlier call or `scan_result` kept it there."""
+    path = folder / LIGHT_FILE
+    if path.is_file():
         with path.open("rb") as stored:
             kept: RoomLight = pickle.load(stored)
         return kept
@@ -45,9 +46,7 @@ def room_of(folder: Path, keep: Path | None) -> RoomLight:
     views = render_views(case.scan, settings=ViewSettings(width=128, height=128))
     found = estimate_materials(case.scan, views, library=load_reflectances(), face_color=delit.face_color)
     room = room_light(case, found, folder.name.rsplit("-", 2)[0])
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(pickle.dumps(room))
+    path.write_bytes(pickle.dumps(room))
     return room
 
 
@@ -90,12 +89,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="+")
     parser.add_argument("--scans", type=Path, required=True)
-    parser.add_argument("--keep", type=Path, help="folder for the traced light, taken from there if it is there")
     parser.add_argument("--draws", type=int, default=100)
     choice = parser.parse_args(arguments)
     rows = []
     for name in choice.names:
-        room = room_of(choice.scans / name, choice.keep)
+        room = room_of(choice.scans / name)
         rows += [{"scan": name} | row(room, count, choice.draws) for count in COUNTS]
         print(rows[-2:], flush=True)
     frame = pd.DataFrame(rows)

@@ -7,6 +7,7 @@ the true room, with 3 % of noise (`research.benchmarks.calibration_draws`).
 """
 
 import json
+import pickle
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -44,6 +45,7 @@ SEED = 7
 GOALS = {"night": (0.05, 2.5), "day": (0.06, 3.5)}  # NRMSE [1] and median error [%] of the lamps' map, mean of scans
 ROOMS = {"apartment": "2, joined by a doorway"}  # of a scene that is not one room
 READINGS_GOAL = 0.04  # [1] NRMSE after six readings
+LIGHT_FILE = "light.pkl"  # in a scan's folder, so that causes are looked for in the same traces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +79,7 @@ class ScanResult:
 
 
 def scan_result(folder: Path, draws: int) -> ScanResult:
-    """Estimate a scan's materials, trace its lamps, and read the true room six times.
+    """Estimate a scan's materials, trace its lamps, and read the true room six times; the light is kept beside it.
 
     Parameters
     ----------
@@ -93,6 +95,7 @@ def scan_result(folder: Path, draws: int) -> ScanResult:
     found = estimate_materials(case.scan, views, library=load_reflectances(), face_color=delit.face_color)
     errors = compare_maps(light_of(traced(case.scan, found, case)).irradiance, true_light(case).irradiance)
     room = room_light(case, found, scene)
+    (folder / LIGHT_FILE).write_bytes(pickle.dumps(room))
     drawn = outcomes(room, FROM_SCAN, planned(room, KNOWN_METER_SD), draws, SEED)
     before, after = np.sqrt(np.mean([np.square(each.nrmse) for each in drawn], axis=0))
     return ScanResult(
