@@ -172,7 +172,7 @@ def table_5(arguments: argparse.Namespace) -> None:
     old, new = train_locator(before.survey), train_locator(learned)
     found = {
         "measured before, raw": errors_of(old, read, against="trained"),
-        "measured before, as ratio to the running median": errors_of(old, read, against="running"),
+        "measured before, as ratio to the running reference": errors_of(old, read, against="running"),
         "simulated now": errors_of(new, read, against="running"),
     }
     rows = {f"{words}, {method}": errors[method] for method in METHODS for words, errors in found.items()}
@@ -180,7 +180,7 @@ def table_5(arguments: argparse.Namespace) -> None:
     save(error_table(rows, name="table-5", caption=caption, heading="learned from"), arguments.out)
     names = {
         "measured before, raw": "old, raw",
-        "measured before, as ratio to the running median": "old, ratio",
+        "measured before, as ratio to the running reference": "old, ratio",
         "simulated now": "new, simulated",
     }
     curves = {short: rows[f"{words}, network"] for words, short in names.items()}

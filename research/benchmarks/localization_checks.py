@@ -57,7 +57,7 @@ def person_effect(arguments: argparse.Namespace) -> None:
 
 
 def reference_age(arguments: argparse.Namespace) -> None:
-    """What readings are compared with: the running median, or an empty room that was read some time ago."""
+    """What readings are compared with: the running reference, or an empty room that was read some time ago."""
     rows = []
     for scene in arguments.scenes:
         people = people_of(scene, arguments)
@@ -67,8 +67,8 @@ def reference_age(arguments: argparse.Namespace) -> None:
         told = train_locator(learned, TrainingSettings(augmentation=Augmentation(drift=TOLD_DRIFT)))
         long = watch_by_sensors(true.light, LONG_STAYS, seed=SENSORS_SEED)
         tests: dict[str, tuple[xr.Dataset, Against]] = {
-            f"running median, {_stays(VISITS)}": (true.tested, "running"),
-            f"running median, {_stays(LONG_STAYS)}": (long, "running"),
+            f"running reference, {_stays(VISITS)}": (true.tested, "running"),
+            f"running reference, {_stays(LONG_STAYS)}": (long, "running"),
         }
         for hours in AGES_H:
             read = read_by_sensors(true.light, seed=SENSORS_SEED, readings=READINGS, hours=hours)

@@ -12,12 +12,12 @@ PARTS = (
         "the room as it truly is, read in whole counts by virtual sensors whose gains, dies and drift nobody told, "
         "as `localize live` would hear them: one at a time they visit all places in an order by lot, stay for 20 to "
         "100 s and are at the next at once; a reading a second, each located by itself; the reference is the running "
-        "median over the latest 600 readings, by the product's own code. So it is five minutes old on the average, "
-        "it is of a room in which there always is somebody, and it drifts as the sensors do: each die by 1 % an hour "
-        "(standard deviation), for two hours before. Ten minutes of the same people's visits go ahead and are not "
-        "tested. 'measured' learns from a survey: readings of other people in the true room by the very sensors "
-        "of the test, five of each, within two hours of an empty room's. On the map of errors (high, network) a line "
-        "leads from each place to where its readings are put on the average.",
+        "median over the latest 600 readings, moved along the trend of the light, by the product's own code. The "
+        "median is five minutes old on the average, it is of a room in which there always is somebody, and it drifts "
+        "as the sensors do: each die by 1 % an hour (standard deviation), for two hours before. Ten minutes of the "
+        "same people's visits go ahead and are not tested. 'measured' learns from a survey: readings of other people "
+        "in the true room by the very sensors of the test, five of each, within two hours of an empty room's. On the "
+        "map of errors (high, network) a line leads from each place to where its readings are put on the average.",
         tables=(
             "table-4",
             "paper-table-4",
@@ -36,8 +36,8 @@ PARTS = (
     Part(
         title="How old the reference may be",
         words="The virtual sensors' dies drift by 1 % an hour (standard deviation, each for itself). Beside Table 4's "
-        "running median stands one of people who stay longer, with the same window of ten minutes, and readings that "
-        "are compared with an empty room: five of each person, at times by lot since it was read.",
+        "running reference stands one of people who stay longer, with the same window of ten minutes, and readings "
+        "that are compared with an empty room: five of each person, at times by lot since it was read.",
         tables=("reference-age",),
     ),
     Part(
@@ -46,7 +46,7 @@ PARTS = (
         "moved, the television, a night table and a plant went, the rug is another; the living room's four "
         "lamps got another spectrum and half as much flux again, one of them and one in the bedroom moved, "
         "three others were changed. At T2 people come and go as in Table 4. 'raw' compares readings with the "
-        "empty room of T1, as fingerprints without a reference do; all else is compared with the running median "
+        "empty room of T1, as fingerprints without a reference do; all else is compared with the running reference "
         "of T2.",
         tables=("table-5",),
         figures=("figure-15", "figure-16"),
