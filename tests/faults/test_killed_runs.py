@@ -1,5 +1,8 @@
 """kill -9 in every stage: what is left is never taken for a stage, and holds no lock; the next run makes it good."""
 
+import multiprocessing
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -7,33 +10,43 @@ from pathlib import Path
 import pytest
 
 from lidarspectra.errors import WorkspaceError
-from lidarspectra.workflow.pipeline import plan, run
-from lidarspectra.workflow.run_folder.workspace import STAGES, Workspace
+from lidarspectra.progress import Progress, silent
+from lidarspectra.workflow.pipeline import SilentListener, plan, run
+from lidarspectra.workflow.run_folder.workspace import STAGES, StageName, Workspace
 
 from .test_run_faults import finished as finished
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")]
 
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-from lidarspectra.workflow.run_folder import workspace
-from lidarspectra.workflow.pipeline import run
+PROCESSES = multiprocessing.get_context("forkserver")  # loads the libraries once for all of them
+PROCESSES.set_forkserver_preload(["lidarspectra.workflow.stages"])
 
-class Killer:
-    def start(self, stage):
-        return (lambda fraction, words: os.kill(os.getpid(), signal.SIGKILL)) if stage == sys.argv[2] else print
-    def finish(self, result):
-        pass
 
-run(Path(sys.argv[1]), last="map", first=sys.argv[2], listener=Killer())
-"""
+class Killer(SilentListener):
+    """Ends the process of its run, as `kill -9` does, as soon as a stage says how far it is."""
+
+    def __init__(self, stage: str) -> None:
+        self._stage = stage
+
+    def start(self, stage: StageName) -> Progress:
+        return self._kill if stage == self._stage else silent
+
+    @staticmethod
+    def _kill(fraction: float, message: str) -> None:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def run_killed(run_file: Path, stage: StageName) -> None:
+    """Make stages from this one on, in a process that does not come to its end."""
+    run(run_file, last="map", first=stage, listener=Killer(stage))
 
 
 @pytest.mark.parametrize("stage", ["scan", "views", "materials", "scene", "trace"])
-def test_a_killed_stage_is_not_there_and_the_next_run_makes_it(finished: Path, stage: str) -> None:
-    child = subprocess.run([sys.executable, "-c", KILLED, str(finished), stage], capture_output=True, check=False)
-    assert child.returncode == -9, child.stderr
+def test_a_killed_stage_is_not_there_and_the_next_run_makes_it(finished: Path, stage: StageName) -> None:
+    child = PROCESSES.Process(target=run_killed, args=(finished, stage))
+    child.start()
+    child.join()
+    assert child.exitcode == -signal.SIGKILL
     folder = finished.with_suffix(".run")
     assert (folder / f"{STAGES.index(stage) + 1}-{stage}.partial").is_dir()  # it could not tidy up
     assert (folder / "run.lock").is_file()

@@ -4,6 +4,7 @@ import contextlib
 import os
 import re
 import shlex
+import shutil
 import signal
 import stat
 import subprocess
@@ -12,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.pipeline.conftest import RoomWriter
+from lidarspectra.workflow.run_folder.workspace import stage_folder
+from tests.pipeline.conftest import RunCopier
 
 PROJECT = Path(__file__).parents[2]
 MINUTES = 5
@@ -33,11 +35,12 @@ def program(folder: Path, name: str, text: str) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="a script for bash")
 @pytest.mark.chance("starts worker processes, which must answer before Dask gives them up")
-def test_the_slurm_script_traces_on_workers_and_leaves_nothing(write_room: RoomWriter, tmp_path: Path) -> None:
+def test_the_slurm_script_traces_on_workers_and_leaves_nothing(copy_run: RunCopier, tmp_path: Path) -> None:
     page = (PROJECT / "docs" / "howto-cluster.md").read_text(encoding="utf-8")
     script = re.search(r"^```bash\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
     assert script is not None
-    room = write_room(tmp_path / "room")
+    room = copy_run(tmp_path / "room")
+    shutil.rmtree(stage_folder(room.with_suffix(".run"), "trace"))
     programs = tmp_path / "programs"
     programs.mkdir()
     program(programs, "srun", SRUN)
