@@ -12,7 +12,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # mypy on all cores: half the wait where it has no cache yet. Releases that cannot do it do not look.
 export MYPY_NUM_WORKERS ?= auto
 
-.PHONY: demo .demo-words test quick coverage test-lowest fuzz lint hooks docs experiments blender test-blender setup setup-test clean
+.PHONY: demo .demo-words test .tests quick coverage test-lowest fuzz lint .style .types .types-beside hooks docs experiments blender test-blender setup setup-test clean
 
 setup: .venv/.installed
 setup-test: .venv/.installed-test
@@ -35,12 +35,23 @@ demo: .demo-words setup
 .demo-words:
 	@echo "$(if $(wildcard .venv/.installed),Maps,Sets up .venv (a minute or so) and maps) the light in a room that comes with the package: about 20 s on two idle cores."
 
-lint: setup-test
+lint: .style .types
+
+.style: setup-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+.types: setup-test
 	$(BIN)/mypy
 
-test: lint
+# mypy beside the tests: it has the processor while they wait. One process of it, since theirs are as many as the cores.
+test: .style
+	$(MAKE) --no-print-directory --jobs=2 .types-beside .tests
+
+.types-beside: export MYPY_NUM_WORKERS := 0
+.types-beside: .types
+
+.tests: setup-test
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 
 docs: setup-test

@@ -20,7 +20,10 @@ import trimesh
 from PIL import Image
 
 from lidarspectra.cli.app import main
+from lidarspectra.mapping.report import report_writer
+from lidarspectra.radiance.pictures import render
 from lidarspectra.workflow.pipeline import run
+from lidarspectra.workflow.run_folder.workspace import STAGES
 
 RoomWriter = Callable[..., Path]
 RunCopier = Callable[[Path], Path]
@@ -95,7 +98,8 @@ def _whole_run(made_once: SharedMaker) -> Path:
     """The run file of the room's run up to its map, which nobody may change."""
 
     def make(folder: Path) -> None:
-        run(_write_room(folder / "room"), last="map")
+        made = run(_write_room(folder / "room"), last="map").results
+        assert [stage for stage, result in made.items() if not result.was_fresh] == list(STAGES[:-1])
 
     return made_once("whole-run", make) / "room" / "room.toml"
 
@@ -109,6 +113,25 @@ def copy_run(_whole_run: Path) -> Callable[[Path], Path]:
         return folder / _whole_run.name
 
     return copy
+
+
+@pytest.fixture
+def undrawn_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports whose figures are made, and not drawn: for tests that read a page's words.
+
+    That figures are drawn, test_chain.py and tests/unit/mapping hold.
+    """
+    empty = '<svg xmlns="http://www.w3.org/2000/svg" width="72pt" height="72pt" viewBox="0 0 72 72"/>'
+    monkeypatch.setattr(report_writer, "svg_text", lambda figure: empty)
+
+
+@pytest.fixture
+def coarse_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures whose indirect light is found from a sixteenth of the directions.
+
+    For tests in which a picture is drawn and its light is not measured: tests/physics/pictures holds that.
+    """
+    monkeypatch.setattr(render, "AMBIENT_DIVISIONS", 16)
 
 
 @dataclass(frozen=True, kw_only=True)

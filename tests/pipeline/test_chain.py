@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +18,8 @@ from lidarspectra.progress import Progress, silent
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.workflow import trace_notes
 from lidarspectra.workflow.pipeline import plan, run
-from lidarspectra.workflow.run_folder.workspace import STAGES, StageName, StageResult
-
-RoomWriter = Callable[..., Path]
+from lidarspectra.workflow.run_folder.workspace import STAGES, StageName, StageResult, stage_folder
+from tests.pipeline.conftest import RoomWriter, RunCopier
 
 
 class Names:
@@ -48,10 +46,10 @@ def made_by(run_file: Path, **options: StageName) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory, write_room: RoomWriter) -> Path:
-    """The run file of a finished run."""
-    run_file = write_room(tmp_path_factory.mktemp("rooms") / "a room")
-    assert made_by(run_file) == list(STAGES)
+def finished(tmp_path_factory: pytest.TempPathFactory, copy_run: RunCopier) -> Path:
+    """The run file of a finished run, in a folder whose name has a space."""
+    run_file = copy_run(tmp_path_factory.mktemp("rooms") / "a room")
+    assert made_by(run_file) == ["report"]
     return run_file
 
 
@@ -89,9 +87,7 @@ def test_time_and_memory_of_every_stage_are_in_its_record(finished: Path) -> Non
 
 
 @pytest.mark.slow
-def test_only_what_depends_on_a_change_is_made_again(
-    tmp_path: Path, copy_run: Callable[[Path], Path], room_text: str
-) -> None:
+def test_only_what_depends_on_a_change_is_made_again(tmp_path: Path, copy_run: RunCopier, room_text: str) -> None:
     run_file = copy_run(tmp_path / "room")
     run_file.write_text(room_text.replace("height = 0.5", "height = 0.6"), encoding="utf-8")
     assert plan(run_file) == {stage: "up to date" if i < 4 else "to be made" for i, stage in enumerate(STAGES)}
@@ -100,8 +96,10 @@ def test_only_what_depends_on_a_change_is_made_again(
 
 
 @pytest.mark.slow
-def test_an_interrupted_run_resumes_at_the_stage_that_was_cut(tmp_path: Path, write_room: RoomWriter) -> None:
-    run_file = write_room(tmp_path)
+def test_an_interrupted_run_resumes_at_the_stage_that_was_cut(tmp_path: Path, copy_run: RunCopier) -> None:
+    run_file = copy_run(tmp_path / "room")
+    for stage in ("scene", "trace", "map"):  # as if they had not been made yet
+        shutil.rmtree(stage_folder(run_file.with_suffix(".run"), stage))
 
     class Interrupter(Names):
         def start(self, stage: StageName) -> Progress:

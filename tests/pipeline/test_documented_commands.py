@@ -169,7 +169,11 @@ def write_databases(folder: Path) -> None:
 
 @pytest.fixture
 def year_traced_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A page shows the same year by command and in Python: its sky is traced once."""
+    """A page shows the same year by command and in Python: its sky is traced once, in the fewest patches.
+
+    What a year of patches is worth, tests/physics/trace/test_annual.py holds.
+    """
+    monkeypatch.setattr(annual, "SUBDIVISION", 1)
     kept: dict[str, Any] = {}
     traced = annual._traced
 
@@ -189,7 +193,7 @@ def shows_something(page: Path) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("year_traced_once")
+@pytest.mark.usefixtures("year_traced_once", "coarse_pictures")
 @pytest.mark.parametrize("page", [page for page in PAGES if shows_something(page)], ids=lambda page: page.stem)
 def test_what_a_page_shows_works(
     page: Path,

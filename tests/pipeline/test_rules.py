@@ -64,7 +64,8 @@ def with_areas(run_file: Path, limit: float) -> Path:
     return run_file
 
 
-@pytest.mark.slow  # a trace, three renderings and a report: some 20 s
+@pytest.mark.slow  # a trace, renderings and a report
+@pytest.mark.usefixtures("coarse_pictures", "undrawn_figures")
 def test_rules_by_command_stand_in_the_report_until_the_rules_change(
     tmp_path: Path, copy_run: Callable[[Path], Path]
 ) -> None:
@@ -107,6 +108,7 @@ def test_an_area_outside_the_room_is_refused_by_name(tmp_path: Path, copy_run: C
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("coarse_pictures")
 def test_a_picture_of_a_dimmed_room_is_darker_and_keeps_its_name(
     tmp_path: Path, copy_run: Callable[[Path], Path]
 ) -> None:
