@@ -110,9 +110,13 @@ def replaced_tables(run_file: str, tables: str) -> str:
     return "".join(kept) + "\n" + tables
 
 
-def smaller_picture(command: str) -> str:
-    """A command whose picture is an eighth as wide and high: a page shows it, and the test does not look at it."""
-    return re.sub(r"--size (\d+)x(\d+)", lambda size: f"--size {int(size[1]) // 8}x{int(size[2]) // 8}", command)
+def smaller_picture(text: str) -> str:
+    """A command, or Python, whose picture is an eighth as wide and high: the test does not look at it."""
+    return re.sub(
+        r"(--size |pixels=\()(\d+)(x|, )(\d+)",
+        lambda size: f"{size[1]}{int(size[2]) // 8}{size[3]}{int(size[4]) // 8}",
+        text,
+    )
 
 
 def do_command(text: str) -> None:
@@ -134,7 +138,7 @@ def do_block(language: str, text: str) -> None:
     elif named := re.fullmatch(r"# ([\w-]+\.\w+)", title):
         Path(named[1]).write_text(rest, encoding="utf-8")
     elif language == "python":
-        exec(compile(text, "page", "exec"), {})
+        exec(compile(smaller_picture(text), "page", "exec"), {})
     elif language == "sh":
         for command in commands(text):
             if not command.startswith(tuple(ELSEWHERE)):
