@@ -8,6 +8,7 @@ from unittest.mock import patch
 
 import pytest
 
+from lidarspectra.material.frames import frame_colors
 from lidarspectra.material.frames.gloss import GlossOfPart
 from lidarspectra.material.material_map import load_materials
 from lidarspectra.workflow import stages
@@ -39,7 +40,10 @@ noise = "draft"
 
 
 @pytest.mark.slow
-def test_a_run_of_frames_draws_them_in_its_report_and_takes_gray_walls_for_matt(tmp_path: Path) -> None:
+def test_a_run_of_frames_draws_them_in_its_report_and_takes_gray_walls_for_matt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frame_colors, "ATLAS_PX", (256, 512))  # texels of 2 cm; these frames' pixels are 3 cm wide
     room = box_room()
     write_3dscanner(tmp_path / "scan", room, gray_shots(room, 8))
     (tmp_path / "room.toml").write_text(RUN_FILE, encoding="utf-8")
