@@ -24,7 +24,8 @@ Yu, Debevec, Malik, Hawkins (1999) Inverse global illumination, SIGGRAPH, 215. B
 transformations, J. R. Statist. Soc. B 26, 211, Eq. 8. EN 12464-1:2021, 6.2.2 (usual reflectances of ceilings).
 Cameron, Miller (2015) A practitioner's guide to cluster-robust inference, J. Human Resources 50, 317, Eq. 11.
 Ribatet, Cooley, Davison (2012) Bayesian inference from composite likelihoods, with an application to spatial extremes,
-Statistica Sinica 22, 813 (how much correlated points weigh against priors).
+Statistica Sinica 22, 813 (how much correlated points weigh against priors). Kass, Raftery (1995) Bayes factors,
+J. Am. Statist. Assoc. 90, 773.
 """
 
 from dataclasses import dataclass
@@ -114,6 +115,11 @@ class LightFit:
         How many independent observations each of them turns out to tell as much as (see `_observations_per_place`). [1]
     cost : float
         Least value of the objective, halved sum of squares.
+    log_evidence : float
+        Logarithm of the probability of the picture under the prior of the tone curve, up to what is the same for all
+        such priors (see `_log_evidence`). [1]
+    family_probability : float
+        Probability that the tone curve is of this fit's family (`tone_families`); 1 where no other was tried. [0-1]
     steps : int
         Steps of the fit; at `MAX_STEPS` it had not converged.
     """
@@ -138,7 +144,9 @@ class LightFit:
     witnesses: int
     observations_per_place: float
     cost: float
+    log_evidence: float
     steps: int
+    family_probability: float = 1.0
 
     @property
     def explained(self) -> float:
@@ -152,6 +160,7 @@ def fit_light(
     flux_deviation: FloatArray,
     start: FloatArray | None = None,
     observations_per_place: float = 1.0,
+    loose: float = 1.0,
     progress: Progress = silent,
 ) -> LightFit:
     """Fit tone curve, exposure, beam and the lamps' relative fluxes to a picture (maximum a posteriori).
@@ -165,6 +174,8 @@ def fit_light(
         Of an earlier fit to the same picture; several starts are tried where it is not given.
     observations_per_place : float
         Of an earlier fit to the same picture: how much each place weighs against what is believed beforehand. [1]
+    loose : float
+        Factor on the fit's tolerances. [1]
     progress : Progress, optional
         Receives the share that is done, at each step.
 
@@ -181,7 +192,7 @@ def fit_light(
             for values, part in zip(STARTS, trying, strict=True)
         ]
         start = min(found, key=lambda result: float(result.cost)).x
-    best = _least(model, np.asarray(start), fitting)
+    best = _least(model, np.asarray(start), fitting, loose=loose)
     ending(0.0, "camera and light")
     return _fit(model, best)
 
@@ -253,6 +264,7 @@ def _fit(model: LightObjective, result: "OptimizeResult") -> LightFit:
         witnesses=model.witnesses,
         observations_per_place=_observations_per_place(model, information, unnamed),
         cost=float(result.cost),
+        log_evidence=_log_evidence(model, information, float(result.cost)),
         steps=int(result.nfev),
     )
 
@@ -300,6 +312,20 @@ class _Information:
         """Covariance of the parameters, with errors correlated within a cluster (cluster-robust sandwich)."""
         bread = self.bread()
         return np.asarray(bread @ (self.scores + self.priors) @ bread, dtype=np.float64)
+
+
+def _log_evidence(model: LightObjective, information: _Information, cost: float) -> float:
+    """Logarithm of the probability of the picture, by Laplace's approximation (Kass and Raftery, Eq. 5).
+
+    With the objective's least value c, its curvature A, and the tone prior's deviations d,
+
+        log Z = -c - log det(A) / 2 - sum log d + constants,                                                      (3)
+
+    the constants being the same for all tone priors.
+    """
+    tone = model.evidence.tone_prior
+    curvature = np.linalg.slogdet(information.data + information.priors)[1]
+    return float(-cost - 0.5 * curvature - np.log(tone.power_deviation * tone.shoulder_deviation))
 
 
 def _observations_per_place(model: LightObjective, information: _Information, unnamed: float) -> float:

@@ -15,7 +15,7 @@ from lidarspectra.geometry.appearance import LinearLight
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.colors import weighted_median
-from lidarspectra.material.delighting.tone_curve import USUAL_TONE, TonePrior
+from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, USUAL_TONE, TonePrior
 from lidarspectra.material.delighting.unknown_light import UnknownSource
 
 MIN_DEVIATION = 0.02  # [1] of log g and log(1 + s): no curve has just two parameters
@@ -30,15 +30,16 @@ FACING = 0.7  # [1] cosine between a lamp's axis and such a face
 MIN_TOLD = 0.9  # [1] of a source's area whose radiance some frame tells: a window's lower half is the darker one
 
 
-def tone_prior_of(linear: LinearLight | None) -> TonePrior:
-    """What is known of the curve that is left in a scan's colours: a phone's, or hardly one where frames told it."""
+def tone_priors_of(linear: LinearLight | None) -> tuple[TonePrior, ...]:
+    """Families of the curve that is left in a scan's colours: a phone's, or hardly one where frames told it."""
     if linear is None:
-        return USUAL_TONE
-    return TonePrior(
+        return USUAL_TONE, FILMIC_TONE
+    left = TonePrior(
         power_deviation=max(linear.power_deviation, MIN_DEVIATION),
         shoulder=0.0,
         shoulder_deviation=max(linear.shoulder_deviation, MIN_DEVIATION),
     )
+    return (left,)
 
 
 def spread_of_views(scan: Scan) -> FloatArray:

@@ -10,6 +10,8 @@ with x and `shown` linear, 0 to 1, for each sRGB channel by itself. g = 1, s = 0
 References
 ----------
 Reinhard, Stark, Shirley, Ferwerda (2002) Photographic tone reproduction for digital images, ACM TOG 21, 267, Eq. 3.
+Narkowicz (2015) ACES filmic tone mapping curve. Hejl, Burgess-Dawson (2010) Filmic tonemapping for real-time
+rendering, SIGGRAPH course.
 """
 
 from dataclasses import dataclass
@@ -28,19 +30,26 @@ class TonePrior:
 
     Parameters
     ----------
-    power_deviation : float
-        Standard deviation of log g about g = 1. [1]
+    power, power_deviation : float
+        Mean and standard deviation of log g. [1]
     shoulder, shoulder_deviation : float
         Mean and standard deviation of log(1 + s); phones lift shadows, most by less than 2.5. [1]
     """
 
+    power: float = 0.0
     power_deviation: float = 0.15
     shoulder: float = 0.4
     shoulder_deviation: float = 0.5
 
 
 USUAL_TONE = TonePrior()
-"""Of a picture of which nothing else is known."""
+"""Of a picture that shows what the camera saw, or with its shadows lifted."""
+FILMIC_TONE = TonePrior(power=0.43, power_deviation=0.12, shoulder=2.18, shoulder_deviation=0.4)
+"""Of a picture by a filmic curve, with a toe and a strong shoulder.
+
+Its means are half-way between the curves of Narkowicz, (.47, 1.94), and of Hejl, (.38, 2.42), as a power and a shoulder
+come nearest to them (`research/benchmarks/tone_curves.py`).
+"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -34,13 +35,15 @@ from lidarspectra.material.delighting.linear_evidence import (
     shown_of_lamps,
     shown_of_sources,
     spread_of_views,
-    tone_prior_of,
+    tone_priors_of,
     unseen_faces,
 )
 from lidarspectra.material.delighting.one_paint import Paints, one_paint
 from lidarspectra.material.delighting.plane_pieces import plane_pieces
 from lidarspectra.material.delighting.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
 from lidarspectra.material.delighting.sun_patches import Openings, SunPatches, find_sun_patches
+from lidarspectra.material.delighting.tone_curve import TonePrior
+from lidarspectra.material.delighting.tone_families import fit_other_families, probabilities, widened
 from lidarspectra.material.delighting.unknown_light import (
     OPEN_SHARE,
     PANE_DEVIATION,
@@ -66,7 +69,7 @@ from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.room.light_samples import LIFT_M, Samples, samples_of
 from lidarspectra.room.room import Room
 from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, tristimulus_table
-from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
+from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, ReflectanceLibrary
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.materials.delighting_notes import (
     beam_note,
@@ -76,6 +79,7 @@ from lidarspectra.workflow.materials.delighting_notes import (
     other_light_note,
     source_note,
     sun_note,
+    tone_note,
     unlit_note,
     unsettled_note,
     whiter_than_paint_note,
@@ -111,7 +115,8 @@ SHARES = (
     0.55,
     0.3,
 )  # of the time: colours, direct light, form factors, the fits, and their repetition if needed
-ROUND_SHARES = (0.4, *(0.6 / (ROUNDS - 1),) * (ROUNDS - 1))  # of the fits' time: the first has several starting points
+# of the fits' time: the first, which has several starting points, the others, and other families of tone curves
+ROUND_SHARES = (0.3, *(0.45 / (ROUNDS - 1),) * (ROUNDS - 1), 0.25)
 SEED = 20240911  # of samples and rays; the same scan gives the same reflectances
 
 
@@ -257,6 +262,7 @@ def take_light_out(
         scan=scan, room=room, known=known, samples=samples, spread=spread, trusted=trusted, unseen=unseen,
         piece=plane_pieces(caster, samples.positions, samples.normals),
     )  # fmt: skip
+    tone_families = tone_priors_of(scan.appearance.linear)
     evidence = LightEvidence(
         shown=colors,
         direct=coefficients[:, :, None] * _lamp_cones(lamps)[:, None, :],
@@ -278,18 +284,18 @@ def take_light_out(
         other_shown=shown_of_sources(scan, sources),
         lamp_shown=shown_of_lamps(scan, lamps),
         lamp_sent=_lamp_cones(lamps) / np.array([[lamp.shape.area] for lamp in lamps]).reshape(-1, 1),
-        tone_prior=tone_prior_of(scan.appearance.linear),
+        tone_prior=tone_families[0],
     )
     if _witnesses(evidence) < MIN_WITNESSES or not (evidence.direct.any() or sources):
         return _left_in(
             "too few of its surfaces receive direct light of the lamps. Check the lamps' places in the run file."
         )
     unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
-    found = _fit(surfaces, lamps, evidence, coefficients, unsure_of, fitting)
+    found = _fit(surfaces, lamps, evidence, coefficients, unsure_of, tone_families[1:], fitting)
     identifiable = identifiable_lamps(found[0])
     if not fluxes_stated and not identifiable.all():  # fluxes that are not identifiable must not absorb other errors
         unsure_of = np.where(identifiable, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
-        found = _fit(surfaces, lamps, evidence, coefficients, unsure_of, fitting_again)
+        found = _fit(surfaces, lamps, evidence, coefficients, unsure_of, tone_families[1:], fitting_again)
     fit, evidence = found
     if (why := doubt(fit)) is not None:
         return _left_in(why, fit)
@@ -308,6 +314,7 @@ def take_light_out(
             *unlit_note(unlit),
             *source_note(sources, fit),
             *sun_note(patches),
+            *tone_note(fit),
             *beam_note(fit),
             *unsettled_note(fit),
             *other_light_note(scan, known | ~scan.appearance.photographed, evidence, spread @ fit.irradiance),
@@ -385,42 +392,88 @@ def _fit(
     evidence: LightEvidence,
     coefficients: FloatArray,
     flux_deviation: FloatArray,
+    other_families: Sequence[TonePrior],
     progress: Progress,
 ) -> tuple[LightFit, LightEvidence]:
-    """Fit camera and light, group surfaces by the hue that results, and fit again."""
-    room, samples, spread, trusted = surfaces.room, surfaces.samples, surfaces.spread, surfaces.trusted
-    library, daylight = load_reflectances(), lamp_spectrum("D65").spectrum
-    bands = np.array([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps]).reshape(len(lamps), len(BANDS))
-    first, *following = shares(progress, ROUND_SHARES)
+    """Fit camera and light, group surfaces by the hue that results, and fit again; then choose the tone curve's family.
+
+    All families are fitted to the groups that the first one's fit made. Where another is more probable, surfaces are
+    grouped by its fit and fitted once more; the probabilities stay.
+    """
+    first, *following, weighing = shares(progress, ROUND_SHARES)
     fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
-    shadow_edges, ceiling = evidence.unsure, evidence.ceiling
+    grouping = _Grouping.of(surfaces, lamps, evidence, coefficients)
     for part in following:
         part(0.0, "surfaces of one hue")
+        evidence = grouping.regrouped(evidence, fit)
+        fit = _fit_again(evidence, fit, flux_deviation, part)
+    trying, ending = shares(weighing, (0.7, 0.3))
+    fits = [fit, *fit_other_families(evidence, fit, other_families, flux_deviation=flux_deviation, progress=trying)]
+    probability = probabilities(fits)
+    best = int(probability.argmax())
+    if best > 0:
+        evidence = replace(grouping.regrouped(evidence, fits[best]), tone_prior=other_families[best - 1])
+        fits[best] = _fit_again(evidence, fits[best], flux_deviation, ending)
+    order = [best, *(number for number in range(len(fits)) if number != best)]
+    return widened(fits[best], [fits[number] for number in order[1:]], probability[order]), evidence
+
+
+def _fit_again(evidence: LightEvidence, fit: LightFit, flux_deviation: FloatArray, progress: Progress) -> LightFit:
+    """From where another fit ended."""
+    return fit_light(
+        evidence, flux_deviation=flux_deviation, start=fit.parameters,
+        observations_per_place=fit.observations_per_place, progress=progress,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Grouping:
+    """What surfaces are grouped with by a fit: their `bands` of (lamp, sample) direct light."""
+
+    surfaces: _Surfaces
+    coefficients: FloatArray
+    bands: FloatArray
+    shadow_edges: FloatArray
+    ceiling: BoolArray
+    library: ReflectanceLibrary
+    daylight: Spectrum
+
+    @classmethod
+    def of(cls, surfaces: _Surfaces, lamps: Sequence[Lamp], evidence: LightEvidence, coefficients: FloatArray) -> Self:
+        """Of evidence before the first grouping."""
+        bands = np.array([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps])
+        return cls(
+            surfaces=surfaces, coefficients=coefficients, bands=bands.reshape(len(lamps), len(BANDS)),
+            shadow_edges=evidence.unsure, ceiling=evidence.ceiling,
+            library=load_reflectances(), daylight=lamp_spectrum("D65").spectrum,
+        )  # fmt: skip
+
+    def regrouped(self, evidence: LightEvidence, fit: LightFit) -> LightEvidence:
+        """Evidence with surfaces grouped by the hue that a fit makes of them, and with its light."""
+        spread, unseen = self.surfaces.spread, self.surfaces.unseen
         reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
         light = spread @ fit.irradiance
-        excess = surfaces.unseen.excess(
+        excess = unseen.excess(
             beyond_white(evidence.face_shown, light), evidence.face_shown,
             _face_reflectance(evidence, fit, spread), srgb_of_cones(light),
         )  # fmt: skip
         evidence = replace(evidence, face_excess=excess)
         faces = _face_reflectance(evidence, fit, spread)
         faces[evidence.face_lamp] = 0.0
-        direct = _spectral(np.einsum("ls,lb->sb", coefficients * fit.flux_factors[:, None], bands), fit, daylight)
-        evidence = replace(
+        of_lamps = np.einsum("ls,lb->sb", self.coefficients * fit.flux_factors[:, None], self.bands)
+        direct = _spectral(of_lamps, fit, self.daylight)
+        room, samples, trusted = self.surfaces.room, self.surfaces.samples, self.surfaces.trusted
+        return replace(
             evidence,
-            unsure=_unsure(shadow_edges, fit.irradiance),
-            group=groups_of(reflectance, samples, trusted, room, surfaces.piece),
-            ceiling=_neutral(ceiling, reflectance),
-            white=_whites(reflectance, ceiling),
+            unsure=_unsure(self.shadow_edges, fit.irradiance),
+            group=groups_of(reflectance, samples, trusted, room, self.surfaces.piece),
+            ceiling=_neutral(self.ceiling, reflectance),
+            white=_whites(reflectance, self.ceiling),
             tint=apparent_ratio(
-                reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct), library, daylight
+                reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct),
+                self.library, self.daylight,
             ),
-        )
-        fit = fit_light(
-            evidence, flux_deviation=flux_deviation, start=fit.parameters,
-            observations_per_place=fit.observations_per_place, progress=part,
         )  # fmt: skip
-    return fit, evidence
 
 
 def _sun(

@@ -20,6 +20,8 @@ MIN_DIRECT = 0.15  # [1] share of direct light in a closed room of mean reflecta
 MAX_UNCERTAIN = 0.5  # [1] largest standard deviation of log k for it to be identifiable
 BEAM_EXPONENT = 0.3  # [1] difference from the Lambertian exponent, above which the user is warned
 FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp whose flux differs by more, significantly, draws a warning
+SURE_FAMILY = 0.9  # [1] probability of a tone curve's family, up to which the user is warned
+FILMIC_POWER = 1.25  # [1] half-way between the families of tone curves
 OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area, above which light of unknown lamps draws a warning
 
 
@@ -115,6 +117,18 @@ def sun_note(patches: SunPatches) -> tuple[str, ...]:
         f"from there towards one direction ({height:.0f}° above the horizon, {azimuth:.0f}° from the x axis) leave "
         "through a window. They got the reflectance of the surfaces around them. What lies wholly in the sun still "
         "comes out too bright: draw the blinds against the sun, or assign it by hand.",
+    )
+
+
+def tone_note(fit: LightFit) -> tuple[str, ...]:
+    """A note where the picture hardly tells of which family its tone curve is."""
+    if fit.family_probability > SURE_FAMILY:
+        return ()
+    kind = "filmic (contrast in shadows, pressed highlights)" if fit.tone.power > FILMIC_POWER else "plain"
+    return (
+        f"The picture hardly tells its tone curve: a {kind} one was taken, with a probability of "
+        f"{100 * fit.family_probability:.0f} %. Stated uncertainties include by how much the other kind would "
+        "change reflectances. A grey and a white card in the scan tell the curve ([[materials.cards]]).",
     )
 
 

@@ -13,7 +13,7 @@ from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan, load_scan, save_scan
 from lidarspectra.hardware.phone.frames import DepthMap, Frame, FrameFault
 from lidarspectra.lamps.make_lamp import make_lamp
-from lidarspectra.material.delighting.linear_evidence import shown_of_lamps, tone_prior_of
+from lidarspectra.material.delighting.linear_evidence import shown_of_lamps, tone_priors_of
 from lidarspectra.material.delighting.tone_curve import ToneCurve
 from lidarspectra.material.frames import frame_colors
 from lidarspectra.material.frames.frame_colors import UNTIED, FrameColors, color_from_frames
@@ -159,9 +159,9 @@ def test_a_lamps_radiance_is_told_by_known_exposures_unless_all_frames_cut_it(bo
 
 
 def test_the_curve_that_is_left_is_held_to_a_line(colors: FrameColors) -> None:
-    prior = tone_prior_of(colors.scan.appearance.linear)
+    prior = tone_priors_of(colors.scan.appearance.linear)[0]
     assert prior.shoulder == 0.0
-    assert prior.shoulder_deviation < tone_prior_of(None).shoulder_deviation
+    assert prior.shoulder_deviation < tone_priors_of(None)[0].shoulder_deviation
 
 
 def test_radiance_is_saved_and_read_again(colors: FrameColors, tmp_path) -> None:  # type: ignore[no-untyped-def]

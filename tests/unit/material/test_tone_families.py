@@ -1,0 +1,84 @@
+"""Families of tone curves: which one a picture was made with, and how far it is not known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lidarspectra.material.delighting.albedo import LightFit, fit_light
+from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, ToneCurve, TonePrior
+from lidarspectra.material.delighting.tone_families import fit_other_families, probabilities, widened
+from lidarspectra.workflow.materials.delighting_notes import tone_note
+
+from .lit_walls import evidence
+
+FLUX = np.array([0.15])
+FILMIC = ToneCurve(power=1.6, shoulder=6.0)
+LINEAR = ToneCurve()
+
+
+def photographed(tone: ToneCurve) -> LightEvidence:
+    """White walls and a grey one, through a tone curve."""
+    linear = evidence(3)
+    shown = tone.shown(linear.shown)
+    return replace(linear, shown=shown, face_shown=shown)
+
+
+def both(picture: LightEvidence) -> tuple[LightFit, LightFit]:
+    """A fit of each family."""
+    usual = fit_light(picture, flux_deviation=FLUX)
+    return usual, *fit_other_families(picture, usual, (FILMIC_TONE,), flux_deviation=FLUX)
+
+
+@pytest.mark.parametrize(("tone", "filmic"), [(LINEAR, False), (ToneCurve(shoulder=0.6), False), (FILMIC, True)])
+def test_the_more_probable_family_is_the_camera_s(tone: ToneCurve, filmic: bool) -> None:
+    of_filmic = probabilities(both(photographed(tone)))[1]
+    assert of_filmic > 0.9 if filmic else of_filmic < 0.1
+
+
+def test_the_filmic_fit_finds_the_power_that_the_usual_one_takes_for_less() -> None:
+    usual, filmic = both(photographed(FILMIC))
+    assert abs(np.log(filmic.tone.power / FILMIC.power)) < 0.1
+    assert usual.tone.power < filmic.tone.power
+
+
+def test_a_prior_that_is_needlessly_wide_is_less_probable_by_its_width() -> None:
+    picture = photographed(LINEAR)
+    narrow, wide = (
+        fit_light(
+            replace(picture, tone_prior=TonePrior(power_deviation=deviation)),
+            flux_deviation=FLUX,
+            observations_per_place=4.0,
+        )
+        for deviation in (0.5, 5.0)
+    )
+    assert narrow.log_evidence - wide.log_evidence == pytest.approx(np.log(10.0), abs=0.1)  # the data tell the power
+
+
+def test_a_picture_that_cannot_tell_gets_the_families_difference_for_its_deviation() -> None:
+    one, two = both(photographed(LINEAR))
+    one = replace(one, reflectance=np.full((2, 3), 0.5), log_deviation=np.full((2, 3), 0.03))
+    two = replace(two, reflectance=np.full((2, 3), 0.5 * np.exp(0.2)), log_deviation=np.full((2, 3), 0.05))
+    found = widened(one, (two,), np.array([0.75, 0.25]))
+    assert found.log_deviation == pytest.approx(np.sqrt(0.75 * 0.03**2 + 0.25 * (0.05**2 + 0.2**2)))
+    assert found.reflectance is one.reflectance
+    assert tone_note(found)[0].count("75 %") == 1
+    assert "plain" in tone_note(found)[0]
+
+
+def test_the_only_family_of_a_scan_whose_frames_tell_the_curve_stays_as_it_is() -> None:
+    fit = fit_light(photographed(LINEAR), flux_deviation=FLUX)
+    assert fit_other_families(photographed(LINEAR), fit, (), flux_deviation=FLUX) == ()
+    found = widened(fit, (), probabilities([fit]))
+    assert found.log_deviation == pytest.approx(fit.log_deviation)
+    assert found.family_probability == 1.0
+    assert tone_note(found) == ()
+
+
+def test_a_lamp_s_flux_is_as_unsure_as_the_families_differ_in_it() -> None:
+    one = fit_light(photographed(LINEAR), flux_deviation=FLUX)
+    one = replace(one, flux_factors=np.array([1.0, 1.0]), flux_deviations=np.array([0.1, 0.1]))
+    two = replace(one, flux_factors=np.array([np.e**0.3, np.e**-0.3]))
+    found = widened(one, (two,), np.array([0.5, 0.5]))
+    assert found.flux_deviations == pytest.approx(np.sqrt(0.1**2 + 0.5 * 0.3**2) * np.ones(2))
