@@ -211,9 +211,12 @@ def _least(model: LightObjective, start: FloatArray, progress: Progress, loose: 
     lamps = np.full(model.lamp_count, BOUND_FLUX)
     lamps = np.concatenate([lamps, np.full(model.count - COMMON - model.lamp_count, BOUND_SOURCE)])
     low = np.concatenate([[-BOUNDS_POWER, 0.0], np.full(3, -BOUND_EXPOSURE), [BOUNDS_BEAM[0]], -lamps])
-    high = np.concatenate([[BOUNDS_POWER, BOUND_SHOULDER], np.full(3, BOUND_EXPOSURE), [BOUNDS_BEAM[1]], lamps])
+    tone = model.evidence.tone_prior
+    shoulder = max(BOUND_SHOULDER, tone.shoulder + 2.0 * tone.shoulder_deviation)
+    high = np.concatenate([[BOUNDS_POWER, shoulder], np.full(3, BOUND_EXPOSURE), [BOUNDS_BEAM[1]], lamps])
     return least_squares(
-        model.residuals, start, jac=slopes, bounds=(low, high), x_scale=0.1, xtol=loose * 1e-4, ftol=loose * 1e-5,
+        model.residuals, np.clip(start, low, high), jac=slopes, bounds=(low, high), x_scale=0.1,
+        xtol=loose * 1e-4, ftol=loose * 1e-5,
         tr_solver="exact", max_nfev=MAX_STEPS,
     )  # fmt: skip
 

@@ -48,7 +48,7 @@ LOBES_DEVIATION = (1.0, 1.0)  # [1] the same of other sources, which may shine i
 # directions is 4/(3 pi).
 UPRIGHT_LOBES = 0.5 * np.array([4.0 / (3.0 * np.pi), 1.0 - 4.0 / (3.0 * np.pi), 2.0])
 CELL_M = 1.0  # [m] of a cluster, in which errors of light and exposure are correlated: a phone's frame shows 1 to 2 m
-BOUND_SHOULDER = 3.0  # [1] of log(1 + s)
+BOUND_SHOULDER = 2.3  # [1] of log(1 + s), and two deviations over its prior if that is more
 STEP = 1e-3  # [1] of a parameter, for slopes by differences
 
 

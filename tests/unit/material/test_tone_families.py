@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lidarspectra.material.delighting.albedo import LightFit, fit_light
+from lidarspectra.material.delighting.albedo import BOUND_EXPOSURE, LightFit, fit_light
 from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, ToneCurve, TonePrior
 from lidarspectra.material.delighting.tone_families import fit_other_families, probabilities, widened
@@ -82,3 +82,13 @@ def test_a_lamp_s_flux_is_as_unsure_as_the_families_differ_in_it() -> None:
     two = replace(one, flux_factors=np.array([np.e**0.3, np.e**-0.3]))
     found = widened(one, (two,), np.array([0.5, 0.5]))
     assert found.flux_deviations == pytest.approx(np.sqrt(0.1**2 + 0.5 * 0.3**2) * np.ones(2))
+
+
+@pytest.mark.parametrize("end", [-BOUND_EXPOSURE, BOUND_EXPOSURE])
+def test_a_family_is_tried_also_where_the_exposure_is_at_the_end_of_its_range(end: float) -> None:
+    picture = photographed(LINEAR)
+    fit = fit_light(picture, flux_deviation=FLUX)
+    fit = replace(fit, parameters=np.where(np.arange(fit.parameters.size) == 3, end, fit.parameters))
+    (other,) = fit_other_families(picture, fit, (FILMIC_TONE,), flux_deviation=FLUX)
+    assert np.isfinite(other.log_evidence)
+    assert abs(other.parameters[3]) <= BOUND_EXPOSURE
