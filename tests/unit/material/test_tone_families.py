@@ -25,7 +25,7 @@ def photographed(tone: ToneCurve) -> LightEvidence:
     return replace(linear, shown=shown, face_shown=shown)
 
 
-def both(picture: LightEvidence) -> tuple[LightFit, LightFit]:
+def both(picture: LightEvidence) -> tuple[LightFit, ...]:
     """A fit of each family."""
     usual = fit_light(picture, flux_deviation=FLUX)
     return usual, *fit_other_families(picture, usual, (FILMIC_TONE,), flux_deviation=FLUX)
@@ -79,7 +79,7 @@ def test_the_only_family_of_a_scan_whose_frames_tell_the_curve_stays_as_it_is() 
 def test_a_lamp_s_flux_is_as_unsure_as_the_families_differ_in_it() -> None:
     one = fit_light(photographed(LINEAR), flux_deviation=FLUX)
     one = replace(one, flux_factors=np.array([1.0, 1.0]), flux_deviations=np.array([0.1, 0.1]))
-    two = replace(one, flux_factors=np.array([np.e**0.3, np.e**-0.3]))
+    two = replace(one, flux_factors=np.exp([0.3, -0.3]))
     found = widened(one, (two,), np.array([0.5, 0.5]))
     assert found.flux_deviations == pytest.approx(np.sqrt(0.1**2 + 0.5 * 0.3**2) * np.ones(2))
 
