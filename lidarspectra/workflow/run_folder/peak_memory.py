@@ -1,10 +1,17 @@
 """The highest memory that a piece of work takes, of this process and of all that it starts."""
 
+import math
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-MEMORY_SAMPLE_S = 0.1  # [s] how often the memory of the process tree is looked at
+if TYPE_CHECKING:
+    import psutil
+
+MEMORY_SAMPLE_S = 0.1  # [s] how often this process's memory is looked at
+PROCESSES_SAMPLE_S = 0.5  # [s] and that of all it started: to find them, every process of the machine is looked at
 
 
 class Peak:
@@ -12,19 +19,34 @@ class Peak:
 
     def __init__(self) -> None:
         self.mib = 0.0
+        self._started_mib = 0.0
+        self._looked_s = -math.inf
 
-    def sample(self) -> None:
-        """Look at it now."""
+    def sample(self, *, all_processes: bool = True) -> None:
+        """Look at it now.
+
+        Parameters
+        ----------
+        all_processes : bool
+            Look for processes that were started; else they are taken to have what they had, for `PROCESSES_SAMPLE_S`.
+        """
         import psutil
 
         process = psutil.Process()
-        total = process.memory_info().rss
-        for child in process.children(recursive=True):
-            try:
-                total += child.memory_info().rss
-            except psutil.Error:  # it ended between being listed and being asked
-                continue
-        self.mib = max(self.mib, total / 2**20)
+        if all_processes or time.monotonic() - self._looked_s >= PROCESSES_SAMPLE_S:
+            self._started_mib = sum(_memory_mib(child) for child in process.children(recursive=True))
+            self._looked_s = time.monotonic()
+        self.mib = max(self.mib, _memory_mib(process) + self._started_mib)
+
+
+def _memory_mib(process: "psutil.Process") -> float:
+    """Resident memory; none of a process that has ended since it was listed [MiB]."""
+    import psutil
+
+    try:
+        return float(process.memory_info().rss) / 2**20
+    except psutil.Error:
+        return 0.0
 
 
 @contextmanager
@@ -35,7 +57,7 @@ def peak_memory() -> Iterator[Peak]:
 
     def watch() -> None:
         while not done.wait(MEMORY_SAMPLE_S):
-            peak.sample()
+            peak.sample(all_processes=False)
 
     watcher = threading.Thread(target=watch, daemon=True)
     watcher.start()
