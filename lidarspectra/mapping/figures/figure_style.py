@@ -41,6 +41,7 @@ DIFFERENCE_MAP = "RdBu_r"  # white in the middle
 ERROR_MAP = "cividis"  # another quantity, another map
 POINTS_PER_IN = 72.0
 DPI = 200  # [1/in] of the PNG files
+PAGE_DPI = 144  # [1/in] of pictures within SVG: three pixels for two of a page that shows the figure at its own width
 PAGE_WIDTH_IN = 10.0  # [in] a figure over the whole width of the page
 LONGEST_LABEL = 40  # characters of a user's name in a figure
 FileType = Literal["png", "svg", "pdf"]
@@ -189,7 +190,7 @@ def svg_text(figure: Figure) -> str:
     """A figure in house style as a file of SVG, without a background."""
     stream = io.BytesIO()
     with house_style():
-        figure.savefig(stream, format="svg", transparent=True, metadata=_MARKS["svg"])
+        figure.savefig(stream, format="svg", transparent=True, dpi=PAGE_DPI, metadata=_MARKS["svg"])
     return stream.getvalue().decode("utf-8")
 
 

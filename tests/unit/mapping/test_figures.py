@@ -1,5 +1,7 @@
 """Figures: units on every axis, the right things shown, and no trouble with odd rooms and names."""
 
+import base64
+import io
 import re
 from xml.etree import ElementTree
 
@@ -19,7 +21,16 @@ from lidarspectra.mapping.figures.channel_figures import (
     reflectances_figure,
     spectra_figure,
 )
-from lidarspectra.mapping.figures.figure_style import inline_svg, plain, prefix_of, save_figure
+from lidarspectra.mapping.figures.figure_style import (
+    PAGE_DPI,
+    inline_svg,
+    new_figure,
+    place,
+    plain,
+    prefix_of,
+    save_figure,
+    svg_text,
+)
 from lidarspectra.mapping.figures.floor_plan import AirOnLevel, FloorPlan
 from lidarspectra.mapping.figures.map_figures import (
     error_figure,
@@ -198,6 +209,15 @@ def test_figures_are_saved_as_png_of_200_dpi_and_svg_and_as_pdf_where_asked_for(
     assert save_figure(figure, tmp_path, "plan", kinds=["pdf"])[0].read_bytes().startswith(b"%PDF")
     with pytest.raises(MapError, match="can be written"):
         save_figure(figure, tmp_path / "nowhere", "plan")
+
+
+def test_pictures_within_a_page_have_three_pixels_for_two_of_the_page_s():
+    figure = new_figure(3.0, 2.0)
+    place(figure, 0.5, 0.5, 2.0, 1.0).imshow(np.random.default_rng(1).random((50, 100)), aspect="auto")
+    picture = re.search(r'base64,\s*([^"]+)"', svg_text(figure))
+    assert picture is not None
+    width, height = Image.open(io.BytesIO(base64.b64decode(picture[1]))).size
+    assert (width, height) == pytest.approx((2.0 * PAGE_DPI, 1.0 * PAGE_DPI), abs=2)
 
 
 def test_the_same_numbers_give_the_same_files(make_transport, plan, tmp_path):
