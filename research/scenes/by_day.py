@@ -91,7 +91,7 @@ SUN_AT = {"office": (30.0, 40.0), "apartment": (-70.0, 35.0), "large-office": (-
 SHADE = "floor lamp"  # names of the parts that are its shade, stand and foot begin so
 SHADE_M, SHADE_LOW_M, STAND_M = (0.3, 0.3, 0.3), 1.35, 0.03
 SHADE_AT = {"office": (0.75, 0.5), "apartment": (2.2, 0.6), "large-office": (6.0, 4.4)}  # [m] middle
-# Tone curve, exposure (share of white at which the brightest 3 % are), white balance; plain sRGB, filmic, lifted.
+# Tone curve, exposure (share of white at which the brightest 3 % are), white balance; lifted, plain sRGB, lifted more.
 CAMERAS: tuple[tuple[float | Curve, float, float], ...] = ((0.6, 0.8, 0.85), (0.0, 0.6, 0.6), (1.2, 0.4, 1.0))
 HELD_OUT_CAMERAS: tuple[tuple[float | Curve, float, float], ...] = ((0.9, 0.7, 0.75), ("filmic", 0.55, 0.95))
 

@@ -14,6 +14,7 @@ Narkowicz (2015) ACES filmic tone mapping curve. Hejl, Burgess-Dawson (2010) Fil
 rendering, SIGGRAPH course.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +41,12 @@ class TonePrior:
     power_deviation: float = 0.15
     shoulder: float = 0.4
     shoulder_deviation: float = 0.5
+
+    def deviations_of(self, tone: "ToneCurve") -> float:
+        """How many standard deviations a curve is from the mean [1]."""
+        power = (math.log(tone.power) - self.power) / self.power_deviation
+        shoulder = (math.log1p(tone.shoulder) - self.shoulder) / self.shoulder_deviation
+        return math.hypot(power, shoulder)
 
 
 USUAL_TONE = TonePrior()

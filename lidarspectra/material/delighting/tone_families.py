@@ -6,8 +6,11 @@ each is fitted. The probability of family m is
 
     p_m = Z_m / sum Z,                                                                                            (1)
 
-with Z the evidence that a fit states (`albedo`, Eq. 3), all families being equally likely beforehand. The most probable
-one is taken, and with its log reflectance r and variance v, and those of the others, the variance about it is
+with Z the evidence that a fit states (`albedo`, Eq. 3), all families being equally likely beforehand. But Z takes every
+misfit for noise, and in a real room the light errs by more: a curve is then rewarded for what the lamps' light leaves.
+So a family must also leave less scatter within surfaces than the usual one, which comes first; where it has the
+greater evidence and the greater scatter, the two count as equally probable. The most probable is taken, the usual one
+of equals. With its log reflectance r and variance v, and those of the others, the variance about it is
 
     V = sum p_m [v_m + (r_m - r)²],                                                                               (2)
 
@@ -89,8 +92,14 @@ def _start(evidence: LightEvidence, fit: LightFit, prior: TonePrior) -> FloatArr
 
 
 def probabilities(fits: Sequence[LightFit]) -> FloatArray:
-    """(fit,) probability of each family (Eq. 1), given a fit of each to the same evidence [0-1]."""
-    logs = np.array([fit.log_evidence for fit in fits])
+    """(fit,) probability of each family, given a fit of each to the same evidence [0-1].
+
+    Eq. 1, but that no family is more probable than the first unless its fit also leaves less scatter within surfaces.
+    """
+    usual, *_ = fits
+    logs = np.array(
+        [min(fit.log_evidence, usual.log_evidence) if fit.scatter > usual.scatter else fit.log_evidence for fit in fits]
+    )
     weights = np.exp(logs - logs.max())
     return np.asarray(weights / weights.sum(), dtype=np.float64)
 

@@ -11,6 +11,7 @@ from lidarspectra.material.delighting.albedo import MAX_STEPS, LightFit
 from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE, COMMON
 from lidarspectra.material.delighting.sun_patches import SunPatches
+from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, USUAL_TONE
 from lidarspectra.material.delighting.unknown_light import UnknownSource
 
 MIN_WHITE = 0.75  # [1] least reflectance of a surface called white
@@ -21,7 +22,6 @@ MAX_UNCERTAIN = 0.5  # [1] largest standard deviation of log k for it to be iden
 BEAM_EXPONENT = 0.3  # [1] difference from the Lambertian exponent, above which the user is warned
 FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp whose flux differs by more, significantly, draws a warning
 SURE_FAMILY = 0.9  # [1] probability of a tone curve's family, up to which the user is warned
-FILMIC_POWER = 1.25  # [1] half-way between the families of tone curves
 OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area, above which light of unknown lamps draws a warning
 
 
@@ -124,7 +124,8 @@ def tone_note(fit: LightFit) -> tuple[str, ...]:
     """A note where the picture hardly tells of which family its tone curve is."""
     if fit.family_probability > SURE_FAMILY:
         return ()
-    kind = "filmic (contrast in shadows, pressed highlights)" if fit.tone.power > FILMIC_POWER else "plain"
+    filmic = FILMIC_TONE.deviations_of(fit.tone) < USUAL_TONE.deviations_of(fit.tone)
+    kind = "filmic (contrast in shadows, pressed highlights)" if filmic else "plain"
     return (
         f"The picture hardly tells its tone curve: a {kind} one was taken, with a probability of "
         f"{100 * fit.family_probability:.0f} %. Stated uncertainties include by how much the other kind would "

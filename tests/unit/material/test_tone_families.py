@@ -37,6 +37,25 @@ def test_the_more_probable_family_is_the_camera_s(tone: ToneCurve, filmic: bool)
     assert of_filmic > 0.9 if filmic else of_filmic < 0.1
 
 
+def test_a_family_that_is_more_probable_but_leaves_more_scatter_counts_as_much_as_the_usual_one() -> None:
+    usual, filmic = both(photographed(FILMIC))
+    scattered = replace(filmic, scatter=1.01 * usual.scatter)
+    assert probabilities((usual, filmic))[1] > 0.9
+    assert probabilities((usual, scattered)) == pytest.approx([0.5, 0.5])
+    less = replace(scattered, log_evidence=usual.log_evidence - 3.0)  # scatter makes nothing more probable
+    assert probabilities((usual, less)) == pytest.approx([1.0 / (1.0 + np.exp(-3.0)), 1.0 / (1.0 + np.exp(3.0))])
+
+
+@pytest.mark.parametrize(
+    ("power", "shoulder", "kind"),
+    [(1.0, 0.4, "plain"), (1.46, 1.7, "plain"), (1.5, 6.0, "filmic"), (1.2, 9.0, "filmic")],
+)
+def test_a_curve_is_called_after_the_family_that_it_is_nearer_to(power: float, shoulder: float, kind: str) -> None:
+    fit = fit_light(photographed(LINEAR), flux_deviation=FLUX)
+    fit = replace(fit, tone=ToneCurve(power=power, shoulder=shoulder), family_probability=0.5)
+    assert f"a {kind}" in tone_note(fit)[0]
+
+
 def test_the_filmic_fit_finds_the_power_that_the_usual_one_takes_for_less() -> None:
     usual, filmic = both(photographed(FILMIC))
     assert abs(np.log(filmic.tone.power / FILMIC.power)) < 0.1
