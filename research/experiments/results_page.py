@@ -83,11 +83,11 @@ PARTS = (
     ),
     Part(
         title="Scan after scan: by night, by day, with six readings",
-        words="Each scene is scanned anew three times, with other noise and another camera (plain sRGB, "
-        "shadows lifted a little, and more; exposure and white balance of its own), by night, its blinds drawn, and by day, with as much "
-        "light by its windows as by its lamps (in the apartment twice as much). The map is of the lamps alone. In the "
-        "last columns each lamp's flux is off by 20 % besides, and a lux meter is read six times where the plan "
-        "says in the true room, with 3 % of noise.",
+        words="Each scene is scanned anew three times, with other noise and another camera (plain sRGB, shadows "
+        "lifted a little, and more; exposure and white balance of its own), by night, its blinds drawn, and by day, "
+        "with as much light by its windows as by its lamps (in the apartment twice as much). The map is of the lamps "
+        "alone. In the last columns each lamp's flux is off by 20 % besides, and a lux meter is read six times where "
+        "the plan says in the true room, with 3 % of noise.",
         tables=("scan-after-scan",),
     ),
     Part(
