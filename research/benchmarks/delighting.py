@@ -47,7 +47,7 @@ from lidarspectra.spectra.databases import load_reflectances, scenes_folder, tri
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, ReflectanceLibrary
 from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 from lidarspectra.spectra.spectrum_files import TableRow, read_table
-from lidarspectra.workflow.materials import delighting
+from lidarspectra.workflow.materials import light_rounds
 from lidarspectra.workflow.materials.delighting import take_light_out
 from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from research.benchmarks.spectraldb import imported
@@ -224,11 +224,11 @@ def main() -> None:
     parser.add_argument("scenes", nargs="*", default=["office", "apartment"])
     parser.add_argument("--mesh", choices=["flat", "scanned", "both"], default="flat")
     parser.add_argument("--spectraldb", type=Path)
-    parser.add_argument("--white-from", type=float, default=delighting.LIGHT_REFLECTANCE, help="2: no whites")
+    parser.add_argument("--white-from", type=float, default=light_rounds.LIGHT_REFLECTANCE, help="2: no whites")
     given = parser.parse_args()
     meshes: tuple[Mesh, ...] = ("scanned", "flat") if given.mesh == "both" else (given.mesh,)
     with ExitStack() as stack:
-        stack.enter_context(patch.object(delighting, "LIGHT_REFLECTANCE", given.white_from))
+        stack.enter_context(patch.object(light_rounds, "LIGHT_REFLECTANCE", given.white_from))
         library = load_reflectances()
         if given.spectraldb is not None:
             spectraldb = stack.enter_context(imported(given.spectraldb))

@@ -1,14 +1,14 @@
 """De-light a scan's colours, from the direct light of lamps and other sources and the light between its surfaces.
 
 `material.delighting.albedo` has the method; here its evidence is gathered (samples of the surfaces, form factors
-between them, direct light of the lamps), and its result is interpolated from the samples to all faces.
+between them, direct light of the lamps), `light_rounds` fits it, and the result is interpolated from the samples to all
+faces.
 """
 
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -18,20 +18,17 @@ from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.colors import surface_colors
-from lidarspectra.material.delighting.albedo import LightFit, fit_light
+from lidarspectra.material.delighting.albedo import LightFit
 from lidarspectra.material.delighting.cards import Card, SeenCards, beside_cards, look_at_cards
-from lidarspectra.material.delighting.clipped_light import CLIPPED, DARK, beyond_white
-from lidarspectra.material.delighting.colored_light import BANDS, Exchange, apparent_ratio
+from lidarspectra.material.delighting.clipped_light import CLIPPED, DARK
 from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.light_exchange import exchange_matrix
 from lidarspectra.material.delighting.light_objective import (
-    BRIGHTEST_REFLECTANCE,
     CELL_M,
     LOG_SCATTER,
     STATED_FLUX_DEVIATION,
 )
 from lidarspectra.material.delighting.linear_evidence import (
-    UnseenFaces,
     shown_of_lamps,
     shown_of_sources,
     spread_of_views,
@@ -40,10 +37,8 @@ from lidarspectra.material.delighting.linear_evidence import (
 )
 from lidarspectra.material.delighting.one_paint import Paints, one_paint
 from lidarspectra.material.delighting.plane_pieces import plane_pieces
-from lidarspectra.material.delighting.sharpened_cones import cones_of_light, cones_of_srgb, srgb_of_cones
+from lidarspectra.material.delighting.sharpened_cones import cones_of_light
 from lidarspectra.material.delighting.sun_patches import Openings, SunPatches, find_sun_patches
-from lidarspectra.material.delighting.tone_curve import TonePrior
-from lidarspectra.material.delighting.tone_families import fit_other_families, probabilities, widened
 from lidarspectra.material.delighting.unknown_light import (
     OPEN_SHARE,
     PANE_DEVIATION,
@@ -68,8 +63,8 @@ from lidarspectra.radiance.sampling.direct_light import direct_coefficients
 from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.room.light_samples import LIFT_M, Samples, samples_of
 from lidarspectra.room.room import Room
-from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances, tristimulus_table
-from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, ReflectanceLibrary
+from lidarspectra.spectra.databases import lamp_spectrum, tristimulus_table
+from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.materials.delighting_notes import (
     beam_note,
@@ -94,19 +89,19 @@ from lidarspectra.workflow.materials.delighting_samples import (
     shadow_edges_of,
     spread_of,
 )
+from lidarspectra.workflow.materials.light_rounds import (
+    REFLECTANCE_RANGE,
+    Surfaces,
+    face_reflectance,
+    fit_in_rounds,
+)
 
 SAMPLES = 6_000  # surface points with a light estimate; with 3,000, reflectances differ by 1 %
 RAYS = 128  # rays per sample for the form factors to other surfaces
-NEUTRAL = 0.12  # [1] largest spread of a white ceiling's reflectance over the three channels
-ROUNDS = 3  # of grouping by hue and fitting; in the first the hues are still tinted by the light
-REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
 SCATTERED_RANGE = (REFLECTANCE_RANGE[0], 2.0)  # [1] of single faces, whose light is uncertain
-LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly white (research/benchmarks/whites.py)
-STRAY_LIGHT = 0.02  # [1] of white, from neighbouring places: edges are rounded, frames blended, lenses glare
 MIN_PHOTOGRAPHED = 0.2  # [1] least share of the area whose colour shows light; the rest was drawn by a program
 MIN_WITNESSES = 16  # least independent places, over twice the number of unknowns
 SHINES = 2.0  # [1] of the light that falls on a source; paint sends less, and fits are not so sure
-GREEN_NM = (500.0, 600.0)  # [nm] where the middle cone responds
 CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
 SHARES = (
     0.1,
@@ -115,8 +110,6 @@ SHARES = (
     0.55,
     0.3,
 )  # of the time: colours, direct light, form factors, the fits, and their repetition if needed
-# of the fits' time: the first, which has several starting points, the others, and other families of tone curves
-ROUND_SHARES = (0.3, *(0.45 / (ROUNDS - 1),) * (ROUNDS - 1), 0.25)
 SEED = 20240911  # of samples and rays; the same scan gives the same reflectances
 
 
@@ -157,23 +150,6 @@ def _left_in(reason: str, fit: LightFit | None = None) -> Delighting:
         "reflectances may be far off."
     )
     return Delighting(face_color=None, face_deviation=None, fit=fit, words="", warnings=(words,))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Surfaces:
-    """A scan, its faces with `known` colours, and points of it; of those with usable colours `trusted` is True.
-
-    `spread` interpolates from the points to all faces; `piece` of its plane is where each point lies.
-    """
-
-    scan: Scan
-    room: Room
-    known: BoolArray
-    samples: Samples
-    spread: csr_array
-    piece: IntArray
-    trusted: BoolArray
-    unseen: UnseenFaces
 
 
 def take_light_out(
@@ -258,7 +234,7 @@ def take_light_out(
     face_lamp |= _faces_of(sources, scan)
     unseen = unseen_faces(scan, known)
     spread = spread_of(scan, samples)
-    surfaces = _Surfaces(
+    surfaces = Surfaces(
         scan=scan, room=room, known=known, samples=samples, spread=spread, trusted=trusted, unseen=unseen,
         piece=plane_pieces(caster, samples.positions, samples.normals),
     )  # fmt: skip
@@ -291,11 +267,11 @@ def take_light_out(
             "too few of its surfaces receive direct light of the lamps. Check the lamps' places in the run file."
         )
     unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
-    found = _fit(surfaces, lamps, evidence, coefficients, unsure_of, tone_families[1:], fitting)
+    found = fit_in_rounds(surfaces, lamps, evidence, coefficients, unsure_of, tone_families[1:], fitting)
     identifiable = identifiable_lamps(found[0])
     if not fluxes_stated and not identifiable.all():  # fluxes that are not identifiable must not absorb other errors
         unsure_of = np.where(identifiable, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
-        found = _fit(surfaces, lamps, evidence, coefficients, unsure_of, tone_families[1:], fitting_again)
+        found = fit_in_rounds(surfaces, lamps, evidence, coefficients, unsure_of, tone_families[1:], fitting_again)
     fit, evidence = found
     if (why := doubt(fit)) is not None:
         return _left_in(why, fit)
@@ -386,96 +362,6 @@ def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_
     return replace(materials, materials=tuple(changed))
 
 
-def _fit(
-    surfaces: _Surfaces,
-    lamps: Sequence[Lamp],
-    evidence: LightEvidence,
-    coefficients: FloatArray,
-    flux_deviation: FloatArray,
-    other_families: Sequence[TonePrior],
-    progress: Progress,
-) -> tuple[LightFit, LightEvidence]:
-    """Fit camera and light, group surfaces by the hue that results, and fit again; then choose the tone curve's family.
-
-    All families are fitted to the groups that the first one's fit made. Where another is more probable, surfaces are
-    grouped by its fit and fitted once more; the probabilities stay.
-    """
-    first, *following, weighing = shares(progress, ROUND_SHARES)
-    fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
-    grouping = _Grouping.of(surfaces, lamps, evidence, coefficients)
-    for part in following:
-        part(0.0, "surfaces of one hue")
-        evidence = grouping.regrouped(evidence, fit)
-        fit = _fit_again(evidence, fit, flux_deviation, part)
-    trying, ending = shares(weighing, (0.7, 0.3))
-    fits = [fit, *fit_other_families(evidence, fit, other_families, flux_deviation=flux_deviation, progress=trying)]
-    probability = probabilities(fits)
-    best = int(probability.argmax())
-    if best > 0:
-        evidence = replace(grouping.regrouped(evidence, fits[best]), tone_prior=other_families[best - 1])
-        fits[best] = _fit_again(evidence, fits[best], flux_deviation, ending)
-    order = [best, *(number for number in range(len(fits)) if number != best)]
-    return widened(fits[best], [fits[number] for number in order[1:]], probability[order]), evidence
-
-
-def _fit_again(evidence: LightEvidence, fit: LightFit, flux_deviation: FloatArray, progress: Progress) -> LightFit:
-    """From where another fit ended."""
-    return fit_light(
-        evidence, flux_deviation=flux_deviation, start=fit.parameters,
-        observations_per_place=fit.observations_per_place, progress=progress,
-    )  # fmt: skip
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Grouping:
-    """What surfaces are grouped with by a fit: their `bands` of (lamp, sample) direct light."""
-
-    surfaces: _Surfaces
-    coefficients: FloatArray
-    bands: FloatArray
-    shadow_edges: FloatArray
-    ceiling: BoolArray
-    library: ReflectanceLibrary
-    daylight: Spectrum
-
-    @classmethod
-    def of(cls, surfaces: _Surfaces, lamps: Sequence[Lamp], evidence: LightEvidence, coefficients: FloatArray) -> Self:
-        """Of evidence before the first grouping."""
-        bands = np.array([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps])
-        return cls(
-            surfaces=surfaces, coefficients=coefficients, bands=bands.reshape(len(lamps), len(BANDS)),
-            shadow_edges=evidence.unsure, ceiling=evidence.ceiling,
-            library=load_reflectances(), daylight=lamp_spectrum("D65").spectrum,
-        )  # fmt: skip
-
-    def regrouped(self, evidence: LightEvidence, fit: LightFit) -> LightEvidence:
-        """Evidence with surfaces grouped by the hue that a fit makes of them, and with its light."""
-        spread, unseen = self.surfaces.spread, self.surfaces.unseen
-        reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
-        light = spread @ fit.irradiance
-        excess = unseen.excess(
-            beyond_white(evidence.face_shown, light), evidence.face_shown,
-            _face_reflectance(evidence, fit, spread), srgb_of_cones(light),
-        )  # fmt: skip
-        evidence = replace(evidence, face_excess=excess)
-        faces = _face_reflectance(evidence, fit, spread)
-        faces[evidence.face_lamp] = 0.0
-        of_lamps = np.einsum("ls,lb->sb", self.coefficients * fit.flux_factors[:, None], self.bands)
-        direct = _spectral(of_lamps, fit, self.daylight)
-        room, samples, trusted = self.surfaces.room, self.surfaces.samples, self.surfaces.trusted
-        return replace(
-            evidence,
-            unsure=_unsure(self.shadow_edges, fit.irradiance),
-            group=groups_of(reflectance, samples, trusted, room, self.surfaces.piece),
-            ceiling=_neutral(self.ceiling, reflectance),
-            white=_whites(reflectance, self.ceiling),
-            tint=apparent_ratio(
-                reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct),
-                self.library, self.daylight,
-            ),
-        )  # fmt: skip
-
-
 def _sun(
     scan: Scan,
     caster: RayCaster,
@@ -491,7 +377,7 @@ def _sun(
 
 
 def _of_faces(
-    surfaces: _Surfaces,
+    surfaces: Surfaces,
     evidence: LightEvidence,
     fit: LightFit,
     spread: csr_array,
@@ -504,7 +390,7 @@ def _of_faces(
     # What scatters about a paint's mean is limited after the mean is taken: before, it would darken white ones.
     paints = one_paint(
         scan,
-        _face_reflectance(evidence, fit, spread, limits=SCATTERED_RANGE),
+        face_reflectance(evidence, fit, spread, limits=SCATTERED_RANGE),
         known & ~sunny,
         turn_deg=surfaces.room.wall_angle_deg,
         piece=surfaces.piece[np.asarray(spread.argmax(axis=1)).ravel()],
@@ -553,19 +439,6 @@ def _closed(exchange: csr_array) -> csr_array:
     return csr_array((inside.data, inside.indices, inside.indptr), shape=exchange.shape)
 
 
-def _spectral(of_lamps: FloatArray, fit: LightFit, daylight: Spectrum) -> FloatArray:
-    """(sample, band) direct light in the camera's unit, from the lamps' in any; unnamed sources are taken for daylight.
-
-    The middle cone's response tells how much of either there is.
-    """
-    green = (BANDS.centers_nm > GREEN_NM[0]) & (BANDS.centers_nm < GREEN_NM[1])
-    other = np.zeros(len(of_lamps)) if fit.other is None else fit.other[:, 1]
-    lamps = np.maximum(fit.straight[:, 1] - other, 0.0)
-    sky = BANDS.band_values(daylight, outside="nearest")
-    scale = lamps / np.maximum(of_lamps[:, green].mean(axis=1), 1e-30)
-    return np.asarray(scale[:, None] * of_lamps + other[:, None] * (sky / sky[green].mean()), dtype=np.float64)
-
-
 def _witnesses(evidence: LightEvidence) -> int:
     used = evidence.group >= 0
     return len(np.unique(np.stack([evidence.group[used], evidence.cell[used]], axis=1), axis=0))
@@ -576,30 +449,3 @@ def _lamp_cones(lamps: Sequence[Lamp]) -> FloatArray:
     daylight, weights = lamp_spectrum("D65").spectrum, tristimulus_table()
     cones = [cones_of_light(lamp.flux, daylight, COLOR_GRID_NM, weights) for lamp in lamps]
     return np.array(cones, dtype=np.float64).reshape(len(lamps), 3)
-
-
-def _neutral(ceiling: BoolArray, reflectance: FloatArray) -> BoolArray:
-    """The ceiling if it is near neutral; a coloured one is no reference for white."""
-    if not ceiling.any():
-        return ceiling
-    color = np.median(reflectance[ceiling], axis=0)
-    return ceiling if np.ptp(color) <= NEUTRAL * color.max() else np.zeros_like(ceiling)
-
-
-def _whites(reflectance: FloatArray, ceiling: BoolArray) -> BoolArray:
-    """(sample,) whether it is light and not of the ceiling, whose prior is counted separately."""
-    return np.asarray(~ceiling & (cones_of_srgb(reflectance)[:, 1] > LIGHT_REFLECTANCE), dtype=np.bool_)
-
-
-def _unsure(shadow_edges: FloatArray, irradiance: FloatArray) -> FloatArray:
-    """(sample, 3) relative uncertainty of the (sample, 3) light: at shadow edges, and by stray light."""
-    return np.asarray(np.hypot(shadow_edges, STRAY_LIGHT / irradiance), dtype=np.float64)
-
-
-def _face_reflectance(
-    evidence: LightEvidence, fit: LightFit, spread: csr_array, *, limits: tuple[float, float] = REFLECTANCE_RANGE
-) -> FloatArray:
-    """(face, 3) reflectance in linear sRGB: radiosity of each face over the irradiance interpolated from samples."""
-    light = fit.irradiance if evidence.tint is None else fit.irradiance * evidence.tint
-    seen = cones_of_srgb(evidence.face_light(fit.tone))
-    return np.clip(srgb_of_cones(seen / np.exp(spread @ np.log(light))), *limits)

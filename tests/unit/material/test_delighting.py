@@ -12,9 +12,9 @@ from lidarspectra.material.delighting.clipped_light import beyond_white
 from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
 from lidarspectra.spectra.spectrum import Spectrum
-from lidarspectra.workflow.materials.delighting import STRAY_LIGHT, _unsure, _whites
 from lidarspectra.workflow.materials.delighting_notes import unsettled_note, whiter_than_paint_note
 from lidarspectra.workflow.materials.delighting_samples import near_lamps
+from lidarspectra.workflow.materials.light_rounds import STRAY_LIGHT, _unsure, _whites
 
 from .lit_walls import evidence
 

@@ -1,0 +1,205 @@
+"""Camera and light fitted in rounds: surfaces are grouped by the hue that a fit makes of them, and fitted again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.material.delighting.albedo import LightFit, fit_light
+from lidarspectra.material.delighting.clipped_light import beyond_white
+from lidarspectra.material.delighting.colored_light import BANDS, Exchange, apparent_ratio
+from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
+from lidarspectra.material.delighting.linear_evidence import UnseenFaces
+from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb, srgb_of_cones
+from lidarspectra.material.delighting.tone_curve import TonePrior
+from lidarspectra.material.delighting.tone_families import fit_other_families, probabilities, widened
+from lidarspectra.progress import Progress, shares
+from lidarspectra.room.light_samples import Samples
+from lidarspectra.room.room import Room
+from lidarspectra.spectra.databases import lamp_spectrum, load_reflectances
+from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.workflow.materials.delighting_samples import groups_of
+
+NEUTRAL = 0.12  # [1] largest spread of a white ceiling's reflectance over the three channels
+ROUNDS = 3  # of grouping by hue and fitting; in the first the hues are still tinted by the light
+REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
+LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly white (research/benchmarks/whites.py)
+STRAY_LIGHT = 0.02  # [1] of white, from neighbouring places: edges are rounded, frames blended, lenses glare
+GREEN_NM = (500.0, 600.0)  # [nm] where the middle cone responds
+# of the fits' time: the first, which has several starting points, the others, and other families of tone curves
+ROUND_SHARES = (0.3, *(0.45 / (ROUNDS - 1),) * (ROUNDS - 1), 0.25)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Surfaces:
+    """A scan, its faces with `known` colours, and points of it; of those with usable colours `trusted` is True.
+
+    `spread` interpolates from the points to all faces; `piece` of its plane is where each point lies.
+    """
+
+    scan: Scan
+    room: Room
+    known: BoolArray
+    samples: Samples
+    spread: csr_array
+    piece: IntArray
+    trusted: BoolArray
+    unseen: UnseenFaces
+
+
+def fit_in_rounds(
+    surfaces: Surfaces,
+    lamps: Sequence[Lamp],
+    evidence: LightEvidence,
+    coefficients: FloatArray,
+    flux_deviation: FloatArray,
+    other_families: Sequence[TonePrior],
+    progress: Progress,
+) -> tuple[LightFit, LightEvidence]:
+    """Fit camera and light, group surfaces by the hue that results, and fit again; then choose the tone curve's family.
+
+    All families are fitted to the groups that the first one's fit made. Where another is more probable, surfaces are
+    grouped by its fit and fitted once more; the probabilities stay.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+    lamps : sequence of Lamp
+    evidence : LightEvidence
+        With groups by place alone, and the prior of the usual family of tone curves.
+    coefficients : (lamp, sample) float
+        Direct light of each lamp over its flux. [m⁻²]
+    flux_deviation : (lamp,) float
+        As in `albedo.fit_light`. [1]
+    other_families : sequence of TonePrior
+        Other families of tone curves; none where frames tell the curve.
+    progress : Progress
+
+    Returns
+    -------
+    fit : LightFit
+        Of the most probable family, its deviations widened for the others.
+    evidence : LightEvidence
+        That it was fitted to.
+    """
+    first, *following, weighing = shares(progress, ROUND_SHARES)
+    fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
+    grouping = _Grouping.of(surfaces, lamps, evidence, coefficients)
+    for part in following:
+        part(0.0, "surfaces of one hue")
+        evidence = grouping.regrouped(evidence, fit)
+        fit = _fit_again(evidence, fit, flux_deviation, part)
+    trying, ending = shares(weighing, (0.7, 0.3))
+    fits = [fit, *fit_other_families(evidence, fit, other_families, flux_deviation=flux_deviation, progress=trying)]
+    probability = probabilities(fits)
+    best = int(probability.argmax())
+    if best > 0:
+        evidence = replace(grouping.regrouped(evidence, fits[best]), tone_prior=other_families[best - 1])
+        fits[best] = _fit_again(evidence, fits[best], flux_deviation, ending)
+    order = [best, *(number for number in range(len(fits)) if number != best)]
+    return widened(fits[best], [fits[number] for number in order[1:]], probability[order]), evidence
+
+
+def _fit_again(evidence: LightEvidence, fit: LightFit, flux_deviation: FloatArray, progress: Progress) -> LightFit:
+    """From where another fit ended."""
+    return fit_light(
+        evidence, flux_deviation=flux_deviation, start=fit.parameters,
+        observations_per_place=fit.observations_per_place, progress=progress,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Grouping:
+    """What surfaces are grouped with by a fit: their `bands` of (lamp, sample) direct light."""
+
+    surfaces: Surfaces
+    coefficients: FloatArray
+    bands: FloatArray
+    shadow_edges: FloatArray
+    ceiling: BoolArray
+    library: ReflectanceLibrary
+    daylight: Spectrum
+
+    @classmethod
+    def of(cls, surfaces: Surfaces, lamps: Sequence[Lamp], evidence: LightEvidence, coefficients: FloatArray) -> Self:
+        """Of evidence before the first grouping."""
+        bands = np.array([BANDS.band_values(lamp.flux, outside="zero") for lamp in lamps])
+        return cls(
+            surfaces=surfaces, coefficients=coefficients, bands=bands.reshape(len(lamps), len(BANDS)),
+            shadow_edges=evidence.unsure, ceiling=evidence.ceiling,
+            library=load_reflectances(), daylight=lamp_spectrum("D65").spectrum,
+        )  # fmt: skip
+
+    def regrouped(self, evidence: LightEvidence, fit: LightFit) -> LightEvidence:
+        """Evidence with surfaces grouped by the hue that a fit makes of them, and with its light."""
+        spread, unseen = self.surfaces.spread, self.surfaces.unseen
+        reflectance = np.clip(srgb_of_cones(fit.reflectance), *REFLECTANCE_RANGE)
+        light = spread @ fit.irradiance
+        excess = unseen.excess(
+            beyond_white(evidence.face_shown, light), evidence.face_shown,
+            face_reflectance(evidence, fit, spread), srgb_of_cones(light),
+        )  # fmt: skip
+        evidence = replace(evidence, face_excess=excess)
+        faces = face_reflectance(evidence, fit, spread)
+        faces[evidence.face_lamp] = 0.0
+        of_lamps = np.einsum("ls,lb->sb", self.coefficients * fit.flux_factors[:, None], self.bands)
+        direct = _spectral(of_lamps, fit, self.daylight)
+        room, samples, trusted = self.surfaces.room, self.surfaces.samples, self.surfaces.trusted
+        return replace(
+            evidence,
+            unsure=_unsure(self.shadow_edges, fit.irradiance),
+            group=groups_of(reflectance, samples, trusted, room, self.surfaces.piece),
+            ceiling=_neutral(self.ceiling, reflectance),
+            white=_whites(reflectance, self.ceiling),
+            tint=apparent_ratio(
+                reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct),
+                self.library, self.daylight,
+            ),
+        )  # fmt: skip
+
+
+def _spectral(of_lamps: FloatArray, fit: LightFit, daylight: Spectrum) -> FloatArray:
+    """(sample, band) direct light in the camera's unit, from the lamps' in any; unnamed sources are taken for daylight.
+
+    The middle cone's response tells how much of either there is.
+    """
+    green = (BANDS.centers_nm > GREEN_NM[0]) & (BANDS.centers_nm < GREEN_NM[1])
+    other = np.zeros(len(of_lamps)) if fit.other is None else fit.other[:, 1]
+    lamps = np.maximum(fit.straight[:, 1] - other, 0.0)
+    sky = BANDS.band_values(daylight, outside="nearest")
+    scale = lamps / np.maximum(of_lamps[:, green].mean(axis=1), 1e-30)
+    return np.asarray(scale[:, None] * of_lamps + other[:, None] * (sky / sky[green].mean()), dtype=np.float64)
+
+
+def _neutral(ceiling: BoolArray, reflectance: FloatArray) -> BoolArray:
+    """The ceiling if it is near neutral; a coloured one is no reference for white."""
+    if not ceiling.any():
+        return ceiling
+    color = np.median(reflectance[ceiling], axis=0)
+    return ceiling if np.ptp(color) <= NEUTRAL * color.max() else np.zeros_like(ceiling)
+
+
+def _whites(reflectance: FloatArray, ceiling: BoolArray) -> BoolArray:
+    """(sample,) whether it is light and not of the ceiling, whose prior is counted separately."""
+    return np.asarray(~ceiling & (cones_of_srgb(reflectance)[:, 1] > LIGHT_REFLECTANCE), dtype=np.bool_)
+
+
+def _unsure(shadow_edges: FloatArray, irradiance: FloatArray) -> FloatArray:
+    """(sample, 3) relative uncertainty of the (sample, 3) light: at shadow edges, and by stray light."""
+    return np.asarray(np.hypot(shadow_edges, STRAY_LIGHT / irradiance), dtype=np.float64)
+
+
+def face_reflectance(
+    evidence: LightEvidence, fit: LightFit, spread: csr_array, *, limits: tuple[float, float] = REFLECTANCE_RANGE
+) -> FloatArray:
+    """(face, 3) reflectance in linear sRGB: radiosity of each face over the irradiance interpolated from samples."""
+    light = fit.irradiance if evidence.tint is None else fit.irradiance * evidence.tint
+    seen = cones_of_srgb(evidence.face_light(fit.tone))
+    return np.clip(srgb_of_cones(seen / np.exp(spread @ np.log(light))), *limits)
