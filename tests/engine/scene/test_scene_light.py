@@ -153,7 +153,7 @@ def test_a_lamps_flux_arrives_on_the_walls_of_a_black_room(
         (surface(0.7, specularity=0.05), 0.02),
         (surface(0.7, specularity=0.3, roughness=0.1), 0.02),
         (surface(0.7, "metal", specularity=0.9), 0.03),
-        (surface(0.7, "mirror"), 0.05),  # mirrors all around: 0.982 of it with a deviation of 0.009, for lamps of any size
+        (surface(0.7, "mirror"), 0.05),  # mirrors all around: 0.982 ± 0.009 of it, for lamps of any size
         (surface(0.7, "metal", specularity=0.9, roughness=0.2), 0.05),  # Ward's model loses light at grazing angles
     ],
 )
