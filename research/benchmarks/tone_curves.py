@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, USUAL_TONE, ToneCurve, TonePrior
+from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, USUAL_TONE, ToneCurve
 from research.virtual_rooms.camera import filmic_curve, tone_curve
 
 LIGHT = np.geomspace(0.01, 1.0, 80)  # [1] of white
@@ -51,21 +51,15 @@ CURVES: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 
 
-def nearest(curve: Callable[[FloatArray], FloatArray]) -> tuple[float, float, float]:
-    """Log power and log(1 + shoulder) nearest to a curve, and the largest error of the log of light."""
+def nearest(curve: Callable[[FloatArray], FloatArray]) -> tuple[ToneCurve, float]:
+    """A power and a shoulder that come nearest to a curve, and the largest error of the log of light."""
     shown = np.clip(curve(LIGHT), 1e-4, 1.0)
 
     def errors(logs: FloatArray) -> FloatArray:
         return np.log(_curve_of(logs).light(shown) / LIGHT)
 
     found = least_squares(errors, [0.1, 0.5], bounds=([-1.0, 0.0], [1.0, 4.0])).x
-    return float(found[0]), float(found[1]), float(np.abs(errors(found)).max())
-
-
-def distance(power: float, shoulder: float, prior: TonePrior) -> float:
-    """Of log power and log(1 + shoulder) from what is expected, in deviations."""
-    apart = (power - prior.power) / prior.power_deviation, (shoulder - prior.shoulder) / prior.shoulder_deviation
-    return float(np.hypot(*apart))
+    return _curve_of(found), float(np.abs(errors(found)).max())
 
 
 def _curve_of(logs: FloatArray) -> ToneCurve:
@@ -76,8 +70,9 @@ def main() -> None:
     """Print a line a curve."""
     print(f"{'curve':20s} {'log g':>6s} {'log(1+s)':>9s} {'worst':>6s} {'usual':>6s} {'filmic':>7s}")
     for name, curve in CURVES.items():
-        power, shoulder, worst = nearest(curve)
-        apart = [distance(power, shoulder, prior) for prior in (USUAL_TONE, FILMIC_TONE)]
+        tone, worst = nearest(curve)
+        power, shoulder = np.log(tone.power), np.log1p(tone.shoulder)
+        apart = [prior.deviations_of(tone) for prior in (USUAL_TONE, FILMIC_TONE)]
         print(f"{name:20s} {power:+6.2f} {shoulder:9.2f} {100 * worst:4.0f} % {apart[0]:6.1f} {apart[1]:7.1f}")
 
 

@@ -39,9 +39,23 @@ ROUND_SHARES = (0.3, *(0.45 / (ROUNDS - 1),) * (ROUNDS - 1), 0.25)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Surfaces:
-    """A scan, its faces with `known` colours, and points of it; of those with usable colours `trusted` is True.
+    """A scan and the points of it that are witnesses of its light.
 
-    `spread` interpolates from the points to all faces; `piece` of its plane is where each point lies.
+    Parameters
+    ----------
+    scan : Scan
+    room : Room
+    known : (face,) bool
+        Whose colour shows a surface.
+    samples : Samples
+        Points on faces, `sample` of them.
+    spread : (face, sample) sparse float
+        Interpolates from the points to all faces; rows add up to 1. [1]
+    piece : (sample,) int
+        Piece of its plane that each point lies on (`plane_pieces`).
+    trusted : (sample,) bool
+        Whose colour is usable: neither cut at white nor too dark, of no card, and not in the sun.
+    unseen : UnseenFaces
     """
 
     scan: Scan
@@ -117,7 +131,7 @@ def _fit_again(evidence: LightEvidence, fit: LightFit, flux_deviation: FloatArra
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Grouping:
-    """What surfaces are grouped with by a fit: their `bands` of (lamp, sample) direct light."""
+    """What surfaces are grouped with: (lamp, sample) coefficients of direct light, and (lamp, band) flux."""
 
     surfaces: Surfaces
     coefficients: FloatArray
