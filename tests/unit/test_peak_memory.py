@@ -53,6 +53,10 @@ def test_the_machines_processes_are_not_listed_at_every_look(monkeypatch: pytest
     peak.sample()  # at the end of the work all are looked at, whenever that was
     assert len(lists) == 2
     assert peak.mib > 1
+    lists.clear()
+    with peak_memory():
+        time.sleep(5 * module.MEMORY_SAMPLE_S)
+    assert len(lists) <= 2  # the first look, and the last one
 
 
 def test_a_process_that_has_just_ended_counts_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

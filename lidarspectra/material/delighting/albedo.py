@@ -214,10 +214,8 @@ def _least(model: LightObjective, start: FloatArray, progress: Progress, loose: 
     tone = model.evidence.tone_prior
     shoulder = max(BOUND_SHOULDER, tone.shoulder + 2.0 * tone.shoulder_deviation)
     high = np.concatenate([[BOUNDS_POWER, shoulder], np.full(3, BOUND_EXPOSURE), [BOUNDS_BEAM[1]], lamps])
-    # A fit of one family may end where another's exposure is out of bounds; least_squares refuses such a start.
     return least_squares(
-        model.residuals, np.clip(start, low, high), jac=slopes, bounds=(low, high), x_scale=0.1,
-        xtol=loose * 1e-4, ftol=loose * 1e-5,
+        model.residuals, start, jac=slopes, bounds=(low, high), x_scale=0.1, xtol=loose * 1e-4, ftol=loose * 1e-5,
         tr_solver="exact", max_nfev=MAX_STEPS,
     )  # fmt: skip
 

@@ -30,14 +30,10 @@ import numpy as np
 from lidarspectra.arrays import FloatArray
 from lidarspectra.material.delighting.albedo import LightFit, fit_light
 from lidarspectra.material.delighting.light_evidence import LightEvidence
-from lidarspectra.material.delighting.light_objective import OF_TONE
-from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
-from lidarspectra.material.delighting.surface_light import MIN_LIGHT
-from lidarspectra.material.delighting.tone_curve import ToneCurve, TonePrior
+from lidarspectra.material.delighting.tone_curve import TonePrior
 from lidarspectra.progress import Progress, shares, silent
 
 LOOSE = 10.0  # [1] times a fit's tolerances suffice to weigh a family: .01 of the log of its evidence
-EXPOSURE = slice(OF_TONE, OF_TONE + 3)  # of the parameters, log k
 
 
 def fit_other_families(
@@ -71,24 +67,13 @@ def fit_other_families(
         fit_light(
             replace(evidence, tone_prior=prior),
             flux_deviation=flux_deviation,
-            start=_start(evidence, fit, prior),
+            start=fit.parameters,
             observations_per_place=fit.observations_per_place,
             loose=LOOSE,
             progress=part,
         )
         for prior, part in zip(priors, parts, strict=True)
     )
-
-
-def _start(evidence: LightEvidence, fit: LightFit, prior: TonePrior) -> FloatArray:
-    """(parameter,) of the fit, but with a family's middle curve and exposed for it."""
-    start = fit.parameters.copy()
-    start[:OF_TONE] = prior.power, prior.shoulder
-    curve = ToneCurve(power=float(np.exp(prior.power)), shoulder=float(np.expm1(prior.shoulder)))
-    shown = evidence.shown[evidence.group >= 0]
-    before, after = (np.log(np.maximum(cones_of_srgb(tone.light(shown)), MIN_LIGHT)) for tone in (fit.tone, curve))
-    start[EXPOSURE] += (after - before).mean(axis=0)
-    return start
 
 
 def probabilities(fits: Sequence[LightFit]) -> FloatArray:

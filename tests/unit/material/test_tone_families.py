@@ -75,6 +75,17 @@ def test_a_prior_that_is_needlessly_wide_is_less_probable_by_its_width() -> None
     assert narrow.log_evidence - wide.log_evidence == pytest.approx(np.log(10.0), abs=0.1)  # the data tell the power
 
 
+def test_of_what_the_prior_alone_tells_the_width_makes_nothing_more_probable() -> None:
+    picture = photographed(LINEAR)
+    one, two = (
+        fit_light(
+            replace(picture, tone_prior=TonePrior(shoulder=0.0, shoulder_deviation=deviation)), flux_deviation=FLUX
+        )
+        for deviation in (0.001, 0.002)
+    )
+    assert one.log_evidence - two.log_evidence == pytest.approx(0.0, abs=0.1)  # log 2 where curvature does not count
+
+
 def test_a_picture_that_cannot_tell_gets_the_families_difference_for_its_deviation() -> None:
     one, two = both(photographed(LINEAR))
     one = replace(one, reflectance=np.full((2, 3), 0.5), log_deviation=np.full((2, 3), 0.03))
