@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, USUAL_TONE, ToneCurve
+from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, USUAL_TONE, ToneCurve, TonePrior
 from research.virtual_rooms.camera import filmic_curve, tone_curve
 
 LIGHT = np.geomspace(0.01, 1.0, 80)  # [1] of white
@@ -62,6 +62,13 @@ def nearest(curve: Callable[[FloatArray], FloatArray]) -> tuple[ToneCurve, float
     return _curve_of(found), float(np.abs(errors(found)).max())
 
 
+def deviations_of(tone: ToneCurve, prior: TonePrior) -> float:
+    """How many standard deviations a curve is from a family's mean [1]."""
+    power = (np.log(tone.power) - prior.power) / prior.power_deviation
+    shoulder = (np.log1p(tone.shoulder) - prior.shoulder) / prior.shoulder_deviation
+    return float(np.hypot(power, shoulder))
+
+
 def _curve_of(logs: FloatArray) -> ToneCurve:
     return ToneCurve(power=float(np.exp(logs[0])), shoulder=float(np.expm1(logs[1])))
 
@@ -72,7 +79,7 @@ def main() -> None:
     for name, curve in CURVES.items():
         tone, worst = nearest(curve)
         power, shoulder = np.log(tone.power), np.log1p(tone.shoulder)
-        apart = [prior.deviations_of(tone) for prior in (USUAL_TONE, FILMIC_TONE)]
+        apart = [deviations_of(tone, prior) for prior in (USUAL_TONE, FILMIC_TONE)]
         print(f"{name:20s} {power:+6.2f} {shoulder:9.2f} {100 * worst:4.0f} % {apart[0]:6.1f} {apart[1]:7.1f}")
 
 

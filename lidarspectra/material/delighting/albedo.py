@@ -118,6 +118,8 @@ class LightFit:
     log_evidence : float
         Logarithm of the probability of the picture under the prior of the tone curve, up to what is the same for all
         such priors (see `_log_evidence`). [1]
+    tone_family : str
+        Which family of tone curves was expected (`TonePrior`).
     family_probability : float
         Probability that the tone curve is of this fit's family (`tone_families`); 1 where no other was tried. [0-1]
     steps : int
@@ -146,6 +148,7 @@ class LightFit:
     cost: float
     log_evidence: float
     steps: int
+    tone_family: str
     family_probability: float = 1.0
 
     @property
@@ -268,6 +271,7 @@ def _fit(model: LightObjective, result: "OptimizeResult") -> LightFit:
         cost=float(result.cost),
         log_evidence=_log_evidence(model, information, float(result.cost)),
         steps=int(result.nfev),
+        tone_family=model.evidence.tone_prior.family,
     )
 
 

@@ -14,7 +14,6 @@ Narkowicz (2015) ACES filmic tone mapping curve. Hejl, Burgess-Dawson (2010) Fil
 rendering, SIGGRAPH course.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,27 +30,26 @@ class TonePrior:
 
     Parameters
     ----------
+    family : str
+        What such curves are called in sentences for the user.
     power, power_deviation : float
         Mean and standard deviation of log g. [1]
     shoulder, shoulder_deviation : float
         Mean and standard deviation of log(1 + s); phones lift shadows, most by less than 2.5. [1]
     """
 
+    family: str = "plain"
     power: float = 0.0
     power_deviation: float = 0.15
     shoulder: float = 0.4
     shoulder_deviation: float = 0.5
 
-    def deviations_of(self, tone: "ToneCurve") -> float:
-        """How many standard deviations a curve is from the mean [1]."""
-        power = (math.log(tone.power) - self.power) / self.power_deviation
-        shoulder = (math.log1p(tone.shoulder) - self.shoulder) / self.shoulder_deviation
-        return math.hypot(power, shoulder)
-
 
 USUAL_TONE = TonePrior()
 """Of a picture that shows what the camera saw, or with its shadows lifted."""
-FILMIC_TONE = TonePrior(power=0.43, power_deviation=0.12, shoulder=2.18, shoulder_deviation=0.4)
+FILMIC_TONE = TonePrior(
+    family="filmic", power=0.43, power_deviation=0.12, shoulder=2.18, shoulder_deviation=0.4,
+)  # fmt: skip
 """Of a picture by a filmic curve, with a toe and a strong shoulder.
 
 Its means are half-way between the curves of Narkowicz, (.47, 1.94), and of Hejl, (.38, 2.42), as a power and a shoulder

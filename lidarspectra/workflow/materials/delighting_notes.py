@@ -11,7 +11,6 @@ from lidarspectra.material.delighting.albedo import MAX_STEPS, LightFit
 from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE, COMMON
 from lidarspectra.material.delighting.sun_patches import SunPatches
-from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, USUAL_TONE
 from lidarspectra.material.delighting.unknown_light import UnknownSource
 
 MIN_WHITE = 0.75  # [1] least reflectance of a surface called white
@@ -124,12 +123,11 @@ def tone_note(fit: LightFit) -> tuple[str, ...]:
     """A note where the picture hardly tells of which family its tone curve is."""
     if fit.family_probability > SURE_FAMILY:
         return ()
-    filmic = FILMIC_TONE.deviations_of(fit.tone) < USUAL_TONE.deviations_of(fit.tone)
-    kind = "filmic (contrast in shadows, pressed highlights)" if filmic else "plain"
     return (
-        f"The picture hardly tells its tone curve: a {kind} one was taken, with a probability of "
-        f"{100 * fit.family_probability:.0f} %. Stated uncertainties include by how much the other kind would "
-        "change reflectances. A grey and a white card in the scan tell the curve ([[materials.cards]]).",
+        "The picture hardly tells whether its tone curve is plain or filmic (contrast in shadows, pressed highlights): "
+        f"a {fit.tone_family} one was taken, with a probability of {100 * fit.family_probability:.0f} %. Stated "
+        "uncertainties include by how much the other kind would change reflectances. A grey and a white card in the "
+        "scan tell the curve ([[materials.cards]]).",
     )
 
 

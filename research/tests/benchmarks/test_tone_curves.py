@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, USUAL_TONE
-from research.benchmarks.tone_curves import CURVES, nearest
+from research.benchmarks.tone_curves import CURVES, deviations_of, nearest
 
 FILMIC = ("Narkowicz (ACES)", "Hejl")  # with a toe
 
@@ -21,8 +21,8 @@ def test_a_curve_of_the_form_that_is_fitted_is_found_again(name: str, shoulder: 
 def test_a_published_curve_is_near_one_family_and_far_from_the_other(name: str) -> None:
     tone, _ = nearest(CURVES[name])
     near, far = (FILMIC_TONE, USUAL_TONE) if name in FILMIC else (USUAL_TONE, FILMIC_TONE)
-    assert near.deviations_of(tone) < 2.5
-    assert far.deviations_of(tone) > 3.5
+    assert deviations_of(tone, near) < 2.5
+    assert deviations_of(tone, far) > 3.5
 
 
 def test_the_filmic_family_s_middle_is_half_way_between_its_two_curves() -> None:
