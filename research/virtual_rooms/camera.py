@@ -141,7 +141,7 @@ def tone_curve(linear: FloatArray, strength: float) -> FloatArray:
 def filmic_curve(linear: FloatArray) -> FloatArray:
     """Narkowicz's fit to the ACES film curve, 1 to 1 and cut there: a toe below .02, then a shoulder.
 
-    No power and shoulder make this curve, so that whoever fits those to a picture has the wrong family.
+    A power of 1.6 and a shoulder of 6 make it within 3 % (`research.benchmarks.tone_curves`).
 
     References
     ----------
