@@ -12,6 +12,7 @@ import pytest
 import lidarspectra as ls
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.room.surface_parts import PARTS
 from lidarspectra.workflow.calibration import calibrating, plan
 from lidarspectra.workflow.calibration.light import (
     RunRoom,
@@ -47,6 +48,16 @@ def readings(run: Path) -> pd.DataFrame:
     table = pd.DataFrame(np.concatenate([positions, normals], axis=1), columns=["x", "y", "z", "nx", "ny", "nz"])
     table.insert(0, "name", [f"place {n // 2} {'down' if n % 2 else 'up'}" for n in range(6)])
     return table.assign(lux=lux)
+
+
+def test_surfaces_that_reflect_half_send_less_than_half_of_the_light(run: Path) -> None:
+    """A sensor that looks down sees reflected light alone; of what was reflected more than once, less is left."""
+    room = run_room(run)
+    points = SensorPoints(positions=PLACES[2:], normals=np.array([[0.0, 0.0, -1.0]]))
+    as_found, darker = (
+        coefficients(room, points, factor * np.ones(len(PARTS)), noise="draft").sum() for factor in (1.0, 0.5)
+    )
+    assert 0.25 < darker / as_found < 0.55
 
 
 @pytest.mark.usefixtures("undrawn_figures")
