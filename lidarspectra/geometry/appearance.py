@@ -7,7 +7,7 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArrayError
-from lidarspectra.geometry.textures import TextureArray, mean_texture_colors, sample_image
+from lidarspectra.geometry.textures import SAMPLES_AT_ONCE, TextureArray, mean_texture_colors, sample_image
 from lidarspectra.spectra.colorimetry import decode_srgb
 
 NEUTRAL_COLOR = 0.735  # sRGB-encoded; linear 0.5, of faces without colour
@@ -146,6 +146,14 @@ class Appearance:
         color : (n, 3) float
             Linear sRGB. [0-1]
         """
+        color = np.empty((faces.size, 3))
+        for first in range(0, faces.size, SAMPLES_AT_ONCE):
+            some = slice(first, first + SAMPLES_AT_ONCE)
+            color[some] = self._of_some(faces[some], barycentric[some])
+        return color
+
+    def _of_some(self, faces: IntArray, barycentric: FloatArray) -> FloatArray:
+        """(n, 3) colour at few points on faces [0-1]."""
         image_numbers = self.face_image[faces]
         if image_numbers.size and (image_numbers == image_numbers[0]).all():  # mostly there is one image
             return self._sampled(int(image_numbers[0]), faces, barycentric)

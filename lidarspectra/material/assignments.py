@@ -68,6 +68,11 @@ class Assignments:
     by: Literal["group", "face"]
     rows: tuple[Assignment, ...]
 
+    @property
+    def give_all(self) -> bool:
+        """Whether all groups get one reflectance, whichever groups there are: nothing is left to estimate."""
+        return len(self.rows) == 1 and self.rows[0].target == ALL_GROUPS and _is_given(self.rows[0].reflectance)
+
 
 def read_assignments(path: Path) -> Assignments:
     """Read a file of assignments.
@@ -120,6 +125,19 @@ def spectrum_files(path: Path) -> tuple[str, ...]:
     except MaterialError:
         return ()  # refused, in words, where the assignments are wanted
     return tuple(row.reflectance for row in rows if _is_file(row.reflectance))
+
+
+def give_all(path: Path) -> bool:
+    """Whether a file of assignments gives all surfaces one reflectance; not where it cannot be read."""
+    try:
+        return read_assignments(path).give_all
+    except MaterialError:
+        return False  # refused, in words, where the assignments are wanted
+
+
+def _is_given(reflectance: str) -> bool:
+    """Whether a cell names a reflectance, rather than leave the estimated one."""
+    return bool(reflectance) and not reflectance.lower().startswith(AS_ESTIMATED)
 
 
 def _is_file(reflectance: str) -> bool:
@@ -208,7 +226,7 @@ def _assign_faces(
 def _assigned(row: Assignment, before: Material, library: ReflectanceLibrary, where: Path) -> Material:
     """Material of a row, over the one that was estimated."""
     material = before
-    if row.reflectance and not row.reflectance.lower().startswith(AS_ESTIMATED):
+    if _is_given(row.reflectance):
         try:
             if _is_file(row.reflectance):
                 material = _file_material(where.parent / row.reflectance, row.reflectance)

@@ -56,7 +56,7 @@ from lidarspectra.workflow.kept_light import (
 )
 from lidarspectra.workflow.materials.delighting import Delighting, take_light_out, with_light_uncertainty
 from lidarspectra.workflow.materials.gloss_of_run import gloss_in_words, gloss_of_materials, save_gloss, with_gloss
-from lidarspectra.workflow.materials.materials_of_run import materials_of_run, model_of_run
+from lidarspectra.workflow.materials.materials_of_run import all_given, materials_of_run, model_of_run
 from lidarspectra.workflow.materials.votes_ahead import votes_beside
 from lidarspectra.workflow.run_folder.assumed import assumed_lamps, assumed_of_scan, lamp_notes, lit_notes, scan_notes
 from lidarspectra.workflow.run_folder.calibration_of_run import (
@@ -189,8 +189,15 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
 
     None where all surfaces are given one material: nobody would look at them.
     """
-    given = inputs.declare("materials.coverage", "materials.method", stages=(scan,))
-    coverage, taken = given.run_file.materials.coverage, given.run_file.materials.method != "default"
+    asked = inputs.declare("materials.method", "materials.file")
+    taken = not all_given(asked.run_file.materials, asked.base)
+    given = inputs.declare(
+        "materials.coverage",
+        "materials.method",
+        stages=(scan,),
+        others=None if taken else {"views": NO_VIEWS},  # another file of assignments takes no other views
+    )
+    coverage = given.run_file.materials.coverage
 
     def make(folder: Path, progress: Progress) -> Notes:
         if not taken:
@@ -223,8 +230,9 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
 
 def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: StageResult[ViewSet]) -> Stage[MaterialMap]:
     """Stage 3: a reflectance spectrum for every face (Algorithm 1, DM and RPP)."""
-    section = inputs.declare(*MATERIALS_KEYS).run_file.materials
-    delight = section.delight and section.method != "default"  # which does not use the scan's colours
+    asked = inputs.declare(*MATERIALS_KEYS)
+    section = asked.run_file.materials
+    delight = section.delight and not all_given(section, asked.base)  # which does not use the scan's colours
     given = inputs.declare(
         *MATERIALS_KEYS,
         "panes",

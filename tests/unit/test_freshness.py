@@ -325,6 +325,16 @@ def test_a_changed_file_counts_as_the_key_that_names_it(
     assert changed(before, keys_of(run_file, tmp_path)) == stale
 
 
+def test_views_depend_on_a_file_of_assignments_by_whether_it_gives_all_surfaces_one_reflectance(tmp_path: Path) -> None:
+    def keys(rows: str) -> dict[StageName, str]:
+        (tmp_path / "materials.csv").write_text(f"group,reflectance\n{rows}\n", encoding="utf-8")
+        return keys_of(RunFile.model_validate(ROOMS["lamps in the scan"]), tmp_path)
+
+    assert changed(keys("0,white-wall"), keys("0,non-reflective")) == MATERIALS_ON
+    assert changed(keys("*,white-wall"), keys("*,non-reflective")) == MATERIALS_ON
+    assert changed(keys("0,white-wall"), keys("*,white-wall")) == STAGES[1:]
+
+
 def test_a_stage_reads_no_key_that_it_did_not_declare(tmp_path: Path) -> None:
     run_file = RunFile.model_validate(ROOMS["lamps"])
     seen = declare(run_file, tmp_path, "trace.noise", "materials").run_file

@@ -85,6 +85,7 @@ from lidarspectra.workflow.materials.delighting_samples import (
     groups_of,
     lamp_emission,
     near_lamps,
+    nearest_of,
     seen_lit,
     shadow_edges_of,
     spread_of,
@@ -393,7 +394,7 @@ def _of_faces(
         face_reflectance(evidence, fit, spread, limits=SCATTERED_RANGE),
         known & ~sunny,
         turn_deg=surfaces.room.wall_angle_deg,
-        piece=surfaces.piece[np.asarray(spread.argmax(axis=1)).ravel()],
+        piece=surfaces.piece[nearest_of(spread)],
     )
     color = surfaces.unseen.filled(np.where(known[:, None], np.clip(paints.color, *REFLECTANCE_RANGE), 1.0))
     deviation = np.hypot(spread @ fit.log_deviation, paints.deviation(CELL_M)[:, None])

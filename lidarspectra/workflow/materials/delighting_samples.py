@@ -97,6 +97,12 @@ def ceiling_of(samples: Samples, trusted: BoolArray, room: Room) -> BoolArray:
     return np.asarray(trusted & high & (samples.normals[:, 2] < -SMOOTH_COSINE), dtype=np.bool_)
 
 
+def nearest_of(spread: csr_array) -> IntArray:
+    """(face,) sample that counts most for each face, of the weights that `spread_of` gives."""
+    weights, samples = (each.reshape(spread.shape[0], -1) for each in (spread.data, spread.indices))
+    return np.asarray(np.take_along_axis(samples, weights.argmax(axis=1)[:, None], axis=1)[:, 0], dtype=np.int64)
+
+
 def spread_of(scan: Scan, samples: Samples) -> csr_array:
     """(face, sample) weights that interpolate light to faces from the nearest samples of similar normal and plane."""
     positions = samples.positions - LIFT_M * samples.normals
@@ -114,4 +120,5 @@ def spread_of(scan: Scan, samples: Samples) -> csr_array:
     weight = 1.0 / (distance**2 + SOFTEN_M**2)
     weight /= weight.sum(axis=1, keepdims=True)
     row = np.repeat(np.arange(len(distance)), count)
+    # As many in every row: `nearest_of` counts on it.
     return csr_array((weight.ravel(), (row, np.ravel(near))), shape=(len(distance), len(place)))

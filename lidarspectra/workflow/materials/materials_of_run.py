@@ -1,11 +1,14 @@
 """Materials as `[materials]` of the run file requests them."""
 
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.config import MaterialsSection
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.assignments import assign, read_assignments
+from lidarspectra.material.assignments import assign, give_all, read_assignments
 from lidarspectra.material.estimate import (
     CountVotes,
     default_material,
@@ -34,6 +37,8 @@ def materials_of_run(
 ) -> MaterialMap:
     """Estimate the materials and apply a file of assignments, or give all faces one material.
 
+    Nothing is estimated where the file gives all surfaces one reflectance: only the colour in pictures is the scan's.
+
     Parameters
     ----------
     scan, views, room, face_color, progress
@@ -58,22 +63,49 @@ def materials_of_run(
     library = load_reflectances(section.databases, folder)
     if section.method == "default":
         return one_material(scan, section.default, library=library, views=views)
-    estimated = estimate_from_votes(
-        scan,
-        views,
-        votes or votes_of(model_of_run(section.model, folder), scan, views),
-        room=room,
-        face_color=face_color,
-        library=library,
-        fallback=default_material(section.default, library),
-        matching=section.matching,
-        colors=section.colors,
-        progress=progress,
-    )
+    if all_given(section, folder):
+        estimated = _in_mean_color(one_material(scan, section.default, library=library, views=views), scan)
+    else:
+        estimated = estimate_from_votes(
+            scan,
+            views,
+            votes or votes_of(model_of_run(section.model, folder), scan, views),
+            room=room,
+            face_color=face_color,
+            library=library,
+            fallback=default_material(section.default, library),
+            matching=section.matching,
+            colors=section.colors,
+            progress=progress,
+        )
     if section.file is None:
         return estimated
     path = folder / section.file
     return assign(estimated, read_assignments(path), library, where=path)
+
+
+def all_given(section: MaterialsSection, folder: Path) -> bool:
+    """Whether `[materials]` gives all surfaces one reflectance: nobody then asks what they look like.
+
+    Parameters
+    ----------
+    section : MaterialsSection
+    folder : Path
+        Where relative file names start; the run file's folder.
+
+    Returns
+    -------
+    given : bool
+    """
+    return section.method == "default" or (section.file is not None and give_all(folder / section.file))
+
+
+def _in_mean_color(materials: MaterialMap, scan: Scan) -> MaterialMap:
+    """A map of one material, drawn in the mean colour of the scan."""
+    mean = np.average(materials.face_color, axis=0, weights=scan.areas)
+    (material,) = materials.materials
+    color = (float(mean[0]), float(mean[1]), float(mean[2]))
+    return replace(materials, materials=(replace(material, color=color),))
 
 
 def model_of_run(name: str, folder: Path) -> Path | None:

@@ -9,10 +9,11 @@ import pytest
 
 from lidarspectra.config import MaterialsSection
 from lidarspectra.errors import MaterialError
-from lidarspectra.material.assignments import assign, read_assignments, spectrum_files
+from lidarspectra.material.assignments import assign, give_all, read_assignments, spectrum_files
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.material_map import MaterialMap, save_materials
 from lidarspectra.material.views.viewpoints import ViewSettings, render_views
+from lidarspectra.material.views.views import no_views
 from lidarspectra.spectra.databases import load_reflectances
 from lidarspectra.workflow.materials.materials_of_run import materials_of_run
 
@@ -138,3 +139,39 @@ def test_one_surface_for_all_keeps_the_groups(estimated, tmp_path):
     found = done(estimated, tmp_path, "group,reflectance\n*,white-wall\n")
     assert len(found.materials) == len(estimated.materials)
     assert replace(found, materials=estimated.materials).face_material is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "all_of_them"),
+    [
+        ("group,reflectance\n*,white-wall\n", True),
+        ("group,reflectance\n*,white-wall\n1,non-reflective\n", False),  # which one is 1, estimates tell
+        ("group,reflectance\n*,\n", False),
+        ("group,reflectance\n*,recovered\n", False),
+        ("group,reflectance\n0,white-wall\n", False),
+        ("face,reflectance\n0,white-wall\n", False),
+        ("nonsense", False),
+    ],
+)
+def test_a_file_gives_all_surfaces_one_reflectance_only_by_a_star_alone(tmp_path, text, all_of_them):
+    (tmp_path / "assignments.csv").write_text(text, encoding="utf-8")
+    assert give_all(tmp_path / "assignments.csv") is all_of_them
+
+
+def test_where_one_reflectance_is_given_to_all_nobody_asks_what_surfaces_look_like(room, tmp_path):
+    scan, seen = room
+    unseen = no_views(len(scan.faces), coverage=0.9, why="nobody looks")
+    (tmp_path / "assignments.csv").write_text("group,reflectance\n*,white-wall\n", encoding="utf-8")
+    section = MaterialsSection(method="file", file="assignments.csv")
+
+    def ask(progress):
+        raise AssertionError("the network was asked")
+
+    (material,) = materials_of_run(scan, unseen, section, folder=tmp_path, votes=ask).materials
+    assert (material.source, material.provenance) == ("builtin:white-wall", "assigned")
+    estimated = done(estimate_materials(scan, seen, model=None), tmp_path, "group,reflectance\n*,white-wall\n")
+    for each in estimated.materials:
+        assert np.array_equal(each.reflectance.values, material.reflectance.values)
+        assert (each.specularity, each.roughness) == (material.specularity, material.roughness)
+    mean = np.average(scan.face_colors(), axis=0, weights=scan.areas)
+    assert material.color == pytest.approx(tuple(mean), abs=1e-9)  # the file says nothing of the colour in pictures
