@@ -266,8 +266,7 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
                 progress=estimating,
             )
         saving(0.0, "saving")
-        if unlit is not None:
-            materials = with_light_uncertainty(materials, unlit, mesh.areas)
+        materials = with_light_uncertainty(materials, unlit, mesh.areas)
         gloss = gloss_of_materials(FrameRecords.load(scan.folder), mesh, materials, unlit)
         save_gloss(materials, gloss, folder)
         materials = with_gloss(materials, gloss)

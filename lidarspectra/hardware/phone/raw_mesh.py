@@ -24,6 +24,7 @@ MAX_FACES = 20_000_000  # about 6 GB as a Scan
 MAX_FILE_BYTES = 2 * 1024**3  # [byte] a room with an 8k texture is below 0.2 GB
 LONGEST_NAME = 255  # [byte] longest name of a file or folder on common file systems
 MAX_COORDINATE = 1e9  # [unit of the file] beyond it the rounding of 32-bit floats exceeds any geometry
+MAX_PHOTOGRAPH = 1.05  # [1] widths of its picture that a photographed part spans; a pattern is repeated
 
 _DEVICE = re.compile(r"(?i)\s*(con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])\s*(\..*)?", re.DOTALL)
 """Names that Windows reserves for devices in every folder, with any suffix."""
@@ -327,6 +328,12 @@ def _check_geometry(part: MeshPart, *, where: str) -> None:
         )
 
 
+def _is_tiled(corner_uv: FloatArray) -> bool:
+    """Whether a picture repeats over a part, as a pattern of a model does and a photograph never."""
+    finite = corner_uv[np.isfinite(corner_uv).all(axis=(1, 2))].reshape(-1, 2)
+    return bool(finite.size) and float(np.ptp(finite, axis=0).max()) > MAX_PHOTOGRAPH
+
+
 def _join_appearance(parts: list[MeshPart], images: tuple[ByteArray, ...]) -> tuple[Appearance, tuple[str, ...]]:
     total = sum(part.faces.shape[0] for part in parts)
     face_image = np.full(total, -1, dtype=np.int64)
@@ -344,6 +351,8 @@ def _join_appearance(parts: list[MeshPart], images: tuple[ByteArray, ...]) -> tu
         if part.image >= 0 and part.corner_uv is not None:
             face_image[span] = part.image
             corner_uv[span] = part.corner_uv
+            if part.kind and _is_tiled(part.corner_uv):
+                source[span] = DRAWN
         elif part.corner_color is None:
             source[span] = NO_COLOR
             uncolored += part.faces.shape[0]

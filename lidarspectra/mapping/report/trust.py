@@ -16,6 +16,7 @@ from lidarspectra.mapping.report.report_input import ReportInput
 
 Known = Literal["measured", "estimated", "given", "computed", "assumed"]
 WORTH_SAYING = 0.01  # [1] of all directions that leave the scan: less is cracks of the mesh
+OF_PANE = "pane:"  # beginning of the source of a material of a pane
 REFERENCE_NM = 555.0  # [nm] where the reflectances' deviation is taken: the eye is most sensitive there
 
 
@@ -48,7 +49,7 @@ def trust_rows(report: ReportInput) -> tuple[TrustRow, ...]:
         *_scan_rows(report, assumed),
         *_surface_rows(report, assumed),
         *_opening_rows(report),
-        *_material_rows(report),
+        *_material_rows(report, assumed),
         *_lamp_rows(report, assumed),
         _simulation_row(report),
         *_total_rows(report),
@@ -154,12 +155,16 @@ def _surface_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRo
         )
 
 
-def _material_rows(report: ReportInput) -> Iterator[TrustRow]:
+def _material_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
     total = float(report.material_areas_m2.sum())
     if not report.materials or total <= 0:
         return
     kinds: dict[Known, list[int]] = {"estimated": [], "given": [], "assumed": []}
+    panes: list[int] = []
     for number, material in enumerate(report.materials):
+        if material.source.startswith(OF_PANE):
+            panes.append(number)
+            continue
         kind: Known = {"assigned": "given", "default": "assumed"}.get(material.provenance, "estimated")  # type: ignore[assignment]
         kinds[kind].append(number)
     how = {
@@ -177,6 +182,16 @@ def _material_rows(report: ReportInput) -> Iterator[TrustRow]:
                 how=f"{how[kind]}, for {_percent(area / total)} of the surface",
                 effect=effect,
             )
+    pane_area = float(report.material_areas_m2[panes].sum())
+    if pane_area > 0:
+        is_guess = "panes" in assumed.scan
+        yield TrustRow(
+            what="glass, mirrors and screens",
+            known="assumed" if is_guess else "given",
+            how=f"{pane_area:.1f} m², {_percent(pane_area / total)} of the surface, by the run file"
+            + (": some or all by signs in the scan" if is_guess else ""),
+            effect="light that they mirror or let through; false images behind them are cut off the scan",
+        )
 
 
 def _reflected_effect(report: ReportInput, numbers: list[int]) -> str:

@@ -111,6 +111,7 @@ SHARES = (
     0.55,
     0.3,
 )  # of the time: colours, direct light, form factors, the fits, and their repetition if needed
+LEFT_IN_DEVIATION = 0.27  # [1] of a reflectance taken from a colour as shown: research.benchmarks.left_in, four rooms
 SEED = 20240911  # of samples and rays; the same scan gives the same reflectances
 
 
@@ -325,17 +326,20 @@ def _with_cards(samples: Samples, cards: SeenCards) -> tuple[Samples, IntArray]:
     return joined, np.concatenate([np.full(samples.face.size, -1, dtype=np.int64), cards.card])
 
 
-def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_areas: FloatArray) -> MaterialMap:
+def with_light_uncertainty(
+    materials: MaterialMap, delighting: Delighting | None, face_areas: FloatArray
+) -> MaterialMap:
     """Materials whose uncertainty includes that of the light, averaged over each material's faces.
 
     Errors of the light are common to all of a material's faces and do not average out; errors of single places do.
+    Where no light was taken out, a colour is the reflectance times whatever light fell there.
 
     Parameters
     ----------
     materials : MaterialMap
-        Made from the colours of `delighting`.
-    delighting : Delighting
-        With colours.
+        Made from the colours of `delighting`, or from the scan's where these have none.
+    delighting : Delighting or None
+        None where nothing was asked to be taken out.
     face_areas : (face,) float
         [m²]
 
@@ -343,8 +347,8 @@ def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_
     -------
     materials : MaterialMap
     """
-    if delighting.face_deviation is None:
-        return materials
+    if delighting is None or delighting.face_deviation is None:
+        return _with_light_left_in(materials)
     changed = []
     for number, material in enumerate(materials.materials):
         member = materials.face_material == number
@@ -360,6 +364,19 @@ def with_light_uncertainty(materials: MaterialMap, delighting: Delighting, face_
         own = 0.0 if material.uncertainty is None else material.uncertainty.at(wavelengths, outside="nearest")
         both = np.hypot(own, relative * material.reflectance.values)
         changed.append(replace(material, uncertainty=Spectrum(wavelengths_nm=wavelengths, values=both)))
+    return replace(materials, materials=tuple(changed))
+
+
+def _with_light_left_in(materials: MaterialMap) -> MaterialMap:
+    """Materials of the scan's colours as shown, whose uncertainty includes that of the light still in them."""
+    changed = []
+    for material in materials.materials:
+        if material.provenance in ("measured", "recovered"):
+            wavelengths = material.reflectance.wavelengths_nm
+            own = 0.0 if material.uncertainty is None else material.uncertainty.at(wavelengths, outside="nearest")
+            both = np.hypot(own, np.full(wavelengths.size, LEFT_IN_DEVIATION))
+            material = replace(material, uncertainty=Spectrum(wavelengths_nm=wavelengths, values=both))
+        changed.append(material)
     return replace(materials, materials=tuple(changed))
 
 

@@ -73,6 +73,16 @@ def test_scan_and_surfaces_say_how_they_are_known(report):
     assert rows["holes of the scan (assumed)"][1].startswith("3 closed like their surroundings: 0.40 m², 1.0 %")
 
 
+def test_a_pane_that_init_guessed_is_not_called_given(report):
+    wall, floor = report.materials
+    told = replace(report, materials=(replace(wall, source="pane:glass", provenance="assigned"), floor))
+    row = "glass, mirrors and screens"
+    guessed, given = rows_of(assuming(told, scan=("panes",))), rows_of(told)
+    assert guessed[f"{row} (assumed)"][1].endswith("by the run file: some or all by signs in the scan")
+    assert given[f"{row} (given)"][1].endswith("by the run file")
+    assert "reflectances (given)" not in guessed
+
+
 def test_reflectances_that_are_off_alike_change_the_reflected_light_as_in_an_integrating_sphere(report):
     wall, floor = report.materials
     off = Spectrum(wavelengths_nm=[380.0, 780.0], values=[0.05, 0.05])

@@ -14,7 +14,7 @@ from lidarspectra.material.segmentation.place_priors import KINDS, PRIORS
 from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL, Classifier
 from lidarspectra.material.views.views import ViewSet
 from lidarspectra.room.room import find_room
-from lidarspectra.workflow.materials.delighting import take_light_out
+from lidarspectra.workflow.materials.delighting import LEFT_IN_DEVIATION, take_light_out, with_light_uncertainty
 
 from .conftest import box_scan
 
@@ -88,6 +88,19 @@ def test_a_white_wall_that_a_program_drew_is_no_lamp_and_shows_no_light(box) -> 
     found = take_light_out(scan, find_room(scan), ())
     assert found.face_color is None
     assert found.warnings == (), "there is no light in a drawn colour that could be left in"
+
+
+def test_a_reflectance_whose_light_was_left_in_is_as_uncertain_as_shown_colours_are(box) -> None:
+    half = np.arange(len(box.faces)) < len(box.faces) // 2
+    scan = named(box, faces=half)
+    grey = replace(scan.appearance, corner_color=np.full((len(box.faces), 3, 3), 0.5))
+    found = estimate_materials(replace(scan, appearance=grey), no_views(scan), model=None)
+    stated = with_light_uncertainty(found, None, scan.areas)
+    for before, after in zip(found.materials, stated.materials, strict=True):
+        of_typical = before.source.startswith("typical:")
+        own, both = (float(each.uncertainty.at([555.0], outside="nearest")[0]) for each in (before, after))
+        assert both == pytest.approx(own if of_typical else np.hypot(own, LEFT_IN_DEVIATION))
+        assert np.array_equal(before.reflectance.values, after.reflectance.values), "the estimate itself stays"
 
 
 def test_the_name_of_a_window_makes_glass_likely_and_leaves_other_faces_alone(box) -> None:

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
+from trimesh.visual.material import PBRMaterial
 
 from lidarspectra.geometry.appearance import DRAWN, PHOTOGRAPHED
 from lidarspectra.geometry.rays import RayCaster
@@ -96,6 +98,25 @@ def test_names_count_only_in_a_file_that_names_walls(tmp_path: Path) -> None:
     appearance = read_scan(tmp_path / "a.glb", up="+y").appearance
     assert appearance.kinds == ()
     assert (appearance.sources == PHOTOGRAPHED).all()
+
+
+@pytest.mark.parametrize(("repeats", "source"), [(1.0, PHOTOGRAPHED), (3.0, DRAWN)])
+def test_a_pattern_that_repeats_over_a_named_part_is_no_photograph(
+    tmp_path: Path, repeats: float, source: int
+) -> None:
+    model = trimesh.Scene()
+    for part in furnished_room():
+        model.add_geometry(trimesh.creation.box(part.size), geom_name=part.name, node_name=part.name)
+    planks = Image.fromarray(np.random.default_rng(1).integers(200, 240, (16, 16, 3), dtype=np.uint8))
+    floor = trimesh.Trimesh([[0, 0, 0], [5, 0, 0], [5, 0, 4], [0, 0, 4]], [[0, 2, 1], [0, 3, 2]], process=False)
+    uv = repeats * np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
+    floor.visual = trimesh.visual.TextureVisuals(uv=uv, material=PBRMaterial(baseColorTexture=planks))
+    model.add_geometry(floor, geom_name="floor_pattern", node_name="floor_pattern")
+    model.export(tmp_path / "a.glb")
+    appearance = read_scan(tmp_path / "a.glb", up="+y").appearance
+    textured = appearance.face_image >= 0
+    assert textured.sum() == 2
+    assert (appearance.sources[textured] == source).all()
 
 
 def test_an_opening_is_air(tmp_path: Path) -> None:
