@@ -174,6 +174,8 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
                 *scan_notes(section),
                 *assumed_notes(given.run_file.panes),
             ),
+            # Radiance of frames is kept in fewer digits than it was made in, and so read back.
+            made=ScannedRoom(scan=scan, room=found_room) if scan.appearance.linear is None else None,
         )
 
     return Stage(
@@ -223,6 +225,7 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
             )
             if short
             else (),
+            made=views,
         )
 
     return Stage(name="views", settings=given.settings, make=make, load=load_views)
@@ -431,6 +434,7 @@ def trace_stage(
             f"(wanted {100 * transport.attrs['target_relative_se']:.1f} %), "
             f"{truncation_in_words(transport)}",
             warnings=trace_warnings(transport, points, scene.value.left_out_m2),
+            made=relit_transport(transport, scene.value),
         )
 
     return Stage(

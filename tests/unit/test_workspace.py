@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import psutil
@@ -58,6 +59,15 @@ def test_a_fresh_stage_is_not_made_again(tmp_path: Path) -> None:
     assert second.record.warnings == ("beware",)
     assert second.record.seconds >= 0
     assert second.record.peak_memory_mib > 0
+
+
+def test_a_result_that_was_just_made_is_not_read_and_one_of_an_earlier_run_is(tmp_path: Path) -> None:
+    class Giving(Maker):
+        def __call__(self, folder: Path, progress: Progress) -> Notes:
+            return replace(super().__call__(folder, progress), made="as it was made")
+
+    assert run_scan(tmp_path / "run", Giving()).value == "as it was made"
+    assert run_scan(tmp_path / "run", Giving()).value == "answer"
 
 
 def test_a_changed_setting_makes_the_stage_again(tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ def camera_towards(
         axes=np.stack([right, np.cross(forward, right), forward]),
         width=width,
         height=height,
-        focal_px=0.5 * width / np.tan(np.radians(0.5 * field_of_view_deg)),
+        focal_px=float(0.5 * width / np.tan(np.radians(0.5 * field_of_view_deg))),
     )
 
 

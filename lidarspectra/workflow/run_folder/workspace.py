@@ -50,10 +50,13 @@ class Notes:
         One line for the summary table.
     warnings : tuple of str
         Full sentences for the user where the result is right but has a limit.
+    made : object, optional
+        The stage's result, bit by bit what its files hold: later stages of the same run then need not read them.
     """
 
     summary: str
     warnings: tuple[str, ...] = ()
+    made: Any = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,28 +157,38 @@ class Stage(Generic[Result]):
     stands_in: Callable[["StageRecord", Path], bool] | None = None
     shown: Callable[["StageRecord"], "StageRecord"] | None = None
 
-    def result(self, record: StageRecord, folder: Path, *, fresh: bool) -> "StageResult[Result]":
-        """The finished stage in its folder."""
+    def result(
+        self, record: StageRecord, folder: Path, *, fresh: bool, made: Result | None = None
+    ) -> "StageResult[Result]":
+        """The finished stage in its folder, with its result where it was just made."""
         shown = record if self.shown is None else self.shown(record)
-        return StageResult(shown, folder, self.load, fresh=fresh)
+        return StageResult(shown, folder, self.load, fresh=fresh, made=made)
 
 
 class StageResult(Generic[Made_co]):
-    """A finished stage: its record, its folder, and its result, loaded on first access."""
+    """A finished stage: its record, its folder, and its result; loaded on first access where it was not just made."""
 
-    def __init__(self, record: StageRecord, folder: Path, load: Callable[[Path], Made_co], *, fresh: bool) -> None:
+    def __init__(
+        self,
+        record: StageRecord,
+        folder: Path,
+        load: Callable[[Path], Made_co],
+        *,
+        fresh: bool,
+        made: Made_co | None = None,
+    ) -> None:
         self.record = record
         self.folder = folder
         self.was_fresh = fresh
         self._load = load
-        self._value: Made_co | None = None
+        self._value = made
 
     def __repr__(self) -> str:
         return f"<StageResult '{self.record.stage}' in {self.folder}: {self.record.summary}>"
 
     @property
     def value(self) -> Made_co:
-        """The stage's result, read from its folder."""
+        """The stage's result, as its folder holds it."""
         if self._value is None:
             self._value = self._load(self.folder)
         return self._value
@@ -269,9 +282,10 @@ class Workspace:
         record = None if force else self.fresh_record(stage, exact=exact)
         if record is not None:
             return stage.result(record, folder, fresh=True)
-        return stage.result(self._make(stage, folder, progress), folder, fresh=False)
+        record, made = self._make(stage, folder, progress)
+        return stage.result(record, folder, fresh=False, made=made)
 
-    def _make(self, stage: Stage[Result], folder: Path, progress: Progress) -> StageRecord:
+    def _make(self, stage: Stage[Result], folder: Path, progress: Progress) -> tuple[StageRecord, Any]:
         partial = folder.with_name(f"{folder.name}.partial")
         try:
             with writing_run(partial):
@@ -307,7 +321,7 @@ class Workspace:
             ) from cause
         finally:
             shutil.rmtree(partial, ignore_errors=True)  # of a failed stage; leftovers are removed by the next run
-        return record
+        return record, notes.made
 
     def _claim(self) -> None:
         """Refuse a folder that holds other files; mark an empty one as a run."""
