@@ -28,7 +28,7 @@ from lidarspectra.mapping.photometry.color_quality import COLOR_GRID_NM, plancki
 from lidarspectra.mapping.photometry.quantities import light_quantity
 from lidarspectra.mapping.photovoltaics.cells import Cell
 from lidarspectra.mapping.report.room_view import packed
-from lidarspectra.radiance.sampling.folding import MAX_SPECTRUM_ERROR, channel_weights, slot_matrix, spectrum_error
+from lidarspectra.radiance.sampling.folding import MAX_SPECTRUM_ERROR, CarriedSpectra, channel_weights, slot_matrix
 from lidarspectra.spectra.databases import color_matching_functions, list_lamps
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
@@ -150,6 +150,11 @@ def _responses(centers_nm: FloatArray, cells: Sequence[tuple[Cell, float]]) -> t
     return (*light, *currents)
 
 
+def _is_carried(flux: Spectrum, carried: CarriedSpectra | None) -> bool:
+    """Whether a lamp may be given a spectral flux; any, where the transport has no slots."""
+    return carried is None or float(np.abs(carried.error(flux)).max(initial=0.0)) <= MAX_SPECTRUM_ERROR
+
+
 class _Spectra:
     """The lamps' own spectra and those to choose from, each of one lumen, with what they do in slots and channels."""
 
@@ -196,12 +201,13 @@ class _Spectra:
             for name, lamp in zip(names, self.lamps, strict=True)
             if lamp["lumens"] > 0 and known[name].shape.word not in OF_SKY
         ]
+        carried_of = {name: CarriedSpectra.of(self._transport, name) for name, _ in changeable if self._has_slots}
         for choice in list_lamps():
             lumens = luminous_flux_lm(choice.spectrum)
             if lumens <= 0:
                 continue
             one = choice.spectrum.scaled(1.0 / lumens)
-            carried = [lamp for name, lamp in changeable if self._is_carried(name, one)]
+            carried = [lamp for name, lamp in changeable if _is_carried(one, carried_of.get(name))]
             if not carried:
                 continue
             for lamp in carried:
@@ -215,9 +221,6 @@ class _Spectra:
     @property
     def _has_slots(self) -> bool:
         return "slot_coefficient" in self._transport
-
-    def _is_carried(self, name: str, flux: Spectrum) -> bool:
-        return float(np.abs(spectrum_error(self._transport, name, flux)).max(initial=0.0)) <= MAX_SPECTRUM_ERROR
 
     def _slot_flux(self, flux: Spectrum) -> FloatArray:
         grid = self._transport["wavelength"].to_numpy()

@@ -204,12 +204,19 @@ def _least(model: LightObjective, start: FloatArray, progress: Progress, loose: 
     from scipy.optimize import least_squares  # loads slowly
 
     steps = 0
+    last: tuple[FloatArray, FloatArray] | None = None
+
+    def residuals(parameters: FloatArray) -> FloatArray:
+        nonlocal last
+        last = parameters.copy(), model.residuals(parameters)
+        return last[1]
 
     def slopes(parameters: FloatArray) -> FloatArray:
         nonlocal steps
         progress(steps / (steps + USUAL_STEPS), "camera and light")  # the number of steps is not known in advance
         steps += 1
-        return model.jacobian(parameters)
+        known = last is not None and np.array_equal(last[0], parameters)  # a step that was taken was tried just before
+        return model.jacobian(parameters, last[1] if known and last else None)
 
     lamps = np.full(model.lamp_count, BOUND_FLUX)
     lamps = np.concatenate([lamps, np.full(model.count - COMMON - model.lamp_count, BOUND_SOURCE)])
@@ -218,7 +225,7 @@ def _least(model: LightObjective, start: FloatArray, progress: Progress, loose: 
     shoulder = max(BOUND_SHOULDER, tone.shoulder + 2.0 * tone.shoulder_deviation)
     high = np.concatenate([[BOUNDS_POWER, shoulder], np.full(3, BOUND_EXPOSURE), [BOUNDS_BEAM[1]], lamps])
     return least_squares(
-        model.residuals, start, jac=slopes, bounds=(low, high), x_scale=0.1, xtol=loose * 1e-4, ftol=loose * 1e-5,
+        residuals, start, jac=slopes, bounds=(low, high), x_scale=0.1, xtol=loose * 1e-4, ftol=loose * 1e-5,
         tr_solver="exact", max_nfev=MAX_STEPS,
     )  # fmt: skip
 

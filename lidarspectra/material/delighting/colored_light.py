@@ -88,10 +88,10 @@ def apparent_ratio(
     sample_spectra = spectra[tree.query(linear_srgb_to_lab(sample_color))[1]]
     face_spectra = spectra[tree.query(linear_srgb_to_lab(face_color))[1]]
     face_spectra = face_spectra * (face_color.max(axis=1) > 0)[:, None]
-    light = exchange.direct
+    light, seen = exchange.direct, exchange.seen[:, :-1]
     for _ in range(REFLECTIONS):
         sent = face_spectra * (exchange.spread @ light)
-        light = exchange.direct + exchange.seen[:, :-1] @ sent
+        light = exchange.direct + seen @ sent
     sensitivity = (library.weights @ CONES_FROM_XYZ.T)[THINNED]
     relative = light / BANDS.band_values(daylight, outside="nearest")
     apparent = ((sample_spectra * relative) @ sensitivity) / np.maximum(relative @ sensitivity, MIN_LIGHT)

@@ -183,9 +183,12 @@ class LightObjective:
         data = self.scale * self.weight / np.sqrt(3.0) * robust.ravel()
         return np.concatenate([data, self._beliefs(parameters, values, center, light.mean(axis=0))])
 
-    def jacobian(self, parameters: FloatArray) -> FloatArray:
-        """Slopes of the residuals: in closed form, but over the tone curve by differences, and those of the priors."""
-        base = self.residuals(parameters)
+    def jacobian(self, parameters: FloatArray, residuals: FloatArray | None = None) -> FloatArray:
+        """Slopes of the residuals: in closed form, but over the tone curve by differences, and those of the priors.
+
+        The residuals there may be given, where they are known.
+        """
+        base = self.residuals(parameters) if residuals is None else residuals
         slopes = np.empty((base.size, self.count))
         slopes[:, OF_TONE:] = self._light_slopes(parameters, base[3 * self.rows.size :])
         for column in range(OF_TONE):

@@ -8,6 +8,9 @@ add up to 1, has the flux Φ_b = Σ w_s Φ_s and the coefficient
 which is the traced lamp's own. For another spectrum Φ' of that lamp the same sum has Φ'_s in place of Φ_s.
 """
 
+from dataclasses import dataclass
+from typing import Self
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -194,14 +197,53 @@ def spectrum_error(transport: xr.Dataset, lamp: str, flux: Spectrum) -> FloatArr
     """
     if "slot_coefficient" not in transport:
         return np.zeros(transport.sizes["band"])
-    row = [str(name) for name in transport["lamp"].to_numpy()].index(lamp)
-    weights = transport["slot_weights"].transpose("slot", "wavelength").to_numpy()
-    power = flux.at(transport["wavelength"].to_numpy(), outside="zero")
-    mean = transport["mean_reflectance"].to_numpy()
-    held = transport["slot_reflectance"].transpose("lamp", "slot").to_numpy()[row]
-    return reflected_light_error(
-        power=power, weights=weights, matrix=slot_matrix(transport), mean_reflectance=mean, slot_reflectance=held
-    )
+    return CarriedSpectra.of(transport, lamp).error(flux)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CarriedSpectra:
+    """What tells how well a transport's slots carry other spectra of one lamp: read once, asked of many.
+
+    Parameters
+    ----------
+    wavelengths_nm : (wavelength,) float
+    slot_weights : (slot, wavelength) float
+        Share of each wavelength's power in each slot. [1]
+    slot_matrix : (slot, band) float
+        Of `slot_matrix`. [1]
+    mean_reflectance : (wavelength,) float
+        Of the room. [1]
+    slot_reflectance : (slot,) float
+        That the slots were traced with. [1]
+    """
+
+    wavelengths_nm: FloatArray
+    slot_weights: FloatArray
+    slot_matrix: FloatArray
+    mean_reflectance: FloatArray
+    slot_reflectance: FloatArray
+
+    @classmethod
+    def of(cls, transport: xr.Dataset, lamp: str) -> Self:
+        """Of a transport with slots, and one of its lamps."""
+        row = [str(name) for name in transport["lamp"].to_numpy()].index(lamp)
+        return cls(
+            wavelengths_nm=transport["wavelength"].to_numpy(),
+            slot_weights=transport["slot_weights"].transpose("slot", "wavelength").to_numpy(),
+            slot_matrix=slot_matrix(transport),
+            mean_reflectance=transport["mean_reflectance"].to_numpy(),
+            slot_reflectance=transport["slot_reflectance"].transpose("lamp", "slot").to_numpy()[row],
+        )
+
+    def error(self, flux: Spectrum) -> FloatArray:
+        """(band,) predicted relative error of the reflected light of a spectral flux [W/nm]: see `spectrum_error`."""
+        return reflected_light_error(
+            power=flux.at(self.wavelengths_nm, outside="zero"),
+            weights=self.slot_weights,
+            matrix=self.slot_matrix,
+            mean_reflectance=self.mean_reflectance,
+            slot_reflectance=self.slot_reflectance,
+        )
 
 
 def slot_matrix(transport: xr.Dataset) -> FloatArray:
