@@ -66,8 +66,9 @@ class Appearance:
     known : bool
         False where the file held no colour at all (an STL); the corner colours are then a neutral gray.
     color_source : (face,) int, optional
-        PHOTOGRAPHED, DRAWN (the one flat colour or the repeated pattern that a program gave a named part, as room models
-        have them) or NO_COLOR (the corner colours are then a neutral gray). By default all are photographed, or none has colour.
+        PHOTOGRAPHED, DRAWN (the one flat colour or the repeated pattern that a program gave a named part, as room
+        models have them) or NO_COLOR (the corner colours are then a neutral gray). By default all are photographed, or
+        none has colour.
     kinds : tuple of str
         Kinds of parts that the file names ('wall', 'door', ...), and that `face_kind` counts.
     face_kind : (face,) int, optional

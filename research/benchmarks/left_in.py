@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lidarspectra.arrays import FloatArray
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.workflow.materials.delighting import LEFT_IN_DEVIATION
 from research.benchmarks.delighting import Case, read_case, true_colors
@@ -20,13 +21,14 @@ from research.scenes.build import SCENES
 SHIPPED = ("office", "apartment", "large-office")
 
 
-def shown_and_true(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def shown_and_true(case: Case) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(face,) colour as shown and true reflectance, means over linear sRGB [1], and area [m²], where surfaces show."""
     shown, known = surface_colors(case.scan)
     return shown[known].mean(axis=1), true_colors(case)[known].mean(axis=1), case.scan.areas[known]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
+    """Print a line for each scan."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", nargs="*", type=Path, default=[SCENES / name for name in SHIPPED])
     print(f"{'scan':20s} shown  true   RMS  within {LEFT_IN_DEVIATION}  within twice that")

@@ -371,12 +371,13 @@ def _with_light_left_in(materials: MaterialMap) -> MaterialMap:
     """Materials of the scan's colours as shown, whose uncertainty includes that of the light still in them."""
     changed = []
     for material in materials.materials:
-        if material.provenance in ("measured", "recovered"):
-            wavelengths = material.reflectance.wavelengths_nm
-            own = 0.0 if material.uncertainty is None else material.uncertainty.at(wavelengths, outside="nearest")
-            both = np.hypot(own, np.full(wavelengths.size, LEFT_IN_DEVIATION))
-            material = replace(material, uncertainty=Spectrum(wavelengths_nm=wavelengths, values=both))
-        changed.append(material)
+        if material.provenance not in ("measured", "recovered"):
+            changed.append(material)
+            continue
+        wavelengths = material.reflectance.wavelengths_nm
+        own = 0.0 if material.uncertainty is None else material.uncertainty.at(wavelengths, outside="nearest")
+        both = np.hypot(own, np.full(wavelengths.size, LEFT_IN_DEVIATION))
+        changed.append(replace(material, uncertainty=Spectrum(wavelengths_nm=wavelengths, values=both)))
     return replace(materials, materials=tuple(changed))
 
 

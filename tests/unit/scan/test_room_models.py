@@ -101,9 +101,7 @@ def test_names_count_only_in_a_file_that_names_walls(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("repeats", "source"), [(1.0, PHOTOGRAPHED), (3.0, DRAWN)])
-def test_a_pattern_that_repeats_over_a_named_part_is_no_photograph(
-    tmp_path: Path, repeats: float, source: int
-) -> None:
+def test_a_pattern_that_repeats_over_a_named_part_is_no_photograph(tmp_path: Path, repeats: float, source: int) -> None:
     model = trimesh.Scene()
     for part in furnished_room():
         model.add_geometry(trimesh.creation.box(part.size), geom_name=part.name, node_name=part.name)
