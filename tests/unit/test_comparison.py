@@ -37,6 +37,7 @@ def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
             "x": ("point", np.arange(12.0)),
             "y": ("point", np.zeros(12)),
             "z": ("point", np.ones(12)),
+            **{name: ("point", np.full(12, float(name == "nz"))) for name in ("nx", "ny", "nz")},
             "buried": ("point", np.arange(12) == 11),
         },
     )
@@ -127,6 +128,42 @@ def test_counts_without_settings_are_refused_until_a_scale_is_fitted(run: Path, 
     assert fitted.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
 
 
+@pytest.mark.parametrize(
+    "form",
+    [
+        {"sep": ";", "decimal": ",", "encoding": "utf-8-sig"},  # Excel in German
+        {"sep": "\t", "encoding": "utf-16"},  # Excel's "Unicode text"
+        {"sep": ";", "encoding": "utf-8"},
+    ],
+)
+def test_tables_as_spreadsheets_write_them_are_read(run: Path, tmp_path: Path, form: dict[str, str]) -> None:
+    table = pd.read_csv(readings(tmp_path)).assign(place="über dem Tisch")
+    table.to_csv(tmp_path / "sheet.csv", index=False, **form)
+    found = evaluate_run(run, tmp_path / "sheet.csv")
+    assert found.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
+
+
+def test_a_reading_that_looks_another_way_than_its_point_is_left_out_and_said(run: Path, tmp_path: Path) -> None:
+    table = pd.read_csv(readings(tmp_path)).assign(nx=0.0, ny=0.0, nz=1.0)
+    table.loc[[1, 4], "nz"] = -1.0  # a sensor that looks down reads what the table reflects
+    table.loc[[1, 4], "E_410"] = 0.01
+    table.to_csv(tmp_path / "measured.csv", index=False)
+    found = evaluate_run(run, tmp_path / "measured.csv")
+    assert found.comparisons[0].points == 9
+    assert found.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)
+    assert "2 readings are left out, since the map's points beside them look another way" in found.notes[0]
+    table.assign(nz=-1.0).to_csv(tmp_path / "measured.csv", index=False)
+    with pytest.raises(MapError, match="11 more look another way"):
+        evaluate_run(run, tmp_path / "measured.csv")
+
+
+def test_readings_in_another_unit_than_was_said_are_pointed_out(run: Path, tmp_path: Path) -> None:
+    path = readings(tmp_path, factor=2000.0)
+    assert "The readings are 2e+03 times the map in the median, taken as W/m2/nm" in evaluate_run(run, path).notes[-1]
+    assert not any("times the map" in note for note in evaluate_run(run, path, scale="one").notes)
+    assert not any("times the map" in note for note in evaluate_run(run, readings(tmp_path, factor=2.0)).notes)
+
+
 def test_readings_in_another_frame_are_refused(run: Path, tmp_path: Path) -> None:
     with pytest.raises(MapError, match="--align"):
         evaluate_run(run, readings(tmp_path, shift_m=0.4))
@@ -137,7 +174,9 @@ def test_readings_in_another_frame_are_refused(run: Path, tmp_path: Path) -> Non
     [
         ("a,b\n1,2\n", "columns x, y, z"),
         ("x,y,z\n0,0,1\n", "E_410"),
-        ("x,y,z,E_410\n0,0,1,many\n", "E_410"),
+        ("x,y,z,E_410\n0,0,1,many\n", "E_410.*'many'"),
+        ("x,y,z,E_410\n", "one a row below the header, found none"),
+        ("x,y,z,E_410\n0,0,1,0.5\n", "Measure at more of its points"),
         ("", "readable CSV"),
     ],
 )

@@ -1,5 +1,7 @@
 """Readings of a room in a file: places and channels, as irradiance, as µW/cm², or as plain counts."""
 
+import io
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
@@ -8,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.errors import MapError
+from lidarspectra.errors import MapError, ReadingError
 from lidarspectra.hardware.sensor.as7265x import (
     CHANNEL_LABELS,
     DIE_INDEX,
@@ -19,11 +21,13 @@ from lidarspectra.hardware.sensor.as7265x import (
     mask_counts,
     nominal_responsivity,
 )
+from lidarspectra.hardware.sensor.log_text import log_text
 
 Unit = Literal["W/m2/nm", "uW/cm2", "counts"]
 Scale = Literal["none", "one", "die", "channel"]
 SETTINGS = ("gain", "integration_ms")  # columns that make the counts of different rows comparable
 NUMBERS = ("x", "y", "z", "nx", "ny", "nz", "buried", *SETTINGS)  # columns that must be numeric
+DELIMITERS = (",", ";", "\t")  # between cells
 CHANNELS = ("E_", "SE_")  # how columns of channels and of their uncertainties begin
 
 
@@ -33,7 +37,8 @@ def read_readings(measured: Path, *, needs_places: bool = True) -> pd.DataFrame:
     Parameters
     ----------
     measured : Path
-        CSV in UTF-8; lines that begin with '#' are left out.
+        CSV as pandas or Excel writes it: between commas, semicolons or tabs, with decimal points or commas, in UTF-8,
+        UTF-16 or Windows' coding; lines that begin with '#' are left out.
     needs_places : bool
         Whether x, y, z must be there; they are NaN otherwise.
 
@@ -47,9 +52,12 @@ def read_readings(measured: Path, *, needs_places: bool = True) -> pd.DataFrame:
         If it cannot be read, has no x, y, z, or holds words where numbers belong.
     """
     try:
-        table = pd.read_csv(measured, comment="#", encoding="utf-8")
-    except (OSError, ValueError) as cause:  # pandas' parser errors are ValueErrors
-        raise MapError(expected="a readable CSV of readings", found=str(cause), where=str(measured)) from cause
+        table = _table_of(log_text(measured))
+    except (ReadingError, ValueError) as cause:  # pandas' parser errors are ValueErrors
+        found = cause.found if isinstance(cause, ReadingError) else str(cause)
+        raise MapError(expected="a readable CSV of readings", found=found, where=str(measured)) from cause
+    if table.empty:
+        raise MapError(expected="readings, one a row below the header", found="none", where=str(measured))
     missing = [name for name in ("x", "y", "z") if name not in table.columns]
     if missing and not needs_places:
         table = table.assign(**dict.fromkeys(missing, np.nan))
@@ -66,10 +74,19 @@ def read_readings(measured: Path, *, needs_places: bool = True) -> pd.DataFrame:
     return table
 
 
+def _table_of(text: str) -> pd.DataFrame:
+    """A table between commas, semicolons or tabs; where commas part no cells they may be decimal signs."""
+    header = next((line for line in text.split("\n") if line.strip() and not line.startswith("#")), "")
+    delimiter = max(DELIMITERS, key=header.count)
+    has_commas = delimiter != "," and re.search(r"\d,\d", text) is not None
+    return pd.read_csv(io.StringIO(text), comment="#", sep=delimiter, decimal="," if has_commas else ".")
+
+
 def _require_numbers(table: pd.DataFrame, columns: Sequence[str], measured: Path) -> None:
     for name in columns:
         if not pd.api.types.is_numeric_dtype(table[name]):
-            raise MapError(expected="numbers", found="other text", where=f"{measured}, column '{name}'")
+            word = next(cell for cell in table[name].dropna() if isinstance(cell, str))
+            raise MapError(expected="numbers", found=f"'{word[:30]}'", where=f"{measured}, column '{name}'")
 
 
 def channel_columns(table: pd.DataFrame, labels: Sequence[str], unit: Unit) -> dict[int, str]:

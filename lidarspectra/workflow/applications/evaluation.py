@@ -33,6 +33,9 @@ from lidarspectra.workflow.run_folder.assumed import result_notes
 from lidarspectra.workflow.run_folder.workspace import made_folder, require_stage
 
 MIN_POINTS = 3  # fewer do not characterise a map
+MAX_TURN_DEG = 20.0  # [deg] between a reading's direction and its point's; more is other light
+UNLIKELY_RATIO = 10.0  # [1] of readings to the map or the reverse: a unit is wrong rather than a lamp
+DIRECTION = ("nx", "ny", "nz")
 NOWHERE_M = 1e9  # [m] stands for a place that is not known: far from everything
 NORMALISATIONS: tuple[Normalisation, ...] = ("absolute", "band", "all")
 
@@ -126,9 +129,10 @@ def evaluate_run(
             expected=f"columns E_<channel> [W/m²/nm], such as E_{labels[0]}",
             found=", ".join(map(str, table.columns[:8])),
             where=str(measured),
-            todo="'lidarspectra sensor join' turns a log of counts into such a file; or name their unit with --unit.",
+            todo="'lidarspectra sensor join' turns a log of counts into such a file; or name their unit with --unit. "
+            "Readings in lux serve 'lidarspectra calibrate'.",
         )
-    points, rows = _matched(light, table, within_m, measured)
+    points, rows, turned = _matched(light, table, within_m, measured)
     synthetic = light["irradiance"].to_numpy()[points][:, kept]
     real = irradiance_of(table, list(columns.values()), unit, scale, measured)[rows]
     complete = np.isfinite(real).all(axis=1)
@@ -153,9 +157,18 @@ def evaluate_run(
         bands=_band_table(synthetic, real, names),
         notes=(
             *result_notes(assumptions_of(light)),
+            *_turned_note(turned),
             *_notes(
-                len(table), len(rows), int(complete.sum()), dark, len(labels) - len(kept), factors, scale, within_m
+                len(table) - turned,
+                len(rows),
+                int(complete.sum()),
+                dark,
+                len(labels) - len(kept),
+                factors,
+                scale,
+                within_m,
             ),
+            *_level_note(synthetic, real, unit, scale),
         ),
         places=np.stack([light[axis].to_numpy() for axis in "xy"], axis=1)[points[whole]],
         centers_nm=light["band"].to_numpy()[kept],
@@ -180,23 +193,70 @@ def draw_evaluation(evaluation: Evaluation, run: Path, folder: Path) -> tuple[Pa
     return save_figure(figure, folder, "evaluation-maps")
 
 
-def _matched(light: xr.Dataset, table: pd.DataFrame, within_m: float, where: Path) -> tuple[IntArray, IntArray]:
-    """For each reading that lies on the map, the nearest of its points that are not buried."""
+def _matched(light: xr.Dataset, table: pd.DataFrame, within_m: float, where: Path) -> tuple[IntArray, IntArray, int]:
+    """For each reading on the map the nearest of its points that look its way, its row, and how many find none such.
+
+    Buried points do not count. Readings without nx, ny, nz are taken to look the way of the nearest point.
+    """
     usable = np.flatnonzero(~light["buried"].to_numpy())
     places = np.stack([light[axis].to_numpy() for axis in "xyz"], axis=1)[usable]
     readings = table[["x", "y", "z"]].to_numpy(dtype=np.float64)
     placed = np.isfinite(readings).all(axis=1)
-    distance, nearest = cKDTree(places).query(np.where(placed[:, None], readings, NOWHERE_M))
-    rows = np.flatnonzero(placed & (distance <= within_m))
+    tree = cKDTree(places)
+    distance, nearest = tree.query(np.where(placed[:, None], readings, NOWHERE_M))
+    near = placed & (distance <= within_m)
+    agrees = near.copy()
+    if set(DIRECTION) <= set(table.columns):
+        looks, wanted = _directions(light, usable), table[list(DIRECTION)].to_numpy(dtype=np.float64)
+        wanted = wanted / np.maximum(np.linalg.norm(wanted, axis=1, keepdims=True), 1e-12)
+        for row in np.flatnonzero(near & np.isfinite(wanted).all(axis=1)):
+            about = np.array(tree.query_ball_point(readings[row], within_m), dtype=np.int64)
+            about = about[looks[about] @ wanted[row] >= np.cos(np.radians(MAX_TURN_DEG))]
+            agrees[row] = about.size > 0
+            if about.size:
+                nearest[row] = about[np.argmin(np.linalg.norm(places[about] - readings[row], axis=1))]
+    rows = np.flatnonzero(agrees)
     if rows.size < MIN_POINTS:
         closest = f"{float(distance[placed].min()):.2f} m" if placed.any() else "no reading has a place"
+        turned = (
+            f"; {int(near.sum() - rows.size)} more look another way than its points" if near.sum() > rows.size else ""
+        )
+        todo = "Measure at more of its points, looking as they do"
+        if near.sum() < MIN_POINTS and not near.any():
+            todo = "Bring the readings into the scan's coordinates with 'lidarspectra sensor join --align'"
         raise MapError(
             expected=f"{MIN_POINTS} or more readings within {within_m:g} m of the map's points",
-            found=f"{rows.size}; the nearest is at {closest}",
+            found=f"{rows.size}; the nearest is at {closest}{turned}",
             where=str(where),
-            todo="Bring the readings into the scan's coordinates with 'lidarspectra sensor join --align'.",
+            todo=f"{todo}.",
         )
-    return usable[nearest[rows]].astype(np.int64), rows.astype(np.int64)
+    return usable[nearest[rows]].astype(np.int64), rows.astype(np.int64), int(near.sum() - rows.size)
+
+
+def _directions(light: xr.Dataset, points: IntArray) -> FloatArray:
+    """(point, 3) where some of the map's points look."""
+    return np.stack([light[axis].to_numpy() for axis in DIRECTION], axis=1)[points].astype(np.float64)
+
+
+def _turned_note(turned: int) -> tuple[str, ...]:
+    """A note on readings that no point of the map looks like."""
+    if not turned:
+        return ()
+    return (
+        f"{turned} readings are left out, since the map's points beside them look another way, by more than "
+        f"{MAX_TURN_DEG:g}°. Give their directions nx, ny, nz as the sensor looked, or map those directions too.",
+    )
+
+
+def _level_note(synthetic: FloatArray, real: FloatArray, unit: Unit, scale: Scale) -> tuple[str, ...]:
+    """A note where readings are so far from the map that their unit is in doubt."""
+    ratio = float(np.median(real / np.maximum(synthetic, 1e-30)))
+    if scale != "none" or 1.0 / UNLIKELY_RATIO < ratio < UNLIKELY_RATIO:
+        return ()
+    return (
+        f"The readings are {ratio:.2g} times the map in the median, taken as {unit}. Check their unit (--unit: "
+        "W/m2/nm, uW/cm2 or counts), and the lamps' fluxes in the run file; 'absolute' below says nothing until then.",
+    )
 
 
 def _comparison_table(comparisons: tuple[Comparison, ...]) -> Table:
