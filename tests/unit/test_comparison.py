@@ -1,6 +1,7 @@
 """Readings are compared where they belong, or refused in words."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -136,7 +137,7 @@ def test_counts_without_settings_are_refused_until_a_scale_is_fitted(run: Path, 
         {"sep": ";", "encoding": "utf-8"},
     ],
 )
-def test_tables_as_spreadsheets_write_them_are_read(run: Path, tmp_path: Path, form: dict[str, str]) -> None:
+def test_tables_as_spreadsheets_write_them_are_read(run: Path, tmp_path: Path, form: dict[str, Any]) -> None:
     table = pd.read_csv(readings(tmp_path)).assign(place="über dem Tisch")
     table.to_csv(tmp_path / "sheet.csv", index=False, **form)
     found = evaluate_run(run, tmp_path / "sheet.csv")
