@@ -570,7 +570,10 @@ def _without_light(given: Declared, scanned: ScannedRoom, progress: Progress) ->
         Card(center=np.array(each.center), size_m=each.size, reflectance=each.reflectance)
         for each in given.run_file.materials.cards
     ]
-    return take_light_out(scanned.scan, scanned.room, lamps, cards=cards, fluxes_stated=stated, progress=progress)
+    screens = [pane for pane in panes_of_run(given.run_file.panes) if pane.kind == "screen"]
+    return take_light_out(
+        scanned.scan, scanned.room, lamps, cards=cards, screens=screens, fluxes_stated=stated, progress=progress
+    )  # fmt: skip
 
 
 def _materials_notes(materials: MaterialMap, face_areas: FloatArray, unlit: Delighting | None) -> Notes:

@@ -26,6 +26,7 @@ from lidarspectra.material.frames.pane_fit import (
     gains_of_squares,
     gains_over_matt,
 )
+from lidarspectra.material.frames.seen_screens import screens_of_frames
 from lidarspectra.material.frames.wall_views import WallRows, views_of_walls
 from lidarspectra.room.panes.pane import Pane, PaneKind
 from lidarspectra.room.panes.wall_view import CELL_M, WallView
@@ -54,7 +55,7 @@ class _Candidate:
 
 
 def panes_of_frames(colors: FrameColors, scan: Scan, walls: Sequence[WallView], caster: RayCaster) -> tuple[Pane, ...]:
-    """Mirrors and glass in walls, by what frames show of them.
+    """Mirrors and glass in walls, and screens that are on anywhere, by what frames show of them.
 
     Parameters
     ----------
@@ -69,12 +70,14 @@ def panes_of_frames(colors: FrameColors, scan: Scan, walls: Sequence[WallView], 
     Returns
     -------
     panes : tuple of Pane
-        With the reflectance of mirrors and the transmittance of glass.
+        With the reflectance of mirrors, the transmittance of glass, and how bright screens are; screens last.
     """
-    if colors.radiometry is None:
+    if colors.radiometry is None or colors.records is None:
         return ()
+    screens = screens_of_frames(colors.records, scan, caster)
     rows = views_of_walls(scan, caster, walls, colors.frames, colors.radiometry, colors.scale)
-    return tuple(pane for wall, each in zip(walls, rows, strict=True) for pane in panes_of_wall(wall, each))
+    found = [pane for wall, each in zip(walls, rows, strict=True) for pane in panes_of_wall(wall, each)]
+    return (*found, *screens)
 
 
 def panes_of_wall(wall: WallView, rows: WallRows) -> Iterator[Pane]:

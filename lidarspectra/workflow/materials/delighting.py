@@ -62,6 +62,7 @@ from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients
 from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.room.light_samples import LIFT_M, Samples, samples_of
+from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.room import Room
 from lidarspectra.spectra.databases import lamp_spectrum, tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
@@ -102,6 +103,7 @@ RAYS = 128  # rays per sample for the form factors to other surfaces
 SCATTERED_RANGE = (REFLECTANCE_RANGE[0], 2.0)  # [1] of single faces, whose light is uncertain
 MIN_PHOTOGRAPHED = 0.2  # [1] least share of the area whose colour shows light; the rest was drawn by a program
 MIN_WITNESSES = 16  # least independent places, over twice the number of unknowns
+HALF = 0.5  # [1] of a bright place, that must lie in a screen for it to be no window
 SHINES = 2.0  # [1] of the light that falls on a source; paint sends less, and fits are not so sure
 CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
 SHARES = (
@@ -160,6 +162,7 @@ def take_light_out(
     lamps: Sequence[Lamp],
     *,
     cards: Sequence[Card] = (),
+    screens: Sequence[Pane] = (),
     fluxes_stated: bool = True,
     engine: Engine | None = None,
     workers: int | None = None,
@@ -176,6 +179,9 @@ def take_light_out(
         That were lit when it was scanned. The scale of their fluxes does not matter.
     cards : sequence of Card
         Of known reflectance, in the picture.
+    screens : sequence of Pane
+        What they show is no paint: they are no witnesses of the fit and of no paint, and what they send, as the picture
+        has it, is light of their own on all else.
     fluxes_stated : bool
         Whether the lamps' relative fluxes are known. If False they are a first guess with a wide prior, and are
         estimated from the light on the walls.
@@ -228,12 +234,14 @@ def take_light_out(
         sources = (*sources, beyond_scan(open_share))
         patterns.append(opening_patterns(caster, samples.positions, samples.normals, generator))
         exchange = _closed(exchange)
-    patches = _sun(scan, caster, samples, np.where(known, shown.max(axis=1), 1.0), sources, open_share)
+    screen = _faces_in(screens, scan)
+    patches = _sun(
+        scan, caster, samples, np.where(known, shown.max(axis=1), 1.0), _no_screens(sources, screen), open_share
+    )
     colors = np.concatenate([shown[samples.face[card < 0]], seen_cards.shown])
-    trusted = known[samples.face] & (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK) & (card < 0)
-    trusted &= ~patches.member(scan)[samples.face]
-    face_lamp = ~known & near_lamps(scan.centers, lamps)
-    face_lamp |= _faces_of(sources, scan)
+    trusted = (known & ~patches.member(scan) & ~screen)[samples.face] & (card < 0)
+    trusted &= (colors.max(axis=1) < CLIPPED) & (colors.max(axis=1) > DARK)
+    face_lamp = (~known & near_lamps(scan.centers, lamps)) | _faces_of(sources, scan)
     unseen = unseen_faces(scan, known)
     spread = spread_of(scan, samples)
     surfaces = Surfaces(
@@ -278,7 +286,7 @@ def take_light_out(
     if (why := doubt(fit)) is not None:
         return _left_in(why, fit)
     sources = _shines(sources, fit, scan, spread @ fit.irradiance)
-    face_color, face_deviation, paints = _of_faces(surfaces, evidence, fit, spread, sources, patches)
+    face_color, face_deviation, paints = _of_faces(surfaces, evidence, fit, spread, sources, patches, screen)
     progress(1.0, "light taken out")
     fluxes = () if fluxes_stated else estimated_fluxes([lamp.name for lamp in lamps], fit, identifiable)
     return Delighting(
@@ -296,7 +304,7 @@ def take_light_out(
             *beam_note(fit),
             *unsettled_note(fit),
             *other_light_note(scan, known | ~scan.appearance.photographed, evidence, spread @ fit.irradiance),
-            *whiter_than_paint_note(paints.color[known], scan.areas[known]),
+            *whiter_than_paint_note(paints.color[known & ~screen], scan.areas[known & ~screen]),
         ),
         lamp_fluxes=fluxes,
         lit=tuple(lamps),
@@ -309,6 +317,19 @@ def _faces_of(sources: Sequence[UnknownSource], scan: Scan) -> BoolArray:
     for source in sources:
         member[source.faces] = True
     return member
+
+
+def _faces_in(panes: Sequence[Pane], scan: Scan) -> BoolArray:
+    """(face,) which lie in some panes."""
+    member = np.zeros(len(scan.faces), dtype=np.bool_)
+    for pane in panes:
+        member |= pane.members(scan.centers)
+    return member
+
+
+def _no_screens(sources: Sequence[UnknownSource], screen: BoolArray) -> list[UnknownSource]:
+    """Sources that do not lie in a (face,) screen for the most part."""
+    return [source for source in sources if not (source.faces.size and screen[source.faces].mean() > HALF)]
 
 
 def _three(values: FloatArray) -> FloatArray:
@@ -402,15 +423,19 @@ def _of_faces(
     spread: csr_array,
     sources: Sequence[UnknownSource],
     patches: SunPatches,
+    screen: BoolArray,
 ) -> tuple[FloatArray, FloatArray, Paints]:
-    """(face, 3) reflectances and deviations of their logarithms: of paints, panes, and what lies in the sun."""
+    """(face, 3) reflectances and deviations of their logarithms: of paints, panes, and what lies in the sun.
+
+    What a (face,) screen shows counts in no paint.
+    """
     scan, known = surfaces.scan, surfaces.known
     sunny = patches.member(scan)
     # What scatters about a paint's mean is limited after the mean is taken: before, it would darken white ones.
     paints = one_paint(
         scan,
         face_reflectance(evidence, fit, spread, limits=SCATTERED_RANGE),
-        known & ~sunny,
+        known & ~sunny & ~screen,
         turn_deg=surfaces.room.wall_angle_deg,
         piece=surfaces.piece[nearest_of(spread)],
     )

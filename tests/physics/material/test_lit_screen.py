@@ -1,0 +1,79 @@
+"""A screen that was on when the room was scanned is a source in its picture, and no paint and no witness."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import lidarspectra as ls
+from lidarspectra.arrays import BoolArray, FloatArray
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.room.panes.pane import Pane
+from lidarspectra.room.room import find_room
+from lidarspectra.workflow.materials.delighting import take_light_out
+
+from .lit_rooms import all_light, exchange, joined, lamp_light, painted, plane
+
+pytestmark = pytest.mark.slow  # a room photographed by radiosity and de-lit, twice
+
+LENGTH_M, WIDTH_M, HEIGHT_M = 4.0, 3.2, 2.6
+FLOOR, WALLS, CEILING, FRONT = 0.2, 0.5, 0.8, 0.05
+SENDS = 2.0  # [1] of the screen over what white paint would send there
+SCREEN = Pane(kind="screen", center=np.array([0.01, 1.6, 1.3]), size_m=(1.6, 0.9), normal=np.array([1.0, 0.0, 0.0]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Room:
+    """A scan in lamps' light and a screen's, and what is true of it."""
+
+    scan: Scan
+    reflectance: FloatArray
+    is_screen: BoolArray
+    lamps: list[Lamp]
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory: pytest.TempPathFactory) -> Room:
+    x, y, z = np.diag([LENGTH_M, WIDTH_M, HEIGHT_M])
+    zero = np.zeros(3)
+    corner = SCREEN.center - np.array([0.0, 0.5 * SCREEN.size_m[0], 0.5 * SCREEN.size_m[1]])
+    scan, member, reflectance = joined(
+        [
+            (FLOOR, plane(zero, x, y, 0.2)),
+            (CEILING, plane(z, y, x, 0.2)),
+            (WALLS, plane(zero, y, z, 0.2)),
+            (WALLS, plane(x, z, y, 0.2)),
+            (WALLS, plane(y, x, z, 0.2)),
+            (WALLS, plane(zero, z, x, 0.2)),
+            (FRONT, plane(corner, np.array([0, SCREEN.size_m[0], 0]), np.array([0, 0, SCREEN.size_m[1]]), 0.1)),
+        ]
+    )
+    lamps = [
+        ls.make_lamp("panel", (at_x, 1.6, 2.3), name=f"{at_x}", size=0.5, spectrum="LED-B3", luminous_flux_lm=3000)
+        for at_x in (1.2, 2.8)
+    ]
+    direct = lamp_light(scan, lamps, tmp_path_factory.mktemp("light"))
+    is_screen, between = member == 6, exchange(scan)
+    there = float(np.mean(all_light(between, reflectance, direct)[is_screen]))
+    direct = np.where(is_screen, direct + SENDS * there / FRONT, direct)  # as if that much more light fell on it alone
+    seen = reflectance * all_light(between, reflectance, direct)
+    return Room(
+        scan=painted(scan, 0.7 * seen / np.quantile(seen[~is_screen], 0.98)), reflectance=reflectance,
+        is_screen=is_screen, lamps=lamps,
+    )  # fmt: skip
+
+
+def _error(room: Room, *screens: Pane) -> float:
+    """Mean absolute error of the reflectances beside the screen."""
+    found = take_light_out(room.scan, find_room(room.scan), room.lamps, screens=screens, workers=2)
+    assert found.face_color is not None
+    apart = ~room.is_screen & ~SCREEN.members(room.scan.centers)
+    error = np.abs(found.face_color.mean(axis=1) - room.reflectance)[apart]
+    return float(np.average(error, weights=room.scan.areas[apart]))
+
+
+def test_what_a_screen_shows_is_no_paint_and_its_light_is_taken_out_of_the_room(room: Room) -> None:
+    told, untold = _error(room, SCREEN), _error(room)
+    assert told < 0.015  # .007 with this seed of samples and rays
+    assert told < 0.7 * untold  # of .019: taken for a window, it counts as a witness in part
