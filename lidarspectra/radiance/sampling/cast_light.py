@@ -60,6 +60,8 @@ class CastLight:
         Diffuse part of the surfaces', in the order of the pass's slots. [0-1]
     flux : (lamp, slot) float
         Spectral flux of the pass's lamps. [any unit]
+    lamp_count : int
+        Lamps of the scene, in all of its passes: the more, the less each need be known.
     """
 
     shining: tuple[ShiningSurface, ...]
@@ -67,6 +69,7 @@ class CastLight:
     surfaces: Surfaces = field(repr=False)
     reflectance: FloatArray = field(repr=False)
     flux: FloatArray = field(repr=False)
+    lamp_count: int
 
     @classmethod
     def of(cls, scene: RadianceScene, scene_pass: ScenePass, surfaces: Mapping[str, Surfaces]) -> "CastLight | None":
@@ -84,6 +87,7 @@ class CastLight:
             surfaces=of_pass,
             reflectance=reflectance,
             flux=scene.written_flux[np.ix_(scene_pass.lamps, scene_pass.slots)],
+            lamp_count=len(scene.lamp_names),
         )
 
     @property
@@ -118,7 +122,7 @@ class CastLight:
             Samples of each.
         generator : numpy.random.Generator
         """
-        rays = size * max(1, min(MOST_RAYS, SHARED_RAYS // len(self.lamps)))
+        rays = size * max(1, min(MOST_RAYS, SHARED_RAYS // self.lamp_count))
         chunk = max(1, RAYS_AT_ONCE // (sets * max(rays, NEAR_RAYS * size)))
         found = np.zeros((sets, len(self.lamps), len(points)))
         for first in range(0, len(points), chunk):

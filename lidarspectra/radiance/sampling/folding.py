@@ -21,13 +21,6 @@ from lidarspectra.radiance.scene.scene_record import RadianceScene
 from lidarspectra.spectra.spectrum import Spectrum
 
 MAX_SPECTRUM_ERROR = 0.01  # [1] of a channel's reflected light; above it relighting warns that a new trace is needed
-COEFFICIENTS = (
-    "coefficient",
-    "coefficient_se",
-    "coefficient_batches",
-    "truncation_coefficient",
-    "opening_coefficient",
-)  # of a transport [m⁻²]
 SLOT_DIMS: dict[str, tuple[str, ...]] = {
     "slot_coefficient": ("lamp", "point", "slot"),
     "slot_flux": ("lamp", "slot"),

@@ -8,7 +8,9 @@ the light at these places is estimated roughly, lamp by lamp, by a radiosity sol
     B = ρ (E_direct + E),   E = W B,   W_pq = share of cosine-distributed rays from place p that arrive at patch q
 
 Rays from all places go in the same directions of a lattice, so that what differs between neighbours is what they see.
-Two neighbouring places are alike if no lamp's reflected light E differs between them by more than `MAX_CONTRAST`. An
+Two neighbouring places are alike if the linear function of each (`rough_light`) has every lamp's reflected light E at
+the other, to a share that is the larger the more noise is wanted (`MISFITS`). What differs along a plane by a slope alone is known by these functions, as in a hall under
+many lamps, where each lamp's light falls with the distance; what jumps, as beside a door, is not. An
 arrival shares paths with those on places that are alike, that lie in the same cell of 2 x 2 x 2 boxes, and that see
 one another; where the light is uneven, or an arrival does not see its place, each sensor has paths of its own, and is
 sampled as if alone: such an estimate is unbiased for any distribution of light.
@@ -25,6 +27,7 @@ SIGGRAPH '84, 213-222. Ward G J, Heckbert P S (1992), Irradiance gradients, Euro
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -34,16 +37,17 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.radiance.sampling.arrivals import Arrivals, Surfaces
 from lidarspectra.radiance.sampling.receptors import cosine_directions, lattice
-from lidarspectra.radiance.sampling.rough_light import RoughLight, fit_rough_light
+from lidarspectra.radiance.sampling.rough_light import LinearFit, RoughLight, linear_fit
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 
-MAX_CONTRAST = 0.3  # [1] between neighbours that share, of the light of the sensors that look there
-FAINT = 1e-4  # [1] of a lamp's mean light at the sensors: lower limit of the light that contrasts are relative to
+MISFIT_OVER_TARGET = 17.0  # [1] of the light of the sensors that look there, over the wanted standard error
+MISFITS = (0.2, 0.5)  # [1] least and most of it: at 'standard' and 'fine', and at 'draft'
+FAINT = 1e-4  # [1] of a lamp's mean light at the sensors: lower limit of the light that misfits are relative to
 LIFT_M = 0.02  # [m] off the surface where sight is tested: above the roughness of a scanned wall
-LOOKS = 4_000  # sensors' rays that find the places, about
-LOOKS_PER_SENSOR = (8, 144)  # fewest and most
-RAYS_PER_PLACE = 55
-DISCOVERY = 3  # every third of them is used to find places of the next generation
+LOOKS = 16_000  # sensors' rays that find the places, about: in a hall some thousand places are in sight
+LOOKS_PER_SENSOR = (32, 144)  # fewest and most
+RAYS_PER_PLACE = 144
+DISCOVERY = 8  # every eighth of them is used to find places of the next generation
 LAYERS = 3  # parts of a box that do not see one another and get a place each; what is seen by none shares nothing
 GENERATIONS = 2  # places seen from the sensors, and from those places
 REFLECTIONS = 12  # of the rough light
@@ -87,7 +91,12 @@ class Patches:
     def __len__(self) -> int:
         return len(self.key)
 
-    def groups(self, direct: FloatArray, watched: FloatArray) -> IntArray:
+    @cached_property
+    def fit(self) -> LinearFit:
+        """Linear functions around each place, of light that is known at the places."""
+        return linear_fit(self.positions, self.neighbours, length_m=self.surfaces.cell_m)
+
+    def groups(self, direct: FloatArray, watched: FloatArray, *, target: float) -> IntArray:
         """Find the groups of places on which sensors may share paths.
 
         Parameters
@@ -96,6 +105,8 @@ class Patches:
             Direct light of each lamp at the places, mean over its slots. [any unit]
         watched : (lamp, watcher) float
             The same at the sensors. [same]
+        target : float
+            Of the standard error: the more noise is wanted, the more may be shared. [1]
 
         Returns
         -------
@@ -108,10 +119,15 @@ class Patches:
             light = (self.transfer @ (rho * (direct + light)).T).T
         level = self._level(watched + (self.looks @ (rho * (direct + light)).T).T)
         first, second = self.neighbours.T
-        difference = np.abs(light[:, first] - light[:, second]) * np.maximum(rho[first], rho[second])
-        uneven = np.zeros(len(self), dtype=np.bool_)
+        there = (
+            self.fit.at(light.T, first, self.positions[second]),
+            self.fit.at(light.T, second, self.positions[first]),
+        )
+        missed = np.maximum(np.abs(there[0].T - light[:, second]), np.abs(there[1].T - light[:, first]))
+        difference = missed * np.maximum(rho[first], rho[second])
+        uneven, most = np.zeros(len(self), dtype=np.bool_), np.clip(MISFIT_OVER_TARGET * target, *MISFITS)
         for end in (first, second):
-            uneven[end[(difference > MAX_CONTRAST * level[:, end]).any(axis=0)]] = True
+            uneven[end[(difference > most * level[:, end]).any(axis=0)]] = True
         cells = self.surfaces.box(self.positions) // 2
         together = (cells[first] == cells[second]).all(axis=1) & ~uneven[first] & ~uneven[second]
         ones = np.ones(int(together.sum()))
@@ -152,7 +168,7 @@ class Patches:
         light = np.zeros_like(straight)
         for _ in range(min(bounces - 1, REFLECTIONS)):
             light = self.transfer @ (paint * (straight + light))
-        return fit_rough_light(diffuse * light / np.pi, self.positions, self.neighbours, length_m=self.surfaces.cell_m)
+        return self.fit.of(diffuse * light / np.pi)
 
     def truncated(self, direct: FloatArray, reflectance: FloatArray, bounces: int) -> FloatArray:
         """Each lamp's light at the watchers beyond the last reflection traced.

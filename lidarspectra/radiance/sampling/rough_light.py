@@ -78,24 +78,52 @@ class RoughLight:
         return csr_array((values.ravel(), where), shape=(rows, TERMS * len(self.places)))
 
 
-def fit_rough_light(light: FloatArray, places: FloatArray, neighbours: IntArray, *, length_m: float) -> RoughLight:
-    """Fit a linear function to the light at each place and its neighbours, by least squares.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearFit:
+    """How light at places becomes a linear function around each, by least squares over the place and its neighbours.
 
     Parameters
     ----------
-    light : (place, value) float
-        [any unit]
+    places : (place, 3) float
+        [m]
+    matrix : (4 place, place) sparse
+        The functions' coefficients, of values at the places.
+    length_m : float
+        Over which slopes are held down by a `RIDGE`. [m]
+    """
+
+    places: FloatArray
+    matrix: csr_array = field(repr=False)
+    length_m: float
+
+    def of(self, light: FloatArray) -> RoughLight:
+        """The functions of (place, value) light; zero where a place and all its neighbours have none."""
+        functions = (self.matrix @ light).astype(np.float32)
+        return RoughLight(places=self.places, functions=functions, length_m=self.length_m)
+
+    def at(self, light: FloatArray, place: IntArray, positions: FloatArray) -> FloatArray:
+        """(position, value) of (place, value) light by the functions of some places, at a position (3,) [m] each."""
+        row = np.arange(len(place))
+        known = self.of(light)
+        found: FloatArray = known.terms(place, positions, row=row, rows=len(row)) @ known.functions
+        return found
+
+
+def linear_fit(places: FloatArray, neighbours: IntArray, *, length_m: float) -> LinearFit:
+    """Prepare the fit of a linear function to each place and its neighbours.
+
+    Parameters
+    ----------
     places : (place, 3) float
         [m]
     neighbours : (pair, 2) int
         Places that see one another.
     length_m : float
-        Over which slopes are held down by a `RIDGE`. [m]
+        [m]
 
     Returns
     -------
-    rough : RoughLight
-        Zero where a place and all its neighbours have no light.
+    fit : LinearFit
     """
     count = len(places)
     itself = np.arange(count)
@@ -108,5 +136,5 @@ def fit_rough_light(light: FloatArray, places: FloatArray, neighbours: IntArray,
     squares[:, range(1, TERMS), range(1, TERMS)] += RIDGE
     solved = np.linalg.solve(squares[here], design[:, :, None])[..., 0]  # (pair, term): what each adds to the function
     rows = (TERMS * here[:, None] + np.arange(TERMS)).ravel()
-    fit = csr_array((solved.ravel(), (rows, np.repeat(there, TERMS))), shape=(TERMS * count, count))
-    return RoughLight(places=places, functions=(fit @ light).astype(np.float32), length_m=length_m)
+    matrix = csr_array((solved.ravel(), (rows, np.repeat(there, TERMS))), shape=(TERMS * count, count))
+    return LinearFit(places=places, matrix=matrix, length_m=length_m)

@@ -240,7 +240,7 @@ def survey(
             direct = values.mean(axis=2).T
             component.sharing = Sharing(
                 patches=found,
-                group=found.groups(direct[:, : len(found)], direct[:, len(found) :]),
+                group=found.groups(direct[:, : len(found)], direct[:, len(found) :], target=request.target),
                 rough=found.sent_on(values[: len(found)], request.bounces),
             )
         direct_light = group.from_engine(values[: len(found)]).swapaxes(0, 1)  # (lamp, place, slot)

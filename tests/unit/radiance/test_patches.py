@@ -76,7 +76,7 @@ def looks(space: Surfaces) -> Arrivals:
 def lit(found: Patches, *, near: float, far: float) -> np.ndarray:
     """Groups where the room of x < WALL_M and the other get so much direct light everywhere."""
     level = [np.where(x < WALL_M, near, far)[None] for x in (found.positions[:, 0], sensors().positions[:, 0])]
-    return found.groups(level[0], level[1][:, found.watchers])
+    return found.groups(level[0], level[1][:, found.watchers], target=0.01)
 
 
 def test_nobody_shares_across_a_closed_sheet_however_alike_its_sides_are_lit() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidarspectra.radiance.sampling.rough_light import RoughLight, fit_rough_light
+from lidarspectra.radiance.sampling.rough_light import RoughLight, linear_fit
 
 LENGTH_M = 0.75
 NOBODY = np.empty((0, 2), dtype=np.int64)
@@ -27,7 +27,7 @@ def values_at(rough: RoughLight, place: np.ndarray, positions: np.ndarray) -> np
 def test_light_that_changes_evenly_along_a_wall_is_found_between_the_places() -> None:
     places, pairs = on_a_wall()
     light = np.stack([1.0 + places[:, 1], 2.0 - 0.5 * places[:, 2]], axis=1)
-    rough = fit_rough_light(light, places, pairs, length_m=LENGTH_M)
+    rough = linear_fit(places, pairs, length_m=LENGTH_M).of(light)
     positions = places + np.array([0.0, 0.1, -0.1])
     found = values_at(rough, np.arange(len(places)), positions)
     expected = np.stack([1.0 + positions[:, 1], 2.0 - 0.5 * positions[:, 2]], axis=1)
@@ -41,14 +41,14 @@ def test_light_that_changes_evenly_along_a_wall_is_found_between_the_places() ->
 def test_a_place_that_sees_no_other_is_level() -> None:
     places, _ = on_a_wall()
     light = places[:, 1:2]
-    rough = fit_rough_light(light, places, NOBODY, length_m=LENGTH_M)
+    rough = linear_fit(places, NOBODY, length_m=LENGTH_M).of(light)
     found = values_at(rough, np.arange(len(places)), places + np.array([0.0, 0.2, 0.0]))
     assert found == pytest.approx(light, rel=1e-6)
 
 
 def test_sums_are_weighted_and_places_that_are_none_add_nothing() -> None:
     places, _ = on_a_wall()
-    rough = fit_rough_light(np.ones((len(places), 1)), places, NOBODY, length_m=LENGTH_M)
+    rough = linear_fit(places, NOBODY, length_m=LENGTH_M).of(np.ones((len(places), 1)))
     place = np.array([3, -1, 4, -1])
     sums = rough.terms(place, places[[3, 0, 4, 0]], row=np.array([0, 0, 1, 2]), weight=0.5, rows=3)
     assert (sums @ rough.functions)[:, 0] == pytest.approx([0.5, 0.5, 0.0])
