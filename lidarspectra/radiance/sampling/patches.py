@@ -9,11 +9,11 @@ the light at these places is estimated roughly, lamp by lamp, by a radiosity sol
 
 Rays from all places go in the same directions of a lattice, so that what differs between neighbours is what they see.
 Two neighbouring places are alike if the linear function of each (`rough_light`) has every lamp's reflected light E at
-the other, to a share that is the larger the more noise is wanted (`MISFITS`). What differs along a plane by a slope alone is known by these functions, as in a hall under
-many lamps, where each lamp's light falls with the distance; what jumps, as beside a door, is not. An
-arrival shares paths with those on places that are alike, that lie in the same cell of 2 x 2 x 2 boxes, and that see
-one another; where the light is uneven, or an arrival does not see its place, each sensor has paths of its own, and is
-sampled as if alone: such an estimate is unbiased for any distribution of light.
+the other, to a share that is the larger the more noise is wanted (`MISFITS`). What falls evenly with the distance, as
+each lamp's light in a hall, is known by these functions; what jumps, as beside a door, is not. An arrival shares paths
+with those on places that are alike, that lie in the same cell of 2 x 2 x 2 boxes, and that see one another; where the
+light is uneven, or an arrival does not see its place, each sensor has paths of its own, and is sampled as if alone:
+such an estimate is unbiased for any distribution of light.
 
 The rough light determines which sensors share paths, and the light beyond the last reflection traced, which is
 reported beside the estimate. Into the estimate it enters as a control variate only (`rough_light`), whose own error
