@@ -1,6 +1,7 @@
 """The run file: a TOML text into records that check themselves; an unknown key is an error."""
 
 import math
+import shlex
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -682,10 +683,18 @@ def read_run_file(path: str | PathLike[str]) -> RunFile:
             expected="a readable run file (TOML, UTF-8)",
             found=str(cause) if isinstance(cause, OSError) else f"no text in UTF-8 ({cause.reason})",
             where=str(path),
-            todo="Make one with 'lidarspectra init SCAN'.",
+            todo=_run_file_instead(path),
         ) from cause
     checked = parse_run_file(text, where=str(path))
     return checked.with_origin(folder=path.resolve().parent, name=path.stem, text=text)
+
+
+def _run_file_instead(path: Path) -> str:
+    """What to give in place of a path that is no run file: one of its name, where it lies, or the scan to `init`."""
+    beside = path.with_suffix(".toml") if path.suffix else path.with_name(f"{path.name}.toml")
+    if beside != path and path.name and beside.is_file():
+        return f"Give the run file, {beside}."
+    return f"Make one with 'lidarspectra init {shlex.quote(str(path)) if path.is_file() else 'SCAN'}'."
 
 
 def parse_run_file(text: str, *, where: str) -> RunFile:

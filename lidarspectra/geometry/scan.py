@@ -64,6 +64,10 @@ class ScanRecord:
         Triangles of layers that nobody in the room can see, which were left out.
     hidden_area_m2 : float
         Their area. [m²]
+    cut_faces : int
+        Triangles cut off at glass and mirrors: in the pane, bulges behind it, and what it mirrors.
+    cut_area_m2 : float
+        Their area. [m²]
     decimated_from : int
         Triangles before decimation; 0 where none was asked for.
     flat_planes : int
@@ -100,6 +104,8 @@ class ScanRecord:
     flipped_faces: int = 0
     hidden_faces: int = 0
     hidden_area_m2: float = 0.0
+    cut_faces: int = 0
+    cut_area_m2: float = 0.0
     decimated_from: int = 0
     flat_planes: int = 0
     flat_area_share: float = 0.0

@@ -120,10 +120,14 @@ def read_ies_text(path: Path) -> str:
         content = path.read_bytes()
     except OSError as cause:
         raise _unreadable(str(path), str(cause.strerror or cause), todo="Mend 'file' of this lamp.") from cause
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")  # every byte is a letter there
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        text = content.decode("utf-16", errors="replace")  # as some editors of Windows save it
+    else:
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = content.decode("latin-1")  # every byte is a letter there
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def read_ies(text: str, *, where: str) -> CandelaTable:

@@ -122,3 +122,14 @@ def test_areas_of_rules_that_no_light_can_be_judged_in_are_refused_at_once(areas
     parse(MINIMAL + AREA)
     with pytest.raises(RunFileError, match=words):
         parse(MINIMAL + areas)
+
+
+def test_a_scan_or_a_run_in_place_of_a_run_file_names_the_run_file(tmp_path: Path) -> None:
+    (tmp_path / "room.glb").write_bytes(b"glTF\xff")
+    with pytest.raises(RunFileError, match=r"lidarspectra init \S*room\.glb"):
+        read_run_file(tmp_path / "room.glb")
+    (tmp_path / "room.toml").write_text("", encoding="utf-8")
+    (tmp_path / "room.run").mkdir()
+    for name in ("room.glb", "room.run", "room"):
+        with pytest.raises(RunFileError, match=r"Give the run file, .*room\.toml"):
+            read_run_file(tmp_path / name)

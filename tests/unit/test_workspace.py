@@ -178,3 +178,13 @@ def test_a_record_of_an_older_package_or_with_another_pace_is_read_without_one(t
     record = read_record(result.folder)
     assert record is not None
     assert record.pace == ()
+
+
+def test_a_run_file_in_place_of_its_run_names_the_run(tmp_path: Path) -> None:
+    run_scan(tmp_path / "room.run", Maker())
+    (tmp_path / "room.toml").write_text("", encoding="utf-8")
+    for name in ("room.toml", "room"):
+        with pytest.raises(WorkspaceError, match=r"Give its folder, .*room\.run"):
+            require_stage(tmp_path / name, "scan")
+    with pytest.raises(WorkspaceError, match=r"lidarspectra run ROOM\.toml"):
+        require_stage(tmp_path / "other.toml", "scan")

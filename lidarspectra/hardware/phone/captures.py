@@ -14,6 +14,7 @@ from lidarspectra.hardware.phone.capture_polycam import is_polycam, read_polycam
 from lidarspectra.hardware.phone.capture_record3d import is_record3d, read_record3d
 from lidarspectra.hardware.phone.capture_stray import is_stray, read_stray
 from lidarspectra.hardware.phone.frames import Capture, key_frames, without_jumps
+from lidarspectra.hardware.phone.raw_mesh import FORMATS
 
 APPS: tuple[tuple[Callable[[CaptureFiles], bool], Callable[[CaptureFiles], Capture]], ...] = (
     (is_3dscanner, read_3dscanner),
@@ -67,11 +68,16 @@ def _read(files: CaptureFiles) -> Capture:
         for is_layout, read in APPS:
             if is_layout(inside):
                 return _checked(read(inside))
+    kind = "folder" if files.archive is None else "archive"
+    meshes = sorted(name for name in files.names if name.lower().endswith(FORMATS) and not name.startswith("__MACOSX"))
+    todo = "Export the app's raw data, or give the mesh's file itself (GLB is best)."
+    if meshes:  # apps pack an OBJ with its picture
+        todo = f"It holds a mesh: {'give' if files.archive is None else 'unpack it all, and give'} {meshes[0]} itself."
     raise ScanError(
         expected=f"raw data of an app ({LAYOUTS})",
-        found=f"{'a folder' if files.archive is None else 'an archive'} of {len(files.names)} files in no such layout",
+        found=f"{'an' if kind == 'archive' else 'a'} {kind} in no such layout (files: {len(files.names)})",
         where=str(files.path),
-        todo="Export the app's raw data, or give the mesh's file itself (GLB is best).",
+        todo=todo,
     )
 
 

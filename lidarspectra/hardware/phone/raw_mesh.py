@@ -19,6 +19,7 @@ from lidarspectra.hardware.phone.part_names import AIR, ROOM_KIND, counted_kinds
 Unit = Literal["m", "cm", "mm", "in", "ft"]
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 
+FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl", ".usdz", ".usda", ".usd")  # of meshes
 NO_COLOR_NOTE = "The file has no colour"  # beginning of a note, which does not hold once frames have coloured the mesh
 MAX_FACES = 20_000_000  # about 6 GB as a Scan
 MAX_FILE_BYTES = 2 * 1024**3  # [byte] a room with an 8k texture is below 0.2 GB
@@ -213,7 +214,7 @@ def missing_file_notes(names: Iterable[str]) -> tuple[str, ...]:
     """One note for each file that a scan refers to and that does not exist."""
     return tuple(
         f"The scan refers to the file '{name}', which is missing, so the surfaces that need it have no colour from it."
-        " Put the file beside the scan and run again."
+        " Put the file beside the scan, and begin again with 'lidarspectra init SCAN --force'."
         for name in dict.fromkeys(names)
     )
 

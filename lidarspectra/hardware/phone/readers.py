@@ -17,6 +17,7 @@ from lidarspectra.hardware.phone.gltf import read_gltf
 from lidarspectra.hardware.phone.obj import read_obj
 from lidarspectra.hardware.phone.orientation import METRES_PER_UNIT, Orientation, find_orientation, upright_rotation
 from lidarspectra.hardware.phone.raw_mesh import (
+    FORMATS,
     FileFolder,
     JoinedMesh,
     RawMesh,
@@ -25,7 +26,6 @@ from lidarspectra.hardware.phone.raw_mesh import (
 )
 from lidarspectra.progress import Progress, part_of, silent
 
-FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl", ".usdz", ".usda", ".usd")
 _POINT_CLOUDS = (".las", ".laz", ".e57", ".pcd", ".pts", ".ptx", ".xyz")
 _ZIP_MAGIC = b"PK\x03\x04"
 

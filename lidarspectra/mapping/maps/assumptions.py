@@ -62,6 +62,11 @@ class Assumptions:
         return (*self.lamps, *self.fluxes)
 
     @property
+    def of_spectrum(self) -> tuple[str, ...]:
+        """Names of all lamps whose spectrum is a guess."""
+        return (*self.lamps, *self.spectra)
+
+    @property
     def all_lamps(self) -> tuple[str, ...]:
         """Names of all lamps of whose light anything is a guess."""
         return (*self.lamps, *self.fluxes, *self.spectra)

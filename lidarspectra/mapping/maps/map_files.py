@@ -70,7 +70,8 @@ def load_map(path: str | PathLike[str]) -> xr.Dataset:
         If the file is missing, or holds no spectral map in NetCDF-4.
     """
     path = path_of(path, name="path", meaning="the name of a map's file (map.nc), as a str or a Path")
-    with _reported(path, expected="a spectral map in NetCDF-4", todo="Run the map stage again."):
+    todo = "A run's map is RUN/6-map/map.nc; make it again if it is damaged."
+    with _reported(path, expected="a spectral map in NetCDF-4", todo=todo):
         dataset = read_netcdf(path)
     return check_map(dataset, where=str(path))
 

@@ -32,7 +32,10 @@ def _facts_of_eye(report: ReportInput) -> tuple[Fact, ...]:
     light = light.at(kept_points(report.spectral_map))
     lux, error = light.weigh(light_quantity("illuminance_lx").response)
     melanopic = light.weigh(light_quantity("melanopic_edi_lx").response)[0]
-    guessed = ", from an assumed flux" if assumptions_of(report.spectral_map).of_flux else ""
+    ratio = f", {melanopic.mean() / lux.mean():.2f} of the illuminance" if lux.mean() > 0 else ""
+    assumed = assumptions_of(report.spectral_map)
+    guessed = ", from an assumed flux" if assumed.of_flux else ""
+    colors = ", by an assumed spectrum" if assumed.of_spectrum else ""
     return (
         Fact(
             name="Mean illuminance",
@@ -47,7 +50,7 @@ def _facts_of_eye(report: ReportInput) -> tuple[Fact, ...]:
         Fact(
             name="Melanopic EDI",
             value=f"{melanopic.mean():.3g} lx",
-            remark=f"mean, {melanopic.mean() / lux.mean():.2f} of the illuminance" if lux.mean() > 0 else "mean",
+            remark=f"mean{ratio}{colors}",
             fact="mean",
             key="melanopic_edi_lx",
             number=float(melanopic.mean()),

@@ -92,7 +92,7 @@ def time_section(report: ReportInput, writer: ReportWriter) -> str:
     if not report.stages:
         return ""
     total = sum(row.seconds for row in report.stages)
-    words = html.paragraph(f"All stages together took {total:.0f} s.")
+    words = html.paragraph(f"The stages before this report took {total:.0f} s together.")
     return words + writer.table(tables.stages_table(report.stages))
 
 

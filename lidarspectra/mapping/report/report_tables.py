@@ -72,6 +72,7 @@ def scan_table(record: ScanRecord) -> Table:
         "degenerate triangles removed": f"{record.degenerate_faces}",
         "triangles turned towards the room": f"{record.flipped_faces}",
         "hidden layers left out": f"{record.hidden_faces} triangles, {record.hidden_area_m2:.1f} m²",
+        "cut off at glass and mirrors": f"{record.cut_faces} triangles, {record.cut_area_m2:.1f} m²",
         "holes closed": f"{record.holes_closed}",
         "area of closed holes": f"{record.hole_area_m2:.2f} m² ({share:.1f} % of the surface)",
         "planes made flat": _flattened(record),

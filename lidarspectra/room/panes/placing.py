@@ -55,7 +55,13 @@ def _placed(scan: Scan, pane: Pane) -> Scan:
     changed = _with_faces(
         around, pane.corners, count + np.array([[0, 1, 2], [0, 2, 3]]), around.appearance.with_more(_appearance(shines))
     )
-    record = replace(scan.record, faces_kept=len(changed.faces), area_m2=float(changed.areas.sum()))
+    record = replace(
+        scan.record,
+        faces_kept=len(changed.faces),
+        area_m2=float(changed.areas.sum()),
+        cut_faces=scan.record.cut_faces + int(cut.sum()),
+        cut_area_m2=scan.record.cut_area_m2 + float(scan.areas[cut].sum()),
+    )
     return replace(changed, record=record)
 
 

@@ -13,6 +13,7 @@ from lidarspectra.arguments import path_of
 from lidarspectra.config import RunFile, ScanSection
 from lidarspectra.errors import LidarSpectraError, RunFileError, ScanError, SensorError
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.hardware.phone.raw_mesh import FORMATS
 from lidarspectra.hardware.phone.readers import UnitChoice, UpChoice, read_scan_and_frames
 from lidarspectra.hardware.phone.repair import repair_scan
 from lidarspectra.io.files import writing
@@ -167,7 +168,9 @@ def write_init(
         looked = _look(scan_path, out_path, choices, progress)
     except (_NoRoom, ScanError) as found:
         cause, scan = (found.cause, found.scan) if isinstance(found, _NoRoom) else (found, None)
-        if not scan_path.exists() or out_path.exists():  # what the user has edited is worth more than a bare file
+        is_mesh = scan_path.suffix.lower() in FORMATS
+        # What the user has edited is worth more than a bare file, and none makes a picture or an archive a scan.
+        if not scan_path.exists() or out_path.exists() or (scan is None and not is_mesh):
             raise cause from None
         _write(out_path, bare_text(cause, file, scan, choices))
         unsure = scan is not None and bool({*uncertain_of_scan(scan.record), *choices.given})

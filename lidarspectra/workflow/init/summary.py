@@ -1,5 +1,6 @@
 """What `lidarspectra init` found in a scan, and the lines that it says."""
 
+import shlex
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -175,7 +176,7 @@ class InitSummary:
 
     def _last(self) -> str:
         look = f"Look at the plan in {self.picture}, then: " if self.picture else "Then: "
-        return f"{look}lidarspectra run {self.run_file}"
+        return f"{look}lidarspectra run {shlex.quote(str(self.run_file))}"
 
 
 def lamps_in_words(lamps: tuple[LitLamp, ...]) -> str:

@@ -425,11 +425,13 @@ def require_stage(run: Path, stage: StageName) -> Path:
     """
     folder = stage_folder(run, stage)
     if read_record(folder) is None:
+        beside = run.with_name(f"{run.name.removesuffix('.toml')}.run")  # of a run file, or a name without its ending
+        known = read_record(stage_folder(beside, stage)) is not None
         raise WorkspaceError(
             expected=f"a run with a finished stage '{stage}'",
-            found="none" if run.is_dir() else "no such folder",
+            found="none" if run.is_dir() else "a file" if run.is_file() else "no such folder",
             where=str(run),
-            todo="Run 'lidarspectra run ROOM.toml' first.",
+            todo=f"Give its folder, {beside}." if known else "Run 'lidarspectra run ROOM.toml' first.",
         )
     return folder
 

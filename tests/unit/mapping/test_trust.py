@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.mapping.maps.assumptions import Assumptions, mark_assumed
+from lidarspectra.mapping.report.key_figures import key_figures
 from lidarspectra.mapping.report.report import write_report
 from lidarspectra.mapping.report.report_tables import bands_table, lamps_table
 from lidarspectra.mapping.report.trust import trust_card, trust_rows, trust_table
@@ -112,3 +113,10 @@ def test_the_page_shows_the_card_and_the_table_and_no_standard_error_alone(repor
     assert "guesses that no standard error knows of" in accuracy
     assert (tmp_path / "tables" / "trust.csv").is_file()
     assert list(trust_table(report).frame) == ["what", "known", "how", "what it does to the map"]
+
+
+def test_melanopic_light_by_an_assumed_spectrum_says_so(make_transport, make_report):
+    report = make_report(make_transport(points=36))
+    first = str(report.transport["lamp"].to_numpy()[0])
+    assert "by an assumed spectrum" not in key_figures(report)
+    assert "of the illuminance, by an assumed spectrum" in key_figures(assuming(report, spectra=(first,)))

@@ -8,7 +8,7 @@ from pyldt import Ldt, LdtHeader, LdtWriter
 
 from lidarspectra.config import LampSection
 from lidarspectra.errors import LampError
-from lidarspectra.lamps.ies import read_ies
+from lidarspectra.lamps.ies import read_ies, read_ies_text
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.lamps.ldt import ies_text_of_ldt
 from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
@@ -116,3 +116,11 @@ def test_a_file_that_is_cut_short_is_refused(kept: int, tmp_path: Path) -> None:
     path.write_text("\n".join(lines[:kept]), encoding="latin-1")
     with pytest.raises(LampError, match="EULUMDAT"):
         ies_text_of_ldt(path)
+
+
+@pytest.mark.parametrize(("ends", "coding"), [("\r", "latin-1"), ("\r\n", "utf-8-sig"), ("\n", "utf-16")])
+def test_an_ies_file_is_read_whatever_its_line_ends_and_coding(tmp_path: Path, ends: str, coding: str) -> None:
+    plain = ies_text_of_ldt(write_ldt(tmp_path / "lamp.ldt", 4)).replace("TILT", "[MANUFAC] Müller\nTILT", 1)
+    (tmp_path / "lamp.ies").write_bytes(plain.replace("\n", ends).encode(coding))
+    found = read_ies(read_ies_text(tmp_path / "lamp.ies"), where="test")
+    assert found.luminous_flux_lm() == pytest.approx(read_ies(plain, where="test").luminous_flux_lm(), rel=1e-12)

@@ -2,6 +2,8 @@
 
 import sys
 import tomllib
+import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -301,6 +303,23 @@ def test_a_scan_that_cannot_be_read_leaves_a_run_file_too_but_never_in_place_of_
     with pytest.raises(ScanError):
         write_init(tmp_path / "cut.glb", tmp_path / "room.toml", force=True)
     assert (tmp_path / "room.toml").read_text(encoding="utf-8") == "mine"
+
+
+def test_what_is_no_mesh_leaves_no_run_file_that_would_stand_in_the_way(tmp_path) -> None:
+    with zipfile.ZipFile(tmp_path / "room.zip", "w") as archive:
+        for name in ("__MACOSX/._room.obj", "export/room.mtl", "export/room.obj"):
+            archive.writestr(name, "")
+    with pytest.raises(ScanError, match=r"It holds a mesh: unpack it all, and give export/room\.obj itself"):
+        write_init(tmp_path / "room.zip", tmp_path / "room.toml")
+    (tmp_path / "room.png").write_bytes(b"\x89PNG")
+    with pytest.raises(ScanError, match=r"one of \.glb"):
+        write_init(tmp_path / "room.png", tmp_path / "room.toml")
+    assert not (tmp_path / "room.toml").exists()
+
+
+def test_a_name_with_a_blank_stands_in_quotes_where_it_is_to_be_typed(lit_init) -> None:
+    summary = replace(lit_init[1], run_file=Path("my room.toml"))
+    assert summary.lines()[-1].endswith("lidarspectra run 'my room.toml'")
 
 
 def test_sensors_that_fit_nowhere_leave_a_run_file_with_all_else(dark_room, tmp_path) -> None:

@@ -125,6 +125,10 @@ def test_glass_becomes_one_flat_pane_and_its_bulge_is_gone(scanned) -> None:
         else:
             assert np.abs(depth).max() > 0.1
     assert flat.record.faces_kept == len(flat.faces)
+    left_of_scan = len(bulge.faces) - flat.record.cut_faces
+    assert flat.record.cut_faces > 0
+    assert (flat.appearance.sources[:left_of_scan] == PHOTOGRAPHED).all(), "what was cut is counted, the rest is there"
+    assert flat.record.cut_area_m2 > 1.0
     assert flat.appearance.sources[-1] != PHOTOGRAPHED  # no paint is read from it
 
 
