@@ -135,7 +135,8 @@ def _intrinsics(about: dict[str, Any], row: int, size_px: tuple[int, int]) -> ob
 
 def _depth(files: CaptureFiles, about: dict[str, Any], name: str, size_px: tuple[int, int]) -> DepthMap:
     columns, rows = (about.get(key, usual) for key, usual in zip(("dw", "dh"), LIDAR_PX, strict=True))
-    if not (isinstance(columns, int) and isinstance(rows, int) and 0 < columns * rows <= MAX_PIXELS):
+    whole = isinstance(columns, int) and isinstance(rows, int) and min(columns, rows) > 0
+    if not (whole and columns * rows <= MAX_PIXELS):
         raise FrameFault("the size of its depth is missing, or too large")
     shape = (rows, columns)
     metres = np.frombuffer(_unpacked(files, f"rgbd/{name}.depth", 4 * rows * columns), dtype="<f4").reshape(shape)

@@ -91,6 +91,22 @@ def test_a_missing_pose_and_a_depth_of_another_size_are_faults_of_their_frames(r
         capture.frames[0].read_depth()
 
 
+@pytest.mark.parametrize("size", [(-1, -1), (0, 5), (10**9, 10**9), ("a", 3), (None, None)])
+def test_a_size_of_depth_that_cannot_be_is_a_fault_of_the_frames(
+    record3d: Path, tmp_path: Path, size: tuple[object, object]
+) -> None:
+    def change(about: dict) -> None:  # type: ignore[type-arg]
+        factors = [
+            value if not isinstance(value, int) else value * about[key]
+            for key, value in zip(("dw", "dh"), size, strict=True)
+        ]
+        about["dw"], about["dh"] = factors  # both negative have the product of the true ones
+
+    capture = read_capture(rewritten(record3d, tmp_path / "a.r3d", change))
+    with pytest.raises(FrameFault, match="size of its depth"):
+        capture.frames[0].read_depth()
+
+
 def test_stray_scanners_video_and_poses_go_together(stray: Path, shots: list[Shot], tmp_path: Path) -> None:
     archive = Path(shutil.make_archive(str(tmp_path / "a"), "zip", stray.parent, stray.name))
     for path in (stray, archive):
