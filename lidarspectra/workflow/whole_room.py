@@ -5,15 +5,17 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from lidarspectra.geometry.scan import Scan, ScanRecord
+from lidarspectra.material.pane_materials import REFLECTANCE
 from lidarspectra.material.part_materials import typical_in_words
 from lidarspectra.room.closing import Openness, close_room
 from lidarspectra.room.mirrored import mirrored_walls
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.placing import with_panes
-from lidarspectra.room.panes.search import Seen, propose_panes
+from lidarspectra.room.panes.search import Seen, doubtful_openings, propose_panes
 from lidarspectra.room.room import Room, find_room
 from lidarspectra.workflow.run_folder.panes_of_run import found_notes
 
+USUAL_REFLECTANCE = 0.5  # [1] mean of a room's surfaces
 WORTH_SAYING = 0.01  # [1] of all directions that leave the scan: less is cracks of the mesh
 OUTSIDE_SHARE = 0.05  # [1] of the scan's floor outside the room, above which that is said
 
@@ -89,6 +91,7 @@ def whole_room(
         *_outside_notes(room),
         *(() if any(pane.kind == "mirror" for pane in found) else _mirrored_notes(room)),  # else told by its pane
         *found_notes(found, panes),
+        *_opening_notes(doubtful_openings(closed, room, (*found, *panes)), closed),
     )
     record = replace(
         closed.record,
@@ -178,6 +181,19 @@ def _mirrored_notes(room: Room) -> Iterator[str]:
             "What lies behind a wall of the room is its mirror image: a ghost, as mirrors, windows by night "
             "leave it in scans, or a room that is built so. A ghost counts as a part of the room, with lamps and "
             "sensor points that are not there: cut it off in the scanning app, and cover mirrors when you scan."
+        )
+
+
+def _opening_notes(openings: Sequence[Pane], scan: Scan) -> Iterator[str]:
+    """What would differ if openings were glass: of the light, which meets surfaces by area, some returns."""
+    for pane in openings:
+        share = REFLECTANCE["glass"] * pane.area_m2 / float(scan.areas.sum()) / (1.0 - USUAL_REFLECTANCE)
+        what = pane.in_words().removeprefix("glass ")
+        yield (
+            f"A wall has an opening {what} with straight edges: a passage, or a clean pane of glass, which a scanner "
+            "looks through? Nothing in the scan tells. It counts as open. If it is glass, write it under [[panes]] "
+            f'with kind = "glass": by what it returns the map becomes about {100 * share:.1f} % brighter, and a fifth '
+            "of the light from behind stays there."
         )
 
 

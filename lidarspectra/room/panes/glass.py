@@ -6,7 +6,7 @@ is put together from few returns. A hole has straight edges and a sill, with not
 of mesh hang in the plane of an opening, held by nothing.
 
 An open door has none of these either: its hole goes down to the floor, and the room behind it is flat. A clean pane
-from floor to ceiling with a scanned room behind it looks like a passage, and is taken for one.
+from floor to ceiling with a scanned room behind it looks like a passage; it is asked about (`passages_of_wall`).
 """
 
 from collections.abc import Callable
@@ -27,6 +27,7 @@ FRAME_SHARE = 0.7  # [1] of the squares around a hole that are wall: what is see
 MIN_ISLANDS, MIN_ISLANDS_M2 = 2, 0.03  # patches that hang in an opening
 MIN_ISLAND_CELLS = 2
 SQUARE = np.ones((3, 3), dtype=np.bool_)
+PASSAGE_M, MIN_PASSAGE_M2 = 1.3, 1.0  # [m] least width, [m²], of an opening that may be clean glass; doors are narrower
 JOIN_M = 0.3  # [m] panes of one wall that are no farther apart are one, with a mullion between
 
 
@@ -61,6 +62,32 @@ def glass_of_wall(view: WallView) -> tuple[Pane, ...]:
         )
         panes.append(view.pane(part, "glass", " and ".join(words for sign, words in signs if (sign & part).any())))
     return tuple(sorted(panes, key=lambda pane: float(pane.center @ view.along)))
+
+
+def passages_of_wall(view: WallView) -> tuple[Pane, ...]:
+    """Openings of a wall that may be clean panes as well as passages: nothing in a scan tells which.
+
+    Parameters
+    ----------
+    view : WallView
+
+    Returns
+    -------
+    openings : tuple of Pane
+        Rectangles wider than a door, or above a sill, behind which the scan goes on or ends.
+    """
+    through = (view.depth >= OPEN_M) & ~view.covered & ((view.depth >= BULGE_M) | view.inside)
+    label, count = ndimage.label(ndimage.binary_opening(through, SQUARE))
+    openings = []
+    for number in range(1, count + 1):
+        part = label == number
+        rows, columns = np.flatnonzero(part.any(axis=1)), np.flatnonzero(part.any(axis=0))
+        height, width = rows[-1] - rows[0] + 1, columns[-1] - columns[0] + 1
+        within = columns[0] > 0 and columns[-1] < part.shape[1] - 1
+        is_one = within and part.sum() >= RECTANGLE * height * width and part.sum() * CELL_M**2 >= MIN_PASSAGE_M2
+        if is_one and (width * CELL_M >= PASSAGE_M or rows[0] > 0):
+            openings.append(view.pane(part, "glass", "the wall has an opening with straight edges there"))
+    return tuple(openings)
 
 
 def _bulges(view: WallView, is_open: BoolArray) -> BoolArray:

@@ -6,7 +6,7 @@ import numpy as np
 
 from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.room.panes.glass import glass_of_wall
+from lidarspectra.room.panes.glass import glass_of_wall, passages_of_wall
 from lidarspectra.room.panes.mirrors import mirror_of_wall
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.screens import screens_of_wall
@@ -51,6 +51,30 @@ def propose_panes(scan: Scan, room: Room, *, seen: Seen | None = None) -> tuple[
         if not any(pane.overlaps(other) or _behind(pane, other) for other in kept):
             kept.append(pane)
     return tuple(kept)
+
+
+def doubtful_openings(scan: Scan, room: Room, known: Sequence[Pane]) -> tuple[Pane, ...]:
+    """Openings in walls that may be clean panes of glass or passages.
+
+    Parameters
+    ----------
+    scan : Scan
+        Repaired.
+    room : Room
+        In it.
+    known : sequence of Pane
+        Found or given; what they overlap is told.
+
+    Returns
+    -------
+    openings : tuple of Pane
+    """
+    if scan.appearance.is_drawn:
+        return ()
+    caster = caster_of(scan)
+    views = [view for wall in room.walls if (view := wall_view(scan, room, wall, caster)).depth.size]
+    openings = [pane for view in views for pane in passages_of_wall(view)]
+    return tuple(pane for pane in openings if not any(pane.overlaps(other) for other in known))
 
 
 def _behind(pane: Pane, mirror: Pane) -> bool:

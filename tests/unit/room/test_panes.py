@@ -101,7 +101,18 @@ def test_a_pane_that_the_run_file_has_is_not_asked_about_again(name: str, whole)
 def test_nothing_is_found_where_there_is_no_pane(name: str, whole) -> None:
     scan, _, _, found = whole(name)
     assert found == ()
-    assert not any("probably" in note for note in scan.record.notes)
+    assert not any("probably" in note or "straight edges" in note for note in scan.record.notes)
+
+
+def test_an_opening_that_may_be_clean_glass_is_asked_about_with_its_effect_until_the_run_file_has_it(whole) -> None:
+    scan, _, _, found = whole("glass before a corridor, clean")
+    assert found == ()
+    (note,) = (each for each in scan.record.notes if "straight edges" in each)
+    assert "3.0 m x 2.4 m at (5.0, 2.0, 1.3) m" in note
+    # 7.3 m² of glass, which returns .15, among 136 m² of scan, corridor included, whose surfaces return a half.
+    assert "1.6 % brighter" in note
+    given, *_ = whole("glass before a corridor, clean", with_its_pane=True)
+    assert not any("straight edges" in each for each in given.record.notes)
 
 
 def test_the_room_behind_a_mirror_is_cut_off_and_a_real_room_there_is_not(scanned, whole) -> None:
