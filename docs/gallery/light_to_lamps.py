@@ -11,7 +11,6 @@ with tempfile.TemporaryDirectory() as folder:
     grid = {"height": 0.75, "count": 36}
     drafted = run_file.changed(
         trace={"noise": "draft"},
-        materials={"model": "none"},  # the walls' reflectance is given
         sensors={"points": None, "grid": grid},
     )
     run = ls.run(drafted, last="map", listener=ls.ProgressPrinter()).folder

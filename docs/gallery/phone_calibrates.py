@@ -9,8 +9,7 @@ import lidarspectra as ls
 
 with tempfile.TemporaryDirectory() as name:
     scene = ls.copy_scene("box", Path(name))
-    quick = {"trace": {"noise": "draft"}, "materials": {"model": "none"}}
-    run_file = ls.read_run_file(scene).changed(**quick)
+    run_file = ls.read_run_file(scene).changed(trace={"noise": "draft"})
     run = ls.run(run_file, last="map", listener=ls.ProgressPrinter())
 
     # Where six readings tell most: a CSV to take along, and a plan.
