@@ -22,6 +22,7 @@ from lidarspectra.spectra.spectrum import Spectrum
 GLASS_TRANSMITTANCE = 0.8  # [1] of clear double glazing, at normal incidence
 REFLECTANCE: dict[PaneKind, float] = {"glass": 0.15, "mirror": 0.85, "screen": 0.06}  # [1]
 DEVIATION: dict[PaneKind, float] = {"glass": 0.05, "mirror": 0.05, "screen": 0.04}  # [1] our judgement
+OF_PANE = "pane:"  # beginning of the source of a pane's material
 SCREEN_SPECULARITY = 0.04  # [1] of its front, of refractive index 1.5
 
 
@@ -55,7 +56,7 @@ def pane_material(
         kind="plastic" if kind == "screen" else kind,
         specularity={"glass": 0.0, "mirror": 1.0, "screen": min(SCREEN_SPECULARITY, value)}[kind],
         transmittance=through,
-        source=f"pane:{kind}",
+        source=f"{OF_PANE}{kind}",
         provenance="assigned",
         confidence=1.0,
         measured_range_nm=GREY_NM,

@@ -11,7 +11,7 @@ from lidarspectra.room.closing import Openness, close_room
 from lidarspectra.room.mirrored import mirrored_walls
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.placing import with_panes
-from lidarspectra.room.panes.search import Seen, doubtful_openings, propose_panes
+from lidarspectra.room.panes.search import Seen, doubtful_openings, propose_panes, views_of_room
 from lidarspectra.room.room import Room, find_room
 from lidarspectra.workflow.run_folder.panes_of_run import found_notes
 
@@ -83,7 +83,8 @@ def whole_room(
     room = find_room(mirrors, floor_z=floor_z, ceiling_z=ceiling_z)
     scan = with_panes(mirrors, [pane for pane in panes if pane.kind != "mirror"])
     closed, openness = close_room(scan, room, ceiling=close_ceiling or close, floor=close_floor or close, sides=close)
-    found = propose_panes(closed, room, seen=seen)
+    views = views_of_room(closed, room)
+    found = propose_panes(closed, views, seen=seen)
     notes = (
         *scan.record.notes,
         *_closing_notes(room, openness, floor_given=floor_z is not None, ceiling_given=ceiling_z is not None),
@@ -91,7 +92,7 @@ def whole_room(
         *_outside_notes(room),
         *(() if any(pane.kind == "mirror" for pane in found) else _mirrored_notes(room)),  # else told by its pane
         *found_notes(found, panes),
-        *_opening_notes(doubtful_openings(closed, room, (*found, *panes)), closed),
+        *_opening_notes(doubtful_openings(views, (*found, *panes)), closed),
     )
     record = replace(
         closed.record,

@@ -153,7 +153,9 @@ def run(folder: Path, references: dict[int, Light] | None, *, raw: bool) -> None
         maps[name] = with_light_uncertainty(found, told, case.scan.areas)
         print("".join(f"  {note}\n" for note in told.warnings if "card" in note), end="")
     if raw:
-        maps["raw"] = estimate_materials(case.scan, views, library=library)
+        maps["raw"] = with_light_uncertainty(
+            estimate_materials(case.scan, views, library=library), None, case.scan.areas
+        )
         maps["true"] = materials_on(case.truth, case.face_truth)
     for name, materials in maps.items():
         one, two = coverage(materials, case)

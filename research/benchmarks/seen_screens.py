@@ -4,7 +4,7 @@
     python -m research.benchmarks.seen_screens FOLDER ... [--only screens-1 ...]
 
 A row for each screen, and for each thing that might be taken for one, of scans named `screens`: the share of its area
-that is found, what speaks for it, and its mean radiance over white paint's. Then what else is proposed. Scans of other
+that is found, and what speaks for it, its light over white paint's with it. Then what else is proposed. Scans of other
 names have no screen that is on, but for `study` without `matt` (`research.scenes.pane_frames`).
 """
 
@@ -65,7 +65,7 @@ def run(folder: Path) -> None:
         beyond = best.area_m2 - shared_m2(best, true)
         print(
             f"{name:22s} {kind:5s} {thing:28s} {100 * share:3.0f} % of {true.area_m2:.2f} m², {beyond:.2f} m² beyond; "
-            f"mean {best.over_white} of white; {best.why}",
+            f"{best.why}",
             flush=True,
         )
     for pane in left:

@@ -40,7 +40,7 @@ from research.virtual_rooms.day_light import reflected_light, relative_radiance
 from research.virtual_rooms.frame_camera import FramePlan, Shining, upright_pose, write_frames
 from research.virtual_rooms.pane_light import NONE, ShownPane, ShownPanes
 from research.virtual_rooms.phone import ScannedShape
-from research.virtual_rooms.room_plan import RoomPlan, read_plan
+from research.virtual_rooms.room_plan import CameraSection, RoomPlan, read_plan
 from research.virtual_rooms.true_room import TrueRoom, true_room
 
 PLAN = Path(__file__).with_name("study.toml")
@@ -85,6 +85,27 @@ def _pitch(number: int) -> float:
     return float(np.radians(-50.0 + 112.0 * phase))
 
 
+def set_lamps(
+    texture: FloatArray,
+    surface: "np.ndarray[tuple[int, ...], np.dtype[np.int64]]",
+    plan: RoomPlan,
+    room: TrueRoom,
+    folder: Path,
+    light: SurfaceLight,
+    camera: CameraSection,
+) -> None:
+    """Set a (row, column, 3) texture to what lamps send, where the (row, column) surface is a lamp's."""
+    lamps = resolve_lamps(plan.file.lamps, folder)
+    sent = {
+        lamp.name: row / lamp.shape.area
+        for lamp, row in zip(lamps, spectral_flux(lamps, light.wavelengths_nm), strict=True)
+    }
+    for number, part in enumerate(room.surfaces):
+        if part.lamp is not None:
+            shines = sent[part.lamp]
+            texture[surface == number] = light_colors(np.ones((1, shines.size)), light, shines[None], camera)[0, 0]
+
+
 def frames_besides(folder: Path, *, seed: int, count: int, matt: bool) -> Besides:
     """What makes the frames of a scan, from its shape and light."""
 
@@ -94,23 +115,16 @@ def frames_besides(folder: Path, *, seed: int, count: int, matt: bool) -> Beside
         generator = np.random.default_rng(seed + 3000)
         camera = plan.file.camera.model_copy(update={"exposure_spread": 0.0})
         texture, surface = seen_light(room, shape, atlas, light, direct, camera, generator)
-        lamps = resolve_lamps(plan.file.lamps, folder)
-        sent = {
-            lamp.name: row / lamp.shape.area
-            for lamp, row in zip(lamps, spectral_flux(lamps, light.wavelengths_nm), strict=True)
-        }
         number_of_pane = np.full(surface.shape, NONE, dtype=np.int8)
         for number, part in enumerate(room.surfaces):
             there = surface == number
-            if part.lamp is not None:
-                shines = sent[part.lamp]
-                texture[there] = light_colors(np.ones((1, shines.size)), light, shines[None], camera)[0, 0]
             if not matt and part.part in PANE_PARTS:
                 texture[there] *= DUST
                 number_of_pane[there] = PANE_PARTS[part.part]
             if not matt and part.part == "screen":
                 white = float(np.quantile(texture[surface >= 0].mean(axis=1), 0.9))
                 texture[there] += SCREEN_OVER_WHITE * white * _pictured(shape, atlas, there)[:, None]
+        set_lamps(texture, surface, plan, room, folder, light, camera)
         write_frames(
             folder / FRAMES, room, shape, atlas,
             Shining(
@@ -146,11 +160,11 @@ def _pictured(
     return np.where(page, 1.0, 0.15)
 
 
-def build(folder: Path, *, seed: int, count: int, matt: bool) -> str:
-    """Make a scan with its frames and truth; what to say of it."""
+def build(folder: Path, plan_file: Path, *, seed: int, besides: Besides) -> str:
+    """Make a scan of a plan, its truth, and what is made besides; what to say of it."""
     (folder / "truth").mkdir(parents=True, exist_ok=True)
     (folder / "reflectances.csv").write_bytes((SCENES / "reflectances.csv").read_bytes())
-    (folder / "plan.toml").write_bytes(PLAN.read_bytes())
+    (folder / "plan.toml").write_bytes(plan_file.read_bytes())
     plan = read_plan(folder / "plan.toml")
     tone, level, balance = CAMERAS[(seed - 1) % len(CAMERAS)]
     camera = plan.file.camera.model_copy(update={"tone": tone, "bright_level": level, "white_balance": balance})
@@ -171,7 +185,7 @@ def build(folder: Path, *, seed: int, count: int, matt: bool) -> str:
     built = phone_scan(
         plan, room, folder, seed=seed, light=light, direct=direct,
         shining=np.array([surface.lamp is not None for surface in room.surfaces]),
-        besides=frames_besides(folder, seed=seed, count=count, matt=matt),
+        besides=besides,
     )  # fmt: skip
     write_truth(folder / "truth", plan, room, built.true_face)
     write_run_file(folder / "room.toml", plan.file, built.file)
@@ -188,7 +202,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     for seed in given.seed:
         folder = given.folder / f"study-{seed}{'-matt' * given.matt}"
-        print(f"{folder}: {build(folder, seed=seed, count=given.frames, matt=given.matt)}", flush=True)
+        besides = frames_besides(folder, seed=seed, count=given.frames, matt=given.matt)
+        print(f"{folder}: {build(folder, PLAN, seed=seed, besides=besides)}", flush=True)
 
 
 if __name__ == "__main__":

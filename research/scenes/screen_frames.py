@@ -20,28 +20,19 @@ import numpy as np
 from lidarspectra.arrays import FloatArray
 from lidarspectra.hardware.phone.texture_atlas import Atlas
 from lidarspectra.room.panes.pane import Pane
-from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from research.scenes.build import (
-    SCENES,
-    VISIBLE_NM,
-    WAVELENGTH_STEP_NM,
     Besides,
-    direct_light,
-    phone_scan,
-    spectral_flux,
-    write_run_file,
-    write_truth,
 )
-from research.scenes.by_day import CAMERAS
 from research.scenes.frames import FRAMES
-from research.virtual_rooms.camera import DirectLight, SurfaceLight, light_colors, seen_light
-from research.virtual_rooms.day_light import reflected_light, relative_radiance
+from research.scenes.pane_frames import build, set_lamps
+from research.virtual_rooms.camera import DirectLight, SurfaceLight, seen_light
+from research.virtual_rooms.day_light import relative_radiance
 from research.virtual_rooms.frame_camera import FramePlan, Shining, upright_pose, write_frames
 from research.virtual_rooms.pane_light import NONE
 from research.virtual_rooms.phone import ScannedShape
-from research.virtual_rooms.room_plan import RoomPlan, read_plan
+from research.virtual_rooms.room_plan import RoomPlan
 from research.virtual_rooms.screen_light import ShownScreen, ShownScreens
-from research.virtual_rooms.true_room import TrueRoom, true_room
+from research.virtual_rooms.true_room import TrueRoom
 
 PLAN = Path(__file__).with_name("screens.toml")
 OVER_WHITE = (2.5, 1.6, 5.0)  # [1] white of the screens over white paper there, by seed: 250 cd/m² at 350 lx, and so on
@@ -109,11 +100,6 @@ def frames_besides(folder: Path, *, seed: int, count: int, off: bool) -> Besides
         generator, each = np.random.default_rng(seed + 4000), (seed - 1) % 3
         camera = plan.file.camera.model_copy(update={"exposure_spread": 0.0})
         texture, surface = seen_light(room, shape, atlas, light, direct, camera, generator)
-        lamps = resolve_lamps(plan.file.lamps, folder)
-        sent = {
-            lamp.name: row / lamp.shape.area
-            for lamp, row in zip(lamps, spectral_flux(lamps, light.wavelengths_nm), strict=True)
-        }
         there = surface >= 0
         rows, columns = np.nonzero(there)
         corners = shape.vertices[shape.faces[atlas.texel_face[rows, columns]]]
@@ -122,14 +108,11 @@ def frames_besides(folder: Path, *, seed: int, count: int, off: bool) -> Besides
         walls = np.isin(surface, [number for number, part in enumerate(room.surfaces) if part.part.endswith(" wall")])
         white = float(np.median(texture[walls].mean(axis=1))) / WALL_OVER_WHITE
         texture[there] *= 1.0 + more[:, None]
+        set_lamps(texture, surface, plan, room, folder, light, camera)
         number_of_screen = np.full(surface.shape, NONE, dtype=np.int8)
         for number, part in enumerate(room.surfaces):
-            of_part = surface == number
-            if part.lamp is not None:
-                shines = sent[part.lamp]
-                texture[of_part] = light_colors(np.ones((1, shines.size)), light, shines[None], camera)[0, 0]
             if part.part in SCREENS:
-                number_of_screen[of_part] = list(SCREENS).index(part.part)
+                number_of_screen[surface == number] = list(SCREENS).index(part.part)
         shown = [
             ShownScreen(
                 pane=pane, white=0.0 if off or name == "dark screen" else OVER_WHITE[each] * white, fall=FALL[each],
@@ -150,38 +133,6 @@ def frames_besides(folder: Path, *, seed: int, count: int, off: bool) -> Besides
     return besides
 
 
-def build(folder: Path, *, seed: int, count: int, off: bool) -> str:
-    """Make a scan with its frames and truth; what to say of it."""
-    (folder / "truth").mkdir(parents=True, exist_ok=True)
-    (folder / "reflectances.csv").write_bytes((SCENES / "reflectances.csv").read_bytes())
-    (folder / "plan.toml").write_bytes(PLAN.read_bytes())
-    plan = read_plan(folder / "plan.toml")
-    tone, level, balance = CAMERAS[(seed - 1) % len(CAMERAS)]
-    camera = plan.file.camera.model_copy(update={"tone": tone, "bright_level": level, "white_balance": balance})
-    plan = RoomPlan(file=plan.file.model_copy(update={"camera": camera}), materials=plan.materials)
-    room = true_room(plan)
-    wavelengths = np.arange(VISIBLE_NM[0], VISIBLE_NM[1] + WAVELENGTH_STEP_NM / 2, WAVELENGTH_STEP_NM)
-    direct = direct_light(plan, room, folder, wavelengths)
-    generator = np.random.default_rng(seed + 1000)
-    positions, faces = room.sample(plan.file.camera.light_spacing_m, generator)
-    normals, straight = room.normals[faces], direct(positions, room.normals[faces])
-    reflectance = np.stack([each.reflectance.at(wavelengths, outside="nearest") for each in room.materials])
-    reflected = reflected_light(
-        room, positions, normals, reflectance[room.face_material[faces]], straight, generator
-    )  # fmt: skip
-    light = SurfaceLight(
-        positions=positions, normals=normals, wavelengths_nm=wavelengths, direct=straight, reflected=reflected
-    )
-    built = phone_scan(
-        plan, room, folder, seed=seed, light=light, direct=direct,
-        shining=np.array([surface.lamp is not None for surface in room.surfaces]),
-        besides=frames_besides(folder, seed=seed, count=count, off=off),
-    )  # fmt: skip
-    write_truth(folder / "truth", plan, room, built.true_face)
-    write_run_file(folder / "room.toml", plan.file, built.file)
-    return built.words
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -192,7 +143,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     for seed in given.seed:
         folder = given.folder / f"screens-{seed}{'-off' * given.off}"
-        print(f"{folder}: {build(folder, seed=seed, count=given.frames, off=given.off)}", flush=True)
+        besides = frames_besides(folder, seed=seed, count=given.frames, off=given.off)
+        print(f"{folder}: {build(folder, PLAN, seed=seed, besides=besides)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -144,6 +144,12 @@ def test_tables_as_spreadsheets_write_them_are_read(run: Path, tmp_path: Path, f
     assert found.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
 
 
+def test_a_comma_in_a_comment_makes_no_decimal_commas(run: Path, tmp_path: Path) -> None:
+    text = pd.read_csv(readings(tmp_path)).to_csv(index=False, sep=";")
+    (tmp_path / "sheet.csv").write_text(f"# desks, 0,75 m high\n{text}", encoding="utf-8")
+    assert evaluate_run(run, tmp_path / "sheet.csv").comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_reading_that_looks_another_way_than_its_point_is_left_out_and_said(run: Path, tmp_path: Path) -> None:
     table = pd.read_csv(readings(tmp_path)).assign(nx=0.0, ny=0.0, nz=1.0)
     table.loc[[1, 4], "nz"] = -1.0  # a sensor that looks down reads what the table reflects

@@ -76,9 +76,9 @@ def read_readings(measured: Path, *, needs_places: bool = True) -> pd.DataFrame:
 
 def _table_of(text: str) -> pd.DataFrame:
     """A table between commas, semicolons or tabs; where commas part no cells they may be decimal signs."""
-    header = next((line for line in text.split("\n") if line.strip() and not line.startswith("#")), "")
-    delimiter = max(DELIMITERS, key=header.count)
-    has_commas = delimiter != "," and re.search(r"\d,\d", text) is not None
+    lines = [line for line in text.split("\n") if line.strip() and not line.startswith("#")]
+    delimiter = max(DELIMITERS, key=lines[0].count) if lines else ","
+    has_commas = delimiter != "," and any(re.search(r"\d,\d", line) for line in lines)
     return pd.read_csv(io.StringIO(text), comment="#", sep=delimiter, decimal="," if has_commas else ".")
 
 

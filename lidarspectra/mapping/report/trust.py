@@ -13,10 +13,10 @@ from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, c
 from lidarspectra.mapping.maps.light_unknowns import ALL_CAUSES, CAUSES, OF_CAUSE
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.report.report_input import ReportInput
+from lidarspectra.material.pane_materials import OF_PANE
 
 Known = Literal["measured", "estimated", "given", "computed", "assumed"]
 WORTH_SAYING = 0.01  # [1] of all directions that leave the scan: less is cracks of the mesh
-OF_PANE = "pane:"  # beginning of the source of a material of a pane
 REFERENCE_NM = 555.0  # [nm] where the reflectances' deviation is taken: the eye is most sensitive there
 
 

@@ -70,7 +70,7 @@ def panes_of_frames(colors: FrameColors, scan: Scan, walls: Sequence[WallView], 
     Returns
     -------
     panes : tuple of Pane
-        With the reflectance of mirrors, the transmittance of glass, and how bright screens are; screens last.
+        With the reflectance of mirrors and the transmittance of glass; screens last.
     """
     if colors.radiometry is None or colors.records is None:
         return ()

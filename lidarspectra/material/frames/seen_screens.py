@@ -15,7 +15,7 @@ window rather than a screen.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
@@ -284,13 +284,14 @@ class _PlaneView:
         )
         return np.asarray(ndimage.distance_transform_edt(~marked) * CELL_M <= NEAR_M) if points.size else marked
 
-    def pane(self, box: tuple[slice, slice], why: str, over_white: float) -> Pane:
+    def pane(self, box: tuple[slice, slice], why: str) -> Pane:
+        """A rectangle of rows and columns as a screen."""
         rows, columns = box
         middle = self.origin + 0.5 * CELL_M * (
             (columns.start + columns.stop - 1) * self.along + (rows.start + rows.stop - 1) * np.array([0.0, 0.0, 1.0])
         )
         size = (CELL_M * (columns.stop - columns.start), CELL_M * (rows.stop - rows.start))
-        return Pane(kind="screen", center=middle, size_m=size, normal=self.normal, why=why, over_white=over_white)
+        return Pane(kind="screen", center=middle, size_m=size, normal=self.normal, why=why)
 
 
 def _plane_view(
@@ -334,7 +335,7 @@ def _screen(
     peak = max(float(np.median(shining.level[members])), float(np.nanquantile(inner, PEAK)))
     if mean < MIN_LEVEL or peak > LAMP or _is_lit_around(view.level, box):
         return None
-    pane = view.pane(box, "", round(mean, 1))
+    pane = view.pane(box, "")
     rows = _rows_in(records, pane, least=min(BRIGHT, 0.7 * peak) * light)
     fall, deviation = _fall(records, pane, rows)
     moves = _movement(records, pane, rows, fall)
@@ -348,7 +349,7 @@ def _screen(
     if not signs or (peak <= SHINES and moves <= MOVES):
         return None
     shines = f"it sends {peak / WHITEST:.1f} times what white paint could in the light that falls there"
-    return view.pane(box, " and ".join([shines, *signs]), round(mean / WHITEST, 1))
+    return replace(pane, why=" and ".join([shines, *signs]))
 
 
 def _rectangle(level: FloatArray, moves: BoolArray) -> tuple[slice, slice] | None:

@@ -32,8 +32,6 @@ class Pane:
         Of glass, where frames tell it. [0-1]
     reflectance : float or None
         Of a mirror, where frames tell it. [0-1]
-    over_white : float or None
-        Of a screen that is on: its mean radiance over that of white paint in the light there, where frames tell it. [1]
     """
 
     kind: PaneKind
@@ -43,7 +41,6 @@ class Pane:
     why: str = ""
     transmittance: float | None = None
     reflectance: float | None = None
-    over_white: float | None = None
 
     def __post_init__(self) -> None:
         normal = float_array(self.normal, name="Pane.normal", shape=(3,))

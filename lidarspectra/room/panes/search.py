@@ -18,8 +18,8 @@ Seen = Callable[[Scan, Sequence[WallView], RayCaster], tuple[Pane, ...]]
 """From a scan, its room's walls and what rays meet in it to the mirrors and panes that frames show."""
 
 
-def propose_panes(scan: Scan, room: Room, *, seen: Seen | None = None) -> tuple[Pane, ...]:
-    """Find what in a scan is probably glass, a mirror or a screen.
+def views_of_room(scan: Scan, room: Room) -> tuple[WallView, ...]:
+    """Look at all walls of a room; at none in a model of a room, whose parts have names.
 
     Parameters
     ----------
@@ -27,22 +27,38 @@ def propose_panes(scan: Scan, room: Room, *, seen: Seen | None = None) -> tuple[
         Repaired.
     room : Room
         In it.
+
+    Returns
+    -------
+    views : tuple of WallView
+    """
+    if scan.appearance.is_drawn:
+        return ()
+    caster = caster_of(scan)
+    return tuple(view for wall in room.walls if (view := wall_view(scan, room, wall, caster)).depth.size)
+
+
+def propose_panes(scan: Scan, views: Sequence[WallView], *, seen: Seen | None = None) -> tuple[Pane, ...]:
+    """Find what in a scan is probably glass, a mirror or a screen.
+
+    Parameters
+    ----------
+    scan : Scan
+    views : sequence of WallView
+        Of its walls (`views_of_room`).
     seen : callable, optional
         What frames tell, where there are any.
 
     Returns
     -------
     panes : tuple of Pane
-        Mirrors, then those that frames show, glass, and screens, none over another; none in a model of a room, whose
-        parts have names.
+        Mirrors, then those that frames show, glass, and screens, none over another; none in a model of a room.
     """
     if scan.appearance.is_drawn:
         return ()
-    caster = caster_of(scan)
     faces = face_geometry(scan)
-    views = [view for wall in room.walls if (view := wall_view(scan, room, wall, caster)).depth.size]
     found = [pane for view in views if (pane := mirror_of_wall(view, faces)) is not None]
-    found += () if seen is None else seen(scan, views, caster)
+    found += () if seen is None else seen(scan, views, caster_of(scan))
     found += [pane for view in views for pane in glass_of_wall(view)]
     if scan.appearance.known:
         found += [pane for view in views for pane in screens_of_wall(view)]
@@ -53,15 +69,12 @@ def propose_panes(scan: Scan, room: Room, *, seen: Seen | None = None) -> tuple[
     return tuple(kept)
 
 
-def doubtful_openings(scan: Scan, room: Room, known: Sequence[Pane]) -> tuple[Pane, ...]:
+def doubtful_openings(views: Sequence[WallView], known: Sequence[Pane]) -> tuple[Pane, ...]:
     """Openings in walls that may be clean panes of glass or passages.
 
     Parameters
     ----------
-    scan : Scan
-        Repaired.
-    room : Room
-        In it.
+    views : sequence of WallView
     known : sequence of Pane
         Found or given; what they overlap is told.
 
@@ -69,10 +82,6 @@ def doubtful_openings(scan: Scan, room: Room, known: Sequence[Pane]) -> tuple[Pa
     -------
     openings : tuple of Pane
     """
-    if scan.appearance.is_drawn:
-        return ()
-    caster = caster_of(scan)
-    views = [view for wall in room.walls if (view := wall_view(scan, room, wall, caster)).depth.size]
     openings = [pane for view in views for pane in passages_of_wall(view)]
     return tuple(pane for pane in openings if not any(pane.overlaps(other) for other in known))
 

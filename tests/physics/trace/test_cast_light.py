@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from lidarspectra.radiance.sampling.arrivals import load_surfaces
+from lidarspectra.radiance.sampling.arrivals import Surfaces, load_surfaces
+from lidarspectra.radiance.sampling.cast_light import SHARED_RAYS, CastLight
+from lidarspectra.radiance.sampling.receptors import cosine_receptor
+from lidarspectra.radiance.sampling.sensor_rays import Sensors
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.scene.scene import load_scene
 
@@ -97,6 +100,35 @@ def test_rays_pass_beside_a_disc_in_its_enclosing_square(rooms) -> None:
     hits = surfaces.shaded_arrivals(rays).arrivals
     assert hits.places[:, 2] == pytest.approx([1.3, 1.0], abs=1e-5)
     assert surfaces.are_dark(hits).tolist() == [False, True]
+
+
+@pytest.mark.parametrize(("lamps", "rays"), [(2, 16), (24, 2)])
+def test_all_lamps_together_are_sent_so_many_rays_in_however_many_passes(
+    rooms, lamps: int, rays: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Four lamps make a pass; a sample of one pass alone would send 16 rays to each of its four, 384 to all 24.
+    places = [(0.2 + 0.1 * number, 1.5, 2.9) for number in range(lamps)]
+    scene = rooms.scene(
+        [rooms.lamp("panel", place, (0.05, 0.05), name=f"{place[0]:.1f}") for place in places], [(rooms.room(3.0), 0.6)]
+    )
+    sent = []
+    through = Surfaces.light_through
+
+    def counted(self: Surfaces, origins: np.ndarray, ways: np.ndarray, *, to_lamp: int) -> np.ndarray:
+        sent.append(len(origins))
+        return through(self, origins, ways, to_lamp=to_lamp)
+
+    monkeypatch.setattr(Surfaces, "light_through", counted)
+    surfaces = load_surfaces(scene)
+    sensor = Sensors(
+        positions=np.array([[1.5, 1.5, 0.5]]), normals=np.array([[0.0, 0.0, 1.0]]), receptor=cosine_receptor()
+    )
+    for scene_pass in scene.passes:
+        cast = CastLight.of(scene, scene_pass, surfaces)
+        assert cast is not None
+        found = cast.direct(sensor, np.array([0]), sets=1, size=1, generator=np.random.default_rng(1))
+        assert (found > 0).all()
+    assert sum(sent) == lamps * rays <= SHARED_RAYS
 
 
 def test_scenes_of_before_are_left_to_the_engine(rooms, sensors, section) -> None:

@@ -112,6 +112,21 @@ def test_in_a_dark_room_nobody_shares_the_floor_behind_the_door_and_most_share_w
     assert np.mean(group[bright] < 0) < 0.2
 
 
+def test_light_that_falls_evenly_along_a_hall_is_shared_and_the_more_the_more_noise_is_wanted() -> None:
+    # Below a lamp at one end: from box to box the light of the rest of the hall falls by more than it may be missed by,
+    # but along a slope that the functions of the rough light have.
+    found = patches(surfaces())
+    x, _, z = found.positions.T
+    direct = np.where(z < 0.01, np.exp(-x / 0.5), 0.0)[None]
+    looks_there = np.asarray(found.looks.sum(axis=0)).ravel()
+    own = {}
+    for target in (0.01, 0.03):
+        group = found.groups(direct, np.zeros((1, len(found.watchers))), target=target)
+        own[target] = float(looks_there[group < 0].sum() / looks_there.sum())
+    assert own[0.01] < 0.07
+    assert own[0.03] < 0.5 * own[0.01]
+
+
 def test_groups_stay_within_a_cell() -> None:
     found = patches(surfaces())
     group = lit(found, near=1.0, far=1.0)
