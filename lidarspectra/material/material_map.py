@@ -167,8 +167,9 @@ class MaterialMap:
         if any(estimated) and light_left_in:
             words.append(
                 "Reflectances are taken from the scan's colours without de-lighting: the light in the room at the time "
-                "of the scan is still in them, so that most surfaces come out too dark and some too bright. Stated "
-                "uncertainties count that. Give the lamps that were lit, and set delight = true under [materials]."
+                "of the scan is still in them, so that most surfaces come out too dark and some too bright, of a scan "
+                "by day by more than the uncertainties that are stated for it. Give the lamps that were lit, and set "
+                "delight = true under [materials]."
             )
         by_name = [(area, m) for area, m in zip(areas, self.materials, strict=True) if m.source.startswith("typical:")]
         typical = float(sum(area for area, _ in by_name))
