@@ -42,6 +42,8 @@ def test_a_family_that_is_more_probable_but_leaves_more_scatter_counts_as_much_a
     scattered = replace(filmic, scatter=1.01 * usual.scatter)
     assert probabilities((usual, filmic))[1] > 0.9
     assert probabilities((usual, scattered)) == pytest.approx([0.5, 0.5])
+    hardly = replace(filmic, scatter=0.999 * usual.scatter)
+    assert probabilities((usual, hardly)) == pytest.approx([0.5, 0.5])
     less = replace(scattered, log_evidence=usual.log_evidence - 3.0)  # scatter makes nothing more probable
     assert probabilities((usual, less)) == pytest.approx([1.0 / (1.0 + np.exp(-3.0)), 1.0 / (1.0 + np.exp(3.0))])
 
