@@ -12,6 +12,7 @@ data term and the larger priors, these reject it.
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -24,8 +25,6 @@ from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.light_objective import COMMON, LOG_SCATTER, LightObjective
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
 from lidarspectra.material.delighting.surface_light import MIN_LIGHT
-from lidarspectra.material.delighting.tone_curve import TonePrior
-from lidarspectra.progress import Progress
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.materials import delighting
 from lidarspectra.workflow.materials.delighting import take_light_out
@@ -61,11 +60,10 @@ class Last:
         evidence: LightEvidence,
         coefficients: FloatArray,
         flux_deviation: FloatArray,
-        other_families: Sequence[TonePrior],
-        progress: Progress,
+        *more: Any,
     ) -> tuple[LightFit, LightEvidence]:
         """As `fit_in_rounds`, kept."""
-        found = fit_in_rounds(surfaces, lamps, evidence, coefficients, flux_deviation, other_families, progress)
+        found = fit_in_rounds(surfaces, lamps, evidence, coefficients, flux_deviation, *more)
         (self.fit, self.evidence), self.face, self.flux_deviation = found, surfaces.samples.face, flux_deviation
         return found
 

@@ -2,8 +2,9 @@
 
 `make` there compiles the meshes and octrees, traces every pass (side by side with `make -j`) and adds them up in
 `irradiance.txt`: one line a sensor, x y z nx ny nz and the irradiance of each band [W/m²/nm], shortest wavelength
-first. It is the run's answer within noise, but for lamps mirrored in panes of glass, which it lacks. Only oconv, obj2mesh, rtrace, rcalc, rlam and total are called, and those
-of Radiance's function files that they read lie beside the model, so that RAYPATH need not be set. No step needs quotes.
+first. It is the run's answer within noise, but for light of lamps that is mirrored in panes of glass. Only oconv,
+obj2mesh, rtrace, rcalc, rlam and total are called, and those of Radiance's function files that they read lie beside the
+model, so that RAYPATH need not be set. No step needs quotes.
 Each program is a step of its own and not part of a pipe, whose status would be the last one's: a program that fails
 ends make with a status other than 0, and so does a table with fewer rows than there are sensors (`check`).
 """

@@ -1,6 +1,7 @@
 """A screen that was on when the room was scanned is a source in its picture, and no paint and no witness."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,8 +34,8 @@ class Room:
     lamps: list[Lamp]
 
 
-@pytest.fixture(scope="module")
-def room(tmp_path_factory: pytest.TempPathFactory) -> Room:
+def lit_room(folder: Path, sends: float) -> Room:
+    """With a screen that sends so many times what white paint would send there [1]."""
     x, y, z = np.diag([LENGTH_M, WIDTH_M, HEIGHT_M])
     zero = np.zeros(3)
     corner = SCREEN.center - np.array([0.0, 0.5 * SCREEN.size_m[0], 0.5 * SCREEN.size_m[1]])
@@ -53,15 +54,20 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Room:
         ls.make_lamp("panel", (at_x, 1.6, 2.3), name=f"{at_x}", size=0.5, spectrum="LED-B3", luminous_flux_lm=3000)
         for at_x in (1.2, 2.8)
     ]
-    direct = lamp_light(scan, lamps, tmp_path_factory.mktemp("light"))
+    direct = lamp_light(scan, lamps, folder)
     is_screen, between = member == 6, exchange(scan)
     there = float(np.mean(all_light(between, reflectance, direct)[is_screen]))
-    direct = np.where(is_screen, direct + SENDS * there / FRONT, direct)  # as if that much more light fell on it alone
+    direct = np.where(is_screen, direct + sends * there / FRONT, direct)  # as if that much more light fell on it alone
     seen = reflectance * all_light(between, reflectance, direct)
     return Room(
         scan=painted(scan, 0.7 * seen / np.quantile(seen[~is_screen], 0.98)), reflectance=reflectance,
         is_screen=is_screen, lamps=lamps,
     )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory: pytest.TempPathFactory) -> Room:
+    return lit_room(tmp_path_factory.mktemp("light"), SENDS)
 
 
 def _error(room: Room, *screens: Pane) -> float:
@@ -71,6 +77,17 @@ def _error(room: Room, *screens: Pane) -> float:
     apart = ~room.is_screen & ~SCREEN.members(room.scan.centers)
     error = np.abs(found.face_color.mean(axis=1) - room.reflectance)[apart]
     return float(np.average(error, weights=room.scan.areas[apart]))
+
+
+@pytest.mark.parametrize("sends", [1.12, 1.5])
+def test_a_dim_screen_of_the_wall_s_hue_is_no_part_of_the_wall_s_paint(tmp_path: Path, sends: float) -> None:
+    room = lit_room(tmp_path, sends * WALLS)  # as paint of so many times the wall's reflectance would
+    found = take_light_out(room.scan, find_room(room.scan), room.lamps, screens=(SCREEN,), workers=2)
+    assert found.face_color is not None
+    place, colors = room.scan.centers, found.face_color.mean(axis=1)
+    wall = (place[:, 0] < 0.001) & ~SCREEN.members(place)
+    opposite = place[:, 0] > LENGTH_M - 0.001
+    assert np.median(colors[wall]) == pytest.approx(np.median(colors[opposite]), rel=0.012)
 
 
 def test_what_a_screen_shows_is_no_paint_and_its_light_is_taken_out_of_the_room(room: Room) -> None:
