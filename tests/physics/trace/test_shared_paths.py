@@ -9,9 +9,12 @@ from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.sampling import rounds
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
 from lidarspectra.radiance.sampling.estimator import BATCHES
+from lidarspectra.radiance.sampling.patches import Patches
 from lidarspectra.radiance.sampling.receptors import cosine_receptor
 from lidarspectra.radiance.sampling.request import Log, Request
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
+from lidarspectra.radiance.sampling.trace import trace
+from lidarspectra.room.sensor_points import SensorPoints
 
 BOUNCES = 8
 PATHS = 233
@@ -28,6 +31,25 @@ def sensors_in_a_furnished_room(rooms):
     places = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     normals = np.eye(3)[np.arange(len(places)) % 3] * np.where(np.arange(len(places)) % 2, 1.0, -1.0)[:, None]
     return scene, Sensors(positions=places, normals=normals, receptor=cosine_receptor())
+
+
+@pytest.mark.parametrize(("noise", "target"), [("draft", 0.03), ("standard", 0.01)])
+def test_who_may_share_is_asked_for_the_noise_that_the_run_wants(
+    sensors_in_a_furnished_room, section, monkeypatch: pytest.MonkeyPatch, noise: str, target: float
+) -> None:
+    scene, sensors = sensors_in_a_furnished_room
+    asked, groups = [], Patches.groups
+
+    def heard(self: Patches, direct: np.ndarray, watched: np.ndarray, *, target: float) -> np.ndarray:
+        asked.append(target)
+        return groups(self, direct, watched, target=target)
+
+    monkeypatch.setattr(Patches, "groups", heard)
+    places = SensorPoints(
+        positions=sensors.positions[:4], normals=sensors.normals[:4], buried=np.zeros(4, dtype=np.bool_)
+    )
+    trace(scene, places, **section("low", noise), seed=1)
+    assert set(asked) == {target}
 
 
 @pytest.mark.chance("compares two traces, whose shadow rays are seeded by the clock")
