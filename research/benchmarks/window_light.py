@@ -24,7 +24,7 @@ from lidarspectra.room.surface_parts import PARTS, surface_parts
 from lidarspectra.workflow.materials import delighting
 from lidarspectra.workflow.materials.delighting import take_light_out
 from research.benchmarks.delighting import Case, read_case, true_colors
-from research.scenes.by_day import CASES, openings_of
+from research.scenes.by_day import CASES, FLUX_RATIO, openings_of
 from research.virtual_rooms.day_light import Opening, straight_light
 from research.virtual_rooms.room_plan import read_plan
 from research.virtual_rooms.true_room import TrueRoom, true_room
@@ -59,7 +59,7 @@ def print_scan(folder: Path) -> None:
     """Print a scan's two rows."""
     scene, name, _ = folder.name.rsplit("-", 2)
     case, plan = read_case(folder), read_plan(folder / "plan.toml")
-    room, openings = true_room(plan), openings_of(scene, CASES[name], plan, folder, GREEN_NM)
+    room, openings = true_room(plan), openings_of(FLUX_RATIO[scene], CASES[name], plan, folder, GREEN_NM)
     middles = np.array([opening.corner + 0.5 * (opening.along + opening.up) for opening in openings])
 
     def patterns(

@@ -97,6 +97,41 @@ HELD_OUT_CAMERAS: tuple[tuple[float | Curve, float, float], ...] = ((0.9, 0.7, 0
 
 
 @dataclass(frozen=True, kw_only=True)
+class RoomByDay:
+    """A room, its windows, and the camera that scans it.
+
+    Parameters
+    ----------
+    name : str
+        Of the room.
+    plan : str
+        Text of its plan, without windows; it names `reflectances.csv`.
+    reflectances : Path
+        That table.
+    points : Path or None
+        Sensor points, where the plan names a file of them.
+    windows : sequence of (low corner, high corner)
+        Boxes flush in a wall. [m]
+    flux_ratio : float
+        Luminous flux of all windows by day over that of all lamps. [1]
+    tone : float or 'filmic' or 'lifted'
+        Strength of the camera's tone curve, or its curve.
+    bright_level, white_balance : float
+        As in a plan's `[camera]`.
+    """
+
+    name: str
+    plan: str
+    reflectances: Path
+    points: Path | None
+    windows: Sequence[tuple[tuple[float, ...], tuple[float, ...]]]
+    flux_ratio: float
+    tone: float | Curve
+    bright_level: float
+    white_balance: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Case:
     """A light that a room is scanned in.
 
@@ -141,7 +176,7 @@ CASES = {
 
 
 def build_by_day(scene: str, case: Case, folder: Path, *, seed: int, besides: Besides | None = None) -> Built:
-    """Make a scan and its truth.
+    """Make a scan of a scene, and its truth.
 
     Parameters
     ----------
@@ -159,11 +194,16 @@ def build_by_day(scene: str, case: Case, folder: Path, *, seed: int, besides: Be
     -------
     built : Built
     """
+    return build_room(room_by_day(scene, seed), case, folder, seed=seed, besides=besides)
+
+
+def build_room(room_plan: RoomByDay, case: Case, folder: Path, *, seed: int, besides: Besides | None = None) -> Built:
+    """Make a scan of a room and its truth, as `build_by_day`; `seed` is of the shape's noise."""
     (folder / "truth").mkdir(parents=True, exist_ok=True)
-    plan = _with_windows(scene, case, folder, seed)
+    plan = plan_by_day(room_plan, case, folder)
     room = true_room(plan)
     wavelengths = np.arange(VISIBLE_NM[0], VISIBLE_NM[1] + WAVELENGTH_STEP_NM / 2, WAVELENGTH_STEP_NM)
-    direct = _direct(scene, case, plan, room, folder, wavelengths)
+    direct = _direct(room_plan, case, plan, room, folder, wavelengths)
     generator = np.random.default_rng(seed + 1000)
     positions, faces = room.sample(plan.file.camera.light_spacing_m, generator)
     normals = room.normals[faces]
@@ -198,10 +238,9 @@ def build_by_day(scene: str, case: Case, folder: Path, *, seed: int, besides: Be
     write_run_file(folder / "room.toml", plan.file, built.file)
     if case.cards:
         with (folder / "room.toml").open("a", encoding="utf-8") as file:
-            file.write(_told_cards(scene))
-    points = plan_folder(scene) / "points.csv"
-    if points.is_file():
-        (folder / "points.csv").write_bytes(points.read_bytes())
+            file.write(_told_cards(room_plan.name))
+    if room_plan.points is not None:
+        (folder / "points.csv").write_bytes(room_plan.points.read_bytes())
     write_points(folder)
     return built
 
@@ -213,29 +252,45 @@ def plan_folder(scene: str) -> Path:
     return OTHER_ROOMS / scene if scene in OTHER_WINDOWS else SCENES / scene
 
 
-def _with_windows(scene: str, case: Case, folder: Path, seed: int) -> RoomPlan:
-    """The scene's plan with windows and this seed's camera, written to the folder and read again."""
+def room_by_day(scene: str, seed: int) -> RoomByDay:
+    """A scene's plan, windows and daylight, with the camera that a seed chooses."""
     source = plan_folder(scene)
-    text = (source / "plan.toml").read_text()
-    text = text.replace('"../reflectances.csv"', '"reflectances.csv"')
-    (folder / "reflectances.csv").write_bytes((source.parent / "reflectances.csv").read_bytes())
+    points = source / "points.csv"
+    cameras = HELD_OUT_CAMERAS if scene in HELD_OUT_WINDOWS else CAMERAS
+    tone, level, balance = cameras[(seed - 1) % len(cameras)]
+    return RoomByDay(
+        name=scene,
+        plan=(source / "plan.toml").read_text().replace('"../reflectances.csv"', '"reflectances.csv"'),
+        reflectances=source.parent / "reflectances.csv",
+        points=points if points.is_file() else None,
+        windows=(WINDOWS | OTHER_WINDOWS | HELD_OUT_WINDOWS)[scene],
+        flux_ratio=FLUX_RATIO[scene],
+        tone=tone,
+        bright_level=level,
+        white_balance=balance,
+    )
+
+
+def plan_by_day(room_plan: RoomByDay, case: Case, folder: Path) -> RoomPlan:
+    """The room's plan with windows and its camera, written to the folder and read again."""
+    text = room_plan.plan
+    (folder / "reflectances.csv").write_bytes(room_plan.reflectances.read_bytes())
     text += f'\n[[materials]]\nname = "{GLASS}"\nreflectance = "plastic-black"\n'
-    for number, (low, high) in enumerate((WINDOWS | OTHER_WINDOWS | HELD_OUT_WINDOWS)[scene]):
+    for number, (low, high) in enumerate(room_plan.windows):
         top = low[2] + case.open_share * (high[2] - low[2])
         text += (
             f'\n[[parts]]\nname = "{WINDOW} {number + 1}"\nshape = "box"\nlow = {list(low)}\n'
             f'high = {[high[0], high[1], round(top, 3)]}\nmaterial = "{GLASS}"\n'
         )
     if case.cards:
-        text += _cards(scene, folder / "reflectances.csv")
+        text += _cards(room_plan.name, folder / "reflectances.csv")
     if case.shade > 0:
-        text += _floor_lamp(scene)
+        text += _floor_lamp(room_plan.name)
     (folder / "plan.toml").write_text(text)
     plan = read_plan(folder / "plan.toml")
-    cameras = HELD_OUT_CAMERAS if scene in HELD_OUT_WINDOWS else CAMERAS
-    tone, level, balance = cameras[(seed - 1) % len(cameras)]
-    curve = {"curve": tone} if isinstance(tone, str) else {"tone": tone}
-    camera = plan.file.camera.model_dump() | curve | {"bright_level": level, "white_balance": balance}
+    curve = {"curve": room_plan.tone} if isinstance(room_plan.tone, str) else {"tone": room_plan.tone}
+    exposure = {"bright_level": room_plan.bright_level, "white_balance": room_plan.white_balance}
+    camera = plan.file.camera.model_dump() | curve | exposure
     return replace(plan, file=plan.file.model_copy(update={"camera": CameraSection(**camera)}))
 
 
@@ -281,14 +336,14 @@ def _told_cards(scene: str) -> str:
 
 
 def _direct(
-    scene: str, case: Case, plan: RoomPlan, room: TrueRoom, folder: Path, wavelengths: FloatArray
+    room_plan: RoomByDay, case: Case, plan: RoomPlan, room: TrueRoom, folder: Path, wavelengths: FloatArray
 ) -> DirectLight:
     lamps = resolve_lamps(plan.file.lamps, folder)
     flux = spectral_flux(lamps, wavelengths)
-    openings = openings_of(scene, case, plan, folder, wavelengths)
-    sun = _sun(scene, case, openings, wavelengths) if case.sun > 0 else None
+    openings = openings_of(room_plan.flux_ratio, case, plan, folder, wavelengths)
+    sun = _sun(room_plan.name, case, openings, wavelengths) if case.sun > 0 else None
     window = window_faces(room)
-    shade = _sides_of_shade(scene, case, flux, wavelengths) if case.shade > 0 else []
+    shade = _sides_of_shade(room_plan.name, case, flux, wavelengths) if case.shade > 0 else []
 
     def light(positions: FloatArray, normals: FloatArray) -> FloatArray:
         total = np.zeros((len(positions), wavelengths.size))
@@ -340,8 +395,11 @@ def _sides_of_shade(scene: str, case: Case, lamp_flux: FloatArray, wavelengths: 
     return sides
 
 
-def openings_of(scene: str, case: Case, plan: RoomPlan, folder: Path, wavelengths: FloatArray) -> list[Opening]:
-    """The windows of a scene, in the order of its parts, with the radiance that they have in a case."""
+def openings_of(flux_ratio: float, case: Case, plan: RoomPlan, folder: Path, wavelengths: FloatArray) -> list[Opening]:
+    """The windows of a room, in the order of its parts, with the radiance that they have in a case.
+
+    `flux_ratio` is the luminous flux of all windows over that of all lamps.
+    """
     flux = spectral_flux(resolve_lamps(plan.file.lamps, folder), wavelengths)
     luminous = color_matching_functions(wavelengths)[:, 1]
     daylight = lamp_spectrum("D65").spectrum.at(wavelengths, outside="nearest")
@@ -349,7 +407,7 @@ def openings_of(scene: str, case: Case, plan: RoomPlan, folder: Path, wavelength
     boxes = [part for part in plan.file.parts if isinstance(part, BoxSection) and part.name.startswith(WINDOW)]
     openings: list[Opening] = [opening_of(box, inside, daylight) for box in boxes]
     per_zenith = sum(flux_per_zenith(opening) for opening in openings)
-    zenith = FLUX_RATIO[scene] * float((flux @ luminous).sum()) / (per_zenith * float(daylight @ luminous))
+    zenith = flux_ratio * float((flux @ luminous).sum()) / (per_zenith * float(daylight @ luminous))
     return [replace(opening, radiance=case.day * zenith * daylight) for opening in openings]
 
 

@@ -27,7 +27,7 @@ from lidarspectra.hardware.phone.texture_atlas import Atlas
 from lidarspectra.material.frames.gloss_lobe import LampPieces
 from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from research.scenes.build import Besides, spectral_flux
-from research.scenes.by_day import CASES, WINDOW, WINDOWS, Case, build_by_day, openings_of
+from research.scenes.by_day import CASES, FLUX_RATIO, WINDOW, WINDOWS, Case, build_by_day, openings_of
 from research.virtual_rooms.camera import DirectLight, SurfaceLight, light_colors, seen_light
 from research.virtual_rooms.day_light import relative_radiance
 from research.virtual_rooms.frame_camera import FramePlan, Shining, write_frames
@@ -151,7 +151,7 @@ def _shining(
     lamps = resolve_lamps(plan.file.lamps, folder)
     flux = {lamp.name: row for lamp, row in zip(lamps, spectral_flux(lamps, light.wavelengths_nm), strict=True)}
     area = {lamp.name: lamp.shape.area for lamp in lamps}
-    openings = iter(openings_of(scene, case, plan, folder, light.wavelengths_nm))
+    openings = iter(openings_of(FLUX_RATIO[scene], case, plan, folder, light.wavelengths_nm))
     sent = {}
     for number, surface in enumerate(room.surfaces):
         if surface.lamp is not None and case.lamps > 0:

@@ -2,6 +2,7 @@
 
 import csv
 import gzip
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,9 @@ import trimesh
 
 from lidarspectra.config import read_run_file
 from lidarspectra.spectra.spectrum_files import read_table, write_table
-from research.scenes import build, by_day, reflectances
-from research.virtual_rooms.room_plan import read_plan
-from research.virtual_rooms.true_room import true_room
+from research.scenes import build, by_day, drawn_rooms, reflectances
+from research.virtual_rooms.room_plan import RoomPlan, read_plan
+from research.virtual_rooms.true_room import TrueRoom, true_room
 
 SCENES = ("office", "apartment", "large-office", "box")
 MAX_GLB_BYTES = 2_000_000  # [B] small enough to live in the repository
@@ -131,15 +132,32 @@ def test_the_table_of_reflectances_is_what_its_script_writes(project: Path, tmp_
 
 @pytest.mark.parametrize("scene", [*by_day.OTHER_WINDOWS, *by_day.HELD_OUT_WINDOWS])
 def test_the_other_rooms_have_lamps_and_sensors_in_the_air_and_windows_in_a_wall(tmp_path: Path, scene: str) -> None:
-    plan = by_day._with_windows(scene, by_day.CASES["day"], tmp_path, seed=1)
+    plan = by_day.plan_by_day(by_day.room_by_day(scene, seed=1), by_day.CASES["day"], tmp_path)
     room = true_room(plan)
     if scene in by_day.OTHER_WINDOWS:  # the rooms held out have a grid
         points = np.loadtxt(by_day.plan_folder(scene) / "points.csv", delimiter=",", skiprows=1)[:, :3]
         assert room.in_air(points).all()
+    check_lamps_and_windows(room, plan, (by_day.OTHER_WINDOWS | by_day.HELD_OUT_WINDOWS)[scene])
+
+
+def check_lamps_and_windows(room: TrueRoom, plan: RoomPlan, windows: Sequence[drawn_rooms.Corners]) -> None:
+    """Lamps hang in the air, and windows are flush in a wall but for 1 cm of their rims, with nothing before them."""
     assert room.in_air(np.array([lamp.center for lamp in plan.file.lamps])).all()
     area = room.scan.areas[by_day.window_faces(room)].sum()
-    sides = [np.sort(np.subtract(high, low)) for low, high in (by_day.OTHER_WINDOWS | by_day.HELD_OUT_WINDOWS)[scene]]
-    assert area == pytest.approx(sum(np.prod(side[1:]) for side in sides), rel=0.05)  # flush but for 1 cm of its rim
+    sides = [np.sort(np.subtract(high, low)) for low, high in windows]
+    assert area == pytest.approx(sum(np.prod(side[1:]) for side in sides), rel=0.05)
+
+
+@pytest.mark.parametrize("seed", [2, 9, 12, 20])  # a wing, a filmic camera, a wing with two windows, nine parts
+def test_a_drawn_room_has_lamps_in_the_air_and_windows_in_a_wall(tmp_path: Path, seed: int) -> None:
+    drawn = drawn_rooms.draw_room(seed)
+    plan = by_day.plan_by_day(drawn, by_day.CASES["day"], tmp_path)
+    check_lamps_and_windows(true_room(plan), plan, drawn.windows)
+
+
+def test_a_seed_draws_one_room_and_another_seed_another() -> None:
+    assert drawn_rooms.draw_room(5) == drawn_rooms.draw_room(5)
+    assert drawn_rooms.draw_room(5).plan != drawn_rooms.draw_room(6).plan
 
 
 def test_the_other_rooms_have_only_the_cases_that_were_made_for_them(tmp_path: Path) -> None:
@@ -151,7 +169,8 @@ def test_the_other_rooms_have_only_the_cases_that_were_made_for_them(tmp_path: P
 
 def test_the_second_camera_of_the_rooms_held_out_is_filmic_and_the_known_rooms_have_none(tmp_path: Path) -> None:
     def curve(scene: str, seed: int) -> str:
-        return by_day._with_windows(scene, by_day.CASES["night"], tmp_path, seed=seed).file.camera.curve
+        room = by_day.room_by_day(scene, seed)
+        return by_day.plan_by_day(room, by_day.CASES["night"], tmp_path).file.camera.curve
 
     assert [curve("dark-room", seed) for seed in (1, 2)] == ["lifted", "filmic"]
     assert [curve("office", seed) for seed in (1, 2, 3)] == ["lifted"] * 3
