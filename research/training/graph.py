@@ -62,6 +62,18 @@ class Graph:
             "AveragePool", of, kernel_shape=[size] * 2, strides=[stride] * 2, pads=[pad] * 4, count_include_pad=0
         )
 
+    def window_mean(self, of: str, size: int, *, stride: int, pad: int = 0) -> str:
+        """Add the same as `mean` for large squares: over columns, and then over rows."""
+        rows = {"kernel_shape": [size, 1], "strides": [stride, 1], "pads": [pad, 0, pad, 0]}
+        columns = {"kernel_shape": [1, size], "strides": [1, stride], "pads": [0, pad, 0, pad]}
+        return self.add(
+            "AveragePool", self.add("AveragePool", of, **rows, count_include_pad=0), **columns, count_include_pad=0
+        )
+
+    def magnitude(self, of: str) -> str:
+        """Add the absolute value, as a slope of -1 below zero: onnxruntime joins it with the convolution before."""
+        return self.add("LeakyRelu", of, alpha=-1.0)
+
     def first_channels(self, of: str, count: int) -> str:
         """Leave out all channels after the first ones."""
         return self.add("Slice", of, *(self.whole_numbers([number]) for number in (0, count, 1)))

@@ -79,9 +79,10 @@ def _edges(graph: Graph, level: str) -> str:
     filters = _edge_filters()
     steps = np.concatenate([np.eye(len(filters))] * (1 + len(EDGE_STEPS)))
     offsets = -np.repeat([0.0, *EDGE_STEPS], len(filters))
-    none = -len(steps) % CHANNELS_AT_ONCE
-    steps, offsets = np.pad(steps, ((0, none), (0, 0))), np.pad(offsets, (0, none))
-    edges = graph.add("Abs", graph.convolve(_bordered(graph, level, 1), filters, np.zeros(len(filters))))
+    none, idle = -len(steps) % CHANNELS_AT_ONCE, -len(filters) % CHANNELS_AT_ONCE
+    steps, offsets = np.pad(steps, ((0, none), (0, idle))), np.pad(offsets, (0, none))
+    filters = np.pad(filters, ((0, idle), (0, 0), (0, 0), (0, 0)))
+    edges = graph.magnitude(graph.convolve(_bordered(graph, level, 1), filters, np.zeros(len(filters))))
     return graph.add("Relu", graph.convolve(edges, steps[:, :, None, None], offsets))
 
 
@@ -97,7 +98,7 @@ def _responses(graph: Graph, level: str, patterns: FloatArray, stride: int) -> l
     """Strengths of the answers to the patterns, and what of them lies above each step."""
     size, count = patterns.shape[-1], len(patterns)
     answer = graph.convolve(_bordered(graph, level, size // 2), patterns, np.zeros(count), stride=stride)
-    strength = graph.add("Abs", answer)
+    strength = graph.magnitude(answer)
     one = np.ones((count, 1, 1, 1))
     above = [
         graph.add("Relu", graph.convolve(strength, one, np.full(count, -step), groups=count)) for step in PATTERN_STEPS
@@ -118,7 +119,7 @@ def _blocks(graph: Graph, of: str, halvings: int) -> str:
 def _windows(graph: Graph, parts: list[str], floor: float) -> str:
     """Logarithms of means over the windows."""
     blocks = graph.add("Concat", *parts, axis=1)
-    means = graph.mean(blocks, WINDOW_BLOCKS, stride=STRIDE_PX // BLOCK_PX, pad=WINDOW_BLOCKS // 2 - 1)
+    means = graph.window_mean(blocks, WINDOW_BLOCKS, stride=STRIDE_PX // BLOCK_PX, pad=WINDOW_BLOCKS // 2 - 1)
     return graph.add("Log", graph.add("Add", means, graph.constant(np.array(floor))))
 
 
