@@ -4,7 +4,6 @@ Exit status: 0 done; 1 an error, in one paragraph; 2 a command that was not unde
 take long to load are imported inside the commands, so that `--help` answers at once.
 """
 
-import signal
 import sys
 import time
 from collections.abc import Callable
@@ -31,6 +30,7 @@ from lidarspectra.cli import picture as picture_cli
 from lidarspectra.cli import relight as relight_cli
 from lidarspectra.cli import rules as rules_cli
 from lidarspectra.cli import sensor as sensor_cli
+from lidarspectra.cli.interruption import end_when_interrupted
 from lidarspectra.cli.last_resort import bug_report
 from lidarspectra.cli.options import ClusterOption, OutOption, RunFileArgument, WorkersOption
 from lidarspectra.cli.terminal import console, messages, print_error, print_note, say, shown
@@ -108,7 +108,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a Windows console may be in a code page without '²' or '∫'
             stream.reconfigure(errors="replace")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # SIGTERM ends a command as Ctrl-C does
+    end_when_interrupted()
     try:
         app()
     except LidarSpectraError as error:

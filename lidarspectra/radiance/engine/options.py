@@ -266,7 +266,13 @@ def lamp_part(lamp_count: int) -> float:
 
 
 def plain_arguments(
-    accuracy: Accuracy, noise: Noise, *, lamp_count: int, lamp_modifiers: Sequence[str] = (), relays: int = RELAYS
+    accuracy: Accuracy,
+    noise: Noise,
+    *,
+    lamp_count: int,
+    lamp_modifiers: Sequence[str] = (),
+    relays: int = RELAYS,
+    bounces: int | None = None,
 ) -> list[str]:
     """Options of one plain run of rtrace (or of rcontrib, with modifiers) that gives D + S + M in a single pass.
 
@@ -283,6 +289,8 @@ def plain_arguments(
         For rcontrib.
     relays : int
         As of the scene.
+    bounces : int, optional
+        Diffuse reflections; by default those of the accuracy.
 
     Returns
     -------
@@ -291,8 +299,9 @@ def plain_arguments(
     """
     divisions = NOISE_LEVELS[noise].plain_divisions
     modifiers = [word for name in lamp_modifiers for word in ("-m", name)]
+    bounces = bounces_of(accuracy) if bounces is None else bounces
     return [
         *("-I+", *SHARED_OPTIONS, *relayed(relays), "-dj", "1", "-ds", f"{lamp_part(lamp_count):g}"),
-        *("-ab", str(bounces_of(accuracy)), "-ad", str(divisions), "-lw", f"{PATH_WEIGHT / divisions:g}"),
-        *("-lr", str(-(bounces_of(accuracy) + SPECULAR_REFLECTIONS)), *modifiers),
+        *("-ab", str(bounces), "-ad", str(divisions), "-lw", f"{PATH_WEIGHT / divisions:g}"),
+        *("-lr", str(-(bounces + SPECULAR_REFLECTIONS)), *modifiers),
     ]

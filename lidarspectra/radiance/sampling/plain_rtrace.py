@@ -1,5 +1,7 @@
 """The engine in its plain form: one run of rtrace per pass, as the paper's prototype and an exported Makefile do.
 
+With panes of glass a pass is three runs, which are added up (`scene.pane_text`).
+
 Every pass's octree is traced once, with the options of `exported_model` and as many repeats of each sensor in one list
 of rays: 256 divisions each, `-ab` by accuracy. Their mean is the answer and their spread its error. Nothing is shared
 between sensors and nothing added where noise is high, so that this is the slower way; it is the cross-check.
@@ -89,11 +91,13 @@ def trace_plain(
     slots = np.zeros((min(repeats, MAX_BATCHES), len(scene.lamp_names), len(points), len(scene.slots)), np.float32)
     commands = []
     jobs = _jobs(scene, points, accuracy, repeats)
+    asked = [(scene_pass, plain.sign) for scene_pass in scene.passes for plain in scene_pass.plain_traces]
     for number, run in enumerate(engine.run_jobs(jobs, workers=cores_for(workers))):
-        scene_pass = scene.passes[number]
-        _take(slots, scene, scene_pass, float_rows(run, rows=repeats * len(points), columns=scene_pass.slot_count))
+        scene_pass, sign = asked[number]
+        values = float_rows(run, rows=repeats * len(points), columns=scene_pass.slot_count)
+        _add(slots, scene, scene_pass, sign * values)
         commands.append(run.command)
-        progress((number + 1) / len(scene.passes), f"rtrace: pass {number + 1} of {len(scene.passes)}")
+        progress((number + 1) / len(asked), f"rtrace: {number + 1} of {len(asked)}")
     batches = fold_coefficients(slots, folding(scene))
     irradiance = np.einsum("klpb,lb->kpb", batches, scene.flux, dtype=np.float64)
     irradiance_se = standard_error(irradiance)
@@ -123,7 +127,7 @@ def trace_plain(
             "target_relative_se": target,
             **stated,
             "seconds": time.perf_counter() - start,
-            "rays": repeats * len(points) * len(scene.passes),
+            "rays": repeats * len(points) * len(asked),
             "commands": "\n".join(commands),
         },
     )
@@ -139,22 +143,32 @@ def _check_passes(scene: RadianceScene) -> None:
             where=str(scene.folder),
             todo="Make the scene with lamps_per_pass=1; [trace] method = 'rtrace' does so.",
         )
+    names = [plain.octree for scene_pass in scene.passes for plain in scene_pass.plain_traces]
+    missing = [name for name in names if not (scene.folder / name).is_file()]
+    if missing:  # of a scene that an earlier version made, which had no such octree
+        raise SceneError(
+            expected="an octree for each run of rtrace",
+            found=f"no {missing[0]}",
+            where=str(scene.folder),
+            todo="Make the scene stage again ('lidarspectra run' with '--from scene').",
+        )
 
 
 def _jobs(scene: RadianceScene, points: SensorPoints, accuracy: Accuracy, repeats: int) -> Iterator[EngineJob]:
-    """A run for each pass: the Makefile's options, but numbers in binary."""
-    options = plain_arguments(accuracy, "draft", lamp_count=1, relays=scene.relays)
+    """The runs of each pass: the Makefile's options, but numbers in binary."""
     rays = np.repeat(np.concatenate([points.positions, points.normals], axis=1), repeats, axis=0)
     stdin = rays.astype("<f8").tobytes()
     for scene_pass in scene.passes:
         spectral = [*scene_pass.group.options, "-co+"] if scene.mode == "native" else []
-        arguments = ("-h-", "-fdf", *options, *spectral, scene_pass.octree)
-        yield EngineJob(program="rtrace", arguments=arguments, folder=scene.folder, stdin=stdin)
+        for plain in scene_pass.plain_traces:
+            options = plain_arguments(accuracy, "draft", lamp_count=1, relays=scene.relays, bounces=plain.bounces)
+            arguments = ("-h-", "-fdf", *options, *spectral, plain.octree)
+            yield EngineJob(program="rtrace", arguments=arguments, folder=scene.folder, stdin=stdin)
 
 
-def _take(slots: NDArray[np.float32], scene: RadianceScene, scene_pass: ScenePass, values: FloatArray) -> None:
-    """Put a pass's answers (point x repeat, slot) into the batches (batch, lamp, point, slot) of coefficients."""
+def _add(slots: NDArray[np.float32], scene: RadianceScene, scene_pass: ScenePass, values: FloatArray) -> None:
+    """Add a pass's answers (point x repeat, slot) to the batches (batch, lamp, point, slot) of coefficients."""
     count, _, points, _ = slots.shape
     light = scene_pass.group.from_engine(values.reshape(points, count, -1, scene_pass.slot_count).mean(axis=2))
     (lamp,), carried = scene_pass.lamps, list(scene_pass.slots)
-    slots[:, lamp][..., carried] = light.transpose(1, 0, 2) / scene.written_flux[lamp, carried]
+    slots[:, lamp][..., carried] += light.transpose(1, 0, 2) / scene.written_flux[lamp, carried]

@@ -2,14 +2,15 @@
 
 `make` there compiles the meshes and octrees, traces every pass (side by side with `make -j`) and adds them up in
 `irradiance.txt`: one line a sensor, x y z nx ny nz and the irradiance of each band [W/m²/nm], shortest wavelength
-first. It is the run's answer within noise, but for light of lamps that is mirrored in panes of glass. Only oconv,
-obj2mesh, rtrace, rcalc, rlam and total are called, and those of Radiance's function files that they read lie beside the
-model, so that RAYPATH need not be set. No step needs quotes.
+first. It is the run's answer within noise. With panes of glass a pass is three runs of rtrace, which are added up
+(`pane_text`). Only oconv, obj2mesh, rtrace, rcalc, rlam and total are called, and those of Radiance's function files
+that they read lie beside the model, so that RAYPATH need not be set. No step needs quotes.
 Each program is a step of its own and not part of a pipe, whose status would be the last one's: a program that fails
 ends make with a status other than 0, and so does a table with fewer rows than there are sensors (`check`).
 """
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +21,13 @@ from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
 from lidarspectra.radiance.engine.engine import Engine, find_engine
 from lidarspectra.radiance.engine.options import Accuracy, Noise, noise_level, plain_arguments
 from lidarspectra.radiance.scene.lamp_text import candela_file
-from lidarspectra.radiance.scene.scene_record import LAMPS_FILE, RadianceScene, ScenePass
+from lidarspectra.radiance.scene.pane_text import GLASS_FILE
+from lidarspectra.radiance.scene.scene_record import LAMPS_FILE, PlainTrace, RadianceScene, ScenePass
 from lidarspectra.room.sensor_points import SensorPoints
 
 MAKEFILE = "Makefile"
 POINTS_FILE = "points.txt"
-TRACE_OPTIONS_FILE = "trace.opt"
+TRACE_OPTIONS_FILE = "trace.opt"  # of as many reflections as the accuracy has; trace0.opt and trace1.opt of so many
 REPEAT_FILE = "repeat.fmt"
 ANSWER_FILE = "irradiance.txt"
 FUNCTION_FILES = ("rayinit.cal", "source.cal")  # read by every program, and for the intensity tables of 'ies' lamps
@@ -86,26 +88,34 @@ def _scene_files(scene: RadianceScene) -> list[str]:
     files = [LAMPS_FILE, *sorted({scene_pass.mesh for scene_pass in scene.passes})]
     for scene_pass in scene.passes:
         files += [scene_pass.scene_file, scene_pass.materials_file, *scene_pass.data_files]
+        if scene_pass.has_glass:
+            files += [f"{plain.name}.rad" for plain in scene_pass.plain_traces]
+            files += [scene_pass.panes_materials_file, GLASS_FILE]
     data = [candela_file(name) for name in scene.lamp_modifiers]
-    return files + [name for name in data if (scene.folder / name).is_file()]
+    return list(dict.fromkeys(files + [name for name in data if (scene.folder / name).is_file()]))
 
 
 def _texts(scene: RadianceScene, points: SensorPoints, accuracy: Accuracy, noise: Noise) -> dict[str, str]:
     lamp_count = max(len(scene_pass.lamps) for scene_pass in scene.passes)
-    options = plain_arguments(accuracy, "draft", lamp_count=lamp_count, relays=scene.relays)
     texts = {
         POINTS_FILE: _points_text(points),
-        TRACE_OPTIONS_FILE: " ".join(options) + "\n",
         REPEAT_FILE: "${$1} ${$2} ${$3} ${$4} ${$5} ${$6}\n" * noise_level(noise).exported_repeats,
         "sum.cal": _sum_text(scene),
         "bands.txt": _bands_text(scene),
         MAKEFILE: _makefile_text(scene, len(points), noise_level(noise).exported_repeats),
     }
+    for bounces in {plain.bounces for scene_pass in scene.passes for plain in scene_pass.plain_traces}:
+        options = plain_arguments(accuracy, "draft", lamp_count=lamp_count, relays=scene.relays, bounces=bounces)
+        texts[_options_file(bounces)] = " ".join(options) + "\n"
     for scene_pass in scene.passes:
         slots = [*scene_pass.group.options, "-co+"] if scene.mode == "native" else []
         texts[f"{scene_pass.name}.opt"] = " ".join([*slots, ""]) + "\n"
         texts[f"{scene_pass.name}.rif"] = _rif_text(scene_pass, points)
     return texts
+
+
+def _options_file(bounces: int | None) -> str:
+    return TRACE_OPTIONS_FILE if bounces is None else f"trace{bounces}.opt"
 
 
 def _points_text(points: SensorPoints) -> str:
@@ -121,13 +131,13 @@ def _bands_text(scene: RadianceScene) -> str:
 def _sum_text(scene: RadianceScene) -> str:
     """Column formulas for rcalc: 6 columns of the sensor, then every channel as its slots by their shares, in W/m²/nm.
 
-    rlam puts the passes' columns side by side, each pass from its last slot to its first.
+    rlam puts the columns of all runs of rtrace side by side, each from its last slot to its first.
     """
     terms: list[list[str]] = [[] for _ in range(len(scene.bands))]
     column = 6
-    for scene_pass in scene.passes:
+    for scene_pass, plain in _traces(scene):
         for place, slot in enumerate(scene_pass.slots):
-            share = scene.slots.share[slot]
+            share = plain.sign * scene.slots.share[slot]
             weight = "" if share == 1.0 else f"{share:.9g}*"
             terms[scene.slots.channel[slot]].append(f"{weight}${column + scene_pass.slot_count - place}")
         column += scene_pass.slot_count
@@ -138,7 +148,7 @@ def _sum_text(scene: RadianceScene) -> str:
 
 
 def _makefile_text(scene: RadianceScene, sensors: int, repeats: int) -> str:
-    data = " ".join(f"{scene_pass.name}.dat" for scene_pass in scene.passes)
+    data = " ".join(f"{plain.name}.dat" for _, plain in _traces(scene))
     head = (
         f"# Irradiance at the sensors of {POINTS_FILE}, by Radiance 6 alone; make -j runs the passes side by side.\n"
         f"# {ANSWER_FILE}: its columns are named in bands.txt; irradiance in W/m2/nm.\n"
@@ -161,25 +171,57 @@ def _makefile_text(scene: RadianceScene, sensors: int, repeats: int) -> str:
         f"\t@$(call check,{sensors * repeats})\n"
     )
     rules = "".join(_pass_rules(scene_pass, sensors, repeats) for scene_pass in scene.passes)
-    octrees = [scene_pass.octree for scene_pass in scene.passes]
-    meshes = sorted({scene_pass.mesh_file for scene_pass in scene.passes})
-    traced = " ".join(f"{scene_pass.name}.tmp" for scene_pass in scene.passes)
+    octrees = sorted({name for each, plain in _traces(scene) for name in (each.octree, plain.octree)})
+    glass = {scene_pass.panes_mesh_file for scene_pass in scene.passes if scene_pass.has_glass}
+    meshes = sorted({scene_pass.mesh_file for scene_pass in scene.passes} | glass)
+    traced = " ".join(f"{plain.name}.tmp" for _, plain in _traces(scene))
     made = " ".join([data, *octrees, *meshes, ANSWER_FILE, traced, "rays.tmp", "joined.tmp"])
     return f"{head}{rules}\nclean:\n\trm -f {made}\n\n.PHONY: all clean\n.DELETE_ON_ERROR:\n"
 
 
+def _traces(scene: RadianceScene) -> list[tuple[ScenePass, PlainTrace]]:
+    """The runs of rtrace, in the order of their columns."""
+    return [(scene_pass, plain) for scene_pass in scene.passes for plain in scene_pass.plain_traces]
+
+
 def _pass_rules(scene_pass: ScenePass, sensors: int, repeats: int) -> str:
     """How make compiles and traces a pass; passes that share their surfaces leave the mesh to the first."""
-    name, mesh, materials = scene_pass.name, scene_pass.mesh, scene_pass.materials_file
-    read = " ".join([scene_pass.scene_file, LAMPS_FILE, scene_pass.mesh_file, *scene_pass.data_files])
-    compiled = f"\n{scene_pass.mesh_file}: {mesh} {materials}\n\tobj2mesh -a {materials} {mesh} > $@\n"
+    name = scene_pass.name
+    rules = ""
+    if scene_pass.surfaces == name:
+        rules += _mesh_rule(scene_pass.mesh_file, scene_pass.materials_file, scene_pass.mesh)
+    rules += _octree_rule(scene_pass.octree, [scene_pass.scene_file], scene_pass.mesh_file, scene_pass)
+    if scene_pass.has_glass:
+        if scene_pass.surfaces == name:
+            rules += _mesh_rule(scene_pass.panes_mesh_file, scene_pass.panes_materials_file, scene_pass.mesh)
+        glow, images = f"{name}_glow", f"{name}_images"
+        for sheets in (glow, images):
+            texts = [scene_pass.scene_file, f"{sheets}.rad"]
+            rules += _octree_rule(f"{sheets}.oct", texts, scene_pass.mesh_file, scene_pass)
+        texts = [f"{scene_pass.panes}.rad", f"{glow}.rad"]
+        rules += _octree_rule(f"{scene_pass.panes}.oct", texts, scene_pass.panes_mesh_file, scene_pass)
+    return rules + "".join(_trace_rule(plain, name, sensors, repeats) for plain in scene_pass.plain_traces)
+
+
+def _mesh_rule(compiled: str, materials: str, mesh: str) -> str:
+    return f"\n{compiled}: {mesh} {materials}\n\tobj2mesh -a {materials} {mesh} > $@\n"
+
+
+def _octree_rule(octree: str, texts: Sequence[str], mesh_file: str, scene_pass: ScenePass) -> str:
+    """The first text, the lamps' shapes, and the rest, in the order of the run."""
+    read = " ".join([texts[0], LAMPS_FILE, *texts[1:]])
+    glass = [GLASS_FILE] if len(texts) > 1 else []
+    return f"\n{octree}: {' '.join([read, mesh_file, *scene_pass.data_files, *glass])}\n\toconv {read} > $@\n"
+
+
+def _trace_rule(plain: PlainTrace, pass_name: str, sensors: int, repeats: int) -> str:
+    name, options = plain.name, f"{_options_file(plain.bounces)} {pass_name}.opt"
+    at = " ".join(f"@{file}" for file in options.split())
     return (
-        (compiled if scene_pass.surfaces == name else "")
-        + f"\n{scene_pass.octree}: {read}\n\toconv {scene_pass.scene_file} {LAMPS_FILE} > $@\n"
-        + f"\n{name}.tmp: {scene_pass.octree} rays.tmp {TRACE_OPTIONS_FILE} {name}.opt\n"
-        + f"\trtrace -h @{TRACE_OPTIONS_FILE} @{name}.opt {scene_pass.octree} < rays.tmp > $@\n"
-        + f"\t@$(call check,{sensors * repeats})\n"
-        + f"\n{name}.dat: {name}.tmp\n\ttotal -m -{repeats} {name}.tmp > $@\n\t@$(call check,$(SENSORS))\n"
+        f"\n{name}.tmp: {plain.octree} rays.tmp {options}\n"
+        f"\trtrace -h {at} {plain.octree} < rays.tmp > $@\n"
+        f"\t@$(call check,{sensors * repeats})\n"
+        f"\n{name}.dat: {name}.tmp\n\ttotal -m -{repeats} {name}.tmp > $@\n\t@$(call check,$(SENSORS))\n"
     )
 
 

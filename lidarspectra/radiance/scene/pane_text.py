@@ -11,6 +11,14 @@ the pass's own octree loses the lamps that it reflects, is in two further ones b
     glow     a sheet before the glass, which sends on what a lamp's reflected light would be, in all directions alike:
              right in its flux, for each angle at which light comes in. For later reflections, where only that counts
 
+rtrace, which starts at sensors and cannot choose an octree for each reflection, has a third: `panes`, which is `glow`
+with all surfaces black but glass and mirrors. With as many diffuse reflections n as the accuracy has,
+
+    E = E_glow(n) + E_images(0) - E_panes(1)
+
+E_glow has all light, but what lamps send to sensors by way of glass as if it came from all of the pane; E_panes is that
+part, and what comes straight from the lamps; E_images has both as they are.
+
 Of glass the share that comes back is Fresnel's, of both surfaces of a pane of refractive index n and inner
 transmissivity t, as Radiance's `glass` has it (glass.c):
 

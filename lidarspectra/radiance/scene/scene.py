@@ -10,6 +10,7 @@ pass sees the same obstacles. Adding up the passes' lamps gives the room.
     passN.rad                  what the lamps send, and the mesh; with daylight also windows, sun and their data files
     passN.oct                  what rtrace and rcontrib read
     passN_images, _glow        with panes of glass: octrees with what lamps are reflected by, and their text; glass.cal
+    passN_panes                as _glow, with all else in the room black (`pane_text`)
 """
 
 from collections.abc import Sequence
@@ -68,6 +69,7 @@ from lidarspectra.radiance.scene.surfaces import surface_slots, surface_text
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 
 WRITING_SHARE, COMPILING_SHARE, OCTREE_SHARE = 1.0, 0.5, 0.05  # of the time: the mesh's text; a pass's mesh, octree
+PANE_KINDS = ("glass", "mirror")  # of materials that are not black in `ScenePass.panes`
 LAMPS_PER_PASS = 4  # a path asks every lamp of its pass for light: 64 lamps in one pass took 13 times 4 lamps' time
 
 
@@ -148,14 +150,17 @@ def write_scene(
         _write(folder / GLASS_FILE, GLASS_FUNCTIONS)
     _write_shapes(room)
     meshes = _write_meshes(scan, room, crease_deg=crease_deg)
+    by_rtrace = all(len(planned.lamps) == 1 for _, planned in plans)  # which does not tell lamps apart
     passes = []
     for index, (light, planned) in enumerate(plans):
         compiling[index](0.0, f"compiling pass {index + 1} of {len(plans)}")
         scene_pass = _write_pass(replace(planned, mesh=meshes[_has_sun(light, lamps)]), light, room)
         if scene_pass.surfaces == scene_pass.name:
-            _write(folder / scene_pass.materials_file, _materials_text(light, scene_pass.group, room))
+            _write_materials(scene_pass, light, room)
             compile_mesh(engine, folder, scene_pass.mesh, scene_pass.materials_file, scene_pass.mesh_file)
         _compile_octrees(engine, scene_pass, room)
+        if scene_pass.has_glass and by_rtrace:
+            _compile_panes(engine, scene_pass, room)
         if scene_pass.surfaces == scene_pass.name:
             check_octree(engine, folder, scene_pass.octree)
         passes.append(scene_pass)
@@ -302,9 +307,14 @@ def _colors(light: SpectralGroup, group: BandGroup, room: _Room) -> list[Color]:
     return [surface_slots(material, light.light, room.bands, group) for material in room.materials.materials]
 
 
-def _materials_text(light: SpectralGroup, group: BandGroup, room: _Room) -> str:
-    parts = zip(_material_names(room), room.materials.materials, _colors(light, group, room), strict=True)
-    return "".join(surface_text(name, material, color) for name, material, color in parts)
+def _write_materials(scene_pass: ScenePass, light: SpectralGroup, room: _Room) -> None:
+    """The materials of the pass's mesh, and with panes of glass those of which nothing else reflects."""
+    materials = room.materials.materials
+    parts = list(zip(_material_names(room), materials, _colors(light, scene_pass.group, room), strict=True))
+    _write(room.folder / scene_pass.materials_file, "".join(surface_text(*part) for part in parts))
+    if scene_pass.has_glass:
+        texts = [surface_text(*part) if part[1].kind in PANE_KINDS else primitives.black(part[0]) for part in parts]
+        _write(room.folder / scene_pass.panes_materials_file, "".join(texts))
 
 
 def _compile_octrees(engine: Engine, scene_pass: ScenePass, room: _Room) -> None:
@@ -317,6 +327,15 @@ def _compile_octrees(engine: Engine, scene_pass: ScenePass, room: _Room) -> None
         file = octree.replace(".oct", ".rad")
         _write(room.folder / file, text(room.panes, room.materials.materials))
         compile_octree(engine, room.folder, [*files, file], octree)
+
+
+def _compile_panes(engine: Engine, scene_pass: ScenePass, room: _Room) -> None:
+    """The octree in which nothing reflects but glass and mirrors, which only `plain_rtrace` reads."""
+    mesh, materials = scene_pass.panes_mesh_file, scene_pass.panes_materials_file
+    if scene_pass.surfaces == scene_pass.name:
+        compile_mesh(engine, room.folder, scene_pass.mesh, materials, mesh)
+    files = [f"{scene_pass.panes}.rad", LAMPS_FILE, f"{scene_pass.name}_glow.rad"]
+    compile_octree(engine, room.folder, files, f"{scene_pass.panes}.oct")
 
 
 def _write_pass(scene_pass: ScenePass, light: SpectralGroup, room: _Room) -> ScenePass:
@@ -335,10 +354,13 @@ def _write_pass(scene_pass: ScenePass, light: SpectralGroup, room: _Room) -> Sce
         elif lamp.is_in_room:
             texts.append(primitives.black(modifier))
     texts.append(mirrors_text(room.panes, room.materials.materials, _colors(light, scene_pass.group, room)))
-    texts.append(primitives.mesh("void", "room", scene_pass.mesh_file))
     for name, content in data.items():
         _write(room.folder / name, content)
-    _write(room.folder / scene_pass.scene_file, "".join(texts))
+    meshes = {scene_pass.scene_file: scene_pass.mesh_file}
+    if room.has_glass:
+        meshes[f"{scene_pass.panes}.rad"] = scene_pass.panes_mesh_file
+    for file, mesh in meshes.items():
+        _write(room.folder / file, "".join([*texts, primitives.mesh("void", "room", mesh)]))
     return replace(scene_pass, data_files=tuple(data), has_glass=room.has_glass)
 
 

@@ -27,6 +27,29 @@ FORMAT = 2  # of scene.json; raised when its meaning changes. 1 had a slot for e
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlainTrace:
+    """One run of rtrace whose answer, times its sign, is a part of a pass's light (`scene.pane_text`).
+
+    Parameters
+    ----------
+    name : str
+        Safe name, of files too.
+    sign : {1, -1}
+    bounces : int or None
+        Diffuse reflections (`-ab`); None: as many as the accuracy has.
+    """
+
+    name: str
+    sign: int = 1
+    bounces: int | None = None
+
+    @property
+    def octree(self) -> str:
+        """Octree's file name, in the scene folder."""
+        return f"{self.name}.oct"
+
+
+@dataclass(frozen=True, kw_only=True)
 class ScenePass:
     """What one octree carries.
 
@@ -45,7 +68,7 @@ class ScenePass:
     data_files : tuple of str
         Files that its scene reads besides.
     has_glass : bool
-        Whether there are panes of glass, for which it has two more octrees (`pane_text`).
+        Whether there are panes of glass, for which it has more octrees (`pane_text`).
     bins_file : str
         Function file by which light is binned by the direction that it comes from (`sky_patches`): the lamps are
         then patches of the sky, all of one modifier. Empty where each lamp is a modifier of its own.
@@ -89,6 +112,32 @@ class ScenePass:
     def glow_octree(self) -> str:
         """Octree in which panes of glass spread what they reflect of the lamps; the octree itself without such."""
         return f"{self.name}_glow.oct" if self.has_glass else self.octree
+
+    @property
+    def panes(self) -> str:
+        """Name of the octree's files in which nothing reflects but glass and mirrors."""
+        return f"{self.name}_panes"
+
+    @property
+    def panes_mesh_file(self) -> str:
+        """Its compiled mesh."""
+        return f"{self.surfaces}_panes_room.rtm"
+
+    @property
+    def panes_materials_file(self) -> str:
+        """File with the materials of that mesh."""
+        return f"{self.surfaces}_panes_materials.rad"
+
+    @property
+    def plain_traces(self) -> tuple[PlainTrace, ...]:
+        """Runs of rtrace that add up to all of its light: one, and with panes of glass three."""
+        if not self.has_glass:
+            return (PlainTrace(name=self.name),)
+        return (
+            PlainTrace(name=f"{self.name}_glow"),
+            PlainTrace(name=f"{self.name}_images", bounces=0),
+            PlainTrace(name=self.panes, sign=-1, bounces=1),
+        )
 
     @property
     def scene_file(self) -> str:
@@ -233,7 +282,9 @@ def save_scene(scene: RadianceScene) -> None:
     }
     record["relays"], record["left_out_m2"] = scene.relays, scene.left_out_m2
     record["shining"] = record_of_shining(scene.shining)
-    record["bytes"] = {name: (scene.folder / name).stat().st_size for name in _compiled_files(scene)}
+    plain = [name for each in scene.passes for name in (f"{each.panes}.oct", each.panes_mesh_file)]
+    compiled = [*_compiled_files(scene), *(name for name in plain if (scene.folder / name).is_file())]
+    record["bytes"] = {name: (scene.folder / name).stat().st_size for name in compiled}
     text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
     (scene.folder / SCENE_FILE).write_text(text + "\n", encoding="utf-8", newline="\n")
 
@@ -277,8 +328,9 @@ def load_scene(folder: Path) -> RadianceScene:
         )
     except (OSError, ValueError, KeyError, TypeError, EOFError) as cause:
         raise _unreadable(folder, f"{type(cause).__name__}: {cause}") from cause
-    for name in _compiled_files(scene):
-        _check_size(folder, name, record.get("bytes", {}).get(name))
+    sizes = record.get("bytes", {})
+    for name in sorted({*_compiled_files(scene), *sizes}):
+        _check_size(folder, name, sizes.get(name))
     return scene
 
 

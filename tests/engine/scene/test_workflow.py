@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,8 +41,17 @@ def points() -> SensorPoints:
     return SensorPoints(positions=spots, normals=normals, buried=np.zeros(4, dtype=bool))
 
 
-def two_lamp_scene(folder: Path, mode: str, engine: Engine, *, alike: bool = False, **options: Any) -> RadianceScene:
-    """A coloured cube with two lamps of different spectra: several passes in either mode."""
+def two_lamp_scene(
+    folder: Path,
+    mode: str,
+    engine: Engine,
+    *,
+    alike: bool = False,
+    glass: bool = False,
+    third: bool = False,
+    **options: Any,
+) -> RadianceScene:
+    """A coloured cube with two lamps of different spectra: several passes in either mode; a side may be of glass."""
     box = trimesh.creation.box(extents=(2.0, 2.0, 2.0))
     box.invert()
     scan = Scan(
@@ -59,8 +69,10 @@ def two_lamp_scene(folder: Path, mode: str, engine: Engine, *, alike: bool = Fal
         name="wall", category="unknown", reflectance=ramp, source="default", provenance="default",
         confidence=1.0, measured_range_nm=(380, 780), color=(0.5, 0.5, 0.5),
     )  # fmt: skip
+    pane = replace(wall, name="pane", kind="glass", transmittance=0.8)
+    of_glass = glass & (box.face_normals[:, 0] > 0.9)
     materials = MaterialMap(
-        materials=(wall,), face_material=np.zeros(12, dtype=int), face_color=np.ones((12, 3)), face_seen=np.ones(12)
+        materials=(wall, pane), face_material=of_glass.astype(int), face_color=np.ones((12, 3)), face_seen=np.ones(12)
     )
     down = np.array([0.0, 0.0, -1.0])
     warm = Spectrum(wavelengths_nm=[380.0, 780.0], values=[0.01, 0.05])
@@ -70,6 +82,8 @@ def two_lamp_scene(folder: Path, mode: str, engine: Engine, *, alike: bool = Fal
         Lamp(name="warm", shape=Panel(0.4, 0.4), center=np.array([1.0, 1.0, 1.9]), normal=down, flux=warm),
         Lamp(name="line", shape=Bulb(0.05), center=np.array([0.4, 1.5, 1.2]), normal=down, flux=second),
     ]
+    if third:
+        lamps.append(replace(lamps[1], name="third", center=np.array([1.5, 0.4, 1.2])))
     return write_scene(scan, materials, lamps, sensor_bands("as7265x-14"), folder, mode=mode, engine=engine, **options)
 
 
@@ -109,8 +123,11 @@ def test_make_gives_the_runs_irradiance(engine: Engine, points: SensorPoints, tm
 
 
 @needs_make
-def test_make_does_nothing_twice_and_cleans_up(engine: Engine, points: SensorPoints, tmp_path: Path) -> None:
-    scene = two_lamp_scene(tmp_path / "scene", "native", engine)
+@pytest.mark.parametrize("glass", [False, True])
+def test_make_does_nothing_twice_and_cleans_up(
+    engine: Engine, points: SensorPoints, tmp_path: Path, glass: bool
+) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine, glass=glass)
     folder = write_workflow(scene, points, tmp_path / "model", accuracy="low", noise="draft").parent
     before = {path.name for path in folder.iterdir()}
     answer(folder, engine)
@@ -222,6 +239,26 @@ def test_columns_are_named_and_slots_add_up_by_their_shares(
         assert value == pytest.approx(expected[number - 7])
 
 
+def test_a_scene_of_an_earlier_version_without_its_octrees_of_panes_is_refused(
+    engine: Engine, points: SensorPoints, tmp_path: Path
+) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine, glass=True)  # a pass for each: of unlike spectra
+    (tmp_path / "scene" / "pass0_panes.oct").unlink()
+    with pytest.raises(SceneError, match="--from scene"):
+        trace_plain(scene, points, accuracy="low", noise="draft", engine=engine)
+    (tmp_path / "scene" / "pass0_panes.rad").unlink()
+    with pytest.raises(SceneError, match="scene stage"):
+        write_workflow(scene, points, tmp_path / "model", **ASKED)
+
+
+def test_in_a_room_with_glass_some_passes_may_have_more_lamps_than_others(
+    engine: Engine, points: SensorPoints, tmp_path: Path
+) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine, alike=True, glass=True, third=True, lamps_per_pass=2)
+    assert [len(each.lamps) for each in scene.passes] == [2, 1]
+    write_workflow(scene, points, tmp_path / "model", **ASKED)
+
+
 def test_a_scene_without_its_files_is_refused(engine: Engine, points: SensorPoints, tmp_path: Path) -> None:
     scene = two_lamp_scene(tmp_path / "scene", "native", engine)
     (tmp_path / "scene" / "room.obj").unlink()
@@ -229,17 +266,17 @@ def test_a_scene_without_its_files_is_refused(engine: Engine, points: SensorPoin
         write_workflow(scene, points, tmp_path / "model", **ASKED)
 
 
-@pytest.mark.parametrize("mode", ["native", "rgb"])
+@pytest.mark.parametrize(("mode", "glass"), [("native", False), ("rgb", False), ("native", True)])
 def test_plain_rtrace_asks_the_engine_what_the_makefile_asks(
-    tmp_path: Path, engine: Engine, points: SensorPoints, mode: str
+    tmp_path: Path, engine: Engine, points: SensorPoints, mode: str, glass: bool
 ) -> None:
-    scene = two_lamp_scene(tmp_path / "scene", mode, engine)
+    scene = two_lamp_scene(tmp_path / "scene", mode, engine, glass=glass)
     transport = trace_plain(scene, points, accuracy="low", noise="draft", engine=engine)
     model = tmp_path / "model"
     write_workflow(scene, points, model, accuracy="low", noise="draft", engine=engine)
     rules = [line.split() for line in (model / "Makefile").read_text().splitlines() if line.startswith("\trtrace")]
     asked = [line.split() for line in transport.attrs["commands"].splitlines()]
-    assert len(rules) == len(asked) == len(scene.passes)
+    assert len(rules) == len(asked) == len(scene.passes) * (3 if glass else 1)
     for rule, words in zip(rules, asked, strict=True):
         program, _, shared, slots, octree, *_ = rule
         files = [(model / name.removeprefix("@")).read_text().split() for name in (shared, slots)]
@@ -265,8 +302,11 @@ def test_plain_rtrace_and_trace_agree_lamp_by_lamp(
 
 @pytest.mark.chance("two runs of the engine, seeded by the clock, within five of their combined errors")
 @needs_make
-def test_plain_rtrace_and_make_give_one_irradiance(tmp_path: Path, engine: Engine, points: SensorPoints) -> None:
-    scene = two_lamp_scene(tmp_path / "scene", "native", engine, alike=True, lamps_per_pass=1)
+@pytest.mark.parametrize("glass", [False, True])
+def test_plain_rtrace_and_make_give_one_irradiance(
+    tmp_path: Path, engine: Engine, points: SensorPoints, glass: bool
+) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine, alike=True, glass=glass, lamps_per_pass=1)
     folder = write_workflow(scene, points, tmp_path / "model", **ASKED).parent
     made = answer(folder, engine)[:, 6:]
     plain = trace_plain(scene, points, **ASKED, engine=engine)

@@ -4,12 +4,15 @@ A sensor gets from a flat mirror what a lamp of its reflectance would send from 
 share that Fresnel's equations give for the angle, of both surfaces together.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.material.material_map import MaterialMap
+from lidarspectra.radiance.sampling.plain_rtrace import trace_plain
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.scene.panes import find_panes
 from lidarspectra.radiance.scene.scene_record import load_scene
@@ -79,6 +82,40 @@ def test_a_lamp_is_seen_reflected_in_a_pane_of_glass(rooms, sensors, section, ch
     expected = direct + image * fresnel(cosine, inner)[0]
     assert np.max(expected / np.maximum(direct, 1e-30)) > 1.5  # there is something to see
     check(transport, expected[:, None], shape=2e-3)
+
+
+@BY_ITS_ERROR
+def test_plain_rtrace_sees_a_lamp_reflected_in_a_pane_of_glass(rooms, sensors, check) -> None:
+    glass = rooms.wall(0.08, kind="glass", transmittance=CLEAR)
+    scene = rooms.scene([rooms.lamp("panel", LAMP, (LAMP_M, LAMP_M))], [(pane(), glass)])
+    transport = trace_plain(scene, sensors(PLACES, NORMALS), accuracy="low", noise="standard", workers=2)
+    image, cosine = from_lamp(LAMP * [-1, 1, 1])
+    check(transport, (from_lamp(LAMP)[0] + image * fresnel(cosine)[0])[:, None], shape=2e-3)
+
+
+@BY_ITS_ERROR
+def test_plain_rtrace_has_the_light_that_panes_of_glass_send_to_walls(rooms, sensors) -> None:
+    # A lamp close to a glass wall sends a tenth of its light, and more at a slant, back into a bright room.
+    glass = rooms.wall(0.08, kind="glass", transmittance=CLEAR)
+    wall = pane(0.0, half=1.0)
+    wall.apply_translation([0.02, 1.0, 1.0])
+    lamp = rooms.lamp("panel", [0.4, 1.0, 1.2], (0.3, 0.3), normal=(-0.8, 0.0, 0.6))
+    scene = rooms.scene([lamp], [(wall, glass), (rooms.room(2.0), 0.6)])
+    points = sensors([[x, y, 0.5] for x in (0.9, 1.4, 1.8) for y in (0.3, 1.0, 1.7)], [0, 0, 1])
+    options = {"accuracy": "medium", "noise": "standard", "workers": 2}
+    without = replace(scene, passes=tuple(replace(each, has_glass=False) for each in scene.passes))
+    split = trace(scene, points, **options, seed=1)
+    mean = float(split["coefficient"].mean())
+    apart = {}
+    for name, plain in (
+        ("with", trace_plain(scene, points, **options)),
+        ("without", trace_plain(without, points, **options)),
+    ):
+        error = np.hypot(plain["irradiance_se"], split["irradiance_se"]).to_numpy() / mean
+        assert error.max() < 0.06  # else the next would hold of anything
+        apart[name] = ((plain["coefficient"] - split["coefficient"]).sum("lamp") / mean).to_numpy()
+        assert name == "without" or np.all(np.abs(apart[name]) <= 8.0 * error + 2e-3), apart[name] / error
+    assert abs(apart["with"].mean()) < 0.03 < -apart["without"].mean()  # of the whole room's light
 
 
 @BY_ITS_ERROR
