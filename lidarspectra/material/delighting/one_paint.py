@@ -28,6 +28,7 @@ PEAK_SHARE = 0.1  # [1] of the highest peak, from which another counts
 LEAST_M2 = 0.5  # [m²] of a paint
 PAINTS = 3  # of one hue in one plane
 SAME_HUE = 0.06  # [1] largest difference of the logarithms' differences between channels, of one hue
+UNKNOWN_LIGHT = 0.7  # [1] of that logarithm: twice the light, the most by which a place outshines the model of it
 FACE_HUE = 0.2  # [1] the same of one face and a paint: in glare a picture tells hues badly
 SAME_PLANE_M = 0.06  # [m]
 FLAT = 0.95  # [1] cosine between planes
@@ -116,7 +117,11 @@ def one_paint(
 def _without_beyond_white(
     scan: Scan, logs: FloatArray, usable: BoolArray, paint: IntArray, means: list[FloatArray]
 ) -> IntArray:
-    """(face,) paints, those of what is brighter than white exchanged for the largest of the same plane and hue."""
+    """(face,) paints, those of what is brighter than white exchanged for the largest of the same plane and hue.
+
+    That is a small part of its plane, beside a lamp. A wall that is white as a whole, and too bright by the level of
+    the fit, does not take the paint of a dark pane in it.
+    """
     white = np.log(BRIGHTEST_REFLECTANCE)
     beyond = np.array([mean.max() > white for mean in means], dtype=np.bool_)
     left = usable & np.where(paint < 0, logs.max(axis=1) > white, beyond[paint] if beyond.size else False)
@@ -130,8 +135,10 @@ def _without_beyond_white(
         away = np.abs((scan.centers[faces] - patch.center) @ patch.normal)
         apart = logs[faces] - means[number]
         same = (scan.normals[faces] @ patch.normal > FLAT) & (away < SAME_PLANE_M) & (np.ptp(apart, axis=1) < FACE_HUE)
-        changed[faces[same]] = number
-        left[faces[same]] = False
+        same &= apart[:, GREEN] < UNKNOWN_LIGHT
+        if scan.areas[faces[same]].sum() < area[number]:
+            changed[faces[same]] = number
+            left[faces[same]] = False
     emptied = np.bincount(changed[changed >= 0], minlength=len(means)) == 0
     kept = np.flatnonzero(~emptied)
     means[:] = [means[number] for number in kept]

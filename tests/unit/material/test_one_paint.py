@@ -95,6 +95,21 @@ def test_what_is_brighter_than_white_on_a_wall_is_light_on_its_paint_and_a_poste
     assert found.spread[found.paint[rest][0]] > 0.1  # but in how sure it is
 
 
+@pytest.mark.parametrize(
+    ("pane", "darkness"),
+    [(0.5, 0.05), (0.5, 0.7), (2.5, 0.1)],
+    ids=["a dark pane in it", "a grey pane in it", "a small part of it, by a dark wall"],
+)
+def test_a_wall_that_is_too_bright_as_a_whole_keeps_its_white_beside_a_darker_pane(
+    wall: Scan, pane: float, darkness: float
+) -> None:
+    color = np.full((len(wall.faces), 3), 0.97)
+    dark = wall.centers[:, 0] < pane
+    color[dark] *= darkness
+    found = one_paint(wall, color, np.ones(len(dark), dtype=bool), turn_deg=0.0)
+    np.testing.assert_allclose(found.color, color, rtol=1e-6)
+
+
 @pytest.mark.parametrize(("ratio", "paints"), [(0.87, 2), (0.96, 1)])
 def test_what_a_wall_parts_is_one_paint_only_if_it_is_about_as_light(wall: Scan, ratio: float, paints: int) -> None:
     """An eighth darker and parted: another paint, which in one room would be taken for the light's error."""
