@@ -42,6 +42,8 @@ class CandelaTable:
         Luminous opening: (length, width), or (diameter,). [m]
     name : str
         What the file calls it.
+    lamps_lm : float or None
+        Luminous flux of the lamps in it, as the file states it; None of absolute photometry, which states none. [lm]
     """
 
     vertical_deg: FloatArray
@@ -49,6 +51,7 @@ class CandelaTable:
     candela: FloatArray
     opening_m: tuple[float, ...]
     name: str = ""
+    lamps_lm: float | None = None
 
     def __post_init__(self) -> None:
         vertical = float_array(self.vertical_deg, name="CandelaTable.vertical_deg", shape=(None,))
@@ -163,7 +166,7 @@ def read_ies(text: str, *, where: str) -> CandelaTable:
     if tilt[1].upper() == "INCLUDE":
         numbers.take(1)
         numbers.take(2 * numbers.count("tilt angles"))
-    lamps, _, multiplier = numbers.take(3)
+    lamps, lumens, multiplier = numbers.take(3)
     verticals, horizontals = numbers.count("vertical angles"), numbers.count("horizontal angles")
     photometric_type, unit = numbers.take(2)
     width, length, height = numbers.take(3) * (METRES_PER_FOOT if unit == 1 else 1.0)
@@ -183,6 +186,7 @@ def read_ies(text: str, *, where: str) -> CandelaTable:
         candela=candela,
         opening_m=_opening(width, length, height),
         name=_keyword(text, "LUMCAT") or _keyword(text, "LUMINAIRE"),
+        lamps_lm=float(lamps * lumens * np.prod(factors)) if lamps > 0 and lumens > 0 else None,
     )
     if candela.min() < 0 or table.luminous_flux_lm() <= 0:
         raise _unreadable(where, "negative candela, or none at all")

@@ -367,6 +367,13 @@ def test_what_is_unlikely_is_asked_about_and_does_not_end_a_run(write: Write, ch
     assert any(words in note for note in found.notes), found.notes
 
 
+@pytest.mark.parametrize(("lumens", "asked"), [("-1", False), ("500", True), ("1000", False), ("9000", True)])
+def test_candela_that_contradict_the_lamps_lumens_are_asked_about(write: Write, lumens: str, asked: bool) -> None:
+    found = ls.check(write(lamp_ies=IES.replace("1 1000 1 ", f"1 {lumens} 1 ", 1)))
+    assert found.good
+    assert any("lamps.2.file: its candela are" in note for note in found.notes) == asked, found.notes
+
+
 def test_a_point_just_outside_is_asked_about(write: Write) -> None:
     run_file = write(*points_file("points.csv"), points_csv="x,y,z\n1,1,0.5\n2.6,1,0.5\n")
     (note,) = ls.check(run_file).notes

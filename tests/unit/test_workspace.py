@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import subprocess
 import sys
 import time
@@ -68,6 +69,16 @@ def test_a_result_that_was_just_made_is_not_read_and_one_of_an_earlier_run_is(tm
 
     assert run_scan(tmp_path / "run", Giving()).value == "as it was made"
     assert run_scan(tmp_path / "run", Giving()).value == "answer"
+
+
+def test_a_result_goes_to_another_process(tmp_path: Path) -> None:
+    run_scan(tmp_path / "run", Maker())
+    with Workspace(tmp_path / "run") as work:
+        stage = Stage(name="scan", settings={}, make=Maker(), load=lambda folder: load(folder).strip())
+        sent = pickle.dumps(work.run_stage(stage, progress=silent))
+    (tmp_path / "run" / "1-scan" / "result.txt").unlink()
+    received = pickle.loads(sent)
+    assert (received.value, received.record.summary, received.was_fresh) == ("answer", "done", True)
 
 
 def test_a_changed_setting_makes_the_stage_again(tmp_path: Path) -> None:

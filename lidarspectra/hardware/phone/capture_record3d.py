@@ -11,6 +11,7 @@ References
 Record3D, "Exporting" (record3d.app); nerfstudio, nerfstudio/process_data/record3d_utils.py (poses).
 """
 
+import ctypes
 import re
 from typing import Any
 
@@ -37,6 +38,7 @@ LIDAR_PX = (192, 256)  # [px] columns and rows of the LiDAR's depth in a picture
 MAX_PIXELS = (
     640 * 480
 )  # [px] of the face camera's depth, the larger of the two; bounds what a packed file may unpack to
+_DECODE_ARGUMENTS = (ctypes.c_char_p, ctypes.c_size_t, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_void_p)
 _PICTURE = re.compile(r"rgbd/(\d{1,9})\.jpg")
 
 
@@ -155,12 +157,28 @@ def _unpacked(files: CaptureFiles, name: str, size: int) -> bytes:
     if len(packed) > size + 1024:  # what cannot be packed is stored, with a few bytes around it
         raise FrameFault(f"{what} is larger than its picture says")
     try:
-        data: bytes = library.decompress(packed)
+        data = _decoded(library, packed, size)
     except (library.error, ValueError, MemoryError) as cause:
         raise FrameFault(f"{what} is cut off or damaged") from cause
     if len(data) != size:
         raise FrameFault(f"{what} has another size than the recording says")
     return data
+
+
+def _decoded(library: Any, packed: bytes, size: int) -> bytes:
+    """What was packed, cut off one byte beyond its size: a small file may be made to unpack to gigabytes.
+
+    The library's own function has no such limit. On Windows, where its module shows nothing else, that has to do.
+    """
+    decode = getattr(ctypes.CDLL(library.__file__), "lzfse_decode_buffer", None)
+    if decode is None:
+        return bytes(library.decompress(packed))
+    decode.restype, decode.argtypes = ctypes.c_size_t, _DECODE_ARGUMENTS
+    buffer = ctypes.create_string_buffer(size + 1)
+    count = int(decode(buffer, size + 1, packed, len(packed), None))
+    if count == 0 and size > 0:
+        raise ValueError("nothing could be unpacked")
+    return buffer.raw[:count]
 
 
 def _lzfse(where: str) -> Any:

@@ -179,7 +179,7 @@ def _material_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustR
             yield TrustRow(
                 what="reflectances",
                 known=kind,
-                how=f"{how[kind]}, for {_percent(area / total)} of the surface",
+                how=f"{how[kind]}, for {_percent_or_less(area / total)} of the surface",
                 effect=effect,
             )
     pane_area = float(report.material_areas_m2[panes].sum())
@@ -188,7 +188,7 @@ def _material_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustR
         yield TrustRow(
             what="glass, mirrors and screens",
             known="assumed" if is_guess else "given",
-            how=f"{pane_area:.1f} m², {_percent(pane_area / total)} of the surface, by the run file"
+            how=f"{pane_area:.1f} m², {_percent_or_less(pane_area / total)} of the surface, by the run file"
             + (": some or all by signs in the scan" if is_guess else ""),
             effect="light that they mirror or let through; false images behind them are cut off the scan",
         )
@@ -293,6 +293,11 @@ def _total_rows(report: ReportInput) -> Iterator[TrustRow]:
         effect=f"± {_percent(float(attrs[ALL_CAUSES]))} at a point (1 standard uncertainty); an error of a lamp or of "
         "a wall is the same all over the map",
     )
+
+
+def _percent_or_less(share: float) -> str:
+    """Per cent of what is there, and so more than none."""
+    return "less than 1 %" if share < 0.005 else _percent(share)
 
 
 def _percent(share: float, *, digits: int = 0) -> str:

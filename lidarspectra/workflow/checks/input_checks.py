@@ -14,8 +14,10 @@ from lidarspectra.config import CellSection, DaylightSection, GridSection, LampS
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.decimation import load_decimation
 from lidarspectra.hardware.phone.readers import read_scan
+from lidarspectra.lamps.ies import CandelaTable
 from lidarspectra.lamps.lamp_spectra import cct_spectrum, luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Luminaire
 from lidarspectra.material.assignments import check_assignments, read_assignments
 from lidarspectra.material.estimate import default_material
 from lidarspectra.material.segmentation.segmentation import Classifier
@@ -30,7 +32,7 @@ from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 from lidarspectra.threads import available_cores
 from lidarspectra.workflow.checks import plausible_numbers as plausible
-from lidarspectra.workflow.checks.findings import Findings, listed
+from lidarspectra.workflow.checks.findings import Findings, listed, number_words
 from lidarspectra.workflow.checks.scan_checks import ScanExtent, check_in_scan
 from lidarspectra.workflow.run_folder.inputs import Inputs
 from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
@@ -148,10 +150,27 @@ def _check_flux(key: str, section: LampSection, lamp: Lamp, findings: Findings) 
     )
     if given == "luminous_flux_lm":
         return  # known before the spectrum is
+    if given == "file" and isinstance(lamp.shape, Luminaire):
+        _check_output(f"{key}.file", lamp.shape.table, findings)
     findings.number(f"{key}.{given}", lamp.flux.integral(), plausible.RADIANT_FLUX)
     lumens = luminous_flux_lm(lamp.flux)
     if given != "radiant_flux_W" and lumens > 0:  # a lamp beyond the visible has none
         findings.number(f"{key}.{given}", lumens, plausible.LUMINOUS_FLUX)
+
+
+def _check_output(key: str, table: CandelaTable, findings: Findings) -> None:
+    """Hold a luminaire's candela against the lumens of its lamps: it sends less, but not by much."""
+    if table.lamps_lm is None:
+        return
+    lumens = table.luminous_flux_lm()
+    if not plausible.LIGHT_OUTPUT_RATIO[0] <= lumens / table.lamps_lm <= plausible.LIGHT_OUTPUT_RATIO[1]:
+        findings.ask(
+            key,
+            f"its candela are {number_words(round(lumens))} lm in all, its lamps have "
+            f"{number_words(round(table.lamps_lm))} lm. A luminaire sends no more light than its lamps, seldom less "
+            "than a fifth of it. The candela are taken: look into the file's multiplier and lumens, or give "
+            "'luminous_flux_lm'.",
+        )
 
 
 def _check_light(inputs: Inputs, scan: Scan | None, bands: BandSet | None, findings: Findings) -> None:

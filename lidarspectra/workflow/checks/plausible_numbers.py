@@ -76,3 +76,4 @@ CELL_SCALE = Plausible(
     possible=(1e-6, 1e6),
     remedy="It comes from a calibration; leave it out if there was none.",
 )
+LIGHT_OUTPUT_RATIO = (0.2, 1.2)  # [1] a luminaire's light over that of its lamps; 1 at most, but for rounded lumens

@@ -20,6 +20,7 @@ MIN_DIRECT = 0.15  # [1] share of direct light in a closed room of mean reflecta
 MAX_UNCERTAIN = 0.5  # [1] largest standard deviation of log k for it to be identifiable
 BEAM_EXPONENT = 0.3  # [1] difference from the Lambertian exponent, above which the user is warned
 FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp whose flux differs by more, significantly, draws a warning
+ABOUT_EVEN_PERCENT = 10  # [%] by which a probability may be off one half
 SURE_FAMILY = 0.9  # [1] probability of a tone curve's family, up to which the user is warned
 OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area, above which light of unknown lamps draws a warning
 
@@ -123,11 +124,16 @@ def tone_note(fit: LightFit) -> tuple[str, ...]:
     """A note where the picture hardly tells of which family its tone curve is."""
     if fit.family_probability > SURE_FAMILY:
         return ()
+    chance = 100 * fit.family_probability
+    taken = (
+        f"both are about as probable, and a {fit.tone_family} one was taken"
+        if abs(chance - 50) < ABOUT_EVEN_PERCENT
+        else f"a {fit.tone_family} one was taken, which is {chance:.0f} % probable"
+    )
     return (
         "The picture hardly tells whether its tone curve is plain or filmic (contrast in shadows, pressed highlights): "
-        f"a {fit.tone_family} one was taken, with a probability of {100 * fit.family_probability:.0f} %. Stated "
-        "uncertainties include by how much the other kind would change reflectances. A grey and a white card in the "
-        "scan tell the curve ([[materials.cards]]).",
+        f"{taken}. Stated uncertainties include by how much the other kind would change reflectances. A grey and a "
+        "white card in the scan tell the curve ([[materials.cards]]).",
     )
 
 

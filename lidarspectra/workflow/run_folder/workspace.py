@@ -186,6 +186,10 @@ class StageResult(Generic[Made_co]):
     def __repr__(self) -> str:
         return f"<StageResult '{self.record.stage}' in {self.folder}: {self.record.summary}>"
 
+    def __getstate__(self) -> dict[str, Any]:
+        """With the result itself, for another process: what would load it there refers to this one's run file."""
+        return {**self.__dict__, "_value": self.value, "_load": None}
+
     @property
     def value(self) -> Made_co:
         """The stage's result, as its folder holds it."""

@@ -99,6 +99,16 @@ def test_reflectances_that_are_off_alike_change_the_reflected_light_as_in_an_int
     assert "not known" in rows_of(report)["reflectances (estimated)"][2]
 
 
+def test_a_little_is_more_than_none(report):
+    wall, floor = report.materials
+    told = replace(
+        report, materials=(wall, replace(floor, provenance="default")), material_areas_m2=np.array([30.0, 0.1])
+    )
+    assert (
+        rows_of(told)["reflectances (assumed)"][1] == "a default or typical material, for less than 1 % of the surface"
+    )
+
+
 def test_the_page_shows_the_card_and_the_table_and_no_standard_error_alone(report, tmp_path):
     write_report(tmp_path, assuming(report, lamps=tuple(lamp.name for lamp in report.lamps)))
     page = (tmp_path / "index.html").read_text(encoding="utf-8")

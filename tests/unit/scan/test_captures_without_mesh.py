@@ -107,6 +107,24 @@ def test_a_size_of_depth_that_cannot_be_is_a_fault_of_the_frames(
         capture.frames[0].read_depth()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="the library gives no way to stop it there")
+def test_depth_that_unpacks_to_gigabytes_is_not_unpacked(
+    record3d: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import lzfse
+
+    bomb = lzfse.compress(bytes(200 * 4 * SIZE_PX[0] * SIZE_PX[1]))
+    assert len(bomb) < 4 * SIZE_PX[0] * SIZE_PX[1]
+    with zipfile.ZipFile(record3d) as old, zipfile.ZipFile(tmp_path / "a.r3d", "w") as new:
+        for name in old.namelist():
+            new.writestr(name, bomb if name == "rgbd/0.depth" else old.read(name))
+    monkeypatch.delattr(lzfse, "decompress")  # which has no limit
+    capture = read_capture(tmp_path / "a.r3d")
+    with pytest.raises(FrameFault, match="another size"):
+        capture.frames[0].read_depth()
+    assert capture.frames[1].read_depth() is not None
+
+
 def test_stray_scanners_video_and_poses_go_together(stray: Path, shots: list[Shot], tmp_path: Path) -> None:
     archive = Path(shutil.make_archive(str(tmp_path / "a"), "zip", stray.parent, stray.name))
     for path in (stray, archive):
