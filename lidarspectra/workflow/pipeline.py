@@ -31,6 +31,7 @@ from lidarspectra.workflow import stages
 from lidarspectra.workflow.checks.findings import Findings
 from lidarspectra.workflow.checks.input_checks import CheckedInputs, check_inputs
 from lidarspectra.workflow.checks.scan_checks import ScanExtent, check_in_scan, extent_of_stage, points_of_file
+from lidarspectra.workflow.run_folder.code_version import other_code_notes
 from lidarspectra.workflow.run_folder.inputs import RUN_FILE_MEANT, Inputs, read_inputs
 from lidarspectra.workflow.run_folder.lamps_of_run import ScannedRoom
 from lidarspectra.workflow.run_folder.workspace import (
@@ -301,6 +302,9 @@ def run_stages(
         for question in findings.questions:
             chain.note(question)
         walk(chain, inputs)
+        kept = {name: result.record.versions for name, result in chain.results.items() if result.was_fresh}
+        for words in other_code_notes(kept):
+            chain.note(words)
         return RunSummary(folder=work.folder, results=chain.results, notes=tuple(chain.notes))
 
 

@@ -14,6 +14,8 @@ import pytest
 
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.progress import Progress, silent
+from lidarspectra.workflow.run_folder import code_version
+from lidarspectra.workflow.run_folder.code_version import CODE
 from lidarspectra.workflow.run_folder.workspace import (
     LOCK_FILE,
     Notes,
@@ -79,6 +81,24 @@ def test_a_result_goes_to_another_process(tmp_path: Path) -> None:
     (tmp_path / "run" / "1-scan" / "result.txt").unlink()
     received = pickle.loads(sent)
     assert (received.value, received.record.summary, received.was_fresh) == ("answer", "done", True)
+
+
+def test_kept_stages_that_other_code_of_this_version_made_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = run_scan(tmp_path / "run", Maker()).record
+    assert code_version.other_code_notes({"scan": record.versions}) == ()
+    earlier = {name: made for name, made in record.versions.items() if name != CODE}
+    assert code_version.other_code_notes({"scan": earlier}) == ()  # of packages that did not say it
+    changed = tmp_path / "package"
+    changed.mkdir()
+    (changed / "module.py").write_text("changed = True\n", encoding="utf-8")
+    monkeypatch.setattr(code_version, "PACKAGE", changed)
+    code_version.code_hash.cache_clear()
+    (note,) = code_version.other_code_notes({"scan": record.versions})
+    code_version.code_hash.cache_clear()
+    assert note.startswith("Kept stage scan: made by other code")
+    assert "--from scan" in note
 
 
 def test_a_changed_setting_makes_the_stage_again(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.file_lock import FileLock
 from lidarspectra.io.files import hash_file, write_whole, writing
 from lidarspectra.progress import Pace, Paced, Progress, is_pace
+from lidarspectra.workflow.run_folder.code_version import CODE, code_hash
 from lidarspectra.workflow.run_folder.peak_memory import peak_memory
 
 StageName = Literal["scan", "views", "materials", "scene", "trace", "map", "report"]
@@ -456,6 +457,7 @@ def versions() -> dict[str, str]:
     libraries = ("pyradiance", "numpy", "scipy", "trimesh", "embreex", "colour-science", "scikit-learn")
     found = {
         "lidarspectra": version("lidarspectra"),
+        CODE: code_hash(),
         "python": platform.python_version(),
         "system": platform.platform(),
         **{name: version(name) for name in libraries},
