@@ -302,7 +302,9 @@ def run_stages(
         for question in findings.questions:
             chain.note(question)
         walk(chain, inputs)
-        kept = {name: result.record.versions for name, result in chain.results.items() if result.was_fresh}
+        kept: dict[str, dict[str, str]] = {
+            name: result.record.versions for name, result in chain.results.items() if result.was_fresh
+        }
         for words in other_code_notes(kept):
             chain.note(words)
         return RunSummary(folder=work.folder, results=chain.results, notes=tuple(chain.notes))
