@@ -11,8 +11,8 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.geometry.surface_samples import surface_samples
+from lidarspectra.material.k_means import k_means
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab
-from lidarspectra.threads import one_thread
 
 SATURATED = 0.94  # [1] linear; all channels above it: a lamp, its mirror image, or a blown-out highlight (sRGB 248)
 ABOVE_WHITE = 1.2  # [1] twice the level of the brightest surfaces (`frame_colors.PAINT_LEVEL`)
@@ -157,7 +157,9 @@ def primary_colors(lab: FloatArray, weights: FloatArray, *, most: int, random: n
     seed = int(random.integers(2**31))
     count = 1
     while True:
-        centers = _k_means(points, mass, min(count, distinct), seed)
+        centers = k_means(
+            points, min(count, distinct), seed=seed, weights=mass, starts=CLUSTER_STARTS, tolerance=CLUSTER_TOLERANCE
+        ).centers
         distance = np.linalg.norm(points[:, None] - centers[None], axis=2).min(axis=1)
         residual = float(np.sqrt(np.average(distance**2, weights=mass)))
         if residual <= GOOD_RESIDUAL or count >= min(most, distinct):
@@ -168,17 +170,6 @@ def primary_colors(lab: FloatArray, weights: FloatArray, *, most: int, random: n
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     return PrimaryColors(lab=centers[order], nearest=rank[nearest], residual=residual)
-
-
-def _k_means(points: FloatArray, weights: FloatArray, count: int, seed: int) -> FloatArray:
-    if count == 1:
-        return np.average(points, axis=0, weights=weights)[None]
-    from sklearn.cluster import KMeans  # loads slowly
-
-    model = KMeans(n_clusters=count, n_init=CLUSTER_STARTS, tol=CLUSTER_TOLERANCE, random_state=seed)
-    with one_thread():
-        model.fit(points, sample_weight=weights)
-    return np.asarray(model.cluster_centers_, dtype=np.float64)
 
 
 def mean_color(linear: FloatArray, weights: FloatArray) -> FloatArray:

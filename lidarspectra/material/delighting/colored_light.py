@@ -23,11 +23,11 @@ from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.material.delighting.sharpened_cones import CONES_FROM_XYZ
+from lidarspectra.material.k_means import k_means
 from lidarspectra.material.matching import match_color
 from lidarspectra.spectra.colorimetry import lab_to_xyz, linear_srgb_to_lab
 from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
-from lidarspectra.threads import one_thread
 
 PALETTE = 32  # colours whose spectra are looked up
 PALETTE_DIGITS = 3  # decimals of L*a*b* that tell colours apart
@@ -103,10 +103,6 @@ def _palette(color: FloatArray, library: ReflectanceLibrary) -> tuple[FloatArray
     """(palette, 3) colours in L*a*b* that stand for (n, 3) linear ones, and their (palette, band) reflectances."""
     lab = linear_srgb_to_lab(color)
     some = lab[:: max(1, len(lab) // PALETTE_POINTS)].round(PALETTE_DIGITS)  # round-off makes no colours
-    from sklearn.cluster import KMeans  # loads slowly
-
-    with one_thread():
-        found = KMeans(min(PALETTE, len(np.unique(some, axis=0))), n_init=1, random_state=SEED).fit(some)
-    centers = np.asarray(found.cluster_centers_, dtype=np.float64)
+    centers = k_means(some, min(PALETTE, len(np.unique(some, axis=0))), seed=SEED).centers
     spectra = [match_color(np.maximum(lab_to_xyz(center), 0.0), library).spectrum for center in centers]
     return centers, np.stack([BANDS.band_values(spectrum, outside="nearest") for spectrum in spectra])

@@ -6,7 +6,7 @@ Points must not be separated by brightness: its change over a surface is the evi
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
-from lidarspectra.threads import one_thread
+from lidarspectra.material.k_means import k_means
 
 HUES = 7  # that a room is sorted into
 HUE_DIGITS = 6  # decimals by which hues differ; what is less is round-off
@@ -57,15 +57,12 @@ def surface_groups(
     if member.sum() < max(FEWEST, HUES):
         return group
     hue = log_hue(colors[member]).round(HUE_DIGITS)
-    count = min(HUES, len(np.unique(hue, axis=0)))  # K-means complains where there are fewer to be found
-    from sklearn.cluster import KMeans  # loads slowly
-
-    with one_thread():
-        found = KMeans(count, n_init=HUE_STARTS, random_state=SEED).fit(hue)
+    count = min(HUES, len(np.unique(hue, axis=0)))
+    found = k_means(hue, count, seed=SEED, starts=HUE_STARTS)
     offset = np.rint(places[own, axis] / PLANE_M)
     keys = np.stack([axis, np.sign(facing[own, axis]), offset], axis=1)[member]
     pieces = np.zeros(len(keys)) if piece is None else piece[member]
-    _, label = np.unique(np.column_stack([keys, pieces, found.labels_]), axis=0, return_inverse=True)
+    _, label = np.unique(np.column_stack([keys, pieces, found.label]), axis=0, return_inverse=True)
     label = label.reshape(-1)
     label[np.bincount(label)[label] < FEWEST] = -1
     group[member] = label
