@@ -10,8 +10,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, PathPatch
 from matplotlib.patches import Polygon as PolygonPatch
+from matplotlib.path import Path
 from matplotlib.patheffects import AbstractPathEffect, Normal, Stroke
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
@@ -25,6 +26,9 @@ from lidarspectra.room.panes.pane import Pane, PaneKind
 
 MAX_VECTOR_POINTS = 400  # more dots than this are drawn as pixels in vector files, to keep them small
 MAX_DOTS = 2500  # more would cover the map below them
+DOT_PT, EDGE_PT = 2.0, 0.5  # [pt] of a sensor on a map
+DOT_EDGE = "#202020"
+DOT_LENGTH_M = 1e-4  # [m] of a dot's line: of one without length some programs draw nothing
 LAMP_COLOR = "#e6a400"
 FURNITURE_COLOR = "#8a8f96"
 UNKNOWN: dict[str, Any] = {"facecolor": "#c3c7cb", "edgecolor": "#8a8f96", "hatch": "////", "linewidth": 0.0}
@@ -82,7 +86,7 @@ def draw_field(
     """The interpolated map on a hatched ground, which shows where no point is near."""
     if grid is None:
         return
-    axes.add_patch(PolygonPatch(plan.outline, zorder=-1, **UNKNOWN))
+    axes.add_artist(PolygonPatch(plan.outline, zorder=-1, **UNKNOWN))
     half = 0.5 * (float(grid.x[1] - grid.x[0]) if grid.x.size > 1 else 1.0)
     extent = (grid.x[0] - half, grid.x[-1] + half, grid.y[0] - half, grid.y[-1] + half)
     cells = np.ma.masked_invalid(grid.cells[layer] * factor)
@@ -123,34 +127,55 @@ def draw_points(
     if values is None and chosen.size > MAX_DOTS:
         chosen = chosen[:0]
     many = chosen.size > MAX_VECTOR_POINTS
+    if values is None and not many:
+        for size, color in ((DOT_PT + EDGE_PT, DOT_EDGE), (DOT_PT - EDGE_PT, "white")):
+            axes.add_artist(_dots(x[chosen], y[chosen], size_pt=size, color=color))
+        _draw_buried(axes, dataset)
+        return
     shown: dict[str, Any] = {"c": "white"} if values is None else {"c": values[chosen], "norm": norm, "cmap": colors}
-    size = 1.0 if many else 4.0 if values is None else 40.0
+    size = 1.0 if many else 40.0
     axes.scatter(
         x[chosen],
         y[chosen],
         s=size,
-        linewidths=0.0 if many else 0.5,
-        edgecolors="#202020",
+        linewidths=0.0 if many else EDGE_PT,
+        edgecolors=DOT_EDGE,
         rasterized=many,
         zorder=3,
         **shown,
     )
-    buried = np.flatnonzero(dataset["buried"].to_numpy())
-    axes.plot(
-        x[buried], y[buried], "x", color="black", markersize=4.0, markeredgewidth=1.0, path_effects=HALO, zorder=4
-    )
+    _draw_buried(axes, dataset)
+
+
+def _dots(x: FloatArray, y: FloatArray, *, size_pt: float, color: str) -> PathPatch:
+    """Dots at places [m] as round ends of one line: an element each would make most of a page of maps."""
+    ends = np.repeat(np.stack([x, y], axis=1), 2, axis=0)
+    ends[1::2, 0] += DOT_LENGTH_M
+    path = Path(ends, np.tile(np.array([Path.MOVETO, Path.LINETO], dtype=np.uint8), len(x)))
+    path.should_simplify = False  # which would leave out lines so short
+    return PathPatch(path, fill=False, edgecolor=color, linewidth=size_pt, capstyle="round", snap=False, zorder=3)
+
+
+def _draw_buried(axes: Axes, dataset: xr.Dataset) -> None:
+    """Crosses where sensor points are buried."""
+    buried = dataset["buried"].to_numpy()
+    if buried.any():
+        x, y = dataset["x"].to_numpy()[buried], dataset["y"].to_numpy()[buried]
+        axes.plot(x, y, "x", color="black", markersize=4.0, markeredgewidth=1.0, path_effects=HALO, zorder=4)
 
 
 def draw_frame(axes: Axes, plan: FloorPlan, *, left: bool, bottom: bool) -> None:
     """Walls and furniture in one scale for both axes, with labels on the left and at the bottom where asked for."""
-    for shape in plan.furniture:
-        axes.add_patch(PolygonPatch(shape, fill=False, edgecolor="white", linewidth=1.3, alpha=0.65, zorder=2.4))
-        axes.add_patch(
-            PolygonPatch(shape, fill=False, edgecolor=FURNITURE_COLOR, linewidth=0.9, linestyle="--", zorder=2.5)
-        )
-    axes.add_patch(PolygonPatch(plan.outline, fill=False, edgecolor=INK, linewidth=1.4, zorder=5, joinstyle="miter"))
-    for walls in plan.other_outlines:
-        axes.add_patch(PolygonPatch(walls, fill=False, edgecolor=MUTED, linewidth=1.0, zorder=2.3))
+    if plan.furniture:
+        shapes = _closed_lines(plan.furniture)
+        axes.add_artist(PathPatch(shapes, fill=False, edgecolor="white", linewidth=1.3, alpha=0.65, zorder=2.4))
+        dashed: dict[str, Any] = {"edgecolor": FURNITURE_COLOR, "linewidth": 0.9, "linestyle": "--"}
+        axes.add_artist(PathPatch(shapes, fill=False, zorder=2.5, **dashed))
+    walls = _closed_lines([plan.outline])
+    axes.add_artist(PathPatch(walls, fill=False, edgecolor=INK, linewidth=1.4, zorder=5, joinstyle="miter"))
+    if plan.other_outlines:
+        others = _closed_lines(plan.other_outlines)
+        axes.add_artist(PathPatch(others, fill=False, edgecolor=MUTED, linewidth=1.0, zorder=2.3))
     low, high = plan_extent(plan)
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
@@ -163,6 +188,11 @@ def draw_frame(axes: Axes, plan: FloorPlan, *, left: bool, bottom: bool) -> None
     axes.tick_params(length=2.5, labelleft=left, labelbottom=bottom, left=left, bottom=bottom)
     axes.set_xlabel("x [m]" if bottom else "", labelpad=1.5)
     axes.set_ylabel("y [m]" if left else "", labelpad=1.5)
+
+
+def _closed_lines(shapes: Sequence[FloatArray]) -> Path:
+    """Polygons of (corner, 2) places [m] as one path."""
+    return Path.make_compound_path(*(Path(np.vstack([shape, shape[:1]]), closed=True) for shape in shapes))
 
 
 def draw_colorbar(

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from scipy.stats import norm, t
+from scipy.special import ndtr, stdtrit
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError, WorkspaceError
@@ -164,7 +164,7 @@ def _standard_error(lamps: _Lamps, transport: xr.Dataset, centers: FloatArray, r
         offset = lamps.reflected(batch.astype(np.float64), direct, centers, response) - middle
         total, squares = total + offset, squares + offset**2
     variance = np.maximum(squares - total**2 / count, 0.0) / (count - 1)
-    widening = t.ppf(norm.cdf(COVERAGE_FACTOR), count - 1) / COVERAGE_FACTOR
+    widening = stdtrit(count - 1, ndtr(COVERAGE_FACTOR)) / COVERAGE_FACTOR
     return np.asarray(widening * np.sqrt(variance / count))
 
 
