@@ -254,10 +254,11 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         delighting(0.0, "reading scan and views")
         scanned = scan.value if section.names else without_names(scan.value)
         mesh, found_room = scanned.scan, scanned.room
+        records = FrameRecords.load(scan.folder)
         model = model_of_run(section.model, given.base) if delight and mesh.appearance.known else None
         beside = nullcontext() if model is None else votes_beside(model, mesh, views.value, workers=inputs.workers)
         with beside as votes:
-            unlit = _without_light(given, scanned, delighting) if delight else None
+            unlit = _without_light(given, scanned, records, delighting) if delight else None
             materials = materials_of_run(
                 mesh,
                 views.value,
@@ -270,7 +271,7 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
             )
         saving(0.0, "saving")
         materials = with_light_uncertainty(materials, unlit, mesh.areas)
-        gloss = gloss_of_materials(FrameRecords.load(scan.folder), mesh, materials, unlit)
+        gloss = gloss_of_materials(records, mesh, materials, unlit)
         save_gloss(materials, gloss, folder)
         materials = with_gloss(materials, gloss)
         materials = with_panes_of_run(materials, mesh, given.run_file.panes)
@@ -561,7 +562,9 @@ def report_stage(
     return Stage(name="report", settings=given.settings, make=make, load=lambda folder: folder / REPORT_PAGE)
 
 
-def _without_light(given: Declared, scanned: ScannedRoom, progress: Progress) -> Delighting:
+def _without_light(
+    given: Declared, scanned: ScannedRoom, records: FrameRecords | None, progress: Progress
+) -> Delighting:
     """De-light the scan's colours, given the lamps that were lit when it was scanned."""
     lamps = lamps_in_picture(given.run_file, scanned, base=given.base)
     found = given.run_file.lamps_from_scan
@@ -572,7 +575,8 @@ def _without_light(given: Declared, scanned: ScannedRoom, progress: Progress) ->
     ]
     screens = [pane for pane in panes_of_run(given.run_file.panes) if pane.kind == "screen"]
     return take_light_out(
-        scanned.scan, scanned.room, lamps, cards=cards, screens=screens, fluxes_stated=stated, progress=progress
+        scanned.scan, scanned.room, lamps,
+        cards=cards, screens=screens, records=records, fluxes_stated=stated, progress=progress,
     )  # fmt: skip
 
 

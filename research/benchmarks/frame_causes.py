@@ -6,11 +6,14 @@
 Of each scan, over the faces that some frame saw, the area-weighted mean of the absolute and of the signed error of the
 faces' colours after the light is taken out (linear sRGB, before materials are matched): by the app's texture, by the
 texture that an app blends from these very frames, by the frames, by the frames without bright patches of less than
-`LARGE_M2` that are taken for sources of light, and by the true radiance of every face.
+`LARGE_M2` that are taken for sources of light, by the frames without what they tell of windows and other sources, by
+the frames as if their tone curve were known, and by the true radiance of every face. And how near the frames' radiance
+of these faces is to the true one.
 """
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
@@ -22,7 +25,8 @@ from lidarspectra.hardware.phone.captures import read_capture
 from lidarspectra.hardware.phone.orientation import upright_rotation
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.delighting.unknown_light import UnknownSource, find_unknown_sources
-from lidarspectra.material.frames.frame_colors import color_from_frames
+from lidarspectra.material.frames.frame_colors import FrameColors, color_from_frames
+from lidarspectra.material.frames.records import FrameRecords
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.materials import delighting
 from lidarspectra.workflow.materials.delighting import take_light_out
@@ -40,22 +44,43 @@ def large_sources(scan: Scan, bright: BoolArray) -> tuple[UnknownSource, ...]:
     return tuple(source for source in found if scan.areas[source.faces].sum() > LARGE_M2)
 
 
+def radiance_words(case: Case, colors: FrameColors, seen: BoolArray) -> str:
+    """How far the frames' radiance of surfaces is from the truth, by area."""
+    shown, true = (each.face_colors().mean(axis=1) for each in (colors.scan, with_true_radiance(case, colors)))
+    told = seen & (true > 0)
+    apart, areas = np.log(np.maximum(shown[told], 1e-6) / true[told]), case.scan.areas[told]
+    two, five = (100.0 * float(np.average(np.abs(apart) < limit, weights=areas)) for limit in (0.02, 0.05))
+    return f"radiance of surfaces within 2 % of the truth on {two:.0f} % of the area, within 5 % on {five:.0f} %"
+
+
+def with_known_curve(scan: Scan) -> Scan:
+    """The scan as if the frames' tone curve, of which nothing tells the power without exposures, were known."""
+    linear = scan.appearance.linear
+    if linear is None:
+        raise ValueError("a scan that is not coloured by frames")
+    known = replace(linear, power_deviation=0.0, shoulder_deviation=0.0)
+    return replace(scan, appearance=replace(scan.appearance, linear=known))
+
+
 def causes(folder: Path) -> None:
     """Print a scan's rows."""
     case = read_case(folder)
     frames = tuple(frame.moved(upright_rotation("+y")) for frame in read_capture(folder / FRAMES).frames)
     colors = color_from_frames(case.scan, frames)
     seen = surface_colors(case.scan)[1] & colors.face_seen
+    print(f"{folder.name:18s} {radiance_words(case, colors, seen)}", flush=True)
     _row(case, case.scan, seen, "texture")
-    _row(case, colors.scan, seen, "frames")
+    _row(case, colors.scan, seen, "frames", colors.records)
     with patch.object(delighting, "find_unknown_sources", large_sources):
-        _row(case, colors.scan, seen, "frames, large sources")
+        _row(case, colors.scan, seen, "frames, large sources", colors.records)
+    _row(case, colors.scan, seen, "frames, sources unseen")
+    _row(case, with_known_curve(colors.scan), seen, "frames, curve known", colors.records)
     _row(case, with_true_radiance(case, colors), seen, "true radiance")
     _row(case, blended(case.scan, frames), seen, "blended texture")
 
 
-def _row(case: Case, scan: Scan, seen: BoolArray, kind: str) -> None:
-    found = take_light_out(scan, find_room(scan), case.lamps)
+def _row(case: Case, scan: Scan, seen: BoolArray, kind: str, records: FrameRecords | None = None) -> None:
+    found = take_light_out(scan, find_room(scan), case.lamps, records=records)
     if found.face_color is None:
         print(f"{case.folder.name:18s} {kind:22s} {found.warnings[0]}", flush=True)
         return

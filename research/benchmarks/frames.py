@@ -45,6 +45,7 @@ from lidarspectra.material.delighting import light_objective
 from lidarspectra.material.delighting.light_objective import CEILING_DEVIATION
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.frames.frame_colors import FrameColors, color_from_frames
+from lidarspectra.material.frames.records import FrameRecords
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
@@ -90,7 +91,7 @@ def run(folder: Path, *, with_map: bool, with_blended: bool) -> None:
     # Errors are weighed over the faces whose texture shows a surface, of both alike.
     seen = surface_colors(case.scan)[1] & colors.face_seen
     _row(folder.name, "texture", case, case.scan, seen, reference)
-    _row(folder.name, "frames", case, colors.scan, seen, reference)
+    _row(folder.name, "frames", case, colors.scan, seen, reference, colors.records)
     if with_blended:
         _row(folder.name, "blended", case, blended(case.scan, frames), seen, reference)
     if (folder / FACE_LIGHT).is_file():
@@ -142,9 +143,17 @@ def error_where(found: MaterialMap, case: Case, chosen: BoolArray) -> tuple[floa
     return absolute, signed
 
 
-def _row(name: str, kind: str, case: Case, scan: Scan, seen: BoolArray, reference: Light | None) -> None:
+def _row(
+    name: str,
+    kind: str,
+    case: Case,
+    scan: Scan,
+    seen: BoolArray,
+    reference: Light | None,
+    records: FrameRecords | None = None,
+) -> None:
     views = render_views(scan, settings=ViewSettings(width=128, height=128))
-    delit = take_light_out(scan, find_room(scan), case.lamps)
+    delit = take_light_out(scan, find_room(scan), case.lamps, records=records)
     found = estimate_materials(scan, views, library=load_reflectances(), face_color=delit.face_color)
     materials = with_light_uncertainty(found, delit, scan.areas)
     of_map = ""
@@ -203,7 +212,7 @@ def lamps_seen(folder: Path) -> None:
                 stack.enter_context(patch.object(delighting, "shown_of_lamps", lambda scan, lamps: None))
             for ceiling in (True, False):
                 with patch.object(light_objective, "CEILING_DEVIATION", CEILING_DEVIATION if ceiling else NO_BELIEF):
-                    found = take_light_out(colors.scan, room, case.lamps)
+                    found = take_light_out(colors.scan, room, case.lamps, records=colors.records)
                 if found.face_color is None:
                     print(f"{folder.name}: light left in")
                     continue
@@ -214,7 +223,9 @@ def lamps_seen(folder: Path) -> None:
                     f"error {np.average(absolute, weights=areas):.3f} bias {np.average(apart, weights=areas):+.3f}",
                     flush=True,
                 )
-            free = take_light_out(colors.scan, room, case.lamps, fluxes_stated=False).lamp_fluxes
+            free = take_light_out(
+                colors.scan, room, case.lamps, records=colors.records, fluxes_stated=False
+            ).lamp_fluxes
             print("  fluxes " + ", ".join(f"{each.factor:.2f} ± {each.log_deviation:.2f}" for each in free), flush=True)
 
 

@@ -79,7 +79,7 @@ def run(folder: Path, tally: Tally, *, by_materials: bool) -> None:
     """Print a scan's rows."""
     case, capture = read_case(folder), read_capture(folder / FRAMES)
     colors = color_from_frames(case.scan, tuple(frame.moved(upright_rotation("+y")) for frame in capture.frames))
-    delit = take_light_out(colors.scan, find_room(colors.scan), case.lamps)
+    delit = take_light_out(colors.scan, find_room(colors.scan), case.lamps, records=colors.records)
     if delit.fit is None or colors.records is None:
         print(f"{folder.name}: no light was found")
         return

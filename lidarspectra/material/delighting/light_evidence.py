@@ -9,6 +9,27 @@ from lidarspectra.material.delighting.tone_curve import USUAL_TONE, ToneCurve, T
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class SourceSightings:
+    """What frames show of unknown sources.
+
+    Parameters
+    ----------
+    source : (sighting,) int
+    lobes : (sighting, lobe) float
+        Radiance of each lobe towards where it was seen, mean of the views, over that of its strength. [1]
+    light : (sighting, 3) float
+        Linear sRGB of what was seen. [1]
+    log_deviation : (sighting,) float
+        Standard deviation of the logarithm of the source's light about that. [1]
+    """
+
+    source: IntArray
+    lobes: FloatArray
+    light: FloatArray
+    log_deviation: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LightEvidence:
     """Data of the fit: the light at points of the surfaces.
 
@@ -54,8 +75,8 @@ class LightEvidence:
         Log reflectance of these cards, in cones.
     card_beside : (card, sample) sparse bool, optional
         Points beside each card, of the plane that it lies in.
-    other_shown : (source, 3) float, optional
-        Linear sRGB that frames tell of them; NaN where they are cut at white in all. [1]
+    other_seen : SourceSightings, optional
+        What frames show of them.
     lamp_shown : (lamp, 3) float, optional
         Linear sRGB that frames tell of the lamps' own surfaces; NaN where they are cut at white in all. [1]
     lamp_sent : (lamp, 3) float, optional
@@ -83,7 +104,7 @@ class LightEvidence:
     card: IntArray | None = None
     card_log: FloatArray | None = None
     card_beside: csr_array | None = None
-    other_shown: FloatArray | None = None
+    other_seen: SourceSightings | None = None
     lamp_shown: FloatArray | None = None
     lamp_sent: FloatArray | None = None
     tone_prior: TonePrior = USUAL_TONE

@@ -35,7 +35,6 @@ COMMON = 6  # parameters that do not belong to single lamps
 OF_TONE = 2  # of them the tone curve's, which come first
 OF_SOURCE = 5  # parameters of an unknown source: level, two of its hue, two of its lobes over the first
 SOURCE_LEVEL, SOURCE_LEVEL_DEVIATION = 0.0, 2.0  # [1] of the log of its light over the picture's: hardly known
-SOURCE_SEEN_DEVIATION = 0.3  # [1] of the log of a source's light about what frames show of it: it differs by direction
 LAMP_SEEN_DEVIATION = (
     0.15  # [1] of the log of a lamp's radiosity about what frames show: no lamp is quite matt and even
 )
@@ -45,8 +44,8 @@ SOURCE_HUE_DEVIATION = 0.4  # [1] of the log of its cones' ratios over the pictu
 SKY_LOBES, SKY_LOBES_DEVIATION = (-0.55, -1.5), (0.55, 0.8)
 LOBES_DEVIATION = (1.0, 1.0)  # [1] the same of other sources, which may shine in any way
 # [1] shares of an upright surface's radiosity in its lobes, if alike: the mean of |sin h| over cosine-weighted
-# directions is 4/(3 pi).
-UPRIGHT_LOBES = 0.5 * np.array([4.0 / (3.0 * np.pi), 1.0 - 4.0 / (3.0 * np.pi), 2.0])
+# directions is 4/(3 pi), and half of them go down.
+UPRIGHT_LOBES = 0.5 * np.array([4.0 / (3.0 * np.pi), 1.0 - 4.0 / (3.0 * np.pi), 1.0])
 CELL_M = 1.0  # [m] of a cluster, in which errors of light and exposure are correlated: a phone's frame shows 1 to 2 m
 BOUND_SHOULDER = 2.3  # [1] of log(1 + s), and two deviations over its prior if that is more
 STEP = 1e-3  # [1] of a parameter, for slopes by differences
@@ -329,20 +328,23 @@ class LightObjective:
             return []
         logs, upright = self.source_logs(parameters), self.evidence.other_upright[:, None]
         usual = np.where(upright, SKY_LOBES, 0.0)
+        seen = self.evidence.other_seen
+        unseen = np.ones(len(logs), dtype=np.bool_) if seen is None else ~np.isin(np.arange(len(logs)), seen.source)
         return [
-            (logs[:, 0] - SOURCE_LEVEL) / SOURCE_LEVEL_DEVIATION,
+            (logs[unseen, 0] - SOURCE_LEVEL) / SOURCE_LEVEL_DEVIATION,
             logs[:, 1:3] / SOURCE_HUE_DEVIATION,
             (logs[:, 3:] - usual) / np.where(upright, SKY_LOBES_DEVIATION, LOBES_DEVIATION),
             *self._source_sightings(parameters),
         ]
 
     def _source_sightings(self, parameters: FloatArray) -> list[FloatArray]:
-        """How far the light of unknown sources is from what frames show of them, where they are not cut at white."""
-        if self.evidence.other_shown is None:
+        """How far the light of unknown sources is from what frames show of them."""
+        seen = self.evidence.other_seen
+        if seen is None:
             return []
-        sent = np.einsum("jlc,l->jc", self.strengths(parameters), UPRIGHT_LOBES)
-        shown = np.maximum(cones_of_srgb(self.evidence.other_shown), MIN_LIGHT)
-        return [np.log(sent / shown)[np.isfinite(shown)] / SOURCE_SEEN_DEVIATION]
+        sent = np.einsum("slc,sl->sc", self.strengths(parameters)[seen.source], seen.lobes)
+        shown = np.maximum(cones_of_srgb(seen.light), MIN_LIGHT)
+        return [np.log(sent / shown) / seen.log_deviation[:, None]]
 
     def lamp_radiosity(self, parameters: FloatArray) -> FloatArray:
         """(lamp, 3) what the lamps' own surfaces send, in cones and the unit of the light; none where not told."""

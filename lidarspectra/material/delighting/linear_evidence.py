@@ -16,7 +16,6 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.colors import weighted_median
 from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, USUAL_TONE, TonePrior
-from lidarspectra.material.delighting.unknown_light import UnknownSource
 
 MIN_DEVIATION = 0.02  # [1] of log g and log(1 + s): no curve has just two parameters
 MAX_CUT = 0.2  # [1] of a face, cut at white in all frames
@@ -27,7 +26,7 @@ TOLD_POWER = 0.1  # [1] deviation of log g below which exposures were told: over
 BRIGHT_SHARE = 0.9  # [1] of the faces at a lamp, by number, that are no brighter than what counts as its brightness
 LAMP_SHARE = 0.5  # [1] of the brightest faces there, above which a face is the lamp and not its rim
 FACING = 0.7  # [1] cosine between a lamp's axis and such a face
-MIN_TOLD = 0.9  # [1] of a source's area whose radiance some frame tells: a window's lower half is the darker one
+MIN_TOLD = 0.9  # [1] of a lamp's area whose radiance some frame tells
 
 
 def tone_priors_of(linear: LinearLight | None) -> tuple[TonePrior, ...]:
@@ -46,20 +45,6 @@ def spread_of_views(scan: Scan) -> FloatArray:
     """(face,) relative deviation of what frames show of each face; 0 in a scan without frames [1]."""
     linear = scan.appearance.linear
     return np.zeros(len(scan.faces)) if linear is None else linear.face_deviation
-
-
-def shown_of_sources(scan: Scan, sources: Sequence[UnknownSource]) -> FloatArray | None:
-    """(source, 3) linear sRGB that frames tell of what shines; NaN where they do not; None without frames."""
-    linear = scan.appearance.linear
-    if linear is None or not sources:
-        return None
-    shown = np.full((len(sources), 3), np.nan)
-    colors, areas = scan.face_colors(), scan.areas
-    for row, source in enumerate(sources):
-        told = source.faces[linear.face_cut[source.faces] < MAX_CUT]
-        if told.size and areas[told].sum() > MIN_TOLD * areas[source.faces].sum():
-            shown[row] = np.average(colors[told], axis=0, weights=areas[told])
-    return shown
 
 
 def shown_of_lamps(scan: Scan, lamps: Sequence[Lamp]) -> FloatArray | None:

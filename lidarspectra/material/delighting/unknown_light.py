@@ -189,7 +189,7 @@ def opening_patterns(
     """
     ways = cosine_directions(normals, OPEN_RAYS, generator)
     met = caster.blocked(np.repeat(positions, OPEN_RAYS, axis=0), ways.reshape(-1, 3)).reshape(len(positions), -1)
-    return np.asarray((~met * _lobes(ways[..., 2])).mean(axis=2), dtype=np.float64)
+    return np.asarray((~met * lobes_towards(ways[..., 2])).mean(axis=2), dtype=np.float64)
 
 
 def source_patterns(
@@ -237,12 +237,12 @@ def source_patterns(
         some = np.flatnonzero(factor > 0)
         blocked = caster.blocked(positions[some], way[some], max_distance=1.0 - 1e-4)
         factor[some[blocked]] = 0.0
-        patterns += factor * _lobes(toward[:, 2])
+        patterns += factor * lobes_towards(toward[:, 2])
     return patterns
 
 
-def _lobes(height: FloatArray) -> FloatArray:
-    """(lobe, ...) radiance of each lobe towards directions of this sine of elevation, of any shape (Eq. 1)."""
+def lobes_towards(height: FloatArray) -> FloatArray:
+    """(lobe, ...) radiance of each lobe towards directions of this sine of elevation, of any shape (Eq. 1) [1]."""
     sky = height > 0.0
     high = np.where(sky, height, 0.0)
     return np.stack([high, np.where(sky, 1.0 - high, 0.0), np.where(sky, 0.0, 1.0)])

@@ -30,7 +30,6 @@ from lidarspectra.material.delighting.light_objective import (
 )
 from lidarspectra.material.delighting.linear_evidence import (
     shown_of_lamps,
-    shown_of_sources,
     spread_of_views,
     tone_priors_of,
     unseen_faces,
@@ -49,6 +48,8 @@ from lidarspectra.material.delighting.unknown_light import (
     opening_patterns,
     source_patterns,
 )
+from lidarspectra.material.frames.records import FrameRecords
+from lidarspectra.material.frames.seen_sources import sightings_of_sources
 from lidarspectra.material.lit_lamps.fluxes import (
     UNKNOWN_FLUX_DEVIATION,
     LampFlux,
@@ -163,6 +164,7 @@ def take_light_out(
     *,
     cards: Sequence[Card] = (),
     screens: Sequence[Pane] = (),
+    records: FrameRecords | None = None,
     fluxes_stated: bool = True,
     engine: Engine | None = None,
     workers: int | None = None,
@@ -182,6 +184,8 @@ def take_light_out(
     screens : sequence of Pane
         What they show is no paint: they are no witnesses of the fit and of no paint, and what they send, as the picture
         has it, is light of their own on all else.
+    records : FrameRecords, optional
+        Of a scan coloured by its frames: they tell how bright a window is from where it was seen.
     fluxes_stated : bool
         Whether the lamps' relative fluxes are known. If False they are a first guess with a wide prior, and are
         estimated from the light on the walls.
@@ -267,7 +271,7 @@ def take_light_out(
         card_beside=beside_cards(cards, seen_cards, samples.positions, samples.normals),
         other=np.stack(patterns) if sources else None,
         other_upright=np.array([source.may_be_window for source in sources]) if sources else None,
-        other_shown=shown_of_sources(scan, sources),
+        other_seen=None if records is None else sightings_of_sources(records, scan, caster, sources),
         lamp_shown=shown_of_lamps(scan, lamps),
         lamp_sent=_lamp_cones(lamps) / np.array([[lamp.shape.area] for lamp in lamps]).reshape(-1, 1),
         tone_prior=tone_families[0],

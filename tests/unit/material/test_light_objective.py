@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from lidarspectra.material.delighting.albedo import MAX_PER_PLACE, LightFit, fit_light
-from lidarspectra.material.delighting.light_evidence import LightEvidence
+from lidarspectra.material.delighting.light_evidence import LightEvidence, SourceSightings
 from lidarspectra.material.delighting.light_objective import LOG_SCATTER, MAX_UNSURE, OF_TONE, LightObjective
 from lidarspectra.material.delighting.robust_centers import RobustCenters
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb, srgb_of_cones
@@ -30,7 +30,12 @@ def rich_evidence() -> LightEvidence:
         emission=random.uniform(0.3, 1.0, (3, count)),
         other=random.uniform(0.0, 0.3, (2, 3, count)) * lit,
         other_upright=np.array([True, False]),
-        other_shown=np.array([[0.3, 0.4, 0.5], [np.nan] * 3]),
+        other_seen=SourceSightings(
+            source=np.array([0, 0]),
+            lobes=np.array([[0.2, 0.8, 0.0], [0.0, 0.0, 1.0]]),
+            light=np.array([[0.3, 0.4, 0.5], [0.1, 0.1, 0.1]]),
+            log_deviation=np.array([0.3, 1.5]),
+        ),
         lamp_shown=np.array([[9.0, 8.0, 7.0], [np.nan] * 3, [20.0, 21.0, 22.0]]),
         lamp_sent=np.array([[30.0, 20.0, 25.0]] * 3),
         card=np.where(lit & (np.arange(count) % 4 < 2), np.arange(count) % 2, -1),
@@ -57,7 +62,7 @@ def test_slopes_in_closed_form_are_those_of_differences(redescending: bool) -> N
 
 
 def test_where_hardly_any_light_arrives_the_least_light_is_taken_which_no_lamp_moves() -> None:
-    dim = replace(rich_evidence(), other=None, other_upright=None, other_shown=None)
+    dim = replace(rich_evidence(), other=None, other_upright=None, other_seen=None)
     dim.direct[:, 3:6] *= 1e-9
     model = LightObjective(dim, flux_deviation=np.full(3, 0.15))
     place = np.zeros(model.count)

@@ -1,0 +1,109 @@
+"""What frames tell of sources that nobody named: the lobes that they saw, and bounds of what they cut at white."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.material.delighting.light_objective import UPRIGHT_LOBES
+from lidarspectra.material.delighting.unknown_light import UnknownSource, lobes_towards
+from lidarspectra.material.frames.records import FrameRecords
+from lidarspectra.material.frames.seen_sources import (
+    BEYOND_BOUND,
+    BOUND_DEVIATION,
+    TOLD_DEVIATION,
+    sightings_of_sources,
+)
+
+SKY, GROUND = 3.0, 0.5  # [1] radiance of an even sky and of the ground
+PLACES = 40
+
+
+def pane() -> tuple[Scan, UnknownSource]:
+    """A window of 1 m² in the plane x = 0, from 1 to 2 m above the floor, that looks into the room (+x)."""
+    corners = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, 1.0, 2.0], [0.0, 0.0, 2.0]])
+    scan = bare_scan(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    return scan, UnknownSource(
+        faces=np.arange(2), center=corners.mean(axis=0), normal=np.array([1.0, 0.0, 0.0]), area_m2=1.0
+    )
+
+
+def records_of(white: np.ndarray, cameras: np.ndarray) -> FrameRecords:
+    """What frames with a (frame,) white see of the window from (frame, 3) places, and of a dark edge in it."""
+    random = np.random.default_rng(3)
+    points = np.column_stack([np.zeros(PLACES), random.uniform(0.1, 0.9, PLACES), random.uniform(1.1, 1.9, PLACES)])
+    frame, place = (each.ravel() for each in np.meshgrid(np.arange(len(white)), np.arange(PLACES), indexing="ij"))
+    light = np.where(points[place, 2] > cameras[frame, 2], SKY, GROUND)
+    light[place == 0] = 0.05  # a bar across it
+    clipped = light > white[frame]
+    return FrameRecords(
+        points=points, normals=np.tile([1.0, 0.0, 0.0], (PLACES, 1)), camera=cameras, place=place, frame=frame,
+        light=np.where(clipped, white[frame], light).astype(np.float32),
+        uneven=np.zeros(place.size, dtype=np.float32), clipped=clipped,
+    )  # fmt: skip
+
+
+CAMERAS = np.array([[2.0, 0.5, 1.0], [2.5, 0.2, 1.0], [2.0, 0.5, 2.0], [2.5, 0.8, 2.0]])  # two below, two above it
+
+
+def test_a_window_is_told_by_the_lobes_that_frames_saw() -> None:
+    scan, source = pane()
+    found = sightings_of_sources(records_of(np.full(4, 10.0), CAMERAS), scan, RayCaster(scan), (source,))
+    assert found is not None
+    assert found.source.tolist() == [0, 0]
+    up, down = found.lobes
+    assert up[:2].sum() == pytest.approx(1.0)  # an even sky is as much of both
+    assert up[1] > 0.6  # near the horizon
+    assert up[2] == 0.0
+    assert down.tolist() == [0.0, 0.0, 1.0]
+    assert found.light == pytest.approx(np.repeat([[SKY], [GROUND]], 3, axis=1))
+    assert found.log_deviation.tolist() == [TOLD_DEVIATION] * 2
+    # What the sightings expect of a source of such lobes is what was seen: strengths are radiance times pi.
+    assert found.lobes @ np.array([SKY, SKY, GROUND]) == pytest.approx(found.light[:, 0])
+
+
+def test_what_is_left_below_white_in_a_frame_that_cuts_the_window_is_not_the_window() -> None:
+    scan, source = pane()
+    white = np.array([1.0, 10.0, 1.0, 10.0])  # two frames cut the sky, and show the bar alone
+    found = sightings_of_sources(records_of(white, CAMERAS), scan, RayCaster(scan), (source,))
+    assert found is not None
+    assert found.light[0] == pytest.approx(np.full(3, SKY))
+
+
+def test_what_all_frames_cut_has_the_highest_white_as_its_bound() -> None:
+    scan, source = pane()
+    found = sightings_of_sources(records_of(np.array([0.2, 1.0, 0.2, 0.3]), CAMERAS), scan, RayCaster(scan), (source,))
+    assert found is not None
+    assert found.light[:, 0] == pytest.approx([BEYOND_BOUND * 1.0, BEYOND_BOUND * 0.3])
+    assert found.log_deviation.tolist() == [BOUND_DEVIATION] * 2
+
+
+def test_a_frame_that_cuts_the_brighter_part_of_a_window_tells_it_by_its_white() -> None:
+    scan, source = pane()
+    records = records_of(np.full(4, 0.9 * SKY), CAMERAS)
+    darker = records.place % 3 == 0  # a cloud
+    light = np.where(darker & records.clipped, 0.8 * SKY, records.light).astype(np.float32)
+    found = sightings_of_sources(
+        replace(records, light=light, clipped=records.clipped & ~darker), scan, RayCaster(scan), (source,)
+    )
+    assert found is not None
+    assert found.light[0] == pytest.approx(np.full(3, 0.9 * SKY))
+    assert found.log_deviation[0] == TOLD_DEVIATION
+
+
+def test_frames_that_do_not_show_a_source_tell_nothing_of_it() -> None:
+    scan = pane()[0]
+    away = UnknownSource(faces=np.zeros(0, dtype=np.int64), center=np.zeros(3), normal=np.zeros(3), area_m2=0.0)
+    assert sightings_of_sources(records_of(np.full(4, 10.0), CAMERAS), scan, RayCaster(scan), (away,)) is None
+
+
+def test_an_upright_source_that_is_alike_all_over_sends_as_much_as_it_would_as_paint() -> None:
+    assert UPRIGHT_LOBES.sum() == pytest.approx(1.0)
+    # By the mean of the lobes over cosine-weighted directions of half a sphere about a horizontal axis.
+    random = np.random.default_rng(1)
+    ways = random.normal(size=(400_000, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    weight = np.maximum(ways[:, 0], 0.0)
+    assert (lobes_towards(ways[:, 2]) * weight).sum(axis=1) / weight.sum() == pytest.approx(UPRIGHT_LOBES, abs=0.003)
