@@ -247,9 +247,14 @@ def test_words_stand_out_from_the_ground_in_light_and_dark(open_page, page_file,
 def test_on_paper_the_picture_stays_and_what_cannot_be_pressed_goes(open_page, page_file):
     page = open_page(page_file)
     page.emulate_media(media="print")
-    for hidden in (".room-controls", ".room-help", "nav", "button.download"):
+    for hidden in ("#room-shown", "#room-surfaces", "#room-reset", ".room-help", "nav", "button.download"):
         assert page.locator(hidden).first.is_hidden()
-    assert page.locator("#room-canvas").is_visible()
+    for shown in ("#room-canvas", "#room-shown-name", "#room-legend"):  # else nobody knew what the colours are
+        assert page.locator(shown).is_visible()
+    page.set_viewport_size({"width": 688, "height": 1017})  # of an A4 page within its margins, in CSS pixels
+    chart, stage = page.locator("#room-chart svg").bounding_box(), page.locator(".room-stage").bounding_box()
+    assert chart["width"] < 300  # a point's chart had the width of the page
+    assert stage["y"] + stage["height"] < 1017  # on the first page
     paper = page.pdf(format="A4", print_background=True)
     assert paper.startswith(b"%PDF")
     assert 4 <= paper.count(b"/Type /Page\n") <= 14  # no blank pages in between
