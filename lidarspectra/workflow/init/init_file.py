@@ -16,7 +16,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.raw_mesh import FORMATS
 from lidarspectra.hardware.phone.readers import UnitChoice, UpChoice, read_scan_and_frames
 from lidarspectra.hardware.phone.repair import repair_scan
-from lidarspectra.io.files import writing
+from lidarspectra.io.files import write_whole, writing
 from lidarspectra.io.toml_sections import check_sections
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.delighting.unknown_light import UnknownSource, find_unknown_sources
@@ -315,7 +315,7 @@ def _check_place(scan_path: Path, out_path: Path, *, force: bool) -> None:
 
 def _write(path: Path, text: str) -> None:
     with writing(path, todo="Give another place by --out."):
-        path.write_text(text, encoding="utf-8", newline="\n")
+        write_whole(path, text)
 
 
 def _file_name(scan_path: Path, out_path: Path) -> str:

@@ -12,6 +12,7 @@ import pytest
 
 from lidarspectra.config import parse_run_file, read_run_file
 from lidarspectra.errors import ArgumentError, RunFileError, ScanError, SensorError, WorkspaceError
+from lidarspectra.workflow.init import init_file
 from lidarspectra.workflow.init.choices import InitChoices
 from lidarspectra.workflow.init.init_file import write_init
 from lidarspectra.workflow.init.summary import InitSummary
@@ -389,3 +390,23 @@ def test_the_real_meeting_room_gets_its_run_file(shared, tmp_path) -> None:
     assert len(run_file.lamps) == 12
     assert summary.sensor_count == 176
     assert "12 strips" in "\n".join(summary.lines())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX")
+@pytest.mark.parametrize("old", [None, "# my edits\n"])
+def test_a_run_file_for_which_the_disk_is_too_small_leaves_what_was_there(tmp_path: Path, old: str | None) -> None:
+    import resource
+
+    path = tmp_path / "room.toml"
+    if old is not None:
+        path.write_text(old, encoding="utf-8")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        with pytest.raises(WorkspaceError, match=r"room\.toml.* --out"):
+            init_file._write(path, "x" * 1000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert {file.name: file.read_text(encoding="utf-8") for file in tmp_path.iterdir()} == (
+        {} if old is None else {"room.toml": old}
+    )
