@@ -10,6 +10,7 @@ ends make with a status other than 0, and so does a table with fewer rows than t
 """
 
 import shutil
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,13 +20,15 @@ from lidarspectra.errors import SceneError
 from lidarspectra.io.files import writing
 from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
 from lidarspectra.radiance.engine.engine import Engine, find_engine
-from lidarspectra.radiance.engine.options import Accuracy, Noise, noise_level, plain_arguments
+from lidarspectra.radiance.engine.options import Accuracy, Noise, noise_level, plain_arguments, reflections_in_words
 from lidarspectra.radiance.scene.lamp_text import candela_file
 from lidarspectra.radiance.scene.pane_text import GLASS_FILE
 from lidarspectra.radiance.scene.scene_record import LAMPS_FILE, PlainTrace, RadianceScene, ScenePass
 from lidarspectra.room.sensor_points import SensorPoints
 
 MAKEFILE = "Makefile"
+README_FILE = "README.txt"
+README_COLUMNS = 100
 POINTS_FILE = "points.txt"
 TRACE_OPTIONS_FILE = "trace.opt"  # of as many reflections as the accuracy has; trace0.opt and trace1.opt of so many
 REPEAT_FILE = "repeat.fmt"
@@ -102,6 +105,7 @@ def _texts(scene: RadianceScene, points: SensorPoints, accuracy: Accuracy, noise
         REPEAT_FILE: "${$1} ${$2} ${$3} ${$4} ${$5} ${$6}\n" * noise_level(noise).exported_repeats,
         "sum.cal": _sum_text(scene),
         "bands.txt": _bands_text(scene),
+        README_FILE: _readme_text(scene, accuracy, noise),
         MAKEFILE: _makefile_text(scene, len(points), noise_level(noise).exported_repeats),
     }
     for bounces in {plain.bounces for scene_pass in scene.passes for plain in scene_pass.plain_traces}:
@@ -112,6 +116,32 @@ def _texts(scene: RadianceScene, points: SensorPoints, accuracy: Accuracy, noise
         texts[f"{scene_pass.name}.opt"] = " ".join([*slots, ""]) + "\n"
         texts[f"{scene_pass.name}.rif"] = _rif_text(scene_pass, points)
     return texts
+
+
+def _readme_text(scene: RadianceScene, accuracy: Accuracy, noise: Noise) -> str:
+    """What the files are, for somebody who has Radiance and not this package; no words of the user's stand in it."""
+    paragraphs = [
+        f"'make -j' computes {ANSWER_FILE} with Radiance 6 (oconv, obj2mesh, rtrace, rcalc, rlam, total); 'make clean' "
+        "takes away what it made. 'rad pass0.rif', after 'make pass0.oct', renders a picture in false colours.",
+        f"{ANSWER_FILE}: a line a sensor; bands.txt names its columns. Irradiance is in W/m2/nm, places in metres, "
+        f"z up. {POINTS_FILE}: the sensors, place and direction. {LAMPS_FILE}: the lamps' shapes. room.obj: the "
+        "room's mesh. passN.rad: what the lamps of a pass send. passN_materials.rad: its materials.",
+        "The samples of a pass are slots, not wavelengths: parts of the sensor's channels in ascending order, whatever "
+        "their spacing; the wavelengths in the files and in passN.opt only make Radiance copy them as they are. "
+        "sum.cal adds them up. Lamps are in microwatts, so that an answer divided by 1e6 is in watts. Radiance "
+        "answers from the long end to the short one.",
+        f"Light is followed for {reflections_in_words(accuracy)}; each sensor is traced "
+        f"{noise_level(noise).exported_repeats} times. The lamps are those that were traced: dimming, fluxes or "
+        "spectra that were changed later are in the run's map and not here.",
+    ]
+    if any(scene_pass.has_glass for scene_pass in scene.passes):
+        paragraphs.append(
+            "With panes of glass a pass is three runs of rtrace, which sum.cal adds up: passN_glow has all light, but "
+            "what glass mirrors of the lamps comes from all of the pane; passN_images what comes straight from the "
+            "lamps and from their images in the panes; passN_panes what both of these have, and is taken off. "
+            "passN.oct, which rad renders, has no lamps mirrored in glass."
+        )
+    return "\n".join(textwrap.fill(words, README_COLUMNS) + "\n" for words in paragraphs)
 
 
 def _options_file(bounces: int | None) -> str:

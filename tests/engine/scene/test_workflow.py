@@ -251,6 +251,22 @@ def test_a_scene_of_an_earlier_version_without_its_octrees_of_panes_is_refused(
         write_workflow(scene, points, tmp_path / "model", **ASKED)
 
 
+@pytest.mark.parametrize("glass", [False, True])
+def test_every_file_of_the_model_is_named_in_its_readme_or_made_by_make(
+    engine: Engine, points: SensorPoints, tmp_path: Path, glass: bool
+) -> None:
+    scene = two_lamp_scene(tmp_path / "scene", "native", engine, alike=True, glass=glass)
+    folder = write_workflow(scene, points, tmp_path / "model", **ASKED).parent
+    text = (folder / "README.txt").read_text(encoding="ascii")
+    assert "for at most 8 reflections; each sensor is traced 8 times" in " ".join(text.split())
+    assert ("passN_images" in text) == glass
+    named = text.replace("passN", "pass0")
+    made = (folder / "Makefile").read_text(encoding="utf-8")
+    others = {"README.txt", "Makefile", "rayinit.cal", "source.cal"}
+    for file in {path.name for path in folder.iterdir()} - others:
+        assert file in named or file in made, file
+
+
 def test_in_a_room_with_glass_some_passes_may_have_more_lamps_than_others(
     engine: Engine, points: SensorPoints, tmp_path: Path
 ) -> None:
