@@ -101,6 +101,11 @@ class BandGroup:
         index = [*self.bands, *(self.bands[-1],) * (self.slot_count - len(self.bands))]
         return np.asarray(np.asarray(band_values)[..., index], dtype=np.float64)
 
+    def to_engine(self, band_values: FloatArray) -> FloatArray:
+        """The values (..., slot) that the engine would have written of those of this group's bands (..., band)."""
+        padded = np.arange(self.slot_count).clip(max=len(self.bands) - 1)
+        return np.asarray(np.asarray(band_values)[..., padded[::-1]], dtype=np.float64)
+
     def from_engine(self, values: FloatArray) -> FloatArray:
         """Put what the engine wrote into the order of the bands.
 

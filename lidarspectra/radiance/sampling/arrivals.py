@@ -23,7 +23,7 @@ CELL_SHARE = 1.0 / 8.0  # [1] of the room's diagonal: longest side of a cell, 0.
 MAX_CELL_M = 0.75  # [m] but no longer than this
 MAX_BOXES = 6_000  # about the most boxes of half a cell's side that cover all surfaces; else cells are larger
 MAX_POOLED_GLOSS = 0.1  # [1] specularity above which a surface's radiance depends too much on the direction of view
-MARGIN_M = 1e-3  # [m] by which lamps are enlarged, so that a path that may end on one is traced by the engine
+MARGIN_M = 1e-3  # [m] by which what encloses a ring or a sphere is larger than it
 MAX_PASSED = 12  # panes, and corners of what encloses lamps, that a ray may pass
 BEFORE_LAMP = 1.0 - 1e-4  # [1] of the way to a lamp's surface on which something may stand
 PAST_M = 1e-4  # [m] behind what was passed
@@ -109,7 +109,7 @@ class Arrivals:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShadedArrivals:
-    """First hits of rays, lamps in their true outline.
+    """First hits of rays, and the normals by which the engine shades there.
 
     Parameters
     ----------
@@ -265,8 +265,23 @@ class Surfaces:
         passed[near_lamps] = missed | (self.bodies.lamp[body] == to_lamp)
         return passed
 
-    def shaded_arrivals(self, rays: FloatArray) -> ShadedArrivals:
+    def arrivals(self, rays: FloatArray) -> Arrivals:
         """First hits of rays (ray, 6), which pass lamps by as closely as they may."""
+        return self._first_hits(rays)[0]
+
+    def shaded_arrivals(self, rays: FloatArray) -> ShadedArrivals:
+        """First hits of rays (ray, 6), and the normals by which the engine shades there."""
+        arrivals, face, weights = self._first_hits(rays)
+        normals = arrivals.normals.copy()
+        smooth = np.flatnonzero((face >= 0) & (face < len(self.shading_normals)))
+        normals[smooth] = np.einsum("rk,rkc->rc", weights[smooth], self.shading_normals[face[smooth]])
+        normals[smooth] /= np.linalg.norm(normals[smooth], axis=1, keepdims=True)
+        behind = np.einsum("ij,ij->i", self.caster.normals[face[smooth]], rays[smooth, 3:]) > 0
+        normals[smooth[behind]] *= -1.0
+        return ShadedArrivals(arrivals=arrivals, shading_normals=normals)
+
+    def _first_hits(self, rays: FloatArray) -> tuple[Arrivals, IntArray, FloatArray]:
+        """First hits, the face of each, -1 of none, and the weights (ray, 3) of its corners."""
         starts = rays[:, :3].copy()
         directions = rays[:, 3:]
         hits = self.caster.nearest(starts, directions)
@@ -284,14 +299,7 @@ class Surfaces:
             left = left[again.face >= room]
         met = face >= 0
         places = starts + np.where(met, distance, 0.0)[:, None] * directions
-        arrivals = self._arrivals(np.where(met, face, 0), met, places, directions)
-        normals = arrivals.normals.copy()
-        smooth = np.flatnonzero(met & (face < room))
-        normals[smooth] = np.einsum("rk,rkc->rc", weights[smooth], self.shading_normals[face[smooth]])
-        normals[smooth] /= np.linalg.norm(normals[smooth], axis=1, keepdims=True)
-        behind = np.einsum("ij,ij->i", self.caster.normals[face[smooth]], directions[smooth]) > 0
-        normals[smooth[behind]] *= -1.0
-        return ShadedArrivals(arrivals=arrivals, shading_normals=normals)
+        return self._arrivals(np.where(met, face, 0), met, places, directions), face, weights
 
     def are_glass(self, arrivals: Arrivals) -> BoolArray:
         """(ray,) whether it arrived on a pane of glass."""
@@ -302,13 +310,6 @@ class Surfaces:
         """(ray,) whether it met nothing or a lamp, where paths end."""
         dark: BoolArray = (arrivals.material < 0) | (arrivals.material == self.scattering.is_matt.size - 1)
         return dark
-
-    def arrivals(self, rays: FloatArray) -> Arrivals:
-        """First hits of rays (ray, 6)."""
-        origins, directions = rays[:, :3], rays[:, 3:]
-        hits = self.caster.nearest(origins, directions)
-        places = origins + np.where(hits.met, hits.distance, 0.0)[:, None] * directions
-        return self._arrivals(hits.face, hits.met, places, directions)
 
     def _arrivals(self, face: IntArray, met: BoolArray, places: FloatArray, directions: FloatArray) -> Arrivals:
         normals = self.caster.normals[face]
@@ -389,18 +390,17 @@ def cell_side_m(scan: Scan) -> float:
 
 
 def _triangles(primitive: Primitive) -> FloatArray:
-    """(triangle, 3, 3) corners [m] that enclose a polygon, ring or sphere by a margin; none for other primitives."""
+    """(triangle, 3, 3) corners [m] of a polygon, or of what encloses a ring or sphere; none for other primitives."""
     numbers = np.array(primitive.numbers)
     if primitive.kind == "polygon":
         corners = numbers.reshape(-1, 3)
     elif primitive.kind == "ring":
-        corners = numbers[:3] + numbers[7] * (_SQUARE @ tangents(numbers[3:6] / np.linalg.norm(numbers[3:6])))
+        half = numbers[7] + MARGIN_M
+        corners = numbers[:3] + half * (_SQUARE @ tangents(numbers[3:6] / np.linalg.norm(numbers[3:6])))
     elif primitive.kind == "sphere":
         return np.asarray(numbers[:3] + (numbers[3] + MARGIN_M) * _CUBE, dtype=np.float64)
     else:
         return np.empty((0, 3, 3))
-    out = corners - corners.mean(axis=0)
-    corners = corners + MARGIN_M * out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), MARGIN_M)
     return np.stack([corners[[0, second, second + 1]] for second in range(1, len(corners) - 1)])
 
 

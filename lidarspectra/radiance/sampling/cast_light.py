@@ -39,6 +39,7 @@ NEAR = 3.0  # [1] of half a flat lamp's length, within which a sensor's rays are
 NEAR_REFLECTED = 1.0  # the same for where its rays arrive
 NEAR_RAYS = 64  # of each kind, for a sensor's one sample
 MOST_RAYS, SHARED_RAYS = 16, 64  # of one sample to a lamp farther off: the most, and of all lamps together
+ROUGH_RAYS = 4  # to a lamp, where its light is wanted roughly
 LEAST_DIFFUSE = 0.5  # [1] of the surfaces' area, below which the engine takes all light reflected once
 ONE_IN = 4  # rays on surfaces that gleam are followed by the engine
 RAYS_AT_ONCE = 100_000  # bounds memory
@@ -132,6 +133,15 @@ class CastLight:
                 light = self._direct(each, places, normals, rays=rays, near_rays=NEAR_RAYS * size, generator=generator)
                 found[:, self.lamps.index(each.lamp), first : first + chunk] += light.reshape(sets, -1)
         return found[:, self.rows, :, None] * self.flux[self.rows][None, :, None]
+
+    def roughly(self, places: FloatArray, *, generator: np.random.Generator) -> FloatArray:
+        """(lamp, place, slot) direct light at places with their normals (place, 6), by few rays, of lamps all cast."""
+        found = np.zeros((len(self.lamps), len(places)))
+        for each in self.shining:
+            found[self.lamps.index(each.lamp)] += self._direct(
+                each, places[:, :3], places[:, 3:], rays=ROUGH_RAYS, near_rays=ROUGH_RAYS, generator=generator
+            )
+        return np.asarray(found[:, :, None] * self.flux[:, None], dtype=np.float64)
 
     def once(
         self, sensors: Sensors, points: IntArray, *, sets: int, size: int, generator: np.random.Generator

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import FloatArray, IntArray
@@ -22,6 +21,7 @@ from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.sampling.arrivals import Surfaces
 from lidarspectra.radiance.sampling.cast_light import CastLight, ReflectedOnce
 from lidarspectra.radiance.sampling.pooling import Leg, PooledPaths, Sharing, draw_pooled_paths
+from lidarspectra.radiance.sampling.running_means import RunningMeans
 from lidarspectra.radiance.sampling.samplers import DIRECT, ONCE, Sampler
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
@@ -43,8 +43,8 @@ class Component:
     options : PassOptions
     lamps, slots : tuple of int
         Which of the scene's they are.
-    mean : (batch, lamp, point, slot) float
-        Running means of the batches, in single precision: they are what fills the memory. [W/m²/nm]
+    means : RunningMeans
+        Of the light found so far.
     samples : (point,) or (1,) int
         Samples a batch so far; one number for the paths of 'often', which all points share.
     sharers : int
@@ -54,7 +54,7 @@ class Component:
     sharing : Sharing or None
         For 'often': which sensors may share paths; all that look at the same place if None.
     cast : CastLight or None
-        For 'direct' and 'once': lamps whose light is had by ray casting.
+        Lamps whose light straight from them, and reflected once, is had by ray casting.
     seconds, sampled : float, int
         Time so far, and samples over all points and batches: their ratio is the price.
     """
@@ -63,7 +63,7 @@ class Component:
     options: PassOptions
     lamps: tuple[int, ...]
     slots: tuple[int, ...]
-    mean: NDArray[np.float32]
+    means: RunningMeans
     samples: IntArray
     sharers: int = 1
     surfaces: Surfaces | None = None
@@ -83,9 +83,14 @@ class Component:
         return self.sampler.bounces(self.options)
 
     @property
+    def has_cast_lamps(self) -> bool:
+        """Whether the light straight from all of its lamps can be had by ray casting."""
+        return self.cast is not None and self.cast.has_all_lamps
+
+    @property
     def is_cast(self) -> bool:
         """Whether the engine is not asked for it, or for little of it."""
-        if self.cast is None or not self.cast.has_all_lamps:
+        if self.cast is None or not self.has_cast_lamps:
             return False
         return self.sampler is DIRECT or (self.sampler is ONCE and self.cast.reflects)
 
@@ -98,7 +103,7 @@ class Component:
         """Take (batch, lamp, point, band) estimates of `size` samples each into the running means."""
         units = np.zeros(1, dtype=np.int64) if self.sampler.is_shared else points
         share = size / (self.samples[units] + size)
-        self.mean[:, :, points] += (estimates - self.mean[:, :, points]) * share[:, None]
+        self.means.add(points, np.broadcast_to(share, points.shape), estimates)
         self.samples[units] += size
 
 
@@ -179,12 +184,21 @@ def _pooled_tasks(
     )
     component.seconds += time.process_time() - start
     points = np.arange(len(sensors.positions))
+    if not pooled.missing:  # the sensors look at nothing that reflects
+        component.add(points, paths, pooled_estimates(component, pooled, sensors))
     rays_per_job = min(rays_per_job, max(1, VALUES_PER_JOB // values))
     for leg in pooled.legs:
         for first in range(0, len(leg.rays), rays_per_job):
             part = slice(first, first + rays_per_job)
             burn = int(generator.integers(1, _MAX_BURN_RAYS + 1))  # or parts of one second err alike, and hide it
             yield Task(component=component, points=points, size=paths, burn=burn, pooled=pooled, leg=leg, part=part)
+
+
+def pooled_estimates(component: Component, pooled: PooledPaths, sensors: Sensors) -> FloatArray:
+    """(batch, lamp, point, slot) light by shared paths whose answers are all there."""
+    group = component.options.group
+    values = pooled.estimates().reshape(BATCHES, -1, len(component.lamps), group.slot_count).transpose(0, 2, 1, 3)
+    return component.sampler.measure_sr(sensors.receptor) * group.from_engine(values)
 
 
 def task_job(task: Task, sensors: Sensors, folder: Path, *, generator: np.random.Generator) -> EngineJob:
@@ -227,10 +241,11 @@ def take_answer(task: Task, run: EngineRun, sensors: Sensors, *, generator: np.r
         task.pooled.take(task.leg, task.part, values)
         if task.pooled.missing:
             return
-        values = task.pooled.estimates().reshape(BATCHES, count, lamps, slots).transpose(0, 2, 1, 3)
-    else:
-        values = float_rows(run, rows=task.burn + count * BATCHES, columns=lamps * slots)[task.burn :]
-        values = values.reshape(count, BATCHES, lamps, slots).transpose(1, 2, 0, 3)
+        component.add(task.points, task.size, pooled_estimates(component, task.pooled, sensors))
+        component.sampled += BATCHES * task.size
+        return
+    values = float_rows(run, rows=task.burn + count * BATCHES, columns=lamps * slots)[task.burn :]
+    values = values.reshape(count, BATCHES, lamps, slots).transpose(1, 2, 0, 3)
     estimates = component.sampler.measure_sr(sensors.receptor) * group.from_engine(values)
     if component.sampler is DIRECT and component.cast is not None:
         start = time.process_time()
@@ -238,7 +253,7 @@ def take_answer(task: Task, run: EngineRun, sensors: Sensors, *, generator: np.r
         estimates[:, component.cast.rows] = given
         component.seconds += time.process_time() - start
     component.add(task.points, task.size, estimates)
-    component.sampled += BATCHES * task.size * (1 if task.pooled is not None else count)
+    component.sampled += BATCHES * task.size * count
 
 
 def cast_task(task: Task, sensors: Sensors, *, rays_per_job: int, generator: np.random.Generator) -> Iterator[Task]:
@@ -261,24 +276,9 @@ def cast_task(task: Task, sensors: Sensors, *, rays_per_job: int, generator: np.
         yield replace(task, once=once, part=slice(first, first + most), burn=burn)
 
 
-def band_variance(component: Component, flux_ratio: FloatArray, shares: FloatArray) -> FloatArray:
-    """Variance of the mean over batches of a component's light by all its lamps.
-
-    Parameters
-    ----------
-    component : Component
-    flux_ratio : (lamp, slot) float
-        True over written flux of the component's lamps and slots. [1]
-    shares : (slot, band) float
-        Of the component's slots in the channels. [1]
-
-    Returns
-    -------
-    variance : (point, band) float
-        [(W/m²/nm)²]
-    """
-    totals = np.einsum("klps,ls->kps", component.mean, flux_ratio) @ shares
-    return np.asarray(totals.var(axis=0, ddof=1) / BATCHES, dtype=np.float64)
+def band_variance(component: Component) -> FloatArray:
+    """(point, band) variance of the mean over batches of a component's light by all its lamps [(W/m²/nm)²]."""
+    return np.asarray(component.means.light().var(axis=0, ddof=1) / BATCHES, dtype=np.float64)
 
 
 def smooth_over_neighbours(values: FloatArray, sensors: Sensors) -> FloatArray:

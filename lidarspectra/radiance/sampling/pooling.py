@@ -203,7 +203,7 @@ def draw_pooled_paths(
     sensor = np.repeat(np.arange(count), looks)
     legs: list[list[Leg]] = []
     cells: list[IntArray] = []
-    arrived: list[IntArray] = []
+    arrived: list[tuple[IntArray, IntArray]] = []
     rough = None if sharing is None else sharing.rough
     rough_shares: list[csr_array] = []
     known: list[csr_array] = []
@@ -211,19 +211,21 @@ def draw_pooled_paths(
     for _ in range(batches):  # one at a time to bound memory: a million rays take 100 MB
         rays = sensors.draw_rays(np.arange(count), sets=1, count=looks, generator=generator).reshape(-1, 6)
         arrivals = surfaces.arrivals(rays)
+        lit = np.flatnonzero(~surfaces.are_dark(arrivals))
+        rays, arrivals, watching = rays[lit], arrivals.take(lit), sensor[lit]
         most = max(1, PATHS_PER_CELL * len(rays) // paths)
         place = None if sharing is None else sharing.patches.place_of(arrivals)
-        kind = _kinds(surfaces, arrivals, sensor, sharing, place)
+        kind = _kinds(surfaces, arrivals, watching, sharing, place)
         cell = sort_into_cells(arrivals.places, kind, most=most, longest_m=surfaces.cell_m, origin=surfaces.bounds[0])
         chosen = _draw(cell, _worth(surfaces.scattering, arrivals.material), min(paths, len(rays)), generator)
         legs.append(_legs(surfaces, arrivals, rays, chosen, first_path=drawn, generator=generator))
         cells.append(cell[chosen] + total)
-        arrived.append(cell + total)
+        arrived.append((watching, cell + total))
         if rough is not None and place is not None:
             row = np.arange(len(chosen))
             known.append(rough.terms(place[chosen], arrivals.places[chosen], row=row, rows=len(row), weight=-1.0))
-            rough_shares.append(rough.terms(place, arrivals.places, row=sensor, rows=count, weight=1.0 / looks))
-        total += int(cell.max()) + 1
+            rough_shares.append(rough.terms(place, arrivals.places, row=watching, rows=count, weight=1.0 / looks))
+        total += int(cell.max(initial=-1)) + 1
         drawn += len(chosen)
     joined = _joined(legs)
     found = np.zeros((drawn, values), dtype=np.float32) if rough is None else vstack(known, "csr") @ rough.functions
@@ -231,7 +233,8 @@ def draw_pooled_paths(
         legs=joined,
         cell=np.concatenate(cells),
         shares=tuple(
-            csr_array((np.full(cell.size, 1.0 / looks), (sensor, cell)), shape=(count, total)) for cell in arrived
+            csr_array((np.full(cell.size, 1.0 / looks), (watching, cell)), shape=(count, total))
+            for watching, cell in arrived
         ),
         found=found,
         missing=sum(len(leg.rays) for leg in joined),
@@ -252,7 +255,7 @@ def _kinds(
         can_share &= group >= 0
         shared, groups = kinds + group, len(sharing.patches)
     own = kinds + groups + kinds * sensor + arrivals.kind
-    return np.select([surfaces.are_dark(arrivals), can_share], [arrivals.kind, shared], own)
+    return np.where(can_share, shared, own)
 
 
 def _looks(paths: int, sensors: int, sharers: int) -> int:
@@ -356,6 +359,8 @@ def sort_into_cells(
     ----------
     Morton G M (1966), A computer oriented geodetic data base and a new technique in file sequencing, IBM.
     """
+    if not len(places):
+        return np.zeros(0, dtype=np.int64)
     boxes = (places - (places.min(axis=0) if origin is None else origin)) / longest_m
     corner = np.floor(boxes).astype(np.int64)
     steps = ((boxes - corner) * (1 << _CURVE_BITS)).astype(np.int64)

@@ -36,6 +36,8 @@ class Request:
     direct_mean : (band,) float or None
         Mean irradiance straight from the lamps where it is known otherwise: it is not traced then, and errors are
         relative to the sum of both. [W/m²/nm]
+    keeps_batches : bool
+        Whether every lamp's independent estimates are kept, or only their mean and variance (`running_means`).
     """
 
     bounces: int
@@ -46,6 +48,7 @@ class Request:
     noise_of: NoiseOf = "mean"
     surfaces: Mapping[str, Surfaces] = field(default_factory=dict)
     direct_mean: FloatArray | None = None
+    keeps_batches: bool = True
 
     @property
     def samplers(self) -> tuple[Sampler, ...]:

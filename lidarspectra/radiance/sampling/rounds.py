@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.progress import Progress, part_of, silent
-from lidarspectra.radiance.engine.engine import EngineJob, float_rows
+from lidarspectra.radiance.engine.engine import EngineJob
 from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.engine.seed_clock import joined
 from lidarspectra.radiance.sampling.cast_light import CastLight
@@ -25,15 +25,17 @@ from lidarspectra.radiance.sampling.estimator import (
     task_job,
     wanted_samples,
 )
+from lidarspectra.radiance.sampling.folding import folding
+from lidarspectra.radiance.sampling.found_light import FoundLight, found_light
 from lidarspectra.radiance.sampling.own_light import samples_for_each_point
-from lidarspectra.radiance.sampling.patches import Patches, find_patches
-from lidarspectra.radiance.sampling.pooling import Sharing
 from lidarspectra.radiance.sampling.request import Log, Request
-from lidarspectra.radiance.sampling.samplers import DIRECT, ONCE
-from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
+from lidarspectra.radiance.sampling.running_means import Batches, Moments, Weights
+from lidarspectra.radiance.sampling.samplers import DIRECT
+from lidarspectra.radiance.sampling.sensor_rays import Sensors
 from lidarspectra.radiance.sampling.stated_error import own_relative_se, relative_rms
+from lidarspectra.radiance.sampling.survey import survey
 from lidarspectra.radiance.sampling.uncertainty import standard_error
-from lidarspectra.radiance.scene.scene import RadianceScene
+from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass
 
 MAX_ROUNDS = 8  # 2 or 3 usually suffice
 MAX_PATHS_PER_POINT = 2**18  # mean over a block, per pass; about 15 s of one core
@@ -49,19 +51,19 @@ class BlockResult:
 
     Parameters
     ----------
-    batches : (batch, lamp, point, slot) float
-        Independent estimates of the coefficient. [m⁻²]
+    found : FoundLight
+        Every lamp's coefficients.
     irradiance_se : (point, band) float
         Standard error of the sum over lamps. [W/m²/nm]
-    truncation : (lamp, point, slot) float
+    truncation : (lamp, point, band) float
         Estimated light beyond the last reflection traced, which the coefficient lacks. [m⁻²]
     first_round : float
         Share of the engine's time that the first round took. [0-1]
     """
 
-    batches: NDArray[np.float32]
+    found: FoundLight
     irradiance_se: FloatArray
-    truncation: FloatArray
+    truncation: NDArray[np.float32]
     first_round: float
 
 
@@ -72,6 +74,7 @@ def estimate_block(
     scale: FloatArray | None,
     request: Request,
     *,
+    direct: FloatArray | None = None,
     generator: np.random.Generator,
     log: Log,
     progress: Progress,
@@ -88,6 +91,8 @@ def estimate_block(
     scale : (band,) float or None
         Mean irradiance that errors are relative to; the block's own if None. [W/m²/nm]
     request : Request
+    direct : (lamp, point) float, optional
+        Coefficient of light straight from the lamps that is known and not traced. [m⁻²]
     generator : numpy.random.Generator
         For directions.
     log : Log
@@ -113,7 +118,7 @@ def estimate_block(
         share = part_of(progress, start, stop)
         _sample(components, wanted, sensors, scene, request, generator=generator, log=log, progress=share)
         first_s = first_s or _spent_s(components)
-        totals = _totals(scene, components)
+        totals = _totals(components)
         error = standard_error(totals)
         if request.noise_of == "point":
             wanted = _missing_of_points(scene, components, sensors, counted, error, totals.mean(axis=0), request.target)
@@ -131,7 +136,7 @@ def estimate_block(
         stop = max(start, SECOND_ROUND)
     progress(1.0, "traced")
     return BlockResult(
-        batches=_coefficients(scene, components),
+        found=found_light(scene, components, direct),
         irradiance_se=error,
         truncation=truncation,
         first_round=first_s / max(_spent_s(components), 1e-9),
@@ -164,13 +169,13 @@ def first_mean(
     survey(components, sensors, scene, request, generator=generator, log=log)
     wanted = _first(components, request)
     _sample(components, wanted, sensors, scene, request, generator=generator, log=log, progress=silent)
-    return np.asarray(_totals(scene, components).mean(axis=(0, 1)), dtype=np.float64)
+    return np.asarray(_totals(components).mean(axis=(0, 1)), dtype=np.float64)
 
 
 def _components(
     scene: RadianceScene, request: Request, sensors: Sensors, *, generator: np.random.Generator
 ) -> list[Component]:
-    count = len(sensors.positions)
+    count, keep = len(sensors.positions), Batches if request.keeps_batches else Moments
     return [
         Component(
             sampler=sampler,
@@ -188,70 +193,15 @@ def _components(
             ),
             lamps=scene_pass.lamps,
             slots=scene_pass.slots,
-            mean=np.zeros((BATCHES, len(scene_pass.lamps), count, len(scene_pass.slots)), dtype=np.float32),
+            means=keep.empty(_weights(scene, scene_pass), batches=BATCHES, points=count),
             sharers=sum(other.slots == scene_pass.slots for other in scene.passes),
             samples=np.zeros(1 if sampler.is_shared else count, dtype=np.int64),
             surfaces=request.surfaces[scene_pass.name] if sampler.has_patches else None,
-            cast=CastLight.of(scene, scene_pass, request.surfaces) if sampler in (DIRECT, ONCE) else None,
+            cast=CastLight.of(scene, scene_pass, request.surfaces),
         )
         for scene_pass in scene.passes
         for sampler in request.samplers
     ]
-
-
-def survey(
-    components: Sequence[Component],
-    sensors: Sensors,
-    scene: RadianceScene,
-    request: Request,
-    *,
-    generator: np.random.Generator,
-    log: Log,
-) -> FloatArray:
-    """Estimate every lamp's light roughly on the surfaces that sensors see, and set which sensors may share paths.
-
-    Returns
-    -------
-    truncation : (lamp, point, slot) float
-        Estimated light beyond the last reflection traced. [m⁻²]
-    """
-    some = [component for component in components if component.surfaces is not None]
-    truncation = np.zeros((len(scene.lamp_names), len(sensors.positions), len(scene.slots)))
-    known: dict[int, Patches] = {}
-    for component in some:
-        if id(component.surfaces) not in known:
-            known[id(component.surfaces)] = find_patches(component.surfaces, sensors, generator=generator)  # type: ignore[arg-type]
-    patches = [known[id(component.surfaces)] for component in some]
-
-    def jobs() -> Iterator[EngineJob]:
-        for component, found in zip(some, patches, strict=True):
-            places = np.concatenate([found.positions + SENSOR_OFFSET_M * found.normals, found.normals], axis=1)
-            own = np.concatenate([sensors.positions, sensors.normals], axis=1)[found.watchers]
-            rays = np.concatenate([places, own])
-            arguments = component.options.survey_arguments()
-            yield EngineJob(program="rcontrib", arguments=arguments, folder=scene.folder, stdin=rays.tobytes())
-
-    runs = request.engine.run_jobs(jobs(), workers=request.workers)
-    for component, found, run in zip(some, patches, runs, strict=True):
-        group, count = component.options.group, len(found) + len(found.watchers)
-        values = float_rows(run, rows=count, columns=len(component.lamps) * group.slot_count)
-        values = values.reshape(count, -1, group.slot_count)
-        if component.sampler.is_shared:
-            direct = values.mean(axis=2).T
-            component.sharing = Sharing(
-                patches=found,
-                group=found.groups(direct[:, : len(found)], direct[:, len(found) :], target=request.target),
-                rough=found.sent_on(values[: len(found)], request.bounces),
-            )
-        direct_light = group.from_engine(values[: len(found)]).swapaxes(0, 1)  # (lamp, place, slot)
-        slots = np.broadcast_to(found.reflectance, (len(found), group.slot_count))
-        tail = found.truncated(direct_light, group.from_engine(slots), request.bounces)
-        missing = sensors.receptor.measure_sr / np.pi * tail[:, found.nearest_watcher(sensors)]
-        where = np.ix_(component.lamps, range(len(sensors.positions)), component.slots)
-        truncation[where] += missing / scene.written_flux[np.ix_(component.lamps, component.slots)][:, None]
-        log.commands.add(run.command)
-        log.rays += count
-    return truncation
 
 
 def _first(components: Sequence[Component], request: Request) -> list[IntArray]:
@@ -321,30 +271,23 @@ def _sample(
     log.seeds = joined(seeds)
 
 
-def _totals(scene: RadianceScene, components: Sequence[Component]) -> FloatArray:
+def _totals(components: Sequence[Component]) -> FloatArray:
     """(batch, point, band) irradiance by all lamps with their true flux [W/m²/nm]."""
-    totals = np.zeros((BATCHES, components[0].mean.shape[2], len(scene.bands)))
-    for component in components:
-        light = np.einsum("klps,ls->kps", component.mean, _flux_ratio(scene, component))
-        totals += light @ scene.slots.matrix[list(component.slots)]
+    totals = components[0].means.light()
+    for component in components[1:]:
+        totals += component.means.light()
     return totals
 
 
-def _flux_ratio(scene: RadianceScene, component: Component) -> FloatArray:
-    """(lamp, slot) true over written flux of a component."""
-    where = np.ix_(component.lamps, component.slots)
-    return scene.slot_flux[where] / scene.written_flux[where]
-
-
-def _coefficients(scene: RadianceScene, components: Sequence[Component]) -> NDArray[np.float32]:
-    """(batch, lamp, point, slot) [m⁻²]."""
-    shape = (BATCHES, len(scene.lamp_names), components[0].mean.shape[2], len(scene.slots))
-    values = np.zeros(shape, dtype=np.float32)
-    for component in components:
-        written = scene.written_flux[np.ix_(component.lamps, component.slots)]
-        for row, lamp in enumerate(component.lamps):
-            values[:, lamp][..., component.slots] += component.mean[:, row] / written[row]
-    return values
+def _weights(scene: RadianceScene, scene_pass: ScenePass) -> Weights:
+    """Of the lamps and slots of a pass."""
+    where = np.ix_(scene_pass.lamps, scene_pass.slots)
+    return Weights(
+        written=scene.written_flux[where],
+        flux_ratio=scene.slot_flux[where] / scene.written_flux[where],
+        shares=scene.slots.matrix[list(scene_pass.slots)],
+        folding=folding(scene)[where],
+    )
 
 
 def _missing(
@@ -363,8 +306,7 @@ def _missing(
         lit = (means > 0) & (matrix.sum(axis=0) > 0)
         variances = []
         for index in members:
-            variance = band_variance(components[index], _flux_ratio(scene, components[index]), matrix[:, lit])
-            relative = (variance / means[lit] ** 2).max(axis=1, initial=0.0)
+            relative = (band_variance(components[index])[:, lit] / means[lit] ** 2).max(axis=1, initial=0.0)
             relative = np.where(counted, relative, 0.0)
             if components[index].sampler.is_shared:
                 variances.append(relative.sum(keepdims=True))
@@ -407,7 +349,7 @@ def _missing_of_points(
         wanting = counted & (own > target)
         parts = []
         for index in members:
-            variance = band_variance(components[index], _flux_ratio(scene, components[index]), matrix[:, bands])
+            variance = band_variance(components[index])[:, bands]
             relative = own_relative_se(np.sqrt(variance), light[:, bands]) ** 2
             parts.append(smooth_over_neighbours(relative, sensors))
         whole = np.sum(parts, axis=0)

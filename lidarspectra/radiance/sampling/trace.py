@@ -26,22 +26,21 @@ from lidarspectra.radiance.engine.engine import Engine, find_engine
 from lidarspectra.radiance.engine.options import NOISES_OF, Accuracy, Noise, NoiseOf, bounces_of, noise_level
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
 from lidarspectra.radiance.sampling.estimator import BATCHES
-from lidarspectra.radiance.sampling.folding import fold_coefficients, folding
 from lidarspectra.radiance.sampling.receptors import Receptor, cosine_receptor
 from lidarspectra.radiance.sampling.request import Log, Request
 from lidarspectra.radiance.sampling.rounds import FIRST_ROUND, estimate_block, first_mean
+from lidarspectra.radiance.sampling.running_means import Batches, Moments
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 from lidarspectra.radiance.sampling.stated_error import stated_error
 from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, make_transport
-from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.threads import cores_for
 
 METHOD = "adaptive"
 BLOCK_BYTES = 3 * 2**29  # [byte] of a block's results; in smaller blocks starting the engine would dominate
-BYTES_PER_VALUE = 16  # [byte] of a batch, lamp, point and band: three components and their sum, in single precision
-MAX_BLOCK_POINTS = 20_000
+COMPONENTS = 4  # of a pass: direct light, reflected once, reflected more often, and their sum
+MAX_BLOCK_POINTS = 40_000
 KEPT_PATCH_VALUES = 100_000_000  # the same of patches of the sky, 400 MB: the error of their sum needs the batches
 SCALE_POINTS = 256  # points for the mean irradiance, if there is more than one block
 
@@ -237,10 +236,12 @@ def _trace(
 ) -> xr.Dataset:
     start = time.perf_counter()
     generator, log = np.random.default_rng(seed), Log()
-    request = replace(request, surfaces=load_surfaces(scene))
     lamps, count, bands = len(scene.lamp_names), len(points), len(scene.bands)
+    most = KEPT_BATCH_VALUES if direct is None else KEPT_PATCH_VALUES
+    keeps_batches = BATCHES * lamps * count * bands <= most
+    request = replace(request, surfaces=load_surfaces(scene), keeps_batches=keeps_batches)
     counted = _counted(points)
-    blocks = _blocks(scene, count)
+    blocks = _blocks(scene, count, keeps_batches=keeps_batches)
     scale = None
     if len(blocks) > 1 and request.noise_of == "mean":
         scale = _scale(scene, points, counted, request, generator=generator, log=log)
@@ -249,10 +250,7 @@ def _trace(
     coefficient_se = np.empty_like(coefficient)
     truncation = np.empty_like(coefficient)
     irradiance_se = np.empty((count, bands), dtype=np.float32)
-    batches = None
-    if BATCHES * coefficient.size <= (KEPT_BATCH_VALUES if direct is None else KEPT_PATCH_VALUES):
-        batches = np.empty((BATCHES, *coefficient.shape), dtype=np.float32)
-    weights = folding(scene)
+    batches = np.empty((BATCHES, *coefficient.shape), dtype=np.float32) if keeps_batches else None
     first_round = FIRST_ROUND
     for number, block in enumerate(blocks):
         share = part_of(progress, number / len(blocks), (number + 1) / len(blocks))
@@ -263,23 +261,20 @@ def _trace(
             counted[block],
             scale,
             request,
+            direct=None if direct is None else direct[:, block],
             generator=generator,
             log=log,
             progress=share,
             first_round=first_round,
         )
         first_round = result.first_round  # a prediction for the next block
-        if direct is not None:
-            result.batches[...] += direct[None, :, block, None].astype(np.float32)
-        found = fold_coefficients(result.batches, weights)
-        slot_coefficient[:, block] = result.batches.mean(axis=0, dtype=np.float64)
-        coefficient[:, block] = found.mean(axis=0, dtype=np.float64)
-        for lamp in range(lamps):
-            coefficient_se[lamp, block] = standard_error(found[:, lamp].astype(np.float64))
+        slot_coefficient[:, block] = result.found.slot_coefficient
+        coefficient[:, block] = result.found.coefficient
+        coefficient_se[:, block] = result.found.coefficient_se
         irradiance_se[block] = result.irradiance_se
-        truncation[:, block] = fold_coefficients(result.truncation, weights)
+        truncation[:, block] = result.truncation
         if batches is not None:
-            batches[:, :, block] = found
+            batches[:, :, block] = result.found.batches
     stated, missed = stated_error(
         irradiance=np.einsum("lpb,lb->pb", coefficient, scene.flux, dtype=np.float64),
         irradiance_se=irradiance_se,
@@ -312,10 +307,15 @@ def _trace(
     )
 
 
-def _blocks(scene: RadianceScene, count: int) -> list[slice]:
+def _blocks(scene: RadianceScene, count: int, *, keeps_batches: bool) -> list[slice]:
     """Blocks of about equal numbers of points."""
-    bytes_per_point = BYTES_PER_VALUE * BATCHES * len(scene.lamp_names) * len(scene.slots)
-    most = max(1, min(MAX_BLOCK_POINTS, BLOCK_BYTES // bytes_per_point))
+    bytes_per_point = sum(
+        (Batches if keeps_batches else Moments).bytes_per_point(
+            batches=BATCHES, lamps=len(scene_pass.lamps), slots=len(scene_pass.slots), bands=len(scene.bands)
+        )
+        for scene_pass in scene.passes
+    )
+    most = max(1, min(MAX_BLOCK_POINTS, BLOCK_BYTES // (COMPONENTS * bytes_per_point)))
     edges = np.linspace(0, count, -(-count // most) + 1).round().astype(np.int64).tolist()
     return [slice(first, last) for first, last in pairwise(edges)]
 

@@ -7,6 +7,7 @@ their prior is a scaled inverse chi-square law about a trend, whose width is est
 hundred such points may hold no more information than three: the effective number follows from that correlation.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,13 +55,34 @@ def standard_error(repeats: FloatArray) -> FloatArray:
     Smyth G K (2004), Linear models and empirical Bayes methods for assessing differential expression in microarray
     experiments, Statistical Applications in Genetics and Molecular Biology 3(1), 3: Eqs. for d0, s0 in Section 6.2.
     """
-    count = repeats.shape[0]
-    raw = repeats.var(axis=0, ddof=1)
-    level = np.abs(repeats.mean(axis=0))
-    error = np.empty(raw.shape)
-    for band in range(raw.shape[1]):
-        pooled = pool_variances(raw[:, band], level[:, band], degrees=count - 1)
-        degrees = min(pooled.degrees, (count - 1) * independent_points(repeats[:, :, band]))
+    independent = [independent_points(repeats[:, :, band]) for band in range(repeats.shape[-1])]
+    variances, levels = repeats.var(axis=0, ddof=1), np.abs(repeats.mean(axis=0))
+    return widened_error(variances, levels, independent, count=len(repeats))
+
+
+def widened_error(variances: FloatArray, levels: FloatArray, independent: Sequence[float], *, count: int) -> FloatArray:
+    """Standard error of the mean of repeats, as `standard_error`, from their variances.
+
+    Parameters
+    ----------
+    variances : (point, band) float
+        Of one repeat. [any unit squared]
+    levels : (point, band) float
+        Size of what varies. [same unit]
+    independent : (band,) float
+        Number of points that scatter independently.
+    count : int
+        Repeats.
+
+    Returns
+    -------
+    error : (point, band) float
+        In the levels' unit.
+    """
+    error = np.empty(variances.shape)
+    for band, points in enumerate(independent):
+        pooled = pool_variances(variances[:, band], levels[:, band], degrees=count - 1)
+        degrees = min(pooled.degrees, (count - 1) * points)
         widening = float(stdtrit(degrees, ndtr(COVERAGE_FACTOR))) / COVERAGE_FACTOR
         error[:, band] = widening * np.sqrt(pooled.variance / count)
     return error

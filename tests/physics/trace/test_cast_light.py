@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from lidarspectra.radiance.engine.options import BOUNCES
 from lidarspectra.radiance.sampling.arrivals import Surfaces, load_surfaces
 from lidarspectra.radiance.sampling.cast_light import SHARED_RAYS, CastLight
 from lidarspectra.radiance.sampling.receptors import cosine_receptor
@@ -97,7 +98,7 @@ def test_rays_pass_beside_a_disc_in_its_enclosing_square(rooms) -> None:
     (surfaces,) = load_surfaces(scene).values()
     up = np.tile([0.0, 0.0, 1.0], (2, 1))
     rays = np.hstack([[[0.19, 0.19, 0.5], [0.1, 0.1, 0.5]], up])
-    hits = surfaces.shaded_arrivals(rays).arrivals
+    hits = surfaces.arrivals(rays)
     assert hits.places[:, 2] == pytest.approx([1.3, 1.0], abs=1e-5)
     assert surfaces.are_dark(hits).tolist() == [False, True]
 
@@ -136,5 +137,13 @@ def test_scenes_of_before_are_left_to_the_engine(rooms, sensors, section) -> Non
     commands = trace(scene, sensors([0, 0, 0], [0, 0, 1.0]), **section("low", "draft"), seed=1).attrs["commands"]
     assert "-I+" in commands
     cast = trace(load_scene(scene.folder), sensors([0, 0, 0], [0, 0, 1.0]), **section("low", "draft"), seed=1)
-    assert "-ab 0" in cast.attrs["commands"]  # the survey; see `options.survey_arguments`
-    assert len(cast.attrs["commands"].splitlines()) < len(commands.splitlines())
+    assert not cast.attrs["commands"]  # there is nothing that reflects
+    assert cast["coefficient"].to_numpy().min() > 0
+
+
+def test_in_a_matt_room_the_engine_is_asked_for_what_is_reflected_more_than_once_alone(rooms, sensors, section) -> None:
+    # And for that in one way: a path that goes on from a surface has two reflections less than the light may have.
+    scene = rooms.scene([rooms.lamp("panel", (0.5, 0.5, 0.9), (0.4, 0.4))], [(rooms.room(), 0.6)])
+    points = sensors([[x, 0.5, 0.2] for x in (0.2, 0.4, 0.6, 0.8)], [0.0, 0, 1])
+    (command,) = trace(scene, points, **section("medium", "draft"), seed=1).attrs["commands"].splitlines()
+    assert f"-ab {BOUNCES['medium'] - 2} " in command

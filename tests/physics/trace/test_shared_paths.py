@@ -12,6 +12,7 @@ from lidarspectra.radiance.sampling.estimator import BATCHES
 from lidarspectra.radiance.sampling.patches import Patches
 from lidarspectra.radiance.sampling.receptors import cosine_receptor
 from lidarspectra.radiance.sampling.request import Log, Request
+from lidarspectra.radiance.sampling.running_means import Batches
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.room.sensor_points import SensorPoints
@@ -73,7 +74,8 @@ def test_shared_paths_give_what_own_paths_give(sensors_in_a_furnished_room) -> N
     shared = np.zeros((BATCHES, 2, count, 3))
     rounds._sample(parts, wanted, sensors, scene, request, generator=generator, log=Log(), progress=lambda *_: None)
     for part in parts:
-        shared += part.mean
+        assert isinstance(part.means, Batches)
+        shared += part.means.mean
     own = own_paths(scene, sensors, engine, generator)
     level = own.mean(axis=(0, 2))  # (lamp, band)
     difference = (shared.mean(axis=0) - own.mean(axis=0)) / level[:, None]

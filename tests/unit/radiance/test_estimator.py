@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lidarspectra.arrays import FloatArray
 from lidarspectra.radiance.engine.bands import band_groups
 from lidarspectra.radiance.engine.engine import EngineRun
 from lidarspectra.radiance.engine.options import PassOptions
@@ -21,6 +22,7 @@ from lidarspectra.radiance.sampling.estimator import (
 )
 from lidarspectra.radiance.sampling.receptors import FIBONACCI, cone_receptor, cosine_receptor
 from lidarspectra.radiance.sampling.rounds import share_done
+from lidarspectra.radiance.sampling.running_means import Batches, Moments, Weights
 from lidarspectra.radiance.sampling.samplers import DIRECT, OFTEN, ONCE, VIEW, Kind, samplers_of
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
@@ -28,7 +30,16 @@ SAMPLERS = {sampler.kind: sampler for sampler in (DIRECT, ONCE, OFTEN, VIEW)}
 GROUP = band_groups(3, "native")[0]
 
 
-def component(points: int, kind: Kind = "once", **more: Any) -> Component:
+def weights(flux_ratio: FloatArray) -> Weights:
+    """Of lamps of one unit, each slot a channel."""
+    lamps = len(flux_ratio)
+    folding = np.broadcast_to(np.eye(3), (lamps, 3, 3))
+    return Weights(written=np.ones((lamps, 3)), flux_ratio=flux_ratio, shares=np.eye(3), folding=folding)
+
+
+def component(
+    points: int, kind: Kind = "once", flux_ratio: FloatArray = np.ones((2, 3)), **more: Any
+) -> Component:
     return Component(
         sampler=SAMPLERS[kind],
         options=PassOptions(
@@ -36,7 +47,7 @@ def component(points: int, kind: Kind = "once", **more: Any) -> Component:
         ),
         lamps=(0, 1),
         slots=(0, 1, 2),
-        mean=np.zeros((BATCHES, 2, points, 3)),
+        means=Batches(weights=weights(flux_ratio), mean=np.zeros((BATCHES, 2, points, 3))),
         **({"samples": np.full(points, 8), "seconds": 1.0, "sampled": 8 * BATCHES * points} | more),
     )
 
@@ -105,8 +116,8 @@ def test_running_means_weigh_by_samples() -> None:
     part.add(everywhere, 8, np.full((BATCHES, 2, 2, 3), 1.0))
     part.add(np.array([1]), 24, np.full((BATCHES, 2, 1, 3), 5.0))
     assert part.samples.tolist() == [8, 32]
-    assert np.all(part.mean[:, :, 0] == 1.0)
-    assert part.mean[:, :, 1] == pytest.approx((8 * 1.0 + 24 * 5.0) / 32)
+    assert np.all(part.means.mean[:, :, 0] == 1.0)
+    assert part.means.mean[:, :, 1] == pytest.approx((8 * 1.0 + 24 * 5.0) / 32)
 
 
 def test_tasks_cover_every_wanting_point_once() -> None:
@@ -136,8 +147,8 @@ def test_answers_go_to_their_points_lamps_and_bands() -> None:
     run = EngineRun(argv=("rcontrib",), status=0, stderr="", seconds=1.0, output=wanted.tobytes())
     take_answer(task, run, sensors(3), generator=np.random.default_rng(1))
     for row, point in enumerate((2, 0)):
-        assert part.mean[:, :, point] == pytest.approx(np.pi * wanted[row][..., ::-1])  # slots come long end first
-    assert np.all(part.mean[:, :, 1] == 0.0)
+        assert part.means.mean[:, :, point] == pytest.approx(np.pi * wanted[row][..., ::-1])  # slots come long end first
+    assert np.all(part.means.mean[:, :, 1] == 0.0)
     assert part.samples.tolist() == [8, 0, 8]
 
 
@@ -170,9 +181,11 @@ def test_the_variance_is_that_of_the_sum_over_lamps() -> None:
     # Lamps whose batches move against one another: their sum does not vary at all.
     part = component(1)
     swing = np.arange(BATCHES, dtype=float)[:, None, None]
-    part.mean[:, 0], part.mean[:, 1] = swing, -swing
-    assert np.all(band_variance(part, np.ones((2, 3)), np.eye(3)) == 0.0)
-    alone = band_variance(part, np.array([[1.0] * 3, [0.0] * 3]), np.eye(3))
+    part.means.mean[:, 0], part.means.mean[:, 1] = swing, -swing
+    assert np.all(band_variance(part) == 0.0)
+    first = component(1, flux_ratio=np.array([[1.0] * 3, [0.0] * 3]))
+    first.means.mean[...] = part.means.mean
+    alone = band_variance(first)
     assert alone == pytest.approx(swing.var(ddof=1) / BATCHES)
 
 

@@ -11,12 +11,16 @@ from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.sampling import own_light
 from lidarspectra.radiance.sampling.estimator import BATCHES, Component
 from lidarspectra.radiance.sampling.own_light import samples_for_each_point
+from lidarspectra.radiance.sampling.running_means import Batches, Weights
 from lidarspectra.radiance.sampling.samplers import DIRECT, OFTEN, ONCE, VIEW, Kind
 from lidarspectra.radiance.sampling.stated_error import own_relative_se
 
 SAMPLERS = {sampler.kind: sampler for sampler in (DIRECT, ONCE, OFTEN, VIEW)}
 GROUP = band_groups(3, "native")[0]
 POINTS = 40
+NO_LIGHT = Weights(
+    written=np.ones((1, 3)), flux_ratio=np.ones((1, 3)), shares=np.eye(3), folding=np.eye(3)[np.newaxis]
+)
 
 
 def component(kind: Kind, *, samples: int = 34, seconds: float = 1.0) -> Component:
@@ -26,7 +30,7 @@ def component(kind: Kind, *, samples: int = 34, seconds: float = 1.0) -> Compone
         options=PassOptions(group=GROUP, lamp_modifiers=("lamp0",), octree="pass0.oct", bounces=3, lamp_count=1),
         lamps=(0,),
         slots=(0, 1, 2),
-        mean=np.zeros((BATCHES, 1, POINTS, 3), dtype=np.float32),
+        means=Batches.empty(NO_LIGHT, batches=BATCHES, points=POINTS),
         samples=np.full(units, samples),
         seconds=seconds,
         sampled=samples * BATCHES * units,

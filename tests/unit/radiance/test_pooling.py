@@ -42,7 +42,9 @@ class Box:
             walls = np.concatenate([-origins / directions, (3.0 - origins) / directions], axis=1)
         walls[walls <= 1e-9] = np.inf
         face = walls.argmin(axis=1)
-        return type("Hits", (), {"face": face, "distance": walls.min(axis=1), "met": np.ones(len(face), dtype=bool)})
+        weights = np.full((len(face), 3), 1.0 / 3.0)
+        met = np.ones(len(face), dtype=bool)
+        return type("Hits", (), {"face": face, "distance": walls.min(axis=1), "met": met, "barycentric": weights})
 
 
 def sensors(count: int) -> Sensors:
