@@ -54,7 +54,7 @@ class Component:
     sharing : Sharing or None
         For 'often': which sensors may share paths; all that look at the same place if None.
     cast : CastLight or None
-        Lamps whose light straight from them, and reflected once, is had by ray casting.
+        For 'direct' and 'once': lamps whose light is had by ray casting.
     seconds, sampled : float, int
         Time so far, and samples over all points and batches: their ratio is the price.
     """
@@ -83,14 +83,9 @@ class Component:
         return self.sampler.bounces(self.options)
 
     @property
-    def has_cast_lamps(self) -> bool:
-        """Whether the light straight from all of its lamps can be had by ray casting."""
-        return self.cast is not None and self.cast.has_all_lamps
-
-    @property
     def is_cast(self) -> bool:
         """Whether the engine is not asked for it, or for little of it."""
-        if self.cast is None or not self.has_cast_lamps:
+        if self.cast is None or not self.cast.has_all_lamps:
             return False
         return self.sampler is DIRECT or (self.sampler is ONCE and self.cast.reflects)
 

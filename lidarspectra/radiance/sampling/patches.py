@@ -28,6 +28,7 @@ SIGGRAPH '84, 213-222. Ward G J, Heckbert P S (1992), Irradiance gradients, Euro
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -54,6 +55,22 @@ REFLECTIONS = 12  # of the rough light
 MAX_RATIO = 0.999  # [1] upper limit of the ratio of successive reflections
 UNKNOWN_REFLECTANCE = 0.5  # [1] of glossy surfaces
 NORMAL_M = 0.3  # [m] a place whose normal is turned by a radian is as far as one so far away
+
+
+class RoughReflections(NamedTuple):
+    """Light at the places (place, lamp, slot) that was reflected before.
+
+    Attributes
+    ----------
+    whole : array
+        Once or more, up to once less than is traced, and no more than `REFLECTIONS` times.
+    before, last : array
+        As often as is traced less one, and as often as is traced.
+    """
+
+    whole: FloatArray
+    before: FloatArray
+    last: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,63 +160,66 @@ class Patches:
         known[-1] = 0.0  # lamps
         return known[self.material]
 
-    def sent_on(self, direct: FloatArray, bounces: int) -> RoughLight:
-        """Rough radiance of the places, of light that was reflected once or more before it arrived there.
+    def reflected(self, direct: FloatArray, bounces: int) -> "RoughReflections":
+        """Direct light at the places, reflected from place to place: E_k = W ρ E_(k-1).
 
         Parameters
         ----------
         direct : (place, lamp, slot) float
-            Direct light in the engine's order of slots. [any unit of irradiance]
+            In the engine's order of slots. [any unit of irradiance]
         bounces : int
             Largest number of reflections, 1 or more, that on the place itself counted.
+        """
+        lamps, slots = direct.shape[1:]
+        light = direct.reshape(len(self), lamps * slots)
+        paint = np.tile(np.broadcast_to(self.reflectance, (len(self), slots)), lamps)
+        whole, before = np.zeros_like(light), light
+        for number in range(1, bounces + 1):
+            before, light = light, self.transfer @ (paint * light)
+            if number <= min(bounces - 1, REFLECTIONS):
+                whole += light
+        return RoughReflections(*(part.reshape(direct.shape) for part in (whole, before, light)))
+
+    def sent_on(self, reflected: FloatArray) -> RoughLight:
+        """Rough radiance of the places, of light that was reflected once or more before it arrived there.
+
+        Parameters
+        ----------
+        reflected : (place, lamp, slot) float
+            Such light, in the engine's order of slots. [any unit of irradiance]
 
         Returns
         -------
         rough : RoughLight
             Of (lamp x slot) values. [the same over sr]
         """
-        lamps, slots = direct.shape[1:]
-        scattering = self.surfaces.scattering
-        straight = direct.reshape(len(self), lamps * slots)
-        paint, diffuse = (
-            np.tile(np.broadcast_to(part, (len(self), slots)), lamps)
-            for part in (self.reflectance, scattering.diffuse_part[self.material])
-        )
-        light = np.zeros_like(straight)
-        for _ in range(min(bounces - 1, REFLECTIONS)):
-            light = self.transfer @ (paint * (straight + light))
-        return self.fit.of(diffuse * light / np.pi)
+        _, lamps, slots = reflected.shape
+        part = self.surfaces.scattering.diffuse_part[self.material]
+        diffuse = np.tile(np.broadcast_to(part, (len(self), slots)), lamps)
+        return self.fit.of(diffuse * reflected.reshape(len(self), lamps * slots) / np.pi)
 
-    def truncated(self, direct: FloatArray, reflectance: FloatArray, bounces: int) -> FloatArray:
+    def truncated(self, reflected: "RoughReflections") -> FloatArray:
         """Each lamp's light at the watchers beyond the last reflection traced.
 
-        Light reflected k times at the sensor is light reflected k - 1 times at the places, E_k = W ρ E_(k-1). Beyond
-        the last one traced they are taken for a geometric series of the ratio of the last two, all lamps together.
+        Light reflected k times at the sensor is light reflected k - 1 times at the places. Beyond the last one
+        traced they are taken for a geometric series of the ratio of the last two, all lamps together.
 
         Parameters
         ----------
-        direct : (lamp, place, band) float
-            Direct light. [any unit]
-        reflectance : (place, band) float
-            [0-1]
-        bounces : int
-            Largest number of reflections traced, 1 or more.
+        reflected : RoughReflections
 
         Returns
         -------
-        truncated : (lamp, watcher, band) float
-            [same]
+        truncated : (watcher, lamp, slot) float
+            [same unit]
         """
-        lamps, _, bands = direct.shape
-        light = direct.swapaxes(0, 1).reshape(-1, lamps * bands)  # (place, lamp and band)
-        paint = np.tile(reflectance, lamps)
-        before = light
-        for _ in range(bounces):
-            before, light = light, self.transfer @ (paint * light)
-        whole, last = (each.sum(axis=0).reshape(lamps, bands).sum(axis=0) for each in (before, light))
+        _, lamps, slots = reflected.last.shape
+        whole, last = (each.sum(axis=(0, 1)) for each in (reflected.before, reflected.last))
         ratio = np.minimum(last / np.maximum(whole, np.finfo(np.float64).tiny), MAX_RATIO)
-        tail: FloatArray = (self.looks @ (paint * light)).reshape(-1, lamps, bands) / (1.0 - ratio)
-        return tail.swapaxes(0, 1)
+        paint = np.broadcast_to(self.reflectance, (len(self), slots))[:, None]
+        sent = (paint * reflected.last).reshape(len(self), lamps * slots)
+        tail: FloatArray = (self.looks @ sent).reshape(-1, lamps, slots) / (1.0 - ratio)
+        return tail
 
     def nearest_watcher(self, sensors: Sensors) -> IntArray:
         """(point,) row of the watcher that is nearest to each sensor, in place and direction."""

@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.radiance.engine.engine import Engine
-from lidarspectra.radiance.engine.options import NoiseOf, first_round_sizes
+from lidarspectra.radiance.engine.options import NoiseOf, PassOptions, first_round_sizes
 from lidarspectra.radiance.engine.seed_clock import Seconds
 from lidarspectra.radiance.sampling.arrivals import Surfaces
 from lidarspectra.radiance.sampling.receptors import Receptor
 from lidarspectra.radiance.sampling.samplers import DIRECT, Sampler, samplers_of
+from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass
 
 PATCHES_FIRST = (89, 987)  # as `first_round_sizes`, where light is binned by patches of the sky: the target is
 # that of the whole sky's light, but the sun's comes from a few patches, whose noise this brings from 8 to 5 %
@@ -60,6 +61,22 @@ class Request:
     def first_sizes(self) -> tuple[int, int]:
         """Directions per point, and shared paths, in each batch of the first round."""
         return first_round_sizes(self.target) if self.direct_mean is None else PATCHES_FIRST
+
+
+def pass_options(scene: RadianceScene, scene_pass: ScenePass, request: Request) -> PassOptions:
+    """Options by which the engine is asked for the light of a pass."""
+    return PassOptions(
+        group=scene_pass.group,
+        lamp_modifiers=tuple(dict.fromkeys(scene.lamp_modifiers[lamp] for lamp in scene_pass.lamps)),
+        octree=scene_pass.octree,
+        images=scene_pass.images_octree,
+        glow=scene_pass.glow_octree,
+        relays=scene.relays,
+        bounces=request.bounces,
+        lamp_count=len(scene.lamp_names),
+        bins=len(scene_pass.lamps) if scene_pass.bins_file else 0,
+        bins_file=scene_pass.bins_file,
+    )
 
 
 @dataclass(kw_only=True)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.engine.engine import EngineJob
-from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.engine.seed_clock import joined
 from lidarspectra.radiance.sampling.cast_light import CastLight
 from lidarspectra.radiance.sampling.estimator import (
@@ -28,12 +27,12 @@ from lidarspectra.radiance.sampling.estimator import (
 from lidarspectra.radiance.sampling.folding import folding
 from lidarspectra.radiance.sampling.found_light import FoundLight, found_light
 from lidarspectra.radiance.sampling.own_light import samples_for_each_point
-from lidarspectra.radiance.sampling.request import Log, Request
+from lidarspectra.radiance.sampling.request import Log, Request, pass_options
 from lidarspectra.radiance.sampling.running_means import Batches, Moments, Weights
-from lidarspectra.radiance.sampling.samplers import DIRECT
+from lidarspectra.radiance.sampling.samplers import DIRECT, ONCE
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 from lidarspectra.radiance.sampling.stated_error import own_relative_se, relative_rms
-from lidarspectra.radiance.sampling.survey import survey
+from lidarspectra.radiance.sampling.survey import Survey
 from lidarspectra.radiance.sampling.uncertainty import standard_error
 from lidarspectra.radiance.scene.scene import RadianceScene, ScenePass
 
@@ -73,6 +72,7 @@ def estimate_block(
     counted: BoolArray,
     scale: FloatArray | None,
     request: Request,
+    surveyed: Survey,
     *,
     direct: FloatArray | None = None,
     generator: np.random.Generator,
@@ -91,6 +91,8 @@ def estimate_block(
     scale : (band,) float or None
         Mean irradiance that errors are relative to; the block's own if None. [W/m²/nm]
     request : Request
+    surveyed : Survey
+        The room, for the sensors of all blocks.
     direct : (lamp, point) float, optional
         Coefficient of light straight from the lamps that is known and not traced. [m⁻²]
     generator : numpy.random.Generator
@@ -110,8 +112,7 @@ def estimate_block(
     EngineError
         If a program fails, or gives too few values or non-finite ones.
     """
-    components = _components(scene, request, sensors, generator=generator)
-    truncation = survey(components, sensors, scene, request, generator=generator, log=log)
+    components = _components(scene, request, sensors, surveyed)
     wanted = _first(components, request)
     start, stop, first_s = 0.0, min(first_round, SECOND_ROUND), 0.0
     for _ in range(MAX_ROUNDS):
@@ -138,7 +139,7 @@ def estimate_block(
     return BlockResult(
         found=found_light(scene, components, direct),
         irradiance_se=error,
-        truncation=truncation,
+        truncation=surveyed.truncation(sensors),
         first_round=first_s / max(_spent_s(components), 1e-9),
     )
 
@@ -162,42 +163,37 @@ def _expected_s(components: Sequence[Component], wanted: Sequence[IntArray]) -> 
 
 
 def first_mean(
-    scene: RadianceScene, sensors: Sensors, request: Request, *, generator: np.random.Generator, log: Log
+    scene: RadianceScene,
+    sensors: Sensors,
+    request: Request,
+    surveyed: Survey,
+    *,
+    generator: np.random.Generator,
+    log: Log,
 ) -> FloatArray:
     """(band,) mean irradiance over sensors [W/m²/nm], from the samples of a first round."""
-    components = _components(scene, request, sensors, generator=generator)
-    survey(components, sensors, scene, request, generator=generator, log=log)
+    components = _components(scene, request, sensors, surveyed)
     wanted = _first(components, request)
     _sample(components, wanted, sensors, scene, request, generator=generator, log=log, progress=silent)
     return np.asarray(_totals(components).mean(axis=(0, 1)), dtype=np.float64)
 
 
 def _components(
-    scene: RadianceScene, request: Request, sensors: Sensors, *, generator: np.random.Generator
+    scene: RadianceScene, request: Request, sensors: Sensors, surveyed: Survey | None = None
 ) -> list[Component]:
     count, keep = len(sensors.positions), Batches if request.keeps_batches else Moments
     return [
         Component(
             sampler=sampler,
-            options=PassOptions(
-                group=scene_pass.group,
-                lamp_modifiers=tuple(dict.fromkeys(scene.lamp_modifiers[lamp] for lamp in scene_pass.lamps)),
-                octree=scene_pass.octree,
-                images=scene_pass.images_octree,
-                glow=scene_pass.glow_octree,
-                relays=scene.relays,
-                bounces=request.bounces,
-                lamp_count=len(scene.lamp_names),
-                bins=len(scene_pass.lamps) if scene_pass.bins_file else 0,
-                bins_file=scene_pass.bins_file,
-            ),
+            options=pass_options(scene, scene_pass, request),
             lamps=scene_pass.lamps,
             slots=scene_pass.slots,
             means=keep.empty(_weights(scene, scene_pass), batches=BATCHES, points=count),
             sharers=sum(other.slots == scene_pass.slots for other in scene.passes),
             samples=np.zeros(1 if sampler.is_shared else count, dtype=np.int64),
-            surfaces=request.surfaces[scene_pass.name] if sampler.has_patches else None,
-            cast=CastLight.of(scene, scene_pass, request.surfaces),
+            surfaces=request.surfaces[scene_pass.name] if sampler.is_shared else None,
+            sharing=surveyed.sharing[scene_pass.name] if surveyed is not None and sampler.is_shared else None,
+            cast=CastLight.of(scene, scene_pass, request.surfaces) if sampler in (DIRECT, ONCE) else None,
         )
         for scene_pass in scene.passes
         for sampler in request.samplers

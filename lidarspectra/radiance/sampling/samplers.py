@@ -31,8 +31,6 @@ class Sampler:
         Its name.
     is_shared : bool
         Whether all points share its samples.
-    has_patches : bool
-        Whether it looks at the room's surfaces before it samples.
     lamps_visible : bool
         Whether its rays see lamps.
     glass : str
@@ -41,7 +39,6 @@ class Sampler:
 
     kind: Kind
     is_shared: bool = False
-    has_patches: bool = False
     lamps_visible: bool = False
     glass: Glass = "plain"
 
@@ -119,8 +116,8 @@ class _Often(Sampler):
 
 DIRECT = _Direct("direct")
 ONCE = _Once("once", glass="images")
-OFTEN = _Often("often", is_shared=True, has_patches=True)
-VIEW = Sampler("view", has_patches=True, lamps_visible=True)
+OFTEN = _Often("often", is_shared=True)
+VIEW = Sampler("view", lamps_visible=True)
 
 
 def samplers_of(receptor: Receptor) -> tuple[Sampler, ...]:

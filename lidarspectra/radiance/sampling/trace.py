@@ -32,6 +32,7 @@ from lidarspectra.radiance.sampling.rounds import FIRST_ROUND, estimate_block, f
 from lidarspectra.radiance.sampling.running_means import Batches, Moments
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 from lidarspectra.radiance.sampling.stated_error import stated_error
+from lidarspectra.radiance.sampling.survey import Survey, survey
 from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, make_transport
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
@@ -242,9 +243,11 @@ def _trace(
     request = replace(request, surfaces=load_surfaces(scene), keeps_batches=keeps_batches)
     counted = _counted(points)
     blocks = _blocks(scene, count, keeps_batches=keeps_batches)
+    everywhere = Sensors(positions=points.positions, normals=points.normals, receptor=request.receptor)
+    surveyed = survey(scene, everywhere, request, generator=generator, log=log)
     scale = None
     if len(blocks) > 1 and request.noise_of == "mean":
-        scale = _scale(scene, points, counted, request, generator=generator, log=log)
+        scale = _scale(scene, points, counted, request, surveyed, generator=generator, log=log)
     slot_coefficient = np.empty((lamps, count, len(scene.slots)), dtype=np.float32)
     coefficient = np.empty((lamps, count, bands), dtype=np.float32)
     coefficient_se = np.empty_like(coefficient)
@@ -261,6 +264,7 @@ def _trace(
             counted[block],
             scale,
             request,
+            surveyed,
             direct=None if direct is None else direct[:, block],
             generator=generator,
             log=log,
@@ -325,6 +329,7 @@ def _scale(
     points: SensorPoints,
     counted: BoolArray,
     request: Request,
+    surveyed: Survey,
     *,
     generator: np.random.Generator,
     log: Log,
@@ -333,4 +338,4 @@ def _scale(
     among = np.flatnonzero(counted)
     some = among[np.unique(np.linspace(0, among.size - 1, SCALE_POINTS).astype(np.int64))]
     sensors = Sensors(positions=points.positions[some], normals=points.normals[some], receptor=request.receptor)
-    return first_mean(scene, sensors, request, generator=generator, log=log)
+    return first_mean(scene, sensors, request, surveyed, generator=generator, log=log)

@@ -19,6 +19,7 @@ from lidarspectra.radiance.sampling.receptors import cone_receptor, cosine_recep
 from lidarspectra.radiance.sampling.request import Log, Request
 from lidarspectra.radiance.sampling.samplers import DIRECT
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
+from lidarspectra.radiance.sampling.survey import survey
 from lidarspectra.radiance.sampling.trace import trace, trace_irradiance
 from lidarspectra.radiance.sampling.transport import load_transport, save_transport, standard_error_of_sum
 from lidarspectra.radiance.scene.scene import RadianceScene
@@ -139,8 +140,9 @@ def test_rounds_of_shadow_rays_never_repeat_one_another(rooms, places, monkeypat
     )
     sensors = Sensors(positions=places.positions, normals=places.normals, receptor=request.receptor)
     log, generator = Log(), np.random.default_rng(1)
+    surveyed = survey(scene, sensors, request, generator=generator, log=log)
     for _ in range(3):
-        rounds.first_mean(scene, sensors, request, generator=generator, log=log)
+        rounds.first_mean(scene, sensors, request, surveyed, generator=generator, log=log)
     for batches in np.concatenate(seen, axis=1):  # of a point, in all rounds
         assert len({tuple(batch) for batch in batches.tolist()}) == 3 * BATCHES
 

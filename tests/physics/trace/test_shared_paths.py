@@ -67,7 +67,7 @@ def test_shared_paths_give_what_own_paths_give(sensors_in_a_furnished_room) -> N
         engine=engine,
         surfaces=load_surfaces(scene),
     )
-    parts = rounds._components(scene, request, sensors, generator=generator)
+    parts = rounds._components(scene, request, sensors)
     wanted = [
         np.full(part.samples.size, {"direct": 0, "once": PATHS, "often": 1597}[part.sampler.kind]) for part in parts
     ]

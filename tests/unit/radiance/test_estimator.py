@@ -22,12 +22,13 @@ from lidarspectra.radiance.sampling.estimator import (
 )
 from lidarspectra.radiance.sampling.receptors import FIBONACCI, cone_receptor, cosine_receptor
 from lidarspectra.radiance.sampling.rounds import share_done
-from lidarspectra.radiance.sampling.running_means import Batches, Moments, Weights
+from lidarspectra.radiance.sampling.running_means import Batches, Weights
 from lidarspectra.radiance.sampling.samplers import DIRECT, OFTEN, ONCE, VIEW, Kind, samplers_of
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
 SAMPLERS = {sampler.kind: sampler for sampler in (DIRECT, ONCE, OFTEN, VIEW)}
 GROUP = band_groups(3, "native")[0]
+SAME = np.ones((2, 3))  # true flux over the written one, of two lamps in three slots
 
 
 def weights(flux_ratio: FloatArray) -> Weights:
@@ -37,9 +38,7 @@ def weights(flux_ratio: FloatArray) -> Weights:
     return Weights(written=np.ones((lamps, 3)), flux_ratio=flux_ratio, shares=np.eye(3), folding=folding)
 
 
-def component(
-    points: int, kind: Kind = "once", flux_ratio: FloatArray = np.ones((2, 3)), **more: Any
-) -> Component:
+def component(points: int, kind: Kind = "once", flux_ratio: FloatArray = SAME, **more: Any) -> Component:
     return Component(
         sampler=SAMPLERS[kind],
         options=PassOptions(
@@ -147,7 +146,9 @@ def test_answers_go_to_their_points_lamps_and_bands() -> None:
     run = EngineRun(argv=("rcontrib",), status=0, stderr="", seconds=1.0, output=wanted.tobytes())
     take_answer(task, run, sensors(3), generator=np.random.default_rng(1))
     for row, point in enumerate((2, 0)):
-        assert part.means.mean[:, :, point] == pytest.approx(np.pi * wanted[row][..., ::-1])  # slots come long end first
+        assert part.means.mean[:, :, point] == pytest.approx(
+            np.pi * wanted[row][..., ::-1]
+        )  # slots come long end first
     assert np.all(part.means.mean[:, :, 1] == 0.0)
     assert part.samples.tolist() == [8, 0, 8]
 

@@ -142,7 +142,7 @@ def test_rough_light_of_an_evenly_lit_enclosure_is_the_geometric_series(walls) -
     painted = replace(room.scattering, reflectance=reflectance, diffuse_part=diffuse)
     found = patches(replace(room, scattering=painted))
     direct, bounces = np.array([2.0, 5.0]), 5
-    rough = found.sent_on(np.broadcast_to(direct[:, None], (len(found), 2, 3)), bounces)
+    rough = found.sent_on(found.reflected(np.broadcast_to(direct[:, None], (len(found), 2, 3)), bounces).whole)
     level, slopes = rough.functions[::4], rough.functions.reshape(len(found), 4, -1)[:, 1:]
     series = diffuse[0] * sum(reflectance[0] ** times for times in range(1, bounces)) / np.pi
     expected = np.outer(direct, series).ravel()  # lamp by lamp
@@ -154,6 +154,6 @@ def test_rough_light_is_exactly_nothing_behind_a_closed_sheet() -> None:
     found = patches(surfaces(*CLOSED))
     x = found.positions[:, 0]
     lit = x < WALL_M - 1e-3
-    rough = found.sent_on(lit[:, None, None].astype(float), 8).functions.reshape(len(found), -1)
+    rough = found.sent_on(found.reflected(lit[:, None, None].astype(float), 8).whole).functions.reshape(len(found), -1)
     assert np.all(rough[x > WALL_M + 1e-3] == 0.0)
     assert np.all(rough[lit, 0] > 0.0)
