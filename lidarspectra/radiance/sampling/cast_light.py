@@ -110,7 +110,7 @@ class CastLight:
     def direct(
         self, sensors: Sensors, points: IntArray, *, sets: int, size: int, generator: np.random.Generator
     ) -> FloatArray:
-        """(set, cast, point, slot) estimates of the light straight from the cast lamps [unit of the flux, per m²].
+        """(set, cast, point) estimates of the light straight from the cast lamps, per unit of their flux [m⁻²].
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class CastLight:
         generator : numpy.random.Generator
         """
         rays = size * max(1, min(MOST_RAYS, SHARED_RAYS // self.lamp_count))
-        chunk = max(1, RAYS_AT_ONCE // (sets * max(rays, NEAR_RAYS * size)))
+        chunk = max(1, RAYS_AT_ONCE // (sets * rays))
         found = np.zeros((sets, len(self.lamps), len(points)))
         for first in range(0, len(points), chunk):
             part = points[first : first + chunk]
@@ -132,7 +132,7 @@ class CastLight:
             for each in self.shining:
                 light = self._direct(each, places, normals, rays=rays, near_rays=NEAR_RAYS * size, generator=generator)
                 found[:, self.lamps.index(each.lamp), first : first + chunk] += light.reshape(sets, -1)
-        return found[:, self.rows, :, None] * self.flux[self.rows][None, :, None]
+        return found[:, self.rows]
 
     def roughly(self, places: FloatArray, *, generator: np.random.Generator) -> FloatArray:
         """(lamp, place, slot) direct light at places with their normals (place, 6), by few rays, of lamps all cast."""
@@ -160,8 +160,8 @@ class CastLight:
             rays = sensors.draw_rays(part, sets=sets, count=size, generator=generator).reshape(-1, 6)
             irradiance, reflectance, weight = self._arriving(rays, generator=generator)
             shape = (len(part), sets, size)
-            light = irradiance.reshape(*shape, -1).swapaxes(2, 3) @ reflectance.reshape(*shape, -1)
-            found[:, :, first : first + chunk] = light.transpose(1, 2, 0, 3) / size
+            light = np.einsum("ptnl,ptns->tlps", irradiance.reshape(*shape, -1), reflectance.reshape(*shape, -1))
+            found[:, :, first : first + chunk] = light / size
             where = np.flatnonzero(weight)
             left.append(rays[where])
             weights.append(weight[where] * (sensors.receptor.measure_sr / size))
@@ -330,9 +330,11 @@ def light_samples(
     close[maybe] = surface.distance(places[maybe]) < near * half
     far, by = in_front[~close[in_front]], np.flatnonzero(close)
     yield far, *_to_area(shining, surface, places[far], normals[far], _numbers(len(far), rays, generator))
-    if by.size:
-        numbers = _numbers(len(by), near_rays, generator)
-        yield by, *_in_both_ways(shining, surface, places[by], normals[by], numbers)
+    at_once = max(1, RAYS_AT_ONCE // (2 * near_rays))
+    for first in range(0, len(by), at_once):
+        part = by[first : first + at_once]
+        numbers = _numbers(len(part), near_rays, generator)
+        yield part, *_in_both_ways(shining, surface, places[part], normals[part], numbers)
 
 
 def _numbers(places: int, count: int, generator: np.random.Generator) -> FloatArray:

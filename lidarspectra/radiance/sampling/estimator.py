@@ -95,11 +95,19 @@ class Component:
         return max(self.seconds, 1e-9) / max(self.sampled, 1)
 
     def add(self, points: IntArray, size: int, estimates: FloatArray) -> None:
-        """Take (batch, lamp, point, band) estimates of `size` samples each into the running means."""
+        """Take (batch, lamp, point, slot) estimates of `size` samples each into the running means."""
+        self.means.add(points, self._counted(points, size), estimates)
+
+    def add_grey(self, points: IntArray, size: int, coefficients: FloatArray) -> None:
+        """The same of light whose (batch, lamp, point) coefficients [m⁻²] are the same in all slots."""
+        self.means.add_grey(points, self._counted(points, size), coefficients)
+
+    def _counted(self, points: IntArray, size: int) -> FloatArray:
+        """(point,) share of further samples in all, which they are counted among."""
         units = np.zeros(1, dtype=np.int64) if self.sampler.is_shared else points
         share = size / (self.samples[units] + size)
-        self.means.add(points, np.broadcast_to(share, points.shape), estimates)
         self.samples[units] += size
+        return np.broadcast_to(share, points.shape)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,7 +253,7 @@ def take_answer(task: Task, run: EngineRun, sensors: Sensors, *, generator: np.r
     if component.sampler is DIRECT and component.cast is not None:
         start = time.process_time()
         given = component.cast.direct(sensors, task.points, sets=BATCHES, size=task.size, generator=generator)
-        estimates[:, component.cast.rows] = given
+        estimates[:, component.cast.rows] = given[..., None] * component.cast.flux[component.cast.rows][:, None]
         component.seconds += time.process_time() - start
     component.add(task.points, task.size, estimates)
     component.sampled += BATCHES * task.size * count
@@ -258,7 +266,7 @@ def cast_task(task: Task, sensors: Sensors, *, rays_per_job: int, generator: np.
     component.sampled += BATCHES * task.size * task.points.size
     if component.sampler is DIRECT:
         found = component.cast.direct(sensors, task.points, sets=BATCHES, size=task.size, generator=generator)
-        component.add(task.points, task.size, found)
+        component.add_grey(task.points, task.size, found)
         component.seconds += time.process_time() - start
         return
     once = component.cast.once(sensors, task.points, sets=BATCHES, size=task.size, generator=generator)

@@ -283,6 +283,7 @@ def _weights(scene: RadianceScene, scene_pass: ScenePass) -> Weights:
         flux_ratio=scene.slot_flux[where] / scene.written_flux[where],
         shares=scene.slots.matrix[list(scene_pass.slots)],
         folding=folding(scene)[where],
+        flux=scene.flux[list(scene_pass.lamps)],
     )
 
 

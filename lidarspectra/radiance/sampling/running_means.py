@@ -11,6 +11,7 @@ since what is new is independent of what was there.
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -36,22 +37,25 @@ class Weights:
         Of the slots in the channels. [1]
     folding : (lamp, slot, band) float
         By which coefficients of slots add up to those of channels. [1]
+    flux : (lamp, band) float
+        Of the lamps in the channels. [W/nm]
     """
 
     written: FloatArray
     flux_ratio: FloatArray
     shares: FloatArray
     folding: FloatArray
+    flux: FloatArray
 
     def light(self, estimates: NDArray[np.floating]) -> FloatArray:
         """(batch, point, band) light [W/m²/nm] of all lamps, from (batch, lamp, point, slot) estimates [µW/m²/nm]."""
         light: FloatArray = np.einsum("klps,ls->kps", estimates, self.flux_ratio) @ self.shares
         return light
 
-    def coefficients(self, light: NDArray[np.floating]) -> NDArray[np.floating]:
-        """(..., lamp, point, band) coefficients [m⁻²] from (..., lamp, point, slot) light [µW/m²/nm]."""
-        per_flux: NDArray[np.floating] = np.matmul(light, (self.folding / self.written[:, :, None]).astype(light.dtype))
-        return per_flux
+    @cached_property
+    def per_light(self) -> NDArray[np.float32]:
+        """(lamp, slot, band) by which light in slots [µW/m²/nm] adds up to the coefficients of channels [m⁻²]."""
+        return (self.folding / self.written[:, :, None]).astype(np.float32)
 
 
 class RunningMeans(Protocol):
@@ -59,6 +63,9 @@ class RunningMeans(Protocol):
 
     def add(self, points: IntArray, share: FloatArray, estimates: FloatArray) -> None:
         """Take (batch, lamp, point, slot) estimates of some points in, with a (point,) share in their mean [0-1]."""
+
+    def add_grey(self, points: IntArray, share: FloatArray, coefficients: FloatArray) -> None:
+        """The same of light whose (batch, lamp, point) coefficients [m⁻²] are the same in all slots."""
 
     def light(self) -> FloatArray:
         """(batch, point, band) light of all the component's lamps with their own flux [W/m²/nm]."""
@@ -92,6 +99,10 @@ class Batches:
     def add(self, points: IntArray, share: FloatArray, estimates: FloatArray) -> None:
         """As `RunningMeans.add`."""
         self.mean[:, :, points] += (estimates - self.mean[:, :, points]) * share[:, None]
+
+    def add_grey(self, points: IntArray, share: FloatArray, coefficients: FloatArray) -> None:
+        """As `RunningMeans.add_grey`."""
+        self.add(points, share, coefficients[..., None] * self.weights.written[:, None])
 
     def light(self) -> FloatArray:
         """As `RunningMeans.light`."""
@@ -140,13 +151,34 @@ class Moments:
             part = slice(first, first + POINTS_AT_ONCE)
             self._add(points[part], share[part, None], estimates[:, :, part])
 
+    def add_grey(self, points: IntArray, share: FloatArray, coefficients: FloatArray) -> None:
+        """As `RunningMeans.add_grey`."""
+        in_bands = self.weights.folding.sum(axis=1)  # (lamp, band): 1 where the component carries all of a channel
+        light = np.swapaxes(coefficients, 1, 2) @ (self.weights.flux * in_bands)
+        mean = coefficients.mean(axis=0)[..., None] * self.weights.written[:, None]
+        variance = coefficients.var(axis=0, ddof=1)[..., None] * in_bands[:, None] ** 2
+        self._take(points, share[:, None], light, mean, variance / len(coefficients))
+
     def _add(self, points: IntArray, share: FloatArray, estimates: FloatArray) -> None:
-        light = self.weights.light(estimates)
+        values = np.ascontiguousarray(estimates, dtype=np.float32)
+        coefficients = np.matmul(values, self.weights.per_light)
+        light = np.einsum("klpb,lb->kpb", coefficients, self.weights.flux.astype(np.float32))
+        variance = coefficients.var(axis=0, ddof=1) / len(coefficients)
+        self._take(points, share, light, values.mean(axis=0), variance)
+
+    def _take(
+        self,
+        points: IntArray,
+        share: FloatArray,
+        light: NDArray[np.floating],
+        mean: NDArray[np.floating],
+        variance: NDArray[np.floating],
+    ) -> None:
+        """Move the running means and variances of some points by a (point, 1) share."""
         self.together[:, points] += (light - self.together[:, points]) * share
-        self.mean[:, points] += (estimates.mean(axis=0) - self.mean[:, points]) * share
-        spread = self.weights.coefficients(estimates).var(axis=0, ddof=1) / len(estimates)
+        self.mean[:, points] += (mean - self.mean[:, points]) * share
         self.variance[:, points] *= (1.0 - share) ** 2
-        self.variance[:, points] += share**2 * spread
+        self.variance[:, points] += share**2 * variance
 
     def light(self) -> FloatArray:
         """As `RunningMeans.light`."""

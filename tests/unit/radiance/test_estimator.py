@@ -35,7 +35,9 @@ def weights(flux_ratio: FloatArray) -> Weights:
     """Of lamps of one unit, each slot a channel."""
     lamps = len(flux_ratio)
     folding = np.broadcast_to(np.eye(3), (lamps, 3, 3))
-    return Weights(written=np.ones((lamps, 3)), flux_ratio=flux_ratio, shares=np.eye(3), folding=folding)
+    return Weights(
+        written=np.ones((lamps, 3)), flux_ratio=flux_ratio, shares=np.eye(3), folding=folding, flux=flux_ratio
+    )
 
 
 def component(points: int, kind: Kind = "once", flux_ratio: FloatArray = SAME, **more: Any) -> Component:

@@ -18,7 +18,8 @@ from lidarspectra.radiance.sampling.stated_error import own_relative_se
 SAMPLERS = {sampler.kind: sampler for sampler in (DIRECT, ONCE, OFTEN, VIEW)}
 GROUP = band_groups(3, "native")[0]
 POINTS = 40
-NO_LIGHT = Weights(written=np.ones((1, 3)), flux_ratio=np.ones((1, 3)), shares=np.eye(3), folding=np.eye(3)[np.newaxis])
+ONES = np.ones((1, 3))
+NO_LIGHT = Weights(written=ONES, flux_ratio=ONES, shares=np.eye(3), folding=np.eye(3)[np.newaxis], flux=ONES)
 
 
 def component(kind: Kind, *, samples: int = 34, seconds: float = 1.0) -> Component:

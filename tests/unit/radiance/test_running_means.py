@@ -3,19 +3,18 @@
 import numpy as np
 import pytest
 
+from lidarspectra.radiance.sampling.folding import channel_weights
 from lidarspectra.radiance.sampling.running_means import Batches, Moments, Weights
 
 BATCHES, LAMPS, POINTS, SLOTS, BANDS = 8, 3, 5, 4, 2
 
 
 def weights(generator: np.random.Generator) -> Weights:
-    folding = generator.random((LAMPS, SLOTS, BANDS))
-    return Weights(
-        written=1.0 + generator.random((LAMPS, SLOTS)),
-        flux_ratio=generator.random((LAMPS, SLOTS)),
-        shares=generator.random((SLOTS, BANDS)),
-        folding=folding / folding.sum(axis=1, keepdims=True),
-    )
+    flux, written = 1.0 + generator.random((2, LAMPS, SLOTS))
+    shares = generator.random((SLOTS, BANDS))
+    shares /= shares.sum(axis=0)
+    folding = channel_weights(flux, shares)
+    return Weights(written=written, flux_ratio=flux / written, shares=shares, folding=folding, flux=flux @ shares)
 
 
 def test_moments_are_those_of_the_batches() -> None:
@@ -28,8 +27,24 @@ def test_moments_are_those_of_the_batches() -> None:
         kept.add(points, np.ones(3), estimates)
     assert moments.mean == pytest.approx(whole.mean.mean(axis=0), rel=1e-5)
     assert moments.light() == pytest.approx(whole.light(), rel=1e-5)
-    coefficients = given.coefficients(whole.mean)
+    coefficients = np.matmul(whole.mean, given.per_light)
     assert moments.variance == pytest.approx(coefficients.var(axis=0, ddof=1) / BATCHES, rel=1e-4)
+
+
+def test_grey_light_is_the_same_in_all_slots() -> None:
+    generator = np.random.default_rng(1)
+    given = weights(generator)
+    points, coefficients = np.array([3, 0, 4]), generator.random((BATCHES, LAMPS, 3))
+    for kind in (Batches, Moments):
+        grey, slots = (kind.empty(given, batches=BATCHES, points=POINTS) for _ in range(2))
+        for number in (1, 2):
+            share = np.full(3, 1.0 / number)
+            grey.add_grey(points, share, number * coefficients)
+            slots.add(points, share, number * coefficients[..., None] * given.written[:, None])
+        assert grey.mean == pytest.approx(slots.mean, rel=1e-5)
+        assert grey.light() == pytest.approx(slots.light(), rel=1e-5)
+        if isinstance(grey, Moments):
+            assert grey.variance == pytest.approx(slots.variance, rel=1e-4)
 
 
 def test_the_variance_of_a_running_mean_falls_as_samples_are_added() -> None:
