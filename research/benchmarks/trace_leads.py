@@ -140,7 +140,8 @@ class Bench:
         loading = time.process_time() - start
         points, engine_s = np.arange(len(self.sensors.positions)), 0.0
         if kind == "direct":
-            light = caster.direct(self.sensors, points, sets=SETS, size=1, generator=self.generator)
+            found = caster.direct(self.sensors, points, sets=SETS, size=1, generator=self.generator)
+            light = found[..., None] * caster.flux[:, None]  # of all lamps: they are panels
         else:
             once = caster.once(self.sensors, points, sets=SETS, size=RAYS, generator=self.generator)
             job = EngineJob(

@@ -60,7 +60,10 @@ def channel_weights(flux: FloatArray, matrix: FloatArray) -> FloatArray:
 
 def fold_coefficients(values: NDArray[np.floating], weights: FloatArray) -> NDArray[np.float32]:
     """(..., lamp, point, band) coefficients of channels from those of slots (..., lamp, point, slot)."""
-    folded: NDArray[np.float32] = np.matmul(values, weights.astype(np.float32))
+    folded = np.empty((*values.shape[:-1], weights.shape[2]), dtype=np.float32)
+    for lamp, matrix in enumerate(weights.astype(np.float32)):
+        # One large product, not one for each batch as of np.matmul: OpenBLAS takes four times as long for many small.
+        folded[..., lamp, :, :] = np.dot(values[..., lamp, :, :], matrix)
     return folded
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.radiance.sampling.folding import fold_coefficients
 
 POINTS_AT_ONCE = 4_000  # bounds memory
 BYTES_PER_VALUE = 4  # of single precision, which suffices for what fills the memory
@@ -53,9 +54,9 @@ class Weights:
         return light
 
     @cached_property
-    def per_light(self) -> NDArray[np.float32]:
+    def per_light(self) -> FloatArray:
         """(lamp, slot, band) by which light in slots [µW/m²/nm] adds up to the coefficients of channels [m⁻²]."""
-        return (self.folding / self.written[:, :, None]).astype(np.float32)
+        return self.folding / self.written[:, :, None]
 
 
 class RunningMeans(Protocol):
@@ -161,7 +162,7 @@ class Moments:
 
     def _add(self, points: IntArray, share: FloatArray, estimates: FloatArray) -> None:
         values = np.ascontiguousarray(estimates, dtype=np.float32)
-        coefficients = np.matmul(values, self.weights.per_light)
+        coefficients = fold_coefficients(values, self.weights.per_light)
         light = np.einsum("klpb,lb->kpb", coefficients, self.weights.flux.astype(np.float32))
         variance = coefficients.var(axis=0, ddof=1) / len(coefficients)
         self._take(points, share, light, values.mean(axis=0), variance)
