@@ -77,11 +77,11 @@ def _from_moments(scene: RadianceScene, components: Sequence[Component], direct:
     values: NDArray[np.float32] | None = None
     for component in components:
         assert isinstance(component.means, Moments)
-        mean, written = component.means.mean, component.means.weights.written
+        mean = component.means.mean
         if values is None:
             values = np.zeros((len(scene.lamp_names), mean.shape[1], len(scene.slots)), dtype=np.float32)
         for row, lamp in enumerate(component.lamps):
-            values[lamp][:, component.slots] += mean[row] / written[row]
+            values[lamp][:, component.slots] += mean[row]
     assert values is not None  # a scene has a pass
     if direct is not None:
         values += direct[:, :, None].astype(np.float32)

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.progress import Progress, part_of, silent
@@ -29,7 +28,7 @@ from lidarspectra.radiance.sampling.found_light import FoundLight, found_light
 from lidarspectra.radiance.sampling.own_light import samples_for_each_point
 from lidarspectra.radiance.sampling.request import Log, Request, pass_options
 from lidarspectra.radiance.sampling.running_means import Batches, Moments, Weights
-from lidarspectra.radiance.sampling.samplers import DIRECT, ONCE
+from lidarspectra.radiance.sampling.samplers import DIRECT, ONCE, Sampler
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 from lidarspectra.radiance.sampling.stated_error import own_relative_se, relative_rms
 from lidarspectra.radiance.sampling.survey import Survey
@@ -54,15 +53,12 @@ class BlockResult:
         Every lamp's coefficients.
     irradiance_se : (point, band) float
         Standard error of the sum over lamps. [W/m²/nm]
-    truncation : (lamp, point, band) float
-        Estimated light beyond the last reflection traced, which the coefficient lacks. [m⁻²]
     first_round : float
         Share of the engine's time that the first round took. [0-1]
     """
 
     found: FoundLight
     irradiance_se: FloatArray
-    truncation: NDArray[np.float32]
     first_round: float
 
 
@@ -139,7 +135,6 @@ def estimate_block(
     return BlockResult(
         found=found_light(scene, components, direct),
         irradiance_se=error,
-        truncation=surveyed.truncation(sensors),
         first_round=first_s / max(_spent_s(components), 1e-9),
     )
 
@@ -181,23 +176,37 @@ def first_mean(
 def _components(
     scene: RadianceScene, request: Request, sensors: Sensors, surveyed: Survey | None = None
 ) -> list[Component]:
-    count, keep = len(sensors.positions), Batches if request.keeps_batches else Moments
     return [
-        Component(
-            sampler=sampler,
-            options=pass_options(scene, scene_pass, request),
-            lamps=scene_pass.lamps,
-            slots=scene_pass.slots,
-            means=keep.empty(_weights(scene, scene_pass), batches=BATCHES, points=count),
-            sharers=sum(other.slots == scene_pass.slots for other in scene.passes),
-            samples=np.zeros(1 if sampler.is_shared else count, dtype=np.int64),
-            surfaces=request.surfaces[scene_pass.name] if sampler.is_shared else None,
-            sharing=surveyed.sharing[scene_pass.name] if surveyed is not None and sampler.is_shared else None,
-            cast=CastLight.of(scene, scene_pass, request.surfaces) if sampler in (DIRECT, ONCE) else None,
-        )
+        _component(scene, scene_pass, sampler, request, len(sensors.positions), surveyed)
         for scene_pass in scene.passes
         for sampler in request.samplers
     ]
+
+
+def _component(
+    scene: RadianceScene,
+    scene_pass: ScenePass,
+    sampler: Sampler,
+    request: Request,
+    count: int,
+    surveyed: Survey | None,
+) -> Component:
+    """Without samples, for so many points."""
+    keep, shares = Batches if request.keeps_batches else Moments, sampler.is_shared
+    cast = CastLight.of(scene, scene_pass, request.surfaces) if sampler in (DIRECT, ONCE) else None
+    is_grey = sampler is DIRECT and cast is not None and cast.has_all_lamps
+    return Component(
+        sampler=sampler,
+        options=pass_options(scene, scene_pass, request),
+        lamps=scene_pass.lamps,
+        slots=scene_pass.slots,
+        means=keep.empty(_weights(scene, scene_pass), batches=BATCHES, points=count, is_grey=is_grey),
+        sharers=sum(other.slots == scene_pass.slots for other in scene.passes),
+        samples=np.zeros(1 if shares else count, dtype=np.int64),
+        surfaces=request.surfaces[scene_pass.name] if shares else None,
+        sharing=surveyed.sharing[scene_pass.name] if shares and surveyed is not None else None,
+        cast=cast,
+    )
 
 
 def _first(components: Sequence[Component], request: Request) -> list[IntArray]:

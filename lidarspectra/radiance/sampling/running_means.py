@@ -87,13 +87,13 @@ class Batches:
     mean: NDArray[np.float32] = field(repr=False)
 
     @classmethod
-    def empty(cls, weights: Weights, *, batches: int, points: int) -> "Batches":
-        """Of a component without samples."""
+    def empty(cls, weights: Weights, *, batches: int, points: int, is_grey: bool = False) -> "Batches":
+        """Of a component without samples; grey light is kept as any other."""
         lamps, slots = weights.written.shape
         return cls(weights=weights, mean=np.zeros((batches, lamps, points, slots), dtype=np.float32))
 
     @staticmethod
-    def bytes_per_point(*, batches: int, lamps: int, slots: int, bands: int) -> int:
+    def bytes_per_point(*, batches: int, lamps: int, slots: int) -> int:
         """Memory for a point [byte]."""
         return BYTES_PER_VALUE * batches * lamps * slots
 
@@ -118,7 +118,7 @@ class Moments:
     ----------
     weights : Weights
     mean : (lamp, point, slot) float
-        [µW/m²/nm]
+        Of the coefficient; of light that is the same in all slots, once. [m⁻²]
     variance : (lamp, point, band) float
         Of the coefficient's mean over the batches. [m⁻⁴]
     together : (batch, point, band) float
@@ -131,12 +131,12 @@ class Moments:
     together: NDArray[np.float32] = field(repr=False)
 
     @classmethod
-    def empty(cls, weights: Weights, *, batches: int, points: int) -> "Moments":
-        """Of a component without samples."""
+    def empty(cls, weights: Weights, *, batches: int, points: int, is_grey: bool = False) -> "Moments":
+        """Of a component without samples, whose light is the same in all slots or not."""
         lamps, slots, bands = weights.folding.shape
         return cls(
             weights=weights,
-            mean=np.zeros((lamps, points, slots), dtype=np.float32),
+            mean=np.zeros((lamps, points, 1 if is_grey else slots), dtype=np.float32),
             variance=np.zeros((lamps, points, bands), dtype=np.float32),
             together=np.zeros((batches, points, bands), dtype=np.float32),
         )
@@ -156,7 +156,7 @@ class Moments:
         """As `RunningMeans.add_grey`."""
         in_bands = self.weights.folding.sum(axis=1)  # (lamp, band): 1 where the component carries all of a channel
         light = np.swapaxes(coefficients, 1, 2) @ (self.weights.flux * in_bands)
-        mean = coefficients.mean(axis=0)[..., None] * self.weights.written[:, None]
+        mean = coefficients.mean(axis=0)[..., None]
         variance = coefficients.var(axis=0, ddof=1)[..., None] * in_bands[:, None] ** 2
         self._take(points, share[:, None], light, mean, variance / len(coefficients))
 
@@ -165,7 +165,8 @@ class Moments:
         coefficients = fold_coefficients(values, self.weights.per_light)
         light = np.einsum("klpb,lb->kpb", coefficients, self.weights.flux.astype(np.float32))
         variance = coefficients.var(axis=0, ddof=1) / len(coefficients)
-        self._take(points, share, light, values.mean(axis=0), variance)
+        mean = values.mean(axis=0) / self.weights.written[:, None].astype(np.float32)
+        self._take(points, share, light, mean, variance)
 
     def _take(
         self,

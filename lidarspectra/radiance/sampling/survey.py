@@ -29,19 +29,12 @@ class Survey:
     ----------
     sharing : dict of str to Sharing
         Which sensors may share paths, of each pass, by its name; none of narrow receptors.
-    patches : Patches
-        Of a pass; all passes have the same watchers.
-    watched_truncation : (lamp, watcher, band) float
-        Light beyond the last reflection traced at the sensors whose looks found the patches. [m⁻²]
+    truncation : (lamp, point, band) float
+        Estimated light beyond the last reflection traced, which coefficients lack. [m⁻²]
     """
 
     sharing: Mapping[str, Sharing]
-    patches: Patches
-    watched_truncation: NDArray[np.float32]
-
-    def truncation(self, sensors: Sensors) -> NDArray[np.float32]:
-        """(lamp, point, band) estimated light beyond the last reflection traced [m⁻²]."""
-        return self.watched_truncation[:, self.patches.nearest_watcher(sensors)]
+    truncation: NDArray[np.float32]
 
 
 def survey(
@@ -91,8 +84,9 @@ def survey(
         truncation[np.ix_(scene_pass.lamps, range(len(found.watchers)), scene_pass.slots)] += (
             missing / scene.written_flux[where][:, None]
         )
-    watched = fold_coefficients(truncation, folding(scene)).astype(np.float32)
-    return Survey(sharing=sharing, patches=patches[0], watched_truncation=watched)
+    watched = fold_coefficients(truncation, folding(scene))
+    nearest = patches[0].nearest_watcher(sensors)  # all passes have the same watchers
+    return Survey(sharing=sharing, truncation=watched[:, nearest])
 
 
 def _direct_light(

@@ -40,7 +40,6 @@ from lidarspectra.threads import cores_for
 
 METHOD = "adaptive"
 BLOCK_BYTES = 3 * 2**29  # [byte] of a block's results; in smaller blocks starting the engine would dominate
-COMPONENTS = 4  # of a pass: direct light, reflected once, reflected more often, and their sum
 MAX_BLOCK_POINTS = 40_000
 KEPT_PATCH_VALUES = 100_000_000  # the same of patches of the sky, 400 MB: the error of their sum needs the batches
 SCALE_POINTS = 256  # points for the mean irradiance, if there is more than one block
@@ -251,7 +250,6 @@ def _trace(
     slot_coefficient = np.empty((lamps, count, len(scene.slots)), dtype=np.float32)
     coefficient = np.empty((lamps, count, bands), dtype=np.float32)
     coefficient_se = np.empty_like(coefficient)
-    truncation = np.empty_like(coefficient)
     irradiance_se = np.empty((count, bands), dtype=np.float32)
     batches = np.empty((BATCHES, *coefficient.shape), dtype=np.float32) if keeps_batches else None
     first_round = FIRST_ROUND
@@ -276,13 +274,12 @@ def _trace(
         coefficient[:, block] = result.found.coefficient
         coefficient_se[:, block] = result.found.coefficient_se
         irradiance_se[block] = result.irradiance_se
-        truncation[:, block] = result.truncation
         if batches is not None:
             batches[:, :, block] = result.found.batches
     stated, missed = stated_error(
         irradiance=np.einsum("lpb,lb->pb", coefficient, scene.flux, dtype=np.float64),
         irradiance_se=irradiance_se,
-        truncation=np.einsum("lpb,lb->pb", truncation, scene.flux, dtype=np.float64),
+        truncation=np.einsum("lpb,lb->pb", surveyed.truncation, scene.flux, dtype=np.float64),
         slot_error=scene.slots.error,
         counted=counted,
         target=request.target,
@@ -295,7 +292,7 @@ def _trace(
         slot_coefficient=slot_coefficient,
         coefficient_se=coefficient_se,
         irradiance_se=irradiance_se,
-        truncation=truncation,
+        truncation=surveyed.truncation,
         batches=batches,
         missed=missed,
         attributes={
@@ -313,13 +310,15 @@ def _trace(
 
 def _blocks(scene: RadianceScene, count: int, *, keeps_batches: bool) -> list[slice]:
     """Blocks of about equal numbers of points."""
-    bytes_per_point = sum(
-        (Batches if keeps_batches else Moments).bytes_per_point(
-            batches=BATCHES, lamps=len(scene_pass.lamps), slots=len(scene_pass.slots), bands=len(scene.bands)
-        )
-        for scene_pass in scene.passes
-    )
-    most = max(1, min(MAX_BLOCK_POINTS, BLOCK_BYTES // (COMPONENTS * bytes_per_point)))
+    bytes_per_point = 0
+    for each in scene.passes:
+        lamps, slots, bands = len(each.lamps), len(each.slots), len(scene.bands)
+        if keeps_batches:  # of three components and their sum
+            bytes_per_point += 4 * Batches.bytes_per_point(batches=BATCHES, lamps=lamps, slots=slots)
+        else:  # direct light is grey
+            bytes_per_point += Moments.bytes_per_point(batches=BATCHES, lamps=lamps, slots=1, bands=bands)
+            bytes_per_point += 2 * Moments.bytes_per_point(batches=BATCHES, lamps=lamps, slots=slots, bands=bands)
+    most = max(1, min(MAX_BLOCK_POINTS, BLOCK_BYTES // bytes_per_point))
     edges = np.linspace(0, count, -(-count // most) + 1).round().astype(np.int64).tolist()
     return [slice(first, last) for first, last in pairwise(edges)]
 

@@ -319,3 +319,25 @@ def test_a_damaged_octree_is_an_error_of_ours(office, places, section) -> None:
     (scene.folder / scene.passes[0].octree).write_bytes(b"#?RADIANCE\n\nnothing")
     with pytest.raises(EngineError, match="rcontrib"):
         trace(scene, places, **section("low", "draft"), seed=1, engine=find_engine())
+
+
+@BY_ITS_ERROR
+def test_where_batches_are_not_kept_their_moments_tell_the_same(
+    office, places, section, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = office()
+    whole = trace(scene, places, **section("medium", "draft"), seed=1)
+    monkeypatch.setattr(trace_module, "KEPT_BATCH_VALUES", 0)
+    monkeypatch.setattr(trace_module, "MAX_BLOCK_POINTS", 20)  # two blocks
+    parts = trace(scene, places, **section("medium", "draft"), seed=2)
+    assert "coefficient_batches" not in parts
+    for name in ("coefficient", "slot_coefficient", "truncation_coefficient"):
+        assert parts[name].shape == whole[name].shape
+    error = {name: transport["irradiance_se"].to_numpy() for name, transport in (("whole", whole), ("parts", parts))}
+    both = np.hypot(error["whole"], error["parts"])
+    difference = irradiance(parts) - irradiance(whole)
+    assert np.sqrt(((difference / both) ** 2).mean()) < 3.0  # some five points that do not err together, as above
+    assert relative_rms(error["parts"], irradiance(parts)) < 1.2 * NOISE_LEVELS["draft"].relative_se
+    # Of each lamp: errors as large as those that its batches tell, within what eight batches know of a spread.
+    of_lamps = [np.sqrt((each["coefficient_se"].to_numpy() ** 2).mean(axis=1)) for each in (whole, parts)]
+    assert np.all(np.abs(np.log2(of_lamps[1] / of_lamps[0])) < 1.0)

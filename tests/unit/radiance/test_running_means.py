@@ -25,7 +25,7 @@ def test_moments_are_those_of_the_batches() -> None:
     estimates = generator.random((BATCHES, LAMPS, points.size, SLOTS))
     for kept in (whole, moments):
         kept.add(points, np.ones(3), estimates)
-    assert moments.mean == pytest.approx(whole.mean.mean(axis=0), rel=1e-5)
+    assert moments.mean == pytest.approx(whole.mean.mean(axis=0) / given.written[:, None], rel=1e-5)
     assert moments.light() == pytest.approx(whole.light(), rel=1e-5)
     coefficients = np.matmul(whole.mean, given.per_light)
     assert moments.variance == pytest.approx(coefficients.var(axis=0, ddof=1) / BATCHES, rel=1e-4)
@@ -36,12 +36,12 @@ def test_grey_light_is_the_same_in_all_slots() -> None:
     given = weights(generator)
     points, coefficients = np.array([3, 0, 4]), generator.random((BATCHES, LAMPS, 3))
     for kind in (Batches, Moments):
-        grey, slots = (kind.empty(given, batches=BATCHES, points=POINTS) for _ in range(2))
+        grey, slots = (kind.empty(given, batches=BATCHES, points=POINTS, is_grey=one) for one in (True, False))
         for number in (1, 2):
             share = np.full(3, 1.0 / number)
             grey.add_grey(points, share, number * coefficients)
             slots.add(points, share, number * coefficients[..., None] * given.written[:, None])
-        assert grey.mean == pytest.approx(slots.mean, rel=1e-5)
+        assert np.broadcast_to(grey.mean, slots.mean.shape) == pytest.approx(slots.mean, rel=1e-5)
         assert grey.light() == pytest.approx(slots.light(), rel=1e-5)
         if isinstance(grey, Moments):
             assert grey.variance == pytest.approx(slots.variance, rel=1e-4)
@@ -50,7 +50,8 @@ def test_grey_light_is_the_same_in_all_slots() -> None:
 def test_the_variance_of_a_running_mean_falls_as_samples_are_added() -> None:
     # Each round is of as many samples as the first: the mean of n rounds has the variance of one over n.
     generator = np.random.default_rng(1)
-    kept = Moments.empty(weights(generator), batches=BATCHES, points=2000)
+    given = weights(generator)
+    kept = Moments.empty(given, batches=BATCHES, points=2000)
     everywhere = np.arange(2000)
     variances = []
     for number in range(1, 5):
@@ -58,4 +59,4 @@ def test_the_variance_of_a_running_mean_falls_as_samples_are_added() -> None:
         kept.add(everywhere, np.full(2000, 1.0 / number), estimates)
         variances.append(float(kept.variance.mean()))
     assert np.array(variances) * [1, 2, 3, 4] == pytest.approx(variances[0], rel=0.05)  # of 12,000 variances each
-    assert kept.mean == pytest.approx(1.0, abs=6.0 / np.sqrt(4 * BATCHES))
+    assert kept.mean * given.written[:, None] == pytest.approx(1.0, abs=6.0 / np.sqrt(4 * BATCHES))
