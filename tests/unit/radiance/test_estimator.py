@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.radiance.engine.bands import band_groups
@@ -51,6 +52,12 @@ def component(points: int, kind: Kind = "once", flux_ratio: FloatArray = SAME, *
         means=Batches(weights=weights(flux_ratio), mean=np.zeros((BATCHES, 2, points, 3))),
         **({"samples": np.full(points, 8), "seconds": 1.0, "sampled": 8 * BATCHES * points} | more),
     )
+
+
+def kept(part: Component) -> NDArray[np.float32]:
+    """(batch, lamp, point, slot) running means."""
+    assert isinstance(part.means, Batches)
+    return part.means.mean
 
 
 def sensors(points: int) -> Sensors:
@@ -117,8 +124,8 @@ def test_running_means_weigh_by_samples() -> None:
     part.add(everywhere, 8, np.full((BATCHES, 2, 2, 3), 1.0))
     part.add(np.array([1]), 24, np.full((BATCHES, 2, 1, 3), 5.0))
     assert part.samples.tolist() == [8, 32]
-    assert np.all(part.means.mean[:, :, 0] == 1.0)
-    assert part.means.mean[:, :, 1] == pytest.approx((8 * 1.0 + 24 * 5.0) / 32)
+    assert np.all(kept(part)[:, :, 0] == 1.0)
+    assert kept(part)[:, :, 1] == pytest.approx((8 * 1.0 + 24 * 5.0) / 32)
 
 
 def test_tasks_cover_every_wanting_point_once() -> None:
@@ -148,10 +155,8 @@ def test_answers_go_to_their_points_lamps_and_bands() -> None:
     run = EngineRun(argv=("rcontrib",), status=0, stderr="", seconds=1.0, output=wanted.tobytes())
     take_answer(task, run, sensors(3), generator=np.random.default_rng(1))
     for row, point in enumerate((2, 0)):
-        assert part.means.mean[:, :, point] == pytest.approx(
-            np.pi * wanted[row][..., ::-1]
-        )  # slots come long end first
-    assert np.all(part.means.mean[:, :, 1] == 0.0)
+        assert kept(part)[:, :, point] == pytest.approx(np.pi * wanted[row][..., ::-1])  # slots come long end first
+    assert np.all(kept(part)[:, :, 1] == 0.0)
     assert part.samples.tolist() == [8, 0, 8]
 
 
@@ -184,10 +189,10 @@ def test_the_variance_is_that_of_the_sum_over_lamps() -> None:
     # Lamps whose batches move against one another: their sum does not vary at all.
     part = component(1)
     swing = np.arange(BATCHES, dtype=float)[:, None, None]
-    part.means.mean[:, 0], part.means.mean[:, 1] = swing, -swing
+    kept(part)[:, 0], kept(part)[:, 1] = swing, -swing
     assert np.all(band_variance(part) == 0.0)
     first = component(1, flux_ratio=np.array([[1.0] * 3, [0.0] * 3]))
-    first.means.mean[...] = part.means.mean
+    kept(first)[...] = kept(part)
     alone = band_variance(first)
     assert alone == pytest.approx(swing.var(ddof=1) / BATCHES)
 
