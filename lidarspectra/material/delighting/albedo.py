@@ -122,6 +122,8 @@ class LightFit:
         Which family of tone curves was expected (`TonePrior`).
     family_probability : float
         Probability that the tone curve is of this fit's family (`tone_families`); 1 where no other was tried. [0-1]
+    others : tuple of LightFit
+        Fits of the other families.
     steps : int
         Steps of the fit; at `MAX_STEPS` it had not converged.
     """
@@ -150,6 +152,7 @@ class LightFit:
     steps: int
     tone_family: str
     family_probability: float = 1.0
+    others: tuple["LightFit", ...] = ()
 
     @property
     def explained(self) -> float:

@@ -55,6 +55,8 @@ class LightEvidence:
         Cluster of neighbouring points, whose errors are correlated.
     ceiling : (sample,) bool
         Points of a ceiling that may be taken for white.
+    ceiling_weight : float, optional
+        How far it may: 1 for a neutral one. [0-1]
     white : (sample,) bool
         Points so light that their surface is most likely a white one.
     unsure : (sample, 3) float
@@ -97,6 +99,7 @@ class LightEvidence:
     ceiling: BoolArray
     white: BoolArray
     unsure: FloatArray
+    ceiling_weight: float = 1.0
     tint: FloatArray | None = None
     face_excess: FloatArray | None = None
     other: FloatArray | None = None

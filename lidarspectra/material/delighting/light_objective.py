@@ -273,7 +273,8 @@ class LightObjective:
         if self.ceiling.size:
             apart = (np.median(values[self.ceiling], axis=0) - np.log(CEILING_REFLECTANCE)) / CEILING_DEVIATION
             doubt = CEILING_DOUBT
-            parts.append(np.sign(apart) * doubt * np.sqrt(np.log1p((apart / doubt) ** 2)))
+            loss = np.sign(apart) * doubt * np.sqrt(np.log1p((apart / doubt) ** 2))
+            parts.append(np.sqrt(self.evidence.ceiling_weight) * loss)
         parts.append(self._card_beliefs(parameters, values, center))
         return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
 

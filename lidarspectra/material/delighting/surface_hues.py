@@ -9,9 +9,9 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.material.k_means import k_means
 
 HUES = 7  # that a room is sorted into
-HUE_DIGITS = 6  # decimals by which hues differ; what is less is round-off
+HUE_DIGITS = 2  # decimals that hues are rounded to before they are sorted: so few that many starts take no time
 HUE_FLOOR = 0.01  # [1] of white, added before logarithms: a darker colour has no hue to speak of
-HUE_STARTS = 2  # K-means restarts
+HUE_STARTS = 32  # K-means restarts: as many as find the same groups from any seed, in round-off and in noise
 FLAT = 0.9  # [1] cosine to a room axis from which a point lies in a plane of the room
 PLANE_M = 0.2  # [m] points farther apart along their normal are of different planes
 FEWEST = 25  # points of a group that is used
@@ -56,17 +56,23 @@ def surface_groups(
     group = np.full(len(colors), -1, dtype=np.int64)
     if member.sum() < max(FEWEST, HUES):
         return group
-    hue = log_hue(colors[member]).round(HUE_DIGITS)
-    count = min(HUES, len(np.unique(hue, axis=0)))
-    found = k_means(hue, count, seed=SEED, starts=HUE_STARTS)
+    hues = _sorted_hues(log_hue(colors[member]))
     offset = np.rint(places[own, axis] / PLANE_M)
     keys = np.stack([axis, np.sign(facing[own, axis]), offset], axis=1)[member]
     pieces = np.zeros(len(keys)) if piece is None else piece[member]
-    _, label = np.unique(np.column_stack([keys, pieces, found.label]), axis=0, return_inverse=True)
+    _, label = np.unique(np.column_stack([keys, pieces, hues]), axis=0, return_inverse=True)
     label = label.reshape(-1)
     label[np.bincount(label)[label] < FEWEST] = -1
     group[member] = label
     return group
+
+
+def _sorted_hues(hue: FloatArray) -> IntArray:
+    """(n,) which of at most `HUES` groups each of (n, 3) hues is of: of many starts of K-means, the tightest groups."""
+    distinct, which, count = np.unique(hue.round(HUE_DIGITS), axis=0, return_inverse=True, return_counts=True)
+    groups = min(HUES, len(distinct))
+    found = k_means(distinct, groups, seed=SEED, weights=count.astype(np.float64), starts=HUE_STARTS)
+    return found.label[which.reshape(-1)]
 
 
 def log_hue(colors: FloatArray) -> FloatArray:

@@ -8,13 +8,15 @@ each is fitted. The probability of family m is
 
 with Z the evidence that a fit states (`albedo`, Eq. 3), all families being equally likely beforehand. But Z takes every
 misfit for noise, and in a real room the light errs by more: a curve is then rewarded for what the lamps' light leaves.
-So a family must also leave clearly less scatter within surfaces than the usual one, which comes first; where it has the
-greater evidence and does not, the two count as equally probable. The most probable is taken, the usual one
-of equals. With its log reflectance r and variance v, and those of the others, the variance about it is
+So a family must also leave clearly less scatter within surfaces than the usual one, which comes first; where it has
+the greater evidence and does not, the two count as equally probable, and what lies between has a mean of both.
+Camera and light are described by the most probable, the usual one of equals; but reflectances are the mean over the
+families. With the log reflectances r_m and variances v_m, the mean and the variance about it are
 
-    V = sum p_m [v_m + (r_m - r)²],                                                                               (2)
+    r = sum p_m r_m,        V = sum p_m [v_m + (r_m - r)²],                                                       (2)
 
-so that a picture that cannot tell the families has deviations as wide as these differ.
+so that neither jumps where one family comes to be as probable as another, and a picture that cannot tell them has
+deviations as wide as they differ.
 
 References
 ----------
@@ -33,8 +35,8 @@ from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.tone_curve import TonePrior
 from lidarspectra.progress import Progress, shares, silent
 
-LESS = 0.003  # [1] of the scatter, by which a family must leave less: half a unit of log evidence for 150 places. Three
-# filmic cameras gain .007 to .06, a real room, whose white wall a filmic curve breaks in two, .0005
+LESS = 0.006  # [1] of the scatter, by which a family must leave less for its evidence to count in full: a unit of log
+# evidence for 150 places. Three filmic cameras gain .007 to .06
 LOOSE = 10.0  # [1] times a fit's tolerances suffice to weigh a family: .01 of the log of its evidence
 
 
@@ -81,23 +83,25 @@ def fit_other_families(
 def probabilities(fits: Sequence[LightFit]) -> FloatArray:
     """(fit,) probability of each family, given a fit of each to the same evidence [0-1].
 
-    Eq. 1, but that no family is more probable than the first unless its fit also leaves clearly less scatter (`LESS`).
+    Eq. 1, but that no family is more probable than the first unless its fit also leaves less scatter; what it leaves
+    less, over `LESS`, is how much Eq. 1 counts.
     """
     usual, *_ = fits
-    logs = np.array(
-        [
-            fit.log_evidence
-            if fit.scatter < (1.0 - LESS) * usual.scatter
-            else min(fit.log_evidence, usual.log_evidence)
-            for fit in fits
-        ]
-    )
+    over = np.array([fit.log_evidence - usual.log_evidence for fit in fits])
+    gain = np.array([1.0 - fit.scatter / max(usual.scatter, 1e-12) for fit in fits])
+    counts = float(np.clip(gain[over.argmax()] / LESS, 0.0, 1.0))
+    told, tied = _shares(over), _shares(np.minimum(over, 0.0))
+    return counts * told + (1.0 - counts) * tied
+
+
+def _shares(logs: FloatArray) -> FloatArray:
+    """(n,) shares in proportion to the exponentials of logarithms."""
     weights = np.exp(logs - logs.max())
     return np.asarray(weights / weights.sum(), dtype=np.float64)
 
 
-def widened(fit: LightFit, others: Sequence[LightFit], probability: FloatArray) -> LightFit:
-    """A fit whose deviations include that its family of tone curves is not known for certain (Eq. 2).
+def with_others(fit: LightFit, others: Sequence[LightFit], probability: FloatArray) -> LightFit:
+    """A fit that knows what other families of tone curves make of the picture, and how probable they are.
 
     Parameters
     ----------
@@ -110,23 +114,32 @@ def widened(fit: LightFit, others: Sequence[LightFit], probability: FloatArray) 
     Returns
     -------
     fit : LightFit
-        With wider `log_deviation` and `flux_deviations`, and its `family_probability`.
+        With `others`, the probability of each, and with the `log_deviation` of their mean (Eq. 2) and the
+        `flux_deviations` about its own.
     """
-    fits = (fit, *others)
-    reflectance = _variance([np.log(each.reflectance) for each in fits], [f.log_deviation for f in fits], probability)
-    flux = _variance([np.log(each.flux_factors) for each in fits], [f.flux_deviations for f in fits], probability)
+    shares = [float(share) for share in probability]
+    fits = [replace(each, family_probability=share) for each, share in zip((fit, *others), shares, strict=True)]
+    logs = [np.log(each.reflectance) for each in fits]
+    reflectance = _variance(mean_log(fits, logs), logs, [each.log_deviation for each in fits], shares)
+    fluxes = [np.log(each.flux_factors) for each in fits]
+    flux = _variance(fluxes[0], fluxes, [each.flux_deviations for each in fits], shares)
     return replace(
-        fit,
-        log_deviation=np.sqrt(reflectance),
-        flux_deviations=np.sqrt(flux),
-        family_probability=float(probability[0]),
-    )
+        fits[0], log_deviation=np.sqrt(reflectance), flux_deviations=np.sqrt(flux), others=tuple(fits[1:])
+    )  # fmt: skip
 
 
-def _variance(values: Sequence[FloatArray], deviations: Sequence[FloatArray], probability: FloatArray) -> FloatArray:
-    """Variance about the first of some values, of any shape (Eq. 2)."""
+def mean_log(fits: Sequence[LightFit], logs: Sequence[FloatArray]) -> FloatArray:
+    """Mean of logarithms that fits of all families make, of any shape, by their probabilities (Eq. 2)."""
+    terms = [fit.family_probability * each for fit, each in zip(fits, logs, strict=True)]
+    return np.asarray(np.sum(terms, axis=0), dtype=np.float64)
+
+
+def _variance(
+    center: FloatArray, values: Sequence[FloatArray], deviations: Sequence[FloatArray], probability: Sequence[float]
+) -> FloatArray:
+    """Variance of some values, of any shape, about a centre (Eq. 2)."""
     terms = [
-        share * (deviation**2 + (value - values[0]) ** 2)
+        share * (deviation**2 + (value - center) ** 2)
         for value, deviation, share in zip(values, deviations, probability, strict=True)
     ]
     return np.asarray(np.sum(terms, axis=0), dtype=np.float64)

@@ -95,8 +95,8 @@ from lidarspectra.workflow.materials.delighting_samples import (
 from lidarspectra.workflow.materials.light_rounds import (
     REFLECTANCE_RANGE,
     Surfaces,
-    face_reflectance,
     fit_in_rounds,
+    mean_face_reflectance,
 )
 
 SAMPLES = 6_000  # surface points with a light estimate; with 3,000, reflectances differ by 1 %
@@ -438,7 +438,7 @@ def _of_faces(
     # What scatters about a paint's mean is limited after the mean is taken: before, it would darken white ones.
     paints = one_paint(
         scan,
-        face_reflectance(evidence, fit, spread, limits=SCATTERED_RANGE),
+        mean_face_reflectance(evidence, fit, spread, limits=SCATTERED_RANGE),
         known & ~sunny & ~screen,
         turn_deg=surfaces.room.wall_angle_deg,
         piece=surfaces.piece[nearest_of(spread)],

@@ -18,7 +18,7 @@ from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTAN
 from lidarspectra.material.delighting.linear_evidence import UnseenFaces
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb, srgb_of_cones
 from lidarspectra.material.delighting.tone_curve import TonePrior
-from lidarspectra.material.delighting.tone_families import fit_other_families, probabilities, widened
+from lidarspectra.material.delighting.tone_families import fit_other_families, mean_log, probabilities, with_others
 from lidarspectra.progress import Progress, shares
 from lidarspectra.room.light_samples import Samples
 from lidarspectra.room.room import Room
@@ -27,7 +27,9 @@ from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.materials.delighting_samples import groups_of
 
-NEUTRAL = 0.12  # [1] largest spread of a white ceiling's reflectance over the three channels
+# [1] spread of a ceiling's reflectance over the three channels, up to which it is taken for white, and from which for
+# coloured: round-off must not switch what is believed of a white one
+NEUTRAL, COLORED = 0.08, 0.16
 ROUNDS = 3  # of grouping by hue and fitting; in the first the hues are still tinted by the light
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
 LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly white (research/benchmarks/whites.py)
@@ -99,7 +101,7 @@ def fit_in_rounds(
     Returns
     -------
     fit : LightFit
-        Of the most probable family, its deviations widened for the others.
+        Of the most probable family, with those of the others.
     evidence : LightEvidence
         That it was fitted to.
     """
@@ -118,7 +120,7 @@ def fit_in_rounds(
         evidence = replace(grouping.regrouped(evidence, fits[best]), tone_prior=other_families[best - 1])
         fits[best] = _fit_again(evidence, fits[best], flux_deviation, ending)
     order = [best, *(number for number in range(len(fits)) if number != best)]
-    return widened(fits[best], [fits[number] for number in order[1:]], probability[order]), evidence
+    return with_others(fits[best], [fits[number] for number in order[1:]], probability[order]), evidence
 
 
 def _fit_again(evidence: LightEvidence, fit: LightFit, flux_deviation: FloatArray, progress: Progress) -> LightFit:
@@ -170,7 +172,7 @@ class _Grouping:
             evidence,
             unsure=_unsure(self.shadow_edges, fit.irradiance),
             group=groups_of(reflectance, samples, trusted, room, self.surfaces.piece),
-            ceiling=_neutral(self.ceiling, reflectance),
+            ceiling_weight=_neutral(self.ceiling, reflectance),
             white=_whites(reflectance, self.ceiling),
             tint=apparent_ratio(
                 reflectance, faces, Exchange(seen=evidence.exchange, spread=spread, direct=direct),
@@ -192,12 +194,12 @@ def _spectral(of_lamps: FloatArray, fit: LightFit, daylight: Spectrum) -> FloatA
     return np.asarray(scale[:, None] * of_lamps + other[:, None] * (sky / sky[green].mean()), dtype=np.float64)
 
 
-def _neutral(ceiling: BoolArray, reflectance: FloatArray) -> BoolArray:
-    """The ceiling if it is near neutral; a coloured one is no reference for white."""
+def _neutral(ceiling: BoolArray, reflectance: FloatArray) -> float:
+    """How far a ceiling is neutral, 1 to 0; a coloured one is no reference for white."""
     if not ceiling.any():
-        return ceiling
+        return 0.0
     color = np.median(reflectance[ceiling], axis=0)
-    return ceiling if np.ptp(color) <= NEUTRAL * color.max() else np.zeros_like(ceiling)
+    return float(np.clip((COLORED - np.ptp(color) / color.max()) / (COLORED - NEUTRAL), 0.0, 1.0))
 
 
 def _whites(reflectance: FloatArray, ceiling: BoolArray) -> BoolArray:
@@ -217,3 +219,11 @@ def face_reflectance(
     light = fit.irradiance if evidence.tint is None else fit.irradiance * evidence.tint
     seen = cones_of_srgb(evidence.face_light(fit.tone))
     return np.clip(srgb_of_cones(seen / np.exp(spread @ np.log(light))), *limits)
+
+
+def mean_face_reflectance(
+    evidence: LightEvidence, fit: LightFit, spread: csr_array, *, limits: tuple[float, float]
+) -> FloatArray:
+    """(face, 3) reflectance in linear sRGB: geometric mean over the families of tone curves, by their probabilities."""
+    fits = (fit, *fit.others)
+    return np.exp(mean_log(fits, [np.log(face_reflectance(evidence, each, spread, limits=limits)) for each in fits]))

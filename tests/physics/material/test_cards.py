@@ -80,10 +80,9 @@ def card(reflectance: float = CARD, *, center: tuple[float, float, float] = CENT
 
 
 def test_a_card_fixes_the_level_and_narrows_the_deviation(dim_room: Room) -> None:
-    without, unsure = levels(dim_room)
+    _, unsure = levels(dim_room)  # its level may be right all the same, for luck
     with_card, sure = levels(dim_room, card())
     assert with_card == pytest.approx(1.0, abs=0.04)
-    assert abs(with_card - 1.0) < abs(without - 1.0)
     assert sure < unsure
 
 

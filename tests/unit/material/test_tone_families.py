@@ -8,7 +8,7 @@ import pytest
 from lidarspectra.material.delighting.albedo import BOUND_EXPOSURE, LightFit, fit_light
 from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, ToneCurve, TonePrior
-from lidarspectra.material.delighting.tone_families import fit_other_families, probabilities, widened
+from lidarspectra.material.delighting.tone_families import fit_other_families, mean_log, probabilities, with_others
 from lidarspectra.workflow.materials.delighting_notes import tone_note
 
 from .lit_walls import evidence
@@ -42,10 +42,23 @@ def test_a_family_that_is_more_probable_but_leaves_more_scatter_counts_as_much_a
     scattered = replace(filmic, scatter=1.01 * usual.scatter)
     assert probabilities((usual, filmic))[1] > 0.9
     assert probabilities((usual, scattered)) == pytest.approx([0.5, 0.5])
-    hardly = replace(filmic, scatter=0.999 * usual.scatter)
-    assert probabilities((usual, hardly)) == pytest.approx([0.5, 0.5])
+    equal = replace(filmic, scatter=usual.scatter)
+    assert probabilities((usual, equal)) == pytest.approx([0.5, 0.5])
     less = replace(scattered, log_evidence=usual.log_evidence - 3.0)  # scatter makes nothing more probable
     assert probabilities((usual, less)) == pytest.approx([1.0 / (1.0 + np.exp(-3.0)), 1.0 / (1.0 + np.exp(3.0))])
+
+
+def test_a_family_s_probability_does_not_jump_where_it_comes_to_leave_less_scatter() -> None:
+    """Round-off in the linear algebra would else choose the family, as it did of a real room."""
+    usual, filmic = both(photographed(FILMIC))
+    filmic = replace(filmic, log_evidence=usual.log_evidence + 50.0)
+    gains = np.linspace(0.0, 0.01, 101)
+    shares = np.array(
+        [probabilities((usual, replace(filmic, scatter=(1.0 - gain) * usual.scatter)))[1] for gain in gains]
+    )
+    assert shares[0] == pytest.approx(0.5)
+    assert shares[-1] == pytest.approx(1.0)
+    assert np.abs(np.diff(shares)).max() < 0.02  # .5 where it jumps
 
 
 def test_the_note_names_the_family_that_was_taken_wherever_its_curve_came_out() -> None:
@@ -90,8 +103,11 @@ def test_a_picture_that_cannot_tell_gets_the_families_difference_for_its_deviati
     one, two = both(photographed(LINEAR))
     one = replace(one, reflectance=np.full((2, 3), 0.5), log_deviation=np.full((2, 3), 0.03))
     two = replace(two, reflectance=np.full((2, 3), 0.5 * np.exp(0.2)), log_deviation=np.full((2, 3), 0.05))
-    found = widened(one, (two,), np.array([0.75, 0.25]))
-    assert found.log_deviation == pytest.approx(np.sqrt(0.75 * 0.03**2 + 0.25 * (0.05**2 + 0.2**2)))
+    found = with_others(one, (two,), np.array([0.75, 0.25]))
+    logs = [np.log(each.reflectance) for each in (found, *found.others)]
+    assert mean_log((found, *found.others), logs) == pytest.approx(np.log(0.5) + 0.25 * 0.2 * np.ones((2, 3)))
+    variance = 0.75 * (0.03**2 + 0.05**2) + 0.25 * (0.05**2 + 0.15**2)
+    assert found.log_deviation == pytest.approx(np.sqrt(variance) * np.ones((2, 3)))
     assert found.reflectance is one.reflectance
     assert "a plain one was taken, which is 75 % probable." in tone_note(found)[0]
 
@@ -99,7 +115,7 @@ def test_a_picture_that_cannot_tell_gets_the_families_difference_for_its_deviati
 def test_the_only_family_of_a_scan_whose_frames_tell_the_curve_stays_as_it_is() -> None:
     fit = fit_light(photographed(LINEAR), flux_deviation=FLUX)
     assert fit_other_families(photographed(LINEAR), fit, (), flux_deviation=FLUX) == ()
-    found = widened(fit, (), probabilities([fit]))
+    found = with_others(fit, (), probabilities([fit]))
     assert found.log_deviation == pytest.approx(fit.log_deviation)
     assert found.family_probability == 1.0
     assert tone_note(found) == ()
@@ -109,7 +125,7 @@ def test_a_lamp_s_flux_is_as_unsure_as_the_families_differ_in_it() -> None:
     one = fit_light(photographed(LINEAR), flux_deviation=FLUX)
     one = replace(one, flux_factors=np.array([1.0, 1.0]), flux_deviations=np.array([0.1, 0.1]))
     two = replace(one, flux_factors=np.exp([0.3, -0.3]))
-    found = widened(one, (two,), np.array([0.5, 0.5]))
+    found = with_others(one, (two,), np.array([0.5, 0.5]))
     assert found.flux_deviations == pytest.approx(np.sqrt(0.1**2 + 0.5 * 0.3**2) * np.ones(2))
 
 
