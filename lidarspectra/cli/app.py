@@ -36,7 +36,6 @@ from lidarspectra.cli.options import ClusterOption, OutOption, RunFileArgument, 
 from lidarspectra.cli.terminal import console, messages, print_error, print_note, say, shown
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.garbage import collect_rarely
-from lidarspectra.io.dask_unloaded import leave_dask_unloaded
 from lidarspectra.progress import remaining_words
 from lidarspectra.threads import start_with_one_thread
 from lidarspectra.workflow.run_folder.workspace import STAGES, StageName
@@ -106,7 +105,6 @@ def main() -> None:
     """Run the command line; the entry point of `lidarspectra`."""
     start_with_one_thread()
     collect_rarely()
-    leave_dask_unloaded(sys.argv)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a Windows console may be in a code page without '²' or '∫'
             stream.reconfigure(errors="replace")

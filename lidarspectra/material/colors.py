@@ -48,6 +48,13 @@ class PrimaryColors:
     residual: float
 
 
+def color_difference(lab: FloatArray, others: FloatArray) -> FloatArray:
+    """CIEDE2000 colour differences (CIE 142-2001), by colour-science; shapes (..., 3) broadcast."""
+    from colour.difference import delta_E_CIE2000  # loads slowly
+
+    return np.asarray(delta_E_CIE2000(lab, others), dtype=np.float64)
+
+
 def saturated(linear: FloatArray) -> BoolArray:
     """Which of (n, 3) linear sRGB colours show light rather than a surface.
 

@@ -32,7 +32,7 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import MaterialError
-from lidarspectra.material.color_difference import color_difference
+from lidarspectra.material.colors import color_difference
 from lidarspectra.spectra.colorimetry import xyz_to_lab
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM, MAX_REFLECTANCE, Reflectance, ReflectanceLibrary
 from lidarspectra.spectra.spectrum import Spectrum

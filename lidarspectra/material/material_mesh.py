@@ -6,22 +6,25 @@ estimated material; the PLY file (metres, z up) has the same colours at its vert
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import trimesh
+from trimesh import exchange, visual
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.io.files import writing
-from lidarspectra.io.mesh_bytes import PaintedMesh, glb_bytes, ply_bytes
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.spectra.colorimetry import encode_srgb, xyz_to_linear_srgb
 from lidarspectra.spectra.databases import tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 
 MESH_STEM = "materials"
+_EXCHANGE: Any = exchange  # trimesh types only a part of itself
+_VISUAL: Any = visual
 
 
 def daylight_colors(materials: Sequence[Material]) -> FloatArray:
@@ -57,42 +60,44 @@ def save_material_mesh(scan: Scan, materials: MaterialMap, folder: Path) -> tupl
             where="material map",
             todo="Make the materials stage again: it belongs to another scan.",
         )
-    parts = _groups(scan, materials)
+    groups = _groups(scan, materials)
     ply, glb = folder / f"{MESH_STEM}.ply", folder / f"{MESH_STEM}.glb"
     with writing(folder, error=MaterialError):
-        ply.write_bytes(_ply(parts))
-        glb.write_bytes(glb_bytes([_standing(part) for part in parts]))
+        ply.write_bytes(_EXCHANGE.ply.export_ply(_painted(groups, materials)))
+        glb.write_bytes(_EXCHANGE.gltf.export_glb(_named_scene(groups, materials)))
     return ply, glb
 
 
-def _groups(scan: Scan, materials: MaterialMap) -> list[PaintedMesh]:
-    """The part of the mesh that each material covers, in order of their numbers."""
-    linear = daylight_colors(materials.materials)
-    parts = []
+def _groups(scan: Scan, materials: MaterialMap) -> dict[int, trimesh.Trimesh]:
+    """The part of the mesh that each material covers, by its number."""
+    parts = {}
     for number in np.unique(materials.face_material).tolist():
         used, faces = np.unique(scan.faces[materials.face_material == number], return_inverse=True)
-        parts.append(
-            PaintedMesh(
-                name=f"{number} {materials.materials[number].name}",
-                vertices=scan.vertices[used],
-                faces=faces.reshape(-1, 3),
-                color=linear[number],
-            )
-        )
+        parts[number] = trimesh.Trimesh(vertices=scan.vertices[used], faces=faces.reshape(-1, 3), process=False)
     return parts
 
 
-def _ply(parts: Sequence[PaintedMesh]) -> bytes:
-    counts = [len(part.vertices) for part in parts]
-    starts = np.cumsum([0, *counts[:-1]])
-    colors = np.rint(255.0 * encode_srgb(np.stack([part.color for part in parts]))).astype(np.uint8)
-    return ply_bytes(
-        np.concatenate([part.vertices for part in parts]),
-        np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)]),
-        np.repeat(colors, counts, axis=0),
+def _painted(groups: dict[int, trimesh.Trimesh], materials: MaterialMap) -> trimesh.Trimesh:
+    encoded = np.rint(255.0 * encode_srgb(daylight_colors(materials.materials))).astype(np.uint8)
+    colors = np.concatenate([np.tile(encoded[number], (len(mesh.vertices), 1)) for number, mesh in groups.items()])
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in groups.values())])
+    return trimesh.Trimesh(
+        vertices=np.concatenate([mesh.vertices for mesh in groups.values()]),
+        faces=np.concatenate([mesh.faces + start for mesh, start in zip(groups.values(), starts, strict=False)]),
+        vertex_colors=colors,
+        process=False,
     )
 
 
-def _standing(part: PaintedMesh) -> PaintedMesh:
-    """With the y axis up."""
-    return replace(part, vertices=part.vertices[:, [0, 2, 1]] * np.array([1.0, 1.0, -1.0]))
+def _named_scene(groups: dict[int, trimesh.Trimesh], materials: MaterialMap) -> trimesh.Scene:
+    linear = daylight_colors(materials.materials)
+    scene = trimesh.Scene()
+    for number, mesh in groups.items():
+        name = f"{number} {materials.materials[number].name}"
+        standing = trimesh.Trimesh(vertices=mesh.vertices[:, [0, 2, 1]] * [1, 1, -1], faces=mesh.faces, process=False)
+        paint = _VISUAL.material.PBRMaterial(
+            name=name, baseColorFactor=[*linear[number].tolist(), 1.0], metallicFactor=0.0, roughnessFactor=1.0
+        )
+        standing.visual = _VISUAL.TextureVisuals(material=paint)
+        scene.add_geometry(standing, node_name=name, geom_name=name)
+    return scene

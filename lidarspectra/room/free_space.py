@@ -6,7 +6,6 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.geometry.triangles import triangle_distances
 from lidarspectra.room.room import Room
 
 BURIED_SHARE = 0.5  # share of a point's rays that meet the back of a face first, above which it is inside an object
@@ -161,14 +160,17 @@ class FreeSpace:
         tree, owners = self._trees[ignore_floor]
         if owners.size == 0 or len(points) == 0:
             return np.full(len(points), np.inf)
+        from trimesh.triangles import closest_point
+
         near = min(NEIGHBOURS, owners.size)
         best = np.full(len(points), np.inf)
         for first in range(0, len(points), POINTS_AT_ONCE):
             some = points[first : first + POINTS_AT_ONCE]
             _, index = tree.query(some, k=np.arange(1, near + 1), distance_upper_bound=limit_m + SAMPLE_SPACING_M)
             found, column = np.nonzero(index < owners.size)
-            away = triangle_distances(self._corners[owners[index[found, column]]], some[found])
-            np.minimum.at(best, first + found, away)
+            triangles = self._corners[owners[index[found, column]]]
+            closest = closest_point(triangles, some[found])  # type: ignore[no-untyped-call]
+            np.minimum.at(best, first + found, np.linalg.norm(closest - some[found], axis=1))
         best[best > limit_m] = np.inf
         return best
 

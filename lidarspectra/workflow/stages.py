@@ -245,7 +245,7 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
     )
 
     def make(folder: Path, progress: Progress) -> Notes:
-        from lidarspectra.mapping.figures.figure_style import save_figure  # these load what draws
+        from lidarspectra.mapping.figures.figure_style import save_figure  # these load what draws, and trimesh
         from lidarspectra.mapping.figures.material_figures import segmentation_figure
         from lidarspectra.material.material_mesh import save_material_mesh
         from lidarspectra.workflow.report.report_of_run import material_pictures

@@ -22,8 +22,7 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.material import matching
-from lidarspectra.material.color_difference import color_difference
-from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.colors import color_difference, surface_colors
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.matching import MatchMethod, match_color
 from lidarspectra.material.segmentation.surface_classes import of_class, surface_class

@@ -37,9 +37,7 @@ run_file, folder, profiled = sys.argv[1:]
 try:
     from lidarspectra.garbage import collect_rarely  # as the command line does
     collect_rarely()
-    from lidarspectra.io.dask_unloaded import leave_dask_unloaded
-    leave_dask_unloaded(())
-except ModuleNotFoundError:  # of revisions before 25 and 26 November 2026
+except ModuleNotFoundError:  # of revisions before 25 November 2026
     pass
 from pathlib import Path
 try:

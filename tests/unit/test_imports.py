@@ -146,39 +146,3 @@ def test_importing_the_package_loads_no_heavy_library() -> None:
 def test_relighting_loads_nothing_that_draws_or_reads_meshes() -> None:
     heavy = {"trimesh", "pymeshlab", "matplotlib", "colour", "onnxruntime", "sklearn", "scipy.stats"}
     assert not loaded("import lidarspectra.cli.relight, lidarspectra.workflow.scenarios.relighting", heavy)
-
-
-SLOW = ("colour", "dask", "distributed", "scipy.signal", "scipy.stats", "sklearn", "trimesh")
-"""Libraries that load for longer than all that a run would ask of them takes."""
-
-
-def test_a_run_from_scan_to_report_loads_no_library_that_is_slow_to_load() -> None:
-    program = (
-        "import sys\n"
-        "from lidarspectra.io.dask_unloaded import leave_dask_unloaded\n"
-        "leave_dask_unloaded(['lidarspectra', 'run', 'room.toml'])\n"
-        "import xarray as xr\n"
-        "xr.Dataset({'a': ('point', [1.0])}).to_netcdf(engine='h5netcdf')\n"
-        "import lidarspectra.mapping.figures.material_figures, lidarspectra.mapping.report.report\n"
-        "import lidarspectra.material.material_mesh, lidarspectra.workflow.report.report_of_run\n"
-        "from lidarspectra.material.color_difference import color_difference\n"
-        "from lidarspectra.material.k_means import k_means\n"
-        "import lidarspectra.workflow.pipeline\n"
-        "import numpy as np\n"
-        "k_means(np.eye(3), 2, seed=1)\n"
-        "color_difference(np.eye(3), np.eye(3))\n"
-        f"print([name for name in {SLOW} if sys.modules.get(name)])\n"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
-
-
-def test_dask_is_left_where_a_cluster_is_asked_for() -> None:
-    program = (
-        "import sys\n"
-        "from lidarspectra.io.dask_unloaded import leave_dask_unloaded\n"
-        "leave_dask_unloaded(['lidarspectra', 'run', 'room.toml', '--cluster=tcp://127.0.0.1:1'])\n"
-        "print('dask' in sys.modules)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout == "False\n"

@@ -12,6 +12,7 @@ from typing import Self
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
@@ -232,19 +233,10 @@ def _mode(at: FloatArray, smooth: FloatArray) -> float:
 
 def _dips(at: FloatArray, smooth: FloatArray) -> FloatArray:
     """(dip,) where a smoothed histogram falls below `DIP` of the peaks on either side."""
-    peaks = _peaks(smooth, PEAK_SHARE * smooth.max())
+    peaks, _ = find_peaks(smooth, height=PEAK_SHARE * smooth.max())
     found = []
     for first, second in pairwise(peaks):
         lowest = first + int(np.argmin(smooth[first : second + 1]))
         if smooth[lowest] < DIP * min(smooth[first], smooth[second]):
             found.append(float(at[lowest]))
     return np.array(found)
-
-
-def _peaks(values: FloatArray, least: float) -> IntArray:
-    """Where some values have maxima of at least so much, not at their ends; of a plateau the middle."""
-    first = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])  # of each run of equal values
-    last = np.concatenate([first[1:] - 1, [len(values) - 1]])
-    level = values[first]
-    higher = (level[1:-1] > level[:-2]) & (level[1:-1] > level[2:]) & (level[1:-1] >= least)
-    return np.asarray(((first + last) // 2)[1:-1][higher], dtype=np.int64)

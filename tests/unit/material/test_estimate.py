@@ -7,7 +7,7 @@ import pytest
 
 from lidarspectra.errors import ArgumentError, DatabaseError, MaterialError
 from lidarspectra.hardware.phone.readers import read_scan
-from lidarspectra.material.color_difference import color_difference
+from lidarspectra.material.colors import color_difference
 from lidarspectra.material.estimate import default_material, estimate_materials, one_material
 from lidarspectra.material.material_map import MAX_REFLECTANCE, load_materials, save_materials
 from lidarspectra.material.views.viewpoints import ViewSettings, render_views

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from lidarspectra.errors import MaterialError
 from lidarspectra.material import matching
-from lidarspectra.material.color_difference import color_difference
+from lidarspectra.material.colors import color_difference
 from lidarspectra.material.matching import FAR_COLOR, LOGIT_RANGE, _brought_to_luminance, match_color, with_usual_rise
 from lidarspectra.spectra.colorimetry import linear_srgb_to_xyz
 from lidarspectra.spectra.databases import import_spectraldb, load_reflectances

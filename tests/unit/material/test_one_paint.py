@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidarspectra.geometry.scan import Scan, bare_scan
-from lidarspectra.material.delighting.one_paint import _peaks, one_paint
+from lidarspectra.material.delighting.one_paint import one_paint
 
 SIDE_M, STEP_M = 4.0, 0.1
 WALL, DOOR = np.array([0.5, 0.45, 0.4]), 0.4
@@ -124,11 +124,3 @@ def test_what_a_wall_parts_is_one_paint_only_if_it_is_about_as_light(wall: Scan,
         for member, truth in ((beyond, ratio * WALL), (~beyond, WALL)):
             mean = np.average(found.color[member], axis=0, weights=wall.areas[member])
             np.testing.assert_allclose(mean, truth, rtol=0.01)  # 6 % of scatter over 1,600 faces
-
-
-def test_peaks_are_those_of_scipy():
-    from scipy.signal import find_peaks
-
-    random = np.random.default_rng(2)
-    for values in (random.random(200), random.integers(0, 4, 200).astype(np.float64), np.ones(5), np.zeros(1)):
-        assert np.array_equal(_peaks(values, 0.5), find_peaks(values, height=0.5)[0])

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from trimesh.triangles import closest_point
 
-from lidarspectra.geometry.triangles import triangle_distances
 from lidarspectra.room.free_space import FreeSpace, sample_faces, sphere_directions
 from lidarspectra.room.room import find_room
 
@@ -97,12 +96,3 @@ def test_directions_cover_the_sphere_evenly() -> None:
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
     # The mean of an even cover vanishes; 32 random directions would leave about 0.18.
     assert np.linalg.norm(directions.mean(axis=0)) < 0.02
-
-
-def test_distances_to_triangles_are_those_to_their_nearest_points():
-    random = np.random.default_rng(3)
-    corners, points = random.normal(size=(2000, 3, 3)), 2.0 * random.normal(size=(2000, 3))
-    corners[:50, 1] = corners[:50, 0]  # flat ones
-    corners[50:100] = corners[50:100, :1]
-    nearest = closest_point(corners, points)
-    assert np.allclose(triangle_distances(corners, points), np.linalg.norm(nearest - points, axis=1), atol=1e-12)
