@@ -26,6 +26,7 @@ except BaseException as problem:  # as trimesh does with what it cannot import
 def _handlers_as_before():
     names = (signal.SIGINT, signal.SIGTERM)
     before = [signal.getsignal(name) for name in names]
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets what it starts in the background ignore it
     yield
     for name, handler in zip(names, before, strict=True):
         signal.signal(name, handler)

@@ -18,7 +18,7 @@ MAX_LEFT_OUT = 1.0 / 3.0  # [1] of the points, that may be left out for it
 PICTURE_NOISE = 0.006  # [1] of white, deviation of what a picture shows: 8 bits, and JPEG's coarse colour
 ROBUST_SCALE = 1.5  # [1] scale of the robust loss, in standard deviations
 CEILING_REFLECTANCE = 0.80  # [1] EN 12464-1:2021: 0.7 to 0.9
-CEILING_DEVIATION = 0.12  # [1] of its logarithm
+CEILING_DEVIATION = 0.12  # [1] of its logarithm, in the three cones together
 CEILING_DOUBT = 2.0  # [1] scale of the robust loss on the ceiling's prior, in standard deviations
 CARD_DEVIATION = 0.02  # [1] of the logarithm of a card's reflectance: paper yellows, cards soil
 MIN_BESIDE = 4  # points of one surface beside a card, from which they tell by how much the light errs there
@@ -274,7 +274,7 @@ class LightObjective:
             apart = (np.median(values[self.ceiling], axis=0) - np.log(CEILING_REFLECTANCE)) / CEILING_DEVIATION
             doubt = CEILING_DOUBT
             loss = np.sign(apart) * doubt * np.sqrt(np.log1p((apart / doubt) ** 2))
-            parts.append(np.sqrt(self.evidence.ceiling_weight) * loss)
+            parts.append(np.sqrt(self.evidence.ceiling_weight / loss.size) * loss)  # three cones, but one ceiling
         parts.append(self._card_beliefs(parameters, values, center))
         return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
 

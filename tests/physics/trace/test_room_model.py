@@ -54,8 +54,10 @@ def test_a_black_box_has_the_direct_light_of_its_panel() -> None:
     desks = room.grid(0.75, spacing=0.5)
     light = room.light([lamp], desks, accuracy="low", noise="fine", seed=3)
     wanted = [direct_lux(x - 2.0, y - 1.5, 2.6 - 0.75) for x, y, _ in desks.positions]
-    # The sensor's bands end at 410 and 760 nm; the panel is cut into parts of a twentieth of its distance.
-    np.testing.assert_allclose(light["illuminance"], wanted, rtol=0.01)
+    # The sensor's bands end at 410 and 760 nm; the panel is cut into parts of a twentieth of its distance. A point has
+    # a standard error of .4 %, and one of the 35 may be five of them off; their mean has .07 %.
+    np.testing.assert_allclose(light["illuminance"], wanted, rtol=0.02)
+    assert float(np.mean(light["illuminance"] / wanted)) == pytest.approx(1.0, abs=0.004)
 
 
 def test_a_closed_box_of_one_reflectance_keeps_its_energy() -> None:

@@ -8,7 +8,15 @@ from scipy.sparse import csr_array
 
 from lidarspectra.material.delighting.albedo import MAX_PER_PLACE, LightFit, fit_light
 from lidarspectra.material.delighting.light_evidence import LightEvidence, SourceSightings
-from lidarspectra.material.delighting.light_objective import LOG_SCATTER, MAX_UNSURE, OF_TONE, LightObjective
+from lidarspectra.material.delighting.light_objective import (
+    CEILING_DEVIATION,
+    CEILING_DOUBT,
+    CEILING_REFLECTANCE,
+    LOG_SCATTER,
+    MAX_UNSURE,
+    OF_TONE,
+    LightObjective,
+)
 from lidarspectra.material.delighting.robust_centers import RobustCenters
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb, srgb_of_cones
 from lidarspectra.material.delighting.surface_light import MIN_LIGHT
@@ -131,7 +139,19 @@ def test_a_place_is_one_observation_at_most_where_a_source_that_nobody_named_giv
 def test_fewer_observations_per_place_leave_the_fit_less_sure() -> None:
     logs = 0.5 * LOG_SCATTER * np.random.default_rng(4).normal(size=len(evidence(2).shown))
     few, many = (np.median(fitted(logs, count).log_deviation) for count in (0.1, 4.0))
-    assert few > 1.1 * many
+    assert few > 1.05 * many
+
+
+def test_a_ceiling_is_believed_once_though_it_is_seen_in_three_cones() -> None:
+    seen = replace(evidence(2), ceiling=evidence(2).group == 0)
+    blind = replace(seen, ceiling=np.zeros_like(seen.ceiling))
+    models = [LightObjective(each, flux_deviation=np.array([0.15])) for each in (seen, blind)]
+    place = np.zeros(models[0].count)
+    found, without = (0.5 * float((model.residuals(place) ** 2).sum()) for model in models)
+    log_reflectance = np.median(models[0].log_reflectance(place)[models[0].ceiling], axis=0)
+    apart = (log_reflectance - np.log(CEILING_REFLECTANCE)) / CEILING_DEVIATION
+    of_cones = 0.5 * CEILING_DOUBT**2 * np.log1p((apart / CEILING_DOUBT) ** 2)
+    assert found - without == pytest.approx(of_cones.mean())
 
 
 def test_points_at_the_edges_of_shadows_do_not_count_but_two_thirds_always_do() -> None:
