@@ -148,15 +148,21 @@ def rehearse(
 
 
 def _say_next(folder: Path, simulated: Path) -> None:
-    for words in (
-        f"lidarspectra sensor calibrate rehearsal --lamp {folder / 'lamp-log.csv'}={folder / 'lamp.csv'}"
-        f" --dark {folder / 'dark-log.csv'}",
-        f"lidarspectra sensor join {folder / 'log.csv'} --poses {folder / 'poses.csv'} --align {folder / 'points.csv'}"
-        f" --calibration rehearsal --map {simulated} --locations {simulated} --measured {folder / 'measured.csv'}"
-        f" --out {folder / 'placed.csv'}",
-        f"lidarspectra evaluate RUN --measured {folder / 'measured.csv'}",
-    ):
-        say(words)
+    from shlex import join as command
+
+    calibrate = [
+        *("lidarspectra", "sensor", "calibrate", "rehearsal"),
+        *("--lamp", f"{folder / 'lamp-log.csv'}={folder / 'lamp.csv'}", "--dark", str(folder / "dark-log.csv")),
+    ]
+    place = [
+        *("lidarspectra", "sensor", "join", str(folder / "log.csv"), "--poses", str(folder / "poses.csv")),
+        *("--align", str(folder / "points.csv"), "--calibration", "rehearsal", "--map", str(simulated)),
+        *("--locations", str(simulated), "--measured", str(folder / "measured.csv")),
+        *("--out", str(folder / "placed.csv")),
+    ]
+    evaluate = ["lidarspectra", "evaluate", "RUN", "--measured", str(folder / "measured.csv")]
+    for words in (calibrate, place, evaluate):
+        say(command(words))
 
 
 @app.command()

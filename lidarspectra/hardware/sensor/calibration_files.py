@@ -100,9 +100,10 @@ def load_calibration(name: str, version: int | None = None) -> Calibration:
         wanted = name if version is None else f"{name} version {version}"
         folder = calibration_folder()
         others = sorted(path.name for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else []
+        saved = f"only {', '.join(others)}" if others else "no saved calibration"
         raise ReadingError(
             expected=f"a saved calibration '{wanted}'",
-            found=f"versions {', '.join(map(str, known))}" if known else f"only {', '.join(others) or 'none'}",
+            found=f"versions {', '.join(map(str, known))}" if known else saved,
             where=str(folder),
             todo="Make one with 'lidarspectra sensor calibrate'.",
         )

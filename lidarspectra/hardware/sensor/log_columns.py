@@ -60,9 +60,9 @@ class ChannelColumn:
 def channel_column(name: str) -> ChannelColumn | None:
     """The channel that a column's name means, and the sensor if it says one.
 
-    Known are 410, '410 nm', A, count_410, s1_410, s1_w1, 's1 A', 'desk_count_410nm', and names with labels as Grafana
-    writes them: '410nm {sensor="desk"}', 'value {channel="A", node="3"}'. None for any other, and for names of times:
-    'unix_s' is no channel S of a sensor 'unix'.
+    Known are 410, '410 nm', A, wavelength1 (the shortest), count_410, s1_410, s1_w1, 's1 A', 'desk_count_410nm', and
+    names with labels as Grafana writes them: '410nm {sensor="desk"}', 'value {channel="A", node="3"}'. None for any
+    other, and for names of times: 'unix_s' is no channel S of a sensor 'unix'.
     """
     if name.strip().lower() in TIME_NAMES:
         return None
@@ -74,6 +74,8 @@ def channel_column(name: str) -> ChannelColumn | None:
     if letter is not None and prefix in _FAMILIES:
         return ChannelColumn(sensor="", family=_FAMILIES[prefix], letter=letter)
     letter = channel_letter(name)
+    if letter is None and name.strip().lower().startswith("wavelength"):
+        letter = _channel(name.strip())
     if letter is not None:
         word = re.match(r"[A-Za-z]+(?=[\s_:-])", name.strip())
         return ChannelColumn(sensor="", family=_FAMILIES.get(word[0].lower() if word else "", "plain"), letter=letter)
@@ -107,8 +109,8 @@ def _of_labels(field: str, text: str) -> ChannelColumn | None:
 
 
 def _channel(word: str) -> str | None:
-    """Letter of a channel by its number counted by wavelength (w1 to w18), its letter or its wavelength."""
-    numbered = re.fullmatch(r"w(\d{1,2})", word, re.IGNORECASE)
+    """Letter of a channel by its number counted by wavelength (w1, wavelength1 ...), its letter or its wavelength."""
+    numbered = re.fullmatch(r"w(?:avelength)?(\d{1,2})", word, re.IGNORECASE)
     if numbered is not None:
         number = int(numbered[1])
         return ASCENDING_LETTERS[number - 1] if 1 <= number <= CHANNEL_COUNT else None

@@ -4,9 +4,8 @@ Known layouts: the log of this package's recorder; the table of `readings.write_
 channels, of one sensor or of several (`log_tables`); exports with a row for each value (`log_series`); a capture of the
 module's AT firmware (`at_capture`); text of the SparkFun examples as a terminal saves it, with or without the monitor's
 time stamps; the output of jdesbonnet's as7265x_util (unix time, ISO time, 18 counts, 18 module values: die by die, as
-its source reads the registers); the robot log of the LiDARSpectra authors, as lines of its sketch and as a table (by
-wavelength). A file of bare numbers is known only if it is one of those that were published with their order stated
-elsewhere.
+its source reads the registers); lines of the LiDARSpectra authors' robot (by wavelength). A file of bare numbers is
+known only if it is one of those that were published with their order stated elsewhere.
 """
 
 import hashlib
@@ -35,14 +34,16 @@ from lidarspectra.hardware.sensor.log_objects import table_of_objects
 from lidarspectra.hardware.sensor.log_recordings import recording
 from lidarspectra.hardware.sensor.log_series import value_rows
 from lidarspectra.hardware.sensor.log_tables import columns_seen, headed_table, how_to_name
-from lidarspectra.hardware.sensor.log_text import log_text, plain_rows, table_of, take_stamps
-from lidarspectra.hardware.sensor.log_times import parse_time, parse_times
+from lidarspectra.hardware.sensor.log_text import log_text, plain_rows, take_stamps
+from lidarspectra.hardware.sensor.log_times import NO_ZONE, parse_time, parse_times
 from lidarspectra.hardware.sensor.reading_log import CELLS, COUNT_COLUMNS, FORMAT_LINE, MODULE_COLUMNS, read_rows
 from lidarspectra.hardware.sensor.readings import SensorLog, make_readings
 from lidarspectra.hardware.sensor.sensor_records import Moment, Reading, Trouble
 from lidarspectra.hardware.sensor.sketch_text import SketchTextDriver, split_row
 
 CELLS_APART_S = 2.0  # [s] largest time between a spectrum and the cell reading joined to it
+NOISE_CHARACTERS = 10_000  # of a text that are looked at
+MAX_NOISE = 0.1  # [1] of them, that no printer has; more are no text
 MAX_GREETING_LINES = 5  # that a sketch prints before its first row
 MAX_DAMAGED = 0.5  # [1] damaged lines for each reading: more are rows of another form
 PUBLISHED: dict[str, str] = {
@@ -52,7 +53,6 @@ PUBLISHED: dict[str, str] = {
 
 _STAMPED = re.compile(r"(?P<time>\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(?:\.\d+)?),(?P<rest>.*)")
 _SOLAR = re.compile(r"solar (?P<cell>\d+):(?P<count>\d+)")
-_ROBOT_HEADER = ["date", *(f"wavelength{i}" for i in range(1, 19)), "solar1", "solar2", "solar3"]
 
 
 def readings_from_csv(
@@ -120,7 +120,7 @@ def _log_of_text(
 ) -> SensorLog:
     """A log by its words, or the error that says why it cannot be known (`read_sensor_log`)."""
     if columns is None:
-        for layout in (_own_log, _robot_lines, _robot_table, _utility):
+        for layout in (_own_log, _robot_lines, _utility):
             known = layout(text, path)
             if known is not None:
                 return _with_settings(known, settings)
@@ -134,16 +134,30 @@ def _log_of_text(
     if found is not None:
         return _with_settings(found, settings)
     first = next((line for line in text.splitlines() if line.strip()), "")
+    if not first or _is_noise(text):
+        raise ReadingError(
+            expected="the text of a log",
+            found="bytes that are no text" if first else "an empty file",
+            where=str(path),
+            todo="Look whether the recording, or a copy of it, was cut short, and whether this is the file meant.",
+        )
     seen = columns_seen(text)
     raise ReadingError(
         expected="a log that names its channels in a header, or one of a known layout",
-        found=seen or (f"'{first[:80]}'" if first else "an empty file"),
+        found=seen or f"'{first[:80]}'",
         where=str(path),
         todo=how_to_name(text)
         if seen is not None
         else "The order of the numbers cannot be known from the numbers. Give the channel letters in the order in which"
         " the sketch printed them, as --header A,B,C,D,E,F,G,H,R,I,S,J,T,U,V,W,K,L.",
     )
+
+
+def _is_noise(text: str) -> bool:
+    """Whether a text was none: its bytes are of a picture, a packed file, or of a line at another baud rate."""
+    some = text[:NOISE_CHARACTERS]
+    odd = sum(letter == "\ufffd" or not (letter.isprintable() or letter.isspace()) for letter in some)
+    return odd > MAX_NOISE * len(some)
 
 
 def _by_its_words(text: str, path: Path, stamps: list[str] | None, columns: dict[str, str] | None) -> SensorLog | None:
@@ -285,47 +299,42 @@ def _require(count: int, path: Path) -> None:
 
 def _robot_lines(text: str, path: Path) -> SensorLog | None:
     """Lines of the LiDARSpectra authors' robot: a stamped row, and after it stamped lines 'solar N:count'."""
-    stamped = [match for line in text.splitlines() if (match := _STAMPED.fullmatch(line.strip())) is not None]
-    if not any(_SOLAR.fullmatch(match["rest"]) for match in stamped):
+    lines = [line.strip() for line in text.split("\n")]
+    stamped = [_STAMPED.fullmatch(line) for line in lines]
+    if not any(_SOLAR.fullmatch(match["rest"]) for match in stamped if match is not None):
         return None
     times: list[float] = []
     values: list[list[float]] = []
     cells: list[dict[int, float]] = []
-    for match in stamped:
-        solar = _SOLAR.fullmatch(match["rest"])
-        if solar is not None:
-            if cells:
-                cells[-1].setdefault(int(solar["cell"]), float(solar["count"]))
-            continue
-        row = split_row(match["rest"])
-        if row is not None and len(row.fields) == CHANNEL_COUNT:
+    left_out: list[str] = []
+    for number, (line, match) in enumerate(zip(lines, stamped, strict=True), start=1):
+        solar = None if match is None else _SOLAR.fullmatch(match["rest"])
+        row = None if match is None or solar is not None else split_row(match["rest"])
+        if solar is not None and cells and int(solar["cell"]) not in cells[-1]:
+            cells[-1][int(solar["cell"])] = float(solar["count"])
+        elif match is not None and row is not None and _is_whole(row.fields):
             times.append(parse_time(match["time"]))
             values.append([_float(field) for field in row.fields])
             cells.append({})
+        elif line:
+            left_out.append(f"line {number}: '{line[:60]}'")
     _require(len(times), path)
     width = max((max(known, default=0) for known in cells), default=0)
     adc = [[known.get(i + 1, np.nan) for i in range(width)] for known in cells]
-    return _robot(np.array(times), np.array(values), np.array(adc), path, "robot lines of the LiDARSpectra authors")
+    module, flags = mask_module_values(np.array(values))
+    said_by = "layout: their table of the same names the columns wavelength1 to wavelength18"
+    attributes = _about(path, "robot lines of the LiDARSpectra authors", said_by)
+    attributes["time_zone"] = NO_ZONE
+    if left_out:
+        attributes["notes"] = (
+            f"{len(left_out)} lines were left out, which are neither a time and {CHANNEL_COUNT} numbers nor a cell's "
+            f"first count after them. The first is {left_out[0]}."
+        )
+    return _log(make_readings(unix_s=times, module_value=module, flag=flags, adc=np.array(adc), attributes=attributes))
 
 
-def _robot(times: FloatArray, values: FloatArray, adc: FloatArray, path: Path, layout: str) -> SensorLog:
-    module, flags = mask_module_values(values)
-    said_by = "layout: their log names the columns wavelength1 to wavelength18"
-    attributes = _about(path, layout, said_by) | {"time_zone": "not stated, assumed to be UTC"}
-    return _log(make_readings(unix_s=times, module_value=module, flag=flags, adc=adc, attributes=attributes))
-
-
-def _robot_table(text: str, path: Path) -> SensorLog | None:
-    """The table of the LiDARSpectra authors' robot."""
-    table = table_of(text)
-    if table is None or list(table.names) != _ROBOT_HEADER:
-        return None
-    _require(len(table.rows), path)
-    values = np.array([[_float(cell) for cell in row[1:]] for row in table.rows])
-    times = np.array([parse_time(row[0]) for row in table.rows])
-    return _robot(
-        times, values[:, :CHANNEL_COUNT], values[:, CHANNEL_COUNT:], path, "robot table of the LiDARSpectra authors"
-    )
+def _is_whole(fields: Sequence[str]) -> bool:
+    return len(fields) == CHANNEL_COUNT and all(np.isfinite(_float(field)) for field in fields)
 
 
 def _utility(text: str, path: Path) -> SensorLog | None:
@@ -401,6 +410,13 @@ def _from_rows(
                 readings.append(item)
             elif isinstance(item, Trouble) and item.reason == "damaged" and line.strip():
                 damaged.append(f"line {number + 1}: '{line.strip()[:40]}'")
+    if not readings and damaged:
+        raise ReadingError(
+            expected=f"rows of {len(order)} numbers between commas",
+            found=damaged[0],
+            where=str(path),
+            todo="If there are more columns, name them all in a first line above, as 'time,A,B,...,L,cell_1,ignore'.",
+        )
     _require(len(readings), path)
     if len(damaged) > max(MAX_GREETING_LINES, MAX_DAMAGED * len(readings)):
         raise ReadingError(

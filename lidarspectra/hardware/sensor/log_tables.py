@@ -29,10 +29,11 @@ from lidarspectra.hardware.sensor.log_columns import (
     time_column,
 )
 from lidarspectra.hardware.sensor.log_text import LogTable, numbers, require_no_points_for_thousands, table_of
-from lidarspectra.hardware.sensor.log_times import MIN_UNIX_S, parse_times
+from lidarspectra.hardware.sensor.log_times import MIN_UNIX_S, NO_ZONE, lacks_zone, parse_times
 from lidarspectra.hardware.sensor.readings import make_readings, with_irradiance
 
 MAX_SENSORS = 64  # whose names take turns in a column; more values are readings of something else
+MIN_REPEATED, MIN_REPEATED_SHARE = 5, 0.05  # rows, and [1] of them: fewer may come twice in steady light, timed in s
 UNNAMED = "unnamed"  # a sensor whose cell in the column of names is empty
 _CELL = re.compile(r"(?:cell|solar|adc)_?(\d+)", re.IGNORECASE)
 
@@ -90,7 +91,13 @@ def how_to_name(text: str) -> str:
     """What to do about a table in which no channel was found."""
     table = table_of(text)
     names = ("Zeit", "Ch1") if table is None else table.names
-    first = f"{names[0]}=410" if _is_value(table, names[0]) else f"{names[0]}=time,{names[1]}=410"
+    known = {sensor_column(names), label_column(names), *(name for name in names if _CELL.fullmatch(name))}
+    unknown = [name for name in names if name not in known]
+    time = time_column(unknown)
+    if time is None and len(unknown) > 1 and not _is_value(table, unknown[0]):
+        first = f"{unknown[0]}=time,{unknown[1]}=410"
+    else:
+        first = next((f"{name}=410" for name in unknown if time is None or name != time[0]), f"{names[0]}=410")
     return (
         f'Say what each column is with --columns "{first},...": NAME=MEANING, with {MEANINGS}. The order of the '
         f"numbers cannot be known from the numbers, and a sensor has {MIN_CHANNELS} channels or more."
@@ -167,7 +174,8 @@ class _Columns:
         if label is not None:
             result = result.assign_coords(label=("reading", np.repeat(np.array(self._words(label)), count)))
         result, order = _in_order_of_time(result)
-        result.attrs["notes"] = "\n".join((*self._notes, *self._missing(), *order, *self._unused(sensors)))
+        notes = (*self._notes, *self._missing(), *order, *self._repeated(times), *self._unused(sensors))
+        result.attrs["notes"] = "\n".join(notes)
         return result
 
     def _of_sensor(self, families: dict[Family, dict[str, str]], rows: int) -> dict[str, FloatArray | ByteArray]:
@@ -211,9 +219,13 @@ class _Columns:
         return [cell or UNNAMED for cell in self._table.column(name)]
 
     def _cells(self, count: int) -> FloatArray | None:
-        cells = [name for name in self._table.names if _CELL.fullmatch(name)]
-        if not cells:
+        found = ((name, _CELL.fullmatch(name)) for name in self._table.names)
+        numbered = sorted((int(match[1]), name) for name, match in found if match is not None)
+        if not numbered:
             return None
+        cells = [name for _, name in numbered]
+        if [number for number, _ in numbered] != list(range(1, len(numbered) + 1)):
+            self._notes.append(f"The cells' columns {_named(cells)} count as cells 1 to {len(cells)}, in this order.")
         return np.repeat(np.stack([self._numbers(name) for name in cells], axis=1), count, axis=0)
 
     def _times(self) -> FloatArray:
@@ -230,6 +242,8 @@ class _Columns:
             self._used |= {day, clock}
             cells = [f"{a} {b}" for a, b in zip(self._table.column(day), self._table.column(clock), strict=True)]
         times, notes = parse_times(cells, name=name, unit=unit)
+        if lacks_zone(cells):
+            self._about["time_zone"] = NO_ZONE
         lost = int((~np.isfinite(times)).sum())
         if lost:
             self._notes.append(f"{lost} of {times.size} cells of the column '{name}' hold no time that is understood.")
@@ -243,6 +257,18 @@ class _Columns:
             if len(names) == 1
             else f"{words} cells of each of the columns {_named(names)} hold no number and count as missing."
             for words, names in self._words_in.items()
+        ]
+
+    def _repeated(self, times: FloatArray) -> list[str]:
+        """What is said of rows that are the same as another, their time included."""
+        _, place, count = np.unique(times, return_inverse=True, return_counts=True)
+        at_once = np.flatnonzero((count[place.reshape(-1)] > 1) & np.isfinite(times)).tolist()
+        repeated = len(at_once) - len({tuple(self._table.rows[row]) for row in at_once})
+        if repeated < max(MIN_REPEATED, MIN_REPEATED_SHARE * times.size):
+            return []
+        return [
+            f"{repeated} of {times.size} rows are the same as another, time and all: where a file was joined to "
+            "itself, its readings count twice."
         ]
 
     def _unused(self, sensors: dict[str, dict[Family, dict[str, str]]]) -> list[str]:

@@ -14,12 +14,14 @@ MIN_UNIX_S = 1e8  # [s] 1973: smaller numbers count from a board's start
 PER_SECOND = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e3, "millis": 1e3, "us": 1e6, "µs": 1e6, "ns": 1e9}
 SINCE_START = "The log's times count from the start of its board or program: the day and the hour are not in it."
 OF_DAY = "The log's times are of day: the date is not in it."
+NO_ZONE = "not stated, assumed to be UTC"
 NO_UNIT = (
     "The column '{name}' holds numbers without a unit, taken as seconds from the start of the board. If they are "
     "milliseconds, say so with --columns '{name}=time_ms'."
 )
 
 _OF_DAY = re.compile(r"(\d\d?):(\d\d):(\d\d)(?:[.,:](\d{1,6}))?")
+_ZONE = re.compile(r"(?:Z|UTC|[+-]\d\d(?::?\d\d)?)$", re.IGNORECASE)
 _NUMERIC_DATE = re.compile(r"(\d\d?)([./-])(\d\d?)\2(\d{4}|\d\d)[ ,T]+(.*)")
 
 
@@ -82,6 +84,12 @@ def parse_times(cells: Sequence[str], *, name: str, unit: str | None = None) -> 
     if sum(_NUMERIC_DATE.fullmatch(cell.strip()) is not None for cell in cells) > 0.5 * len(cells):
         return _numeric_dates(cells, name), ()
     return np.array([parse_time(cell) for cell in cells]), ()
+
+
+def lacks_zone(cells: Sequence[str]) -> bool:
+    """Whether some of the dates in a column state no zone; numbers since 1970 need none."""
+    dates = (cell.strip() for cell in cells if cell.count(":") >= 1)
+    return any(len(date) > len("14:36:08.123456") and not _ZONE.search(date.partition(":")[2]) for date in dates)
 
 
 def times_of_day(cells: Sequence[str]) -> FloatArray:

@@ -125,6 +125,7 @@ class SketchTextDriver:
         self._behind = 0.0
         self._begun_s = np.inf
         self._is_joined = False
+        self._had_plain_row = False
         self._overlong_reported = 0
 
     def connect(self, moment: Moment) -> list[Item]:
@@ -217,6 +218,8 @@ class SketchTextDriver:
         count = len(self._order)
         fields = row.fields[-count:]
         whole = len(row.fields) >= count and row.form.ends_in_comma == usual.ends_in_comma
+        self._had_plain_row |= len(row.fields) == count
+        whole &= self._had_plain_row  # if all rows have more numbers, a column was not named, before or behind these
         if not whole or not all(fits(field, usual.decimals) for field in fields[1:]):
             return [Trouble(moment=moment, reason="damaged", detail=printable(text.encode("ascii", "replace")))]
         first_is_sure = len(row.fields) == count and fits(fields[0], usual.decimals) and not self._is_joined

@@ -180,7 +180,14 @@ def save_figure(figure: Figure, folder: Path, name: str, *, kinds: Sequence[File
 
 
 def save_picture(figure: Figure, path: Path) -> Path:
-    """Write a figure as one PNG file; raises MapError if it cannot be written."""
+    """Write a figure as one PNG file; raises MapError if its name has another ending or it cannot be written."""
+    if path.suffix.lower() != ".png":
+        raise MapError(
+            expected="a file name that ends in .png",
+            found=f"'{path.name}'",
+            where=str(path),
+            todo="Pictures are drawn as PNG: give such a name.",
+        )
     with writing(path, error=MapError), house_style():
         figure.savefig(path, metadata=_MARKS["png"], **_OPTIONS["png"])
     return path

@@ -9,6 +9,7 @@ import pytest
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import ASCENDING_LETTERS, CHANNEL_LABELS, UART_LETTERS
 from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
+from lidarspectra.hardware.sensor.identify import order_by_user
 from lidarspectra.hardware.sensor.log_columns import channel_column, columns_by_user
 from lidarspectra.hardware.sensor.log_layouts import one_sensor, read_sensor_log, readings_from_csv, sensors_of
 from lidarspectra.hardware.sensor.log_times import OF_DAY, SINCE_START, parse_times
@@ -324,3 +325,85 @@ def test_a_boards_greeting_in_json_makes_no_objects_of_the_table_below_it(tmp_pa
     rows = [f"{1.7e9 + i},{','.join(f'{value + i:.0f}' for value in BY_WAVELENGTH)}" for i in range(4)]
     found = read_sensor_log(saved(tmp_path, "\n".join(['{"boot": 1}', header, *rows]))).readings
     assert np.array_equal(found["counts"].to_numpy()[2], BY_WAVELENGTH + 2)
+
+
+ROBOT_NAMES = ["date", *(f"wavelength{i}" for i in range(1, 19)), "solar1", "solar2", "solar3"]
+
+
+def robot_table(names: list[str], seconds: range) -> str:
+    """A table as the authors' robot wrote it: channel i reads 10.25 + i, cell i counts 100 i."""
+    cells = dict(zip(ROBOT_NAMES[1:], [*row(form=".2f", shift=0.25).split(","), "100", "200", "300"], strict=True))
+    stamps = [f"2023-04-20 14:36:{second:02d}" for second in seconds]
+    lines = [",".join({**cells, "date": stamp, "board": "b"}[name] for name in names) for stamp in stamps]
+    return "\n".join([",".join(names), *lines]) + "\n"
+
+
+def test_the_robots_table_is_known_by_its_names_in_any_order(tmp_path: Path) -> None:
+    readings = readings_from_csv(saved(tmp_path, robot_table(["board", *ROBOT_NAMES[::-1]], range(2))))
+    assert np.array_equal(readings["module_value"].to_numpy()[0], BY_WAVELENGTH + 0.25)
+    assert readings["adc"].to_numpy()[0].tolist() == [100.0, 200.0, 300.0]
+    assert readings["unix_s"].to_numpy().tolist() == [1682001360.0, 1682001361.0]
+    assert sensors_of(readings) == ("b",)
+    assert readings.attrs["notes"] == ""
+
+
+def test_what_a_robots_table_and_its_lines_lose_is_told(tmp_path: Path) -> None:
+    table = robot_table(ROBOT_NAMES, range(20, 0, -1)).replace("10.25,11.25", "10.25,word", 1)
+    notes = readings_from_csv(saved(tmp_path, table[:-30])).attrs["notes"]
+    for words in ("1 of 20 rows were left out", "1 cells of the column 'wavelength2'", "newest row came first"):
+        assert words in notes
+    line = f"2023-04-20 14:36:01,{row(form='.2f')}\n"
+    cut = f"{line}2023-04-20 14:36:01,solar 1:110\n{line[:60]}\n2023-04-20 14:36:02,solar 1:111\n"
+    readings = readings_from_csv(saved(tmp_path, cut))
+    assert readings["adc"].to_numpy().tolist() == [[110.0]]  # not the one of the row that was cut
+    assert "2 lines were left out" in readings.attrs["notes"]
+    assert "line 3" in readings.attrs["notes"]
+
+
+def test_cells_are_numbered_by_their_names_and_other_numbers_are_told(tmp_path: Path) -> None:
+    head = "time," + ",".join(CHANNEL_LABELS)
+    readings = readings_from_csv(saved(tmp_path, f"{head},cell_2,cell_1\n1700000000,{row()},22,11\n"))
+    assert readings["adc"].to_numpy().tolist() == [[11.0, 22.0]]
+    assert readings.attrs["notes"] == ""
+    readings = readings_from_csv(saved(tmp_path, f"{head},adc_34,adc_0\n1700000000,{row()},34,1\n"))
+    assert readings["adc"].to_numpy().tolist() == [[1.0, 34.0]]
+    assert "'adc_0', 'adc_34' count as cells 1 to 2" in readings.attrs["notes"]
+
+
+def test_rows_that_are_twice_in_a_file_are_told_and_equal_light_is_not(tmp_path: Path) -> None:
+    head = "time," + ",".join(CHANNEL_LABELS) + "\n"
+    lines = "".join(f"{1_700_000_000 + i},{row()}\n" for i in range(6))
+    assert readings_from_csv(saved(tmp_path, head + lines)).attrs["notes"] == ""
+    assert "6 of 12 rows are the same as another" in readings_from_csv(saved(tmp_path, head + lines * 2)).attrs["notes"]
+
+
+@pytest.mark.parametrize(
+    ("stamp", "stated"),
+    [("2023-04-20 14:36:08", False), ("20.04.2023 14:36:08", False), ("2023-04-20T14:36:08+02:00", True),
+     ("2023-04-20T14:36:08Z", True), ("2023-04-20 14:36:08 UTC", True), ("1681994168", True)],
+)  # fmt: skip
+def test_a_zone_that_no_time_states_is_told(stamp: str, stated: bool, tmp_path: Path) -> None:
+    text = "time," + ",".join(CHANNEL_LABELS) + "\n" + f"{stamp},{row()}\n"
+    assert ("time_zone" in readings_from_csv(saved(tmp_path, text)).attrs) != stated
+
+
+def test_what_is_no_text_or_empty_is_said_so(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    for data, words in ((bytes(range(256)) * 9, "no text"), (b"", "empty file"), (b"\n\n", "empty file")):
+        path.write_bytes(data)
+        with pytest.raises(ReadingError, match=words):
+            readings_from_csv(path)
+
+
+@pytest.mark.parametrize("form", ["2023-04-20 14:36:08,{}", "{},25.5", "{},5", "1700000000,{}", "lab,{},1,2,3"])
+def test_bare_rows_with_more_columns_than_the_order_given_are_refused(form: str, tmp_path: Path) -> None:
+    """The last of them would be taken for the longest wavelength."""
+    path = saved(tmp_path, (form.format(row()) + "\n") * 4)
+    with pytest.raises(ReadingError, match=r"rows of 18 numbers.*line 1: .*in a first line above"):
+        readings_from_csv(path, order=order_by_user("A,B,C,D,E,F,G,H,R,I,S,J,T,U,V,W,K,L"))
+
+
+def test_columns_to_name_by_hand_are_those_that_are_not_understood(tmp_path: Path) -> None:
+    names = ["sensor", "date", *(f"Kanal {i}" for i in range(1, 19))]
+    with pytest.raises(ReadingError, match='--columns "Kanal 1=410,'):
+        readings_from_csv(saved(tmp_path, ",".join(names) + "\n" + f"a,2023-04-20 14:36:08,{row()}\n"))

@@ -1,5 +1,6 @@
 """The sensor commands, from the port to the table."""
 
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from lidarspectra.cli.sensor import app
+from lidarspectra.cli.sensor_logs import _say_next
 from lidarspectra.errors import LidarSpectraError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.virtual.emulator import AtModule, Device, SketchBoard
@@ -128,8 +130,16 @@ def test_a_log_of_several_sensors_is_shown_sensor_by_sensor_and_drawn(tmp_path: 
     told = done("show", log, "--plot", tmp_path / "log.png")
     assert all(name in told for name in ("n0", "n1", "n2", "20"))
     assert (tmp_path / "log.png").stat().st_size > 5000
+    assert ".png" in refused("show", log, "--plot", tmp_path / "log.txt")
     one = done("show", log, "--sensor", "n1", "--plot", tmp_path / "one.png")
     assert "20 readings" in one
     assert "--sensor" in refused("cells", log, "--reference", 5, "--shunt", 100)
     done("convert", log, "--gain", 16, "--integration", 166, "--out", tmp_path / "table.csv")
     assert set(pd.read_csv(tmp_path / "table.csv")["sensor"]) == {"n0", "n1", "n2"}
+
+
+def test_the_commands_that_a_rehearsal_proposes_can_be_pasted(capsys: pytest.CaptureFixture[str]) -> None:
+    _say_next(Path("a day"), Path("my room.run") / "map.csv")
+    calibrate, join, _ = (shlex.split(line) for line in capsys.readouterr().out.splitlines())
+    assert calibrate[4:6] == ["--lamp", f"{Path('a day', 'lamp-log.csv')}={Path('a day', 'lamp.csv')}"]
+    assert join[join.index("--map") + 1] == str(Path("my room.run", "map.csv"))
