@@ -99,6 +99,8 @@ class LightFit:
         What the lamps' own surfaces send, in the same unit; of no lamp if the evidence does not have it.
     radiosity : (source, 3) float
         What unknown sources send, in the same unit.
+    radiosity_deviation : (source, 3) float
+        Standard deviations of its logarithms. [1]
     flux_deviations : (lamp,) float
         Standard deviations of the factors' logarithms; 0 where they were not fitted. [1]
     parameters, deviations : (parameter,) float
@@ -140,6 +142,7 @@ class LightFit:
     other: FloatArray | None
     lamp_radiosity: FloatArray
     radiosity: FloatArray
+    radiosity_deviation: FloatArray
     parameters: FloatArray
     deviations: FloatArray
     log_deviation: FloatArray
@@ -269,7 +272,8 @@ def _fit(model: LightObjective, result: "OptimizeResult") -> LightFit:
         direct_share=float(direct.mean() / light.mean()),
         straight=direct,
         lamp_radiosity=model.lamp_radiosity(best),
-        radiosity=np.einsum("jlc,l->jc", model.strengths(best), UPRIGHT_LOBES),
+        radiosity=_radiosity(model, best),
+        radiosity_deviation=_radiosity_deviation(model, best, covariance),
         other=other,
         parameters=best,
         deviations=np.sqrt(np.diag(covariance)),
@@ -283,6 +287,19 @@ def _fit(model: LightObjective, result: "OptimizeResult") -> LightFit:
         steps=int(result.nfev),
         tone_family=model.evidence.tone_prior.family,
     )
+
+
+def _radiosity(model: LightObjective, parameters: FloatArray) -> FloatArray:
+    """(source, 3) what unknown sources send."""
+    return np.asarray(np.einsum("jlc,l->jc", model.strengths(parameters), UPRIGHT_LOBES), dtype=np.float64)
+
+
+def _radiosity_deviation(model: LightObjective, best: FloatArray, covariance: FloatArray) -> FloatArray:
+    """(source, 3) standard deviations of its logarithms."""
+    steps = STEP * np.eye(model.count)
+    slope = [np.log(_radiosity(model, best + step) / _radiosity(model, best - step)) for step in steps]
+    slopes = np.stack(slope, axis=2) / (2.0 * STEP)
+    return np.asarray(np.sqrt(np.einsum("jci,ik,jck->jc", slopes, covariance, slopes)), dtype=np.float64)
 
 
 def _log_ratio(model: LightObjective, parameters: FloatArray) -> FloatArray:

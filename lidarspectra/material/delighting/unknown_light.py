@@ -43,6 +43,9 @@ PANE_DEVIATION = 1.0  # [1] of its logarithm: a blind may be drawn when the map'
 PANE_REFLECTANCE = 0.1  # [1] of a window as the room sees it at night: two panes reflect .15, the dark outside nothing
 VERTICAL = 0.5  # [1] of a normal's height, below which a source is upright, as windows are
 MUCH_LARGER = 2.0  # [1] of areas: the two panes of a window round a corner are alike
+# [1] of the light that falls on a source: paint sends less, and 2 leaves room for what fits miss. It must send more
+# even when its strength lies so many deviations lower: that of a white door that is cut at white is hardly known.
+SHINES, SURE_DEVIATIONS = 2.0, 2.0
 ONE_WAY = 0.5  # [1] cosine between normals, above which two clipped faces may shine as one: a pane's mesh is rough
 
 
@@ -246,3 +249,24 @@ def lobes_towards(height: FloatArray) -> FloatArray:
     sky = height > 0.0
     high = np.where(sky, height, 0.0)
     return np.stack([high, np.where(sky, 1.0 - high, 0.0), np.where(sky, 0.0, 1.0)])
+
+
+def surely_shine(radiosity: FloatArray, log_deviation: FloatArray, irradiance: FloatArray) -> BoolArray:
+    """Which sources are no paint: what is cut at white may be white paint in much light.
+
+    Parameters
+    ----------
+    radiosity : (source, 3) float
+        What each sends, as it was fitted. [any one unit]
+    log_deviation : (source, 3) float
+        Standard deviations of its logarithms. [1]
+    irradiance : (source, 3) float
+        That falls on each, in the same unit.
+
+    Returns
+    -------
+    shine : (source,) bool
+        Where one of the cones gets surely more than any paint would send.
+    """
+    least = radiosity * np.exp(-SURE_DEVIATIONS * log_deviation)
+    return np.asarray((least > SHINES * irradiance).any(axis=1), dtype=np.bool_)

@@ -47,6 +47,7 @@ from lidarspectra.material.delighting.unknown_light import (
     find_unknown_sources,
     opening_patterns,
     source_patterns,
+    surely_shine,
 )
 from lidarspectra.material.frames.records import FrameRecords
 from lidarspectra.material.frames.seen_sources import sightings_of_sources
@@ -105,7 +106,6 @@ SCATTERED_RANGE = (REFLECTANCE_RANGE[0], 2.0)  # [1] of single faces, whose ligh
 MIN_PHOTOGRAPHED = 0.2  # [1] least share of the area whose colour shows light; the rest was drawn by a program
 MIN_WITNESSES = 16  # least independent places, over twice the number of unknowns
 HALF = 0.5  # [1] of a bright place, that must lie in a screen for it to be no window
-SHINES = 2.0  # [1] of the light that falls on a source; paint sends less, and fits are not so sure
 CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
 SHARES = (
     0.1,
@@ -472,13 +472,13 @@ def _direct(
 def _shines(
     sources: Sequence[UnknownSource], fit: LightFit, scan: Scan, light: FloatArray
 ) -> tuple[UnknownSource, ...]:
-    """Sources that send more than white paint would in the (face, 3) light there: what is cut at white may be paint."""
-    chosen = []
-    for source, sent in zip(sources, fit.radiosity, strict=True):
-        there = np.average(light[source.faces], axis=0, weights=scan.areas[source.faces]) if source.faces.size else 0.0
-        if (sent > SHINES * np.asarray(there)).any():
-            chosen.append(source)
-    return tuple(chosen)
+    """Sources that surely send more than white paint would in the (face, 3) light there: what is cut may be paint."""
+    there = [
+        np.average(light[source.faces], axis=0, weights=scan.areas[source.faces]) if source.faces.size else np.zeros(3)
+        for source in sources
+    ]
+    shine = surely_shine(fit.radiosity, fit.radiosity_deviation, np.reshape(there, (-1, 3)))
+    return tuple(source for source, shines in zip(sources, shine, strict=True) if shines)
 
 
 def _closed(exchange: csr_array) -> csr_array:

@@ -21,6 +21,7 @@ from lidarspectra.material.delighting.unknown_light import (
     find_unknown_sources,
     opening_patterns,
     source_patterns,
+    surely_shine,
 )
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.materials.delighting_samples import seen_lit
@@ -229,3 +230,21 @@ def test_a_room_lit_by_its_window_alone_needs_no_lamp() -> None:
     assert fit.other is not None
     assert fit.other == pytest.approx(fit.straight)
     assert (fit.radiosity > 0).all()
+
+
+def test_how_well_a_sources_strength_is_known_is_stated() -> None:
+    found = [fit_light(lit_by_both(np.random.default_rng(seed))[0], flux_deviation=np.array([0.15])) for seed in (3, 4)]
+    for fit in found:
+        assert fit.radiosity_deviation.shape == fit.radiosity.shape
+        assert (fit.radiosity_deviation < 0.5).all()
+    apart = np.abs(np.log(found[0].radiosity / found[1].radiosity))
+    assert (apart < 3.0 * np.hypot(*(fit.radiosity_deviation for fit in found))).all()
+
+
+def test_paint_that_is_cut_at_white_is_no_source_while_its_strength_is_hardly_known() -> None:
+    falls = np.ones((1, 3))
+    known, hardly = np.full((1, 3), 0.15), np.full((1, 3), 0.5)
+    assert surely_shine(8.0 * falls, known, falls).all()
+    assert not surely_shine(3.6 * falls, hardly, falls).any()
+    assert not surely_shine(1.9 * falls, 0.0 * known, falls).any()  # fits err by as much
+    assert surely_shine(falls * (1.0, 1.0, 8.0), known, falls).all()  # a blue lamp sends much in one cone alone
