@@ -38,7 +38,7 @@ class RecordOptions:
     duration_s : float
         Stop after so long. [s]
     readings : int or None
-        Stop after so many.
+        Stop after so many spectra, or counts of cells from a board that sends no spectra.
     auto_gain : bool
         Change gain and integration time with the light.
     give_up_s : float
@@ -277,10 +277,23 @@ class _Session:
         if now_s - self._good_s >= options.give_up_s:
             self.summary.gave_up = True
             return True
-        return options.readings is not None and self.summary.readings >= options.readings
+        return options.readings is not None and self._counted() >= options.readings
+
+    def _counted(self) -> int:
+        return self.summary.readings or self.summary.cell_readings
+
+    def _wanted(self, items: list[Item]) -> list[Item]:
+        """Without the readings beyond the number asked for, of which several may come at once."""
+        if self._options.readings is None:
+            return items
+        kind = Reading if self.summary.readings or any(isinstance(item, Reading) for item in items) else CellReading
+        places = [place for place, item in enumerate(items) if isinstance(item, kind)]
+        left = self._options.readings - (self.summary.readings if kind is Reading else self.summary.cell_readings)
+        return items[: places[left]] if left < len(places) else items
 
     def _write(self, items: list[Item], driver: Driver) -> None:
         moment = self._clock.now()
+        items = self._wanted(items)
         self._put(self._accounts.rows(items, moment, driver.period_s), moment)
         for item in items:
             if isinstance(item, Reading | CellReading):

@@ -183,6 +183,19 @@ def test_a_faultless_recording_has_no_gap_and_no_trouble(tmp_path: Path) -> None
         assert summary.readings >= len(wire.sent) - 1
 
 
+@pytest.mark.parametrize("period_s", [0.05, 1.0], ids=["several at once", "one by one"])
+@pytest.mark.parametrize("spectrum", [True, False], ids=["with spectra", "cells alone"])
+def test_as_many_readings_are_recorded_as_were_asked_for(period_s: float, spectrum: bool, tmp_path: Path) -> None:
+    clock = VirtualClock()
+    wire = FaultyWire(SketchBoard(cells=lambda now_s: (110, 99, 8), spectrum=spectrum))
+    options = RecordOptions(wishes=Wishes(period_s=period_s), duration_s=60.0, readings=3)
+    with LogWriter(tmp_path / "log.csv", sync=lambda descriptor: None) as log:
+        summary = record(VirtualPort(wire, clock), log, options=options, clock=clock)
+    assert (summary.readings if spectrum else summary.cell_readings) == 3
+    assert len(of_kind(read_rows(tmp_path / "log.csv")[0], "reading" if spectrum else "cells")) == 3
+    assert clock.elapsed_s < 30.0
+
+
 def test_a_flood_does_not_swell_the_log(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     plan = FaultPlan(kinds=("flood",), rate=0.5, seed=2, flood_bytes=200_000)

@@ -58,6 +58,15 @@ def test_check_tells_cells() -> None:
         assert "110, 99, 8 counts" in done("check", address)
 
 
+@BY_A_DEVICE
+def test_readings_that_come_at_once_are_not_more_than_were_asked_for(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    with port(SketchBoard()) as address:
+        told = done("record", address, "--out", log, "--readings", 3, "--rate", 20, "--duration", 60)
+    assert "log.csv: 3 readings" in told
+    assert log.read_text(encoding="utf-8").count("\nreading,") == 3
+
+
 def test_a_port_that_is_none_is_one_error() -> None:
     assert "cannot be opened" in refused("check", "no-such-port")
 
