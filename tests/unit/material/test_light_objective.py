@@ -15,6 +15,8 @@ from lidarspectra.material.delighting.light_objective import (
     LOG_SCATTER,
     MAX_UNSURE,
     OF_TONE,
+    SOURCE_LEVEL,
+    SOURCE_LEVEL_DEVIATION,
     LightObjective,
 )
 from lidarspectra.material.delighting.robust_centers import RobustCenters
@@ -142,8 +144,10 @@ def test_fewer_observations_per_place_leave_the_fit_less_sure() -> None:
     assert few > 1.05 * many
 
 
-def test_a_ceiling_is_believed_once_though_it_is_seen_in_three_cones() -> None:
-    seen = replace(evidence(2), ceiling=evidence(2).group == 0)
+@pytest.mark.parametrize("weight", [1.0, 0.25, 0.0])
+def test_a_ceiling_is_believed_once_though_it_is_seen_in_three_cones(weight: float) -> None:
+    """And the less, the more it is coloured."""
+    seen = replace(evidence(2), ceiling=evidence(2).group == 0, ceiling_weight=weight)
     blind = replace(seen, ceiling=np.zeros_like(seen.ceiling))
     models = [LightObjective(each, flux_deviation=np.array([0.15])) for each in (seen, blind)]
     place = np.zeros(models[0].count)
@@ -151,7 +155,20 @@ def test_a_ceiling_is_believed_once_though_it_is_seen_in_three_cones() -> None:
     log_reflectance = np.median(models[0].log_reflectance(place)[models[0].ceiling], axis=0)
     apart = (log_reflectance - np.log(CEILING_REFLECTANCE)) / CEILING_DEVIATION
     of_cones = 0.5 * CEILING_DOUBT**2 * np.log1p((apart / CEILING_DOUBT) ** 2)
-    assert found - without == pytest.approx(of_cones.mean())
+    assert found - without == pytest.approx(weight * of_cones.mean())
+
+
+def test_what_frames_show_of_a_source_stands_in_for_what_is_expected_of_its_level() -> None:
+    seen = rich_evidence()
+    models = [LightObjective(each, flux_deviation=np.full(3, 0.15)) for each in (seen, replace(seen, other_seen=None))]
+    place = np.random.default_rng(2).uniform(-0.3, 0.3, models[0].count)
+    found, without = (0.5 * float((model.residuals(place) ** 2).sum()) for model in models)
+    assert seen.other_seen is not None
+    strengths = models[0].strengths(place)[0]  # of the first source, lobe by lobe, which both sightings show
+    off = np.log(seen.other_seen.lobes @ strengths / cones_of_srgb(seen.other_seen.light))
+    sightings = 0.5 * ((off / seen.other_seen.log_deviation[:, None]) ** 2).sum()
+    level = 0.5 * ((models[0].source_logs(place)[0, 0] - SOURCE_LEVEL) / SOURCE_LEVEL_DEVIATION) ** 2
+    assert found - without == pytest.approx(sightings - level)
 
 
 def test_points_at_the_edges_of_shadows_do_not_count_but_two_thirds_always_do() -> None:

@@ -95,10 +95,27 @@ def test_what_is_brighter_than_white_on_a_wall_is_light_on_its_paint_and_a_poste
     assert found.spread[found.paint[rest][0]] > 0.1  # but in how sure it is
 
 
+def test_what_is_brighter_than_white_takes_the_largest_paint_of_its_own_plane(wall: Scan) -> None:
+    color = np.full((len(wall.faces), 3), 0.75)
+    board, glare = (
+        (np.abs(wall.centers[:, [0, 2]] - middle) < half).all(axis=1) for middle, half in ((1.0, 0.9), (3.0, 0.5))
+    )
+    color[board], color[glare] = 0.56, 1.1
+    usable = np.ones(len(glare), dtype=np.bool_)
+    found = one_paint(wall, color, usable, turn_deg=0.0)
+    np.testing.assert_allclose(found.color[glare], 0.75, rtol=1e-6)
+    np.testing.assert_allclose(found.color[board], 0.56, rtol=1e-6)
+    before = wall.vertices.copy()  # the same, but that what shines stands before the wall
+    before[np.unique(wall.faces[glare])] -= [0.0, 0.3, 0.0]
+    found = one_paint(bare_scan(before, wall.faces), color, usable, turn_deg=0.0)
+    inner = (np.abs(wall.centers[:, [0, 2]] - 3.0) < 0.35).all(axis=1)  # its edges lean
+    np.testing.assert_allclose(found.color[inner], 1.1, rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("pane", "darkness"),
-    [(0.5, 0.05), (0.5, 0.7), (2.5, 0.1)],
-    ids=["a dark pane in it", "a grey pane in it", "a small part of it, by a dark wall"],
+    [(0.5, 0.05), (0.5, 0.7), (2.5, 0.1), (2.5, 0.3)],
+    ids=["a dark pane in it", "a grey pane in it", "a small part of it, by a dark wall", "by a wall a third as light"],
 )
 def test_a_wall_that_is_too_bright_as_a_whole_keeps_its_white_beside_a_darker_pane(
     wall: Scan, pane: float, darkness: float

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lidarspectra.geometry.appearance import LinearLight
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.material.delighting.light_objective import UPRIGHT_LOBES
@@ -72,9 +73,10 @@ def test_what_is_left_below_white_in_a_frame_that_cuts_the_window_is_not_the_win
     assert found.light[0] == pytest.approx(np.full(3, SKY))
 
 
-def test_what_all_frames_cut_has_the_highest_white_as_its_bound() -> None:
+@pytest.mark.parametrize("white", [[0.2, 1.0, 0.2, 0.3], [1.0, 0.2, 0.3, 0.2]])
+def test_what_all_frames_cut_has_the_highest_white_as_its_bound(white: list[float]) -> None:
     scan, source = pane()
-    found = sightings_of_sources(records_of(np.array([0.2, 1.0, 0.2, 0.3]), CAMERAS), scan, RayCaster(scan), (source,))
+    found = sightings_of_sources(records_of(np.array(white), CAMERAS), scan, RayCaster(scan), (source,))
     assert found is not None
     assert found.light[:, 0] == pytest.approx([BEYOND_BOUND * 1.0, BEYOND_BOUND * 0.3])
     assert found.log_deviation.tolist() == [BOUND_DEVIATION] * 2
@@ -91,6 +93,82 @@ def test_a_frame_that_cuts_the_brighter_part_of_a_window_tells_it_by_its_white()
     assert found is not None
     assert found.light[0] == pytest.approx(np.full(3, 0.9 * SKY))
     assert found.log_deviation[0] == TOLD_DEVIATION
+
+
+def with_bars(records: FrameRecords, share: float, light: float, frame: int | None = None) -> FrameRecords:
+    """The same with a share of the places not cut at white, in one frame or in all, of some radiance."""
+    bar = records.place < share * PLACES
+    bar &= (records.frame == frame) if frame is not None else True
+    return replace(
+        records, light=np.where(bar, light, records.light).astype(np.float32), clipped=records.clipped & ~bar
+    )
+
+
+@pytest.mark.parametrize(
+    ("share", "light"), [(0.3, 0.3), (0.05, 0.9)], ids=["many and dark", "few, as bright as a cut sky's edge"]
+)
+def test_bars_before_a_sky_that_all_frames_cut_do_not_tell_its_radiance(share: float, light: float) -> None:
+    scan, source = pane()
+    records = with_bars(records_of(np.full(4, 1.0), CAMERAS), share, light)
+    found = sightings_of_sources(records, scan, RayCaster(scan), (source,))
+    assert found is not None
+    assert found.light[0] == pytest.approx(np.full(3, BEYOND_BOUND * 1.0))
+    assert found.log_deviation[0] == BOUND_DEVIATION
+
+
+def test_the_lobes_of_what_is_cut_are_those_of_the_views_that_are_cut() -> None:
+    scan, source = pane()
+    cameras = np.array([[2.5, 0.5, 1.0], [0.3, 0.5, 1.0]])  # one near the horizon, one steeply up
+    records = with_bars(records_of(np.full(2, 1.0), cameras), 0.6, 0.05, frame=1)
+    found = sightings_of_sources(records, scan, RayCaster(scan), (source,))
+    assert found is not None
+    way = records.points[records.place] - cameras[records.frame]
+    cut = (way[:, 2] / np.linalg.norm(way, axis=1))[records.clipped]
+    assert found.lobes[0] == pytest.approx([cut.mean(), 1.0 - cut.mean(), 0.0])
+
+
+@pytest.mark.parametrize("white", [10.0, 1.0], ids=["told", "cut"])
+def test_a_dozen_views_tell_of_a_source_and_fewer_do_not(white: float) -> None:
+    scan, source = pane()
+    records = records_of(np.full(4, white), CAMERAS)
+    shown = np.flatnonzero((records.frame == 0) & (records.place > 0))  # not the bar
+    for count, is_told in ((12, True), (11, False)):
+        rows = {
+            name: getattr(records, name)[shown[:count]] for name in ("place", "frame", "light", "uneven", "clipped")
+        }
+        found = sightings_of_sources(replace(records, **rows), scan, RayCaster(scan), (source,))
+        assert (found is not None) == is_told
+
+
+def test_a_window_has_the_hue_of_its_parts_that_some_frame_does_not_cut() -> None:
+    scan, source = pane()
+    color = np.array([[0.2, 0.3, 0.4], [0.9, 0.6, 0.3]])
+    shown = replace(
+        scan.appearance, corner_color=np.repeat(color[:, None], 3, axis=1),
+        linear=LinearLight(
+            power_deviation=0.0, shoulder_deviation=0.0, face_deviation=np.zeros(2), face_cut=np.array([0.0, 1.0])
+        ),
+    )  # fmt: skip
+    scan = replace(scan, appearance=shown)
+    found = sightings_of_sources(records_of(np.full(4, 10.0), CAMERAS), scan, RayCaster(scan), (source,))
+    assert found is not None
+    hue = scan.face_colors()[0] / scan.face_colors()[0].mean()
+    assert found.light == pytest.approx(np.array([[SKY], [GROUND]]) * hue)
+
+
+def test_places_a_centimetre_off_the_mesh_are_of_its_faces() -> None:
+    scan, source = pane()
+    records = records_of(np.full(4, 10.0), CAMERAS)
+    for off_m in (-0.01, 0.01):
+        moved = replace(records, points=records.points + [off_m, 0.0, 0.0])
+        found = sightings_of_sources(moved, scan, RayCaster(scan), (source,))
+        assert found is not None
+        assert found.source.tolist() == [0, 0]
+
+
+def test_what_is_cut_may_be_paper_just_at_its_bound_or_a_window_a_hundred_times_brighter() -> None:
+    assert np.log(BEYOND_BOUND) < BOUND_DEVIATION
+    assert np.log(100.0 / BEYOND_BOUND) < 2.5 * BOUND_DEVIATION
 
 
 def test_frames_that_do_not_show_a_source_tell_nothing_of_it() -> None:

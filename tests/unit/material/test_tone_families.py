@@ -48,6 +48,14 @@ def test_a_family_that_is_more_probable_but_leaves_more_scatter_counts_as_much_a
     assert probabilities((usual, less)) == pytest.approx([1.0 / (1.0 + np.exp(-3.0)), 1.0 / (1.0 + np.exp(3.0))])
 
 
+def test_a_third_family_s_lesser_scatter_does_not_make_the_second_more_probable() -> None:
+    usual, filmic = both(photographed(FILMIC))
+    second = replace(filmic, log_evidence=usual.log_evidence + 3.0, scatter=usual.scatter)
+    third = replace(filmic, log_evidence=usual.log_evidence - 9.0, scatter=0.5 * usual.scatter)
+    found = probabilities((usual, second, third))
+    assert found[1] == pytest.approx(found[0])
+
+
 def test_a_family_s_probability_does_not_jump_where_it_comes_to_leave_less_scatter() -> None:
     """Round-off in the linear algebra would else choose the family, as it did of a real room."""
     usual, filmic = both(photographed(FILMIC))
@@ -125,8 +133,8 @@ def test_a_lamp_s_flux_is_as_unsure_as_the_families_differ_in_it() -> None:
     one = fit_light(photographed(LINEAR), flux_deviation=FLUX)
     one = replace(one, flux_factors=np.array([1.0, 1.0]), flux_deviations=np.array([0.1, 0.1]))
     two = replace(one, flux_factors=np.exp([0.3, -0.3]))
-    found = with_others(one, (two,), np.array([0.5, 0.5]))
-    assert found.flux_deviations == pytest.approx(np.sqrt(0.1**2 + 0.5 * 0.3**2) * np.ones(2))
+    found = with_others(one, (two,), np.array([0.8, 0.2]))
+    assert found.flux_deviations == pytest.approx(np.sqrt(0.1**2 + 0.2 * 0.3**2) * np.ones(2))  # about the likelier's
 
 
 @pytest.mark.parametrize("end", [-BOUND_EXPOSURE, BOUND_EXPOSURE])
