@@ -74,9 +74,6 @@ def wishes_given(rate: float, header: str | None, gain: float | None, integratio
 
 def calibration_named(name: str | None) -> "Calibration | None":
     """A saved calibration by NAME or NAME@VERSION."""
-    from lidarspectra.hardware.sensor.calibration_files import load_calibration
+    from lidarspectra.hardware.sensor.calibration_files import calibration_by_label
 
-    if name is None:
-        return None
-    name, _, version = name.partition("@")
-    return load_calibration(name, int(version) if version.isdigit() else None)
+    return None if name is None else calibration_by_label(name)

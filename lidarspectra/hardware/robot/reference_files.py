@@ -22,6 +22,7 @@ UNIT_SCALES = {
     "uW/cm2/nm": 0.01,
 }
 """Known units, in W/m²/nm."""
+MAX_DISTANCE_M = 1.0  # [m] from a sensor to the map's point whose light it is said to have: a map's wide spacing
 MIN_DISTANCE_M = 0.02  # [m] a place nearer than this to a point of the map gets that point's light
 
 _UNIT = re.compile(r"(?P<prefix>[mu]?)W[/. ]?(?P<area>c?m)(?:\^?-?2)[/. ]?nm(?:\^?-1)?")
@@ -95,11 +96,19 @@ def simulated_light_at(path: Path, place: tuple[float, float, float]) -> tuple[F
     Raises
     ------
     ReadingError
-        If the file has no such columns.
+        If the file has no such columns, or no point near the place.
     """
     positions, values = read_map(path)
     distance = np.linalg.norm(positions - np.array(place), axis=1)
     nearest = int(distance.argmin())
+    if distance[nearest] > MAX_DISTANCE_M:
+        at = ", ".join(f"{value:.2f}" for value in positions[nearest])
+        raise ReadingError(
+            expected=f"a place within {MAX_DISTANCE_M:g} m of a point of the map, in the scan's frame",
+            found=f"the nearest point at ({at}) m, {distance[nearest]:.2f} m away",
+            where=str(path),
+            todo="Give the place of one of the map's points, x y z in metres.",
+        )
     return np.nan_to_num(values[nearest]), float(distance[nearest])
 
 

@@ -87,6 +87,27 @@ def save_calibration(calibration: Calibration) -> Calibration:
             return saved
 
 
+def calibration_by_label(label: str) -> Calibration:
+    """A saved calibration by NAME, its newest version, or by NAME@VERSION.
+
+    Raises
+    ------
+    ReadingError
+        If there is none, the version is no number, or the file is malformed.
+    """
+    name, mark, version = label.partition("@")
+    if not mark:
+        return load_calibration(name)
+    if not version.isdecimal():
+        raise ReadingError(
+            expected="a calibration as NAME or NAME@VERSION, its version a number",
+            found=f"'{label}'",
+            where="calibration name",
+            todo="'lidarspectra sensor calibrations' lists them.",
+        )
+    return load_calibration(name, int(version))
+
+
 def load_calibration(name: str, version: int | None = None) -> Calibration:
     """Load by name; the newest version unless one is given.
 

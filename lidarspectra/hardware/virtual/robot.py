@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.errors import ReadingError
+from lidarspectra.errors import DeviceError, ReadingError
 from lidarspectra.hardware.robot.poses import Trajectory
 from lidarspectra.hardware.robot.reference_files import map_light, read_map
 from lidarspectra.hardware.robot.robot import median_spacing
@@ -27,10 +27,11 @@ from lidarspectra.hardware.virtual.emulator import Light, SketchBoard
 from lidarspectra.hardware.virtual.faults import START_UNIX_S, FaultPlan, FaultyWire, VirtualClock, VirtualPort
 from lidarspectra.hardware.virtual.solar_cell import VirtualCell, cell_counts, cell_current_in
 from lidarspectra.hardware.virtual.spectral_sensor import VirtualSensor, draw_sensor
-from lidarspectra.io.files import write_whole
+from lidarspectra.io.files import write_whole, writing
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, Spectrum
 
+LOG, LAMP_LOG, DARK_LOG = "log.csv", "lamp-log.csv", "dark-log.csv"
 SPEED_M_S = 0.15  # [m/s] a TurtleBot3 Waffle Pi reaches 0.26 m/s (its manual); slower gives a finer map
 POSES_HZ = 10.0  # [Hz] of the robot's log
 CLOCK_OFFSET_S = 2.3  # [s] the robot's clock is ahead
@@ -161,13 +162,15 @@ def rehearse(
     ReadingError
         If the map cannot be read.
     DeviceError
-        If a log of that name exists already.
+        If the folder has another rehearsal's logs, or cannot be written.
     """
     locations, _ = read_map(map_table)
     expected = map_light(map_table)
-    folder.mkdir(parents=True, exist_ok=True)
+    _check_is_new(folder)
     sensor = draw_sensor(seed)
-    _record_references(sensor, folder, seed)
+    with writing(folder, error=DeviceError):
+        folder.mkdir(parents=True, exist_ok=True)
+        _record_references(sensor, folder, seed)
     drive = drive_past(locations, start_unix_s=START_UNIX_S)
     progress(0.2, "driving")
     light_at = _light_past(drive, expected)
@@ -184,24 +187,37 @@ def rehearse(
 
     summary = _record(
         falling,
-        folder / "log.csv",
+        folder / LOG,
         duration_s=float(drive.unix_s[-1] - START_UNIX_S),
         readings=None,
         seed=seed,
         plan=FaultPlan(rate=fault_rate, seed=seed, pause_s=4.0, disconnect_s=4.0) if fault_rate else None,
         cells=cell_readings if cells else None,
     )
-    _write_robot(drive, folder, seed)
+    with writing(folder, error=DeviceError):
+        _write_robot(drive, folder, seed)
     progress(1.0, "driven")
     return Rehearsal(
-        log=folder / "log.csv",
-        lamp_log=folder / "lamp-log.csv",
-        dark_log=folder / "dark-log.csv",
+        log=folder / LOG,
+        lamp_log=folder / LAMP_LOG,
+        dark_log=folder / DARK_LOG,
         lamp=folder / "lamp.csv",
         poses=folder / "poses.csv",
         points=folder / "points.csv",
         summary=summary,
     )
+
+
+def _check_is_new(folder: Path) -> None:
+    """Refuse a folder with the files of another rehearsal."""
+    old = [name for name in (LOG, LAMP_LOG, DARK_LOG) if (folder / name).exists()]
+    if old:
+        raise DeviceError(
+            expected="a folder without another rehearsal",
+            found=f"{', '.join(old)} in it",
+            where=str(folder),
+            todo="Name another folder.",
+        )
 
 
 def _record_references(sensor: VirtualSensor, folder: Path, seed: int) -> None:
@@ -211,7 +227,7 @@ def _record_references(sensor: VirtualSensor, folder: Path, seed: int) -> None:
     rows = "".join(f"{w:g},{v:.9g}\n" for w, v in zip(lamp.wavelengths_nm, lamp.values, strict=True))
     write_whole(folder / "lamp.csv", "wavelength_nm,irradiance W/m2/nm\n" + rows)
     dark = np.full(CHANNEL_COUNT, sensor.dark_per_ms)
-    for name, level in (("lamp-log.csv", sensor.responsivity * reference_bands(lamp) + dark), ("dark-log.csv", dark)):
+    for name, level in ((LAMP_LOG, sensor.responsivity * reference_bands(lamp) + dark), (DARK_LOG, dark)):
         _record(_steady(level), folder / name, duration_s=600.0, readings=LAMP_READINGS, seed=seed, plan=None)
 
 
@@ -231,7 +247,7 @@ def _light_past(drive: Trajectory, expected: ExpectedLight) -> Light:
 
 
 def _write_robot(drive: Trajectory, folder: Path, seed: int) -> None:
-    """The robot's poses by its clock in its frame, and four corners of the drive in both frames."""
+    """The robot's poses by its clock in its frame, and three corners of the drive in both frames."""
     c, s = math.cos(TURN_RAD), math.sin(TURN_RAD)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     own = drive.moved(turn, np.array(SHIFT_M), frame="odom")

@@ -17,7 +17,7 @@ from lidarspectra.hardware.sensor.as7265x import (
     SensorSettings,
     settings_for,
 )
-from lidarspectra.hardware.sensor.calibration_files import load_calibration
+from lidarspectra.hardware.sensor.calibration_files import calibration_by_label
 from lidarspectra.hardware.sensor.identify import Wishes
 from lidarspectra.hardware.sensor.serial_link import SerialPort
 from lidarspectra.workflow.live.sensors_file import (
@@ -144,9 +144,7 @@ def _broker(section: BrokerSection, run_name: str) -> Broker:
 def _light(sensor: SensorSection) -> ChannelLight:
     if sensor.calibration is None:
         return ChannelLight(settings=_settings(sensor))
-    name, _, version = sensor.calibration.partition("@")
-    calibration = load_calibration(name, int(version) if version.isdigit() else None)
-    return ChannelLight(calibration, _settings(sensor))
+    return ChannelLight(calibration_by_label(sensor.calibration), _settings(sensor))
 
 
 def _settings(sensor: SensorSection) -> SensorSettings | None:

@@ -113,7 +113,24 @@ def test_a_calibration_is_made_saved_and_used(tmp_path: Path, monkeypatch: pytes
     read = pd.read_csv(tmp_path / "table.csv")
     assert np.allclose(read[[f"E_{label}" for label in labels]], 0.002, rtol=1e-6)
     assert "bench" in refused("convert", log, "--out", tmp_path / "t.csv", "--calibration", "bench@7")
+    for wrong in ("bench@", "bench@x", "bench@v1"):
+        assert "NAME@VERSION" in refused("convert", log, "--out", tmp_path / "t.csv", "--calibration", wrong)
     assert call("calibrate", "x").exit_code == 2
+
+
+def test_a_place_far_from_the_map_calibrates_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LIDARSPECTRA_DATA", str(tmp_path / "data"))
+    simulated, log = tmp_path / "map.csv", tmp_path / "log.csv"
+    simulated.write_text(
+        "x,y,z," + ",".join(f"E_{label}" for label in CHANNEL_LABELS) + "\n1,1,0.3" + ",0.002" * 18 + "\n",
+        encoding="utf-8",
+    )
+    rows = "".join(f"{i},16,165.2," + ",".join(["1000"] * 18) + "\n" for i in range(5))
+    log.write_text("unix_s,gain,integration_ms," + ",".join(CHANNEL_LABELS) + "\n" + rows, encoding="utf-8")
+    told = refused("calibrate", "desk", "--field", log, "--map", simulated, "--at", 1.0, 2.1, 0.3)
+    assert "the nearest point at (1.00, 1.00, 0.30) m, 1.10 m away" in told
+    assert "0 calibrations in" in done("calibrations")
+    assert "0.90 m away" in done("calibrate", "desk", "--field", log, "--map", simulated, "--at", 1.0, 1.9, 0.3)
 
 
 @BY_A_DEVICE
@@ -152,3 +169,16 @@ def test_the_commands_that_a_rehearsal_proposes_can_be_pasted(capsys: pytest.Cap
     calibrate, join, _ = (shlex.split(line) for line in capsys.readouterr().out.splitlines())
     assert calibrate[4:6] == ["--lamp", f"{Path('a day', 'lamp-log.csv')}={Path('a day', 'lamp.csv')}"]
     assert join[join.index("--map") + 1] == str(Path("my room.run", "map.csv"))
+
+
+def test_a_rehearsal_is_not_written_over_another_nor_where_nothing_can_be(tmp_path: Path) -> None:
+    simulated = tmp_path / "map.csv"
+    head = "x,y,z," + ",".join(f"E_{label}" for label in CHANNEL_LABELS)
+    places = [(x, y) for x in (0.5, 1.0, 1.5) for y in (0.5, 1.0, 1.5)]
+    rows = "".join(f"{x},{y},0.3" + ",0.002" * 18 + "\n" for x, y in places)
+    simulated.write_text(f"{head}\n{rows}", encoding="utf-8")
+    (tmp_path / "day").mkdir()
+    (tmp_path / "day" / "dark-log.csv").write_text("mine", encoding="utf-8")
+    assert "without another rehearsal, found dark-log.csv in it" in refused("rehearse", simulated, tmp_path / "day")
+    assert [path.name for path in (tmp_path / "day").iterdir()] == ["dark-log.csv"]
+    assert "can be written" in refused("rehearse", simulated, simulated)
