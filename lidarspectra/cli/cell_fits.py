@@ -58,6 +58,11 @@ def fit_command(
     from lidarspectra.workflow.applications.cell_fits import fit_log, renew_fit, save_fit_of_log
 
     choice = log_choice(log, calibration, columns, sensor, gain, integration)
+    circuit = _circuit(reference, shunt, area, amplification, bits, dark)
+    if circuit is not None and (renew is not None or out is None):
+        raise typer.BadParameter("--reference and --shunt are written into a new fit: they go with --out, not --renew")
+    if count is not None and renew is None:
+        raise typer.BadParameter("--count goes with --renew")
     if renew is not None:
         target = out or renew
         saved, used = renew_fit(renew, choice, column, count=count, out=target)
@@ -71,7 +76,6 @@ def fit_command(
         print_note(note)
     if out is None:
         return
-    circuit = _circuit(reference, shunt, area, amplification, bits, dark)
     saved = save_fit_of_log(choice, column, cell=cell, circuit=circuit, base=Path.cwd(), out=out)
     if saved.circuit is None:
         print_note("The fit predicts counts: give --reference and --shunt to have currents.")

@@ -3,7 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
-from rich.console import Console, ConsoleDimensions
+from rich.console import Console, ConsoleDimensions, ConsoleOptions, RenderResult
 from rich.table import Table as ShownTable
 from rich.text import Text
 
@@ -59,9 +59,22 @@ def print_error(error: LidarSpectraError) -> None:
     messages.print(Text.assemble(("Error: ", "bold red"), str(error)))
 
 
-def shown(table: "Table") -> ShownTable:
+class CaptionedTable(ShownTable):
+    """A table below a sentence, which is as wide as the console: Rich breaks a title at the table's width."""
+
+    def __init__(self, sentence: str) -> None:
+        super().__init__(box=None, pad_edge=False, header_style="bold")
+        self._sentence = Text(sentence, style="italic")
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """The sentence, and the table."""
+        yield self._sentence
+        yield from super().__rich_console__(console, options)
+
+
+def shown(table: "Table") -> CaptionedTable:
     """A table as the terminal shows it."""
-    drawn = ShownTable(title=table.caption, title_justify="left", box=None, pad_edge=False, header_style="bold")
+    drawn = CaptionedTable(table.caption)
     for heading in table.frame.columns:
         is_number = table.frame[heading].dtype.kind in "iuf"
         drawn.add_column(Text(str(heading)), justify="right" if is_number else "left")

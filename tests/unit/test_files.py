@@ -1,6 +1,7 @@
 """Files are written whole or not at all, and known by the hash of what they hold."""
 
 import errno
+import sys
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,17 @@ def test_what_cannot_be_written_leaves_the_old_file_and_nothing_beside_it(tmp_pa
         write_whole(folder, "a folder is no file")
     assert path.read_text() == "old"
     assert {entry.name for entry in tmp_path.iterdir()} == {"kept.txt", "folder"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there a file that is open cannot be replaced")
+def test_who_reads_a_file_while_it_is_replaced_reads_all_of_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_bytes(b"old rows\n" * 1000)
+    with path.open("rb", buffering=0) as reading:
+        first = reading.read(9)
+        write_whole(path, b"new\n")
+        assert first + reading.read() == b"old rows\n" * 1000
+    assert path.read_bytes() == b"new\n"
 
 
 def test_a_hash_is_sha_256(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lidarspectra.cli.interruption import AGAIN_S, end_when_interrupted
+from lidarspectra.cli.interruption import AGAIN_S, end_when_interrupted, until_interrupted
 
 CATCHES_ALL = """
 import signal
@@ -68,3 +68,14 @@ def test_what_the_caller_ignores_stays_ignored() -> None:
     end_when_interrupted()
     signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_reading_loop_sees_an_interruption_as_a_flag_and_leaves_the_handlers_as_they_were(name: str) -> None:
+    end_when_interrupted()
+    with until_interrupted() as stopped:
+        assert not stopped()
+        interrupt(name)
+        assert stopped()
+    with pytest.raises(KeyboardInterrupt):
+        interrupt(name)

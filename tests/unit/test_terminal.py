@@ -22,8 +22,11 @@ def test_a_piped_table_and_a_piped_sentence_keep_one_line_each_whatever_their_le
     frame = pd.DataFrame({"name": ["floor"], "what it is": ["oak, oiled, " * 30], "mean [lx]": [214.0]})
     console.print(sentence)
     console.print(shown(Table(name="surfaces", caption="A caption of several words.", frame=frame)))
-    printed = capsys.readouterr().out.splitlines()
+    console.print(shown(Table(name="few", caption=sentence, frame=frame[["name"]])))
+    *printed, caption, _, narrow = capsys.readouterr().out.splitlines()
     assert printed[0] == sentence
+    assert caption.strip() == sentence.strip()
+    assert narrow.split() == ["floor"]
     assert [line.split()[0] for line in printed[1:]] == ["A", "name", "floor"]
     assert "oak, oiled, " * 30 in printed[3]
 

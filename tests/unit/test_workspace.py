@@ -96,9 +96,36 @@ def test_kept_stages_that_other_code_of_this_version_made_are_named(
     monkeypatch.setattr(code_version, "PACKAGE", changed)
     code_version.code_hash.cache_clear()
     (note,) = code_version.other_code_notes({"scan": record.versions})
+    (both,) = code_version.other_code_notes({"scan": record.versions, "views": record.versions})
     code_version.code_hash.cache_clear()
     assert note.startswith("Kept stage scan: made by other code")
     assert "--from scan" in note
+    assert both.startswith("Kept stages scan, views: made by other code")
+    assert "--from scan" in both  # the first, on which the others rest
+
+
+def test_code_is_known_by_what_its_files_hold_and_are_called_and_not_by_their_line_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def hash_of(files: dict[str, bytes]) -> str:
+        package = tmp_path / str(len(list(tmp_path.iterdir())))
+        for name, content in files.items():
+            (package / name).parent.mkdir(parents=True, exist_ok=True)
+            (package / name).write_bytes(content)
+        monkeypatch.setattr(code_version, "PACKAGE", package)
+        code_version.code_hash.cache_clear()
+        return code_version.code_hash()
+
+    first = {"a.py": b"x = 1\n", "part/b.py": b"y = 2\n"}
+    try:
+        one = hash_of(first)
+        assert hash_of({**first, "notes.txt": b"no code"}) == one
+        assert hash_of({name: content.replace(b"\n", b"\r\n") for name, content in first.items()}) == one
+        others = [{**first, "a.py": b"x = 2\n"}, {**first, "part/b.py": b"y = 3\n"}, {**first, "c.py": b""},
+                  {"z.py": first["a.py"], "part/b.py": first["part/b.py"]}]  # fmt: skip
+        assert len({one, *map(hash_of, others)}) == 5
+    finally:
+        code_version.code_hash.cache_clear()
 
 
 def test_a_changed_setting_makes_the_stage_again(tmp_path: Path) -> None:

@@ -63,6 +63,13 @@ class CellCircuit:
                 where="cell circuit",
                 todo="See the wiring table of docs/howto-sensor.md.",
             )
+        if not 0.0 <= self.dark_count < self.full_scale:
+            raise ReadingError(
+                expected=f"a count with the cell covered from 0 to below {self.full_scale}, the converter's largest",
+                found=f"{self.dark_count:g}",
+                where="cell circuit",
+                todo="Cover the cell and read its count (--dark).",
+            )
 
     @property
     def full_scale(self) -> int:

@@ -128,11 +128,14 @@ def beside_cell(choice: LogChoice, wanted: FitSignal | None = None) -> BesideCel
 
 def _counts_of(beside: BesideCell, column: int, log: Path) -> FloatArray:
     if beside.counts.shape[1] < column:
+        cells = beside.counts.shape[1]
         raise ReadingError(
-            expected=f"a log with {column} cells or more",
-            found=f"{beside.counts.shape[1]}",
+            expected=f"a log with counts of cell {column}",
+            found=f"{cells} cell{'s' if cells > 1 else ''}" if cells else "a log without cells",
             where=str(log),
-            todo="Give --column.",
+            todo=f"Give --column 1 to {cells}."
+            if cells
+            else "Their columns are called cell_1, cell_2 ...; say it with --columns 'NAME=cell_1' where they are not.",
         )
     return np.asarray(beside.counts[:, column - 1], dtype=np.float64)
 

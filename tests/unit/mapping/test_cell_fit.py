@@ -16,6 +16,7 @@ from lidarspectra.mapping.photovoltaics.cell_fit_files import SavedFit, load_fit
 from lidarspectra.mapping.photovoltaics.cells import find_cell
 from lidarspectra.mapping.photovoltaics.node_day import NodeDay, light_hours
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM
+from lidarspectra.workflow.applications.cell_fits import ahead_in_log
 
 WAVELENGTHS = np.array(AS7265X_CENTERS_NM)
 FLAT = np.ones(18)
@@ -167,6 +168,20 @@ def test_from_a_log_to_a_file_and_to_currents_beside_another_log(tmp_path: Path)
     np.testing.assert_allclose(found["current_A"], found["count"] * CIRCUIT.ampere_per_count, rtol=1e-6)
     assert "hours of light" in call("node", tmp_path / "currents.csv")
     assert "Renewed with 3 readings" in call("fit", other, "--column", 1, "--renew", fit, "--count", 3)
+
+
+def test_a_cell_that_is_not_in_the_log_and_what_would_have_no_effect_are_refused(tmp_path: Path) -> None:
+    light = 20.0 * mixed_light(60, 1)
+    log = log_file(tmp_path / "log.csv", light, counted(light / 20.0, 20.0, 3))
+    with pytest.raises(ReadingError, match=r"counts of cell 3, found 1 cell\..*--column 1 to 1"):
+        ahead_in_log(log, 3, cell=None, share=0.5)
+    pd.read_csv(log).drop(columns="cell_1").to_csv(tmp_path / "bare.csv", index=False)
+    with pytest.raises(ReadingError, match=r"a log without cells.*NAME=cell_1"):
+        ahead_in_log(tmp_path / "bare.csv", 1, cell=None, share=0.5)
+    circuit = ("--reference", "5", "--shunt", "100")
+    for more in (circuit, ("--count", "5"), ("--renew", "fit.json", *circuit)):
+        result = CliRunner().invoke(app, ["fit", str(log), "--column", "1", *more])
+        assert result.exit_code == 2, result.output
 
 
 def test_an_offset_that_no_light_explains_is_said_to_be_in_the_current(tmp_path: Path) -> None:

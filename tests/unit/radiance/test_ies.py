@@ -97,6 +97,13 @@ def test_feet_multipliers_and_tilt_tables_are_taken_in() -> None:
     table = read_ies(text, where="test")
     assert table.candela[0, 0] == 25.0
     np.testing.assert_allclose(table.opening_m, (2 * 0.3048, 0.3048))
+    assert table.lamps_lm is None  # absolute photometry, -1 lm a lamp
+
+
+def test_the_lamps_lumens_are_of_all_lamps_on_their_ballast_and_not_of_the_candelas_multiplier() -> None:
+    text = ies_text(np.zeros(1), THETA, np.ones((1, THETA.size)), multiplier=2.5)
+    of_two = text.replace("1 -1 2.5", "2 900 2.5").replace("1.0 1.0 36", "0.9 1.0 36")
+    assert read_ies(of_two, where="test").lamps_lm == pytest.approx(2 * 900 * 0.9)
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,11 @@
 """Running means kept as batches, and as their moments."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from lidarspectra.radiance.sampling import running_means
 from lidarspectra.radiance.sampling.folding import channel_weights
 from lidarspectra.radiance.sampling.running_means import Batches, Moments, Weights
 
@@ -31,9 +34,27 @@ def test_moments_are_those_of_the_batches() -> None:
     assert moments.variance == pytest.approx(coefficients.var(axis=0, ddof=1) / BATCHES, rel=1e-4)
 
 
-def test_grey_light_is_the_same_in_all_slots() -> None:
+def test_points_that_are_taken_in_by_parts_each_have_their_own_share(monkeypatch: pytest.MonkeyPatch) -> None:
     generator = np.random.default_rng(1)
     given = weights(generator)
+    monkeypatch.setattr(running_means, "POINTS_AT_ONCE", 2)
+    whole, moments = (kind.empty(given, batches=BATCHES, points=POINTS) for kind in (Batches, Moments))
+    for share in (np.ones(POINTS), np.linspace(0.1, 0.9, POINTS)):
+        estimates = generator.random((BATCHES, LAMPS, POINTS, SLOTS))
+        for kept in (whole, moments):
+            kept.add(np.arange(POINTS), share, estimates)
+    assert moments.mean == pytest.approx(whole.mean.mean(axis=0) / given.written[:, None], rel=1e-5)
+    assert moments.light() == pytest.approx(whole.light(), rel=1e-5)
+
+
+@pytest.mark.parametrize("carried", [SLOTS, 2], ids=["all of each channel", "half of the slots"])
+def test_grey_light_is_the_same_in_all_slots(carried: int) -> None:
+    generator = np.random.default_rng(1)
+    given = weights(generator)
+    given = replace(
+        given, written=given.written[:, :carried], flux_ratio=given.flux_ratio[:, :carried],
+        shares=given.shares[:carried], folding=given.folding[:, :carried],
+    )  # fmt: skip
     points, coefficients = np.array([3, 0, 4]), generator.random((BATCHES, LAMPS, 3))
     for kind in (Batches, Moments):
         grey, slots = (kind.empty(given, batches=BATCHES, points=POINTS, is_grey=one) for one in (True, False))

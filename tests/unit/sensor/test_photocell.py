@@ -42,7 +42,11 @@ def test_counts_of_another_converter_are_refused(counts: list[float]) -> None:
         cell_current(counts, CIRCUIT)
 
 
-@pytest.mark.parametrize("change", [{"shunt_ohm": 0.0}, {"reference_volt": -1.0}, {"area_cm2": np.nan}, {"bits": 1}])
+@pytest.mark.parametrize(
+    "change",
+    [{"shunt_ohm": 0.0}, {"reference_volt": -1.0}, {"area_cm2": np.nan}, {"bits": 1}, {"dark_count": 1023.0},
+     {"dark_count": -1.0}, {"dark_count": np.nan}],
+)  # fmt: skip
 def test_a_circuit_that_cannot_be_is_refused(change: dict[str, float]) -> None:
     with pytest.raises(ReadingError):
         replace(CIRCUIT, **change)
