@@ -1,6 +1,7 @@
 """`lidarspectra localize train | test | score | live | place`."""
 
 import math
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -156,28 +157,38 @@ def live(
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Write the track to this file.")] = None,
 ) -> None:
     """Print where a person stands, or that nobody or two people are there, until Ctrl-C or a recording's end."""
-    from lidarspectra.io.files import write_whole
+    from lidarspectra.errors import MapError
+    from lidarspectra.io.files import writing
     from lidarspectra.mapping.localization.live import LiveSettings
     from lidarspectra.mapping.localization.running_reference import FIRST_FRAMES, MedianWindow
     from lidarspectra.workflow.applications.localization_jobs import TRACK_COLUMNS, follow, live_frames, track_row
 
     median = MedianWindow(frames=window, first=min(FIRST_FRAMES, window) if first is None else first)
     settings = LiveSettings(method=method, window=median, average=average, always_one=always_one)
-    rows = [",".join(TRACK_COLUMNS) + "\n"]
-    with until_interrupted() as stopped:
+    count = 0
+    with ExitStack() as closing, until_interrupted() as stopped:
+        track = None
+        if out is not None:  # row by row: a night's track is not lost at its end; an old one stays until the first fix
+            closing.enter_context(writing(out, error=MapError))
+            track = closing.enter_context(out.open("a", encoding="utf-8", newline="\n"))
         given = live_frames(sources, period_s=period, max_age_s=max_age, stop=stopped, baud=baud, on_note=print_note)
-        for number, fix in enumerate(follow(model, given, settings=settings, empty=empty)):
+        for fix in follow(model, given, settings=settings, empty=empty):
+            count += 1
             x, y = fix.position_m
             where = f"  ({x:.2f}, {y:.2f}) ± {fix.spread_m:.2f} m" if math.isfinite(x) else ""
             line = f"{fix.time_s:.1f} s  {fix.label}  {100 * fix.probability:.0f} %{where}"
             say(line)
-            rows.append(track_row(fix))
-            if stopped() or number + 1 == frames:
+            if track is not None:
+                if count == 1:
+                    track.truncate(0)
+                    track.write(",".join(TRACK_COLUMNS) + "\n")
+                track.write(track_row(fix))
+                track.flush()
+            if stopped() or count == frames:
                 break
-    if len(rows) == 1:
+    if not count:
         print_note(NO_FIX_NOTE.format(first=median.first))
-    if out is not None:
-        write_whole(out, "".join(rows))
+    elif out is not None:
         say(f"Track: {out}")
 
 
@@ -191,7 +202,9 @@ def place(
             show_default=False,
         ),
     ],
-    count: Annotated[int, typer.Option("--count", min=1, help="Sensors to choose.")] = 8,
+    count: Annotated[
+        int | None, typer.Option("--count", min=1, help="Sensors to choose. Default: 8, or all if there are fewer.")
+    ] = None,
     positions: PositionsOption = None,
     lamp_spread: Annotated[
         float, typer.Option("--lamp-spread", min=0.0, help="RUN: relative uncertainty of a lamp's flux.")

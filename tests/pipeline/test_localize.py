@@ -48,6 +48,12 @@ def answer(command: str) -> str:
     return " ".join(result.output.split())
 
 
+def refused(command: str) -> str:
+    result = CliRunner().invoke(app, command.split())
+    assert isinstance(result.exception, MapError), result.exception
+    return str(result.exception)
+
+
 def test_a_model_of_one_night_locates_the_next(folder: Path) -> None:
     told = answer("localize train one.csv --positions places.csv --out model --copies 4 --drift 1")
     assert "6 places, 6 sensors, 12 of 12 channels" in told
@@ -69,7 +75,15 @@ def test_a_model_of_one_night_locates_the_next(folder: Path) -> None:
     assert np.hypot(track["x"] - 1.0, track["y"] - 1.0).max() < 0.7
     told = answer("localize live model two.csv --empty two.csv --frames 3 --method discriminant")
     assert told.count(" p0 ") == 3
-    assert "No position was found" in answer("localize live model two.csv --first 1000 --window 1000")
+    before = (folder / "track.csv").read_text(encoding="utf-8")
+    told = answer("localize live model two.csv --first 1000 --window 1000 --out track.csv")
+    assert "No position was found" in told
+    assert (folder / "track.csv").read_text(encoding="utf-8") == before  # an old track is not emptied for nothing
+    fewer = pd.read_csv(folder / "two.csv").drop(columns=["s3_560", "s3_645"])
+    fewer.to_csv(folder / "fewer.csv", index=False)
+    said = refused("localize live model two.csv --empty fewer.csv")
+    assert "the model was trained for, s1, s2, s3, s4, s5, ..., found no 's3' among s1, s2, s4, s5, s6." in said
+    assert "can be written" in refused("localize live model two.csv --empty two.csv --out no-folder/track.csv")
 
 
 @pytest.mark.slow
@@ -91,6 +105,8 @@ def test_sensors_are_chosen_from_fingerprints(folder: Path) -> None:
     assert table["added"].is_unique
     assert table["error of choosing between two places [m]"].is_monotonic_decreasing
     assert (folder / "sensor-places" / "sensor-places.png").is_file()
+    answer("localize place one.csv")
+    assert len(pd.read_csv(folder / "sensor-places" / "sensor-places.csv")) == 6  # all, of fewer than eight
 
 
 @pytest.mark.parametrize(
@@ -100,9 +116,8 @@ def test_sensors_are_chosen_from_fingerprints(folder: Path) -> None:
         ("localize train places.csv --out model", "SENSOR_CHANNEL"),
         ("localize test . one.csv", "localize train"),
         ("localize live . s1=one.csv two.csv", "once for each sensor"),
+        ("localize live . none.csv", "a recording, found no file"),
     ],
 )
 def test_what_cannot_be_is_said(folder: Path, command: str, found: str) -> None:
-    result = CliRunner().invoke(app, command.split())
-    assert isinstance(result.exception, MapError)
-    assert found in str(result.exception)
+    assert found in refused(command)

@@ -19,6 +19,7 @@ averaged, and on virtual nights, where another person comes, every locator is ri
 several people tell how much clothes do, and whether a feature for each channel is better (`chosen_features`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -325,8 +326,8 @@ def require_same_sensors(table: xr.Dataset, space: FeatureSpace, *, where: str) 
     missing = [name for name in space.sensors if name not in table["sensor"].to_numpy()]
     if missing:
         raise MapError(
-            expected=f"the sensors that the model was trained for, {', '.join(space.sensors[:5])}, ...",
-            found=f"no '{missing[0]}' among {', '.join(map(str, table['sensor'].to_numpy()[:5]))}, ...",
+            expected=f"the sensors that the model was trained for, {_first(space.sensors)}",
+            found=f"no '{missing[0]}' among {_first(table['sensor'].to_numpy().astype(str).tolist())}",
             where=where,
         )
     try:
@@ -337,6 +338,10 @@ def require_same_sensors(table: xr.Dataset, space: FeatureSpace, *, where: str) 
             found=", ".join(f"{band:g}" for band in table["band"].to_numpy()) + " nm",
             where=where,
         ) from cause
+
+
+def _first(names: Sequence[str]) -> str:
+    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
 
 
 def known_median(values: FloatArray, *, axis: int) -> FloatArray:

@@ -6,9 +6,10 @@ A wide table has one row per reading of all sensors, and one column per channel,
     s1_w1, s1_w2, ...     by the channel's number, counted by wavelength: w1 is 410 nm, w18 is 940 nm
 
 Commas, semicolons or tabs stand between columns. An empty cell, and a count of 65535, are missing readings. A column
-`label` (or `loc`, `location`, `position`, `place`) names the place of the person, `time_s` the time. Rows with the
-label `empty` are readings of the empty room; their mean becomes the table's `empty`. A second file with the columns
-name, x, y and z has the places' coordinates in metres.
+`label` (or `loc`, `location`, `position`, `place`) names the place of the person, `time_s` the time (or `time`,
+`timestamp` and others, in any form that a log's times have). Rows with the label `empty` are readings of the empty
+room; their mean becomes the table's `empty`. A second file with the columns name, x, y and z has the places'
+coordinates in metres.
 """
 
 import gzip
@@ -27,16 +28,18 @@ from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_COUNT, CHANNEL_LABELS, mask_counts
+from lidarspectra.hardware.sensor.log_columns import time_column
+from lidarspectra.hardware.sensor.log_times import parse_times
 from lidarspectra.mapping.localization.fingerprint_table import load_fingerprints, make_fingerprints
 from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, AS7265X_FWHM_NM, gaussian_bands
 
 LABEL_COLUMNS = ("label", "loc", "location", "position", "place")
-TIME_COLUMN = "time_s"
 EMPTY_LABEL = "empty"
 NETCDF_SUFFIXES = (".nc", ".nc4")
 MAX_FILE_BYTES = 500_000_000  # a longer night is split before
 
+_AGAIN = re.compile(r"(?P<name>.+)\.\d+")  # as pandas renames a column of the same name
 _CHANNEL = re.compile(r"(?P<sensor>.+)_(?:w(?P<number>\d{1,2})|(?P<nm>\d{3,4}))")
 
 
@@ -172,7 +175,9 @@ def wide_columns(names: list[str], *, where: str) -> WideColumns:
         If no column is a channel, one is unknown or comes twice, or the sensors do not have the same channels.
     """
     place: dict[tuple[str, int], int] = {}
-    label = time = None
+    label = None
+    found_time = time_column([name.strip() for name in names])
+    time = None if found_time is None else [name.strip() for name in names].index(found_time[0])
     for column, name in enumerate(name.strip() for name in names):
         found = _CHANNEL.fullmatch(name)
         if found is not None:
@@ -182,8 +187,6 @@ def wide_columns(names: list[str], *, where: str) -> WideColumns:
             place[key] = column
         elif name.lower() in LABEL_COLUMNS and label is None:
             label = column
-        elif name.lower() == TIME_COLUMN:
-            time = column
     if not place:
         raise MapError(
             expected="columns named SENSOR_CHANNEL, as s1_410 or s1_w1",
@@ -245,22 +248,86 @@ def table_of_counts(
             expected="readings with somebody in the room", found="none, or only of the empty room", where=source
         )
     present = ~is_empty
-    extra = {} if times_s is None else {"time_s": times_s[present]}
-    chosen = list(columns.channels)
-    return make_fingerprints(
+    return _fingerprints(
         masked[present],
-        quantity="counts",
+        columns,
         labels=[label for label, kept in zip(labels, present, strict=True) if kept],
-        positions_m=np.full((int(present.sum()), 3), np.nan),
-        sensors=columns.sensors,
-        bands=gaussian_bands("as7265x", np.array(AS7265X_CENTERS_NM)[chosen], AS7265X_FWHM_NM),
         empty=_empty_room(masked[is_empty], source) if is_empty.any() else None,
-        extra=extra,
+        times_s=None if times_s is None else times_s[present],
+        source=source,
+    )
+
+
+def _fingerprints(
+    counts: FloatArray,
+    columns: WideColumns,
+    *,
+    labels: list[str],
+    empty: FloatArray | None,
+    times_s: FloatArray | None = None,
+    source: str,
+) -> xr.Dataset:
+    """(reading, sensor, band) masked counts as fingerprints at places without coordinates."""
+    return make_fingerprints(
+        counts,
+        quantity="counts",
+        labels=labels,
+        positions_m=np.full((len(counts), 3), np.nan),
+        sensors=columns.sensors,
+        bands=gaussian_bands("as7265x", np.array(AS7265X_CENTERS_NM)[list(columns.channels)], AS7265X_FWHM_NM),
+        empty=empty,
+        extra={} if times_s is None else {"time_s": times_s},
         attributes={"source": source},
     )
 
 
+def read_empty_room(path: str | PathLike[str]) -> xr.Dataset:
+    """Readings of the empty room, as the table's `empty`.
+
+    Parameters
+    ----------
+    path : str or path
+        As of `read_fingerprints`: fingerprints that have an empty room, a wide table with rows of the label `empty`, or
+        one without labels, of nothing else.
+
+    Returns
+    -------
+    table : xarray.Dataset
+        See `fingerprint_table`.
+
+    Raises
+    ------
+    MapError
+        If the file cannot be read, or tells no empty room.
+    """
+    path = path_of(path, name="path")
+    if path.suffix in NETCDF_SUFFIXES:
+        table = load_fingerprints(path)
+        if "empty" not in table:
+            raise MapError(expected="fingerprints with an empty room", found="none in them", where=str(path))
+        return table
+    counts, columns, labels, _ = _wide_counts(path)
+    is_empty = np.array([label == EMPTY_LABEL for label in labels], dtype=np.bool_)
+    if columns.label is not None and not is_empty.any():
+        raise MapError(
+            expected=f"rows with the label '{EMPTY_LABEL}', or a table of the empty room without labels",
+            found=f"the labels {', '.join(sorted(set(labels))[:6])}",
+            where=str(path),
+            todo="Without such readings leave --empty out: the running median is then the reference.",
+        )
+    masked, _ = mask_counts(counts if columns.label is None else counts[is_empty])
+    return _fingerprints(
+        masked, columns, labels=[""] * len(masked), empty=_empty_room(masked, path.name), source=path.name
+    )
+
+
 def _read_wide(path: Path) -> xr.Dataset:
+    counts, columns, labels, times = _wide_counts(path)
+    return table_of_counts(counts, columns, labels=labels, times_s=times, source=path.name)
+
+
+def _wide_counts(path: Path) -> tuple[FloatArray, WideColumns, list[str], FloatArray | None]:
+    """(reading, sensor, band) counts of a wide table, its columns, and label and time [s] of each reading."""
     frame = _csv(path)
     columns = wide_columns([str(name) for name in frame.columns], where=str(path))
     order = list(columns.order)
@@ -276,10 +343,28 @@ def _read_wide(path: Path) -> xr.Dataset:
         )
     shape = (len(frame), len(columns.sensors), len(columns.channels))
     labels = [""] * len(frame) if columns.label is None else _words(frame.iloc[:, columns.label])
-    times = None
-    if columns.time is not None:
-        times = pd.to_numeric(frame.iloc[:, columns.time], errors="coerce").to_numpy(np.float64)
-    return table_of_counts(numbers.reshape(shape), columns, labels=labels, times_s=times, source=path.name)
+    return numbers.reshape(shape), columns, labels, _times(frame, columns.time, str(path))
+
+
+def _times(frame: pd.DataFrame, column: int | None, where: str) -> FloatArray | None:
+    """(reading,) times of a wide table [s]; None where no column has any."""
+    if column is None:
+        return None
+    name = str(frame.columns[column]).strip()
+    found = time_column([name])
+    cells = ["" if pd.isna(cell) else str(cell) for cell in frame.iloc[:, column]]
+    times, _ = parse_times(cells, name=name, unit=None if found is None else found[1])
+    lost = np.flatnonzero(~np.isfinite(times))
+    if lost.size == len(cells) and name.lower() != "time_s":
+        return None
+    if lost.size:
+        raise MapError(
+            expected="a time in every row",
+            found=f"'{cells[lost[0]][:40]}'",
+            where=f"{where}, row {lost[0] + 2}, column {name}",
+            todo="Times are seconds, or as 2023-04-20 14:36:08. Without such a column rows follow one another.",
+        )
+    return times
 
 
 def _words(column: "pd.Series[str]") -> list[str]:
@@ -300,6 +385,10 @@ def _csv(path: Path) -> pd.DataFrame:
         raise MapError(expected="a readable CSV", found=str(cause), where=str(path)) from cause
     if frame.empty:
         raise MapError(expected="a header and one row or more", found="no row", where=str(path))
+    names = [str(name) for name in frame.columns]
+    twice = next((name for name in names if (again := _AGAIN.fullmatch(name)) and again["name"] in names), None)
+    if twice is not None:
+        raise MapError(expected="each column once", found=f"'{twice.rpartition('.')[0]}' again", where=str(path))
     return frame
 
 

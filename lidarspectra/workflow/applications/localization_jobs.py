@@ -17,8 +17,8 @@ from lidarspectra.hardware.sensor.recorder import RecordOptions
 from lidarspectra.hardware.sensor.serial_link import SerialPort
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.tables import Table, save_table
-from lidarspectra.mapping.localization.features import reference_of
-from lidarspectra.mapping.localization.fingerprint_files import read_fingerprints
+from lidarspectra.mapping.localization.features import reference_of, require_same_sensors
+from lidarspectra.mapping.localization.fingerprint_files import read_empty_room, read_fingerprints
 from lidarspectra.mapping.localization.frames import (
     Frame,
     Stop,
@@ -56,6 +56,8 @@ from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.workflow.run_folder.light_of_run import plan_of_run, transport_of_run
 from lidarspectra.workflow.run_folder.workspace import made_folder
 
+USUAL_SENSORS = 8  # that are chosen where no number is given, or all if there are fewer
+RECORDING_SUFFIXES = (".csv", ".gz", ".txt", ".log", ".dat", ".nc")  # of what is no port
 STRETCHES_NOTE = (
     "Each place was visited only once, so that the first half of a visit is tested against its second half. Since the "
     "person stood there all the while, this shows that the places are distinguishable, not how well they will be found "
@@ -257,6 +259,8 @@ def live_frames(
         path = Path(sources[0])
         if path.is_file():
             return replay_table(path, period_s=period_s)
+        if path.suffix.lower() in RECORDING_SUFFIXES:
+            raise MapError(expected="a recording", found="no file of that name", where=str(path))
         return frames_of_lines(SerialPort(sources[0]), baud=baud, stop=stop)
     if len(named) != len(sources):
         raise MapError(
@@ -282,10 +286,7 @@ def follow(
     model = load_locator(folder)
     reference: FloatArray | None = None
     if empty is not None:
-        table = read_fingerprints(empty)
-        reference = reference_of(
-            table.sel(sensor=list(model.space.sensors)).sel(band=model.space.bands_nm, method="nearest")
-        )
+        reference = reference_of(require_same_sensors(read_empty_room(empty), model.space, where=str(empty)))
     locator = LiveLocator(model, settings, reference)
     for frame in frames:
         fix = locator.locate(frame)
@@ -312,12 +313,13 @@ def track_row(fix: Fix) -> str:
     return buffer.getvalue()
 
 
-def place_to_locate(file: Path, count: int, out: Path, *, positions: Path | None = None) -> LocationReport:
-    """Choose sensors of a file of fingerprints to localize with; see `sensor_places.choose_to_locate`."""
+def place_to_locate(file: Path, count: int | None, out: Path, *, positions: Path | None = None) -> LocationReport:
+    """Choose sensors of a file of fingerprints to localize with, by default 8; see `sensor_places.choose_to_locate`."""
     table = read_fingerprints(file, positions)
     places = places_of_table(table)
     known = places.positions_m[:, :2] if places.has_positions else None
-    chosen = choose_to_locate(place_changes(table), count, positions_m=known)
+    wanted = min(USUAL_SENSORS, table.sizes["sensor"]) if count is None else count
+    chosen = choose_to_locate(place_changes(table), wanted, positions_m=known)
     unit = "m" if known is not None else "1"
     return _placement_report(
         chosen,
@@ -328,8 +330,8 @@ def place_to_locate(file: Path, count: int, out: Path, *, positions: Path | None
     )
 
 
-def place_to_rebuild(run: Path, count: int, out: Path, doubts: MapDoubts | None = None) -> LocationReport:
-    """Choose points of a run from whose readings its map is best predicted; see `sensor_places.choose_to_rebuild`."""
+def place_to_rebuild(run: Path, count: int | None, out: Path, doubts: MapDoubts | None = None) -> LocationReport:
+    """Choose points of a run, by default 8, that best predict its map; see `sensor_places.choose_to_rebuild`."""
     doubts = doubts or MapDoubts()
     transport = transport_of_run(run)
     free = np.flatnonzero(~transport["buried"].to_numpy().astype(np.bool_))
@@ -340,7 +342,8 @@ def place_to_rebuild(run: Path, count: int, out: Path, doubts: MapDoubts | None 
         light / scale, positions, lamp_spread=doubts.lamp_spread, error=doubts.error, length_m=doubts.length_m
     )
     noise = np.hypot(doubts.noise, REPEATABILITY) * np.maximum(light.sum(axis=0) / scale, 1e-6)
-    chosen = choose_to_rebuild(covariance, count, noise=noise)
+    wanted = min(USUAL_SENSORS, free.size) if count is None else count
+    chosen = choose_to_rebuild(covariance, wanted, noise=noise)
     names = [f"point {number}" for number in free]
     return _placement_report(chosen, names, positions, out, label="error of the map over its mean [1]")
 

@@ -11,7 +11,12 @@ from typer.testing import CliRunner
 
 from lidarspectra.cli.sensor import app
 from lidarspectra.errors import MapError
-from lidarspectra.mapping.localization.fingerprint_files import header_of, parse_frame, read_fingerprints
+from lidarspectra.mapping.localization.fingerprint_files import (
+    header_of,
+    parse_frame,
+    read_empty_room,
+    read_fingerprints,
+)
 from lidarspectra.mapping.localization.fingerprint_table import save_fingerprints
 
 Maker = Callable[..., xr.Dataset]
@@ -64,6 +69,30 @@ def test_rows_of_the_empty_room_become_the_reference(tmp_path: Path) -> None:
     assert table["empty"].to_numpy().tolist() == [[11.0, 102.0], [20.0, 200.0]]
 
 
+def test_an_empty_room_is_read_from_its_rows_or_from_a_table_of_nothing_else(tmp_path: Path) -> None:
+    rows = ("10,100,20,200,empty", "12,104,20,,empty")
+    without = written(tmp_path, *(row.removesuffix(",empty") for row in rows), header="s1_w1,s1_w9,s2_w1,s2_w9")
+    for path in (
+        without,
+        written(tmp_path, *rows, "9,90,21,210,a", name="night.csv"),
+        written(tmp_path, *rows, name="only.csv"),
+    ):
+        assert read_empty_room(path)["empty"].to_numpy().tolist() == [[11.0, 102.0], [20.0, 200.0]]
+    with pytest.raises(MapError, match="the labels a, b"):
+        read_empty_room(written(tmp_path, "9,90,21,210,a", "9,90,21,210,b"))
+
+
+@pytest.mark.parametrize("name", ["time", "time_s", "Timestamp"])
+def test_times_of_a_wide_table_are_read_in_any_form_or_refused(name: str, tmp_path: Path) -> None:
+    header = f"{name},{HEADER}"
+    for first, second in (("100", "102.5"), ("2023-04-20 14:36:08", "2023-04-20T14:36:10.5Z")):
+        rows = (f"{first},8,153,9,216,a", f"{second},8,153,9,216,a")
+        times = read_fingerprints(written(tmp_path, *rows, header=header))["time_s"].to_numpy()
+        assert np.diff(times) == pytest.approx([2.5])
+    with pytest.raises(MapError, match=r"row 3, column .*: expected a time in every row, found 'soon'"):
+        read_fingerprints(written(tmp_path, "100,8,153,9,216,a", "soon,8,153,9,216,a", header=header))
+
+
 def test_a_packed_table_and_labels_with_gaps_are_read(tmp_path: Path) -> None:
     plain = written(tmp_path, "8,153,9,216,3", "8,153,9,216,")
     packed = tmp_path / "night.csv.gz"
@@ -94,6 +123,7 @@ def test_positions_come_from_a_file_of_names(tmp_path: Path) -> None:
         ("s1_w19,loc", "1,a", "s1_w19"),
         ("s1_411,loc", "1,a", "s1_411"),
         ("s1_w1,s1_410,loc", "1,2,a", "again"),
+        ("s1_410,s1_410,loc", "1,2,a", "'s1_410' again"),
         ("s1_w1,s1_w2,s2_w1,loc", "1,2,3,a", "no 435 nm of 's2'"),
         (HEADER, "1,2,3,dark,a", "'dark'"),
         (HEADER, "1,2,3,4,empty", "only of the empty room"),
