@@ -153,17 +153,21 @@ def fingerprint_room(
             ),
             progress=progress,
         )
-    if not table.attrs["target_met"]:
-        notes = (*notes, _missed("reading", "", table), _missed("person's effect", "effect_", table))
+    notes = (*notes, *missed_targets(table))
     return Fingerprints(table=table, path=save_fingerprints(table, out / FINGERPRINTS_FILE), notes=notes)
 
 
-def _missed(of: str, name: str, table: xr.Dataset) -> str:
-    achieved, target = (100 * table.attrs[f"{kind}_relative_{name}se"] for kind in ("achieved", "target"))
-    return (
-        f"The standard error of a {of} is {achieved:.3f} % of the reading, above the target of {target:.3f} %. The "
-        "fingerprints are usable, with that much more noise."
-    )
+def missed_targets(table: xr.Dataset) -> tuple[str, ...]:
+    """A note on each standard error, of traced readings and of what people change, that is above its target."""
+    notes = []
+    for of, name in (("reading", ""), ("person's effect", "effect_")):
+        achieved, target = (100 * table.attrs[f"{kind}_relative_{name}se"] for kind in ("achieved", "target"))
+        if achieved > target:
+            notes.append(
+                f"The standard error of a {of} is {achieved:.3f} % of the reading, above the target of {target:.3f} %. "
+                "The fingerprints are usable, with that much more noise."
+            )
+    return tuple(notes)
 
 
 def place_people(positions: Positions, order: FingerprintOrder) -> tuple[PlacedPerson, ...]:

@@ -141,6 +141,7 @@ def test_rounds_of_shadow_rays_never_repeat_one_another(rooms, places, monkeypat
     sensors = Sensors(positions=places.positions, normals=places.normals, receptor=request.receptor)
     log, generator = Log(), np.random.default_rng(1)
     surveyed = survey(scene, sensors, request, generator=generator, log=log)
+    assert np.unique(surveyed.truncation, axis=1).shape == surveyed.truncation.shape  # each sensor has its own
     for _ in range(3):
         rounds.first_mean(scene, sensors, request, surveyed, generator=generator, log=log)
     for batches in np.concatenate(seen, axis=1):  # of a point, in all rounds

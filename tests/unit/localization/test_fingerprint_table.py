@@ -15,6 +15,7 @@ from lidarspectra.mapping.localization.fingerprint_table import (
     save_fingerprints,
 )
 from lidarspectra.spectra.spectrum import gaussian_bands
+from lidarspectra.workflow.applications.fingerprints import missed_targets
 
 BANDS = gaussian_bands("two", [500.0, 600.0], 20.0)
 SHAPE = (3, 4, 2)  # fingerprints, sensors, bands
@@ -114,3 +115,15 @@ def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
         load_fingerprints(tmp_path / "other.nc")
     with pytest.raises(WorkspaceError):
         save_fingerprints(table(), tmp_path / "no folder" / "table.nc")
+
+
+@pytest.mark.parametrize(
+    ("reading", "effect", "said"), [(0.02, 0.004, []), (0.04, 0.004, ["reading"]), (0.02, 0.006, ["person's effect"])]
+)
+def test_only_errors_above_their_target_are_told(reading: float, effect: float, said: list[str]) -> None:
+    traced = table().assign_attrs(
+        target_relative_se=0.03, achieved_relative_se=reading,
+        target_relative_effect_se=0.005, achieved_relative_effect_se=effect,
+    )  # fmt: skip
+    notes = missed_targets(traced)
+    assert [note.split(" is ")[0].removeprefix("The standard error of a ") for note in notes] == said

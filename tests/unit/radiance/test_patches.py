@@ -157,3 +157,16 @@ def test_rough_light_is_exactly_nothing_behind_a_closed_sheet() -> None:
     rough = found.sent_on(found.reflected(lit[:, None, None].astype(float), 8).whole).functions.reshape(len(found), -1)
     assert np.all(rough[x > WALL_M + 1e-3] == 0.0)
     assert np.all(rough[lit, 0] > 0.0)
+
+
+def test_sensors_that_were_not_asked_have_the_watcher_nearest_in_place_and_direction() -> None:
+    """Of a pair at one place, one looks up and one to the side: each has its like as watcher."""
+    x = np.repeat(np.linspace(0.5, 3.5, 4), 2)
+    all_of_them = Sensors(
+        positions=np.stack([x, np.full(8, 1.0), np.full(8, 0.5)], axis=1),
+        normals=np.tile([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], (4, 1)),
+        receptor=cosine_receptor(),
+    )
+    found = replace(patches(surfaces((0.0, 0.0, 4.0, 0.0))), watchers=np.array([0, 1, 6, 7]))
+    # row of the watcher of sensors 0 to 7: the first pair's for the left half, the last one's for the right
+    assert found.nearest_watcher(all_of_them).tolist() == [0, 1, 0, 1, 2, 3, 2, 3]
