@@ -155,6 +155,13 @@ def test_a_relit_room_is_written_beside_the_run(finished: Path, tmp_path: Path) 
     assert isinstance(answer.exception, LidarSpectraError)
 
 
+def test_what_is_no_run_is_exported_nowhere(tmp_path: Path) -> None:
+    for kind in ("--vtk", "--blender"):
+        answer = CliRunner().invoke(app, ["export", str(tmp_path / "none"), kind])
+        assert isinstance(answer.exception, LidarSpectraError), answer.exception
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_run_is_exported_for_other_programs(finished: Path, tmp_path: Path) -> None:
     words = ["export", str(finished.with_suffix(".run")), "--out", str(tmp_path)]
     answer = CliRunner().invoke(app, words)

@@ -76,6 +76,21 @@ def test_a_reading_without_light_in_a_channel_is_left_out_and_said(run: Path, tm
     assert "2 readings are left out, since a channel read zero" in found.notes[1]
 
 
+def test_a_channel_that_the_map_lacks_is_told_and_a_word_is_named_where_it_stands(run: Path, tmp_path: Path) -> None:
+    path = readings(tmp_path)
+    table = pd.read_csv(path)
+    table.rename(columns={"E_460": "E_461"}).to_csv(path, index=False)
+    notes = evaluate_run(run, path).notes
+    assert "Columns that are no channels of the map are not compared: E_461." in notes
+    assert "1 channels of the map were not measured and are not compared." in notes
+    assert not any("E_" in note for note in evaluate_run(run, readings(tmp_path)).notes)
+    table.astype({"E_435": object}).assign(E_435=[*table["E_435"][:3], "over", *table["E_435"][4:]]).to_csv(
+        path, index=False
+    )
+    with pytest.raises(MapError, match="column 'E_435', reading 4: expected numbers, found 'over'"):
+        evaluate_run(run, path)
+
+
 def test_a_tenth_more_is_a_tenth_off_until_it_is_fitted(run: Path, tmp_path: Path) -> None:
     path = readings(tmp_path, factor=1.0 / 1.1)
     assert evaluate_run(run, path).comparisons[0].bias_percent == pytest.approx(10.0)

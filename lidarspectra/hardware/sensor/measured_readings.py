@@ -85,8 +85,11 @@ def _table_of(text: str) -> pd.DataFrame:
 def _require_numbers(table: pd.DataFrame, columns: Sequence[str], measured: Path) -> None:
     for name in columns:
         if not pd.api.types.is_numeric_dtype(table[name]):
-            word = next(cell for cell in table[name].dropna() if isinstance(cell, str))
-            raise MapError(expected="numbers", found=f"'{word[:30]}'", where=f"{measured}, column '{name}'")
+            wrong = table[name].notna() & pd.to_numeric(table[name], errors="coerce").isna()
+            row = int(np.argmax(wrong.to_numpy()))
+            word = str(table[name].iloc[row])
+            where = f"{measured}, column '{name}', reading {row + 1}"
+            raise MapError(expected="numbers", found=f"'{word[:30]}'", where=where)
 
 
 def channel_columns(table: pd.DataFrame, labels: Sequence[str], unit: Unit) -> dict[int, str]:

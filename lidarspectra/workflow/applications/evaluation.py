@@ -1,5 +1,6 @@
 """A run's map against measured readings: the paper's Table 1 for any room that was measured."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
@@ -168,6 +169,7 @@ def evaluate_run(
                 scale,
                 within_m,
             ),
+            *_foreign_note(table, list(columns.values())),
             *_level_note(synthetic, real, unit, scale),
         ),
         places=np.stack([light[axis].to_numpy() for axis in "xy"], axis=1)[points[whole]],
@@ -293,6 +295,14 @@ def _band_table(synthetic: FloatArray, real: FloatArray, labels: list[str]) -> T
     return Table(name="evaluation-bands", caption="Errors by channel, over the points.", frame=frame, formats=formats)
 
 
+def _foreign_note(table: pd.DataFrame, used: Sequence[str]) -> tuple[str, ...]:
+    """A note on columns of irradiance that are no channel of the map: a channel more, or a slip in a name."""
+    foreign = [name for name in map(str, table.columns) if name.startswith("E_") and name not in used]
+    if not foreign:
+        return ()
+    return (f"Columns that are no channels of the map are not compared: {', '.join(foreign[:8])}.",)
+
+
 def _notes(
     read: int,
     near: int,
@@ -313,8 +323,8 @@ def _notes(
         notes.append(f"{near - complete} readings are left out, since they lack a channel.")
     if dark:
         notes.append(
-            f"{dark} readings are left out, since a channel read zero, where a percentage is undefined. Measure there "
-            "with a higher gain if they matter."
+            f"{dark} readings are left out, since a channel read zero or less, where a percentage is undefined. "
+            "Measure there with a higher gain if they matter."
         )
     if lacking:
         notes.append(f"{lacking} channels of the map were not measured and are not compared.")

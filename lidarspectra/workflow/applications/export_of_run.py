@@ -71,14 +71,15 @@ def export_run(run: Path, kinds: Sequence[Kind], *, quantity: str | None, out: P
     """
     if "usdz" in kinds:
         _require_usd()
-    folder = made_folder(out)
     files: list[Path] = []
     if "blender" in kinds:
-        files.append(save_blender_room(blender_room(run), folder / BLENDER_FILE))
+        room = blender_room(run)
+        files.append(save_blender_room(room, made_folder(out) / BLENDER_FILE))
         if len(kinds) == 1:
             return tuple(files)
     shown = _read(run)
     chosen = _chosen(shown, quantity)
+    folder = made_folder(out)  # not before it is known that there is a run
     if "glb" in kinds or "usdz" in kinds:
         meshes = lit_meshes(shown.scan, shown.ceiling_z, shown.light_map, shown.values[chosen], shown.words[chosen])
         stem = f"room-{re.sub(r'[^A-Za-z0-9]+', '-', chosen)}"

@@ -141,6 +141,18 @@ def test_scenes_of_before_are_left_to_the_engine(rooms, sensors, section) -> Non
     assert cast["coefficient"].to_numpy().min() > 0
 
 
+@BY_ITS_ERROR
+def test_lamps_of_one_pass_may_be_cast_and_left_to_the_engine(rooms, sensors, section) -> None:
+    lamps = [rooms.lamp("panel", (x, 0.0, 1.0), (0.4, 0.4), name=f"lamp {x}") for x in (-0.5, 0.5)]
+    whole = rooms.scene(lamps)
+    scene = replace(whole, shining=tuple(each for each in whole.shining if each.lamp == 0))
+    assert [each.lamps for each in scene.passes] == [(0, 1)]
+    found = trace(scene, sensors([0, 0, 0], [0, 0, 1.0]), **section("low", "standard"), seed=1)
+    assert "-I+" in found.attrs["commands"]
+    cast, engine = found["coefficient"].to_numpy().mean(axis=(1, 2))
+    assert cast == pytest.approx(engine, rel=0.02)  # alike by symmetry; two standard errors of the noise asked for
+
+
 def test_in_a_matt_room_the_engine_is_asked_for_what_is_reflected_more_than_once_alone(rooms, sensors, section) -> None:
     # And for that in one way: a path that goes on from a surface has two reflections less than the light may have.
     scene = rooms.scene([rooms.lamp("panel", (0.5, 0.5, 0.9), (0.4, 0.4))], [(rooms.room(), 0.6)])
