@@ -3,6 +3,8 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.geometry.scan import Scan
@@ -11,6 +13,8 @@ from lidarspectra.geometry.textures import subdivision_barycentrics
 LEVEL_COSINE = 0.9  # |n_z| of a face that counts as level: 26 degrees leave room for scan noise
 UPRIGHT_COSINE = 0.25  # |n_z| below which a face counts as upright (14.5 degrees)
 LEVEL_BIN_M = 0.01  # [m] resolution in height; a phone's floor is noisier than that
+LEVEL_SIGMA_M = 0.025  # [m] over which the areas at two heights are taken for one surface's
+VALLEY = 0.25  # least depth, over a peak's area, of what parts it from a larger one
 LEVEL_HALF_WIDTH_M = 0.06  # [m] a scanned floor's unevenness, as seen in phone scans (2 to 5 cm)
 FLOOR_SHARE = 0.25  # smallest floor, over the largest level surface: table tops may be larger than the floor
 SECOND_CEILING_SHARE = 0.15  # smallest lowered part of a ceiling, over the area of the main ceiling
@@ -191,25 +195,29 @@ def _level_at(faces: FaceGeometry, facing: BoolArray, z: float) -> Level:
 
 
 def _levels(faces: FaceGeometry, chosen: BoolArray, *, share: float) -> list[Level]:
-    """Peaks of area over height, lowest first, each with at least `share` of the largest one's area."""
+    """Peaks of area over height, lowest first, each with at least `share` of the largest one's area.
+
+    Two are told apart where the area falls between them: ceilings of two rooms may lie 10 cm from one another.
+    """
     heights, areas = faces.centers[chosen, 2], faces.areas[chosen]
     if areas.sum() <= 0:
         return []
-    edges = np.arange(heights.min() - LEVEL_BIN_M, heights.max() + 2 * LEVEL_BIN_M, LEVEL_BIN_M)
+    margin = 4.0 * LEVEL_SIGMA_M
+    edges = np.arange(heights.min() - margin, heights.max() + margin + LEVEL_BIN_M, LEVEL_BIN_M)
     histogram, _ = np.histogram(heights, bins=edges, weights=areas)
-    half = round(LEVEL_HALF_WIDTH_M / LEVEL_BIN_M)
-    smooth = np.convolve(histogram, np.ones(2 * half + 1), mode="same")
+    smooth = gaussian_filter1d(histogram, LEVEL_SIGMA_M / LEVEL_BIN_M)
+    peaks, found = find_peaks(smooth, prominence=0.0)
+    peaks = peaks[found["prominences"] >= VALLEY * smooth[peaks]]
+    at = 0.5 * (edges[peaks] + edges[peaks + 1])
+    nearest = np.searchsorted(0.5 * (at[1:] + at[:-1]), heights)
     levels: list[Level] = []
-    remaining = smooth.copy()
-    while remaining.max() >= share * smooth.max() and remaining.max() > 0:
-        peak = int(remaining.argmax())
-        near = np.abs(heights - 0.5 * (edges[peak] + edges[peak + 1])) <= LEVEL_HALF_WIDTH_M
-        # The sums of neighbouring bins belong to the same surface: they must not become a second peak.
-        remaining[max(peak - 2 * half, 0) : peak + 2 * half + 1] = 0.0
+    for number, height in enumerate(at):
+        near = (nearest == number) & (np.abs(heights - height) <= LEVEL_HALF_WIDTH_M)
         if near.any():
             z = weighted_median(heights[near], areas[near])
             levels.append(Level(z=z, area_m2=float(areas[near].sum())))
-    return sorted(levels, key=lambda level: level.z)
+    least = share * max((level.area_m2 for level in levels), default=0.0)
+    return [level for level in levels if level.area_m2 >= least]
 
 
 def weighted_median(values: FloatArray, weights: FloatArray) -> float:

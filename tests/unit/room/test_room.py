@@ -85,6 +85,19 @@ def test_a_second_room_of_the_scan_is_told_apart(builder) -> None:
     assert not found.in_plan(np.array([[4.07, 1.0]]))[0], "what lies between the rooms is wall"
 
 
+@pytest.mark.parametrize("noise_m", [0.001, NOISE_M])  # as made flat, and as scanned
+@pytest.mark.parametrize("step_m", [0.1, 0.12])
+def test_the_ceilings_of_two_rooms_may_lie_a_hand_apart(builder, step_m: float, noise_m: float) -> None:
+    room = builder(step_m=0.06, noise_m=noise_m)
+    room.box([0, 0, 0], [5, 4, 2.5], inward=True)
+    room.box([5.2, 0, 0], [7.2, 3, 2.5 - step_m], inward=True)
+    found = find_room(room.scan())
+    assert found.ceiling_z == pytest.approx(2.5, abs=0.01), "that of the larger room is the main one"
+    assert found.area_m2 == pytest.approx(26.0, rel=PLAN_TOLERANCE_M2)
+    assert found.ceiling_area_m2 == pytest.approx(26.0, rel=0.05)
+    assert found.floor_share == pytest.approx(1.0, abs=0.03)
+
+
 def test_a_bulge_behind_glass_is_no_part_of_the_room(builder) -> None:
     room = builder(step_m=0.05, noise_m=NOISE_M)
     room.box([0, 0, 0], [4, 3, 2.5], inward=True, holes={"east": (0.2, 0.8, 0.1, 0.9)})
