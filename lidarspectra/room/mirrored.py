@@ -1,24 +1,35 @@
 """Ghosts in a scan: what a phone sees in a mirror, or a window by night, is behind the wall as the room's image."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import FloatArray
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.geometry.surface_samples import surface_samples
 from lidarspectra.room.room import Room
 from lidarspectra.room.room_planes import Wall
 
 SPACING_M = 0.1  # [m] of the places over the plan that are held against their images
 ALIKE = 0.85  # [1] of the places on either side whose image belongs to the plan too
 MIN_SHARE = 0.2  # [1] of the plan that must lie on either side of the wall
+CLEAR_M = 0.25  # [m] of floor, ceiling and walls, from which on a surface is a thing's in the room
+THING_SPACING_M = 0.1  # [m] of the places on things that are held against their images
+NEAR_M = 0.2  # [m] a ghost's thing is no farther from the thing's image: mirrored scans are rough
+THINGS_ALIKE = 0.6  # [1] of the places on things on either side, whose image is on a thing too
+MIN_THINGS = 30  # places on things on either side, with fewer of which the plan alone tells
 
 
-def mirrored_walls(room: Room) -> tuple[Wall, ...]:
-    """Walls behind which the plan continues as its own mirror image.
+def mirrored_walls(room: Room, scan: Scan) -> tuple[Wall, ...]:
+    """Walls behind which the plan and the things in it continue as their own mirror image.
 
-    A symmetric room is none such, unless a wall stands in its middle.
+    A symmetric room is none such, unless a wall stands in its middle; nor are two rooms of one size, unless they are
+    furnished as each other's image, or hardly furnished.
 
     Parameters
     ----------
     room : Room
+    scan : Scan
+        That it was found in.
 
     Returns
     -------
@@ -26,7 +37,33 @@ def mirrored_walls(room: Room) -> tuple[Wall, ...]:
         Largest first; those with the room on both sides, each of which is the image of the other.
     """
     places = _places(room)
-    return tuple(wall for wall in room.walls if _continues_as_image(room, wall, places))
+    found = [wall for wall in room.walls if _continues_as_image(room, wall, places)]
+    if not found:
+        return ()
+    things = _places_on_things(room, scan)
+    return tuple(wall for wall in found if _things_have_images(wall, things))
+
+
+def _places_on_things(room: Room, scan: Scan) -> FloatArray:
+    """(place, 3) all over what stands clear of floor, ceiling and walls [m]."""
+    places = surface_samples(scan, spacing_m=THING_SPACING_M).positions
+    clear = (places[:, 2] > room.floor_z + CLEAR_M) & (places[:, 2] < room.ceiling_z - CLEAR_M)
+    for wall in room.walls:
+        clear &= np.abs(places @ wall.normal - wall.offset_m) > CLEAR_M
+    inside = np.flatnonzero(clear)
+    return np.asarray(places[inside[room.in_plan(places[inside])]], dtype=np.float64)
+
+
+def _things_have_images(wall: Wall, things: FloatArray) -> bool:
+    """Whether things on either side of a wall are where the wall mirrors those of the other; so if there are few."""
+    along = things @ wall.normal - wall.offset_m
+    behind = along < 0.0
+    if min(behind.sum(), (~behind).sum()) < MIN_THINGS:
+        return True
+    images = things - 2.0 * along[:, None] * wall.normal
+    distance, _ = cKDTree(things).query(images, distance_upper_bound=NEAR_M)
+    near = np.isfinite(distance)
+    return bool(min(near[behind].mean(), near[~behind].mean()) >= THINGS_ALIKE)
 
 
 def _places(room: Room) -> FloatArray:

@@ -90,7 +90,9 @@ def whole_room(
         *_closing_notes(room, openness, floor_given=floor_z is not None, ceiling_given=ceiling_z is not None),
         *_open_notes(room, openness),
         *_outside_notes(room),
-        *(() if any(pane.kind == "mirror" for pane in found) else _mirrored_notes(room)),  # else told by its pane
+        *(
+            () if any(pane.kind == "mirror" for pane in found) else _mirrored_notes(room, mirrors)
+        ),  # else told by its pane
         *found_notes(found, panes),
         *_opening_notes(doubtful_openings(views, (*found, *panes)), closed),
     )
@@ -176,8 +178,8 @@ def _outside_notes(room: Room) -> Iterator[str]:
         )
 
 
-def _mirrored_notes(room: Room) -> Iterator[str]:
-    if mirrored_walls(room):
+def _mirrored_notes(room: Room, scan: Scan) -> Iterator[str]:
+    if mirrored_walls(room, scan):
         yield (
             "What lies behind a wall of the room is its mirror image: a ghost, as mirrors, windows by night "
             "leave it in scans, or a room that is built so. A ghost counts as a part of the room, with lamps and "

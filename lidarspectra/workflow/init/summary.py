@@ -109,7 +109,7 @@ class InitSummary:
         yield f"sensors   {counted(self.sensor_count, 'point')} {self.sensor_height_m:g} m above the floor"
         yield f"lamps     {self.lamps_in_words()}"
         if self.panes:
-            yield f"by day?   light comes from {self.panes_in_words()}"
+            yield f"by day?   cut at white: {self.panes_in_words()}"
         if self.proposed:
             yield f"panes?    {panes_in_words(self.proposed)} (assumed)"
         yield f"wrote     {self.run_file}"
@@ -121,10 +121,12 @@ class InitSummary:
         return f"{lamps_in_words(self.lamps.lamps)} (flux and spectrum assumed)"
 
     def panes_in_words(self) -> str:
-        """Where what shines and is no lamp is: 'a window or screen of 1.2 m² at (3.1, 2.2, 1.5) m'."""
+        """Where what may shine and is no lamp is: 'a window, screen or white wall of 1.2 m² at (3.1, 2.2, 1.5) m'."""
         places = [", ".join(f"{value + 0.0:.1f}" for value in pane.center) for pane in self.panes]
         pairs = zip(self.panes, places, strict=True)
-        return ", ".join(f"a window or screen of {pane.area_m2:.1f} m² at ({place}) m" for pane, place in pairs)
+        return ", ".join(
+            f"a window, screen or white wall of {pane.area_m2:.1f} m² at ({place}) m" for pane, place in pairs
+        )
 
     def _advice(self) -> Iterator[str]:
         if self.assumed_of_scan:
@@ -145,8 +147,9 @@ class InitSummary:
             yield "Little of the floor is in the scan, so that the room's outline may be wrong: check its size above."
         if self.panes:
             yield (
-                "By day the light of windows is taken out of the scan's colours with the lamps', and the map has the "
-                "lamps alone; for daylight in the map give the windows under [daylight]."
+                "What is cut at white may be a window, or white paint in much light: a run tells by the light on the "
+                "walls. By day the light of windows is taken out of the scan's colours with the lamps', and the map "
+                "has the lamps alone; for daylight in the map give the windows under [daylight]."
             )
         if self.proposed:
             yield (

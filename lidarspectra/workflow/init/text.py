@@ -195,7 +195,7 @@ def _panel_lines(panels: ProposedPanels, *, has_color: bool, by_day: bool) -> It
 def _other_lines(summary: InitSummary) -> Iterator[str]:
     if summary.panes:
         yield ""
-        yield f"# In the picture light comes from {summary.panes_in_words()}:"
+        yield f"# The picture is cut at white where there is {summary.panes_in_words()}:"
         yield "# a window by day is taken out of the colours with the lamps' light. The map has daylight only where you"
         yield "# give [daylight] with its windows: see docs/run-file.md."
     yield from pane_lines(summary.proposed)

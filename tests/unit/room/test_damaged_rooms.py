@@ -48,7 +48,8 @@ def test_a_ghost_behind_a_mirror_is_told_and_a_room_like_it_is_not(tmp_path) -> 
     closed, room, *_ = whole_room(scanned(rooms.mirrored_at_wall(1.0), tmp_path), **CLOSED)
     assert room.area_m2 > 30.0
     assert any("its mirror image" in note or "the room's own image" in note for note in closed.record.notes)
-    assert not mirrored_walls(whole_room(scanned(rooms.stray_faces, tmp_path), **CLOSED)[1])
+    scan = scanned(rooms.stray_faces, tmp_path)
+    assert not mirrored_walls(whole_room(scan, **CLOSED)[1], scan)
 
 
 def test_a_few_faces_are_refused_with_what_a_room_needs(tmp_path) -> None:
