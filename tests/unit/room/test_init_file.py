@@ -158,7 +158,7 @@ def test_a_window_that_shines_by_day_is_told_and_lamps_that_were_off_are_marked(
     summary = write_init(tmp_path / "room.glb", tmp_path / "room.toml")
     assert summary.panels is not None
     assert [round(float(pane.center[0]), 1) for pane in summary.panes] == [2.1]
-    assert any("window or screen" in line for line in summary.lines())
+    assert any("a window, screen or white wall" in line for line in summary.lines())
     run_file = read_run_file(tmp_path / "room.toml")
     assert all(lamp.dim_in_scan == 0 for lamp in run_file.lamps)
     assert run_file.materials.delight
