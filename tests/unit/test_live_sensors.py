@@ -136,6 +136,23 @@ def test_only_logs_are_replayed(tmp_path: Path) -> None:
         sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room", replay=True)
 
 
+def test_a_log_of_several_sensors_is_followed_once_and_has_to_name_them(tmp_path: Path) -> None:
+    log = tmp_path / "both.csv"
+    sensors, base = read_sensors([f"desk@12={log}", f"hall@3={log}"])
+    log.write_text("unix_s,sensor,lux\n1,desk,100\n2,hall,200\n", encoding="utf-8")
+    (one,) = sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room", replay=True)
+    assert isinstance(one, GrowingLog)
+    notices: list[Notice] = []
+    assert [(each.sensor, each.values["lux"]) for each in one.past(notices.append)] == [
+        ("desk", 100.0),
+        ("hall", 200.0),
+    ]
+    assert not notices
+    log.write_text("unix_s,lux\n1,100\n", encoding="utf-8")
+    with pytest.raises(ReadingError, match=r"a column 'sensor'.*the log of 'desk' and 'hall'"):
+        sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room", replay=True)
+
+
 # ---- a session
 
 

@@ -8,7 +8,7 @@ whose header has some of: sensor, unix_s, state, lux, E_410 ... [W/m²/nm] (what
 import csv
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import IO
 
@@ -24,6 +24,7 @@ CHUNK_BYTES = 1 << 20
 LONGEST_LINE_BYTES = 1 << 16  # what is longer without an end is no line of a log
 LOOK_BACK_BYTES = 1 << 14  # of a log that is there already, enough for its last reading
 HEADER_BYTES = 1 << 16
+MAX_TOLD = 20  # names and words that are said of one log
 _CHANNELS = {f"E_{label}": label for label in CHANNEL_LABELS}
 
 
@@ -38,13 +39,17 @@ class GrowingLog:
         Name of the sensor, for logs without a column of that name.
     light : ChannelLight
         For a recorder's log of counts.
+    known : collection of str, optional
+        Names of all sensors that are wanted: a row that names another is given, and that is said once.
     """
 
-    def __init__(self, path: Path, *, sensor: str, light: ChannelLight | None = None) -> None:
+    def __init__(
+        self, path: Path, *, sensor: str, light: ChannelLight | None = None, known: Collection[str] | None = None
+    ) -> None:
         self._path = path
         self._sensor = sensor
         self._light = light or ChannelLight()
-        self._rows = LogRows(sensor, self._light)
+        self._rows = LogRows(sensor, self._light, known)
         self._rest = b""
 
     @property
@@ -75,8 +80,13 @@ class GrowingLog:
                 is_first = False
                 self._follow(file, put, stop)
 
-    def past(self) -> Iterator[Arrival]:
+    def past(self, on_notice: Callable[[Notice], None] = lambda notice: None) -> Iterator[Arrival]:
         """The readings that are there already, from the first to the last, each at its own time.
+
+        Parameters
+        ----------
+        on_notice : callable
+            Hears what is left out.
 
         Raises
         ------
@@ -86,8 +96,11 @@ class GrowingLog:
         try:
             with self._path.open("rb") as file:
                 for line in file:
-                    if line.endswith(b"\n"):
-                        yield from (item for item in self._rows.read(line) if isinstance(item, Arrival))
+                    for item in self._rows.read(line) if line.endswith(b"\n") else ():
+                        if isinstance(item, Arrival):
+                            yield item
+                        else:
+                            on_notice(item)
         except OSError as cause:
             raise ReadingError(expected="a readable log", found=str(cause), where=self.name) from cause
         if not self._rows.has_header:
@@ -159,6 +172,20 @@ class GrowingLog:
                 put(item)
 
 
+def names_sensors(path: Path) -> bool:
+    """Whether a log's rows name their sensors, or may once it is there."""
+    rows = LogRows("", ChannelLight())
+    try:
+        with path.open("rb") as file:
+            for line in file.read(HEADER_BYTES).splitlines(keepends=True):
+                rows.read(line)
+                if rows.has_header:
+                    return rows.names_sensors
+    except OSError:
+        return True
+    return True
+
+
 def _before_the_last(lines: list[bytes]) -> int:
     """How many lines stand before the last one that is whole."""
     whole = [number for number, line in enumerate(lines) if line.endswith(b"\n") and not line.startswith(b"#")]
@@ -173,18 +200,27 @@ class LogRows:
     sensor : str
         Name where the log has none.
     light : ChannelLight
+    known : collection of str, optional
+        As of `GrowingLog`.
     """
 
-    def __init__(self, sensor: str, light: ChannelLight) -> None:
+    def __init__(self, sensor: str, light: ChannelLight, known: Collection[str] | None = None) -> None:
         self._sensor = sensor
         self._light = light
+        self._known = known
         self._columns: tuple[str, ...] = ()
         self._said = False
+        self._told: set[str] = set()
 
     @property
     def has_header(self) -> bool:
         """Whether the columns are known."""
         return bool(self._columns)
+
+    @property
+    def names_sensors(self) -> bool:
+        """Whether the columns name the sensor."""
+        return "sensor" in self._columns
 
     def read(self, line: bytes) -> list[Arrival | Notice]:
         """The reading that a line holds, if it is one; a notice once for lines that are none."""
@@ -221,11 +257,27 @@ class LogRows:
         else:
             given = {_CHANNELS.get(name, name): _number(row[name]) for name in (LUX, STATE, *_CHANNELS) if name in row}
             values = {name: value for name, value in given.items() if math.isfinite(value)}
+        name = row.get("sensor") or self._sensor
         if not values:
-            return []
+            word = next((row[column] for column in (LUX, STATE, *_CHANNELS) if row.get(column, "").strip()), None)
+            if kind == "reading" or word is None:
+                return []
+            return self._once(
+                word, f"'{word[:30]}' of sensor '{name}' is no number and is left out; this is said once."
+            )
         when = _number(row.get("unix_s", ""))
         stamp = {"unix_s": when} if math.isfinite(when) else {}
-        return [Arrival(sensor=row.get("sensor") or self._sensor, values=values, **stamp)]
+        found: list[Arrival | Notice] = [Arrival(sensor=name, values=values, **stamp)]
+        if self._known is not None and name not in self._known and STATE not in values:
+            words = f"Its log names a sensor '{name}', which no source is called: such rows are left out. Known here: "
+            found += self._once(name, f"{words}{', '.join(sorted(self._known))}.")
+        return found
+
+    def _once(self, key: str, words: str) -> list[Arrival | Notice]:
+        if key in self._told or len(self._told) >= MAX_TOLD:
+            return []
+        self._told.add(key)
+        return [Notice(source=self._sensor, text=words)]
 
 
 def _is_header(fields: list[str]) -> bool:

@@ -205,7 +205,9 @@ class LiveRun:
                 session.run(stop=stop, on_answer=show, on_notice=on_notice)
                 return session.readings
             logs = [source for source in self._sources if isinstance(source, GrowingLog)]
-            readings = replay(self.present, logs, self._factors, stop=stop, on_answer=show, beside=beside)
+            readings = replay(
+                self.present, logs, self._factors, stop=stop, on_answer=show, beside=beside, on_notice=on_notice
+            )
             self._trend = trend_json(self.present.trend, len(self.present.room.quantities))
             if newest is not None:
                 self._board.show(self._view.message(newest, self.present.last_s))

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 
 from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
-from lidarspectra.hardware.incoming.arrivals import STATE, Arrival, Source, Stop
+from lidarspectra.hardware.incoming.arrivals import STATE, Arrival, Notice, Source, Stop
 from lidarspectra.hardware.incoming.gathering import Tell, gather
 from lidarspectra.hardware.incoming.growing_log import GrowingLog
 from lidarspectra.mapping.present_light.now import PresentAnswer, PresentLight
@@ -94,6 +94,7 @@ def replay(
     stop: Stop,
     on_answer: Listen,
     beside: Callable[[Arrival], None] = lambda arrival: None,
+    on_notice: Callable[[Notice], None] = lambda notice: None,
 ) -> int:
     """Go through recordings in the order of their times, with an answer for every second that has a reading.
 
@@ -108,6 +109,8 @@ def replay(
     on_answer : callable
     beside : callable
         Hears every reading.
+    on_notice : callable
+        Hears what is left out of the logs.
 
     Returns
     -------
@@ -120,7 +123,7 @@ def replay(
         If a log cannot be read.
     """
     readings, due_s, last_s = 0, math.inf, math.nan
-    for arrival in heapq.merge(*(log.past() for log in logs), key=lambda each: each.unix_s):
+    for arrival in heapq.merge(*(log.past(on_notice) for log in logs), key=lambda each: each.unix_s):
         if arrival.unix_s >= due_s:
             on_answer(present.answer(last_s))
             due_s = math.inf

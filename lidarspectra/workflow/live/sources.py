@@ -6,7 +6,7 @@ from pathlib import Path
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.incoming.arrivals import LUX, NODE_TIME, STATE, Source
 from lidarspectra.hardware.incoming.channel_light import ChannelLight
-from lidarspectra.hardware.incoming.growing_log import GrowingLog
+from lidarspectra.hardware.incoming.growing_log import GrowingLog, names_sensors
 from lidarspectra.hardware.incoming.mqtt_source import Broker, MqttSource, Topic
 from lidarspectra.hardware.incoming.serial_source import SerialSource
 from lidarspectra.hardware.sensor.as7265x import (
@@ -69,6 +69,8 @@ def sources_of(
     """
     found: list[Source] = []
     topics: list[Topic] = []
+    names = {sensor.name for sensor in sensors.sensors}
+    followed: dict[Path, str] = {}
     for sensor in sensors.sensors:
         if replay and sensor.log is None:
             raise ReadingError(
@@ -86,7 +88,16 @@ def sources_of(
             )
         elif sensor.log is not None:
             path = base / sensor.log
-            found.append(GrowingLog(path, sensor=sensor.name, light=_light(sensor)))
+            first = followed.setdefault(path.resolve(), sensor.name)
+            if first == sensor.name:
+                found.append(GrowingLog(path, sensor=sensor.name, light=_light(sensor), known=names))
+            elif not names_sensors(path):
+                raise ReadingError(
+                    expected="a column 'sensor' in a log of several sensors",
+                    found=f"none, though it is the log of '{first}' and '{sensor.name}'",
+                    where=str(path),
+                    todo="Give each sensor a log of its own, or name it in each row.",
+                )
         else:
             wanted = CHANNEL_LABELS if sensor.name in beside_cells else labels
             topics += _topics(sensor, sensors.broker, wanted)

@@ -8,7 +8,7 @@ import pytest
 
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
-from lidarspectra.hardware.incoming.arrivals import Arrival
+from lidarspectra.hardware.incoming.arrivals import Arrival, Notice
 from lidarspectra.hardware.incoming.channel_light import ChannelLight
 from lidarspectra.hardware.incoming.growing_log import GrowingLog
 from lidarspectra.hardware.sensor.as7265x import settings_for
@@ -93,6 +93,26 @@ def test_lines_that_are_no_rows_are_left_out_and_that_is_said_once(tmp_path: Pat
         log.write_text(HEAD + "1,desk,7\nrubbish\n2,desk\n3,desk,nan\n\0\0\n4,desk,8\n", encoding="utf-8")
         assert heard.until(lambda heard: len(heard.arrivals) >= 2).lux() == [7.0, 8.0]
     assert len([notice for notice in heard.notices if "is no row of the log" in notice.text]) == 1
+
+
+def test_a_recording_tells_once_whose_rows_and_which_words_it_has_no_use_for(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    rows = [
+        "desk,300,",
+        "shelf,200,",
+        "shelf,201,",
+        "desk,bright,",
+        "desk,bright,",
+        "panel 1,,0.5",
+        "desk,,",
+        "desk,310,",
+    ]
+    log.write_text("sensor,lux,state\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    notices: list[Notice] = []
+    found = list(GrowingLog(log, sensor="desk", known=["desk"]).past(notices.append))
+    assert [each.sensor for each in found] == ["desk", "shelf", "shelf", "panel 1", "desk"]
+    assert ["'shelf', which no source" in each.text for each in notices] == [True, False]
+    assert "'bright' of sensor 'desk' is no number" in notices[1].text
 
 
 def test_what_is_logged_comes_back_as_it_was(tmp_path: Path) -> None:
