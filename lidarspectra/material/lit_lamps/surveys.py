@@ -1,7 +1,7 @@
 """Where lit lamps are looked for: a survey of each plane of the room, and what in it is far brighter than the rest."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -24,7 +24,8 @@ BACKGROUND_PIXEL_M = 0.05  # [m] of the picture that the median is taken in
 SEED_LUMINANCE = 0.35  # [1] of white: nothing darker is lit, however the phone exposed
 SEED_SHARE_OF_BRIGHTEST = 0.5  # [1] of the picture's brightest thousandth: the same room's lamps are alike
 HANGING_M = 0.8  # [m] farthest below the ceiling that is looked at
-HEADROOM_M = 1.6  # [m] above the floor, below which nothing is looked for on ceilings
+HEADROOM_M = 1.6  # [m] above the floor, from which ceilings are looked at: furniture hides nothing there
+LOW_M = 1.15  # [m] above the floor, from which what hangs lower is looked at: pendants over tables
 WALL_LAMP_HEIGHT_M = 1.3  # [m] above the floor, below which walls are not searched
 WALL_REACH_M = 0.35  # [m] that a wall lamp may stand out
 
@@ -43,6 +44,8 @@ class Survey:
         Of the whole plane, at 1 cm.
     reach_m : float
         In front of the plane, from which it is looked at. [m]
+    least_height_m : float
+        Over the plane, of what is looked for. [m]
     """
 
     scan: Scan
@@ -52,6 +55,7 @@ class Survey:
     kind: PlaneKind
     picture: PlanePicture
     reach_m: float
+    least_height_m: float = -np.inf
 
     def close_up(self, low: FloatArray, high: FloatArray) -> PlanePicture:
         """Picture of a part of the plane, from corner to corner in its coordinates [m], as fine as is worth it."""
@@ -78,7 +82,7 @@ class Survey:
 
 
 def surveys(scan: Scan, room: Room, caster: RayCaster) -> Iterator[Survey]:
-    """Surveys of the ceiling and of the upper part of each wall.
+    """Surveys of the ceiling, of what hangs too low to be seen with it, and of the upper part of each wall.
 
     Parameters
     ----------
@@ -95,7 +99,11 @@ def surveys(scan: Scan, room: Room, caster: RayCaster) -> Iterator[Survey]:
     up = PlaneFrame(origin=np.array([0.0, 0.0, room.ceiling_z]), normal=np.array([0.0, 0.0, -1.0]))
     plan = up.to_plane(np.column_stack([corners, np.full(len(corners), room.ceiling_z)]))
     reach = float(np.clip(room.height_m - HEADROOM_M, 0.1, HANGING_M))
-    yield _survey(scan, room, caster, up, "ceiling", plan.min(axis=0), plan.max(axis=0), reach)
+    low, high = plan.min(axis=0), plan.max(axis=0)
+    yield _survey(scan, room, caster, up, "ceiling", low, high, reach)
+    if room.height_m - LOW_M > reach:
+        lower = _survey(scan, room, caster, up, "ceiling", low, high, room.height_m - LOW_M)
+        yield replace(lower, least_height_m=reach)
     for wall in room.walls:
         bottom = max(wall.bottom_z, room.floor_z + WALL_LAMP_HEIGHT_M)
         if wall.top_z - bottom > 0.3:
@@ -141,6 +149,7 @@ def seeds(survey: Survey) -> Iterator[tuple[FloatArray, FloatArray]]:
     demands = demands_on(survey.kind, 0.0)
     level = np.maximum(demands.contrast * _background(luminance, usable, picture.pixel_m), SEED_LUMINANCE)
     bright = usable & (luminance >= np.maximum(level, SEED_SHARE_OF_BRIGHTEST * brightest))
+    bright &= picture.height >= survey.least_height_m
     saturated = bright & (picture.color.max(axis=2) >= SATURATED)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(bright.astype(np.uint8), connectivity=8)
     clipped = np.bincount(labels[saturated], minlength=count)

@@ -151,6 +151,13 @@ def test_a_suspended_panel_is_found_at_its_own_height(builder, plain) -> None:
     np.testing.assert_allclose(lamp.shape.size, [1.2, 0.3], atol=0.03)
 
 
+def test_a_pendant_over_a_table_is_found_where_it_hangs(builder, plain) -> None:
+    pendant = ([1.8, 1.5, 1.35], [2.2, 1.9, 1.39], (255, 255, 255))
+    table = ([1.4, 1.2, 0.7], [2.6, 2.0, 0.74], (255, 255, 255))
+    (lamp,) = lamps_in(room_with(builder, plain, noise_m=0.002, boxes=[pendant, table]))
+    np.testing.assert_allclose(lamp.center, [2.0, 1.7, 1.35 - 0.055], atol=0.015)
+
+
 def test_a_bright_table_top_is_no_lamp(builder, plain) -> None:
     table = ([1.4, 1.2, 0.7], [2.6, 1.8, 0.74], (255, 255, 255))
     assert lamps_in(room_with(builder, plain, boxes=[table])) == ()
