@@ -1,7 +1,7 @@
 """`lidarspectra picture RUN [--from X,Y,Z] [--to X,Y,Z] [--lamp NAME --dim D ...]`: the room as it will look."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -9,6 +9,9 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from lidarspectra.cli.options import WorkersOption
 from lidarspectra.cli.relight import order_words, parse_orders
 from lidarspectra.cli.terminal import console, print_note, say
+
+if TYPE_CHECKING:
+    from lidarspectra.radiance.pictures.view import Projection
 
 OFF_NOTE = (
     "Lamps that are off look black: their surfaces are sources of light to Radiance, and reflect none. The light that a"
@@ -46,9 +49,13 @@ def picture(
     orders = parse_orders(context.args, needed=False)
     pixels = _pixels(size or ("800x800" if fisheye else "800x600"))
     places = [None if text is None else _numbers(option, text) for option, text in (("--from", eye), ("--to", target))]
-    from lidarspectra.workflow.scenarios.picture_of_run import picture_run, save_picture
-    from lidarspectra.workflow.scenarios.scenarios import new_scenario
+    from lidarspectra.workflow.scenarios.picture_of_run import picture_run, save_picture, view_of_run
+    from lidarspectra.workflow.scenarios.scenarios import find_scenario, new_scenario
 
+    projection: Projection = "fisheye" if fisheye else "perspective"
+    view = view_of_run(run, *places, projection=projection, angle_deg=angle, pixels=pixels)
+    words = (*order_words(orders), *view.radiance_words(), "--size", f"{pixels[0]}x{pixels[1]}")
+    find_scenario(run / "pictures", words, name=name, out=out, replace=replace)  # before minutes of rendering
     columns = (SpinnerColumn(), BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("scene", total=1.0)
@@ -57,7 +64,7 @@ def picture(
             eye=places[0],
             target=places[1],
             orders=orders,
-            projection="fisheye" if fisheye else "perspective",
+            projection=projection,
             angle_deg=angle,
             pixels=pixels,
             smooth=not fast,
@@ -65,8 +72,6 @@ def picture(
             workers=workers,
             progress=lambda share, words: bar.update(task, completed=share, description=words),
         )
-    view = found.picture.view
-    words = (*order_words(orders), *view.radiance_words(), "--size", f"{pixels[0]}x{pixels[1]}")
     scenario = new_scenario(run / "pictures", words, name=name, out=out, replace=replace)
     luminance = found.picture.luminance
     lit = luminance[luminance > 0]

@@ -1,6 +1,5 @@
 """Check a run before it is made: what is wrong, what is doubtful, which stages would be made and how long they take."""
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
@@ -8,7 +7,7 @@ from pathlib import Path
 
 from lidarspectra.arguments import one_of
 from lidarspectra.config import GridSection, RunFile
-from lidarspectra.errors import ArgumentError, LidarSpectraError, RunFileError, WorkspaceError
+from lidarspectra.errors import ArgumentError, LidarSpectraError, RunFileError
 from lidarspectra.threads import cores_for
 from lidarspectra.workflow.checks.findings import Findings, listed, number_words
 from lidarspectra.workflow.checks.input_checks import CheckedInputs
@@ -20,6 +19,7 @@ from lidarspectra.workflow.run_folder.workspace import (
     StageName,
     parse_record,
     refuse_other_folder,
+    require_writable,
     stage_folder,
 )
 from lidarspectra.workflow.time_estimate import Task, estimate_seconds, time_words
@@ -140,14 +140,7 @@ def check(
 def _check_folder(folder: Path) -> None:
     """Refuse a run folder of other things, or one that cannot be written."""
     refuse_other_folder(folder)
-    nearest = next((each for each in (folder, *folder.resolve().parents) if each.exists()), Path())
-    if not nearest.is_dir() or not os.access(nearest, os.W_OK):
-        raise WorkspaceError(
-            expected="a run folder that can be written",
-            found=f"{nearest}, which {'cannot be written' if nearest.is_dir() else 'is no folder'}",
-            where=str(folder),
-            todo="Check its permissions, or name another folder with --out.",
-        )
+    require_writable(folder)
 
 
 def _task(inputs: Inputs, checked: CheckedInputs, folder: Path) -> Task:

@@ -15,6 +15,7 @@ from lidarspectra.radiance.pictures.glare import LEAST_UGR
 from lidarspectra.workflow.calibration.light import run_room
 from lidarspectra.workflow.pipeline import run
 from lidarspectra.workflow.rules.points import rule_points
+from lidarspectra.workflow.scenarios import picture_of_run
 
 AREAS = """
 [rules]
@@ -110,7 +111,7 @@ def test_an_area_outside_the_room_is_refused_by_name(tmp_path: Path, copy_run: C
 @pytest.mark.slow
 @pytest.mark.usefixtures("coarse_pictures")
 def test_a_picture_of_a_dimmed_room_is_darker_and_keeps_its_name(
-    tmp_path: Path, copy_run: Callable[[Path], Path]
+    tmp_path: Path, copy_run: Callable[[Path], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copy_run(tmp_path / "room").with_suffix(".run")
     view = ("--from", "2.0,0.3,1.6", "--to", "0.5,1.5,1.0", "--size", "24x18", "--fast")
@@ -135,6 +136,9 @@ def test_a_picture_of_a_dimmed_room_is_darker_and_keeps_its_name(
     assert (exponents[0] - exponents[1]).mean() > 3.0  # less than an eighth of the light
     with Image.open(folder / "pictures" / "dim" / "picture.png") as picture:
         assert picture.size == (24, 18)
+    monkeypatch.setattr(picture_of_run, "render", pytest.fail)  # not before it is known that the picture has a place
+    taken = CliRunner().invoke(app, ["picture", str(folder), *view, "--name", "full", "--lamp", "warm", "--dim", "0"])
+    assert "--replace" in str(taken.exception)
     refused = CliRunner().invoke(app, ["picture", str(folder), "--from", "20,0,1"])
     assert refused.exit_code == 1
     assert "an eye in the room" in str(refused.exception)

@@ -6,7 +6,7 @@ import pytest
 
 from lidarspectra.cli.relight import order_words, parse_orders
 from lidarspectra.errors import WorkspaceError
-from lidarspectra.workflow.scenarios.scenarios import new_scenario
+from lidarspectra.workflow.scenarios.scenarios import find_scenario, new_scenario
 
 DIMMED = ("--lamp", "panel 1", "--dim", "0.5")
 OFF = ("--lamp", "panel 1", "--dim", "0")
@@ -35,6 +35,16 @@ def test_a_folder_of_other_results_is_not_overwritten_either(tmp_path: Path) -> 
     (tmp_path / "mine" / "map.nc").touch()
     with pytest.raises(WorkspaceError, match="results of another command"):
         new_scenario(tmp_path, DIMMED, out=tmp_path / "mine")
+
+
+def test_a_place_is_found_and_refused_before_anything_is_made(tmp_path: Path) -> None:
+    found = find_scenario(tmp_path / "pictures", DIMMED, name="evening")
+    assert found.folder == tmp_path / "pictures" / "evening"
+    assert not list(tmp_path.iterdir())
+    assert new_scenario(tmp_path / "pictures", DIMMED, name="evening") == found
+    (tmp_path / "file").touch()
+    with pytest.raises(WorkspaceError, match="file, which is no folder"):
+        find_scenario(tmp_path / "file", DIMMED)
 
 
 @pytest.mark.parametrize("name", ["", "..", "a/b", "a\\b", ".hidden", "x.", "con\n", "a\0"])

@@ -54,7 +54,7 @@ from lidarspectra.mapping.localization.sensor_places import (
 )
 from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.workflow.run_folder.light_of_run import plan_of_run, transport_of_run
-from lidarspectra.workflow.run_folder.workspace import made_folder
+from lidarspectra.workflow.run_folder.workspace import made_folder, require_writable
 
 USUAL_SENSORS = 8  # that are chosen where no number is given, or all if there are fewer
 RECORDING_SUFFIXES = (".csv", ".gz", ".txt", ".log", ".dat", ".nc")  # of what is no port
@@ -120,6 +120,7 @@ def train_from_files(
 ) -> LocationModel:
     """Train a locator on files of fingerprints, and keep it in a folder; see `train_locator` and `save_locator`."""
     tables = [read_fingerprints(path, positions) for path in files]
+    require_writable(out)
     model = train_locator(tables, settings, seed=seed, progress=progress)
     save_locator(model, out)
     return model
@@ -214,6 +215,7 @@ def score_nights(
     report : LocationReport
     """
     nights = [read_fingerprints(path, positions) for path in files]
+    require_writable(out)
     jobs = len(nights) ** 2
     scores: list[NightScore] = []
     for number, night in enumerate(nights):

@@ -9,6 +9,7 @@ edited inside a stage folder is kept, and changes the hash of the stages after i
 import contextlib
 import hashlib
 import json
+import os
 import platform
 import shutil
 import time
@@ -502,6 +503,18 @@ def made_folder(folder: Path) -> Path:
     with writing_run(folder):
         folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+def require_writable(folder: Path) -> None:
+    """Raise WorkspaceError if results could not be written there, before what takes long; makes nothing."""
+    nearest = next((each for each in (folder, *folder.resolve().parents) if each.exists()), Path())
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK):
+        raise WorkspaceError(
+            expected="a run folder that can be written",
+            found=f"{nearest}, which {'cannot be written' if nearest.is_dir() else 'is no folder'}",
+            where=str(folder),
+            todo="Check its permissions, or name another folder with --out.",
+        )
 
 
 def writing_run(folder: Path) -> AbstractContextManager[None]:

@@ -23,9 +23,9 @@ from lidarspectra.radiance.pictures.observer_channels import observer_channels, 
 from lidarspectra.radiance.pictures.render import Picture, render
 from lidarspectra.radiance.pictures.view import Projection, View
 from lidarspectra.radiance.scene.scene import RadianceScene, write_scene
-from lidarspectra.room.room import Room
+from lidarspectra.room.room import Room, load_room
 from lidarspectra.workflow.calibration.light import RunRoom, run_room
-from lidarspectra.workflow.run_folder.workspace import made_folder
+from lidarspectra.workflow.run_folder.workspace import made_folder, require_stage
 from lidarspectra.workflow.scenarios.relighting import LampOrder, changed_lamps
 
 STANDING_M = 1.6  # [m] height of the eye above the floor
@@ -118,6 +118,20 @@ def picture_run(
             scene, [view], smooth=smooth, workers=workers, progress=part_of(progress, WRITING_SHARE, 1.0)
         )
     return RoomPicture(picture=picture, lamps=lamps)
+
+
+def view_of_run(
+    run: Path,
+    eye: ArrayLike | None,
+    target: ArrayLike | None,
+    *,
+    projection: Projection,
+    angle_deg: float | None,
+    pixels: tuple[int, int],
+) -> View:
+    """The view that `picture_run` renders."""
+    room = load_room(require_stage(run, "scan"))
+    return view_of_room(room, eye, target, projection=projection, angle_deg=angle_deg, pixels=pixels)
 
 
 def observer_scene(room: RunRoom, lamps: Sequence[Lamp], folder: Path, *, progress: Progress = silent) -> RadianceScene:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.files import write_whole
-from lidarspectra.workflow.run_folder.workspace import made_folder, writing_run
+from lidarspectra.workflow.run_folder.workspace import made_folder, require_writable, writing_run
 
 SCENARIO_FILE = "scenario.json"
 DEFAULT_NAME = "scenario"  # with a number behind it
@@ -36,7 +36,19 @@ class Scenario:
 def new_scenario(
     parent: Path, words: Sequence[str], *, name: str | None = None, out: Path | None = None, replace: bool = False
 ) -> Scenario:
-    """Find the folder of a scenario, make it, and keep there what it is.
+    """Find the folder of a scenario, make it, and keep there what it is; see `find_scenario`."""
+    scenario = find_scenario(parent, words, name=name, out=out, replace=replace)
+    made_folder(scenario.folder)
+    with writing_run(scenario.folder):
+        about = {"name": scenario.name, "words": list(scenario.words)}
+        write_whole(scenario.folder / SCENARIO_FILE, json.dumps(about, indent=2, ensure_ascii=False) + "\n")
+    return scenario
+
+
+def find_scenario(
+    parent: Path, words: Sequence[str], *, name: str | None = None, out: Path | None = None, replace: bool = False
+) -> Scenario:
+    """Find the folder of a scenario, and make nothing.
 
     Parameters
     ----------
@@ -67,11 +79,8 @@ def new_scenario(
             where=str(folder),
             todo="Give another --name or --out; with --replace what is there is overwritten.",
         )
-    scenario = Scenario(name=name or folder.name, words=wanted, folder=made_folder(folder))
-    with writing_run(folder):
-        about = {"name": scenario.name, "words": list(wanted)}
-        write_whole(folder / SCENARIO_FILE, json.dumps(about, indent=2, ensure_ascii=False) + "\n")
-    return scenario
+    require_writable(folder)
+    return Scenario(name=name or folder.name, words=wanted, folder=folder)
 
 
 def _checked(name: str) -> str:
@@ -98,7 +107,7 @@ def _held(folder: Path) -> tuple[str, ...] | None:
     """Words of the scenario that a folder holds; () for other results in it, None where there is nothing."""
     try:
         return tuple(map(str, json.loads((folder / SCENARIO_FILE).read_text(encoding="utf-8"))["words"]))
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):  # the latter where a file stands in the folder's way
         return () if folder.is_file() or (folder.is_dir() and any(folder.iterdir())) else None
     except (OSError, ValueError, KeyError, TypeError):
         return ()
