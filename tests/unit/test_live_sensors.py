@@ -89,6 +89,10 @@ def test_sensors_are_given_in_short_too() -> None:
     desk, hall = sensors.sensors
     assert (desk.name, desk.point, desk.port, desk.reads) == ("desk", 12, "/dev/ttyUSB0", ("channels",))
     assert (hall.position, hall.log, hall.reads) == ((1.5, 2.0, 0.8), "logs/hall.csv", ("lux", "channels"))
+    for log in ("a.CSV", "a.log", "a.txt"):
+        assert read_sensors([f"desk@1={log}"])[0].sensors[0].log == log
+    with pytest.raises(ReadingError, match=r"or NAME=PORT or NAME=LOG\.csv"):
+        read_sensors(["desk"], need_places=False)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ CHANNEL_WORD = "CHANNEL"  # in a value template: stands for the label of each ch
 HOME_ASSISTANT = "homeassistant"
 
 Quantity = Literal["lux", "channels"]
+LOG_SUFFIXES = (".csv", ".log", ".txt")  # of what is no port
 
 
 class BrokerSection(Section):
@@ -165,13 +166,14 @@ def read_sensors(sources: list[str], *, need_places: bool = True) -> tuple[Senso
     ReadingError
         If a source cannot be read or understood.
     """
+    name = "NAME@POINT" if need_places else "NAME"
     if need_places:
         files = [source for source in sources if "@" not in source.partition("=")[0]]
     else:
         files = [source for source in sources if "=" not in source]
     if len(files) > 1 or (files and len(sources) > 1):
         raise ReadingError(
-            expected="one file of sensors, or NAME@POINT=SOURCE for each sensor",
+            expected=f"one file of sensors, or {name}=SOURCE for each sensor",
             found=", ".join(sources),
             where="--source",
             todo="Write all sensors into one file.",
@@ -184,7 +186,7 @@ def read_sensors(sources: list[str], *, need_places: bool = True) -> tuple[Senso
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as cause:
         raise ReadingError(
-            expected="a file of sensors (TOML), or NAME@POINT=PORT or NAME@POINT=LOG.csv",
+            expected=f"a file of sensors (TOML), or {name}=PORT or {name}=LOG.csv",
             found=str(cause),
             where=files[0],
             todo="docs/howto-live.md has an example.",
@@ -217,7 +219,7 @@ def _short(source: str) -> dict[str, object]:
     """NAME@POINT=PORT or NAME@POINT=LOG.csv as a table."""
     place, _, given = source.partition("=")
     if "@" not in place and place and given:
-        return {"name": place, "log" if given.endswith(".csv") else "port": given}
+        return {"name": place, "log" if given.lower().endswith(LOG_SUFFIXES) else "port": given}
     name, _, point = place.rpartition("@")
     words = point.split(",")
     if not name or not given or len(words) not in (1, 3):
@@ -232,4 +234,4 @@ def _short(source: str) -> dict[str, object]:
         raise ReadingError(
             expected="the number of a point of the run, or x,y,z in metres", found=f"'{point}'", where=f"'{source}'"
         ) from cause
-    return {"name": name, **where, "log" if given.endswith(".csv") else "port": given}
+    return {"name": name, **where, "log" if given.lower().endswith(LOG_SUFFIXES) else "port": given}
