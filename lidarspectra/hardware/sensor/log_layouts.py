@@ -393,6 +393,10 @@ def _published(text: str, path: Path) -> SensorLog | None:
     return _bare(text, ChannelOrder(letters=ASCENDING_LETTERS, said_by=f"published: {words}"), path)
 
 
+def _is_header(line: str) -> bool:
+    return line[:1].isalpha() and order_from_header(line.split(","), where="log") is not None
+
+
 def _from_rows(
     lines: Sequence[str], stamps: list[str] | None, order: ChannelOrder, path: Path, layout: str
 ) -> SensorLog:
@@ -427,7 +431,7 @@ def _from_rows(
         )
     if damaged:
         notes = (*notes, f"{len(damaged)} lines are no rows of {len(order)} numbers; the first is {damaged[0]}.")
-    given = sum(bool(line.strip()) for line in lines)
+    given = sum(bool(line.strip()) and not _is_header(line) for line in lines)
     return _log(
         make_readings(
             unix_s=[reading.moment.unix_s for reading in readings],

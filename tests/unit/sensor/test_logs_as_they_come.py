@@ -99,6 +99,9 @@ def test_the_arduino_monitors_stamps_become_times_past_midnight(tmp_path: Path) 
     assert np.array_equal(readings["module_value"].to_numpy()[0], BY_WAVELENGTH)
     assert np.allclose(np.diff(readings["unix_s"].to_numpy()), 1.0)
     assert OF_DAY in readings.attrs["notes"]
+    assert readings.attrs["rows_left_out"] == "0"  # the header is no row
+    damaged = "\r\n".join([*lines[:3], f"00:00:00.000 -> {row()[:9]}", lines[3]])
+    assert readings_from_csv(saved(tmp_path, damaged)).attrs["rows_left_out"] == "1"
 
 
 def test_the_modules_own_answers_are_read_die_by_die(tmp_path: Path) -> None:
