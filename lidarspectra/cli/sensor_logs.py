@@ -84,7 +84,7 @@ def join(
         Path | None, typer.Option("--measured", metavar="MEASURED.csv", help="File for those averages.")
     ] = None,
     radius: Annotated[
-        float | None, typer.Option(metavar="M", help="Largest distance of a reading from its location.")
+        float | None, typer.Option(metavar="M", min=0.001, help="Largest distance of a reading from its location.")
     ] = None,
     calibration: CalibrationOption = None,
     columns: ColumnsOption = None,

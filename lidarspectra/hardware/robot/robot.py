@@ -111,9 +111,10 @@ def place_readings(
         words.append(alignment.words())
     placed = int(np.isfinite(place).all(axis=1).sum())
     if not placed:
+        shifted = "" if offset_s is None else f", shifted by {offset_s:g} s"
         raise ReadingError(
             expected="readings taken during the drive",
-            found=f"readings from {np.nanmin(times):.0f} to {np.nanmax(times):.0f} s, poses from"
+            found=f"readings from {np.nanmin(times):.0f} to {np.nanmax(times):.0f} s{shifted}, poses from"
             f" {trajectory.unix_s[0]:.0f} to {trajectory.unix_s[-1]:.0f} s (unix time)",
             where=readings.attrs.get("source", "readings"),
             todo="Check both clocks and their time zones; --offset shifts the readings' times by hand.",

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.robot.poses import Trajectory
 
 RANGE_S = 30.0  # [s] largest offset tried, in both directions
@@ -59,7 +60,9 @@ class TimeOffset:
 
 
 def given_offset(seconds: float) -> TimeOffset:
-    """An offset that the user knows."""
+    """An offset that the user knows; ReadingError if it is no number."""
+    if not np.isfinite(seconds):
+        raise ReadingError(expected="a finite time offset", found=f"{seconds:g} s", where="--offset")
     return TimeOffset(
         seconds=seconds, standard_error_s=float("nan"), is_known=True, words=f"time offset {seconds:+.2f} s, as given"
     )

@@ -112,6 +112,10 @@ def test_readings_outside_of_the_drive_and_in_its_gaps_have_no_place() -> None:
     readings = make_readings(unix_s=[1e6, 1e6 + 1])
     with pytest.raises(ReadingError, match="clocks"):
         place_readings(readings, path, light=np.ones((2, 18)), offset_s=0.0)
+    with pytest.raises(ReadingError, match=r"s, shifted by 5000 s, poses from"):
+        place_readings(readings, path, light=np.ones((2, 18)), offset_s=5000.0)
+    with pytest.raises(ReadingError, match="a finite time offset"):
+        place_readings(readings, path, light=np.ones((2, 18)), offset_s=np.nan)
     with pytest.raises(ReadingError, match="times"):
         place_readings(make_readings(unix_s=[np.nan]), path, light=np.ones((1, 18)))
 
