@@ -23,7 +23,13 @@ BULGE_M = 2.0  # [m] deepest of a bulge; what is seen farther behind is another 
 ROUGH_M = 0.04  # [m] standard deviation of a bulge's depth about its own plane; a niche or a window's recess is flatter
 MIN_BULGE_M2, MIN_HOLE_M2 = 0.25, 0.3
 RECTANGLE = 0.85  # [1] of the box around a hole that it fills; a round one, as scans have, fills .79
+HEAD_SHARE = (
+    0.5  # [1] of what lies above a bulge, that is wall or ceiling: over a worktop it is wall cupboards, set back
+)
 FRAME_SHARE = 0.7  # [1] of the squares around a hole that are wall: what is seen far behind a door has none
+# [1] of those around a bulge, or an opening in which patches hang: glass has .86 and more in real and virtual rooms,
+# the space between a worktop and wall cupboards, which stand before or behind one another, .5 to .7.
+CLOSE_FRAME_SHARE = 0.8
 MIN_ISLANDS, MIN_ISLANDS_M2 = 2, 0.03  # patches that hang in an opening
 MIN_ISLAND_CELLS = 2
 SQUARE = np.ones((3, 3), dtype=np.bool_)
@@ -93,7 +99,19 @@ def passages_of_wall(view: WallView) -> tuple[Pane, ...]:
 def _bulges(view: WallView, is_open: BoolArray) -> BoolArray:
     """(row, column) squares of rough bulges behind the wall that are no part of the room."""
     behind = is_open & ~view.inside & (view.depth < BULGE_M)
-    return _kept(behind, MIN_BULGE_M2, lambda part: _roughness(view.depth, part) > ROUGH_M)
+    flush = np.abs(view.depth) <= OPEN_M
+
+    def is_glass(part: BoolArray) -> bool:
+        return _roughness(view.depth, part) > ROUGH_M and _framed(flush, part) >= CLOSE_FRAME_SHARE
+
+    return _kept(behind, MIN_BULGE_M2, is_glass)
+
+
+def _framed(flush: BoolArray, part: BoolArray) -> float:
+    """Share of the squares around a part, (row, column) bool both, that are the wall's or beyond the picture's edge."""
+    wide = np.pad(part, 2)
+    around = ndimage.binary_dilation(wide, SQUARE, iterations=2) & ~ndimage.binary_dilation(wide, SQUARE)
+    return float(np.pad(flush, 2, constant_values=True)[around].mean())
 
 
 def _holes(view: WallView, is_open: BoolArray) -> BoolArray:
@@ -125,7 +143,8 @@ def _hung(view: WallView, is_open: BoolArray) -> BoolArray:
     for number in range(1, openings + 1):
         here = opening == number
         islands = np.unique(label[here & patches])
-        if islands.size >= MIN_ISLANDS and sizes[islands].sum() * CELL_M**2 >= MIN_ISLANDS_M2:
+        enough = islands.size >= MIN_ISLANDS and sizes[islands].sum() * CELL_M**2 >= MIN_ISLANDS_M2
+        if enough and _framed(flush, here) >= CLOSE_FRAME_SHARE:
             found |= here
     return found
 

@@ -17,9 +17,12 @@ from lidarspectra.mapping.figures.plan_drawing import draw_panes
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.pane_materials import GLASS_TRANSMITTANCE, pane_material, with_pane_materials
 from lidarspectra.material.part_materials import typical_material
+from lidarspectra.room.panes.glass import glass_of_wall
 from lidarspectra.room.panes.mirrors import images_behind
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.placing import with_panes
+from lidarspectra.room.panes.search import views_of_room
+from lidarspectra.room.room import find_room
 from lidarspectra.workflow.init.init_file import write_init
 from lidarspectra.workflow.run_folder.panes_of_run import assumed_notes
 from lidarspectra.workflow.whole_room import WholeRoom, whole_room
@@ -266,3 +269,18 @@ def test_a_pane_of_the_run_file_that_cannot_be_is_refused(keys: dict[str, object
     pane = {"name": "one", "center": [0, 0, 1], "size": [1, 1], "normal": [1, 0, 0], **keys}
     with pytest.raises(ValueError, match=words):
         PaneSection.model_validate(pane)
+
+
+def test_the_space_between_a_worktop_and_wall_cupboards_is_no_glass(builder) -> None:
+    kitchen = builder(step_m=0.06, noise_m=0.004)
+    kitchen.box([0, 0, 0], [3.6, 3, 2.5], inward=True)
+    kitchen.box([-0.05, -0.05, -0.05], [0.62, 2.3, 0.9])
+    kitchen.box([-0.05, -0.05, 1.5], [0.36, 2.3, 2.2])
+    kitchen.box([-0.05, 2.3, -0.05], [0.62, 2.9, 1.86])  # a refrigerator, as high as makes a wall of the fronts
+    kitchen.box([1.6, 2.5, -0.05], [2.6, 3.05, 2.1])
+    for number, depth in enumerate((0.3, 0.12, 0.4, 0.2, 0.35)):  # what stands on the worktop
+        kitchen.box([-0.05, 0.1 + 0.42 * number, 0.88], [depth, 0.3 + 0.42 * number, 1.2 + 0.04 * number])
+    scan = kitchen.scan()
+    room = find_room(scan)
+    assert any(0.5 < wall.offset_m < 0.7 and wall.normal[0] > 0.9 for wall in room.walls), "fronts count as a wall here"
+    assert not [pane for view in views_of_room(scan, room) for pane in glass_of_wall(view)]
