@@ -28,6 +28,7 @@ SAID_OUTSIDE = 0.05  # [1] of the readings under light that was not fitted, abov
 SAID_OFFSET = 0.2  # [1] of the mean count, above which the fit's offset is said to be in the current
 BY_DATA_SHEET = "data sheet"
 BY_LOG = "that of the log's irradiances"
+MAX_RELATIVE_ERROR = 0.5  # [1] of a current, above which the hours of light it takes are hardly known
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -425,8 +426,14 @@ def node_table(node: NodeDay, cell: NodeCell) -> tuple[Table, tuple[str, ...]]:
     formats = dict.fromkeys(("current [µA]", "hours of light", "from [h]", "to [h]"), ".1f")
     formats[str(frame.columns[-1])] = ".0f"
     notes: tuple[str, ...] = ()
+    if (worst := max(error for _, _, error in rows)) > MAX_RELATIVE_ERROR:
+        notes = (
+            f"A current's stated uncertainty is {100.0 * worst:.0f} %: these hours say little. Fit the cell where it "
+            "is lit as there, or renew its fit with a few readings there ('cells fit --renew').",
+        )
     if float(np.min(found.hours)) > DAY_H:
         notes = (
+            *notes,
             "The cell cannot feed the node on any day: its day needs more than 24 hours of light. Wake it more seldom, "
             "or take a larger cell or a brighter place.",
         )

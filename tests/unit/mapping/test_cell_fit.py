@@ -167,6 +167,9 @@ def test_from_a_log_to_a_file_and_to_currents_beside_another_log(tmp_path: Path)
     assert np.mean(np.abs(found["count"] - frame["cell_1"]) <= 2.0 * found["SE_count"]) > 0.85
     np.testing.assert_allclose(found["current_A"], found["count"] * CIRCUIT.ampere_per_count, rtol=1e-6)
     assert "hours of light" in call("node", tmp_path / "currents.csv")
+    assert "say little" not in call("node", tmp_path / "currents.csv")
+    found.assign(SE_current_A=9.0 * found["current_A"]).to_csv(tmp_path / "hardly.csv", index=False)
+    assert "uncertainty is 900 %: these hours say little" in " ".join(call("node", tmp_path / "hardly.csv").split())
     assert "Renewed with 3 readings" in call("fit", other, "--column", 1, "--renew", fit, "--count", 3)
 
 
