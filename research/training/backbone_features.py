@@ -56,9 +56,4 @@ def _mean_and_deviation(graph: Graph, of: str) -> tuple[str, str]:
 def _finer(graph: Graph, of: str, like: str) -> str:
     """Means over the windows of the coarse stage, at the places of a stage of half its stride."""
     mean = graph.mean(of, COARSE_WINDOW, stride=1, pad=COARSE_WINDOW // 2)
-    twice = graph.add(
-        "Resize", mean, "", graph.constant(np.array([1.0, 1.0, 2.0, 2.0])),
-        mode="linear", coordinate_transformation_mode="half_pixel",
-    )  # fmt: skip
-    ends = graph.add("Shape", like, start=2, end=4)
-    return graph.add("Slice", twice, graph.whole_numbers([0, 0]), ends, graph.whole_numbers([2, 3]))
+    return graph.finer(mean, like)

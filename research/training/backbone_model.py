@@ -6,6 +6,7 @@ import numpy as np
 import onnx
 
 from lidarspectra.arrays import ByteArray, FloatArray
+from lidarspectra.material.segmentation.model_card import SCALES
 from lidarspectra.material.segmentation.segmentation import load_model
 from research.training.backbone import MEAN, SCALE, Weights
 from research.training.backbone_features import STRIDE_PX, add_features, feature_count
@@ -44,9 +45,10 @@ def middle_places(model: Path, images: list[ByteArray], side: int) -> FloatArray
     return np.concatenate(parts).astype(np.float32)
 
 
-def write_card(path: Path) -> None:
-    """Write how the model is fed."""
+def write_card(path: Path, scales: tuple[float, ...] = SCALES) -> None:
+    """Write how the model is fed, and at which scales pictures are shown to it."""
     names = ", ".join(f'"{name}"' for name in CLASSES)
     lines = [f"classes = [{names}]", f"input_px = {INPUT_PX}", f"stride_px = {STRIDE_PX}"]
     lines += [f"mean = [{MEAN}, {MEAN}, {MEAN}]", f"scale = {SCALE}"]
+    lines.append(f"scales = [{', '.join(map(str, scales))}]")
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

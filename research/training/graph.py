@@ -74,6 +74,15 @@ class Graph:
         """Add the absolute value, as a slope of -1 below zero: onnxruntime joins it with the convolution before."""
         return self.add("LeakyRelu", of, alpha=-1.0)
 
+    def finer(self, of: str, like: str) -> str:
+        """Add what lies at twice the stride, interpolated to the places of `like`, maybe one row or column less."""
+        twice = self.add(
+            "Resize", of, "", self.constant(np.array([1.0, 1.0, 2.0, 2.0])),
+            mode="linear", coordinate_transformation_mode="half_pixel",
+        )  # fmt: skip
+        ends = self.add("Shape", like, start=2, end=4)
+        return self.add("Slice", twice, self.whole_numbers([0, 0]), ends, self.whole_numbers([2, 3]))
+
     def first_channels(self, of: str, count: int) -> str:
         """Leave out all channels after the first ones."""
         return self.add("Slice", of, *(self.whole_numbers([number]) for number in (0, count, 1)))

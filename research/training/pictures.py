@@ -94,6 +94,11 @@ def read_photos(folder: Path) -> list[Picture]:
     pictures : list of Picture
         Up to three crops of each photograph.
     """
+    return photo_crops(folder, CROP_PX // 2, 3)
+
+
+def photo_crops(folder: Path, edge_px: int, most: int) -> list[Picture]:
+    """Up to `most` crops of each photograph, `edge_px` wide; see `read_photos`."""
     pictures = []
     for path in sorted(folder.glob("*/*.jpg")):
         if path.parent.name not in CLASSES:
@@ -101,7 +106,7 @@ def read_photos(folder: Path) -> list[Picture]:
         digits = "".join(letter if letter.isdigit() else " " for letter in path.stem).split()
         number = int(digits[-1]) // PHOTOS_OF_ONE if digits else path.stem
         label = CLASSES.index(path.parent.name)
-        for crop in _surface_crops(_read(path)):
+        for crop in _surface_crops(_read(path), edge_px, most):
             material = f"photo {path.parent.name} {number}"
             pictures.append(Picture(image=crop, label=label, material=material, origin="photo"))
     return pictures
@@ -164,7 +169,7 @@ def _structure(image: ByteArray) -> FloatArray:
     return np.asarray(away / max(float(np.linalg.norm(away)), 1e-9), dtype=np.float64)
 
 
-def _surface_crops(image: ByteArray, most: int = 3) -> list[ByteArray]:
+def _surface_crops(image: ByteArray, size: int, most: int) -> list[ByteArray]:
     """Squares that show the object; photographs no larger than that are taken whole."""
     height, width = image.shape[:2]
     edge = np.concatenate([image[:4].reshape(-1, 3), image[-4:].reshape(-1, 3), image[:, :4].reshape(-1, 3)])
@@ -173,7 +178,6 @@ def _surface_crops(image: ByteArray, most: int = 3) -> list[ByteArray]:
     if min(height, width) <= CROP_PX or off.mean() > MIN_SURFACE:
         return [image]
     closed = cv2.morphologyEx(off, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))
-    size = CROP_PX // 2
     share = cv2.boxFilter(closed, -1, (size, size))[size // 2 : -size // 2, size // 2 : -size // 2]
     crops = []
     for _ in range(most):

@@ -13,7 +13,8 @@ import onnx
 from onnx import numpy_helper
 
 from lidarspectra.arrays import FloatArray, SmallFloatArray
-from lidarspectra.material.segmentation.segmentation import SCALES, load_model
+from lidarspectra.material.segmentation.model_card import SCALES
+from lidarspectra.material.segmentation.segmentation import load_model
 from research.training.model import Layers, save_model
 
 VIEW_PX = 512  # [px] as `viewpoints.ViewSettings` has it

@@ -9,6 +9,7 @@ from lidarspectra.errors import MaterialError
 from lidarspectra.io.toml_sections import Section, parse_sections
 
 CARD_SUFFIX = ".toml"
+SCALES = (2**-0.5, 1.0, 2**0.5)  # [1] Bell et al. 2015, Section 5
 CARD_LIMIT_BYTES = 1_000_000  # a longer card is none
 ClassName = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[^\s,;\"]+$")]
 
@@ -30,6 +31,8 @@ class ModelCard(Section):
     """Multiplied with what is left; one number, or one a channel."""
     channels: Literal["RGB", "BGR"] = "RGB"
     output: Literal["logits", "probabilities"] = "logits"
+    scales: Annotated[tuple[Annotated[float, Field(ge=0.1, le=10.0)], ...], Field(min_length=1, max_length=10)] = SCALES
+    """At which the picture is shown to the model; what it says is averaged. [1]"""
     about: dict[str, Any] = Field(default_factory=dict)
 
     @model_validator(mode="after")

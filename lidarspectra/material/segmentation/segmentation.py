@@ -2,8 +2,8 @@
 
 The classifier is any fully convolutional ONNX model with a card (`model_card`). A prediction every 16 pixels is enough:
 a model of coarser stride is run on copies of the picture shifted by parts of its stride, across and down, and the
-answers interleave (four of them at a stride of 32). The picture is seen at three scales, whose probabilities are
-averaged. `crf` then refines them.
+answers interleave (four of them at a stride of 32). The picture is seen at the scales that the card names, three if it
+names none, and the probabilities are averaged. `crf` then refines them.
 
 References
 ----------
@@ -28,7 +28,6 @@ from lidarspectra.material.segmentation.model_card import ModelCard, read_card
 
 SHIPPED_MODEL = Path(__file__).parent / "models" / "materials.onnx"
 MODEL_LIMIT_BYTES = 500_000_000  # far above any classifier of this use; a larger file is a mistake
-SCALES = (2**-0.5, 1.0, 2**0.5)  # [1] Bell et al. 2015
 FINEST_SPACING_PX = 16  # [px] of predictions; models of coarser stride are shifted by parts of it
 CELL_PX = 4  # [px] of the view, to a pixel of the picture that the CRF works on
 RANGE_TOLERANCE = 1e-3  # [1] by which probabilities may miss 0, 1 and their sum
@@ -182,7 +181,7 @@ def segment(
     height, width = image.shape[:2]
     rows, columns = -(-height // cell_px), -(-width // cell_px)
     own = np.zeros((rows, columns, len(classifier.classes)))
-    for scale in SCALES:
+    for scale in classifier.card.scales:
         size = (max(1, round(width * scale)), max(1, round(height * scale)))
         method = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
         grid = classifier.cells(np.asarray(cv2.resize(image, size, interpolation=method), dtype=np.uint8))
@@ -192,7 +191,9 @@ def segment(
         across = _interpolation(
             columns, cell_px * size[0] / width, grid.first_px[1], grid.spacing_px, grid.probabilities.shape[1]
         )
-        own += np.einsum("ir,rcl,jc->ijl", down, grid.probabilities, across, optimize=True) / len(SCALES)
+        own += np.einsum("ir,rcl,jc->ijl", down, grid.probabilities, across, optimize=True) / len(
+            classifier.card.scales
+        )
     small = np.asarray(cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.uint8)
     return refine(own, small, crf)
 

@@ -7,7 +7,7 @@ import pytest
 from sklearn.datasets import load_sample_image
 
 from lidarspectra.material.segmentation.segmentation import Classifier, load_model
-from research.training.backbone import STAGES, Weights, add_backbone, bounded, convolved, read_weights
+from research.training.backbone import LARGER, STAGES, Weights, add_backbone, bounded, convolved, read_weights
 from research.training.backbone_features import STRIDE_PX, feature_count
 from research.training.backbone_model import MARGIN_PX, backbone_input, middle_places, save_backbone_model, write_card
 from research.training.graph import Graph
@@ -53,6 +53,13 @@ def features(weights, tmp_path_factory):
     save_backbone_model(weights, [], path)
     session = load_model(path, threads=1)
     return lambda picture: session.run(None, {"image": plain_input(picture)})[0][0]
+
+
+def test_a_larger_network_of_the_family_has_the_published_ones_blocks_and_channels():
+    """EfficientNet-Lite2, as its weights have them."""
+    blocks, channels = zip(*((stage.blocks, stage.channels) for stage in LARGER), strict=True)
+    assert blocks == (1, 3, 3, 4, 4, 5, 1)
+    assert channels == (16, 24, 48, 88, 120, 208, 352)
 
 
 @pytest.mark.parametrize("shape", [(128, 128), (144, 128), (176, 208)])

@@ -47,7 +47,15 @@ def test_a_coarse_model_predicts_every_16_pixels_by_shifts_within_its_stride(tmp
     assert middles[-1] >= 130 - half - 16
 
 
-def test_a_picture_is_seen_at_three_scales(tmp_path):
+@pytest.mark.parametrize(
+    ("scales", "sizes"),
+    [
+        ("", [(71, 141), (100, 200), (141, 283)]),
+        ("scales = [0.5]", [(50, 100)]),
+        ("scales = [1, 2]", [(100, 200), (200, 400)]),
+    ],
+)
+def test_a_picture_is_seen_at_the_cards_scales_and_at_three_if_it_names_none(tmp_path, scales, sizes):
     class Watched(Classifier):
         sizes: ClassVar = []
 
@@ -55,8 +63,10 @@ def test_a_picture_is_seen_at_three_scales(tmp_path):
             self.sizes.append(image.shape[:2])
             return super().cells(image)
 
-    segment(Watched(write_model(tmp_path / "m.onnx")), two_halves(height=100, width=200))
-    assert Watched.sizes == [(71, 141), (100, 200), (141, 283)]
+    model = write_model(tmp_path / "m.onnx", card=f"{CARD}{scales}\n")
+    probabilities = segment(Watched(model), two_halves(height=100, width=200))
+    assert Watched.sizes == sizes
+    assert np.allclose(probabilities.sum(axis=2), 1.0, atol=1e-6)
 
 
 def test_the_edge_between_two_materials_is_found_where_it_is(tmp_path):
@@ -119,6 +129,8 @@ def test_pictures_of_any_size_are_covered(tmp_path, shape):
         ({"card": CARD + 'leave_out = ["red", "green"]\n'}, "two or more classes"),
         ({"card": CARD.replace('"green"', '"red"')}, "once"),
         ({"card": CARD.replace("scale = 0.05", "scale = nan")}, "scale"),
+        ({"card": CARD + "scales = []\n"}, "scales"),
+        ({"card": CARD + "scales = [1.0, 0.0]\n"}, "scales"),
         ({"card": "classes = ["}, "valid TOML"),
         ({"card": None}, "model card"),
     ],
