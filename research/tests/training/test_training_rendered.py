@@ -51,6 +51,15 @@ def test_rays_meet_the_nearest_side(direction, distance, surface, axis):
     assert (int(found.surface), int(found.axis)) == (surface, axis)
 
 
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_of_two_boxes_in_a_row_the_nearer_is_met_whichever_comes_first(order):
+    boxes = (((2.0, 1.0, 0.0), (2.5, 3.0, 2.0)), ((3.0, 1.0, 0.0), (3.5, 3.0, 2.0)))
+    one = room((5.0, 4.0, 3.0), *(boxes[number] for number in order))
+    found = nearest(one, torch.tensor([[[1.0, 2.0, 1.0]]]), torch.tensor([[[1.0, 0.0, 0.0]]]))
+    assert float(found.distance) == pytest.approx(1.0)
+    assert int(found.surface) == SHELL + order.index(0)
+
+
 def test_a_box_hides_what_is_behind_it_and_nothing_beside_it():
     one = room((5.0, 4.0, 3.0), ((2.0, 1.0, 0.0), (3.0, 3.0, 2.0)))
     start = torch.tensor([[[1.0, 2.0, 1.0], [1.0, 3.5, 1.0]]])
