@@ -1,13 +1,14 @@
 """Which side of a surface looks into the room.
 
-Each connected piece is first wound consistently. Then rays from both of its sides vote: on the room's side they meet
-other surfaces at some distance, behind a wall they meet nothing, and inside furniture they meet a surface at once.
+Each connected piece is first wound consistently, but for large sheets that a few edges join the wrong way round: where
+two rooms meet, a mesh may fold. Then rays from both sides of each vote: on the room's side they meet other surfaces at
+some distance, behind a wall they meet nothing, and inside furniture they meet a surface at once.
 Closed bodies that the file names (a wall, a table) need no vote: their outside looks into the room.
 """
 
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
@@ -16,12 +17,13 @@ from lidarspectra.geometry.scan import Scan
 VOTES_PER_PIECE = 200  # largest number of faces that vote for a connected piece
 FAR_M = 2.0  # [m] free distance from which on a vote has its full weight
 START_M = 1e-3  # [m] distance of a ray's origin from its face, clear of rounding
+SHEET_M2 = 0.5  # [m²] of faces that the file winds alike, from which on they vote for themselves
 MIN_MAJORITY = 0.02  # mean vote below which a piece keeps the file's winding
 TILTS = ((0.0, 0.0), (0.7, 0.0), (0.7, 1.2566), (0.7, 2.5133), (0.7, 3.7699), (0.7, 5.0265))
 # [rad] polar angle from the normal and azimuth of the rays: one along it, five around at 40 degrees
 
 
-def connected_pieces(faces: IntArray) -> tuple[IntArray, BoolArray]:
+def connected_pieces(faces: IntArray, areas: FloatArray | None = None) -> tuple[IntArray, BoolArray]:
     """Find the connected pieces of a mesh, and the faces to turn so that each piece is wound consistently.
 
     Pieces are joined over edges of exactly two faces. Where a piece is one-sided (a Möbius strip) none is turned.
@@ -30,6 +32,8 @@ def connected_pieces(faces: IntArray) -> tuple[IntArray, BoolArray]:
     ----------
     faces : (face, 3) int
         Vertices merged by position.
+    areas : (face,) float, optional
+        Then sheets of `SHEET_M2` that the file winds alike stay pieces of their own, with what hangs on them. [m²]
 
     Returns
     -------
@@ -40,6 +44,10 @@ def connected_pieces(faces: IntArray) -> tuple[IntArray, BoolArray]:
     """
     count = faces.shape[0]
     first, second, alike = _neighbours(faces)
+    if areas is not None:
+        sheet = _nearest_sheets(first, second, alike, areas)
+        same = sheet[first] == sheet[second]
+        first, second, alike = first[same], second[same], alike[same]
     # Each face appears twice, as it is (f) and turned (f + count). Neighbours wound alike join like with like, others
     # like with turned. The connected parts of this double mesh are the consistent windings.
     partner = np.where(alike, second, second + count)
@@ -55,6 +63,19 @@ def connected_pieces(faces: IntArray) -> tuple[IntArray, BoolArray]:
     share = np.bincount(piece, weights=turned) / np.bincount(piece)
     turned ^= (share > 0.5)[piece]
     return piece.astype(np.int64), turned
+
+
+def _nearest_sheets(first: IntArray, second: IntArray, alike: BoolArray, areas: FloatArray) -> IntArray:
+    """(face,) the sheet of `SHEET_M2`, of faces that the file winds alike, to which the fewest turns lead from each."""
+    links = coo_array((np.ones(int(alike.sum())), (first[alike], second[alike])), shape=(areas.size, areas.size))
+    count, sheet = connected_components(links, directed=False)
+    large = np.flatnonzero(np.bincount(sheet, weights=areas) >= SHEET_M2)
+    if not large.size:
+        return np.zeros(areas.size, dtype=np.int64)
+    turns = coo_array((np.ones(first.size), (sheet[first], sheet[second])), shape=(count, count)).tocsr()
+    turns.data[:] = 1.0  # however many edges two sheets share, they are one turn apart
+    _, _, nearest = dijkstra(turns, directed=False, indices=large, min_only=True, return_predecessors=True)
+    return np.asarray(nearest[sheet], dtype=np.int64)
 
 
 def _neighbours(faces: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
@@ -85,7 +106,7 @@ def faces_to_turn(scan: Scan) -> BoolArray:
     turn : (face,) bool
         Faces whose winding must be reversed.
     """
-    piece, turned = connected_pieces(scan.faces)
+    piece, turned = connected_pieces(scan.faces, scan.areas)
     sign = np.where(turned, -1.0, 1.0)
     votes = _votes(scan, piece, sign)
     volume = _volumes(scan, piece, sign)

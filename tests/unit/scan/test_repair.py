@@ -258,6 +258,17 @@ def test_pieces_are_what_no_edge_connects(furnished_room: trimesh.Trimesh) -> No
     assert not turn.any()
 
 
+def test_large_sheets_that_a_fold_joins_the_wrong_way_round_stay_as_the_file_winds_them() -> None:
+    # Two sheets of 1 m² share an edge and are wound against each other; a triangle on the second is wound against it.
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 1, 2], [4, 2, 5], [4, 6, 5]])
+    piece, turn = connected_pieces(faces, np.array([0.5, 0.5, 0.5, 0.5, 0.1]))
+    assert piece[0] == piece[1] != piece[2]
+    assert piece[2] == piece[3] == piece[4]
+    assert turn.tolist() == [False, False, False, False, True]
+    joined, _ = connected_pieces(faces)
+    assert (joined == joined[0]).all()
+
+
 # --- decimation
 
 
