@@ -286,7 +286,7 @@ def test_the_robot_s_cells_are_told_better_by_fitted_curves_than_by_digitised_on
         # 1.8 and 1.9 % against 4.4 and 3.4 %: the log does not change, nor does the fit draw anything
         assert found.fitted_percent < 2.0
         assert found.known_percent > 3.0
-    with pytest.raises(ReadingError, match="4 cells"):
+    with pytest.raises(ReadingError, match="counts of cell 4, found 3 cells"):
         ahead_in_log(log, 4, cell=None, share=0.5)
 
 
