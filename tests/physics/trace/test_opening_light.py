@@ -76,6 +76,7 @@ def opened() -> tuple[Scan, Room]:
     return scan, find_room(scan)
 
 
+@pytest.mark.chance("the points of four traces are held to their noise, whose tails are long in a dark room")
 def test_the_true_map_of_an_open_room_lies_between_dark_and_what_is_stated(traced, opened) -> None:
     scan, room = opened
     scene, dark = traced(scan, 0.0)
