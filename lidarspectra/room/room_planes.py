@@ -4,7 +4,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.geometry.scan import Scan
@@ -14,7 +13,6 @@ LEVEL_COSINE = 0.9  # |n_z| of a face that counts as level: 26 degrees leave roo
 UPRIGHT_COSINE = 0.25  # |n_z| below which a face counts as upright (14.5 degrees)
 LEVEL_BIN_M = 0.01  # [m] resolution in height; a phone's floor is noisier than that
 LEVEL_SIGMA_M = 0.025  # [m] over which the areas at two heights are taken for one surface's
-VALLEY = 0.25  # least depth, over a peak's area, of what parts it from a larger one
 LEVEL_HALF_WIDTH_M = 0.06  # [m] a scanned floor's unevenness, as seen in phone scans (2 to 5 cm)
 FLOOR_SHARE = 0.25  # smallest floor, over the largest level surface: table tops may be larger than the floor
 SECOND_CEILING_SHARE = 0.15  # smallest lowered part of a ceiling, over the area of the main ceiling
@@ -195,29 +193,30 @@ def _level_at(faces: FaceGeometry, facing: BoolArray, z: float) -> Level:
 
 
 def _levels(faces: FaceGeometry, chosen: BoolArray, *, share: float) -> list[Level]:
-    """Peaks of area over height, lowest first, each with at least `share` of the largest one's area.
+    """Level surfaces by area over height, lowest first, each with at least `share` of the largest one's area.
 
-    Two are told apart where the area falls between them: ceilings of two rooms may lie 10 cm from one another.
+    The fullest height is taken first and its faces are set aside before the next is looked for. So ceilings of two
+    rooms that lie 10 cm from one another are two, and one that slopes is several: no valley need part them.
     """
     heights, areas = faces.centers[chosen, 2], faces.areas[chosen]
-    if areas.sum() <= 0:
-        return []
+    levels: list[Level] = []
+    while areas.sum() > 0:
+        near = np.abs(heights - _fullest_height(heights, areas)) <= LEVEL_HALF_WIDTH_M
+        area_m2 = float(areas[near].sum())
+        if not area_m2 or area_m2 < share * max((level.area_m2 for level in levels), default=0.0):
+            break
+        levels.append(Level(z=weighted_median(heights[near], areas[near]), area_m2=area_m2))
+        heights, areas = heights[~near], areas[~near]
+    return sorted(levels, key=lambda level: level.z)
+
+
+def _fullest_height(heights: FloatArray, areas: FloatArray) -> float:
+    """Height [m] about which most area lies."""
     margin = 4.0 * LEVEL_SIGMA_M
     edges = np.arange(heights.min() - margin, heights.max() + margin + LEVEL_BIN_M, LEVEL_BIN_M)
     histogram, _ = np.histogram(heights, bins=edges, weights=areas)
-    smooth = gaussian_filter1d(histogram, LEVEL_SIGMA_M / LEVEL_BIN_M)
-    peaks, found = find_peaks(smooth, prominence=0.0)
-    peaks = peaks[found["prominences"] >= VALLEY * smooth[peaks]]
-    at = 0.5 * (edges[peaks] + edges[peaks + 1])
-    nearest = np.searchsorted(0.5 * (at[1:] + at[:-1]), heights)
-    levels: list[Level] = []
-    for number, height in enumerate(at):
-        near = (nearest == number) & (np.abs(heights - height) <= LEVEL_HALF_WIDTH_M)
-        if near.any():
-            z = weighted_median(heights[near], areas[near])
-            levels.append(Level(z=z, area_m2=float(areas[near].sum())))
-    least = share * max((level.area_m2 for level in levels), default=0.0)
-    return [level for level in levels if level.area_m2 >= least]
+    fullest = int(gaussian_filter1d(histogram, LEVEL_SIGMA_M / LEVEL_BIN_M).argmax())
+    return float(0.5 * (edges[fullest] + edges[fullest + 1]))
 
 
 def weighted_median(values: FloatArray, weights: FloatArray) -> float:

@@ -73,8 +73,9 @@ def _nearest_sheets(first: IntArray, second: IntArray, alike: BoolArray, areas: 
     if not large.size:
         return np.zeros(areas.size, dtype=np.int64)
     turns = coo_array((np.ones(first.size), (sheet[first], sheet[second])), shape=(count, count)).tocsr()
-    turns.data[:] = 1.0  # however many edges two sheets share, they are one turn apart
-    _, _, nearest = dijkstra(turns, directed=False, indices=large, min_only=True, return_predecessors=True)
+    _, _, nearest = dijkstra(  # however many edges two sheets share, they are one turn apart: unweighted
+        turns, directed=False, unweighted=True, indices=large, min_only=True, return_predecessors=True
+    )
     return np.asarray(nearest[sheet], dtype=np.int64)
 
 

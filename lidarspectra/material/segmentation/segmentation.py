@@ -181,7 +181,8 @@ def segment(
     height, width = image.shape[:2]
     rows, columns = -(-height // cell_px), -(-width // cell_px)
     own = np.zeros((rows, columns, len(classifier.classes)))
-    for scale in classifier.card.scales:
+    scales = classifier.card.scales
+    for scale in scales:
         size = (max(1, round(width * scale)), max(1, round(height * scale)))
         method = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
         grid = classifier.cells(np.asarray(cv2.resize(image, size, interpolation=method), dtype=np.uint8))
@@ -191,9 +192,7 @@ def segment(
         across = _interpolation(
             columns, cell_px * size[0] / width, grid.first_px[1], grid.spacing_px, grid.probabilities.shape[1]
         )
-        own += np.einsum("ir,rcl,jc->ijl", down, grid.probabilities, across, optimize=True) / len(
-            classifier.card.scales
-        )
+        own += np.einsum("ir,rcl,jc->ijl", down, grid.probabilities, across, optimize=True) / len(scales)
     small = np.asarray(cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.uint8)
     return refine(own, small, crf)
 

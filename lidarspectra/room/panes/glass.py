@@ -27,8 +27,8 @@ HEAD_SHARE = (
     0.5  # [1] of what lies above a bulge, that is wall or ceiling: over a worktop it is wall cupboards, set back
 )
 FRAME_SHARE = 0.7  # [1] of the squares around a hole that are wall: what is seen far behind a door has none
-# [1] of those around a bulge, or an opening in which patches hang: glass has .86 and more in real and virtual rooms,
-# the space between a worktop and wall cupboards, which stand before or behind one another, .5 to .7.
+# [1] of what is seen around a bulge, or an opening in which patches hang, that is wall. Between a worktop and wall
+# cupboards it is less: they stand before or behind one another.
 CLOSE_FRAME_SHARE = 0.8
 MIN_ISLANDS, MIN_ISLANDS_M2 = 2, 0.03  # patches that hang in an opening
 MIN_ISLAND_CELLS = 2
@@ -99,19 +99,23 @@ def passages_of_wall(view: WallView) -> tuple[Pane, ...]:
 def _bulges(view: WallView, is_open: BoolArray) -> BoolArray:
     """(row, column) squares of rough bulges behind the wall that are no part of the room."""
     behind = is_open & ~view.inside & (view.depth < BULGE_M)
-    flush = np.abs(view.depth) <= OPEN_M
 
     def is_glass(part: BoolArray) -> bool:
-        return _roughness(view.depth, part) > ROUGH_M and _framed(flush, part) >= CLOSE_FRAME_SHARE
+        return _roughness(view.depth, part) > ROUGH_M and _framed(view, part) >= CLOSE_FRAME_SHARE
 
     return _kept(behind, MIN_BULGE_M2, is_glass)
 
 
-def _framed(flush: BoolArray, part: BoolArray) -> float:
-    """Share of the squares around a part, (row, column) bool both, that are the wall's or beyond the picture's edge."""
+def _framed(view: WallView, part: BoolArray) -> float:
+    """Share of what is seen around a part, (row, column) bool, that is the wall's or beyond the picture's edge.
+
+    Where nothing is seen, nothing speaks against it: a bulge seldom fills the hole of its window.
+    """
     wide = np.pad(part, 2)
     around = ndimage.binary_dilation(wide, SQUARE, iterations=2) & ~ndimage.binary_dilation(wide, SQUARE)
-    return float(np.pad(flush, 2, constant_values=True)[around].mean())
+    depth = np.pad(view.depth, 2)[around]
+    seen = np.isfinite(depth)
+    return float((np.abs(depth[seen]) <= OPEN_M).mean()) if seen.any() else 1.0
 
 
 def _holes(view: WallView, is_open: BoolArray) -> BoolArray:
@@ -144,7 +148,7 @@ def _hung(view: WallView, is_open: BoolArray) -> BoolArray:
         here = opening == number
         islands = np.unique(label[here & patches])
         enough = islands.size >= MIN_ISLANDS and sizes[islands].sum() * CELL_M**2 >= MIN_ISLANDS_M2
-        if enough and _framed(flush, here) >= CLOSE_FRAME_SHARE:
+        if enough and _framed(view, here) >= CLOSE_FRAME_SHARE:
             found |= here
     return found
 

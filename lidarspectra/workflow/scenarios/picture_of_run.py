@@ -129,7 +129,31 @@ def view_of_run(
     angle_deg: float | None,
     pixels: tuple[int, int],
 ) -> View:
-    """The view that `picture_run` renders."""
+    """The view that `picture_run` renders.
+
+    Parameters
+    ----------
+    run : Path
+        Run folder with a scan stage.
+    eye, target : (3,) float, optional
+        As of `picture_run`. [m]
+    projection : 'perspective' or 'fisheye'
+    angle_deg : float, optional
+        Seen from left to right; 75 in perspective and 180 in a fisheye by default. [deg]
+    pixels : (int, int)
+        Width and height.
+
+    Returns
+    -------
+    view : View
+
+    Raises
+    ------
+    WorkspaceError
+        If the run has no scan.
+    SceneError
+        If the eye is outside the room, or there is no such view.
+    """
     room = load_room(require_stage(run, "scan"))
     return view_of_room(room, eye, target, projection=projection, angle_deg=angle_deg, pixels=pixels)
 

@@ -284,3 +284,19 @@ def test_the_space_between_a_worktop_and_wall_cupboards_is_no_glass(builder) -> 
     room = find_room(scan)
     assert any(0.5 < wall.offset_m < 0.7 and wall.normal[0] > 0.9 for wall in room.walls), "fronts count as a wall here"
     assert not [pane for view in views_of_room(scan, room) for pane in glass_of_wall(view)]
+
+
+@pytest.mark.parametrize("sofa", [False, True])
+def test_a_bulge_that_does_not_fill_the_hole_of_its_window_is_glass(builder, sofa: bool) -> None:
+    room = builder(step_m=0.06, noise_m=0.004)
+    room.box([0, 0, 0], [4, 3, 2.5], inward=True, holes={"east": (0.2, 0.8, 0.32, 0.84)})
+    dice = np.random.default_rng(3)
+    for y in np.arange(0.8, 2.2, 0.15):  # few returns, each at a depth of its own; a rim of the hole has none
+        for z in np.arange(1.0, 1.9, 0.15):
+            room.rectangle([dice.uniform(4.15, 4.4), y, z], [0, 0, 0.15], [0, 0.15, 0])
+    if sofa:
+        room.box([3.2, 0.6, -0.05], [3.9, 2.4, 0.7])
+    scan = room.scan()
+    found = [pane for view in views_of_room(scan, find_room(scan)) for pane in glass_of_wall(view)]
+    assert len(found) == 1
+    assert np.allclose(found[0].center, [4.0, 1.5, 1.45], atol=0.2)

@@ -86,7 +86,7 @@ def test_a_second_room_of_the_scan_is_told_apart(builder) -> None:
 
 
 @pytest.mark.parametrize("noise_m", [0.001, NOISE_M])  # as made flat, and as scanned
-@pytest.mark.parametrize("step_m", [0.1, 0.12])
+@pytest.mark.parametrize("step_m", [0.08, 0.12, 0.15])
 def test_the_ceilings_of_two_rooms_may_lie_a_hand_apart(builder, step_m: float, noise_m: float) -> None:
     room = builder(step_m=0.06, noise_m=noise_m)
     room.box([0, 0, 0], [5, 4, 2.5], inward=True)
@@ -96,6 +96,18 @@ def test_the_ceilings_of_two_rooms_may_lie_a_hand_apart(builder, step_m: float, 
     assert found.area_m2 == pytest.approx(26.0, rel=PLAN_TOLERANCE_M2)
     assert found.ceiling_area_m2 == pytest.approx(26.0, rel=0.05)
     assert found.floor_share == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize(("low_m", "high_m"), [(2.4, 2.6), (2.3, 2.7), (2.3, 3.1)])
+def test_the_plan_below_a_ceiling_that_slopes_is_whole(builder, low_m: float, high_m: float) -> None:
+    room = builder(step_m=0.06, noise_m=NOISE_M)
+    room.rectangle([0, 0, 0], [5, 0, 0], [0, 4, 0])
+    room.rectangle([0, 0, low_m], [0, 4, 0], [5, 0, high_m - low_m])
+    room.rectangle([0, 0, 0], [0, 4, 0], [0, 0, low_m])
+    room.rectangle([5, 0, 0], [0, 0, high_m], [0, 4, 0])
+    room.rectangle([0, 0, 0], [0, 0, low_m], [5, 0, 0])
+    room.rectangle([0, 4, 0], [5, 0, 0], [0, 0, low_m])
+    assert find_room(room.scan()).area_m2 == pytest.approx(20.0, rel=PLAN_TOLERANCE_M2)
 
 
 def test_a_bulge_behind_glass_is_no_part_of_the_room(builder) -> None:

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.rays import RayCaster
-from lidarspectra.geometry.scan import Scan
-from lidarspectra.hardware.phone.facing import connected_pieces
+from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.hardware.phone.facing import connected_pieces, faces_to_turn
 from lidarspectra.hardware.phone.holes import MAX_LOOP, find_loops, longest_extent, triangulate_loop
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.hardware.phone.repair import merged_numbers, repair_scan
@@ -267,6 +267,27 @@ def test_large_sheets_that_a_fold_joins_the_wrong_way_round_stay_as_the_file_win
     assert turn.tolist() == [False, False, False, False, True]
     joined, _ = connected_pieces(faces)
     assert (joined == joined[0]).all()
+
+
+def test_a_fold_between_two_rooms_turns_neither_inside_out() -> None:
+    one = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, 2.5]]).subdivide().subdivide()
+    other = trimesh.creation.box(bounds=[[0, 3.2, 0], [4, 5, 2.4]]).subdivide().subdivide()
+    rooms = []
+    for box, open_side in ((one, 3.0), (other, 3.2)):
+        kept = ~np.isclose(box.triangles[..., 1], open_side).all(axis=1)
+        rooms.append(trimesh.Trimesh(box.vertices, box.faces[kept][:, ::-1], process=False))
+    # Rows of vertices along the ceiling's edge of the first and the floor's edge of the second, sewn together.
+    x = np.arange(5.0)
+    fold = np.concatenate([[[at, 3.0, 2.5] for at in x], [[at, 3.2, 0.0] for at in x]])
+    sewn = np.array([[[n, n + 5, n + 6], [n, n + 6, n + 1]] for n in range(4)]).reshape(-1, 3)
+    mesh = trimesh.util.concatenate([*rooms, trimesh.Trimesh(fold, sewn, process=False)])
+    assert isinstance(mesh, trimesh.Trimesh)
+    mesh.merge_vertices()
+    faces = np.asarray(mesh.faces, dtype=np.int64)
+    own = np.arange(len(faces)) < len(faces) - len(sewn)  # of the rooms
+    _, against = connected_pieces(faces)
+    assert 0.1 < against[own].mean() < 0.9, "joined as it is, the mesh winds one of the rooms against the other"
+    assert not faces_to_turn(bare_scan(np.asarray(mesh.vertices), faces))[own].any()
 
 
 # --- decimation
