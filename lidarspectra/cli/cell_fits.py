@@ -13,6 +13,7 @@ from lidarspectra.cli.sensor_options import (
     SensorOption,
 )
 from lidarspectra.cli.terminal import console, print_note, say, shown
+from lidarspectra.words import counted
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.photocell import CellCircuit
@@ -66,7 +67,9 @@ def fit_command(
     if renew is not None:
         target = out or renew
         saved, used = renew_fit(renew, choice, column, count=count, out=target)
-        say(f"Renewed with {used} readings: gain {saved.fit.gain:.3f}, offset {saved.fit.shift:+.1f} counts.")
+        say(
+            f"Renewed with {counted(used, 'reading')}: gain {saved.fit.gain:.3f}, offset {saved.fit.shift:+.1f} counts."
+        )
         say(f"Fit: {target}")
         return
     table, curve, notes = fit_log(choice, column, cell=cell, share=share, base=Path.cwd())
@@ -79,7 +82,7 @@ def fit_command(
     saved = save_fit_of_log(choice, column, cell=cell, circuit=circuit, base=Path.cwd(), out=out)
     if saved.circuit is None:
         print_note("The fit predicts counts: give --reference and --shunt to have currents.")
-    say(f"Fit on {saved.fit.readings} readings of {saved.signal}: {out}")
+    say(f"Fit on {counted(saved.fit.readings, 'reading')} of {saved.signal}: {out}")
 
 
 def log_choice(

@@ -9,6 +9,7 @@ import typer
 from lidarspectra.cli.options import ClusterOption, OutOption, RunFileArgument, WorkersOption
 from lidarspectra.cli.progress import progress_bar
 from lidarspectra.cli.terminal import console, print_note, say
+from lidarspectra.words import counted
 
 
 class PostureName(StrEnum):
@@ -82,7 +83,8 @@ def fingerprints(
     changes = 100.0 * abs(table["irradiance"] / table["empty"] - 1.0).where(table["empty"] > 0)
     count, sensors, bands = (table.sizes[name] for name in ("fingerprint", "sensor", "band"))
     console.print(
-        f"{count} fingerprints of {sensors} sensors x {bands} channels; a person changes a reading by "
+        f"{counted(count, 'fingerprint')} of {counted(sensors, 'sensor')} x {counted(bands, 'channel')}; a person "
+        "changes a reading by "
         f"{float(changes.median()):.1f} % (median), at most {float(changes.max()):.0f} %; "
         f"standard error {100 * table.attrs['achieved_relative_se']:.2f} % of a reading, "
         f"{100 * table.attrs['achieved_relative_effect_se']:.3f} % for the change"

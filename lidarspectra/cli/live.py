@@ -11,6 +11,7 @@ from lidarspectra.cli.interruption import until_interrupted
 from lidarspectra.cli.options import WorkersOption
 from lidarspectra.cli.progress import progress_bar
 from lidarspectra.cli.terminal import print_note, say
+from lidarspectra.words import counted
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.incoming.arrivals import Notice
@@ -60,7 +61,7 @@ def live(
     alarms = _Alarms()
     with until_interrupted() as stopped:
         taken = alive.run(stop=lambda: stopped() or time.monotonic() >= end, on_notice=_tell, on_answer=alarms.take)
-    say(f"{taken} readings taken.")
+    say(f"{counted(taken, 'reading')} taken.")
 
 
 def _tell(notice: "Notice") -> None:

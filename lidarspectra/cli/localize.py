@@ -10,6 +10,7 @@ import typer
 from lidarspectra.cli.interruption import until_interrupted
 from lidarspectra.cli.progress import progress_bar
 from lidarspectra.cli.terminal import console, print_note, say, shown
+from lidarspectra.words import counted
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.as7265x import SensorSettings
@@ -66,17 +67,17 @@ def train(
     device = settings_given(gain, integration)
     settings = _training_settings(min_count, copies=copies, drift=drift / 100.0, seed=seed, device=device)
     with progress_bar("") as report:
-        model = train_from_files(fingerprints, out, positions=positions, settings=settings, seed=seed, progress=report)
+        model, notes = train_from_files(
+            fingerprints, out, positions=positions, settings=settings, seed=seed, progress=report
+        )
     usable = model.space.usable
     console.print(
-        f"{len(model.places)} places, {len(model.space.sensors)} sensors, {usable.sum()} of {usable.size} channels"
-        f" bright enough, a feature for each {model.space.per}; saved in {out}",
+        f"{counted(len(model.places), 'place')}, {counted(len(model.space.sensors), 'sensor')}, {usable.sum()} of "
+        f"{usable.size} channels bright enough, a feature for each {model.space.per}; saved in {out}",
         soft_wrap=True,
     )
-    if not model.places.has_positions:
-        from lidarspectra.workflow.applications.localization_jobs import NO_METRES_NOTE
-
-        print_note(NO_METRES_NOTE)
+    for note in notes:
+        print_note(note)
 
 
 @app.command("test")

@@ -18,6 +18,7 @@ from lidarspectra.cli.sensor_options import (
     settings_given,
 )
 from lidarspectra.cli.terminal import print_log_notes, say
+from lidarspectra.words import counted
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -144,7 +145,10 @@ def rehearse(
 
     made = walk(simulated, folder, fault_rate=faults, seed=seed)
     _say_next(made.log.parent, simulated)
-    say(f"{made.summary.readings} readings, {made.summary.gaps} gaps, {made.summary.lost} readings known to be lost")
+    say(
+        f"{counted(made.summary.readings, 'reading')}, {counted(made.summary.gaps, 'gap')}, "
+        f"{counted(made.summary.lost, 'reading')} known to be lost"
+    )
 
 
 def _say_next(folder: Path, simulated: Path) -> None:

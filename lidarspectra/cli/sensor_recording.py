@@ -20,6 +20,7 @@ from lidarspectra.cli.sensor_options import (
 )
 from lidarspectra.cli.terminal import console, print_note, say
 from lidarspectra.io.files import writing
+from lidarspectra.words import counted
 
 if TYPE_CHECKING:
     from lidarspectra.hardware.sensor.reading_log import Entry
@@ -156,8 +157,13 @@ def record(
     )
     with until_interrupted() as stopped, LogWriter(out, append=append) as log:
         summary = run_recorder(SerialPort(port), log, options=options, stop=stopped, on_entry=_show_gap)
-    counted = f"{summary.readings} readings" + (f", {summary.cell_readings} of cells" if summary.cell_readings else "")
-    say(f"{out}: {counted}, {summary.gaps} gaps, {summary.lost} readings known to be lost ({summary.protocol})")
+    taken = counted(summary.readings, "reading") + (
+        f", {summary.cell_readings} of cells" if summary.cell_readings else ""
+    )
+    say(
+        f"{out}: {taken}, {counted(summary.gaps, 'gap')}, {counted(summary.lost, 'reading')} known to be lost "
+        f"({summary.protocol})"
+    )
     if summary.gave_up:
         raise DeviceError(
             expected=f"a reading within {give_up:g} s",

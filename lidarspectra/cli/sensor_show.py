@@ -9,6 +9,7 @@ from rich.table import Table
 
 from lidarspectra.cli.sensor_options import ColumnsOption, HeaderOption, LogArgument, SensorOption, columns_given
 from lidarspectra.cli.terminal import console, print_log_notes, say
+from lidarspectra.words import counted
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,14 +56,17 @@ def show(
         _say_values(name, readings[name].to_numpy())
     if "label" in readings.coords:
         labels = sorted(set(readings["label"].to_numpy().astype(str).tolist()))
-        say(f"{len(labels)} places: {', '.join(labels[:12])}{' ...' if len(labels) > 12 else ''}")
+        say(f"{counted(len(labels), 'place')}: {', '.join(labels[:12])}{' ...' if len(labels) > 12 else ''}")
     if "adc" in readings:
-        say(f"{readings.sizes['cell']} cells")
+        say(counted(readings.sizes["cell"], "cell"))
     several = sensors_of(readings) if sensor is None else ()
     console.print(_table_of_sensors(readings, several) if len(several) > 1 else _table_of_channels(readings))
     for reason, group in held.gaps.groupby("reason"):
         lasted = (group["unix_s"] - group["since_unix_s"]).sum()
-        say(f"{len(group)} gaps, {lasted:.1f} s, {group['lost'].sum()} readings known to be lost: {reason}")
+        say(
+            f"{counted(len(group), 'gap')}, {lasted:.1f} s, {counted(int(group['lost'].sum()), 'reading')} known to be "
+            f"lost: {reason}"
+        )
     print_log_notes(readings)
     if plot is not None:
         from lidarspectra.mapping.figures.log_figure import log_figure
@@ -85,17 +89,17 @@ def _say_times(readings: "xr.Dataset") -> None:
     from lidarspectra.hardware.sensor.log_times import MIN_UNIX_S
 
     times = readings["unix_s"].to_numpy()
-    count = readings.sizes["reading"]
+    count = counted(readings.sizes["reading"], "reading")
     if not np.isfinite(times).any():
-        say(f"{count} readings without times")
+        say(f"{count} without times")
         return
     first, last = float(np.nanmin(times)), float(np.nanmax(times))
     minutes = f"over {(last - first) / 60:.1f} minutes"
     if first < MIN_UNIX_S:
-        say(f"{count} readings {minutes}, by a clock without a date")
+        say(f"{count} {minutes}, by a clock without a date")
         return
     stamp = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(first))
-    say(f"{count} readings from {stamp} UTC {minutes}")
+    say(f"{count} from {stamp} UTC {minutes}")
 
 
 def _say_values(name: str, values: "ArrayLike") -> None:

@@ -38,6 +38,7 @@ from lidarspectra.room.room import Room
 from lidarspectra.spectra.colorimetry import linear_srgb_to_lab, linear_srgb_to_xyz
 from lidarspectra.spectra.databases import load_reflectances
 from lidarspectra.spectra.reflectance_library import ReflectanceLibrary
+from lidarspectra.words import counted
 
 CountVotes = Callable[[Progress], FaceClasses]
 """Gives what the views show on every face, and tells its progress."""
@@ -174,7 +175,7 @@ def estimate_from_votes(
         label = np.where(label < 0, count, label)
         materials.append(fallback)
     materials = _distinct_names(materials)
-    progress(1.0, f"{len(materials)} materials")
+    progress(1.0, counted(len(materials), "material"))
     return MaterialMap(materials=tuple(materials), face_material=label, face_color=shown, face_seen=views.face_seen)
 
 

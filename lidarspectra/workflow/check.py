@@ -9,6 +9,7 @@ from lidarspectra.arguments import one_of
 from lidarspectra.config import GridSection, RunFile
 from lidarspectra.errors import ArgumentError, LidarSpectraError, RunFileError
 from lidarspectra.threads import cores_for
+from lidarspectra.words import counted
 from lidarspectra.workflow.checks.findings import Findings, listed, number_words
 from lidarspectra.workflow.checks.input_checks import CheckedInputs
 from lidarspectra.workflow.checks.scan_checks import ScanExtent
@@ -192,7 +193,7 @@ def _found(inputs: Inputs, checked: CheckedInputs) -> Iterator[tuple[str, str]]:
         yield "daylight", f"{run_file.daylight.time:%Y-%m-%d %H:%M %z}, through {windows}"
     if run_file.sensors.grid is None and checked.point_count is None:
         return
-    channels = "" if checked.bands is None else f", {len(checked.bands)} channels"
+    channels = "" if checked.bands is None else f", {counted(len(checked.bands), 'channel')}"
     points = _point_count(inputs, checked)
     yield "sensors", f"{run_file.sensors.device}{channels}; {_points_words(points, run_file.sensors.grid)}"
 

@@ -44,6 +44,7 @@ from lidarspectra.radiance.scene.relit_scene import relit_scene
 from lidarspectra.radiance.scene.scene import LAMPS_PER_PASS, RadianceScene, load_scene, write_scene
 from lidarspectra.room.room import load_room, save_room
 from lidarspectra.spectra.sensor_files import find_bands
+from lidarspectra.words import counted, were
 from lidarspectra.workflow.calibration.unknowns_of_run import lost_calibration_note, unknowns_of_map
 from lidarspectra.workflow.kept_light import (
     lamp_names,
@@ -216,8 +217,8 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
         # Of a model's walls the outer sides count too, which no room shows; names tell what they are made of.
         short = views.area_coverage < views.threshold and not mesh.appearance.is_drawn
         return Notes(
-            summary=f"{len(views.views)} views cover {100 * views.area_coverage:.1f} % of the area, "
-            f"{100 * views.point_coverage:.1f} % of the points",
+            summary=f"{were(len(views.views), 'view', ('covers', 'cover'))} "
+            f"{100 * views.area_coverage:.1f} % of the area, {100 * views.point_coverage:.1f} % of the points",
             warnings=(
                 f"The views cover less than the wanted {100 * coverage:.0f} % of the surfaces: {views.stopped}. "
                 "Surfaces that no view saw take the material of their neighbours; if they matter, scan them again from "
@@ -335,9 +336,9 @@ def scene_stage(
         )
         placing(0.0, "places of the lamps")
         return Notes(
-            summary=f"{len(lamps)} {'lamp' if len(lamps) == 1 else 'lamps'}, "
-            f"{len(materials.value.materials)} materials, "
-            f"{len(scene.passes)} {'pass' if len(scene.passes) == 1 else 'passes'} of up to "
+            summary=f"{counted(len(lamps), 'lamp')}, "
+            f"{counted(len(materials.value.materials), 'material')}, "
+            f"{counted(len(scene.passes), 'pass')} of up to "
             f"{max(each.slot_count for each in scene.passes)} bands",
             warnings=(*clear.notes, *placement_notes(lamps, mesh), *glass_notes(scene.left_out_m2)),
         )
@@ -429,7 +430,7 @@ def trace_stage(
         save_transport(transport, folder / TRANSPORT_FILE)
         write_workflow(scene.value, points, folder / MODEL_FOLDER, accuracy=section.accuracy, noise=section.noise)
         return Notes(
-            summary=f"{len(points)} points, {reflections_in_words(section.accuracy)}"
+            summary=f"{counted(len(points), 'point')}, {reflections_in_words(section.accuracy)}"
             f"{', by plain runs of rtrace' if section.method == 'rtrace' else ''}; "
             f"standard error {100 * transport.attrs['achieved_relative_se']:.2f} % of the mean "
             f"(wanted {100 * transport.attrs['target_relative_se']:.1f} %), "

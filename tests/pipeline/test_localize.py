@@ -57,6 +57,7 @@ def refused(command: str) -> str:
 def test_a_model_of_one_night_locates_the_next(folder: Path) -> None:
     told = answer("localize train one.csv --positions places.csv --out model --copies 4 --drift 1")
     assert "6 places, 6 sensors, 12 of 12 channels" in told
+    assert "empty room" not in told
     answer("localize test model two.csv --out tested")
     errors = pd.read_csv(folder / "tested" / "errors.csv").set_index("method")
     assert (errors["median [m]"] < 0.4).all()  # places are 1.5 m apart, and the second night has other gains
@@ -87,6 +88,14 @@ def test_a_model_of_one_night_locates_the_next(folder: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_night_without_an_empty_room_is_trained_on_and_that_is_said(folder: Path) -> None:
+    table = pd.read_csv(folder / "one.csv")
+    table[table["loc"] != "empty"].to_csv(folder / "occupied.csv", index=False)
+    told = answer("localize train occupied.csv --out model --copies 4")
+    assert "occupied.csv tell no empty room, so that the median of each sensor" in told
+    assert "The places have no coordinates" in told
+
+
 def test_nights_are_scored_within_and_across(folder: Path) -> None:
     told = answer("localize score one.csv two.csv --out score")
     assert "cannot be given in metres" in told

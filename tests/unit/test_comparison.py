@@ -82,7 +82,7 @@ def test_a_channel_that_the_map_lacks_is_told_and_a_word_is_named_where_it_stand
     table.rename(columns={"E_460": "E_461"}).to_csv(path, index=False)
     notes = evaluate_run(run, path).notes
     assert "Columns that are no channels of the map are not compared: E_461." in notes
-    assert "1 channels of the map were not measured and are not compared." in notes
+    assert "1 channel was not measured, of those of the map, and not compared." in notes
     assert not any("E_" in note for note in evaluate_run(run, readings(tmp_path)).notes)
     table.astype({"E_435": object}).assign(E_435=[*table["E_435"][:3], "over", *table["E_435"][4:]]).to_csv(
         path, index=False

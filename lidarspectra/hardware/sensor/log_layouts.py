@@ -40,6 +40,7 @@ from lidarspectra.hardware.sensor.reading_log import CELLS, COUNT_COLUMNS, FORMA
 from lidarspectra.hardware.sensor.readings import SensorLog, make_readings
 from lidarspectra.hardware.sensor.sensor_records import Moment, Reading, Trouble
 from lidarspectra.hardware.sensor.sketch_text import SketchTextDriver, split_row
+from lidarspectra.words import were
 
 CELLS_APART_S = 2.0  # [s] largest time between a spectrum and the cell reading joined to it
 NOISE_CHARACTERS = 10_000  # of a text that are looked at
@@ -327,7 +328,7 @@ def _robot_lines(text: str, path: Path) -> SensorLog | None:
     attributes["time_zone"] = NO_ZONE
     if left_out:
         attributes["notes"] = (
-            f"{len(left_out)} lines were left out, which are neither a time and {CHANNEL_COUNT} numbers nor a cell's "
+            f"{were(len(left_out), 'line')} left out: neither a time and {CHANNEL_COUNT} numbers nor a cell's "
             f"first count after them. The first is {left_out[0]}."
         )
     return _log(make_readings(unix_s=times, module_value=module, flag=flags, adc=np.array(adc), attributes=attributes))
@@ -430,7 +431,11 @@ def _from_rows(
             todo="If a sensor's name begins each line, write a comma behind it, and 'sensor,' before the header.",
         )
     if damaged:
-        notes = (*notes, f"{len(damaged)} lines are no rows of {len(order)} numbers; the first is {damaged[0]}.")
+        notes = (
+            *notes,
+            f"{were(len(damaged), 'line', ('is no row', 'are no rows'))} of {len(order)} numbers; the first is "
+            f"{damaged[0]}.",
+        )
     given = sum(bool(line.strip()) and not _is_header(line) for line in lines)
     return _log(
         make_readings(

@@ -4,6 +4,8 @@ import csv
 import io
 import json
 
+from lidarspectra.words import were
+
 MIN_SHARE = 0.9  # [1] of the lines that are objects; the others are a client's own words, or were cut
 
 
@@ -25,7 +27,7 @@ def table_of_objects(text: str) -> tuple[str, str] | None:
     writer.writeheader()
     writer.writerows({_short(name, names): value for name, value in row.items()} for row in rows)
     left = len(lines) - len(rows)
-    return buffer.getvalue(), f"{left} lines are no JSON objects, and were left out." if left else ""
+    return buffer.getvalue(), f"{were(left, 'line')} left out: no JSON object." if left else ""
 
 
 def _object(line: str) -> dict[tuple[str, ...], object] | None:

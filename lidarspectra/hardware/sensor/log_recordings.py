@@ -15,6 +15,7 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.log_times import MIN_UNIX_S
 from lidarspectra.hardware.sensor.readings import make_readings, with_irradiance
+from lidarspectra.words import were
 
 CHANNEL_COLUMNS = tuple(f"E_{label}" for label in CHANNEL_LABELS)
 COLUMNS = ("utc", "unix_s", "sensor", "lux", *CHANNEL_COLUMNS)  # and others, of later versions
@@ -52,9 +53,9 @@ def recording(path: Path) -> xr.Dataset | None:
         )
     notes = []
     if cut:
-        notes.append(f"{cut} rows were left out, since they were cut or are of another version of this package.")
+        notes.append(f"{were(cut, 'row')} left out: cut, or of another version of this package.")
     if not has_light.all():
-        notes.append(f"{int((~has_light).sum())} rows without channels, of lux meters and switches, were left out.")
+        notes.append(f"{were(int((~has_light).sum()), 'row')} left out, without channels: of lux meters and switches.")
     return _readings(table[has_light], path, notes)
 
 

@@ -23,6 +23,7 @@ from lidarspectra.hardware.sensor.log_columns import (
 from lidarspectra.hardware.sensor.log_text import LogTable, numbers, table_of
 from lidarspectra.hardware.sensor.log_times import parse_times
 from lidarspectra.hardware.sensor.readings import make_readings
+from lidarspectra.words import were
 
 TOGETHER_S = 0.5  # [s] a device publishes its 18 values within a tenth of a second, and once a second at most
 SERIES_NAMES = ("entity_id", "series", "metric", "_field", "field", "channel", "wavelength", "wavelength_nm", "name")
@@ -157,9 +158,9 @@ def _notes(left_out: dict[str, int], words: int, few: list[str], *, keeps_state:
     if left_out:
         rows = sum(left_out.values())
         shown = ", ".join(list(left_out)[:6])
-        notes.append(f"{rows} rows were left out, since their series are no channels: {shown}.")
+        notes.append(f"{were(rows, 'row')} left out, whose series are no channels: {shown}.")
     if words:
-        notes.append(f"{words} values are no numbers and count as missing.")
+        notes.append(f"{were(words, 'value', ('is no number and counts', 'are no numbers and count'))} as missing.")
     if few:
         notes.append(f"Sensors with fewer than {MIN_CHANNELS} channels were left out: {', '.join(few)}.")
     if keeps_state:

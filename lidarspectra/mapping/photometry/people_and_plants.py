@@ -15,6 +15,7 @@ from lidarspectra.mapping.photometry.point_light import PointLight
 from lidarspectra.mapping.photometry.quantities import light_quantities
 from lidarspectra.progress import Progress, silent
 from lidarspectra.spectra.spectrum import BandSet
+from lidarspectra.words import counted
 
 FIRST = "illuminance_lx"  # what a reader looks for
 MAX_RENDERED = 500  # points whose colour rendering is computed, at about 50 ms each, spread evenly over the list
@@ -140,8 +141,9 @@ def summary_table(quantities: xr.Dataset, *, before: PointLight | None = None) -
         frame.insert(3, "mean as traced", traced)
         frame.insert(4, "change [%]", 100.0 * (frame["mean"].to_numpy() / np.where(traced > 0, traced, np.nan) - 1.0))
     caption = (
-        f"Light at {kept.size} points, computed from {METHOD_WORDS[quantities.attrs['method']]}. The last column is "
-        f"the error due to having only {quantities.attrs['bands']} channels: it is smaller for 95 % of indoor spectra, "
+        f"Light at {counted(kept.size, 'point')}, computed from {METHOD_WORDS[quantities.attrs['method']]}. The last "
+        f"column is the error due to having only {quantities.attrs['bands']} channels: it is smaller for 95 % of "
+        "indoor spectra, "
         "and comes on top of the noise of the simulation."
     )
     return Table(

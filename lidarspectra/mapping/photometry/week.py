@@ -30,6 +30,7 @@ from lidarspectra.mapping.photometry.point_light import PointLight
 from lidarspectra.mapping.photometry.quantities import light_quantity
 from lidarspectra.mapping.photometry.schedule import DAY_H, EVERY_LAMP, SECONDS_PER_HOUR, Shift, read_schedule
 from lidarspectra.spectra.spectrum_files import read_text
+from lidarspectra.words import counted
 
 DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
 HOURS = 24 * len(DAYS)
@@ -229,7 +230,7 @@ def week_table(week: xr.Dataset, kept: IntArray) -> Table:
     headings = ["day", *(f"{name}{part}" for name in ("DLI [mol/m²]", "melanopic dose [lx h]") for part in parts)]
     formats = {heading: ".2f" if "DLI" in heading and "%" not in heading else ".0f" for heading in headings[1:]}
     light = "electric light and daylight" if has_daylight else "electric light alone"
-    caption = f"A week of light by its schedule, {light}: doses of a day at {kept.size} points."
+    caption = f"A week of light by its schedule, {light}: doses of a day at {counted(kept.size, 'point')}."
     return Table(name="week", caption=caption, frame=pd.DataFrame(rows, columns=headings), formats=formats)
 
 

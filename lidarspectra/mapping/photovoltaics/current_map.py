@@ -16,6 +16,7 @@ from lidarspectra.mapping.photometry.schedule import Shift, day_parts, gathered
 from lidarspectra.mapping.photovoltaics.cells import Cell
 from lidarspectra.mapping.photovoltaics.currents import cell_current_density, cut_lamps, maximum_power, power_held
 from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.words import counted
 
 COULOMB_PER_MAH = 3.6  # [C/mAh]
 JOULE_PER_MWH = 3.6  # [J/mWh]
@@ -151,5 +152,7 @@ def currents_table(currents: xr.Dataset) -> Table:
             about = currents[name].attrs
             rows.append((about["long_name"], about["units"], values.mean(), values.min(), values.max()))
     frame = pd.DataFrame(rows, columns=["quantity", "unit", "mean", "lowest", "highest"])
-    caption = f"Cell '{currents.attrs['cell']}' of {1e4 * currents.attrs['area_m2']:g} cm² at {kept.size} points."
+    caption = (
+        f"Cell '{currents.attrs['cell']}' of {1e4 * currents.attrs['area_m2']:g} cm² at {counted(kept.size, 'point')}."
+    )
     return Table(name="photocurrent", caption=caption, frame=frame)

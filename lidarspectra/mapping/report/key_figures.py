@@ -13,6 +13,7 @@ from lidarspectra.mapping.report import report_page as html
 from lidarspectra.mapping.report.report_input import ReportInput
 from lidarspectra.mapping.report.report_page import Fact
 from lidarspectra.mapping.report.trust import trust_card
+from lidarspectra.words import counted
 
 TRUST = "trust"  # anchor of the table
 
@@ -86,7 +87,7 @@ def _uniformity(values: FloatArray, *, key: str, of: str) -> Fact:
     return Fact(
         name="Uniformity U0",
         value=f"{share:.2f}" if mean > 0 else "–",
-        remark=f"lowest over mean of {of} at {values.size} points",
+        remark=f"lowest over mean of {of} at {counted(values.size, 'point')}",
         fact="uniformity" if key else "",
         key=key,
         number=share,

@@ -35,6 +35,7 @@ from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.mapping.report.room_view import MAX_FACES, MAX_POINTS
 from lidarspectra.mapping.report.trust import trust_table
 from lidarspectra.radiance.sampling.stated_error import opening_in_words
+from lidarspectra.words import counted
 
 MAX_POINT_ROWS = 500  # rows of the table of points in the page; the file has all
 TESTED_POINTS = 64  # left out in turn, enough for a median within 10 %
@@ -123,8 +124,8 @@ def maps_section(report: ReportInput, writer: ReportWriter) -> str:
     chosen = planes[0] if planes else np.arange(dataset.sizes["point"])
     height = float(np.median(dataset["z"].to_numpy()[chosen])) - report.floor_z_m
     caption = (
-        f"Spectral irradiance at {chosen.size} points {height:.2f} m above the floor, interpolated linearly and left "
-        f"empty (hatched) where no point is near. {_interpolation_words(dataset)}"
+        f"Spectral irradiance at {counted(chosen.size, 'point')} {height:.2f} m above the floor, interpolated "
+        f"linearly and left empty (hatched) where no point is near. {_interpolation_words(dataset)}"
     )
     note = ""
     if len(planes) > 1:
@@ -290,7 +291,7 @@ def points_section(report: ReportInput, writer: ReportWriter) -> str:
     count = len(table.frame)
     cut = f", the first {MAX_POINT_ROWS} of them" if count > MAX_POINT_ROWS else ""
     note = "The file tables/points.csv beside this page has every point with its spectrum."
-    return html.paragraph(note) + html.details(f"Table of {count} points{cut}", element)
+    return html.paragraph(note) + html.details(f"Table of {counted(count, 'point')}{cut}", element)
 
 
 def provenance_section(report: ReportInput, writer: ReportWriter) -> str:

@@ -15,6 +15,7 @@ from lidarspectra.radiance.scene.panes import RELAYS_GLASS
 from lidarspectra.radiance.scene.shining import ShiningSurface, record_of_shining, shining_of_record
 from lidarspectra.radiance.scene.slots import Slots, whole_channels
 from lidarspectra.spectra.spectrum import BandSet
+from lidarspectra.words import counted
 
 SCENE_FILE = "scene.json"
 BANDS_FILE = "bands.npz"
@@ -220,7 +221,7 @@ class RadianceScene:
             )
 
     def __repr__(self) -> str:
-        lamps = "1 lamp" if len(self.lamp_names) == 1 else f"{len(self.lamp_names)} lamps"
+        lamps = counted(len(self.lamp_names), "lamp")
         passes = "1 pass" if len(self.passes) == 1 else f"{len(self.passes)} passes"
         return (
             f"<RadianceScene in {self.folder}: {lamps}, {len(self.bands)} channels in {len(self.slots)} slots, "

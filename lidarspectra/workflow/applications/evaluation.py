@@ -30,6 +30,7 @@ from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.mapping.maps.metrics import Comparison, Normalisation, compare_maps
 from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.room import load_room
+from lidarspectra.words import were
 from lidarspectra.workflow.run_folder.assumed import result_notes
 from lidarspectra.workflow.run_folder.workspace import made_folder, require_stage
 
@@ -245,8 +246,9 @@ def _turned_note(turned: int) -> tuple[str, ...]:
     if not turned:
         return ()
     return (
-        f"{turned} readings are left out, since the map's points beside them look another way, by more than "
-        f"{MAX_TURN_DEG:g}°. Give their directions nx, ny, nz as the sensor looked, or map those directions too.",
+        f"{were(turned, 'reading', ('is', 'are'))} left out, since the map's points beside them look another way, by "
+        f"more than {MAX_TURN_DEG:g}°. Give their directions nx, ny, nz as the sensor looked, or map those "
+        "directions too.",
     )
 
 
@@ -320,14 +322,14 @@ def _notes(
             "points. Check that they are in the scan's coordinates, or give a larger --within."
         )
     if complete < near:
-        notes.append(f"{near - complete} readings are left out, since they lack a channel.")
+        notes.append(f"{were(near - complete, 'reading', ('is', 'are'))} left out for lack of a channel.")
     if dark:
         notes.append(
-            f"{dark} readings are left out, since a channel read zero or less, where a percentage is undefined. "
-            "Measure there with a higher gain if they matter."
+            f"{were(dark, 'reading', ('is', 'are'))} left out, since a channel read zero or less, where a percentage "
+            "is undefined. Measure there with a higher gain if they matter."
         )
     if lacking:
-        notes.append(f"{lacking} channels of the map were not measured and are not compared.")
+        notes.append(f"{were(lacking, 'channel')} not measured, of those of the map, and not compared.")
     if scale == "one":
         notes.append(
             f"The readings were multiplied by a fitted factor of {factors[0]:.4g}, so that the comparison says nothing "

@@ -18,7 +18,7 @@ from lidarspectra.hardware.sensor.serial_link import SerialPort
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.tables import Table, save_table
 from lidarspectra.mapping.localization.features import reference_of, require_same_sensors
-from lidarspectra.mapping.localization.fingerprint_files import read_empty_room, read_fingerprints
+from lidarspectra.mapping.localization.fingerprint_files import EMPTY_LABEL, read_empty_room, read_fingerprints
 from lidarspectra.mapping.localization.frames import (
     Frame,
     Stop,
@@ -66,6 +66,11 @@ STRETCHES_NOTE = (
 NO_METRES_NOTE = (
     "The places have no coordinates, so that errors cannot be given in metres. Give their coordinates with --positions "
     "FILE."
+)
+NO_EMPTY_ROOM_NOTE = (
+    "{files} tell no empty room, so that the median of each sensor over all places is what readings are compared with. "
+    "That is as good where a person changes a reading at few of the places; else record readings with the label "
+    f"'{EMPTY_LABEL}', with nobody there."
 )
 TRACK_COLUMNS = ("time_s", "label", "probability", "x", "y", "spread_m", "sensors", "nobody", "two_people")
 
@@ -117,13 +122,27 @@ def train_from_files(
     settings: TrainingSettings | None = None,
     seed: int = 0,
     progress: Progress = silent,
-) -> LocationModel:
-    """Train a locator on files of fingerprints, and keep it in a folder; see `train_locator` and `save_locator`."""
+) -> tuple[LocationModel, tuple[str, ...]]:
+    """Train a locator on files of fingerprints, and keep it in a folder; see `train_locator` and `save_locator`.
+
+    Returns
+    -------
+    model : LocationModel
+    notes : tuple of str
+        What the files lack.
+
+    Raises
+    ------
+    MapError
+        If the files cannot be read, or do not go together.
+    """
     tables = [read_fingerprints(path, positions) for path in files]
     require_writable(out)
     model = train_locator(tables, settings, seed=seed, progress=progress)
     save_locator(model, out)
-    return model
+    lacking = [path.name for path, table in zip(files, tables, strict=True) if "empty" not in table]
+    notes = (NO_EMPTY_ROOM_NOTE.format(files=", ".join(lacking)),) if lacking else ()
+    return model, notes if model.places.has_positions else (*notes, NO_METRES_NOTE)
 
 
 def errors_from_files(

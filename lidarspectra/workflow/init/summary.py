@@ -13,6 +13,7 @@ from lidarspectra.material.delighting.unknown_light import UnknownSource
 from lidarspectra.material.lit_lamps.lit_lamps import LampSearch, LitLamp
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.room import Room
+from lidarspectra.words import counted
 from lidarspectra.workflow.init.proposed_lamps import ProposedPanels
 from lidarspectra.workflow.run_folder.assumed import CEILING_SHARE, uncertain_of_scan
 from lidarspectra.workflow.run_folder.panes_of_run import panes_in_words
@@ -186,11 +187,6 @@ def lamps_in_words(lamps: tuple[LitLamp, ...]) -> str:
     """Lamps by shape: '1 disc, 2 panels'."""
     counts = Counter(lamp.shape.word for lamp in lamps)
     return ", ".join(counted(number, shape) for shape, number in sorted(counts.items()))
-
-
-def counted(number: int, noun: str) -> str:
-    """'1 wall', '2 walls'."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def percent(share: float) -> str:

@@ -9,9 +9,10 @@ from lidarspectra.hardware.phone.orientation import METRES_PER_UNIT
 from lidarspectra.io.toml_text import toml_value, toml_vector
 from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2
 from lidarspectra.material.lit_lamps.lit_lamps import LitLamp
+from lidarspectra.words import counted
 from lidarspectra.workflow.init.choices import InitChoices
 from lidarspectra.workflow.init.proposed_lamps import PANEL_M, ProposedPanels
-from lidarspectra.workflow.init.summary import InitSummary, counted, lamps_in_words, percent
+from lidarspectra.workflow.init.summary import InitSummary, lamps_in_words, percent
 from lidarspectra.workflow.run_folder.assumed import uncertain_of_scan
 from lidarspectra.workflow.run_folder.panes_of_run import pane_lines
 from lidarspectra.workflow.whole_room import closing_lines

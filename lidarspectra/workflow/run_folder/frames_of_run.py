@@ -22,6 +22,7 @@ from lidarspectra.progress import Progress, silent
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.search import Seen
 from lidarspectra.room.panes.wall_view import WallView
+from lidarspectra.words import counted
 
 FRAMES_FILE = "frames.json"
 NOT_KEPT = ("position on Earth", "date and time", "device", "title", "EXIF")
@@ -67,8 +68,9 @@ def frames_in_words(colors: FrameColors | None) -> str:
     radiometry = colors.radiometry
     gain = np.exp(radiometry.log_gain[:, 1])
     return (
-        f"; colours of {len(colors.frames)} frames (gain {gain.min():.2f} to {gain.max():.2f}, held-out observations "
-        f"differ by {100 * radiometry.after:.1f} %, as shown by {100 * radiometry.before:.1f} %; no GPS or date kept)"
+        f"; colours of {counted(len(colors.frames), 'frame')} (gain {gain.min():.2f} to {gain.max():.2f}, held-out "
+        f"observations differ by {100 * radiometry.after:.1f} %, as shown by {100 * radiometry.before:.1f} %; no GPS "
+        "or date kept)"
     )
 
 

@@ -14,6 +14,7 @@ from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.maps.visible_bands import covers_vision
 from lidarspectra.mapping.photometry.point_light import PointLight
 from lidarspectra.mapping.photometry.quantities import light_quantity
+from lidarspectra.words import counted
 
 ALSO = ("melanopic_edi_lx", "ppfd_umol_m2_s")  # quantities beside the illuminance
 AS_TRACED, NOW, CHANGE = "as traced", "now", "change [%]"
@@ -53,7 +54,12 @@ def answer_table(before: PointLight, after: PointLight, places: xr.Dataset) -> T
     frame = pd.DataFrame(rows, columns=["light", AS_TRACED, NOW])
     frame[CHANGE] = changes_percent(frame[AS_TRACED].to_numpy(), frame[NOW].to_numpy())
     formats = {AS_TRACED: ".3g", NOW: ".3g", CHANGE: "+.1f"}
-    return Table(name="answer", caption=f"Light at {kept.size} points, before and after.", frame=frame, formats=formats)
+    return Table(
+        name="answer",
+        caption=f"Light at {counted(kept.size, 'point')}, before and after.",
+        frame=frame,
+        formats=formats,
+    )
 
 
 def lamps_table(before: Sequence[Lamp], after: Sequence[tuple[str, float, float]]) -> Table:

@@ -189,8 +189,8 @@ def test_the_recording_is_read_and_drawn_and_says_where_the_counts_are(tmp_path:
     readings = read_sensor_log(path).readings
     assert sensors_of(readings) == ("a", "b")
     cut, without = readings.attrs["notes"].splitlines()
-    assert "1 rows were left out, since they were cut" in cut
-    assert "6 rows without channels" in without
+    assert "1 row was left out: cut" in cut
+    assert "6 rows were left out, without channels" in without
     one = one_sensor(readings, "b")
     assert one["irradiance"].to_numpy() == pytest.approx(light[1::2], rel=1e-6)
     beside = beside_cell(LogChoice(path=path, sensor="b"))

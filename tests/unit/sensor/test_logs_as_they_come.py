@@ -297,7 +297,7 @@ def test_an_object_a_line_is_a_row(tmp_path: Path) -> None:
     nested = read_sensor_log(saved(tmp_path, "\n".join([*lines * 4, "Client disconnected"]))).readings
     assert sensors_of(nested) == ("n0", "n1")
     assert np.array_equal(nested["counts"].to_numpy()[1], BY_WAVELENGTH + 1)
-    assert "1 lines are no JSON objects" in nested.attrs["notes"]
+    assert "1 line was left out: no JSON object" in nested.attrs["notes"]
     two = json.dumps({"time": 1.7e9, **{n: dict(zip(CHANNEL_LABELS, BY_WAVELENGTH, strict=True)) for n in ("a", "b")}})
     assert sensors_of(read_sensor_log(saved(tmp_path, f"{two}\n{two}\n")).readings) == ("a", "b")
     with pytest.raises(ReadingError, match="names its channels"):
