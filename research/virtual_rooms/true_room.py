@@ -4,8 +4,10 @@ Air is the union of the plan's room boxes less its parts, so the surface is clos
 between things, and its normals look into the air.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 import pymeshlab
@@ -73,7 +75,7 @@ class TrueRoom:
     materials : tuple of TrueMaterial
         The plan's.
     rooms : tuple of Solid
-        The boxes of air.
+        The boxes of air, and the air that goes from box to box where two touch.
     solids : tuple of Solid
         What stands in them.
     """
@@ -266,9 +268,13 @@ def true_room(plan: RoomPlan) -> TrueRoom:
         If no air is left.
     """
     pieces = [piece for part in plan.file.parts for piece in _pieces(part, plan)]
-    rooms = [Solid(mesh=trimesh.creation.box(bounds=[room.low, room.high])) for room in plan.file.rooms]
+    corners_of_air = [(np.array(room.low), np.array(room.high)) for room in plan.file.rooms]
+    boxes, passages = (
+        [Solid(mesh=trimesh.creation.box(bounds=bounds)) for bounds in each]
+        for each in (corners_of_air, _passages(corners_of_air))
+    )
     solids = [solid for solid, _ in pieces]
-    vertices, faces = _air(rooms, solids)
+    vertices, faces = _air(boxes, solids)
     sides = [surface for room in plan.file.rooms for surface in _sides(room, plan)]
     surfaces = (*sides, *(surface for _, surface in pieces))
     corners = vertices[faces]
@@ -289,9 +295,29 @@ def true_room(plan: RoomPlan) -> TrueRoom:
         face_surface=owner,
         surfaces=surfaces,
         materials=plan.materials,
-        rooms=tuple(rooms),
+        rooms=(*boxes, *passages),
         solids=tuple(solids),
     )
+
+
+def _passages(boxes: Sequence[tuple[FloatArray, FloatArray]]) -> list[tuple[FloatArray, FloatArray]]:
+    """Boxes of air through the faces that two of the boxes share.
+
+    Where boxes touch, each alone has a wall: the depth in their union, taken as the larger of both depths, is zero
+    there, and a phone that fuses depths sees a sheet. A box through the shared face has its depth there.
+    """
+    found = []
+    for (low, high), (other_low, other_high) in combinations(boxes, 2):
+        shared_low, shared_high = np.maximum(low, other_low), np.minimum(high, other_high)
+        touching = np.abs(shared_high - shared_low) < ON_SURFACE_M
+        if touching.sum() == 1 and np.all(shared_high > shared_low, where=~touching):
+            found.append(
+                (
+                    np.where(touching, np.minimum(low, other_low), shared_low),
+                    np.where(touching, np.maximum(high, other_high), shared_high),
+                )
+            )
+    return found
 
 
 def _air(rooms: list[Solid], solids: list[Solid]) -> tuple[FloatArray, IntArray]:

@@ -5,7 +5,8 @@ import pytest
 import trimesh
 
 from lidarspectra.errors import PlanError
-from research.virtual_rooms.room_plan import read_plan
+from research.virtual_rooms.phone import scan_shape
+from research.virtual_rooms.room_plan import PhoneSection, read_plan
 from research.virtual_rooms.true_room import TrueRoom, depth_in_air, true_room
 
 ROUND_OFF = 1e-9  # [m] coordinates are sums of a few decimals
@@ -98,6 +99,32 @@ walls = "grey"
     assert mesh.is_watertight
     assert mesh.body_count == 1
     assert areas_by_part(room)["closet/floor"] == pytest.approx(0.6 * 1.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("start_m", [1.6, 1.55])  # the rooms touch, and overlap
+def test_no_sheet_is_scanned_between_rooms_that_touch_or_overlap(
+    plan_file: Path, tmp_path: Path, start_m: float
+) -> None:
+    (tmp_path / "reflectances.csv").write_bytes((plan_file.parent / "reflectances.csv").read_bytes())
+    wing = f"""
+[[rooms]]
+name = "wing"
+low = [{start_m}, 0.5, 0.0]
+high = [2.4, 1.0, 1.0]
+floor = "white"
+ceiling = "grey"
+walls = "grey"
+[[materials]]
+"""
+    path = tmp_path / "plan.toml"
+    path.write_text(plan_file.read_text().replace("[[materials]]", wing, 1), encoding="utf-8")
+    room = true_room(read_plan(path))
+    shape = scan_shape(room, PhoneSection(hole_share=0.0), np.random.default_rng(0))
+    centers = shape.vertices[shape.faces].mean(axis=1)
+    # Farther from the opening's rim than a phone rounds an edge.
+    in_opening = np.all((centers > [1.5, 0.6, 0.1]) & (centers < [1.7, 0.9, 0.9]), axis=1)
+    assert not in_opening.any()
+    assert room.in_air([[1.6, 0.75, 0.5]]).all()
 
 
 def test_a_plan_without_air_is_refused(plan_file: Path, tmp_path: Path) -> None:
