@@ -230,7 +230,8 @@ def _free_points(scan: Scan, room: Room) -> FloatArray:
     corners = np.concatenate(room.outlines)
     tried = generator.uniform(corners.min(axis=0), corners.max(axis=0), (TRIED_POINTS, 2))
     tried = tried[room.in_plan(tried)]
-    height = room.floor_z + room.height_m * np.resize(HEIGHTS, len(tried))
+    floor_z = room.floor_at(tried)
+    height = floor_z + (room.ceiling_z - floor_z) * np.resize(HEIGHTS, len(tried))
     points = np.column_stack([tried, height])
     free = points[FreeSpace(scan, room).inside(points)] if len(points) else points
     return (free if len(free) else points)[:SEEN_FROM]
@@ -271,7 +272,7 @@ def _plate(plan: PlanMask, z: float, kind: int) -> _Shell:
 
 def _shell(plan: PlanMask, room: Room) -> _Shell:
     """Sides around the plan, from below the floor to above the ceiling, and plates there."""
-    low, high = room.floor_z - BEYOND_M, room.ceiling_z + BEYOND_M
+    low, high = min(room.floor_z, *room.other_floor_z, room.floor_z) - BEYOND_M, room.ceiling_z + BEYOND_M
     heights = np.linspace(low, high, max(2, round((high - low) / CELL_M) + 1))
     squares = []
     for polygon in outlines(plan):

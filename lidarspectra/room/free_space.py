@@ -127,7 +127,7 @@ class FreeSpace:
         points = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
         inside = np.ones(len(points), dtype=np.bool_)
         if self.room is not None:
-            inside &= (points[:, 2] > self.room.floor_z) & (points[:, 2] < self.room.ceiling_z)
+            inside &= (points[:, 2] > self.room.floor_at(points)) & (points[:, 2] < self.room.ceiling_z)
             inside &= self.room.in_plan(points)
         if inside.any():
             back, lost = self.solid_share(points[inside])
@@ -178,7 +178,8 @@ class FreeSpace:
         """Tree of points on the faces, and the face of each."""
         chosen = np.arange(len(self._corners))
         if ignore_floor and self.room is not None:
-            heights = np.abs(self._corners[:, :, 2] - self.room.floor_z).max(axis=1)
+            floor_z = self.room.floor_at(self._corners.mean(axis=1))
+            heights = np.abs(self._corners[:, :, 2] - floor_z[:, None]).max(axis=1)
             lying = np.abs(self.caster.normals[:, 2]) > FLOOR_COSINE
             chosen = chosen[~(lying & (heights < FLOOR_THICKNESS_M))]
         points, owners = sample_faces(self._corners[chosen], spacing_m=SAMPLE_SPACING_M, most=MAX_SAMPLES)

@@ -33,7 +33,7 @@ def furniture_outlines(scan: Scan, room: Room) -> tuple[FloatArray, ...]:
         Largest first. [m]
     """
     centers = scan.centers
-    above_floor = centers[:, 2] - room.floor_z
+    above_floor = centers[:, 2] - room.floor_at(centers)
     top = (scan.normals[:, 2] > MIN_UP) & (above_floor > LOWEST_M) & (above_floor < HIGHEST_M)
     top &= room.in_plan(centers)
     if not top.any():

@@ -7,13 +7,19 @@ import numpy as np
 
 from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.room.floor_levels import (
+    FLOOR_REACH_M,
+    LEVEL_TOLERANCE_M,
+    MIN_FLOOR_SHARE,
+    STANDING_M,
+    OtherFloors,
+    meets,
+)
 from lidarspectra.room.room_planes import Level, Wall
 
 CELL_M = 0.025  # [m] finer than the triangles of a phone scan (3 to 5 cm)
 MAX_CELLS = 1_000_000  # a larger plan gets larger cells
-LEVEL_TOLERANCE_M = 0.1  # [m] how far a ceiling or floor may lie off its plane and still be that
 CEILING_REACH_M = 0.3  # [m] rays start so far below the ceiling, above most furniture
-FLOOR_REACH_M = 0.25  # [m] rays start so far above the floor, below most table tops
 MIN_DEPTH_M = 0.6  # [m] air below the ceiling; less is a cavity behind glass, or a cabinet as high as a wall
 PORE_M = 0.1  # [m] gaps narrower than this in the ceiling are holes of the mesh
 NARROW_M = 0.3  # [m] bulges and links narrower than this are cracks in the mesh, not room
@@ -23,7 +29,6 @@ BULGE_DEPTH_M = 0.5  # [m] patches no deeper than this behind a wall are bulges 
 ENCLOSED_SHARE = 0.25  # least share of the floor of a model that its walls enclose; less is a closet among open walls
 BRIDGED_M = (0.3, 0.6, 1.2, 2.4)  # [m] gaps between walls that are bridged, the narrowest that encloses a room
 MIN_ROOM_M2 = 1.0  # [m²] smaller patches are no room
-MIN_FLOOR_SHARE = 0.3  # share of a patch's area that must show floor, for it to be a room, or a bulge of one
 SIMPLIFY_M = 0.05  # [m] the outline's corners are kept to within this
 
 
@@ -39,11 +44,22 @@ class PlanMask:
         x and y of the first cell's centre. [m]
     cell_m : float
         [m]
+    floor_z : (row, column) float or None
+        Height of the floor of the patch that a cell belongs to. [m]
     """
 
     inside: BoolArray
     origin: FloatArray
     cell_m: float
+    floor_z: FloatArray | None = None
+
+    def floor_under(self, polygon: FloatArray) -> float:
+        """Height of the floor of the patch around which a polygon (corner, 2) [m] runs [m]."""
+        assert self.floor_z is not None
+        drawn = np.zeros(self.inside.shape, dtype=np.uint8)
+        corners = np.rint((polygon - self.origin) / self.cell_m).astype(np.int32)
+        cv2.fillPoly(drawn, [corners], 1)
+        return float(np.median(self.floor_z[drawn.astype(bool) & self.inside]))
 
 
 def plan_mask(
@@ -53,6 +69,7 @@ def plan_mask(
     floor: Level,
     ceilings: tuple[Level, ...],
     top_z: float,
+    others: OtherFloors | None = None,
     walls: tuple[Wall, ...] = (),
     upright: FloatArray | None = None,
     from_z: float | None = None,
@@ -75,6 +92,8 @@ def plan_mask(
         Main one first; empty where the scan has none.
     top_z : float
         Top of the room. [m]
+    others : OtherFloors, optional
+        Tell the floor of patches that do not show the main one; without them such patches are left out.
     walls : tuple of Wall
         Shallow bulges behind a tall one are cut off: a scan bulges through glass.
     upright : (part, 2) float, optional
@@ -97,14 +116,23 @@ def plan_mask(
     origin = low - rim * cell
     x, y = np.meshgrid(origin[0] + cell * np.arange(columns), origin[1] + cell * np.arange(rows))
     plan = np.stack([x.ravel(), y.ravel()], axis=1)
-    on_floor = _meets(caster, plan, start_z=floor.z + FLOOR_REACH_M, level_z=floor.z).reshape(rows, columns)
+    on_floor = meets(caster, plan, start_z=floor.z + FLOOR_REACH_M, level_z=floor.z).reshape(rows, columns)
     tall = [wall for wall in walls if wall.top_z - wall.bottom_z >= TALL_SHARE * (top_z - floor.z)]
+
+    def elsewhere(lowered: Level) -> BoolArray:
+        """Cells on another floor on which one can stand below a lowered ceiling."""
+        below = [level for level in (others.large if others else ()) if lowered.z - level.z >= STANDING_M]
+        on_one = [meets(caster, plan, start_z=level.z + FLOOR_REACH_M, level_z=level.z) for level in below]
+        return np.asarray(np.any(on_one, axis=0) if on_one else np.zeros(len(plan), dtype=np.bool_)).reshape(
+            rows, columns
+        )
+
     if ceilings:
-        inside = _meets(caster, plan, start_z=ceilings[0].z - CEILING_REACH_M, level_z=ceilings[0].z)
+        inside = meets(caster, plan, start_z=ceilings[0].z - CEILING_REACH_M, level_z=ceilings[0].z)
         inside = (inside & _has_depth(caster, plan, ceiling_z=ceilings[0].z)).reshape(rows, columns)
         for lowered in ceilings[1:]:
-            overhead = _meets(caster, plan, start_z=lowered.z - CEILING_REACH_M, level_z=lowered.z)
-            inside = inside | (overhead.reshape(rows, columns) & on_floor)
+            overhead = meets(caster, plan, start_z=lowered.z - CEILING_REACH_M, level_z=lowered.z)
+            inside = inside | (overhead.reshape(rows, columns) & (on_floor | elsewhere(lowered)))
         inside = inside | _without_ceiling(caster, plan, on_floor, inside, floor_z=floor.z, walls=tall)
     else:
         start_z = float(bounds[1, 2]) + 1.0 if from_z is None else from_z
@@ -115,7 +143,8 @@ def plan_mask(
         inside = enclosed if not ceilings and floor.area_m2 == 0.0 else inside & enclosed if enclosed.any() else inside
     for wall in tall:
         inside = inside & ~_bulges(inside, on_floor, plan, wall)
-    return PlanMask(inside=_clean(inside, on_floor, cell), origin=origin, cell_m=cell)
+    floor_z = _floors_of_rooms(inside, on_floor, origin, cell, floor=floor, others=others)
+    return PlanMask(inside=np.isfinite(floor_z), origin=origin, cell_m=cell, floor_z=floor_z)
 
 
 def _bulges(inside: BoolArray, on_floor: BoolArray, plan: FloatArray, wall: Wall) -> BoolArray:
@@ -157,14 +186,6 @@ def _behind(plan: FloatArray, wall: Wall) -> tuple[FloatArray, BoolArray]:
     return np.asarray(wall.offset_m - plan @ wall.normal[:2], dtype=np.float64), beside
 
 
-def _meets(caster: RayCaster, plan: FloatArray, *, start_z: float, level_z: float) -> BoolArray:
-    """Whether a vertical ray from `start_z` meets something within the tolerance of `level_z`."""
-    starts = np.column_stack([plan, np.full(len(plan), start_z)])
-    reach = abs(level_z - start_z)
-    hits = caster.nearest(starts, [0.0, 0.0, np.sign(level_z - start_z)], max_distance=reach + LEVEL_TOLERANCE_M)
-    return hits.met & (hits.distance >= reach - LEVEL_TOLERANCE_M)
-
-
 def _has_depth(caster: RayCaster, plan: FloatArray, *, ceiling_z: float) -> BoolArray:
     """Whether there is air under the ceiling, as in a room or over most furniture."""
     starts = np.column_stack([plan, np.full(len(plan), ceiling_z - LEVEL_TOLERANCE_M)])
@@ -194,24 +215,29 @@ def _enclosed(cells: IntArray, shape: tuple[int, int], cell: float, *, least: fl
     return np.zeros(shape, dtype=np.bool_)
 
 
-def _clean(inside: BoolArray, on_floor: BoolArray, cell: float) -> BoolArray:
-    """Close pores, cut narrow links, keep patches that are rooms, and fill their holes."""
+def _floors_of_rooms(
+    inside: BoolArray, on_floor: BoolArray, origin: FloatArray, cell: float, *, floor: Level, others: OtherFloors | None
+) -> FloatArray:
+    """(row, column) height of the floor of each patch that is a room, its pores and holes closed; nan elsewhere [m]."""
     whole = cv2.morphologyEx(inside.astype(np.uint8), cv2.MORPH_CLOSE, _disc(PORE_M / cell))
     image = cv2.morphologyEx(whole, cv2.MORPH_OPEN, _disc(NARROW_M / cell))
     # Opening by a disc rounds corners; what it took near what is left comes back.
     image = np.minimum(cv2.dilate(image, _disc(0.5 * NARROW_M / cell)), whole)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(image, connectivity=4)
-    kept = np.zeros_like(image)
+    floor_z = np.full(inside.shape, np.nan)
     largest = int(stats[1:, cv2.CC_STAT_AREA].max()) if count > 1 else 0
     for label in range(1, count):
         patch = np.equal(labels, label)
         cells = int(stats[label, cv2.CC_STAT_AREA])
         if cells * cell**2 < MIN_ROOM_M2:
             continue
-        if cells < largest and on_floor[patch].mean() < MIN_FLOOR_SHARE:
-            continue
-        kept = np.maximum(kept, _filled(patch))
-    return kept.astype(bool)
+        z: float | None = floor.z
+        if on_floor[patch].mean() < MIN_FLOOR_SHARE:
+            z = others.floor_of(patch, origin, cell) if others else None
+            z = floor.z if z is None and cells == largest else z
+        if z is not None:
+            floor_z[_filled(patch).astype(bool)] = z
+    return floor_z
 
 
 def _disc(diameter_cells: float) -> ByteArray:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.errors import ArrayError, ScanError
 from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.room.floor_levels import MIN_LEVEL_SHARE, OtherFloors
 from lidarspectra.room.plan_cells import MIN_ROOM_M2, outlines, plan_mask, signed_area
 from lidarspectra.room.room_planes import (
     GIVEN_REACH_M,
@@ -24,7 +26,9 @@ from lidarspectra.room.room_planes import (
     find_ceilings,
     find_floor,
     find_walls,
+    levels_of,
     main_direction,
+    of_kinds,
     weighted_median,
     weighted_quantile,
 )
@@ -52,9 +56,10 @@ class Room:
     Parameters
     ----------
     floor_z, ceiling_z : float
-        Heights. Without a scanned ceiling, `ceiling_z` is the top of the walls. [m]
+        Heights: of the largest room's floor, and of the main ceiling. Without a scanned ceiling, `ceiling_z` is the top
+        of the walls. [m]
     floor_area_m2, ceiling_area_m2 : float
-        Area of the faces that lie in either plane. [m²]
+        Area of the faces that lie in floors and ceilings. [m²]
     floor_confidence, ceiling_confidence : float
         Share of the plan that those faces cover; 0 where nothing was found. [0-1]
     wall_angle_deg : float
@@ -67,6 +72,8 @@ class Room:
         Plan of the largest room, counter-clockwise, furniture included. [m]
     other_outlines : tuple of (corner, 2) float
         Further rooms of the same scan, largest first. [m]
+    other_floor_z : tuple of float
+        Heights of their floors, a few steps up or down; all at `floor_z` where none are given. [m]
     floor_share : float
         Share of all floor in the scan that lies within the outlines. [0-1]
     """
@@ -82,6 +89,7 @@ class Room:
     walls: tuple[Wall, ...]
     outline: FloatArray
     other_outlines: tuple[FloatArray, ...] = ()
+    other_floor_z: tuple[float, ...] = ()
     floor_share: float = 1.0
 
     def __post_init__(self) -> None:
@@ -95,6 +103,14 @@ class Room:
                 found=f"ceiling at {self.ceiling_z:g} m, floor at {self.floor_z:g} m",
                 where="Room.ceiling_z",
             )
+        heights = tuple(self.other_floor_z) or (self.floor_z,) * (len(polygons) - 1)
+        if len(heights) != len(polygons) - 1 or not all(z < self.ceiling_z for z in heights):
+            raise ArrayError(
+                expected=f"{len(polygons) - 1} floors of further rooms, below the ceiling",
+                found=f"floors at {', '.join(f'{z:g}' for z in heights) or 'none'} m",
+                where="Room.other_floor_z",
+            )
+        object.__setattr__(self, "other_floor_z", heights)
         object.__setattr__(self, "outline", checked[0])
         object.__setattr__(self, "other_outlines", tuple(checked[1:]))
 
@@ -123,8 +139,10 @@ class Room:
 
     @property
     def volume_m3(self) -> float:
-        """Plan area times height [m³]."""
-        return self.area_m2 * self.height_m
+        """Plan area times height, of all rooms [m³]."""
+        floors = (self.floor_z, *self.other_floor_z)
+        pairs = zip(self.outlines, floors, strict=True)
+        return sum(abs(signed_area(polygon)) * (self.ceiling_z - z) for polygon, z in pairs)
 
     @property
     def extent_m(self) -> tuple[float, float]:
@@ -135,14 +153,29 @@ class Room:
 
     def in_plan(self, positions: FloatArray) -> BoolArray:
         """Whether each of (point, 2 or 3) positions [m] lies within an outline, whatever its height."""
-        from matplotlib.path import Path as Polygon  # loads slowly
-
         plan = np.asarray(positions, dtype=np.float64)[:, :2]
         within = np.zeros(len(plan), dtype=np.bool_)
         for polygon in self.outlines:
-            near = np.flatnonzero(np.all((plan >= polygon.min(axis=0)) & (plan <= polygon.max(axis=0)), axis=1))
-            within[near] |= Polygon(np.vstack([polygon, polygon[:1]]), closed=True).contains_points(plan[near])
+            within |= _within(polygon, plan)
         return within
+
+    def floor_at(self, positions: FloatArray) -> FloatArray:
+        """(point,) height of the floor below (point, 2 or 3) positions [m]: the main one's outside of all rooms [m]."""
+        plan = np.asarray(positions, dtype=np.float64)[:, :2]
+        floor_z = np.full(len(plan), self.floor_z)
+        for polygon, z in zip(self.other_outlines, self.other_floor_z, strict=True):
+            if z != self.floor_z:
+                floor_z[_within(polygon, plan)] = z
+        return floor_z
+
+
+def _within(polygon: FloatArray, plan: FloatArray) -> BoolArray:
+    """(point,) whether (point, 2) positions lie within a polygon (corner, 2)."""
+    from matplotlib.path import Path as Polygon  # loads slowly
+
+    within = np.all((plan >= polygon.min(axis=0)) & (plan <= polygon.max(axis=0)), axis=1)
+    within[within] = Polygon(np.vstack([polygon, polygon[:1]]), closed=True).contains_points(plan[within])
+    return np.asarray(within, dtype=np.bool_)
 
 
 def find_room(
@@ -174,19 +207,47 @@ def find_room(
     check_height(scan.bounds, floor_z, name="floor")
     check_height(scan.bounds, ceiling_z, name="ceiling")
     faces = face_geometry(scan)
-    upright = _of_kinds(scan, faces, *UPRIGHT_KINDS)
-    floor = find_floor(_of_kinds(scan, faces, "floor"), given_z=floor_z)
+    upright = of_kinds(scan, faces, *UPRIGHT_KINDS)
+    on_floor = of_kinds(scan, faces, "floor")
+    floor = find_floor(on_floor, given_z=floor_z)
     if floor_z is None:
         floor = _floor_or_bottom_of_walls(floor, upright)
     if floor is None:
         raise _no_room(scan, "no level surface that faces up, and no walls")
-    ceilings = find_ceilings(_of_kinds(scan, faces, "ceiling"), floor, given_z=ceiling_z)
+    levels = levels_of(on_floor, share=MIN_LEVEL_SHARE)
+    looked = partial(
+        _room_over, scan, faces, upright, levels=levels, floor_given=floor_z is not None, ceiling_z=ceiling_z,
+        caster=caster or caster_of(scan),
+    )  # fmt: skip
+    found = looked(floor)
+    if found.floor_z != floor.z:  # the lowest floor is a smaller room's: look again from that of the largest
+        found = looked(next(level for level in levels if level.z == found.floor_z))
+    if floor.area_m2 == 0.0 and floor_z is not None:
+        _require_none_before(find_floor(faces), floor_z, found.area_m2, name="floor")
+    if not found.ceiling_area_m2 and ceiling_z is not None:
+        scanned = find_ceilings(faces, floor)
+        _require_none_before(scanned[0] if scanned else None, ceiling_z, found.area_m2, name="ceiling")
+    return replace(found, floor_share=_floor_share(found, on_floor))
+
+
+def _room_over(
+    scan: Scan,
+    faces: FaceGeometry,
+    upright: FaceGeometry,
+    floor: Level,
+    *,
+    levels: tuple[Level, ...],
+    floor_given: bool,
+    ceiling_z: float | None,
+    caster: RayCaster,
+) -> Room:
+    """The room whose main floor is given; that of its largest outline is another one where the scan shows it there."""
+    ceilings = find_ceilings(of_kinds(scan, faces, "ceiling"), floor, given_z=ceiling_z)
     if ceiling_z is None:
         ceilings = _without_shelves(ceilings, upright)
     top_z = ceilings[0].z if ceilings else _top_of_walls(upright, floor) if ceiling_z is None else ceiling_z
     if top_z - floor.z < MIN_HEIGHT_M:
         raise _no_room(scan, f"{top_z - floor.z:.2f} m between its floor and its top")
-    caster = caster or caster_of(scan)
     planes = find_walls(upright, bottom_z=floor.z, top_z=top_z)
     walls = tuple(plane for plane in planes if plane.top_z - plane.bottom_z >= WALL_HEIGHT_SHARE * (top_z - floor.z))
     no_floor = floor.area_m2 == 0.0
@@ -196,6 +257,7 @@ def find_room(
         floor=floor,
         ceilings=ceilings,
         top_z=top_z,
+        others=OtherFloors(caster=caster, levels=levels, upright=upright, top_z=top_z),
         walls=walls,
         upright=_wall_cells(scan, upright) if no_floor or "wall" in scan.appearance.kinds else None,
         from_z=ceiling_z,
@@ -204,27 +266,27 @@ def find_room(
     if not polygons:
         reason = "no level surface that faces up, and no walls around a square metre" if no_floor else ""
         raise _no_room(scan, reason or "no connected square metre of plan under its ceiling")
+    floors = [mask.floor_under(polygon) for polygon in polygons]
+    if floor_given:
+        floors[0] = floor.z
     area = sum(signed_area(polygon) for polygon in polygons)
-    if no_floor and floor_z is not None:
-        _require_none_before(find_floor(faces), floor_z, area, name="floor")
-    if not ceilings and ceiling_z is not None:
-        scanned = find_ceilings(faces, floor)
-        _require_none_before(scanned[0] if scanned else None, ceiling_z, area, name="ceiling")
+    floor_m2 = floor.area_m2 + sum(level.area_m2 for level in levels if level.z in floors and level.z != floor.z)
+    ceiling_m2 = sum(level.area_m2 for level in ceilings)
     angle, share = main_direction(faces)
-    found = Room(
-        floor_z=floor.z,
+    return Room(
+        floor_z=floors[0],
         ceiling_z=top_z,
-        floor_area_m2=floor.area_m2,
-        ceiling_area_m2=sum(level.area_m2 for level in ceilings),
-        floor_confidence=min(1.0, floor.area_m2 / area),
-        ceiling_confidence=min(1.0, sum(level.area_m2 for level in ceilings) / area),
+        floor_area_m2=floor_m2,
+        ceiling_area_m2=ceiling_m2,
+        floor_confidence=min(1.0, floor_m2 / area),
+        ceiling_confidence=min(1.0, ceiling_m2 / area),
         wall_angle_deg=angle,
         wall_confidence=share,
         walls=_walls_around(walls, polygons),
         outline=polygons[0],
         other_outlines=polygons[1:],
+        other_floor_z=tuple(floors[1:]),
     )
-    return replace(found, floor_share=_floor_share(found, _of_kinds(scan, faces, "floor")))
 
 
 def check_height(bounds: FloatArray, z: float | None, *, name: str) -> None:
@@ -254,9 +316,9 @@ def check_height(bounds: FloatArray, z: float | None, *, name: str) -> None:
 
 
 def _floor_share(room: Room, faces: FaceGeometry) -> float:
-    """Share of all level area at the floor's height that lies within the outlines [0-1]; 1 where there is none."""
-    level = (faces.normals[:, 2] > LEVEL_COSINE) & (np.abs(faces.centers[:, 2] - room.floor_z) < LEVEL_HALF_WIDTH_M)
-    floor = faces.some(level)
+    """Share of all level area at the floors' heights that lies within the outlines [0-1]; 1 where there is none."""
+    at_floor = np.abs(faces.centers[:, 2] - room.floor_at(faces.centers)) < LEVEL_HALF_WIDTH_M
+    floor = faces.some((faces.normals[:, 2] > LEVEL_COSINE) & at_floor)
     if not floor.areas.sum() > 0:
         return 1.0
     return float(floor.areas[room.in_plan(floor.centers)].sum() / floor.areas.sum())
@@ -278,6 +340,7 @@ def save_room(room: Room, folder: Path) -> Path:
             "floor_share",
         )
     }
+    record["other_floor_z"] = list(room.other_floor_z)
     record["outlines"] = [polygon.tolist() for polygon in room.outlines]
     record["walls"] = [
         {
@@ -332,14 +395,6 @@ def _wall_cells(scan: Scan, faces: FaceGeometry) -> FloatArray:
     if "wall" in names:
         upright &= np.isin(faces.kinds, [names.index(kind) for kind in UPRIGHT_KINDS if kind in names])
     return faces.centers[upright, :2]
-
-
-def _of_kinds(scan: Scan, faces: FaceGeometry, *kinds: str) -> FaceGeometry:
-    """Parts of these kinds and unnamed ones, in a file that names its walls; elsewhere all."""
-    names = scan.appearance.kinds
-    if "wall" not in names:
-        return faces
-    return faces.some(np.isin(faces.kinds, [-1, *(names.index(kind) for kind in kinds if kind in names)]))
 
 
 def _floor_or_bottom_of_walls(floor: Level | None, faces: FaceGeometry) -> Level | None:

@@ -135,6 +135,14 @@ def face_geometry(scan: Scan) -> FaceGeometry:
     )
 
 
+def of_kinds(scan: Scan, faces: FaceGeometry, *kinds: str) -> FaceGeometry:
+    """Parts of these kinds and unnamed ones, in a file that names its walls; elsewhere all."""
+    names = scan.appearance.kinds
+    if "wall" not in names:
+        return faces
+    return faces.some(np.isin(faces.kinds, [-1, *(names.index(kind) for kind in kinds if kind in names)]))
+
+
 def find_floor(faces: FaceGeometry, *, given_z: float | None = None) -> Level | None:
     """Find the floor: the lowest large level surface that faces up.
 
@@ -154,6 +162,25 @@ def find_floor(faces: FaceGeometry, *, given_z: float | None = None) -> Level | 
         return _level_at(faces, facing_up, given_z)
     levels = _levels(faces, facing_up, share=FLOOR_SHARE)
     return levels[0] if levels else None
+
+
+def levels_of(faces: FaceGeometry, *, share: float, least_m2: float = 0.0) -> tuple[Level, ...]:
+    """All level surfaces that face up.
+
+    Parameters
+    ----------
+    faces : FaceGeometry
+    share : float
+        Smallest, over the largest one's area. [0-1]
+    least_m2 : float
+        Smallest. [m²]
+
+    Returns
+    -------
+    levels : tuple of Level
+        Lowest first.
+    """
+    return tuple(_levels(faces, faces.normals[:, 2] > LEVEL_COSINE, share=share, least_m2=least_m2))
 
 
 def find_ceilings(faces: FaceGeometry, floor: Level, *, given_z: float | None = None) -> tuple[Level, ...]:
@@ -192,8 +219,8 @@ def _level_at(faces: FaceGeometry, facing: BoolArray, z: float) -> Level:
     return levels[0] if levels and levels[0].area_m2 >= SHOWN_M2 else Level(z=z, area_m2=0.0)
 
 
-def _levels(faces: FaceGeometry, chosen: BoolArray, *, share: float) -> list[Level]:
-    """Level surfaces by area over height, lowest first, each with at least `share` of the largest one's area.
+def _levels(faces: FaceGeometry, chosen: BoolArray, *, share: float, least_m2: float = 0.0) -> list[Level]:
+    """Level surfaces by area over height, lowest first, each with `least_m2` and `share` of the largest's area or more.
 
     The fullest height is taken first and its faces are set aside before the next is looked for. So ceilings of two
     rooms that lie 10 cm from one another are two, and one that slopes is several: no valley need part them.
@@ -203,7 +230,7 @@ def _levels(faces: FaceGeometry, chosen: BoolArray, *, share: float) -> list[Lev
     while areas.sum() > 0:
         near = np.abs(heights - _fullest_height(heights, areas)) <= LEVEL_HALF_WIDTH_M
         area_m2 = float(areas[near].sum())
-        if not area_m2 or area_m2 < share * max((level.area_m2 for level in levels), default=0.0):
+        if not area_m2 or area_m2 < max(least_m2, share * max((level.area_m2 for level in levels), default=0.0)):
             break
         levels.append(Level(z=weighted_median(heights[near], areas[near]), area_m2=area_m2))
         heights, areas = heights[~near], areas[~near]

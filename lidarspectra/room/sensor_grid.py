@@ -25,15 +25,15 @@ class GridPlane:
     Parameters
     ----------
     room : Room
-    z : float
-        Height at which free space is tested. [m]
+    height_m : float
+        Above the floor of each room, at which free space is tested. [m]
     margin_m : float
         Least distance of a point from any surface but the floor. [m]
     free : FreeSpace
     """
 
     room: Room
-    z: float
+    height_m: float
     margin_m: float
     free: FreeSpace
 
@@ -86,7 +86,7 @@ class GridPlane:
         return kept
 
     def _points(self, plan: FloatArray) -> FloatArray:
-        return np.column_stack([plan, np.full(len(plan), self.z)])
+        return np.column_stack([plan, self.room.floor_at(plan) + self.height_m])
 
 
 def plan_of_count(plane: GridPlane, count: int) -> FloatArray:

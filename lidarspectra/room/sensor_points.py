@@ -98,7 +98,7 @@ def grid_points(
     scan : Scan
     room : Room
     height : float
-        Above the floor. [m]
+        Above the floor of each room. [m]
     count : int, optional
         Number of points; give it or `spacing`.
     spacing : float, optional
@@ -131,8 +131,7 @@ def grid_points(
             found=f"count = {count}, spacing = {spacing}, margin = {margin}",
             where="sensor grid",
         )
-    z = room.floor_z + height
-    if not room.floor_z <= z < room.ceiling_z:
+    if not 0.0 <= height < room.height_m:
         raise SensorError(
             expected=f"a grid between the floor and the ceiling, {room.height_m:.2f} m above it",
             found=f"height = {height:g} m",
@@ -142,7 +141,7 @@ def grid_points(
     plane = GridPlane(
         room=room,
         # On the floor itself, the test for solid things starts just clear of the floor's unevenness.
-        z=max(z, room.floor_z + SHALLOW_M),
+        height_m=max(height, SHALLOW_M),
         margin_m=margin,
         free=free or FreeSpace(scan, room),
     )
@@ -152,9 +151,8 @@ def grid_points(
         plan = plan_of_count(plane, count)
     if len(plan) == 0:
         raise _no_place(room, height, count, margin)
-    positions = np.column_stack([plan, np.full(len(plan), z)])
     return SensorPoints(
-        positions=positions,
+        positions=np.column_stack([plan, room.floor_at(plan) + height]),
         normals=np.tile(float_array(normal, name="normal", shape=(3,)), (len(plan), 1)),
         buried=np.zeros(len(plan), dtype=np.bool_),
     )

@@ -35,7 +35,7 @@ def surface_parts(scan: Scan, room: Room) -> IntArray:
         along = np.abs(normals @ wall.normal) > FLAT
         part[near & along & _beside(centers[:, :2], wall.start, wall.end)] = PARTS.index("walls")
     level = np.abs(normals[:, 2]) > FLAT
-    part[level & (np.abs(centers[:, 2] - room.floor_z) < REACH_M)] = PARTS.index("floor")
+    part[level & (np.abs(centers[:, 2] - room.floor_at(centers)) < REACH_M)] = PARTS.index("floor")
     part[level & (np.abs(centers[:, 2] - room.ceiling_z) < REACH_M)] = PARTS.index("ceiling")
     return part
 

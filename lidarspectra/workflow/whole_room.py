@@ -9,6 +9,7 @@ from lidarspectra.material.pane_materials import REFLECTANCE
 from lidarspectra.material.part_materials import typical_in_words
 from lidarspectra.room.closing import Openness, close_room
 from lidarspectra.room.mirrored import mirrored_walls
+from lidarspectra.room.other_levels import OtherLevel, other_levels
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.placing import with_panes
 from lidarspectra.room.panes.search import Seen, doubtful_openings, propose_panes, views_of_room
@@ -90,6 +91,7 @@ def whole_room(
         *_closing_notes(room, openness, floor_given=floor_z is not None, ceiling_given=ceiling_z is not None),
         *_open_notes(room, openness),
         *_outside_notes(room),
+        *_floor_notes(room, mirrors),
         *(
             () if any(pane.kind == "mirror" for pane in found) else _mirrored_notes(room, mirrors)
         ),  # else told by its pane
@@ -176,6 +178,42 @@ def _outside_notes(room: Room) -> Iterator[str]:
             "behind its walls or windows, or in patches below a square metre, and gets no sensor points. Cut it off in "
             "the scanning app, or scan the way between if it belongs to the room."
         )
+
+
+def _floor_notes(room: Room, scan: Scan) -> Iterator[str]:
+    """What lies at another height than the main floor: rooms of the plan, podiums, and what is not in the plan."""
+    steps = [round(z - room.floor_z, 2) for z in room.other_floor_z if z != room.floor_z]
+    if steps:
+        yield (
+            f"The floor of {_counted(len(steps), 'further room')} lies {_steps_in_words(steps)} that of the largest: "
+            "sensor points lie at the height that is asked for above their own room's floor, and a map drawn on one "
+            "level shows one room's."
+        )
+    for level in other_levels(scan, room):
+        where = f"A level surface of {level.area_m2:.1f} m² at z = {level.z:.2f} m, {_step_in_words(level)}, lies"
+        if level.in_plan:
+            yield (
+                f"{where} in the room: if it is a podium or a part of the floor one or more steps up or down, points "
+                "there have another height above it than is asked for. Give such points in a file, with their z."
+            )
+        else:
+            yield (
+                f"{where} outside of the room that was found, and is not in the plan: if it is another floor (up or "
+                "down steps, another storey), nothing of it is in the map. Cut it off in the scanning app; or, to map "
+                f"that part, give its height, floor = {level.z:.2f} under [scan] (--floor {level.z:.2f} of init)."
+            )
+
+
+def _step_in_words(level: OtherLevel) -> str:
+    return f"{abs(level.above_floor_m):.2f} m {'above' if level.above_floor_m > 0 else 'below'} the floor"
+
+
+def _steps_in_words(steps: Sequence[float]) -> str:
+    return ", ".join(f"{abs(step):.2f} m {'above' if step > 0 else 'below'}" for step in steps)
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"a {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _mirrored_notes(room: Room, scan: Scan) -> Iterator[str]:

@@ -195,7 +195,7 @@ def grid_positions(free: FreeSpace, spacing_m: float) -> Positions:
     corners = np.concatenate(room.outlines)
     u, v = (_ticks(corners @ axis, spacing_m) for axis in (along, across))
     plan = (v[:, None, None] * across + u[None, :, None] * along).reshape(-1, 2)
-    places = np.column_stack([plan, np.full(len(plan), room.floor_z)])
+    places = np.column_stack([plan, room.floor_at(plan)])
     places = places[room.in_plan(places)]
     places = places[[not words for words in standing_faults(free, places)]] if len(places) else places
     if len(places) == 0:

@@ -85,7 +85,7 @@ def find_places(scan: Scan, room: Room, adjacency: Adjacency) -> Places:
     patch_m2 = np.bincount(patch, weights=scan.areas)[patch]
     up, height = normals[:, 2], scan.centers[:, 2]
     kind = np.full(len(scan.faces), KINDS.index("other"), dtype=np.int64)
-    above = height - room.floor_z
+    above = height - room.floor_at(scan.centers)
     kind[(np.abs(up) < UPRIGHT) & (patch_m2 > LARGE_M2)] = KINDS.index("wall")
     kind[(up > LEVEL) & (above < TOP_M) & (patch_m2 > TABLE_M2)] = KINDS.index("top")
     kind[(up > LEVEL) & (above < NEAR_M)] = KINDS.index("floor")

@@ -83,7 +83,9 @@ def wall_view(scan: Scan, room: Room, wall: Wall, caster: RayCaster) -> WallView
     along = np.array([-wall.normal[1], wall.normal[0], 0.0])
     ends = np.sort([wall.start @ along[:2], wall.end @ along[:2]])
     across = np.arange(ends[0] + EDGE_M + 0.5 * CELL_M, ends[1] - EDGE_M, CELL_M)
-    up = np.arange(room.floor_z + EDGE_M + 0.5 * CELL_M, room.ceiling_z - EDGE_M, CELL_M)
+    before = 0.5 * (wall.start + wall.end) + START_M * wall.normal[:2]
+    floor_z = float(room.floor_at(before[None])[0])
+    up = np.arange(floor_z + EDGE_M + 0.5 * CELL_M, room.ceiling_z - EDGE_M, CELL_M)
     shape = (len(up), len(across))
     in_plane = (
         wall.offset_m * wall.normal + across[None, :, None] * along + up[:, None, None] * np.array([0.0, 0.0, 1.0])

@@ -101,6 +101,7 @@ class InitSummary:
             f"room      {length:.2f} m x {width:.2f} m, {room.area_m2:.1f} m² of floor plan, "
             f"{room.height_m:.2f} m high, {counted(len(room.walls), 'wall plane')}"
             + (f", {counted(len(room.other_outlines), 'further room')}" if room.other_outlines else "")
+            + self._steps_in_words()
         )
         yield (
             f"surfaces  floor {room.floor_area_m2:.1f} m² ({percent(room.floor_confidence)} of the plan) at "
@@ -114,6 +115,11 @@ class InitSummary:
         if self.proposed:
             yield f"panes?    {panes_in_words(self.proposed)} (assumed)"
         yield f"wrote     {self.run_file}"
+
+    def _steps_in_words(self) -> str:
+        """Floors of further rooms that lie up or down steps: ', floors at +0.30 m'."""
+        steps = [f"{z - self.room.floor_z:+.2f} m" for z in self.room.other_floor_z if z != self.room.floor_z]
+        return f", floor at {' and '.join(steps)}" if steps else ""
 
     def lamps_in_words(self) -> str:
         """The lamps by shape, or the panels in their place."""

@@ -121,8 +121,8 @@ def _turn(room: Room) -> FloatArray:
 
 def _area_points(area: AreaSection, room: RunRoom, free: FreeSpace, gathered: _Gathered) -> AreaPoints:
     plan = _in_area(area, room.room)
-    task = _free(plan, room.room.floor_z + area.height, UP, room, free)
-    faces = _free(plan, room.room.floor_z + area.eye_height, UP, room, free, lift_m=0.0)
+    task = _free(plan, area.height, UP, room, free)
+    faces = _free(plan, area.eye_height, UP, room, free, lift_m=0.0)
     if not len(task) or not len(faces):
         raise RunFileError(
             expected="an area in the room's air",
@@ -162,12 +162,12 @@ def _in_area(area: AreaSection, room: Room) -> FloatArray:
 
 
 def _free(
-    plan: FloatArray, z: float, normal: FloatArray, room: RunRoom, free: FreeSpace, *, lift_m: float = LIFT_M
+    plan: FloatArray, height_m: float, normal: FloatArray, room: RunRoom, free: FreeSpace, *, lift_m: float = LIFT_M
 ) -> FloatArray:
-    """(point, 3) of the places at a height those that are not inside anything."""
+    """(point, 3) of the places at a height above the floor those that are not inside anything."""
     if not len(plan):
         return np.zeros((0, 3))
-    places = np.column_stack([plan, np.full(len(plan), z)])
+    places = np.column_stack([plan, room.room.floor_at(plan) + height_m])
     lifted = places + lift_m * normal
     return lifted[~_buried(lifted, np.broadcast_to(normal, places.shape), room, free)]
 
