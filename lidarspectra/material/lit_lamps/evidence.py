@@ -21,6 +21,8 @@ RIM_LEVELS = (0.4, 0.8)  # [1] between surroundings (0) and patch (1): brightnes
 RECESS_M = 0.12  # [m] largest depth of a lamp behind its ceiling; deeper patches are skylights or holes
 FLUSH_M = 0.12  # [m] below the ceiling; lower patches must meet the stricter criteria of hanging lamps
 LEVEL_COSINE = 0.7  # [1] between a patch's faces and its plane; scans of glass have erratic normals
+TOO_LARGE, NO_CONTRAST = "too large: a window or a lit surface", "hardly brighter than its surroundings"
+UNBOUNDED, NO_RIM = "no darker surroundings on all sides", "no sharp rim: a pool of light"
 LEVEL_M = 0.08  # [m] between the lower and the upper tenth of a patch's heights
 
 
@@ -69,6 +71,19 @@ ON_CEILING = Demands(
     most_area_m2=3.0,
     protrusion_m=-RECESS_M,
     gray=0.15,
+)
+# Cut at white amid paint that is nearly so: of a lamp's brightness the picture tells a lower bound that is hardly above
+# what it lights. A pool of light on the paint is cut too, but fades; a vent is larger than most downlights.
+IN_BRIGHT_PAINT = Demands(
+    contrast=1.15,
+    saturated_share=0.75,
+    overlap=0.8,
+    bounded_share=0.0,
+    rim_m=0.02,
+    min_side_m=0.06,
+    most_area_m2=1.0,
+    protrusion_m=-RECESS_M,
+    gray=0.5,
 )
 HANGING = Demands(
     contrast=2.5,
@@ -135,13 +150,13 @@ class Evidence:
         level = self.facing >= LEVEL_COSINE and self.unevenness_m <= LEVEL_M
         tests = (
             (self.min_side_m >= demands.min_side_m, "too small"),
-            (self.area_m2 <= demands.most_area_m2, "too large: a window or a lit surface"),
-            (self.contrast >= demands.contrast, "hardly brighter than its surroundings"),
+            (self.area_m2 <= demands.most_area_m2, TOO_LARGE),
+            (self.contrast >= demands.contrast, NO_CONTRAST),
             (clipped or self.contrast >= 2.0 * demands.contrast, "not bright enough to be lit"),
             (self.protrusion_m >= demands.protrusion_m, "in or behind its plane: a window, screen or reflection"),
             (level, "not level with its plane: a reflection in glass"),
-            (self.bounded_share >= demands.bounded_share, "no darker surroundings on all sides"),
-            (self.rim_m <= demands.rim_m, "no sharp rim: a pool of light"),
+            (self.bounded_share >= demands.bounded_share, UNBOUNDED),
+            (self.rim_m <= demands.rim_m, NO_RIM),
             (self.overlap >= demands.overlap, "neither a rectangle nor a disc"),
             (self.gray >= demands.gray, "too colourful: a screen or a sign"),
         )

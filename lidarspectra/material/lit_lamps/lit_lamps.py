@@ -17,8 +17,15 @@ from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.shapes import Shape, shape_of
 from lidarspectra.material.lit_lamps.evidence import (
+    IN_BRIGHT_PAINT,
+    NO_CONTRAST,
+    NO_RIM,
     ON_CEILING,
+    RIM_REACH_M,
     RING_GAP_M,
+    TOO_LARGE,
+    UNBOUNDED,
+    Demands,
     Evidence,
     demands_on,
     filled,
@@ -33,6 +40,8 @@ from lidarspectra.room.room import Room
 
 MARGIN_M = 0.25  # [m] around a patch in its own picture
 CUT_LEVEL = 0.6  # [1] between surroundings (0) and patch (1): clipping lifts a lamp's blurred rim above the half
+OF_PAINT = (TOO_LARGE, NO_CONTRAST, UNBOUNDED, NO_RIM)  # why bright paint is no lamp; but one may be in it
+CLIPPED = 0.97  # [1] of all channels, from which on a pixel is cut at white
 CLEARANCE_M = 0.055  # [m] distance of lamps from the mesh, whose noise would shade nearer ones
 BUMP_M = 0.15  # [m] higher bumps beside a lamp (a sprinkler) are ignored for its distance
 SQUARE_ASPECT = 1.05  # [1] length over width below which a panel is square, and its turn known but for 90 degrees
@@ -185,23 +194,51 @@ def _judged(survey: Survey, box: tuple[FloatArray, FloatArray]) -> Iterator[LitL
     core = float(np.quantile(luminance[usable & seeded], 0.9))
     around = float(np.median(luminance[surroundings]))
     bright = usable & (luminance >= around + CUT_LEVEL * (core - around))
+    for patch in _patches(bright, seeded, picture.pixel_m):
+        fit = fit_outline(patch)
+        lit = gather_evidence(picture, usable, patch, fit, kind=survey.kind, around=around, core=core)
+        result = _lamp_or_not(survey, picture, patch, fit, lit, demands_on(survey.kind, lit.height_m))
+        if isinstance(result, BrightPatch) and survey.kind == "ceiling" and result.reason in OF_PAINT:
+            yield from _in_bright_paint(survey, picture, usable, patch) or (result,)
+        else:
+            yield result
+
+
+def _patches(bright: BoolArray, seeded: BoolArray, pixel_m: float) -> Iterator[BoolArray]:
+    """Connected patches of bright pixels, half of which at least are seeded, without their holes."""
     count, labels = cv2.connectedComponents(opened(bright), connectivity=4)
-    least = (0.7 * ON_CEILING.min_side_m / picture.pixel_m) ** 2
+    least = (0.7 * ON_CEILING.min_side_m / pixel_m) ** 2
     pixels = np.bincount(labels.ravel(), minlength=count)
     in_box = np.bincount(labels[seeded], minlength=count)
     for label in range(1, count):
         if in_box[label] >= max(least, 0.5 * pixels[label]):
-            patch = filled(np.equal(labels, label))
-            fit = fit_outline(patch)
-            lit = gather_evidence(picture, usable, patch, fit, kind=survey.kind, around=around, core=core)
-            yield _lamp_or_not(survey, picture, patch, fit, lit)
+            yield filled(np.equal(labels, label))
+
+
+def _in_bright_paint(survey: Survey, picture: PlanePicture, usable: BoolArray, patch: BoolArray) -> tuple[LitLamp, ...]:
+    """Lamps in a patch of ceiling that is as bright as lamps are elsewhere, beside a strong lamp or a window."""
+    clipped = patch & usable & (picture.color.min(axis=2) >= CLIPPED)
+    near = usable & grown(clipped, RIM_REACH_M / picture.pixel_m)
+    paint = near & ~grown(clipped, RING_GAP_M / picture.pixel_m)
+    if not (clipped.any() and paint.any()):
+        return ()
+    around = float(np.median(picture.luminance[paint]))
+    bright = near & (picture.luminance >= around + CUT_LEVEL * (1.0 - around))
+    found = []
+    for cut in _patches(bright, clipped, picture.pixel_m):
+        fit = fit_outline(cut)
+        lit = gather_evidence(picture, usable, cut, fit, kind=survey.kind, around=around, core=1.0)
+        result = _lamp_or_not(survey, picture, cut, fit, lit, IN_BRIGHT_PAINT)
+        if isinstance(result, LitLamp):
+            found.append(result)
+    return tuple(found)
 
 
 def _lamp_or_not(
-    survey: Survey, picture: PlanePicture, patch: BoolArray, fit: OutlineFit, lit: Evidence
+    survey: Survey, picture: PlanePicture, patch: BoolArray, fit: OutlineFit, lit: Evidence, demands: Demands
 ) -> LitLamp | BrightPatch:
     middle = picture.coordinates(fit.center[1:], fit.center[:1])
-    reason = lit.fault(demands_on(survey.kind, lit.height_m))
+    reason = lit.fault(demands)
     if reason is not None:
         center = survey.frame.to_room(middle, lit.height_m)[0]
         return BrightPatch(center=center, area_m2=lit.area_m2, reason=reason)

@@ -105,6 +105,33 @@ def test_lamps_hang_clear_of_the_noisy_mesh(builder, plain) -> None:
         assert lamp.center[2] > 2.5 - 0.055 - 4 * 0.012 - 0.01
 
 
+def bright_paint(plain, center, radius_m: float, brightest: float) -> None:
+    """A part of the ceiling that is nearly cut at white, and fades: beside a strong lamp or a window."""
+    distance = np.hypot(plain.x - center[0], plain.y - center[1])[..., None]
+    plain.picture = np.maximum(plain.picture, brightest * np.exp(-0.5 * (distance / radius_m) ** 4))
+
+
+@pytest.mark.parametrize("brightest", [215.0, 232.0])  # of 255: .68 and .81 in linear light
+@pytest.mark.parametrize("diameter", [0.12, 0.18])
+def test_a_downlight_is_found_in_paint_that_is_nearly_cut_at_white(builder, plain, brightest, diameter) -> None:
+    bright_paint(plain, (2.0, 1.5), 0.6, brightest)
+    plain.disc((1.9, 1.6), diameter)
+    plain.disc((3.6, 0.5), 0.15)
+    found = lamps_in(room_with(builder, plain))
+    assert len(found) == 2
+    hidden = min(found, key=lambda lamp: lamp.center[0])
+    np.testing.assert_allclose(hidden.center[:2], [1.9, 1.6], atol=PLACE_M)
+    assert hidden.shape.size[0] == pytest.approx(diameter, abs=SIZE_M)
+    assert hidden.confidence < 0.5, "it is told as less sure than a lamp on a darker ceiling"
+
+
+@pytest.mark.parametrize("brightest", [232.0, 300.0, 400.0])
+def test_paint_that_is_cut_at_white_is_no_lamp(builder, plain, brightest) -> None:
+    bright_paint(plain, (2.0, 1.5), 0.6, brightest)
+    plain.rectangle((1.9, 1.6), (0.3, 0.3), color=240.0)  # a vent of a lighter white
+    assert lamps_in(room_with(builder, plain)) == ()
+
+
 @pytest.mark.parametrize(
     ("what", "draw"),
     [
