@@ -1,7 +1,8 @@
 """The frames of a virtual phone: pictures along a walk, exposed anew, with noise, vignetting and wrong poses.
 
 The camera looks at the scanned shape, whose every texel sends the light that the true surface sends there; lamps and
-windows send theirs, far above white. Each frame is exposed for what it shows, lags behind as a phone does, and its
+windows send theirs, far above white. Where the shape has a hole, the room has none: the camera sees the true surface,
+and the LiDAR measures nothing. Each frame is exposed for what it shows, lags behind as a phone does, and its
 white balance wanders. What is written beside it is the pose with an error, and depth with noise: in the layout of
 3D Scanner App (the exposure's ISO untold) or of Polycam (exposure time and ISO told).
 """
@@ -16,6 +17,7 @@ from typing import Literal
 import cv2
 import numpy as np
 from PIL import Image
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from lidarspectra.arrays import FloatArray, IntArray
@@ -25,7 +27,7 @@ from lidarspectra.geometry.textures import sample_image
 from lidarspectra.hardware.phone.orientation import upright_rotation
 from lidarspectra.hardware.phone.texture_atlas import Atlas
 from lidarspectra.spectra.colorimetry import encode_srgb
-from research.virtual_rooms.camera import tone_curve
+from research.virtual_rooms.camera import SIDE_WEIGHT_M, tone_curve
 from research.virtual_rooms.gloss_light import Gloss, thrown_back
 from research.virtual_rooms.pane_light import ShownPanes
 from research.virtual_rooms.phone import ScannedShape
@@ -41,6 +43,8 @@ FRAME_S = 0.5  # [s] between frames
 EXPOSED_SHARE, EXPOSED_LEVEL = 0.9, 0.75  # [1] the radiance that this share of a frame does not pass gets this level
 EXPOSURE_LAG = 0.5  # [1] of the log of the last frame's exposure in this one's
 EXPOSURE_RANGE = 2.5  # [1] of the log of exposure about the median frame's
+TEXEL_STEP = 4  # of the shape's texels, those by which the light behind its holes is told
+OTHER_PART_M = 1e3  # [m] beyond any room: what that far apart is another part of it
 LAMP_AWAY_M = (0.9, 0.35)  # [m] from a lamp that is looked at straight, along its axis and beside it
 BALANCE_STEP = 0.015  # [1] of the log of red and blue over green from frame to frame
 BALANCE_RETURN = 0.9  # [1] of it that stays
@@ -141,7 +145,7 @@ def write_frames(
     """
     caster = RayCaster(bare_scan(shape.vertices, shape.faces))
     poses = list(poses) or _walk(room, plan.count, generator) + _looks_at_lamps(room, plan.lamp_frames)
-    eye = _Eye(caster=caster, atlas=atlas, shining=shining, sky=sky)
+    eye = _Eye(caster=caster, atlas=atlas, shining=shining, sky=sky, holes=_BehindHoles.of(room, shape, atlas, shining))
     seen = [_look(pose, eye, generator) for pose in poses]
     gain = _gains([light for light, _ in seen], plan.exposure_range, generator)
     write = _write_3dscanner if layout == "3dscanner" else _write_polycam
@@ -188,6 +192,44 @@ def upright_pose(position: FloatArray, heading: float, pitch: float) -> FloatArr
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class _BehindHoles:
+    """The true surface, which a camera sees where the scanned shape has a hole, and the texels whose light it has."""
+
+    caster: RayCaster
+    face_surface: IntArray
+    texel: IntArray
+    places: cKDTree
+
+    @classmethod
+    def of(cls, room: TrueRoom, shape: ScannedShape, atlas: Atlas, shining: Shining) -> "_BehindHoles":
+        rows, columns = (each[::TEXEL_STEP] for each in np.nonzero(atlas.covered))
+        face = atlas.texel_face[rows, columns]
+        points = np.einsum("nk,nkc->nc", atlas.barycentric(rows, columns), shape.vertices[shape.faces[face]])
+        true_face = room.nearest_faces(points, atlas.chart_normal[atlas.face_chart[face]])
+        return cls(
+            caster=RayCaster(room.scan),
+            face_surface=room.face_surface,
+            texel=np.stack([rows, columns], axis=1),
+            places=cKDTree(_alike(points, room.normals[true_face], room.face_surface[true_face])),
+        )
+
+    def texels(self, start: FloatArray, ways: FloatArray) -> tuple[IntArray, IntArray]:
+        """(m, 2) nearest texel of the same part of the room that the (m,) of some rays meet; the others meet none."""
+        hits = self.caster.nearest(start, ways)
+        front = np.flatnonzero(hits.met & (np.einsum("nc,nc->n", self.caster.normals[hits.face], ways) < 0))
+        face = hits.face[front]
+        points = start[front] + hits.distance[front, None] * ways[front]
+        away, index = self.places.query(_alike(points, self.caster.normals[face], self.face_surface[face]))
+        of_part = away < OTHER_PART_M
+        return self.texel[index[of_part]], front[of_part]
+
+
+def _alike(points: FloatArray, normals: FloatArray, surface: IntArray) -> FloatArray:
+    """(n, 7) coordinates in which points of one part of the room that look the same way are near one another [m]."""
+    return np.column_stack([points, SIDE_WEIGHT_M * normals, OTHER_PART_M * surface])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Eye:
     """What a camera looks at."""
 
@@ -195,6 +237,7 @@ class _Eye:
     atlas: Atlas
     shining: Shining
     sky: Callable[[FloatArray], FloatArray]
+    holes: _BehindHoles
 
     def sees(
         self, start: FloatArray, ways: FloatArray, *, lamps: bool = True
@@ -213,7 +256,20 @@ class _Eye:
             light[front[shining.gloss.shining[texel[:, 0], texel[:, 1]]]] = 0.0
         distance = np.zeros(len(ways))
         distance[front] = hits.distance[front]
+        missed = np.setdiff1d(np.arange(len(ways)), front, assume_unique=True)
+        light[missed] = self._through_holes(start[missed], ways[missed], lamps=lamps)
         return light, distance, texel, front
+
+    def _through_holes(self, start: FloatArray, ways: FloatArray, *, lamps: bool) -> FloatArray:
+        """(n, 3) light of the true surface, along rays that no front of the shape stops."""
+        light, shining = np.zeros((len(ways), 3)), self.shining
+        (row, column), met = (each.T for each in self.holes.texels(start, ways))
+        light[met] = shining.texture[row, column]
+        out = met[shining.sky[row, column]]
+        light[out] *= self.sky(ways[out, 2] / np.linalg.norm(ways[out], axis=1))[:, None]
+        if not lamps and shining.gloss is not None:
+            light[met[shining.gloss.shining[row, column]]] = 0.0
+        return light
 
     def glossy(
         self, start: FloatArray, ways: FloatArray, distance: FloatArray, texel: IntArray, generator: np.random.Generator
