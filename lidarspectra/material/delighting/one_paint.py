@@ -3,7 +3,9 @@
 De-lighting leaves the errors of its light on large surfaces as slow changes of reflectance along them. Faces of one
 plane and one hue whose lightness lies about a common one are therefore taken for one paint; what is clearly lighter or
 darker there, as a grey door in a white wall, is another, and keeps its own. But no paint is brighter than fresh white:
-what comes out so has more light than the model knows, and is of the paint of its plane and hue.
+what comes out so has more light than the model knows, and is of the paint of its plane and hue. And a picture tells no
+hue in a channel that it shows near black, as blue of an orange wall between others, or of any wall in the light of
+candles: what the noise alone sets apart there is of the paint of its plane that the other channels agree with.
 """
 
 from dataclasses import dataclass
@@ -16,8 +18,8 @@ from scipy.signal import find_peaks
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
-from lidarspectra.material.delighting.surface_hues import surface_groups
+from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE, PICTURE_NOISE
+from lidarspectra.material.delighting.surface_hues import HUE_FLOOR, surface_groups
 
 ALIKE = 0.3  # [1] of the logarithm of reflectance, about the commonest, that light may have changed by
 PIECES_ALIKE = 0.1  # [1] the same between pieces of a plane that a wall parts: their lights are known to some 5 % each
@@ -76,7 +78,13 @@ class Paints:
 
 
 def one_paint(
-    scan: Scan, color: FloatArray, usable: BoolArray, *, turn_deg: float, piece: IntArray | None = None
+    scan: Scan,
+    color: FloatArray,
+    usable: BoolArray,
+    *,
+    turn_deg: float,
+    piece: IntArray | None = None,
+    shown: FloatArray | None = None,
 ) -> Paints:
     """Give each paint the mean of its faces' reflectances.
 
@@ -91,6 +99,8 @@ def one_paint(
         Turn of the room's walls from the x axis. [deg]
     piece : (face,) int, optional
         Of its plane (`plane_pieces`); planes are one piece if left out.
+    shown : (face, 3) float, optional
+        Linear sRGB that the picture shows, by which dark channels are told; none is dark if left out. [0-1]
 
     Returns
     -------
@@ -106,6 +116,8 @@ def one_paint(
         means.append(np.average(logs[member], axis=0, weights=scan.areas[member]))
         paint[member] = len(means) - 1
     paint = _without_beyond_white(scan, logs, usable, paint, means)
+    if shown is not None:
+        paint = _without_dark_hues(scan, logs, usable, paint, means, shown, pieces)
     for number, mean in enumerate(means):
         member = paint == number
         evened[member] = np.exp(mean)
@@ -139,12 +151,52 @@ def _without_beyond_white(
         if scan.areas[faces[same]].sum() < area[number]:
             changed[faces[same]] = number
             left[faces[same]] = False
-    emptied = np.bincount(changed[changed >= 0], minlength=len(means)) == 0
-    kept = np.flatnonzero(~emptied)
-    means[:] = [means[number] for number in kept]
-    renamed = np.full(emptied.size + 1, -1, dtype=np.int64)
+    return _without_empty(changed, means)
+
+
+def _without_dark_hues(
+    scan: Scan,
+    logs: FloatArray,
+    usable: BoolArray,
+    paint: IntArray,
+    means: list[FloatArray],
+    shown: FloatArray,
+    piece: IntArray,
+) -> IntArray:
+    """(face,) paints, those of what is too dark in a channel for a hue exchanged for the best told that it may be of.
+
+    Of a paint is what lies in its piece of a plane, is about as light, and has its hue up to what the picture tells: a
+    face that shows x has the hue of a paint if in each channel either it has in its logarithm, or x would be another by
+    less than the noise. So white in the dark is not taken for yellow, which would show clearly less blue.
+    """
+    dark = shown.min(axis=1) < HUE_FLOOR
+    told = (paint >= 0) & ~dark
+    told_m2 = np.append(np.bincount(paint[told], weights=scan.areas[told], minlength=len(means)), 0.0)  # of no paint, 0
+    left = usable & dark
+    changed = paint.copy()
+    for number in np.argsort(-told_m2[:-1], kind="stable"):
+        faces = np.flatnonzero(left & (told_m2[paint] < told_m2[number]))
+        members = np.flatnonzero(paint == number)
+        patch = _Patch.of(scan, logs, members)
+        away = np.abs((scan.centers[faces] - patch.center) @ patch.normal)
+        apart = logs[faces] - means[number]
+        hue = apart - apart[:, [GREEN]]
+        other = shown[faces] * np.abs(np.expm1(-hue))  # that the paint's hue would show more or less
+        same = ((np.abs(hue) < FACE_HUE) | (other < PICTURE_NOISE)).all(axis=1) & (np.abs(apart[:, GREEN]) < ALIKE)
+        same &= (scan.normals[faces] @ patch.normal > FLAT) & (away < SAME_PLANE_M)
+        same &= np.isin(piece[faces], piece[members])
+        changed[faces[same]] = number
+        left[faces[same]] = False
+    return _without_empty(changed, means)
+
+
+def _without_empty(paint: IntArray, means: list[FloatArray]) -> IntArray:
+    """(face,) paints in a row, without the numbers and means of those that have no face left."""
+    kept = np.flatnonzero(np.bincount(paint[paint >= 0], minlength=len(means)))
+    renamed = np.full(len(means) + 1, -1, dtype=np.int64)
     renamed[kept] = np.arange(kept.size)
-    return np.asarray(renamed[changed], dtype=np.int64)
+    means[:] = [means[number] for number in kept]
+    return np.asarray(renamed[paint], dtype=np.int64)
 
 
 def _one_plane_one_hue(scan: Scan, logs: FloatArray, group: IntArray, piece: IntArray) -> list[IntArray]:

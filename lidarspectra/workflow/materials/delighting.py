@@ -442,6 +442,7 @@ def _of_faces(
         known & ~sunny & ~screen,
         turn_deg=surfaces.room.wall_angle_deg,
         piece=surfaces.piece[nearest_of(spread)],
+        shown=evidence.face_shown,
     )
     color = surfaces.unseen.filled(np.where(known[:, None], np.clip(paints.color, *REFLECTANCE_RANGE), 1.0))
     deviation = np.hypot(spread @ fit.log_deviation, paints.deviation(CELL_M)[:, None])

@@ -141,3 +141,41 @@ def test_what_a_wall_parts_is_one_paint_only_if_it_is_about_as_light(wall: Scan,
         for member, truth in ((beyond, ratio * WALL), (~beyond, WALL)):
             mean = np.average(found.color[member], axis=0, weights=wall.areas[member])
             np.testing.assert_allclose(mean, truth, rtol=0.01)  # 6 % of scatter over 1,600 faces
+
+
+ORANGE, YELLOW = np.array([0.78, 0.25, 0.054]), np.array([0.8, 0.7, 0.06])
+
+
+def in_the_dark(scan: Scan, paint: np.ndarray, light: np.ndarray, rest: float) -> tuple[np.ndarray, np.ndarray]:
+    """(face, 3) reflectances and what the picture shows, of a wall of which the upper half has hardly any blue light.
+
+    Its blue comes out too bright by `rest` of white, as what a picture cuts at 0 does.
+    """
+    there = np.where(scan.centers[:, 2:] > SIDE_M / 2, light * [1.0, 1.0, 0.03], light)
+    shown = paint * there
+    shown[:, 2] += rest * (scan.centers[:, 2] > SIDE_M / 2)
+    return shown / there, shown
+
+
+@pytest.mark.parametrize("rest", [0.0005, 0.002, 0.004], ids=["hardly any", "twice its blue", "five times its blue"])
+def test_a_picture_tells_no_hue_by_a_channel_that_it_shows_black(wall: Scan, rest: float) -> None:
+    upper = wall.centers[:, 2] > SIDE_M / 2
+    color, shown = in_the_dark(wall, ORANGE, np.full(3, 0.4), rest)
+    found = one_paint(wall, color, np.ones(len(upper), dtype=bool), turn_deg=0.0, shown=shown)
+    np.testing.assert_allclose(found.color, np.broadcast_to(ORANGE, found.color.shape), rtol=0.02)
+    assert len(found.area_m2) == 1 == len(found.spread)
+
+
+def test_what_would_show_another_blue_even_in_the_dark_keeps_its_own(wall: Scan) -> None:
+    """A yellow poster on white, where yellow shows a channel near black and white would not; and a darker door."""
+    white = np.array([0.8, 0.8, 0.75])
+    poster = (np.abs(wall.centers[:, [0, 2]] - [1.0, 3.0]) < 0.5).all(axis=1)
+    door = (np.abs(wall.centers[:, [0, 2]] - [3.0, 3.0]) < 0.5).all(axis=1)
+    paint = np.where(poster[:, None], YELLOW, white)
+    paint[door] = 0.5 * ORANGE
+    color, shown = in_the_dark(wall, paint, np.array([0.5, 0.5, 0.9]), 0.0)
+    color[door], shown[door] = 0.5 * ORANGE, 0.5 * ORANGE * 0.1
+    found = one_paint(wall, color, np.ones(len(door), dtype=bool), turn_deg=0.0, shown=shown)
+    assert shown[poster].max(axis=0)[2] < 0.01 < shown[~poster & ~door].min(axis=0)[2]
+    for member in (poster, door):
+        np.testing.assert_allclose(found.color[member], paint[member], rtol=0.01)
