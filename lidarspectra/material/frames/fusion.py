@@ -2,7 +2,9 @@
 
 Each texel keeps its few best views, so that memory does not grow with the number of frames. What is cut at white in a
 frame tells only that the radiance is not below that frame's white: where some frame was exposed for less, the lamp or
-window has its radiance from there. The spread between views is the texel's own deviation: gloss, passers-by, poses.
+window has its radiance from there. And what a frame shows near black is noise, which is cut at 0 and so never too low:
+each channel is weighted by what this noise amounts to in radiance, so that the blue of an orange wall comes from the
+frames that were exposed for shadows. The spread between views is the texel's own deviation: gloss, passers-by, poses.
 
 References
 ----------
@@ -57,9 +59,13 @@ class BestViews:
     def __init__(self, texels: int) -> None:
         self._light = np.full((VIEWS, texels, 3), np.nan, dtype=np.float32)
         self._weight = np.zeros((VIEWS, texels), dtype=np.float32)
+        self._frame = np.zeros((VIEWS, texels), dtype=np.uint16)
+        self._noise: list[float] = []
         self._bound = np.zeros((texels, 3), dtype=np.float32)
 
-    def add(self, index: IntArray, light: FloatArray, weight: FloatArray, clipped: BoolArray) -> None:
+    def add(
+        self, index: IntArray, light: FloatArray, weight: FloatArray, clipped: BoolArray, noise: float = 0.0
+    ) -> None:
         """Add a frame.
 
         Parameters
@@ -72,6 +78,8 @@ class BestViews:
             How well it shows each. [1]
         clipped : (seen,) bool
             Where it is cut at white: `light` is then a lower bound.
+        noise : float
+            Standard deviation of `light` where the frame is dark. [1]
         """
         bound = index[clipped]
         self._bound[bound] = np.maximum(self._bound[bound], light[clipped].astype(np.float32))
@@ -81,6 +89,8 @@ class BestViews:
         slot, place = worst[better], index[better]
         self._light[slot, place] = light[better]
         self._weight[slot, place] = weight[better]
+        self._frame[slot, place] = len(self._noise)
+        self._noise.append(noise)
 
     def fused(self) -> Fused:
         """Robust means of all texels."""
@@ -90,29 +100,38 @@ class BestViews:
         views = np.zeros(count, dtype=np.int64)
         for start in range(0, count, BLOCK_TEXELS):
             part = slice(start, start + BLOCK_TEXELS)
-            light[part], deviation[part], views[part] = _robust_mean(self._light[:, part], self._weight[:, part])
+            noise = np.array([*self._noise, 0.0], dtype=np.float32)[self._frame[:, part]]
+            light[part], deviation[part], views[part] = _robust_mean(self._light[:, part], self._weight[:, part], noise)
         at_least = (views == 0) & (self._bound > 0).any(axis=1)
         light[at_least] = self._bound[at_least]
         return Fused(light=light, deviation=deviation, views=views, at_least=at_least)
 
 
-def _robust_mean(light: SmallFloatArray, weight: SmallFloatArray) -> tuple[SmallFloatArray, SmallFloatArray, IntArray]:
-    """Mean, its relative deviation, and the number of views that agree, of (view, texel, 3) light."""
+def _robust_mean(
+    light: SmallFloatArray, weight: SmallFloatArray, noise: SmallFloatArray
+) -> tuple[SmallFloatArray, SmallFloatArray, IntArray]:
+    """Mean, its relative deviation, and the number of views that agree, of (view, texel, 3) light.
+
+    A channel's variance is that of the views' spread s and of the (view, texel) noise n over the light L there, so that
+    its weight is as s² / (s² + (n / L)²).
+    """
     seen = weight > 0
     values = np.log(np.maximum(np.where(seen[:, :, None], light, 1.0), DARKEST))
-    center = _weighted_median(values, weight)
-    green = np.abs(values[:, :, 1] - center[:, 1])
-    spread = 1.4826 * _weighted_median(green[:, :, None], weight)[:, 0]
+    center = _weighted_median(values, np.broadcast_to(weight[:, :, None], values.shape))
+    spread = 1.4826 * _weighted_median(np.abs(values[:, :, 1:2] - center[:, 1:2]), weight[:, :, None])
     spread = np.maximum(spread, MIN_SPREAD)
-    share = weight
+    # Most views may be too dark for a channel, and all of them too bright in it: the others tell where to begin.
+    center = _weighted_median(values, weight[:, :, None] * _sure(spread, noise, center))
+    sure, share = np.ones_like(values), np.broadcast_to(weight[:, :, None], values.shape)
     for _ in range(ROUNDS):
-        apart = np.abs(values - center).max(axis=2) / (ROBUST_SCALE * spread)
-        share = weight / (1.0 + apart**2) ** 2
-        total = np.maximum(share.sum(axis=0), 1e-12)
-        center = (share[:, :, None] * values).sum(axis=0) / total[:, None]
-    agree = (share > np.where(seen, 0.25 * weight, np.inf)).sum(axis=0)
-    effective = share.sum(axis=0) ** 2 / np.maximum((share**2).sum(axis=0), 1e-20)
-    deviation = np.where(agree > 1, spread / np.sqrt(np.maximum(effective, 1.0)), SINGLE_SPREAD)
+        sure = _sure(spread, noise, center)
+        apart = (np.abs(values - center) * np.sqrt(sure)).max(axis=2, keepdims=True) / (ROBUST_SCALE * spread)
+        share = weight[:, :, None] * sure / (1.0 + apart**2) ** 2
+        center = (share * values).sum(axis=0) / np.maximum(share.sum(axis=0), 1e-12)
+    green = share[:, :, 1]
+    agree = (green > np.where(seen, 0.25 * weight * sure[:, :, 1], np.inf)).sum(axis=0)
+    effective = green.sum(axis=0) ** 2 / np.maximum((green**2).sum(axis=0), 1e-20)
+    deviation = np.where(agree > 1, spread[:, 0] / np.sqrt(np.maximum(effective, 1.0)), SINGLE_SPREAD)
     none = weight.max(axis=0) <= 0
     return (
         np.where(none[:, None], np.nan, np.exp(center)).astype(np.float32),
@@ -121,10 +140,16 @@ def _robust_mean(light: SmallFloatArray, weight: SmallFloatArray) -> tuple[Small
     )
 
 
+def _sure(spread: SmallFloatArray, noise: SmallFloatArray, center: SmallFloatArray) -> SmallFloatArray:
+    """(view, texel, 3) share of the views' spread in the variance of the logarithm of light about a centre [0-1]."""
+    of_noise = noise[:, :, None] / np.exp(center)
+    return np.asarray(spread**2 / (spread**2 + of_noise**2), dtype=np.float32)
+
+
 def _weighted_median(values: SmallFloatArray, weight: SmallFloatArray) -> SmallFloatArray:
     """(texel, channel) weighted median over the first axis of (view, texel, channel) values."""
-    order = np.argsort(np.where((weight > 0)[:, :, None], values, np.inf), axis=0)
-    mass = np.take_along_axis(np.broadcast_to(weight[:, :, None], values.shape), order, axis=0).cumsum(axis=0)
+    order = np.argsort(np.where(weight > 0, values, np.inf), axis=0)
+    mass = np.take_along_axis(weight, order, axis=0).cumsum(axis=0)
     row = (mass >= 0.5 * mass[-1]).argmax(axis=0)
     middle = np.take_along_axis(np.take_along_axis(values, order, axis=0), row[None], axis=0)[0]
     return np.asarray(middle, dtype=np.float32)

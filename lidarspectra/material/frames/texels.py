@@ -18,7 +18,7 @@ from lidarspectra.material.frames.frame_views import (
     sampled,
 )
 from lidarspectra.material.frames.fusion import BestViews, Fused
-from lidarspectra.material.frames.gains import Radiometry
+from lidarspectra.material.frames.gains import DARK_NOISE, Radiometry
 from lidarspectra.material.frames.poses import ShownPoints, mended_pose
 from lidarspectra.material.frames.records import Recorder
 from lidarspectra.progress import Progress
@@ -128,10 +128,11 @@ def fuse_frames(
         gain = np.exp(radiometry.log_gain[number]) * radiometry.fall(sight.radius2)[:, None]
         cut = clipped[:, None] & (light > CUT_SHARE * white)  # the other channels are told
         light[cut] = white
-        dark = 1.0 / (1.0 + DARK / np.maximum(light.min(axis=1), 1e-6))
+        dark = 1.0 / (1.0 + DARK / np.maximum(light.mean(axis=1), 1e-6))  # not its darkest channel, which is noise
         weight = sight.weight * dark * sharp[number] ** TEXEL_BLUR
         light /= gain
-        best.add(some[sight.index], light, weight, clipped)
+        noise = DARK_NOISE / float(np.exp(radiometry.log_gain[number, 1]))
+        best.add(some[sight.index], light, weight, clipped, noise)
         if recorder is not None:
             recorder.add(frame.position, some[sight.index], light, uneven, clipped)
     return best.fused()

@@ -64,3 +64,25 @@ def test_views_that_differ_make_a_surface_uncertain() -> None:
         added(steady, 0.3)
         added(glossy, level)
     assert (glossy.fused().deviation > 3 * steady.fused().deviation).all()
+
+
+def test_a_dark_channel_is_told_by_the_frames_that_were_exposed_for_it() -> None:
+    """Blue of .001 on orange: most frames show noise there, which is cut at 0 and too high on average."""
+    generator, views, truth, texels = np.random.default_rng(1), BestViews(200), np.array([0.4, 0.1, 0.001]), 200
+    for noise in (*[0.02] * 6, *[0.0005] * 3):
+        shown = np.maximum(truth + noise * generator.standard_normal((texels, 3)), 0.0)
+        views.add(np.arange(texels), shown, np.ones(texels), np.zeros(texels, dtype=np.bool_), noise)
+    fused = views.fused()
+    assert np.median(fused.light, axis=0) == pytest.approx(truth, rel=0.1)
+    assert fused.light[:, 2].mean() == pytest.approx(truth[2], rel=0.25)
+    assert np.median(fused.views) >= 6  # noise in blue makes no view of red and green an outlier
+    assert np.median(fused.deviation) < 0.1
+
+
+def test_a_bright_surface_is_the_mean_of_all_views_whatever_their_exposure() -> None:
+    views = BestViews(3)
+    for level, noise in ((0.50, 0.004), (0.52, 0.0004), (0.54, 0.001), (0.52, 0.002), (0.9, 0.0004)):
+        views.add(ALL, np.full((3, 3), level), np.ones(3), np.zeros(3, dtype=np.bool_), noise)
+    fused = views.fused()
+    assert fused.light == pytest.approx(0.52, rel=0.01)
+    assert (fused.views == 4).all()
