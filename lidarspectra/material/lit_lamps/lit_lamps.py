@@ -17,6 +17,7 @@ from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.shapes import Shape, shape_of
 from lidarspectra.material.lit_lamps.evidence import (
+    FLUSH_M,
     IN_BRIGHT_PAINT,
     NO_CONTRAST,
     NO_RIM,
@@ -229,7 +230,7 @@ def _in_bright_paint(survey: Survey, picture: PlanePicture, usable: BoolArray, p
         fit = fit_outline(cut)
         lit = gather_evidence(picture, usable, cut, fit, kind=survey.kind, around=around, core=1.0)
         result = _lamp_or_not(survey, picture, cut, fit, lit, IN_BRIGHT_PAINT)
-        if isinstance(result, LitLamp):
+        if isinstance(result, LitLamp) and lit.height_m <= FLUSH_M:  # a white board may hang lower, in a lamp's beam
             found.append(result)
     return tuple(found)
 

@@ -8,6 +8,7 @@ faces.
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,7 @@ from lidarspectra.material.delighting.one_paint import Paints, one_paint
 from lidarspectra.material.delighting.plane_pieces import plane_pieces
 from lidarspectra.material.delighting.sharpened_cones import cones_of_light
 from lidarspectra.material.delighting.sun_patches import Openings, SunPatches, find_sun_patches
+from lidarspectra.material.delighting.tone_curve import TonePrior
 from lidarspectra.material.delighting.unknown_light import (
     OPEN_SHARE,
     PANE_DEVIATION,
@@ -105,6 +107,7 @@ RAYS = 128  # rays per sample for the form factors to other surfaces
 SCATTERED_RANGE = (REFLECTANCE_RANGE[0], 2.0)  # [1] of single faces, whose light is uncertain
 MIN_PHOTOGRAPHED = 0.2  # [1] least share of the area whose colour shows light; the rest was drawn by a program
 MIN_WITNESSES = 16  # least independent places, over twice the number of unknowns
+MAX_PAINT_SHARE = 0.05  # [1] of the area: what paint sends that is cut is known to half, so that others err by 2.5 %
 HALF = 0.5  # [1] of a bright place, that must lie in a screen for it to be no window
 CONE_PEAKS_NM = (600.0, 545.0, 445.0)  # [nm] of the sharpened cones
 SHARES = (
@@ -280,13 +283,9 @@ def take_light_out(
         return _left_in(
             "too few of its surfaces receive direct light of the lamps. Check the lamps' places in the run file."
         )
-    unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
-    found = fit_in_rounds(surfaces, lamps, evidence, coefficients, unsure_of, tone_families[1:], fitting)
-    identifiable = identifiable_lamps(found[0])
-    if not fluxes_stated and not identifiable.all():  # fluxes that are not identifiable must not absorb other errors
-        unsure_of = np.where(identifiable, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
-        found = fit_in_rounds(surfaces, lamps, evidence, coefficients, unsure_of, tone_families[1:], fitting_again)
-    fit, evidence = found
+    fit, evidence, sources, identifiable = _fitted(
+        surfaces, lamps, evidence, sources, coefficients, tone_families[1:], fluxes_stated, (fitting, fitting_again)
+    )
     if (why := doubt(fit)) is not None:
         return _left_in(why, fit)
     sources = _shines(sources, fit, scan, spread @ fit.irradiance)
@@ -313,6 +312,41 @@ def take_light_out(
         lamp_fluxes=fluxes,
         lit=tuple(lamps),
     )
+
+
+def _fitted(
+    surfaces: Surfaces,
+    lamps: Sequence[Lamp],
+    evidence: LightEvidence,
+    sources: tuple[UnknownSource, ...],
+    coefficients: FloatArray,
+    other_families: Sequence[TonePrior],
+    fluxes_stated: bool,
+    progress: tuple[Progress, Progress],
+) -> tuple[LightFit, LightEvidence, tuple[UnknownSource, ...], BoolArray]:
+    """Camera and light with the evidence that they were fitted to, the sources in it, and (lamp,) identifiable fluxes.
+
+    Where nothing that is cut at white surely shines, as by night, it is paint beside the lamps, if there is little of
+    it: as sources of free strength its places would only take up other errors. Where something does, what does not may
+    still be lit by it in ways that three lobes miss, and stays.
+    """
+    fitted = partial(fit_in_rounds, surfaces, lamps, coefficients=coefficients, other_families=other_families)
+    first, as_paint = shares(progress[0], (0.6, 0.4))
+    unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
+    found = fitted(evidence, flux_deviation=unsure_of, progress=first)
+    little = surfaces.scan.areas[_faces_of(sources, surfaces.scan)].sum() < MAX_PAINT_SHARE * surfaces.scan.areas.sum()
+    light = surfaces.spread @ found[0].irradiance
+    if lamps and sources and little and not _shines(sources, found[0], surfaces.scan, light):
+        shown_as_lamp = ~surfaces.known & near_lamps(surfaces.scan.centers, lamps)
+        sources, evidence = (), replace(
+            evidence, face_lamp=shown_as_lamp, other=None, other_upright=None, other_seen=None
+        )  # fmt: skip
+        found = fitted(evidence, flux_deviation=unsure_of, progress=as_paint)
+    identifiable = identifiable_lamps(found[0])
+    if not fluxes_stated and not identifiable.all():  # fluxes that are not identifiable must not absorb other errors
+        unsure_of = np.where(identifiable, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
+        found = fitted(evidence, flux_deviation=unsure_of, progress=progress[1])
+    return *found, sources, identifiable
 
 
 def _faces_of(sources: Sequence[UnknownSource], scan: Scan) -> BoolArray:

@@ -169,3 +169,17 @@ def test_a_picture_by_night_has_no_source_but_its_lamps(unlit: Unlit) -> None:
     assert white.any()
     assert (found.face_color[white] > 4 * PANE_REFLECTANCE).all()
     assert error(made, found) < 0.05
+
+
+@pytest.mark.parametrize(("bright", "is_paint"), [(0.88, True), (0.7, False)])
+def test_by_night_a_little_paint_that_is_cut_at_white_is_no_source_of_the_fit(
+    unlit: Unlit, bright: float, is_paint: bool
+) -> None:
+    """Its free strengths would take up other errors, and make of each place one observation; much of it needs them."""
+    made = lit_room(unlit, day=0.0, lit=1.0, bright=bright)
+    assert find_unknown_sources(made.scan, made.scan.face_colors().min(axis=1) > 0.97)
+    found = de_lit(made, made.lamps)
+    assert found.fit is not None
+    assert (found.fit.other is None) == is_paint
+    assert (found.fit.observations_per_place > 1.0) == is_paint
+    assert error(made, found) < (0.03 if is_paint else 0.08)
