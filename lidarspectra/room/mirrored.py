@@ -11,6 +11,8 @@ from lidarspectra.room.room_planes import Wall
 
 SPACING_M = 0.1  # [m] of the places over the plan that are held against their images
 ALIKE = 0.85  # [1] of the places on either side whose image belongs to the plan too
+MIN_WALL_SHARE = 0.15  # [1] of the plan's width there, that walls of the plane take up: the face of a column is no wall
+ONE_PLANE_COSINE = 0.97  # [1] between normals of walls that may lie in one plane
 MIN_SHARE = 0.2  # [1] of the plan that must lie on either side of the wall
 CLEAR_M = 0.25  # [m] of floor, ceiling and walls, from which on a surface is a thing's in the room
 THING_SPACING_M = 0.1  # [m] of the places on things that are held against their images
@@ -22,8 +24,8 @@ MIN_THINGS = 30  # places on things on either side, with fewer of which the plan
 def mirrored_walls(room: Room, scan: Scan) -> tuple[Wall, ...]:
     """Walls behind which the plan and the things in it continue as their own mirror image.
 
-    A symmetric room is none such, unless a wall stands in its middle; nor are two rooms of one size, unless they are
-    furnished as each other's image, or hardly furnished.
+    A symmetric room is none such, unless a wall, and not just a column, stands in its middle; nor are two rooms of one
+    size, unless they are furnished as each other's image, or hardly furnished.
 
     Parameters
     ----------
@@ -37,7 +39,7 @@ def mirrored_walls(room: Room, scan: Scan) -> tuple[Wall, ...]:
         Largest first; those with the room on both sides, each of which is the image of the other.
     """
     places = _places(room)
-    found = [wall for wall in room.walls if _continues_as_image(room, wall, places)]
+    found = [wall for wall in room.walls if _continues_as_image(room, wall, places) and _stands_across(room, wall)]
     if not found:
         return ()
     things = _places_on_things(room, scan)
@@ -84,3 +86,18 @@ def _continues_as_image(room: Room, wall: Wall, places: FloatArray) -> bool:
     images = places - 2.0 * along[:, None] * normal
     inside = room.in_plan(images)
     return bool(min(inside[behind].mean(), inside[~behind].mean()) >= ALIKE)
+
+
+def _stands_across(room: Room, wall: Wall) -> bool:
+    """Whether walls of a wall's plane take up enough of the plan's width there."""
+    across = np.array([-wall.normal[1], wall.normal[0]])
+    ends = np.concatenate(room.outlines) @ across
+    place = np.arange(ends.min(), ends.max(), SPACING_M)
+    place = place[room.in_plan((wall.offset_m + CLEAR_M) * wall.normal[:2] + place[:, None] * across)]
+    taken = np.zeros(place.size, dtype=np.bool_)
+    for other in room.walls:
+        cosine = float(other.normal @ wall.normal)
+        if abs(cosine) > ONE_PLANE_COSINE and abs(np.sign(cosine) * other.offset_m - wall.offset_m) < CLEAR_M:
+            low, high = np.sort([other.start @ across, other.end @ across])
+            taken |= (place >= low) & (place <= high)
+    return bool(taken.size and taken.mean() >= MIN_WALL_SHARE)
