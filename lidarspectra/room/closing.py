@@ -272,7 +272,7 @@ def _plate(plan: PlanMask, z: float, kind: int) -> _Shell:
 
 def _shell(plan: PlanMask, room: Room) -> _Shell:
     """Sides around the plan, from below the floor to above the ceiling, and plates there."""
-    low, high = min(room.floor_z, *room.other_floor_z, room.floor_z) - BEYOND_M, room.ceiling_z + BEYOND_M
+    low, high = min((room.floor_z, *room.other_floor_z)) - BEYOND_M, room.ceiling_z + BEYOND_M
     heights = np.linspace(low, high, max(2, round((high - low) / CELL_M) + 1))
     squares = []
     for polygon in outlines(plan):

@@ -160,7 +160,7 @@ class Room:
         return within
 
     def floor_at(self, positions: FloatArray) -> FloatArray:
-        """(point,) height of the floor below (point, 2 or 3) positions [m]: the main one's outside of all rooms [m]."""
+        """(point,) height [m] of the floor below (point, 2 or 3) positions [m]: the main one's outside of all rooms."""
         plan = np.asarray(positions, dtype=np.float64)[:, :2]
         floor_z = np.full(len(plan), self.floor_z)
         for polygon, z in zip(self.other_outlines, self.other_floor_z, strict=True):

@@ -214,7 +214,8 @@ def reachable_places(scan: Scan, room: Room, lamps: Sequence[Lamp], own: FloatAr
         [m]
     """
     free = FreeSpace(scan, room)
-    within = own[(own[:, 2] >= room.floor_z + CLEAR_M) & (own[:, 2] <= room.floor_z + REACHED_M)]
+    above_floor = own[:, 2] - room.floor_at(own)
+    within = own[(above_floor >= CLEAR_M) & (above_floor <= REACHED_M)]
     if len(within):
         within = within[free.distance(within, limit_m=CLEAR_M, ignore_floor=True) >= CLEAR_M]
     spacing = max(float(np.sqrt(np.prod(np.ptp(room.outline, axis=0)) / MAX_PLACES)), MARGIN_M)

@@ -48,7 +48,8 @@ def year_criteria(run: Path, light: RuleLight) -> tuple[tuple[Criterion, ...], t
             f"{', '.join(changed)}), so that EN 17037 and LM-83 are left out. Make it again "
             "by 'lidarspectra annual', then give this command again.",
         )
-    return daylight_criteria(year, daylight_factors(light)), plane_notes(year, room.room.floor_z)
+    floor_m = room.room.floor_at(np.stack([year["x"], year["y"]], axis=1))
+    return daylight_criteria(year, daylight_factors(light)), plane_notes(year, floor_m)
 
 
 def daylight_factors(light: RuleLight) -> FloatArray:
@@ -67,17 +68,17 @@ def daylight_factors(light: RuleLight) -> FloatArray:
     return np.asarray(np.exp(flux + light.draws.reflectance @ slope) * light.draws.level, dtype=np.float64)
 
 
-def plane_notes(year: xr.Dataset, floor_m: float) -> tuple[str, ...]:
+def plane_notes(year: xr.Dataset, floor_m: float | FloatArray) -> tuple[str, ...]:
     """A note where the year's points are not the plane that the rules judge.
 
     Parameters
     ----------
     year : xarray.Dataset
-    floor_m : float
-        Height of the floor. [m]
+    floor_m : float or (point,) float
+        Height of the floor below its points. [m]
     """
     kept = kept_points(year)
-    height, up = year["z"].to_numpy()[kept] - floor_m, year["nz"].to_numpy()[kept]
+    height, up = (year["z"].to_numpy() - floor_m)[kept], year["nz"].to_numpy()[kept]
     off = (height < PLANE_M[0]) | (height > PLANE_M[1])
     turned = up < LEAST_UP
     if not (off | turned).any():

@@ -198,11 +198,12 @@ def view_of_room(
     corner = middle + TOWARDS_CORNER * (corner - middle)
     place = np.array([*corner, room.floor_z + STANDING_M]) if eye is None else _place(eye, "eye")
     seen = np.array([*middle, room.floor_z + LOOK_AT_M]) if target is None else _place(target, "target")
-    if not (room.in_plan(place[None])[0] and room.floor_z < place[2] < room.ceiling_z):
+    floor_z = float(room.floor_at(place[None])[0])
+    if not (room.in_plan(place[None])[0] and floor_z < place[2] < room.ceiling_z):
         low, high = (each(np.vstack(room.outlines), axis=0) for each in (np.min, np.max))
         raise SceneError(
             expected=f"an eye in the room: x from {low[0]:.2f} to {high[0]:.2f}, y from {low[1]:.2f} to {high[1]:.2f}, "
-            f"z from {room.floor_z:.2f} to {room.ceiling_z:.2f} m",
+            f"z from {floor_z:.2f} to {room.ceiling_z:.2f} m",
             found=", ".join(f"{value:g}" for value in place),
             where="picture",
             todo="Give another place of the eye, in metres and in the scan's axes.",

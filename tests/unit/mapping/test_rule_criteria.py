@@ -161,6 +161,8 @@ def test_points_that_are_not_the_plane_of_en_17037_are_said_to_be_elsewhere() ->
     assert plane_notes(year(0.85, 1.0), 0.5) == ()
     assert "1 are elsewhere (from 0.30 to 0.85 m) and 0 do not face up" in plane_notes(year(0.3, 1.0), 0.5)[0]
     assert "0 are elsewhere (from 0.80 to 0.85 m) and 1 do not face up" in plane_notes(year(0.8, 0.0), 0.5)[0]
+    floors = np.where(np.arange(year(0.85, 1.0).sizes["point"]) == 0, 0.2, 0.5)  # one room is down a step
+    assert "1 are elsewhere (from 0.85 to 1.15 m)" in plane_notes(year(0.85, 1.0), floors)[0]
 
 
 def test_how_light_changes_with_reflectances_is_told_lamp_by_lamp_and_without_a_trace() -> None:

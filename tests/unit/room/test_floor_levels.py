@@ -6,13 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lidarspectra.errors import ArrayError
+from lidarspectra.errors import ArrayError, SceneError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.other_levels import other_levels
 from lidarspectra.room.room import ROOM_FILE, Room, find_room, load_room, save_room
 from lidarspectra.room.sensor_points import grid_points
 from lidarspectra.room.surface_parts import PARTS, surface_parts
+from lidarspectra.workflow.calibration.plan import HAND_M, REACHED_M, reachable_places
+from lidarspectra.workflow.scenarios.picture_of_run import view_of_room
 from lidarspectra.workflow.whole_room import whole_room
 
 NOISE_M = 0.008  # [m] of a phone's mesh
@@ -160,3 +162,19 @@ def test_floors_that_fit_no_room_are_refused(builder, heights: tuple[float, ...]
     values = {name: getattr(found, name) for name in Room.__dataclass_fields__}
     with pytest.raises(ArrayError, match="floors of further rooms"):
         Room(**{**values, "other_floor_z": heights})
+
+
+def test_eyes_and_hands_are_above_the_floor_of_their_own_room(builder) -> None:
+    scan = two_rooms(builder, -0.5)
+    room = find_room(scan)
+    at_feet = (7.0, 1.5, -0.2)  # below the main floor
+    view = view_of_room(room, at_feet, None, projection="perspective", angle_deg=None, pixels=(80, 60))
+    assert view.eye[2] == -0.2
+    with pytest.raises(SceneError, match=r"z from 0\.00 to"):
+        view_of_room(room, (2.0, 3.0, -0.2), None, projection="perspective", angle_deg=None, pixels=(80, 60))
+    own = np.array([[7.0, 1.5, REACHED_M - 0.5 + 0.05], [2.0, 3.0, REACHED_M - 0.05]])  # out of reach there, not here
+    places = reachable_places(scan, room, [], own)
+    assert not (np.abs(places - own[0]).max(axis=1) < 1e-9).any()
+    assert (np.abs(places - own[1]).max(axis=1) < 1e-9).any()
+    held = places[(places[:, 0] > 5.2) & (np.abs(places[:, 2] - (HAND_M - 0.5)) < 0.02)]
+    assert len(held)
