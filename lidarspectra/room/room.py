@@ -14,6 +14,7 @@ from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.floor_levels import MIN_LEVEL_SHARE, OtherFloors
 from lidarspectra.room.plan_cells import MIN_ROOM_M2, outlines, plan_mask, signed_area
+from lidarspectra.room.polished_floor import mirroring_floor
 from lidarspectra.room.room_planes import (
     GIVEN_REACH_M,
     LEVEL_COSINE,
@@ -209,12 +210,14 @@ def find_room(
     faces = face_geometry(scan)
     upright = of_kinds(scan, faces, *UPRIGHT_KINDS)
     on_floor = of_kinds(scan, faces, "floor")
-    floor = find_floor(on_floor, given_z=floor_z)
+    floor, levels = find_floor(on_floor, given_z=floor_z), levels_of(on_floor, share=MIN_LEVEL_SHARE)
     if floor_z is None:
         floor = _floor_or_bottom_of_walls(floor, upright)
+        polished = mirroring_floor(faces, upright, levels, floor)
+        if polished is not None:
+            floor, levels = polished, tuple(level for level in levels if level.z >= polished.z)
     if floor is None:
         raise _no_room(scan, "no level surface that faces up, and no walls")
-    levels = levels_of(on_floor, share=MIN_LEVEL_SHARE)
     looked = partial(
         _room_over, scan, faces, upright, levels=levels, floor_given=floor_z is not None, ceiling_z=ceiling_z,
         caster=caster or caster_of(scan),

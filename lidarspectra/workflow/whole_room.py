@@ -8,12 +8,15 @@ from lidarspectra.geometry.scan import Scan, ScanRecord
 from lidarspectra.material.pane_materials import REFLECTANCE
 from lidarspectra.material.part_materials import typical_in_words
 from lidarspectra.room.closing import Openness, close_room
+from lidarspectra.room.floor_levels import LEVEL_TOLERANCE_M
 from lidarspectra.room.mirrored import mirrored_walls
 from lidarspectra.room.other_levels import OtherLevel, other_levels
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.placing import with_panes
 from lidarspectra.room.panes.search import Seen, doubtful_openings, propose_panes, views_of_room
-from lidarspectra.room.room import Room, find_room
+from lidarspectra.room.polished_floor import shows_image
+from lidarspectra.room.room import UPRIGHT_KINDS, Room, find_room
+from lidarspectra.room.room_planes import Level, face_geometry, of_kinds
 from lidarspectra.workflow.run_folder.panes_of_run import found_notes
 
 USUAL_REFLECTANCE = 0.5  # [1] mean of a room's surfaces
@@ -190,6 +193,13 @@ def _floor_notes(room: Room, scan: Scan) -> Iterator[str]:
             "level shows one room's."
         )
     for level in other_levels(scan, room):
+        if _is_image_of_ceiling(level, room, scan):
+            yield (
+                "What lies below the floor is the room's own image, as a polished floor leaves it in scans, with "
+                f"{level.area_m2:.1f} m² of its ceiling at z = {level.z:.2f} m. It is no part of the room, but light "
+                "meets it through what was not scanned of the floor: cut it off in the scanning app if that is much."
+            )
+            continue
         where = f"A level surface of {level.area_m2:.1f} m² at z = {level.z:.2f} m, {_step_in_words(level)}, lies"
         if level.in_plan:
             yield (
@@ -202,6 +212,18 @@ def _floor_notes(room: Room, scan: Scan) -> Iterator[str]:
                 "down steps, another storey), nothing of it is in the map. Cut it off in the scanning app; or, to map "
                 f"that part, give its height, floor = {level.z:.2f} under [scan] (--floor {level.z:.2f} of init)."
             )
+
+
+def _is_image_of_ceiling(level: OtherLevel, room: Room, scan: Scan) -> bool:
+    if abs(level.z - (2.0 * room.floor_z - room.ceiling_z)) > LEVEL_TOLERANCE_M:
+        return False
+    faces = face_geometry(scan)
+    return shows_image(
+        faces,
+        of_kinds(scan, faces, *UPRIGHT_KINDS),
+        Level(z=room.floor_z, area_m2=room.floor_area_m2),
+        Level(z=level.z, area_m2=level.area_m2),
+    )
 
 
 def _step_in_words(level: OtherLevel) -> str:

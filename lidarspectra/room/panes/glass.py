@@ -23,9 +23,6 @@ BULGE_M = 2.0  # [m] deepest of a bulge; what is seen farther behind is another 
 ROUGH_M = 0.04  # [m] standard deviation of a bulge's depth about its own plane; a niche or a window's recess is flatter
 MIN_BULGE_M2, MIN_HOLE_M2 = 0.25, 0.3
 RECTANGLE = 0.85  # [1] of the box around a hole that it fills; a round one, as scans have, fills .79
-HEAD_SHARE = (
-    0.5  # [1] of what lies above a bulge, that is wall or ceiling: over a worktop it is wall cupboards, set back
-)
 FRAME_SHARE = 0.7  # [1] of the squares around a hole that are wall: what is seen far behind a door has none
 # [1] of what is seen around a bulge, or an opening in which patches hang, that is wall. Between a worktop and wall
 # cupboards it is less: they stand before or behind one another.

@@ -44,7 +44,7 @@ def below_the_ceiling(builder):
 
 def test_a_mirrored_room_under_a_polished_floor_is_no_part_of_the_room_once_the_floor_is_given(builder) -> None:
     scan = polished(builder)
-    assert find_room(scan).floor_z == pytest.approx(-2.5, abs=0.02), "found wrongly, else this tries nothing"
+    assert scan.bounds[0, 2] < -2.4, "the image is there, else this tries nothing"
     room = find_room(scan, floor_z=0.05)
     assert room.floor_z == pytest.approx(0.0, abs=0.01), "the surface within 10 cm of what is given"
     assert room.height_m == pytest.approx(2.5, abs=0.02)
