@@ -68,6 +68,32 @@ def int_array(values: ArrayLike, *, name: str, shape: tuple[int | None, ...]) ->
     return array
 
 
+def distinct_rows(rows: IntArray) -> tuple[IntArray, IntArray]:
+    """Distinct rows of whole numbers, in lexicographic order, and which of them each row is.
+
+    The same as `numpy.unique` along the first axis, which compares row by row. Here each row becomes one integer first,
+    where 62 bits hold it: sorting these takes a tenth of the time.
+
+    Parameters
+    ----------
+    rows : (n, k) int
+
+    Returns
+    -------
+    distinct : (m, k) int
+    number : (n,) int
+        0 to m - 1.
+    """
+    low, high = (rows.min(axis=0), rows.max(axis=0)) if len(rows) else (np.zeros(rows.shape[1]),) * 2
+    if np.prod(high.astype(np.float64) - low + 1.0) >= 2.0**62:
+        distinct, number = np.unique(rows, axis=0, return_inverse=True)
+        return distinct, number.reshape(-1)
+    extent = (high - low + 1).astype(np.int64)
+    step = np.append(np.cumprod(extent[:0:-1])[::-1], 1)
+    _, first, number = np.unique((rows - low).astype(np.int64) @ step, return_index=True, return_inverse=True)
+    return rows[first], number.reshape(-1)
+
+
 def _check_shape(array: NDArray[np.generic], *, name: str, shape: tuple[int | None, ...]) -> None:
     fits = array.ndim == len(shape) and all(
         want is None or want == have for want, have in zip(shape, array.shape, strict=True)

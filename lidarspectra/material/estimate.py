@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from lidarspectra.arguments import instance_of, one_of, path_of
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
@@ -27,7 +28,12 @@ from lidarspectra.material.matching import Match, MatchMethod, match_color
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.material.part_materials import named_prior, typical_materials
 from lidarspectra.material.segmentation.color_priors import color_likelihood
-from lidarspectra.material.segmentation.face_groups import agreement, face_adjacency, smooth_labels
+from lidarspectra.material.segmentation.face_groups import (
+    Adjacency,
+    agreement,
+    face_adjacency,
+    smooth_labels,
+)
 from lidarspectra.material.segmentation.fusion import FaceClasses, fuse, split_by_class, view_votes
 from lidarspectra.material.segmentation.place_priors import class_prior, find_places
 from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL, Classifier
@@ -157,10 +163,14 @@ def estimate_from_votes(
             where="views",
             todo="Run the views stage again.",
         )
-    label, count = find_groups(scan, shown, usable, views.face_seen, most=colors)
+    adjacency = face_adjacency(scan)
+    neighbors = agreement(adjacency, linear_srgb_to_lab(shown), scan.normals)
+    label, count = find_groups(scan, shown, usable, views.face_seen, neighbors, most=colors)
     names = (UNKNOWN,) * count
     if count and votes is not None:
-        classes = material_classes(scan, votes, room=room, colors=shown, progress=looking)
+        classes = material_classes(
+            scan, votes, room=room, colors=shown, adjacency=adjacency, neighbors=neighbors, progress=looking
+        )
         label, count, names = split_by_class(label, classes, scan.areas, most=colors)
     finding(0.0, f"{count} segments")
     materials = [
@@ -259,6 +269,8 @@ def material_classes(
     *,
     room: Room | None,
     colors: FloatArray,
+    adjacency: Adjacency,
+    neighbors: csr_array,
     progress: Progress = silent,
 ) -> FaceClasses:
     """Material class of every face: the views' votes, the room's geometry, the colour, and the neighbours.
@@ -271,7 +283,11 @@ def material_classes(
     room : Room or None
         In the scan; None leaves the geometry out.
     colors : (face, 3) float
-        Linear sRGB; it weights the agreement of neighbours, and excludes some classes. [0-1]
+        Linear sRGB, which excludes some classes. [0-1]
+    adjacency : Adjacency
+        Of the scan's faces.
+    neighbors : (face, face) sparse float
+        See `face_groups.agreement`.
     progress : callable
 
     Returns
@@ -281,10 +297,7 @@ def material_classes(
     looking, fusing = shares(progress, CLASS_SHARES)
     seen = votes(looking)
     fusing(0.0, "material classes of faces")
-    adjacency = face_adjacency(scan)
-    lab = linear_srgb_to_lab(colors)
-    neighbors = agreement(adjacency, lab, scan.normals)
-    prior = color_likelihood(lab, seen.classes)
+    prior = color_likelihood(linear_srgb_to_lab(colors), seen.classes)
     if room is not None:
         by_place = class_prior(find_places(scan, room, adjacency), seen.classes)
         prior = prior * named_prior(scan.appearance, seen.classes, by_place)
@@ -292,7 +305,7 @@ def material_classes(
 
 
 def find_groups(
-    scan: Scan, colors: FloatArray, usable: BoolArray, seen: FloatArray, *, most: int
+    scan: Scan, colors: FloatArray, usable: BoolArray, seen: FloatArray, neighbors: csr_array, *, most: int
 ) -> tuple[IntArray, int]:
     """Group faces by primary colour, with a smoothness term for neighbours of similar colour.
 
@@ -305,6 +318,8 @@ def find_groups(
         Whose colour shows a surface.
     seen : (face,) float
         Share of each face that some view saw. [0-1]
+    neighbors : (face, face) sparse float
+        See `face_groups.agreement`.
     most : int
         Largest number of groups.
 
@@ -323,9 +338,8 @@ def find_groups(
         return label, 0
     lab = linear_srgb_to_lab(colors)
     found = primary_colors(lab[usable], weight[usable], most=most, random=np.random.default_rng(SEED))
-    weights = agreement(face_adjacency(scan), lab, scan.normals)
     centers = found.lab
-    label = smooth_labels(lab, centers, evidence * usable, weights)
+    label = smooth_labels(lab, centers, evidence * usable, neighbors)
     share = np.bincount(label[usable], weights=areas[usable], minlength=len(centers)) / areas[usable].sum()
     large = np.flatnonzero(share >= min(MIN_SHARE, float(share.max())))
     if large.size < len(centers):

@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, distinct_rows
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.scan import Appearance, Scan
 from lidarspectra.geometry.triangles import triangle_areas
@@ -140,9 +140,8 @@ def _without_bad_faces(scan: Scan) -> Scan:
     corners = np.sort(scan.faces, axis=1)
     repeated = (corners[:, 0] == corners[:, 1]) | (corners[:, 1] == corners[:, 2])
     degenerate = repeated | (scan.areas < MIN_FACE_AREA_M2)
-    _, first = np.unique(corners, axis=0, return_index=True)
     double = np.ones(corners.shape[0], dtype=np.bool_)
-    double[first] = False
+    double[np.unique(distinct_rows(corners)[1], return_index=True)[1]] = False
     double &= ~degenerate
     kept = np.flatnonzero(~degenerate & ~double)
     if kept.size == 0:

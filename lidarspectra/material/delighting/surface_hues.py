@@ -5,11 +5,11 @@ Points must not be separated by brightness: its change over a surface is the evi
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, distinct_rows
 from lidarspectra.material.k_means import k_means
 
 HUES = 7  # that a room is sorted into
-HUE_DIGITS = 2  # decimals that hues are rounded to before they are sorted: so few that many starts take no time
+HUE_STEPS = 100  # of a unit, to which hues are rounded before they are sorted: so few that many starts take no time
 HUE_FLOOR = 0.01  # [1] of white, added before logarithms: a darker colour has no hue to speak of
 HUE_STARTS = 32  # K-means restarts: as many as find the same groups from any seed, in round-off and in noise
 FLAT = 0.9  # [1] cosine to a room axis from which a point lies in a plane of the room
@@ -60,8 +60,7 @@ def surface_groups(
     offset = np.rint(places[own, axis] / PLANE_M)
     keys = np.stack([axis, np.sign(facing[own, axis]), offset], axis=1)[member]
     pieces = np.zeros(len(keys)) if piece is None else piece[member]
-    _, label = np.unique(np.column_stack([keys, pieces, hues]), axis=0, return_inverse=True)
-    label = label.reshape(-1)
+    label = distinct_rows(np.column_stack([keys, pieces, hues]).astype(np.int64))[1]
     label[np.bincount(label)[label] < FEWEST] = -1
     group[member] = label
     return group
@@ -69,10 +68,10 @@ def surface_groups(
 
 def _sorted_hues(hue: FloatArray) -> IntArray:
     """(n,) which of at most `HUES` groups each of (n, 3) hues is of: of many starts of K-means, the tightest groups."""
-    distinct, which, count = np.unique(hue.round(HUE_DIGITS), axis=0, return_inverse=True, return_counts=True)
-    groups = min(HUES, len(distinct))
-    found = k_means(distinct, groups, seed=SEED, weights=count.astype(np.float64), starts=HUE_STARTS)
-    return found.label[which.reshape(-1)]
+    distinct, which = distinct_rows(np.rint(HUE_STEPS * hue).astype(np.int64))
+    groups, count = min(HUES, len(distinct)), np.bincount(which)
+    found = k_means(distinct / HUE_STEPS, groups, seed=SEED, weights=count.astype(np.float64), starts=HUE_STARTS)
+    return found.label[which]
 
 
 def log_hue(colors: FloatArray) -> FloatArray:

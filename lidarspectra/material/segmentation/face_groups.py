@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.special import softmax
 
-from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.arrays import FloatArray, IntArray, distinct_rows
 from lidarspectra.geometry.scan import Scan
 
 WELD_M = 1e-4  # [m] tolerance for welding corners: texture seams duplicate vertices
@@ -46,8 +46,7 @@ def face_adjacency(scan: Scan) -> Adjacency:
         An edge of n faces gives n - 1 pairs.
     """
     grid = np.rint(scan.vertices / WELD_M).astype(np.int64)
-    _, welded = np.unique(grid, axis=0, return_inverse=True)
-    corners = welded.reshape(-1)[scan.faces]
+    corners = distinct_rows(grid)[1][scan.faces]
     edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(scan.faces)), 3)
     positions = scan.vertices[np.stack([scan.faces, np.roll(scan.faces, -1, axis=1)], axis=2).reshape(-1, 2)]

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.arrays import FloatArray, IntArray, distinct_rows
 from lidarspectra.errors import ArrayError, SceneError
 from lidarspectra.geometry.scan import Scan, bare_scan
 
@@ -107,8 +107,7 @@ def _unit(vectors: FloatArray) -> FloatArray:
 def merged_vertices(scan: Scan) -> IntArray:
     """(vertex,) number of the place that each vertex is at."""
     cells = np.rint((scan.vertices - scan.bounds[0]) / SAME_VERTEX_M).astype(np.int64)
-    _, number = np.unique(cells, axis=0, return_inverse=True)
-    return np.asarray(number.ravel(), dtype=np.int64)
+    return distinct_rows(cells)[1]
 
 
 def mesh_text(scan: Scan, face_material: IntArray, *, names: tuple[str, ...], crease_deg: float = CREASE_DEG) -> str:
@@ -138,7 +137,7 @@ def mesh_text(scan: Scan, face_material: IntArray, *, names: tuple[str, ...], cr
     if kept.size == 0:
         raise SceneError(expected="a mesh with an area", found="only degenerate triangles", where=scan.record.file)
     rounded = np.rint(corner_normals(scan, crease_deg=crease_deg)[kept] * NORMAL_STEPS).astype(np.int64)
-    normals, normal_index = np.unique(rounded.reshape(-1, 3), axis=0, return_inverse=True)
+    normals, normal_index = distinct_rows(rounded.reshape(-1, 3))
     corners = np.stack([scan.faces[kept] + 1, normal_index.reshape(-1, 3) + 1], axis=2).reshape(-1, 6)
     lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in scan.vertices.tolist()]
     lines += [f"vn {x / NORMAL_STEPS:g} {y / NORMAL_STEPS:g} {z / NORMAL_STEPS:g}" for x, y, z in normals.tolist()]

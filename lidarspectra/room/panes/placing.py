@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, distinct_rows
 from lidarspectra.geometry.appearance import NEUTRAL_COLOR, NO_COLOR, PHOTOGRAPHED, Appearance
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.panes.mirrors import images_behind
@@ -107,8 +107,8 @@ def _open_edges(faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """Vertices from and to which the edges of one face only run, and these (edge,) faces."""
     starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     keys = np.stack([np.minimum(starts, ends), np.maximum(starts, ends)], axis=1)
-    _, edge, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    alone = np.flatnonzero(count[edge.reshape(-1)] == 1)
+    edge = distinct_rows(keys)[1]
+    alone = np.flatnonzero(np.bincount(edge)[edge] == 1)
     return starts[alone], ends[alone], alone // 3
 
 

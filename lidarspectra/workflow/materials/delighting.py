@@ -330,23 +330,31 @@ def _fitted(
     it: as sources of free strength its places would only take up other errors. Where something does, what does not may
     still be lit by it in ways that three lobes miss, and stays.
     """
-    fitted = partial(fit_in_rounds, surfaces, lamps, coefficients=coefficients, other_families=other_families)
-    first, as_paint = shares(progress[0], (0.6, 0.4))
-    unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
-    found = fitted(evidence, flux_deviation=unsure_of, progress=first)
     little = surfaces.scan.areas[_faces_of(sources, surfaces.scan)].sum() < MAX_PAINT_SHARE * surfaces.scan.areas.sum()
-    light = surfaces.spread @ found[0].irradiance
-    if lamps and sources and little and not _shines(sources, found[0], surfaces.scan, light):
-        shown_as_lamp = ~surfaces.known & near_lamps(surfaces.scan.centers, lamps)
-        sources, evidence = (), replace(
-            evidence, face_lamp=shown_as_lamp, other=None, other_upright=None, other_seen=None
-        )  # fmt: skip
-        found = fitted(evidence, flux_deviation=unsure_of, progress=as_paint)
-    identifiable = identifiable_lamps(found[0])
+
+    def as_paint(evidence: LightEvidence, fit: LightFit) -> LightEvidence:
+        light = surfaces.spread @ fit.irradiance
+        if not (lamps and evidence.sources and little) or _shines(sources, fit, surfaces.scan, light):
+            return evidence
+        return _without_sources(evidence, ~surfaces.known & near_lamps(surfaces.scan.centers, lamps))
+
+    fitted = partial(
+        fit_in_rounds, surfaces, lamps, coefficients=coefficients, other_families=other_families, as_paint=as_paint
+    )
+    unsure_of = np.full(len(lamps), STATED_FLUX_DEVIATION if fluxes_stated else UNKNOWN_FLUX_DEVIATION)
+    fit, found = fitted(evidence, flux_deviation=unsure_of, progress=progress[0])
+    identifiable = identifiable_lamps(fit)
+    if not found.sources:
+        sources, evidence = (), _without_sources(evidence, found.face_lamp)
     if not fluxes_stated and not identifiable.all():  # fluxes that are not identifiable must not absorb other errors
         unsure_of = np.where(identifiable, UNKNOWN_FLUX_DEVIATION, STATED_FLUX_DEVIATION)
-        found = fitted(evidence, flux_deviation=unsure_of, progress=progress[1])
-    return *found, sources, identifiable
+        fit, found = fitted(evidence, flux_deviation=unsure_of, progress=progress[1])
+    return fit, found, sources, identifiable
+
+
+def _without_sources(evidence: LightEvidence, face_lamp: BoolArray) -> LightEvidence:
+    """Evidence of a picture whose only light is the lamps', which some faces show."""
+    return replace(evidence, face_lamp=face_lamp, other=None, other_upright=None, other_seen=None)
 
 
 def _faces_of(sources: Sequence[UnknownSource], scan: Scan) -> BoolArray:

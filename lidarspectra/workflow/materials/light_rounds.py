@@ -1,6 +1,6 @@
 """Camera and light fitted in rounds: surfaces are grouped by the hue that a fit makes of them, and fitted again."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -14,7 +14,7 @@ from lidarspectra.material.delighting.albedo import LightFit, fit_light
 from lidarspectra.material.delighting.clipped_light import beyond_white
 from lidarspectra.material.delighting.colored_light import BANDS, Exchange, apparent_ratio
 from lidarspectra.material.delighting.light_evidence import LightEvidence
-from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
+from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE, OF_SOURCE
 from lidarspectra.material.delighting.linear_evidence import UnseenFaces
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb, srgb_of_cones
 from lidarspectra.material.delighting.tone_curve import TonePrior
@@ -35,8 +35,9 @@ REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
 LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly white (research/benchmarks/whites.py)
 STRAY_LIGHT = 0.02  # [1] of white, from neighbouring places: edges are rounded, frames blended, lenses glare
 GREEN_NM = (500.0, 600.0)  # [nm] where the middle cone responds
-# of the fits' time: the first, which has several starting points, the others, and other families of tone curves
-ROUND_SHARES = (0.3, *(0.45 / (ROUNDS - 1),) * (ROUNDS - 1), 0.25)
+# of the fits' time: the first, which has several starting points, the others, those without sources that turn out to be
+# paint, and other families of tone curves
+ROUND_SHARES = (0.3, *(0.25 / (ROUNDS - 1),) * (ROUNDS - 1), 0.2, 0.25)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,12 +78,14 @@ def fit_in_rounds(
     coefficients: FloatArray,
     flux_deviation: FloatArray,
     other_families: Sequence[TonePrior],
+    as_paint: Callable[[LightEvidence, LightFit], LightEvidence],
     progress: Progress,
 ) -> tuple[LightFit, LightEvidence]:
     """Fit camera and light, group surfaces by the hue that results, and fit again; then choose the tone curve's family.
 
-    All families are fitted to the groups that the first one's fit made. Where another is more probable, surfaces are
-    grouped by its fit and fitted once more; the probabilities stay.
+    Sources that turn out to be paint, mostly after the first fit, are left out, and what follows starts from the fit
+    that they were part of. All families are fitted to the groups that the first one's fit made. Where another is more
+    probable, surfaces are grouped by its fit and fitted once more; the probabilities stay.
 
     Parameters
     ----------
@@ -96,6 +99,8 @@ def fit_in_rounds(
         As in `albedo.fit_light`. [1]
     other_families : sequence of TonePrior
         Other families of tone curves; none where frames tell the curve.
+    as_paint : callable
+        Gives the evidence of a fit without its unknown sources, where by the fit they are paint; else as it is.
     progress : Progress
 
     Returns
@@ -105,13 +110,16 @@ def fit_in_rounds(
     evidence : LightEvidence
         That it was fitted to.
     """
-    first, *following, weighing = shares(progress, ROUND_SHARES)
+    first, *following, without, weighing = shares(progress, ROUND_SHARES)
     fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
     grouping = _Grouping.of(surfaces, lamps, evidence, coefficients)
+    evidence, fit = _without_paint(as_paint, evidence, fit)
     for part in following:
-        part(0.0, "surfaces of one hue")
-        evidence = grouping.regrouped(evidence, fit)
-        fit = _fit_again(evidence, fit, flux_deviation, part)
+        evidence, fit = _next_round(grouping, evidence, fit, flux_deviation, part)
+    with_sources = evidence.sources
+    evidence, fit = _without_paint(as_paint, evidence, fit)
+    for part in shares(without, (1.0,) * (ROUNDS - 1)) if evidence.sources < with_sources else ():
+        evidence, fit = _next_round(grouping, evidence, fit, flux_deviation, part)
     trying, ending = shares(weighing, (0.7, 0.3))
     fits = [fit, *fit_other_families(evidence, fit, other_families, flux_deviation=flux_deviation, progress=trying)]
     probability = probabilities(fits)
@@ -121,6 +129,25 @@ def fit_in_rounds(
         fits[best] = _fit_again(evidence, fits[best], flux_deviation, ending)
     order = [best, *(number for number in range(len(fits)) if number != best)]
     return with_others(fits[best], [fits[number] for number in order[1:]], probability[order]), evidence
+
+
+def _without_paint(
+    as_paint: Callable[[LightEvidence, LightFit], LightEvidence], evidence: LightEvidence, fit: LightFit
+) -> tuple[LightEvidence, LightFit]:
+    """Evidence without the sources that are paint by a fit, and the fit without their parameters."""
+    alone = as_paint(evidence, fit)
+    if alone is evidence:
+        return evidence, fit
+    return alone, replace(fit, parameters=fit.parameters[: -OF_SOURCE * evidence.sources], other=None)
+
+
+def _next_round(
+    grouping: "_Grouping", evidence: LightEvidence, fit: LightFit, flux_deviation: FloatArray, progress: Progress
+) -> tuple[LightEvidence, LightFit]:
+    """Evidence grouped by the hue that a fit makes of the surfaces, and a fit to it."""
+    progress(0.0, "surfaces of one hue")
+    evidence = grouping.regrouped(evidence, fit)
+    return evidence, _fit_again(evidence, fit, flux_deviation, progress)
 
 
 def _fit_again(evidence: LightEvidence, fit: LightFit, flux_deviation: FloatArray, progress: Progress) -> LightFit:

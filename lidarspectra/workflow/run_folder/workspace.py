@@ -17,11 +17,13 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Any, Generic, Literal, Self, TypeVar, get_args
 
+from lidarspectra import __version__
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.file_lock import FileLock
 from lidarspectra.io.files import hash_file, write_whole, writing
@@ -455,17 +457,21 @@ def write_json(path: Path, value: object) -> None:
 
 def versions() -> dict[str, str]:
     """Versions of this package, Python, the system, and the libraries that results depend on."""
+    return {"lidarspectra": __version__, CODE: code_hash(), **_installed()}
+
+
+@cache
+def _installed() -> Mapping[str, str]:
+    """The same of all but this package: each asks a file, and every stage's record has them."""
     libraries = ("pyradiance", "numpy", "scipy", "trimesh", "embreex", "colour-science", "scikit-learn")
     found = {
-        "lidarspectra": version("lidarspectra"),
-        CODE: code_hash(),
         "python": platform.python_version(),
         "system": platform.platform(),
         **{name: version(name) for name in libraries},
     }
     with contextlib.suppress(PackageNotFoundError):  # of the extra `decimate`
         found["pymeshlab"] = version("pymeshlab")
-    return found
+    return MappingProxyType(found)
 
 
 def record_key(record: StageRecord) -> str:
@@ -475,12 +481,12 @@ def record_key(record: StageRecord) -> str:
 
 def is_of_this_version(record: StageRecord) -> bool:
     """Whether a record is as this version of the package wrote it."""
-    return record.key == _hash_of(record.stage, record.settings, version("lidarspectra"))
+    return record.key == _hash_of(record.stage, record.settings, __version__)
 
 
 def stage_key(stage: Stage[Result]) -> str:
     """Hash of everything that a stage depends on, as it is now."""
-    return _hash_of(stage.name, stage.settings, version("lidarspectra"))
+    return _hash_of(stage.name, stage.settings, __version__)
 
 
 def _hash_of(stage: str, settings: Settings, package_version: str) -> str:
@@ -490,7 +496,7 @@ def _hash_of(stage: str, settings: Settings, package_version: str) -> str:
 
 
 def _marker() -> dict[str, Any]:
-    return {"format": FORMAT, "made_by": f"lidarspectra {version('lidarspectra')}"}
+    return {"format": FORMAT, "made_by": f"lidarspectra {__version__}"}
 
 
 def _remove(folder: Path) -> None:
