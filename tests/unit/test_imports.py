@@ -146,3 +146,9 @@ def test_importing_the_package_loads_no_heavy_library() -> None:
 def test_relighting_loads_nothing_that_draws_or_reads_meshes() -> None:
     heavy = {"trimesh", "pymeshlab", "matplotlib", "colour", "onnxruntime", "sklearn", "scipy.stats"}
     assert not loaded("import lidarspectra.cli.relight, lidarspectra.workflow.scenarios.relighting", heavy)
+
+
+def test_what_init_asks_for_and_draws_loads_no_maps_and_no_tables() -> None:
+    heavy = {"xarray", "pandas", "h5py", "dask", "scipy.optimize", "sklearn", "colour", "onnxruntime"}
+    drawn = "lidarspectra.mapping.figures.places_figure, lidarspectra.mapping.figures.floor_plan"
+    assert not loaded(f"import lidarspectra.workflow.init.init_file, {drawn}", heavy)

@@ -12,6 +12,7 @@ from matplotlib.patches import Polygon as PolygonPatch
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.figures.field_drawing import draw_field, field_grid
 from lidarspectra.mapping.figures.figure_style import (
     BLUE,
     INK,
@@ -28,10 +29,8 @@ from lidarspectra.mapping.figures.plan_drawing import (
     MIN_LAMP_M,
     color_norm,
     draw_colorbar,
-    draw_field,
     draw_frame,
     draw_points,
-    field_grid,
 )
 from lidarspectra.mapping.maps.interpolation import plan_places, point_planes
 

@@ -8,6 +8,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.mapping.figures.field_drawing import draw_field, field_grid
 from lidarspectra.mapping.figures.figure_style import (
     LIGHT_MAP,
     PAGE_WIDTH_IN,
@@ -18,7 +19,7 @@ from lidarspectra.mapping.figures.figure_style import (
     styled,
 )
 from lidarspectra.mapping.figures.floor_plan import FloorPlan, plan_extent
-from lidarspectra.mapping.figures.plan_drawing import HALO, draw_field, draw_frame, field_grid
+from lidarspectra.mapping.figures.plan_drawing import HALO, draw_frame
 
 SHOWN_NM = (410.0, 460.0, 510.0, 560.0, 610.0, 680.0, 760.0)  # [nm] every second channel
 WIDEST_IN = 2.5  # [in] of a panel, where there are few

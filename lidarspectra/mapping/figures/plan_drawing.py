@@ -1,10 +1,9 @@
-"""Parts of figures over the floor plan: fields, points, walls, lamps, colour bars and legends."""
+"""Parts of figures over the floor plan: points, walls, lamps, colour bars and legends."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -17,12 +16,13 @@ from matplotlib.patheffects import AbstractPathEffect, Normal, Stroke
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.errors import MapError
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.figures.figure_style import INK, MUTED, PAGE_WIDTH_IN, place, plain
 from lidarspectra.mapping.figures.floor_plan import FloorPlan, PanelLayout, plan_extent
-from lidarspectra.mapping.maps.interpolation import Grid, Method, grid_values, inside_polygon
 from lidarspectra.room.panes.pane import Pane, PaneKind
+
+if TYPE_CHECKING:
+    import xarray as xr  # loads slowly, and a plan of a room without a map needs none
 
 MAX_VECTOR_POINTS = 400  # more dots than this are drawn as pixels in vector files, to keep them small
 MAX_DOTS = 2500  # more would cover the map below them
@@ -45,79 +45,8 @@ def color_norm(values: FloatArray) -> Normalize:
     return Normalize(0.0 if low < 0.5 * high else low - 0.05 * (high - low), high)
 
 
-def field_grid(
-    places: FloatArray, values: FloatArray, plan: FloorPlan, *, cells_across: int, method: Method = "linear"
-) -> Grid | None:
-    """Grid that `draw_field` draws, over the bounding box of the room.
-
-    None for too few points, or points on one line: only the points are drawn then.
-
-    Parameters
-    ----------
-    places : (n, 2) float
-        Positions from above. [m]
-    values : (n, value) float
-        In any unit.
-    plan : FloorPlan
-        Its outline clips the picture, so that a slanted wall has no steps; what is solid has no value.
-    cells_across, method
-        See `grid_values`.
-    """
-    (x0, y0), (x1, y1) = plan.outline.min(axis=0), plan.outline.max(axis=0)
-    box = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-    try:
-        grid = grid_values(places, values, box, method=method, cells_across=cells_across)
-    except MapError:
-        return None
-    if plan.air is not None:
-        solid = ~plan.air.at(_centers(grid)) & inside_polygon(plan.outline, _centers(grid))
-        grid.cells[:, solid.reshape(grid.cells.shape[1:])] = np.nan
-    return grid
-
-
-def _centers(grid: Grid) -> FloatArray:
-    """(cell, 2) centres of a grid's cells, row by row [m]."""
-    return np.stack(np.meshgrid(grid.x, grid.y), axis=-1).reshape(-1, 2)
-
-
-def draw_field(
-    axes: Axes, plan: FloorPlan, grid: Grid | None, layer: int, norm: Normalize, colors: str, *, factor: float = 1.0
-) -> None:
-    """The interpolated map on a hatched ground, which shows where no point is near."""
-    if grid is None:
-        return
-    axes.add_artist(PolygonPatch(plan.outline, zorder=-1, **UNKNOWN))
-    half = 0.5 * (float(grid.x[1] - grid.x[0]) if grid.x.size > 1 else 1.0)
-    extent = (grid.x[0] - half, grid.x[-1] + half, grid.y[0] - half, grid.y[-1] + half)
-    cells = np.ma.masked_invalid(grid.cells[layer] * factor)
-    image = axes.imshow(cells, origin="lower", extent=extent, norm=norm, cmap=colors, interpolation="nearest")
-    image.set_clip_path(PolygonPatch(plan.outline, transform=axes.transData))
-
-
-def has_unknown(grid: Grid | None, plan: FloorPlan) -> bool:
-    """Whether a part of the room has no value on the map."""
-    if grid is None:
-        return False
-    return bool(np.isnan(grid.cells[0]).ravel()[inside_polygon(plan.outline, _centers(grid))].any())
-
-
-def draw_isolines(axes: Axes, grid: Grid | None, plan: FloorPlan) -> None:
-    """Isolux lines with their values, within the walls; dark with a light halo so that they show on any ground."""
-    if grid is None:
-        return
-    outside = ~inside_polygon(plan.outline, _centers(grid)).reshape(grid.cells.shape[1:])
-    cells = np.ma.masked_invalid(np.where(outside, np.nan, grid.cells[0]))
-    if cells.count() == 0 or not cells.max() > cells.min():
-        return
-    levels = MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(float(cells.min()), float(cells.max()))
-    lines = axes.contour(grid.x, grid.y, cells, levels=levels, colors="#202020", linewidths=0.9)
-    lines.set_path_effects(HALO)
-    for text in axes.clabel(lines, fmt=FuncFormatter(lambda value, _: f"{value:g} lx"), fontsize=7.5):
-        text.set_path_effects(HALO)
-
-
 def draw_points(
-    axes: Axes, dataset: xr.Dataset, chosen: IntArray, values: FloatArray | None, norm: Normalize, colors: str
+    axes: Axes, dataset: "xr.Dataset", chosen: IntArray, values: FloatArray | None, norm: Normalize, colors: str
 ) -> None:
     """Small dots where a map lies below them; without a map (`values` given) dots in the colours of the scale.
 
@@ -156,7 +85,7 @@ def _dots(x: FloatArray, y: FloatArray, *, size_pt: float, color: str) -> PathPa
     return PathPatch(path, fill=False, edgecolor=color, linewidth=size_pt, capstyle="round", snap=False, zorder=3)
 
 
-def _draw_buried(axes: Axes, dataset: xr.Dataset) -> None:
+def _draw_buried(axes: Axes, dataset: "xr.Dataset") -> None:
     """Crosses where sensor points are buried."""
     buried = dataset["buried"].to_numpy()
     if buried.any():
@@ -215,7 +144,7 @@ def level_words(plan: FloorPlan) -> str:
     return "" if plan.air is None else f"{plan.air.height_m:.2f} m above the floor"
 
 
-def legend_handles(dataset: xr.Dataset, plan: FloorPlan, *, unknown: bool) -> list[Line2D | Patch]:
+def legend_handles(dataset: "xr.Dataset", plan: FloorPlan, *, unknown: bool) -> list[Line2D | Patch]:
     """Legend entries of a map, only for what is drawn on it."""
     handles: list[Line2D | Patch] = [Line2D([], [], color=INK, linewidth=1.4, label="walls")]
     if dataset.sizes["point"] <= MAX_DOTS:

@@ -7,16 +7,14 @@ import xarray as xr
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from lidarspectra.mapping.figures.field_drawing import draw_field, field_grid, has_unknown
 from lidarspectra.mapping.figures.figure_style import ERROR_MAP, LIGHT_MAP, PAGE_WIDTH_IN, new_figure, place, styled
 from lidarspectra.mapping.figures.floor_plan import FloorPlan, PanelLayout
 from lidarspectra.mapping.figures.plan_drawing import (
     draw_colorbar,
-    draw_field,
     draw_frame,
     draw_panel_legend,
     draw_points,
-    field_grid,
-    has_unknown,
     legend_handles,
 )
 from lidarspectra.mapping.maps.interpolation import plan_places, point_planes

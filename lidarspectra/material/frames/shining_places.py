@@ -12,7 +12,6 @@ comes out as one paint.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
@@ -144,6 +143,8 @@ def _cut_factors(level: FloatArray, points: FloatArray, normals: FloatArray, gat
     Places of one plane have one paint, but for outliers: log x = log ρ + log(E + Σ c E_c) is fitted for ρ <= .95 of
     each plane and c >= 1 of each source with Cauchy's loss.
     """
+    from scipy.optimize import least_squares  # loads slowly
+
     count = gathered.shape[1] - 1
     facing = np.rint(normals).astype(np.int64)
     plane_of = np.column_stack([facing, np.rint(np.einsum("nc,nc->n", points, facing) / PLANE_M)])

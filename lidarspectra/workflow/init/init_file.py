@@ -261,7 +261,7 @@ def _draw(looked: _Looked, run_file: RunFile, out_path: Path) -> Path:
     """The plan with lamps and sensor points, as a picture beside the run file."""
     from lidarspectra.mapping.figures.figure_style import save_picture
     from lidarspectra.mapping.figures.floor_plan import floor_plan
-    from lidarspectra.mapping.figures.map_figures import places_figure
+    from lidarspectra.mapping.figures.places_figure import places_figure
     from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 
     room, scan, points = looked.summary.room, looked.scan, looked.points

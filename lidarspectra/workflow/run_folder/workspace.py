@@ -23,7 +23,6 @@ from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Any, Generic, Literal, Self, TypeVar, get_args
 
-from lidarspectra import __version__
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.file_lock import FileLock
 from lidarspectra.io.files import hash_file, write_whole, writing
@@ -457,7 +456,12 @@ def write_json(path: Path, value: object) -> None:
 
 def versions() -> dict[str, str]:
     """Versions of this package, Python, the system, and the libraries that results depend on."""
-    return {"lidarspectra": __version__, CODE: code_hash(), **_installed()}
+    return {"lidarspectra": _package_version(), CODE: code_hash(), **_installed()}
+
+
+@cache
+def _package_version() -> str:
+    return version("lidarspectra")
 
 
 @cache
@@ -481,12 +485,12 @@ def record_key(record: StageRecord) -> str:
 
 def is_of_this_version(record: StageRecord) -> bool:
     """Whether a record is as this version of the package wrote it."""
-    return record.key == _hash_of(record.stage, record.settings, __version__)
+    return record.key == _hash_of(record.stage, record.settings, _package_version())
 
 
 def stage_key(stage: Stage[Result]) -> str:
     """Hash of everything that a stage depends on, as it is now."""
-    return _hash_of(stage.name, stage.settings, __version__)
+    return _hash_of(stage.name, stage.settings, _package_version())
 
 
 def _hash_of(stage: str, settings: Settings, package_version: str) -> str:
@@ -496,7 +500,7 @@ def _hash_of(stage: str, settings: Settings, package_version: str) -> str:
 
 
 def _marker() -> dict[str, Any]:
-    return {"format": FORMAT, "made_by": f"lidarspectra {__version__}"}
+    return {"format": FORMAT, "made_by": f"lidarspectra {_package_version()}"}
 
 
 def _remove(folder: Path) -> None:

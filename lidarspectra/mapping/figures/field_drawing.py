@@ -1,0 +1,84 @@
+"""Parts of figures over the floor plan: fields of values that are interpolated between points."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.patches import Polygon as PolygonPatch
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+from lidarspectra.arrays import FloatArray
+from lidarspectra.errors import MapError
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.mapping.figures.plan_drawing import HALO, UNKNOWN
+from lidarspectra.mapping.maps.interpolation import Grid, Method, grid_values, inside_polygon
+
+
+def field_grid(
+    places: FloatArray, values: FloatArray, plan: FloorPlan, *, cells_across: int, method: Method = "linear"
+) -> Grid | None:
+    """Grid that `draw_field` draws, over the bounding box of the room.
+
+    None for too few points, or points on one line: only the points are drawn then.
+
+    Parameters
+    ----------
+    places : (n, 2) float
+        Positions from above. [m]
+    values : (n, value) float
+        In any unit.
+    plan : FloorPlan
+        Its outline clips the picture, so that a slanted wall has no steps; what is solid has no value.
+    cells_across, method
+        See `grid_values`.
+    """
+    (x0, y0), (x1, y1) = plan.outline.min(axis=0), plan.outline.max(axis=0)
+    box = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    try:
+        grid = grid_values(places, values, box, method=method, cells_across=cells_across)
+    except MapError:
+        return None
+    if plan.air is not None:
+        solid = ~plan.air.at(_centers(grid)) & inside_polygon(plan.outline, _centers(grid))
+        grid.cells[:, solid.reshape(grid.cells.shape[1:])] = np.nan
+    return grid
+
+
+def _centers(grid: Grid) -> FloatArray:
+    """(cell, 2) centres of a grid's cells, row by row [m]."""
+    return np.stack(np.meshgrid(grid.x, grid.y), axis=-1).reshape(-1, 2)
+
+
+def draw_field(
+    axes: Axes, plan: FloorPlan, grid: Grid | None, layer: int, norm: Normalize, colors: str, *, factor: float = 1.0
+) -> None:
+    """The interpolated map on a hatched ground, which shows where no point is near."""
+    if grid is None:
+        return
+    axes.add_artist(PolygonPatch(plan.outline, zorder=-1, **UNKNOWN))
+    half = 0.5 * (float(grid.x[1] - grid.x[0]) if grid.x.size > 1 else 1.0)
+    extent = (grid.x[0] - half, grid.x[-1] + half, grid.y[0] - half, grid.y[-1] + half)
+    cells = np.ma.masked_invalid(grid.cells[layer] * factor)
+    image = axes.imshow(cells, origin="lower", extent=extent, norm=norm, cmap=colors, interpolation="nearest")
+    image.set_clip_path(PolygonPatch(plan.outline, transform=axes.transData))
+
+
+def has_unknown(grid: Grid | None, plan: FloorPlan) -> bool:
+    """Whether a part of the room has no value on the map."""
+    if grid is None:
+        return False
+    return bool(np.isnan(grid.cells[0]).ravel()[inside_polygon(plan.outline, _centers(grid))].any())
+
+
+def draw_isolines(axes: Axes, grid: Grid | None, plan: FloorPlan) -> None:
+    """Isolux lines with their values, within the walls; dark with a light halo so that they show on any ground."""
+    if grid is None:
+        return
+    outside = ~inside_polygon(plan.outline, _centers(grid)).reshape(grid.cells.shape[1:])
+    cells = np.ma.masked_invalid(np.where(outside, np.nan, grid.cells[0]))
+    if cells.count() == 0 or not cells.max() > cells.min():
+        return
+    levels = MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(float(cells.min()), float(cells.max()))
+    lines = axes.contour(grid.x, grid.y, cells, levels=levels, colors="#202020", linewidths=0.9)
+    lines.set_path_effects(HALO)
+    for text in axes.clabel(lines, fmt=FuncFormatter(lambda value, _: f"{value:g} lx"), fontsize=7.5):
+        text.set_path_effects(HALO)
