@@ -80,8 +80,7 @@ class GridPlane:
 
     def _is_free(self, plan: FloatArray) -> BoolArray:
         kept = self.room.in_plan(plan)
-        clearance = self.free.distance(self._points(plan[kept]), limit_m=self.margin_m, ignore_floor=True)
-        kept[kept] = np.isinf(clearance)
+        kept[kept] = self.free.is_farther(self._points(plan[kept]), self.margin_m, ignore_floor=True)
         kept[kept] = self.free.inside(self._points(plan[kept]))
         return kept
 

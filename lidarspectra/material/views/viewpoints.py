@@ -294,7 +294,7 @@ def free_candidates(scan: Scan, room: Room, caster: RayCaster) -> FloatArray:
     points = np.vstack([center, points])
     space = FreeSpace(scan, room, caster=caster)
     free = points[space.inside(points)]
-    free = free[space.distance(free) >= CLEARANCE_M]
+    free = free[space.is_farther(free, CLEARANCE_M)]
     if not len(free):
         raise MaterialError(
             expected="a place in the room from which its surfaces can be seen",

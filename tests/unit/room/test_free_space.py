@@ -71,6 +71,15 @@ def test_beyond_the_limit_the_distance_is_infinite(space) -> None:
     assert np.isinf(space.distance(points, limit_m=0.2)).tolist() == [True, False]
 
 
+@pytest.mark.parametrize("than_m", [0.0, 0.004, 0.05, 0.1, 0.3, 2.0])
+def test_farther_is_what_the_distance_says(space, than_m) -> None:
+    points = np.random.default_rng(3).uniform([-0.2, -0.2, -0.2], [4.2, 3.2, 2.7], size=(4000, 3))
+    for ignore_floor in (False, True):
+        far = space.distance(points, ignore_floor=ignore_floor) > than_m
+        assert (space.is_farther(points, than_m, ignore_floor=ignore_floor) == far).all()
+        assert far.any() or than_m > 1.0
+
+
 def test_the_floor_can_be_left_out_of_the_distance(space) -> None:
     point = np.array([[2.5, 2.0, 0.05]])
     assert space.distance(point)[0] < 0.1
