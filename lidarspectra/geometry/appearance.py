@@ -187,9 +187,18 @@ class Appearance:
         colors.flags.writeable = False
         return colors
 
+    @property
+    def _has_face_colors(self) -> bool:
+        return "_face_colors" in self.__dict__
+
+    def _keep_face_colors(self, colors: FloatArray) -> None:
+        """Take over the faces' mean colours, which need not be read from the texture again."""
+        colors.flags.writeable = False
+        self.__dict__["_face_colors"] = colors  # where `cached_property` keeps them
+
     def select(self, faces: IntArray) -> "Appearance":
         """The appearance of some faces, (n,) int, in that order; images are shared."""
-        return Appearance(
+        some = Appearance(
             images=self.images,
             face_image=self.face_image[faces],
             corner_uv=self.corner_uv[faces],
@@ -200,6 +209,9 @@ class Appearance:
             face_kind=self.face_kinds[faces],
             linear=None if self.linear is None else self.linear.select(faces),
         )
+        if self._has_face_colors:
+            some._keep_face_colors(self._face_colors[faces])
+        return some
 
     @property
     def sources(self) -> IntArray:
@@ -248,7 +260,7 @@ class Appearance:
         """The same followed by the faces of another that has no images of its own."""
         kinds = (*self.kinds, *(name for name in other.kinds if name not in self.kinds))
         place = np.array([kinds.index(name) for name in other.kinds] + [-1])  # the last is what -1 finds
-        return Appearance(
+        both = Appearance(
             images=self.images,
             face_image=np.concatenate([self.face_image, other.face_image]),
             corner_uv=np.concatenate([self.corner_uv, other.corner_uv]),
@@ -259,6 +271,9 @@ class Appearance:
             face_kind=np.concatenate([self.face_kinds, place[other.face_kinds]]),
             linear=None if self.linear is None else self.linear.with_more(other.face_image.size),
         )
+        if self._has_face_colors:
+            both._keep_face_colors(np.concatenate([self._face_colors, other.face_colors()]))
+        return both
 
 
 def _read_only(image: TextureArray) -> TextureArray:

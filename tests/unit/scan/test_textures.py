@@ -1,6 +1,7 @@
 import io
 import struct
 import zlib
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from lidarspectra.errors import ScanError
+from lidarspectra.geometry import appearance as appearance_module
+from lidarspectra.geometry.appearance import Appearance
 from lidarspectra.geometry.textures import (
     MAX_IMAGE_PIXELS,
     decode_image,
@@ -133,3 +136,26 @@ def test_a_tint_multiplies_light() -> None:
     factor = np.array([0.5, 1.0, 0.1])
     expected = encode_srgb(decode_srgb(image / 255) * factor)
     np.testing.assert_allclose(tint_image(image, factor) / 255, expected, atol=0.5 / 255 + 1e-9)
+
+
+def test_mean_colours_of_faces_are_read_from_the_texture_once() -> None:
+    """Of what is left of a scan, and of what is added to it, they are those of a fresh look."""
+    random = np.random.default_rng(4)
+
+    def appearance(count: int, *, textured: bool) -> Appearance:
+        return Appearance(
+            images=(random.integers(0, 256, size=(16, 16, 3), dtype=np.uint8),) if textured else (),
+            face_image=np.full(count, 0 if textured else -1),
+            corner_uv=random.uniform(size=(count, 3, 2)),
+            corner_color=random.uniform(size=(count, 3, 3)),
+            known=True,
+        )
+
+    seen, added, kept = appearance(9, textured=True), appearance(2, textured=False), np.array([7, 0, 3])
+    fresh = [each.face_colors().copy() for each in (seen.select(kept), seen.with_more(added))]
+    assert seen.face_colors().shape == (9, 3)
+    with patch.object(appearance_module, "mean_texture_colors", side_effect=AssertionError):
+        again = [each.face_colors() for each in (seen.select(kept), seen.with_more(added))]
+    for first, second in zip(fresh, again, strict=True):
+        assert np.array_equal(first, second)
+        assert not second.flags.writeable
