@@ -18,6 +18,7 @@ FLOOR_REACH_M = 0.25  # [m] rays start so far above the floor, below most table 
 MIN_FLOOR_SHARE = 0.3  # share of a patch's area that must show floor, for it to be a room, or a bulge of one
 MIN_LOWER_SHARE = 0.05  # share of a patch in which something lower is seen, that tells a table or bed above a floor
 MIN_OTHER_M2 = 5.0  # [m²] rooms on another floor are larger: what fills an alcove of less may be a bed
+MIN_SHOWN_M2 = 2.0  # [m²] of their floor that must be seen: bed and wardrobe hide half of a bedroom's
 STANDING_M = 1.9  # [m] least height above a floor: bunks and tops of cupboards have less
 MAX_BELOW_SHARE = 0.05  # of a patch's upright area: a floor has less below it (a step up to it), a bed its sides
 MIN_LEVEL_SHARE = 0.05  # of the largest level surface: less is edges of steps and small furniture
@@ -56,7 +57,7 @@ class OtherFloors:
     def large(self) -> tuple[Level, ...]:
         """Levels that may be the floor of a room."""
         return tuple(
-            level for level in self.levels if level.area_m2 >= MIN_OTHER_M2 and self.top_z - level.z >= STANDING_M
+            level for level in self.levels if level.area_m2 >= MIN_SHOWN_M2 and self.top_z - level.z >= STANDING_M
         )
 
     def floor_of(self, patch: BoolArray, origin: FloatArray, cell_m: float) -> float | None:

@@ -130,9 +130,13 @@ def plan_mask(
     if ceilings:
         inside = meets(caster, plan, start_z=ceilings[0].z - CEILING_REACH_M, level_z=ceilings[0].z)
         inside = (inside & _has_depth(caster, plan, ceiling_z=ceilings[0].z)).reshape(rows, columns)
-        for lowered in ceilings[1:]:
-            overhead = meets(caster, plan, start_z=lowered.z - CEILING_REACH_M, level_z=lowered.z)
-            inside = inside | (overhead.reshape(rows, columns) & (on_floor | elsewhere(lowered)))
+        for other in ceilings[1:]:
+            overhead = meets(caster, plan, start_z=other.z - CEILING_REACH_M, level_z=other.z).reshape(rows, columns)
+            if ceilings[0].z < other.z < ceilings[0].z + STANDING_M:  # of a higher room, not of a storey above
+                there = _has_depth(caster, plan, ceiling_z=other.z).reshape(rows, columns)
+            else:  # what hangs lower may be a shelf
+                there = on_floor | elsewhere(other)
+            inside = inside | (overhead & there)
         inside = inside | _without_ceiling(caster, plan, on_floor, inside, floor_z=floor.z, walls=tall)
     else:
         start_z = float(bounds[1, 2]) + 1.0 if from_z is None else from_z
@@ -219,25 +223,38 @@ def _floors_of_rooms(
     inside: BoolArray, on_floor: BoolArray, origin: FloatArray, cell: float, *, floor: Level, others: OtherFloors | None
 ) -> FloatArray:
     """(row, column) height of the floor of each patch that is a room, its pores and holes closed; nan elsewhere [m]."""
-    whole = cv2.morphologyEx(inside.astype(np.uint8), cv2.MORPH_CLOSE, _disc(PORE_M / cell))
-    image = cv2.morphologyEx(whole, cv2.MORPH_OPEN, _disc(NARROW_M / cell))
-    # Opening by a disc rounds corners; what it took near what is left comes back.
-    image = np.minimum(cv2.dilate(image, _disc(0.5 * NARROW_M / cell)), whole)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(image, connectivity=4)
+
+    def other_floor(patch: BoolArray) -> float | None:
+        """The floor of a patch that does not show the main one."""
+        if others is None or on_floor[patch].mean() >= MIN_FLOOR_SHARE:
+            return None
+        return others.floor_of(patch, origin, cell)
+
     floor_z = np.full(inside.shape, np.nan)
-    largest = int(stats[1:, cv2.CC_STAT_AREA].max()) if count > 1 else 0
-    for label in range(1, count):
-        patch = np.equal(labels, label)
-        cells = int(stats[label, cv2.CC_STAT_AREA])
-        if cells * cell**2 < MIN_ROOM_M2:
-            continue
-        z: float | None = floor.z
-        if on_floor[patch].mean() < MIN_FLOOR_SHARE:
-            z = others.floor_of(patch, origin, cell) if others else None
-            z = floor.z if z is None and cells == largest else z
-        if z is not None:
+    for patch in _patches(inside, cell):  # before a thin wall between two floors is closed as a pore
+        if (z := other_floor(patch)) is not None:
             floor_z[_filled(patch).astype(bool)] = z
+    elsewhere = np.isfinite(floor_z)
+    whole = cv2.morphologyEx((inside & ~elsewhere).astype(np.uint8), cv2.MORPH_CLOSE, _disc(PORE_M / cell))
+    patches = _patches(whole.astype(bool) & ~elsewhere, cell)
+    largest = max((int(patch.sum()) for patch in patches), default=0)
+    for patch in patches:
+        z = other_floor(patch)
+        if z is None and (on_floor[patch].mean() >= MIN_FLOOR_SHARE or patch.sum() == largest):
+            z = floor.z
+        if z is not None:
+            floor_z[_filled(patch).astype(bool) & ~elsewhere] = z
     return floor_z
+
+
+def _patches(inside: BoolArray, cell: float) -> list[BoolArray]:
+    """Patches of cells that hang together by more than a crack, of a room's size or more."""
+    image = cv2.morphologyEx(inside.astype(np.uint8), cv2.MORPH_OPEN, _disc(NARROW_M / cell))
+    # Opening by a disc rounds corners; what it took near what is left comes back.
+    image = np.minimum(cv2.dilate(image, _disc(0.5 * NARROW_M / cell)), inside.astype(np.uint8))
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(image, connectivity=4)
+    large = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] * cell**2 >= MIN_ROOM_M2)
+    return [np.asarray(np.equal(labels, label)) for label in large if label]
 
 
 def _disc(diameter_cells: float) -> ByteArray:

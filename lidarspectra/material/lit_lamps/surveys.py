@@ -9,9 +9,11 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, ByteArray, FloatArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.material.lit_lamps.evidence import RECESS_M, SATURATED, PlaneKind, demands_on
+from lidarspectra.material.lit_lamps.evidence import FLUSH_M, RECESS_M, SATURATED, PlaneKind, demands_on
 from lidarspectra.material.lit_lamps.plane_picture import PlaneFrame, PlanePicture, take_picture
+from lidarspectra.room.floor_levels import STANDING_M
 from lidarspectra.room.room import Room
+from lidarspectra.room.room_planes import Level, face_geometry, find_ceilings, of_kinds
 from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 
 PIXEL_M = 0.01  # [m] of the survey; a small downlight (6 cm) still has 28 pixels
@@ -23,6 +25,7 @@ BACKGROUND_M = 1.5  # [m] window of the median luminance of a patch's surroundin
 BACKGROUND_PIXEL_M = 0.05  # [m] of the picture that the median is taken in
 SEED_LUMINANCE = 0.35  # [1] of white: nothing darker is lit, however the phone exposed
 SEED_SHARE_OF_BRIGHTEST = 0.5  # [1] of the picture's brightest thousandth: the same room's lamps are alike
+OTHER_REACH_M = 0.2  # [m] below a higher or lower ceiling than the main one, from which it is looked at
 HANGING_M = 0.8  # [m] farthest below the ceiling that is looked at
 HEADROOM_M = 1.6  # [m] above the floor, from which ceilings are looked at: furniture hides nothing there
 LOW_M = 1.15  # [m] above the floor, from which what hangs lower is looked at: pendants over tables
@@ -82,7 +85,7 @@ class Survey:
 
 
 def surveys(scan: Scan, room: Room, caster: RayCaster) -> Iterator[Survey]:
-    """Surveys of the ceiling, of what hangs too low to be seen with it, and of the upper part of each wall.
+    """Surveys of the ceilings, of what hangs too low to be seen with them, and of the upper part of each wall.
 
     Parameters
     ----------
@@ -96,11 +99,13 @@ def surveys(scan: Scan, room: Room, caster: RayCaster) -> Iterator[Survey]:
     survey : Survey
     """
     corners = np.vstack(room.outlines)
-    up = PlaneFrame(origin=np.array([0.0, 0.0, room.ceiling_z]), normal=np.array([0.0, 0.0, -1.0]))
+    up = _below(room.ceiling_z)
     plan = up.to_plane(np.column_stack([corners, np.full(len(corners), room.ceiling_z)]))
     reach = float(np.clip(room.height_m - HEADROOM_M, 0.1, HANGING_M))
     low, high = plan.min(axis=0), plan.max(axis=0)
     yield _survey(scan, room, caster, up, "ceiling", low, high, reach)
+    for z in _other_ceilings(scan, room):
+        yield _survey(scan, room, caster, _below(z), "ceiling", low, high, OTHER_REACH_M)
     if room.height_m - LOW_M > reach:
         lower = _survey(scan, room, caster, up, "ceiling", low, high, room.height_m - LOW_M)
         yield replace(lower, least_height_m=reach)
@@ -111,6 +116,19 @@ def surveys(scan: Scan, room: Room, caster: RayCaster) -> Iterator[Survey]:
             ends = np.array([[*wall.start, bottom], [*wall.end, room.ceiling_z - 0.05]])
             plane = frame.to_plane(ends)
             yield _survey(scan, room, caster, frame, "wall", plane.min(axis=0), plane.max(axis=0), WALL_REACH_M)
+
+
+def _below(z: float) -> PlaneFrame:
+    """The plane of a ceiling, seen from below."""
+    return PlaneFrame(origin=np.array([0.0, 0.0, z]), normal=np.array([0.0, 0.0, -1.0]))
+
+
+def _other_ceilings(scan: Scan, room: Room) -> Iterator[float]:
+    """Heights of ceilings that are too far from the main one for lamps in them to be flush with that [m]."""
+    faces = of_kinds(scan, face_geometry(scan), "ceiling")
+    for level in find_ceilings(faces, Level(z=room.floor_z, area_m2=room.floor_area_m2)):
+        if abs(level.z - room.ceiling_z) > FLUSH_M and level.z < room.ceiling_z + STANDING_M:
+            yield level.z
 
 
 def _survey(

@@ -178,3 +178,15 @@ def test_eyes_and_hands_are_above_the_floor_of_their_own_room(builder) -> None:
     assert (np.abs(places - own[1]).max(axis=1) < 1e-9).any()
     held = places[(places[:, 0] > 5.2) & (np.abs(places[:, 2] - (HAND_M - 0.5)) < 0.02)]
     assert len(held)
+
+
+@pytest.mark.parametrize("top_m", [2.45, 2.75])  # a lower ceiling, and a higher one
+def test_a_furnished_room_up_two_steps_behind_a_thin_wall_has_its_own_floor(builder, top_m: float) -> None:
+    room = builder(step_m=0.06, noise_m=NOISE_M)
+    room.box([0, 0, 0], [5, 4, HEIGHT_M], inward=True)
+    room.box([5.1, 0, 0.34], [8, 2.8, top_m], inward=True)  # 10 cm thick: a gap as narrow as pores of the mesh
+    room.box([6.6, 0.05, 0.34], [7.95, 2.1, 0.9])  # a bed and a wardrobe hide more than half of the floor
+    room.box([5.15, 0.05, 0.34], [6.1, 0.6, 2.2])
+    found = find_room(room.scan())
+    assert found.other_floor_z == pytest.approx((0.34,), abs=0.01)
+    assert found.area_m2 == pytest.approx(20.0 + 2.9 * 2.8, rel=PLAN_TOLERANCE)

@@ -290,3 +290,18 @@ def test_the_panels_of_the_office_scene_are_found(project) -> None:
     assert [lamp.shape.word for lamp in lamps] == ["panel", "panel"]
     np.testing.assert_allclose([lamp.center[:2] for lamp in lamps], [[0.85, 1.5], [2.25, 1.5]], atol=0.02)
     np.testing.assert_allclose([lamp.shape.size for lamp in lamps], [[0.6, 0.6], [0.6, 0.6]], atol=0.02)
+
+
+@pytest.mark.parametrize("top_m", [3.1, 2.8, 2.2])
+def test_lamps_of_a_room_with_another_ceiling_are_found(builder, plain, ceiling, top_m: float) -> None:
+    plain.rectangle((1.2, 1.7), (0.6, 0.6))
+    beside = ceiling((4.15, 0.0), (7.15, 3.0))
+    beside.disc((5.0, 1.0), 0.12)
+    rooms = builder(step_m=0.05, noise_m=NOISE_M)
+    for low, high, painted in (([0, 0, 0], [4, 3, 2.5], plain), ([4.15, 0, 0], [7.15, 3, top_m], beside)):
+        rooms.box(low, high, inward=True, pictures={"top": cv2.GaussianBlur(painted.picture, (0, 0), 1.5)})
+    panel, disc = sorted(lamps_in(rooms.scan()), key=lambda lamp: lamp.center[0])
+    assert (panel.shape.word, disc.shape.word) == ("panel", "disc")
+    np.testing.assert_allclose(panel.center[:2], [1.2, 1.7], atol=PLACE_M)
+    np.testing.assert_allclose(disc.center[:2], [5.0, 1.0], atol=PLACE_M)
+    assert disc.center[2] == pytest.approx(top_m - 0.06, abs=0.03)
