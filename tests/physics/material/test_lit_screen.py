@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow  # a room photographed by radiosity and de-lit, tw
 
 LENGTH_M, WIDTH_M, HEIGHT_M = 4.0, 3.2, 2.6
 FLOOR, WALLS, CEILING, FRONT = 0.2, 0.5, 0.8, 0.05
-SENDS = 3.0  # [1] of the screen over what white paint would send there; twice as much may be white paint
+SENDS = 4.0  # [1] of the screen over what white paint would send there; twice as much may be white paint
 SCREEN = Pane(kind="screen", center=np.array([0.01, 1.6, 1.3]), size_m=(1.6, 0.9), normal=np.array([1.0, 0.0, 0.0]))
 
 
@@ -92,5 +92,5 @@ def test_a_dim_screen_of_the_wall_s_hue_is_no_part_of_the_wall_s_paint(tmp_path:
 
 def test_what_a_screen_shows_is_no_paint_and_its_light_is_taken_out_of_the_room(room: Room) -> None:
     told, untold = _error(room, SCREEN), _error(room)
-    assert told < 0.015  # .007 with this seed of samples and rays
-    assert told < 0.7 * untold  # of .025: it is no source, since it does not surely shine
+    assert told < 0.02  # .012 with this seed of samples and rays, .009 with another
+    assert told < 0.5 * untold  # of .043 and .035
