@@ -16,6 +16,7 @@ from lidarspectra.room.floor_levels import (
     meets,
 )
 from lidarspectra.room.room_planes import Level, Wall
+from lidarspectra.room.slopes import Slope, below_slopes
 
 CELL_M = 0.025  # [m] finer than the triangles of a phone scan (3 to 5 cm)
 MAX_CELLS = 1_000_000  # a larger plan gets larger cells
@@ -69,6 +70,7 @@ def plan_mask(
     floor: Level,
     ceilings: tuple[Level, ...],
     top_z: float,
+    slopes: tuple[Slope, ...] = (),
     others: OtherFloors | None = None,
     walls: tuple[Wall, ...] = (),
     upright: FloatArray | None = None,
@@ -92,6 +94,8 @@ def plan_mask(
         Main one first; empty where the scan has none.
     top_z : float
         Top of the room. [m]
+    slopes : tuple of Slope
+        Sloping parts of the ceiling.
     others : OtherFloors, optional
         Tell the floor of patches that do not show the main one; without them such patches are left out.
     walls : tuple of Wall
@@ -127,9 +131,11 @@ def plan_mask(
             rows, columns
         )
 
-    if ceilings:
-        inside = meets(caster, plan, start_z=ceilings[0].z - CEILING_REACH_M, level_z=ceilings[0].z)
-        inside = (inside & _has_depth(caster, plan, ceiling_z=ceilings[0].z)).reshape(rows, columns)
+    if ceilings or slopes:
+        inside = below_slopes(caster, plan, slopes).reshape(rows, columns)
+        for main in ceilings[:1]:
+            overhead = meets(caster, plan, start_z=main.z - CEILING_REACH_M, level_z=main.z)
+            inside = inside | (overhead & _has_depth(caster, plan, ceiling_z=main.z)).reshape(rows, columns)
         for other in ceilings[1:]:
             overhead = meets(caster, plan, start_z=other.z - CEILING_REACH_M, level_z=other.z).reshape(rows, columns)
             if ceilings[0].z < other.z < ceilings[0].z + STANDING_M:  # of a higher room, not of a storey above

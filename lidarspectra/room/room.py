@@ -33,6 +33,7 @@ from lidarspectra.room.room_planes import (
     weighted_median,
     weighted_quantile,
 )
+from lidarspectra.room.slopes import find_slopes
 
 MIN_HEIGHT_M = 1.0  # [m] something lower is furniture or a wrong unit, not a room
 WALL_HEIGHT_SHARE = 0.5  # share of the room's height; a lower upright plane is the front of a cabinet or desk
@@ -245,10 +246,18 @@ def _room_over(
     caster: RayCaster,
 ) -> Room:
     """The room whose main floor is given; that of its largest outline is another one where the scan shows it there."""
-    ceilings = find_ceilings(of_kinds(scan, faces, "ceiling"), floor, given_z=ceiling_z)
+    overhead = of_kinds(scan, faces, "ceiling")
+    ceilings = find_ceilings(overhead, floor, given_z=ceiling_z)
+    slopes = find_slopes(overhead, floor.z)
     if ceiling_z is None:
         ceilings = _without_shelves(ceilings, upright)
-    top_z = ceilings[0].z if ceilings else _top_of_walls(upright, floor) if ceiling_z is None else ceiling_z
+    if not ceilings and sum(slope.plan_m2 for slope in slopes) < SHELF_SHARE * _plan_box_m2(upright):
+        slopes = ()  # undersides of furniture and stairs
+    top_z = ceiling_z
+    if ceilings:
+        top_z = ceilings[0].z
+    elif top_z is None:
+        top_z = max((slope.top_z for slope in slopes), default=_top_of_walls(upright, floor))
     if top_z - floor.z < MIN_HEIGHT_M:
         raise _no_room(scan, f"{top_z - floor.z:.2f} m between its floor and its top")
     planes = find_walls(upright, bottom_z=floor.z, top_z=top_z)
@@ -260,6 +269,7 @@ def _room_over(
         floor=floor,
         ceilings=ceilings,
         top_z=top_z,
+        slopes=slopes,
         others=OtherFloors(caster=caster, levels=levels, upright=upright, top_z=top_z),
         walls=walls,
         upright=_wall_cells(scan, upright) if no_floor or "wall" in scan.appearance.kinds else None,
@@ -275,14 +285,15 @@ def _room_over(
     area = sum(signed_area(polygon) for polygon in polygons)
     floor_m2 = floor.area_m2 + sum(level.area_m2 for level in levels if level.z in floors and level.z != floor.z)
     ceiling_m2 = sum(level.area_m2 for level in ceilings)
+    above_m2 = ceiling_m2 + sum(slope.plan_m2 for slope in slopes)
     angle, share = main_direction(faces)
     return Room(
         floor_z=floors[0],
         ceiling_z=top_z,
         floor_area_m2=floor_m2,
-        ceiling_area_m2=ceiling_m2,
+        ceiling_area_m2=ceiling_m2 + sum(slope.area_m2 for slope in slopes),
         floor_confidence=min(1.0, floor_m2 / area),
-        ceiling_confidence=min(1.0, ceiling_m2 / area),
+        ceiling_confidence=min(1.0, above_m2 / area),
         wall_angle_deg=angle,
         wall_confidence=share,
         walls=_walls_around(walls, polygons),

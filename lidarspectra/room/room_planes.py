@@ -324,10 +324,10 @@ def find_walls(faces: FaceGeometry, *, bottom_z: float, top_z: float) -> tuple[W
     centers, normals, areas = faces.centers[keep], faces.normals[keep], faces.areas[keep]
     walls: list[Wall] = []
     while areas.sum() >= WALL_MIN_M2:
-        unit = _fullest_direction(normals, areas)
+        unit = fullest_direction(normals, areas)
         facing = normals @ unit > FACING_COSINE
         along = centers @ unit
-        members = facing & (np.abs(along - _fullest_offset(along[facing], areas[facing])) <= WALL_HALF_WIDTH_M)
+        members = facing & (np.abs(along - fullest_offset(along[facing], areas[facing])) <= WALL_HALF_WIDTH_M)
         if areas[members].sum() < WALL_MIN_M2:
             break
         unit = _fitted_normal(centers[members], areas[members], unit)
@@ -341,8 +341,8 @@ def find_walls(faces: FaceGeometry, *, bottom_z: float, top_z: float) -> tuple[W
     return tuple(sorted(walls, key=lambda wall: -wall.area_m2))
 
 
-def _fullest_direction(normals: FloatArray, areas: FloatArray) -> FloatArray:
-    """(3,) level unit vector that most area faces."""
+def fullest_direction(normals: FloatArray, areas: FloatArray) -> FloatArray:
+    """(3,) level unit vector that most area faces, by (part, 3) normals and their areas [m²]."""
     angles = np.degrees(np.arctan2(normals[:, 1], normals[:, 0]))
     bins = round(360.0 / WALL_ANGLE_BIN_DEG)
     histogram, edges = np.histogram(angles, bins=bins, range=(-180.0, 180.0), weights=areas)
@@ -354,8 +354,8 @@ def _fullest_direction(normals: FloatArray, areas: FloatArray) -> FloatArray:
     return np.array([np.cos(mean), np.sin(mean), 0.0])
 
 
-def _fullest_offset(along: FloatArray, areas: FloatArray) -> float:
-    """Offset [m] at which most area lies."""
+def fullest_offset(along: FloatArray, areas: FloatArray) -> float:
+    """Offset [m] at which most area lies, by (part,) offsets [m] and areas [m²]."""
     edges = np.arange(along.min() - WALL_OFFSET_BIN_M, along.max() + 2 * WALL_OFFSET_BIN_M, WALL_OFFSET_BIN_M)
     histogram, _ = np.histogram(along, bins=edges, weights=areas)
     peak = int(np.convolve(histogram, np.ones(5), mode="same").argmax())

@@ -1,6 +1,6 @@
 """Measurements on a bright patch, and the criteria by which it is accepted as a lit lamp."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -10,7 +10,7 @@ from lidarspectra.arrays import BoolArray, ByteArray, FloatArray
 from lidarspectra.material.lit_lamps.outline_fit import OutlineFit
 from lidarspectra.material.lit_lamps.plane_picture import PlanePicture
 
-PlaneKind = Literal["ceiling", "wall"]
+PlaneKind = Literal["ceiling", "slope", "wall"]
 
 SATURATED = 0.9  # [1] linear value of the brightest channel above which a pixel counts as saturated
 RING_GAP_M = 0.02  # [m] blur that is left out between a patch and its surroundings
@@ -96,6 +96,8 @@ HANGING = Demands(
     protrusion_m=0.0,
     gray=0.3,
 )
+# A roof window is as bright and as sharply bounded as a panel, and hardly deeper than a lamp.
+ON_SLOPE = replace(ON_CEILING, most_area_m2=0.15)
 # Windows, screens and mirror images of lamps lie in or behind the wall; a wall lamp protrudes.
 ON_WALL = Demands(
     contrast=3.0,
@@ -184,7 +186,7 @@ def gather_evidence(
         At least one pixel.
     fit : OutlineFit
         The patch's.
-    kind : 'ceiling' or 'wall'
+    kind : 'ceiling', 'slope' or 'wall'
         A wall's patch stands out of what surrounds it, a ceiling's out of the ceiling.
     around, core : float
         Luminance of the surroundings and of the patch. [1]
@@ -224,6 +226,8 @@ def demands_on(kind: PlaneKind, height_m: float) -> Demands:
     """Criteria for a patch of that plane, at that height over it."""
     if kind == "wall":
         return ON_WALL
+    if kind == "slope":
+        return ON_SLOPE
     return HANGING if height_m > FLUSH_M else ON_CEILING
 
 

@@ -14,6 +14,7 @@ from lidarspectra.material.lit_lamps.plane_picture import PlaneFrame, PlanePictu
 from lidarspectra.room.floor_levels import STANDING_M
 from lidarspectra.room.room import Room
 from lidarspectra.room.room_planes import Level, face_geometry, find_ceilings, of_kinds
+from lidarspectra.room.slopes import find_slopes
 from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 
 PIXEL_M = 0.01  # [m] of the survey; a small downlight (6 cm) still has 28 pixels
@@ -25,6 +26,7 @@ BACKGROUND_M = 1.5  # [m] window of the median luminance of a patch's surroundin
 BACKGROUND_PIXEL_M = 0.05  # [m] of the picture that the median is taken in
 SEED_LUMINANCE = 0.35  # [1] of white: nothing darker is lit, however the phone exposed
 SEED_SHARE_OF_BRIGHTEST = 0.5  # [1] of the picture's brightest thousandth: the same room's lamps are alike
+SLOPE_REACH_M = 0.2  # [m] below a sloping ceiling, from which it is looked at
 OTHER_REACH_M = 0.2  # [m] below a higher or lower ceiling than the main one, from which it is looked at
 HANGING_M = 0.8  # [m] farthest below the ceiling that is looked at
 HEADROOM_M = 1.6  # [m] above the floor, from which ceilings are looked at: furniture hides nothing there
@@ -42,7 +44,7 @@ class Survey:
     scan, room, caster
         What is searched.
     frame : PlaneFrame
-    kind : 'ceiling' or 'wall'
+    kind : 'ceiling', 'slope' or 'wall'
     picture : PlanePicture
         Of the whole plane, at 1 cm.
     reach_m : float
@@ -85,7 +87,7 @@ class Survey:
 
 
 def surveys(scan: Scan, room: Room, caster: RayCaster) -> Iterator[Survey]:
-    """Surveys of the ceilings, of what hangs too low to be seen with them, and of the upper part of each wall.
+    """Surveys of the ceilings, of what hangs too low to be seen with them, of slopes, and of the upper part of walls.
 
     Parameters
     ----------
@@ -109,6 +111,10 @@ def surveys(scan: Scan, room: Room, caster: RayCaster) -> Iterator[Survey]:
     if room.height_m - LOW_M > reach:
         lower = _survey(scan, room, caster, up, "ceiling", low, high, room.height_m - LOW_M)
         yield replace(lower, least_height_m=reach)
+    for slope in find_slopes(of_kinds(scan, face_geometry(scan), "ceiling"), room.floor_z):
+        frame = PlaneFrame(origin=slope.offset_m * slope.normal, normal=slope.normal)
+        above = frame.to_plane(np.column_stack([corners, slope.height_at(corners)]))
+        yield _survey(scan, room, caster, frame, "slope", above.min(axis=0), above.max(axis=0), SLOPE_REACH_M)
     for wall in room.walls:
         bottom = max(wall.bottom_z, room.floor_z + WALL_LAMP_HEIGHT_M)
         if wall.top_z - bottom > 0.3:
@@ -178,7 +184,7 @@ def seeds(survey: Survey) -> Iterator[tuple[FloatArray, FloatArray]]:
         # On walls so much is bright that only what holds clipped pixels, and stands out, is worth a closer look.
         heights = picture.height[top : top + height, left : left + width]
         stands_out = np.nanmax(heights) >= demands.protrusion_m
-        if survey.kind == "ceiling" or (clipped[label] >= 0.5 * least and stands_out):
+        if survey.kind != "wall" or (clipped[label] >= 0.5 * least and stands_out):
             low = picture.coordinates([top - 0.5], [left - 0.5])[0]
             yield low, low + picture.pixel_m * np.array([width, height])
 

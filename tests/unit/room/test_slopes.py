@@ -1,0 +1,99 @@
+"""Rooms under a roof: their plan reaches to the knee walls, and lamps on the slopes are found."""
+
+from itertools import pairwise
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.material.lit_lamps.lit_lamps import search_lit_lamps
+from lidarspectra.room.closing import close_room
+from lidarspectra.room.room import find_room
+from lidarspectra.room.sensor_points import grid_points
+
+NOISE_M = 0.006  # [m] of a phone's mesh
+LENGTH_M, WIDTH_M = 5.0, 4.0
+GABLE_STRIPS = 20
+PLAN_TOLERANCE = 0.05  # [1] of the area
+
+
+def attic(
+    builder: Any, knee_m: float, top_m: float, run_m: float, *, lit: Any = None, window: Any = None, strip: Any = None
+) -> Scan:
+    """A room between knee walls and slopes that rise over `run_m` each, with a flat ceiling between them or none."""
+    room = builder(step_m=0.08, noise_m=NOISE_M)
+    rise = top_m - knee_m
+    room.rectangle([0, 0, 0], [WIDTH_M, 0, 0], [0, LENGTH_M, 0])
+    room.rectangle([0, 0, 0], [0, LENGTH_M, 0], [0, 0, knee_m])
+    room.rectangle([WIDTH_M, 0, 0], [0, 0, knee_m], [0, LENGTH_M, 0])
+    room.rectangle([0, 0, knee_m], [0, LENGTH_M, 0], [run_m, 0, rise], picture=lit)
+    room.rectangle([WIDTH_M, 0, knee_m], [-run_m, 0, rise], [0, LENGTH_M, 0], picture=window)
+    if 2 * run_m < WIDTH_M:
+        room.rectangle([run_m, 0, top_m], [0, LENGTH_M, 0], [WIDTH_M - 2 * run_m, 0, 0], picture=strip)
+    edges = np.linspace(0.0, WIDTH_M, GABLE_STRIPS + 1)
+    for x, next_x in pairwise(edges.tolist()):
+        middle = 0.5 * (x + next_x)
+        height = min(top_m, knee_m + rise / run_m * min(middle, WIDTH_M - middle))
+        room.rectangle([x, 0, 0], [0, 0, height], [next_x - x, 0, 0])
+        room.rectangle([x, LENGTH_M, 0], [next_x - x, 0, 0], [0, 0, height])
+    return room.scan()
+
+
+@pytest.mark.parametrize(
+    ("knee_m", "top_m", "run_m"),
+    [(1.0, 2.3, 1.3), (1.0, 2.6, 1.0), (1.0, 3.0, 2.0), (0.6, 2.6, 2.0), (1.4, 2.5, 2.0)],
+)
+def test_the_plan_of_an_attic_reaches_below_its_slopes(builder, knee_m: float, top_m: float, run_m: float) -> None:
+    scan = attic(builder, knee_m, top_m, run_m)
+    room = find_room(scan)
+    assert room.area_m2 == pytest.approx(LENGTH_M * WIDTH_M, rel=PLAN_TOLERANCE)
+    assert room.other_outlines == ()
+    assert room.height_m == pytest.approx(top_m, abs=0.06)
+    assert room.ceiling_confidence > 0.9
+    _, openness = close_room(scan, room, ceiling=True, floor=True, sides=False)
+    assert openness.closed_ceiling_m2 == 0.0, "nothing is missing"
+
+
+def test_sensors_in_an_attic_are_below_its_slopes(builder) -> None:
+    scan = attic(builder, 0.6, 2.6, 2.0)
+    room = find_room(scan)
+    points = grid_points(scan, room, height=1.2, spacing=0.3).positions
+    highest = 0.6 + np.minimum(points[:, 0], WIDTH_M - points[:, 0])
+    assert (points[:, 2] < highest).all()
+    where_one_can_be = LENGTH_M * (WIDTH_M - 2 * 0.6)
+    assert len(points) == pytest.approx(where_one_can_be / 0.3**2, rel=0.15)
+
+
+def painted_slope(paint: Any, run_m: float, rise_m: float, size_m: tuple[float, float], *, is_round: bool) -> Any:
+    """The picture of a slope with something lit in its middle; its sides are told by their lengths."""
+    height, width = float(np.hypot(run_m, rise_m)), LENGTH_M
+    picture = paint(height, width)
+    rows, columns = picture.shape[:2]
+    y, x = np.meshgrid(
+        (np.arange(rows) + 0.5) / rows * height - height / 2, (np.arange(columns) + 0.5) / columns * width - width / 2,
+        indexing="ij",
+    )  # fmt: skip
+    inside = (
+        np.hypot(x, y) <= size_m[0] / 2 if is_round else (np.abs(x) <= size_m[0] / 2) & (np.abs(y) <= size_m[1] / 2)
+    )
+    picture[inside] = 255.0
+    return cv2.GaussianBlur(picture, (0, 0), 1.5)
+
+
+@pytest.mark.parametrize(("knee_m", "top_m", "run_m"), [(1.0, 2.3, 1.3), (0.6, 2.6, 2.0), (1.4, 2.5, 2.0)])
+def test_a_downlight_in_a_slope_is_a_lamp_and_a_roof_window_is_none(builder, painted, knee_m, top_m, run_m) -> None:
+    rise = top_m - knee_m
+    lit = painted_slope(painted, run_m, rise, (0.14, 0.14), is_round=True)
+    window = painted_slope(painted, run_m, rise, (1.1, 0.8), is_round=False)
+    scan = attic(builder, knee_m, top_m, run_m, lit=lit, window=np.rot90(window))
+    found = search_lit_lamps(scan, find_room(scan))
+    (lamp,) = found.lamps
+    length = float(np.hypot(run_m, rise))
+    assert lamp.shape.word == "disc"
+    np.testing.assert_allclose(lamp.normal, [rise / length, 0.0, -run_m / length], atol=0.03)
+    np.testing.assert_allclose(
+        lamp.center, np.array([run_m / 2, LENGTH_M / 2, knee_m + rise / 2]) + 0.06 * lamp.normal, atol=0.03
+    )
+    assert any(patch.center[0] > WIDTH_M / 2 and patch.area_m2 > 0.5 for patch in found.left_out)
