@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import Rotation
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
@@ -35,6 +37,11 @@ TABLE_WEIGHT = 3.0  # log odds where all level surfaces between floor and ceilin
 END_SHARE = 0.12  # share of the height taken as floor, and as ceiling, with their unevenness
 EXTENT_QUANTILE = 0.005  # share of the area beyond the extent on either side, such as seen through a window
 MIN_ROOM_M, LARGEST_ROOM_M = 0.3, 1000.0  # [m] longest side; neither a table-top object nor a landscape
+LEAN_DEG = (1.5, 35.0)  # [deg] of a scan that is set upright; phones know the vertical better than the least
+NEAR_AXIS_DEG = 5.0  # [deg] from floor and ceiling, within which faces belong to them: scans are noisy
+AXIS_BIN, AXIS_STEPS = 0.02, 4  # [1] of the histogram of normals, about 1°; steps of the mean about its peak
+MIN_LEVEL_SHARE = 0.1  # [1] of all area, that floor and ceiling must have
+UPRIGHT_COSINE = 0.25  # |n_z| of what may be a wall, within 14° of upright
 SURE = 0.8  # a lower confidence gives a note
 UNIT_UNCERTAIN, AXIS_UNCERTAIN = "The unit of the file is uncertain", "The upward axis is uncertain"  # of notes
 _MAX_FACES = 200_000  # a larger sample gives the same result
@@ -52,6 +59,8 @@ class Orientation:
         Their probabilities; 1 where the user gave them. [0-1]
     notes : tuple of str
         What is uncertain, and where the geometry overruled the format.
+    levelling : (3, 3) float, optional
+        Rotation that sets a scan upright which leans about its upward axis. [1]
     """
 
     unit: Unit
@@ -59,10 +68,17 @@ class Orientation:
     up: Axis
     up_confidence: float
     notes: tuple[str, ...] = ()
+    levelling: FloatArray | None = None
+
+    @property
+    def rotation(self) -> FloatArray:
+        """(3, 3) rotation of the file's axes to z up; one about the vertical is left as it is [1]."""
+        turn = upright_rotation(self.up)
+        return turn if self.levelling is None else self.levelling @ turn
 
     def apply(self, vertices: FloatArray) -> FloatArray:
-        """Bring positions of the file, (n, 3), to metres and z up; a rotation about the vertical is left as it is."""
-        return np.asarray(vertices @ upright_rotation(self.up).T * METRES_PER_UNIT[self.unit], dtype=np.float64)
+        """Bring positions of the file, (n, 3), to metres and z up."""
+        return np.asarray(vertices @ self.rotation.T * METRES_PER_UNIT[self.unit], dtype=np.float64)
 
 
 def upright_rotation(up: Axis) -> FloatArray:
@@ -138,12 +154,17 @@ def find_orientation(
     probability = odds / odds.sum()
     of_unit, of_axis = probability.sum(axis=1), probability.sum(axis=0)
     found_unit, found_up = UNITS[int(of_unit.argmax())], AXES[int(of_axis.argmax())]
+    notes = _notes(found_unit, of_unit.max(), found_up, of_axis.max(), unit or declared_unit, up or declared_up)
+    levelling = _levelling(surface.normals @ upright_rotation(found_up).T, surface.weights)
+    if levelling is not None:
+        notes += (_leaning_note(levelling),)
     orientation = Orientation(
         unit=found_unit,
         unit_confidence=float(min(1.0, of_unit.max())),
         up=found_up,
         up_confidence=float(min(1.0, of_axis.max())),
-        notes=_notes(found_unit, of_unit.max(), found_up, of_axis.max(), unit or declared_unit, up or declared_up),
+        notes=notes,
+        levelling=levelling,
     )
     _check_size(surface, found_unit, where=where)
     return orientation
@@ -267,6 +288,63 @@ def _notes(
             " plan, and set up in [scan] if it is wrong."
         )
     return tuple(notes)
+
+
+def _levelling(normals: FloatArray, weights: FloatArray) -> FloatArray | None:
+    """Rotation that sets floor and ceiling level, where they lean by `LEAN_DEG` and walls stand better for it.
+
+    Parameters
+    ----------
+    normals : (face, 3) float
+        Unit normals, z up.
+    weights : (face,) float
+        Shares of the area.
+
+    Returns
+    -------
+    rotation : (3, 3) float or None
+    """
+    folded = normals * np.sign(normals[:, 2:])
+    chosen = folded[:, 2] > np.cos(np.radians(LEAN_DEG[1]))
+    if not weights[chosen].sum() > 0:
+        return None
+    level, weight = folded[chosen], weights[chosen]
+    axis = _fullest_axis(level, weight)
+    share = float(weight[level @ axis > np.cos(np.radians(NEAR_AXIS_DEG))].sum())
+    lean_deg = float(np.degrees(np.arccos(np.clip(axis[2], -1.0, 1.0))))
+    # What either takes for a wall: a ramp's walls stand worse on it than they do upright.
+    off = np.abs(np.stack([normals[:, 2], normals @ axis]))
+    before, after = off[:, off.min(axis=0) < UPRIGHT_COSINE] @ weights[off.min(axis=0) < UPRIGHT_COSINE]
+    if lean_deg < LEAN_DEG[0] or share < MIN_LEVEL_SHARE or after >= before:
+        return None
+    # About the line in which both planes meet, so that nothing turns about the vertical.
+    line = np.array([axis[1], -axis[0], 0.0]) / np.hypot(*axis[:2])
+    return np.asarray(Rotation.from_rotvec(np.radians(lean_deg) * line).as_matrix(), dtype=np.float64)
+
+
+def _fullest_axis(normals: FloatArray, weights: FloatArray) -> FloatArray:
+    """(3,) unit vector near which most area faces."""
+    bins = int(np.ceil(2.0 / AXIS_BIN))
+    edges = np.linspace(-1.0, 1.0, bins + 1)
+    area, _, _ = np.histogram2d(normals[:, 0], normals[:, 1], bins=(edges, edges), weights=weights)
+    x, y = np.unravel_index(gaussian_filter(area, 1.0).argmax(), area.shape)
+    plan = 0.5 * np.array([edges[x] + edges[x + 1], edges[y] + edges[y + 1]])
+    axis = np.array([*plan, np.sqrt(max(0.0, 1.0 - float(plan @ plan)))])
+    for _ in range(AXIS_STEPS):
+        near = normals @ axis > np.cos(np.radians(NEAR_AXIS_DEG))
+        if not near.any():
+            break
+        axis = np.average(normals[near], axis=0, weights=weights[near])
+        axis = axis / np.linalg.norm(axis)
+    return axis
+
+
+def _leaning_note(levelling: FloatArray) -> str:
+    lean_deg = np.degrees(np.arccos(np.clip(levelling[2, 2], -1.0, 1.0)))
+    return (
+        f"The scan leans by {lean_deg:.1f}°, by its floor, ceiling and walls: it was set upright. Coordinates here are "
+        "those of the scan as it stands upright, not the file's."
+    )
 
 
 def _check_size(surface: _Surface, unit: Unit, *, where: str) -> None:

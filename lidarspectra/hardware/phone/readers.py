@@ -15,7 +15,7 @@ from lidarspectra.hardware.phone.depth_fusion import fuse_depth
 from lidarspectra.hardware.phone.frames import Capture
 from lidarspectra.hardware.phone.gltf import read_gltf
 from lidarspectra.hardware.phone.obj import read_obj
-from lidarspectra.hardware.phone.orientation import METRES_PER_UNIT, Orientation, find_orientation, upright_rotation
+from lidarspectra.hardware.phone.orientation import METRES_PER_UNIT, Orientation, find_orientation
 from lidarspectra.hardware.phone.raw_mesh import (
     FORMATS,
     FileFolder,
@@ -123,7 +123,7 @@ def read_scan_and_frames(
     progress(1.0, "scan read")
     if capture is None:
         return scan, None
-    turn, metres = upright_rotation(orientation.up), METRES_PER_UNIT[orientation.unit]
+    turn, metres = orientation.rotation, METRES_PER_UNIT[orientation.unit]
     return scan, replace(capture, frames=tuple(frame.moved(turn, metres) for frame in capture.frames))
 
 

@@ -104,3 +104,31 @@ def test_a_room_of_absurd_size_is_refused_with_the_advice_to_give_the_unit(furni
 def test_triangles_without_area_are_refused() -> None:
     with pytest.raises(ScanError, match="area"):
         find_orientation(np.zeros((3, 3)), np.array([[0, 1, 2]]))
+
+
+@pytest.mark.parametrize("lean_deg", [2.0, 5.0, 8.0, 20.0, 30.0])
+@pytest.mark.parametrize("about", [(1.0, 0.0, 0.0), (0.4, -1.0, 0.0)])
+def test_a_scan_that_leans_is_set_upright_and_it_is_said(
+    furnished_room: trimesh.Trimesh, lean_deg: float, about: tuple[float, float, float]
+) -> None:
+    lean = trimesh.transformations.rotation_matrix(np.radians(lean_deg), about)[:3, :3]
+    noisy = furnished_room.subdivide_to_size(0.15)
+    vertices = noisy.vertices + np.random.default_rng(0).normal(0.0, 0.004, noisy.vertices.shape)
+    found = find_orientation(vertices @ lean.T @ upright_rotation("+y"), noisy.faces, declared_up="+y")
+    np.testing.assert_allclose(found.apply(vertices @ lean.T @ upright_rotation("+y")), vertices, atol=0.02)
+    assert any(f"leans by {lean_deg:.0f}" in note for note in found.notes)
+    assert np.linalg.det(found.rotation) == pytest.approx(1.0)
+
+
+def test_a_ramp_under_upright_walls_is_not_set_level(furnished_room: trimesh.Trimesh) -> None:
+    vertices = furnished_room.vertices.copy()
+    ramp = vertices[:, 2] < vertices[:, 2].max() - 0.5
+    vertices[ramp, 2] += 0.07 * vertices[ramp, 0]  # 4°: floor and furniture alone
+    assert find_orientation(vertices, furnished_room.faces, declared_up="+z").levelling is None
+
+
+def test_what_leans_without_noise_is_set_upright_exactly(furnished_room: trimesh.Trimesh) -> None:
+    lean = trimesh.transformations.rotation_matrix(np.radians(5.0), [1.0, 0.0, 0.0])[:3, :3]
+    filed = furnished_room.vertices @ lean.T @ upright_rotation("+y")
+    found = find_orientation(filed, furnished_room.faces, declared_up="+y")
+    np.testing.assert_allclose(filed @ found.rotation.T, furnished_room.vertices, atol=1e-9)
