@@ -14,7 +14,7 @@ from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.floor_levels import MIN_LEVEL_SHARE, OtherFloors
 from lidarspectra.room.plan_cells import MIN_ROOM_M2, outlines, plan_mask, signed_area
-from lidarspectra.room.polished_floor import mirroring_floor
+from lidarspectra.room.polished_floor import SLAB_M, mirroring_floor
 from lidarspectra.room.room_planes import (
     GIVEN_REACH_M,
     LEVEL_COSINE,
@@ -46,6 +46,7 @@ BEYOND_SCAN_M = 3.0  # [m] a floor or ceiling that was not scanned is no farther
 HIDING_SHARE = 0.8  # of the room's plan: a level surface as large is no table and no shelf, but floor or ceiling
 SHELF_SHARE = 0.25  # of the box around the walls; a smaller level surface overhead may be a shelf or a cabinet's
 SCRAP_SHARE = 0.05  # of that box; less of a floor or ceiling is a part of furniture, and the scan shows none
+STOREY_SHARE = 0.6  # of the room's ceiling or floor, that the ceiling below another storey has, and that one's floor
 STRAY_SHARE = 0.01  # of the walls' area on either side, that may be stray
 TABLE_M = (0.3, 1.5)  # [m] height of such a surface above where the walls end
 ROOM_FILE = "room.json"
@@ -251,6 +252,9 @@ def _room_over(
     slopes = find_slopes(overhead, floor.z)
     if ceiling_z is None:
         ceilings = _without_shelves(ceilings, upright)
+        storey_z = _storey_above(ceilings, levels, floor)
+        ceilings = tuple(ceiling for ceiling in ceilings if ceiling.z < storey_z)
+        slopes = tuple(slope for slope in slopes if slope.top_z < storey_z)
     if not ceilings and sum(slope.plan_m2 for slope in slopes) < SHELF_SHARE * _plan_box_m2(upright):
         slopes = ()  # undersides of furniture and stairs
     top_z = ceiling_z
@@ -437,6 +441,23 @@ def _without_shelves(ceilings: tuple[Level, ...], faces: FaceGeometry) -> tuple[
     above = float(upright.areas[upright.bottoms > main.z].sum() / upright.areas.sum())
     is_shelf = share < SHELF_SHARE and above > BELOW_FLOOR_SHARE
     return () if share < SCRAP_SHARE or is_shelf else ceilings
+
+
+def _storey_above(ceilings: tuple[Level, ...], levels: tuple[Level, ...], floor: Level) -> float:
+    """Height of the floor of the storey above, infinite where the scan shows none [m].
+
+    It lies a slab's thickness above a ceiling that covers most of the room; a gallery's underside covers less.
+    """
+    least_m2 = STOREY_SHARE * max([floor.area_m2, *(ceiling.area_m2 for ceiling in ceilings)])
+    above = [
+        level.z
+        for ceiling in ceilings
+        for level in levels
+        if ceiling.area_m2 >= least_m2
+        and level.area_m2 >= STOREY_SHARE * ceiling.area_m2
+        and SLAB_M[0] < level.z - ceiling.z < SLAB_M[1]
+    ]
+    return min(above, default=np.inf)
 
 
 def _plan_box_m2(upright: FaceGeometry) -> float:

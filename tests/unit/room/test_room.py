@@ -222,3 +222,25 @@ def test_the_real_meeting_room_is_found(shared) -> None:
     assert room.height_m == pytest.approx(2.35, abs=0.02)
     assert room.area_m2 == pytest.approx(28.5, abs=1.0)
     assert room.ceiling_confidence > 0.9
+
+
+@pytest.mark.parametrize(("given_z", "floor_z", "height_m", "area_m2"), [(None, 0.0, 2.5, 26.4), (2.8, 2.8, 2.4, 30.0)])
+def test_of_two_storeys_with_open_stairs_one_is_the_room(builder, given_z, floor_z, height_m, area_m2) -> None:
+    house = builder(step_m=0.08, noise_m=0.006)
+    stairwell = (0.0, 0.2, 0.0, 0.6)
+    house.box([0, 0, 0], [6, 5, 2.5], inward=True, holes={"top": stairwell})
+    house.box([0, 0, 2.8], [6, 5, 5.2], inward=True, holes={"bottom": stairwell})
+    house.box([2, 1, 0.7], [3.5, 2, 0.74])
+    room = find_room(house.scan(), floor_z=given_z)
+    assert room.floor_z == pytest.approx(floor_z, abs=0.01)
+    assert room.height_m == pytest.approx(height_m, abs=0.02)
+    assert room.area_m2 == pytest.approx(area_m2, rel=0.04)
+
+
+def test_a_gallery_over_half_of_a_hall_is_no_storey(builder) -> None:
+    hall = builder(step_m=0.08, noise_m=0.006)
+    hall.box([0, 0, 0], [6, 5, 5.2], inward=True)
+    hall.box([0, 0, 2.5], [3, 5, 2.7], leave_out=("west", "south", "north"))
+    room = find_room(hall.scan())
+    assert room.height_m == pytest.approx(5.2, abs=0.02)
+    assert room.area_m2 == pytest.approx(30.0, rel=0.03)
