@@ -197,7 +197,7 @@ def shows_something(page: Path) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("year_traced_once", "coarse_pictures")
+@pytest.mark.usefixtures("year_traced_once", "coarse_pictures", "undrawn_figures")
 @pytest.mark.parametrize("page", [page for page in PAGES if shows_something(page)], ids=lambda page: page.stem)
 def test_what_a_page_shows_works(
     page: Path,
