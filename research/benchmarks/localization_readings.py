@@ -22,7 +22,7 @@ from research.virtual_rooms.room_plan import RoomPlan, read_plan
 SCENES = ("large-office", "apartment")
 SPACING_M = {"large-office": 1.2, "apartment": 0.4}  # [m] between places, as far as furniture lets people stand
 PEOPLE = {"large-office": 4, "apartment": 2}  # [1] at each place to learn from; see the experiment 'people'
-TRIED_PEOPLE = {"large-office": (1, 2, 4, 8), "apartment": (1, 2)}  # [1]
+TRIED_PEOPLE = {"large-office": (1, 2, 4, 8), "apartment": (1, 2, 4, 8)}  # [1]
 READINGS = 5  # of each person of a survey, each at a time of its own within two hours of the empty room's
 VISITS = Visits()  # of those who are tested: how long they stay, and since when sensors drift
 BETWEEN = 12  # places by lot that were not learned
