@@ -58,12 +58,12 @@ class Last:
         surfaces: Surfaces,
         lamps: Sequence[Lamp],
         evidence: LightEvidence,
-        coefficients: FloatArray,
+        *,
         flux_deviation: FloatArray,
-        *more: Any,
+        **more: Any,
     ) -> tuple[LightFit, LightEvidence]:
         """As `fit_in_rounds`, kept."""
-        found = fit_in_rounds(surfaces, lamps, evidence, coefficients, flux_deviation, *more)
+        found = fit_in_rounds(surfaces, lamps, evidence, flux_deviation=flux_deviation, **more)
         (self.fit, self.evidence), self.face, self.flux_deviation = found, surfaces.samples.face, flux_deviation
         return found
 
