@@ -50,8 +50,8 @@ SMOOTH_VARIANCE = 0.1  # [1] in logit², of the smooth part that is added to the
 SMOOTH_LENGTH_NM = 60.0  # [nm] correlation length of that part
 # Greys are flat, whatever else is near them in colour: of the normal law's deviation a smaller share is stated there.
 # `research/benchmarks/reflectance.py` prints what then lies within it, of surfaces of buildings and of test colours.
-GREY_CHROMA, VIVID_CHROMA = 6.0, 30.0  # [1] in CIELAB
-GREY_SHARE, VIVID_SHARE = 0.36, 0.90  # [1]
+GREY_CHROMA, VIVID_CHROMA = 8.0, 40.0  # [1] in CIELAB
+GREY_SHARE, VIVID_SHARE = 0.29, 1.0  # [1]
 UNSEEN_NM = 690.0  # [nm] from here on the eye's response is below a hundredth
 BLACK_Y, DARK_Y = 0.04, 0.10  # [1] luminance up to which the median counts alone, and from which it does not
 UNSEEN_NEARNESS = 4.0  # [1] CIEDE2000 that counts as one there: which of two near blacks is nearer says little of it
