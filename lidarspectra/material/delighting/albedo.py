@@ -66,8 +66,9 @@ BOUNDS_BEAM = (-0.5, 4.0)  # [1]
 # what the scan lost and rounded would be trusted: it errs alike everywhere and does not scatter. Between 2 and 9 the
 # error of the level hardly changed in the night scans of office, apartment and large office (the first seed of each).
 MIN_PER_PLACE, MAX_PER_PLACE = 0.1, 4.0
-# [1] of the direct light, from sources that nobody named, above which a place is one observation at most: three lobes
-# are a crude pattern for a floor lamp or a window, and what they miss is alike all over a wall and does not scatter.
+# [1] of the direct light, from sources that nobody named and that are no windows, above which a place is at most one
+# observation: three lobes of the sky are a crude pattern for a floor lamp, and what they miss is alike all over a wall
+# and does not scatter. A window's light they span.
 MAX_UNNAMED = 0.1
 BOUND_FLUX = 2.5  # [1] of the log of a lamp's flux over the others': a lamp dimmed to a tenth is hardly lit
 
@@ -253,7 +254,7 @@ def _fit(model: LightObjective, result: "OptimizeResult") -> LightFit:
     covariance = information.covariance()
     seen, light, direct = model.all_light(best)
     other = None if model.evidence.other is None else np.asarray(model.whole_light.other(model.strengths(best)))
-    unnamed = 0.0 if other is None else float(other.mean() / max(float(direct.mean()), 1e-30))
+    unnamed = _no_windows_light(model, best) / max(float(direct.mean()), 1e-30)
     slope = np.empty((*light.shape, model.count))
     slope[:, :, OF_TONE:] = -model.straight_slopes(model.whole_light, best, light) / light[:, :, None]
     for column, step in enumerate(STEP * np.eye(model.count)[:OF_TONE]):
@@ -287,6 +288,17 @@ def _fit(model: LightObjective, result: "OptimizeResult") -> LightFit:
         steps=int(result.nfev),
         tone_family=model.evidence.tone_prior.family,
     )
+
+
+def _no_windows_light(model: LightObjective, best: FloatArray) -> float:
+    """Mean light straight from unknown sources that are no windows."""
+    if model.evidence.other is None:
+        return 0.0
+    window = model.evidence.other_window
+    strengths = model.strengths(best)
+    if window is not None:
+        strengths = strengths * ~window[:, None, None]
+    return float(np.mean(model.whole_light.other(strengths)))
 
 
 def _radiosity(model: LightObjective, parameters: FloatArray) -> FloatArray:
@@ -372,7 +384,7 @@ def _observations_per_place(model: LightObjective, information: _Information, un
 
     the magnitude adjustment of composite likelihoods (Ribatet et al., Section 2.2). It knows only of errors that
     scatter, and is bounded where others are likely; `unnamed` is the share of the direct light from sources that nobody
-    named.
+    named, windows apart.
     """
     bread = information.bread()
     told, varies = (float(np.sum(bread * matrix)) for matrix in (information.data, information.scores))

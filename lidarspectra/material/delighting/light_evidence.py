@@ -71,6 +71,8 @@ class LightEvidence:
         Patterns of the light of unknown sources (see `unknown_light`). [any one unit]
     other_upright : (source,) bool, optional
         Which of them may be windows.
+    other_window : (source,) bool, optional
+        Which of them surely have a window's pattern; none if left out.
     card : (sample,) int, optional
         Which card of known reflectance each is a point of; -1 for none.
     card_log : (card, 3) float, optional
@@ -104,6 +106,7 @@ class LightEvidence:
     face_excess: FloatArray | None = None
     other: FloatArray | None = None
     other_upright: BoolArray | None = None
+    other_window: BoolArray | None = None
     card: IntArray | None = None
     card_log: FloatArray | None = None
     card_beside: csr_array | None = None

@@ -13,6 +13,7 @@ from lidarspectra.material.delighting.surface_light import MIN_LIGHT, LightAt
 from lidarspectra.material.delighting.tone_curve import ToneCurve
 
 LOG_SCATTER = 0.07  # [1] usual deviation of log ρ within a surface: grain, uneven exposure, noise of the mesh
+LIGHT_SCATTER = 0.015  # [1] of it, the light's own: form factors by rays, three numbers for spectra, a rounded mesh
 MAX_UNSURE = 3.0 * LOG_SCATTER  # [1] relative deviation of the light, above which a point tells only of a shadow's edge
 MAX_LEFT_OUT = 1.0 / 3.0  # [1] of the points, that may be left out for it
 PICTURE_NOISE = 0.006  # [1] of white, deviation of what a picture shows: 8 bits, and JPEG's coarse colour
@@ -169,8 +170,19 @@ class LightObjective:
         return (values - center[self.group]) / self._spread(parameters), center
 
     def _spread(self, parameters: FloatArray) -> float:
-        """Unit of the picture: mean slope of the tone curve's inverse, over logarithms."""
-        return float(np.exp(np.log(self.parts(parameters)[0].slope(self.shown)).mean()))
+        """Unit of the picture: how much a tone curve's inverse spreads the scatter of log ρ = log x - log E.
+
+        With h the mean slope of that inverse, over logarithms, a picture's errors are spread by h, those of the light E
+        are not, and a share f of the scatter's variance is the light's:
+
+            sqrt((1 - f) h² + f).                                                                             (1)
+
+        Without f, as were E known exactly, a curve that adds contrast would make the light's errors seem smaller
+        (Deming regression): levels come out too dark.
+        """
+        slope = float(np.exp(np.log(self.parts(parameters)[0].slope(self.shown)).mean()))
+        of_light = (LIGHT_SCATTER / LOG_SCATTER) ** 2
+        return float(np.sqrt((1.0 - of_light) * slope**2 + of_light))
 
     def residuals(self, parameters: FloatArray) -> FloatArray:
         """Residuals of all points under the robust loss, then those of the priors."""

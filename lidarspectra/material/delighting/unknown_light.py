@@ -46,6 +46,7 @@ MUCH_LARGER = 2.0  # [1] of areas: the two panes of a window round a corner are 
 # [1] of the light that falls on a source: paint sends less, and 2 leaves room for what fits miss. It must send more
 # even when its strength lies so many deviations lower: that of a white door that is cut at white is hardly known.
 SHINES, SURE_DEVIATIONS = 2.0, 2.0
+FLAT = 0.8  # [1] of a pane's normals, the least length of their mean: a rough mesh has .9, two sides of a shade .7
 ONE_WAY = 0.5  # [1] cosine between normals, above which two clipped faces may shine as one: a pane's mesh is rough
 
 
@@ -60,6 +61,8 @@ class UnknownSource:
     center, normal : (3,) float
         Means over its area. [m, 1]
     area_m2 : float
+    flatness : float
+        How far it looks one way: length of the mean of its normals. [0-1]
     open_share : float
         Of what lies beyond the scan: mean share of directions that leave it; 0 for a place on its surface. [0-1]
     is_beside : bool
@@ -70,6 +73,7 @@ class UnknownSource:
     center: FloatArray
     normal: FloatArray
     area_m2: float
+    flatness: float = 1.0
     open_share: float = 0.0
     is_beside: bool = False
 
@@ -80,8 +84,8 @@ class UnknownSource:
 
     @property
     def may_be_window(self) -> bool:
-        """Whether it may be a window in a wall."""
-        return self.is_upright and not self.is_beside
+        """Whether it may be a window in a wall, which looks one way, as the sides of a lamp's shade do not."""
+        return self.is_upright and not self.is_beside and self.flatness > FLAT
 
     @property
     def is_pane(self) -> bool:
@@ -117,12 +121,14 @@ def find_unknown_sources(scan: Scan, clipped: BoolArray) -> tuple[UnknownSource,
         own, beside = faces[member], np.unique(label[together == together[member.argmax()]])
         weights = scan.areas[own]
         normal = weights @ scan.normals[own]
+        length = float(np.linalg.norm(normal))
         found.append(
             UnknownSource(
                 faces=own,
                 center=np.average(scan.centers[own], axis=0, weights=weights),
-                normal=normal / max(float(np.linalg.norm(normal)), 1e-12),
+                normal=normal / max(length, 1e-12),
                 area_m2=float(area[number]),
+                flatness=length / float(weights.sum()),
                 is_beside=bool(area[beside].max() > MUCH_LARGER * area[number]),
             )
         )

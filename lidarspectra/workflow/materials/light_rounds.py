@@ -31,6 +31,7 @@ from lidarspectra.workflow.materials.delighting_samples import groups_of
 # coloured: round-off must not switch what is believed of a white one
 NEUTRAL, COLORED = 0.08, 0.16
 ROUNDS = 3  # of grouping by hue and fitting; in the first the hues are still tinted by the light
+MIXED = 1.02  # [1] of the scatter before, from which groups that leave more mix paints: their fit is not kept
 REFLECTANCE_RANGE = (0.005, BRIGHTEST_REFLECTANCE)  # [1] of surfaces
 LIGHT_REFLECTANCE = 0.65  # [1] above which surfaces of buildings are mostly white (research/benchmarks/whites.py)
 STRAY_LIGHT = 0.02  # [1] of white, from neighbouring places: edges are rounded, frames blended, lenses glare
@@ -84,8 +85,10 @@ def fit_in_rounds(
     """Fit camera and light, group surfaces by the hue that results, and fit again; then choose the tone curve's family.
 
     Sources that turn out to be paint, mostly after the first fit, are left out, and what follows starts from the fit
-    that they were part of. All families are fitted to the groups that the first one's fit made. Where another is more
-    probable, surfaces are grouped by its fit and fitted once more; the probabilities stay.
+    that they were part of. Hues that a fit makes may come out in groups that mix paints, whose fit bends camera and
+    light to make them one; they leave more scatter than those before, which then stay. All families are fitted to the
+    groups that the first one's fit made. Where another is more probable, surfaces are grouped by its fit and fitted
+    once more; the probabilities stay.
 
     Parameters
     ----------
@@ -114,12 +117,11 @@ def fit_in_rounds(
     fit = fit_light(evidence, flux_deviation=flux_deviation, progress=first)
     grouping = _Grouping.of(surfaces, lamps, evidence, coefficients)
     evidence, fit = _without_paint(as_paint, evidence, fit)
-    for part in following:
-        evidence, fit = _next_round(grouping, evidence, fit, flux_deviation, part)
+    evidence, fit = _next_rounds(grouping, evidence, fit, flux_deviation, following)
     with_sources = evidence.sources
     evidence, fit = _without_paint(as_paint, evidence, fit)
-    for part in shares(without, (1.0,) * (ROUNDS - 1)) if evidence.sources < with_sources else ():
-        evidence, fit = _next_round(grouping, evidence, fit, flux_deviation, part)
+    if evidence.sources < with_sources:
+        evidence, fit = _next_rounds(grouping, evidence, fit, flux_deviation, shares(without, (1.0,) * (ROUNDS - 1)))
     trying, ending = shares(weighing, (0.7, 0.3))
     fits = [fit, *fit_other_families(evidence, fit, other_families, flux_deviation=flux_deviation, progress=trying)]
     probability = probabilities(fits)
@@ -141,13 +143,24 @@ def _without_paint(
     return alone, replace(fit, parameters=fit.parameters[: -OF_SOURCE * evidence.sources], other=None)
 
 
-def _next_round(
-    grouping: "_Grouping", evidence: LightEvidence, fit: LightFit, flux_deviation: FloatArray, progress: Progress
+def _next_rounds(
+    grouping: "_Grouping",
+    evidence: LightEvidence,
+    fit: LightFit,
+    flux_deviation: FloatArray,
+    progress: Sequence[Progress],
 ) -> tuple[LightEvidence, LightFit]:
-    """Evidence grouped by the hue that a fit makes of the surfaces, and a fit to it."""
-    progress(0.0, "surfaces of one hue")
-    evidence = grouping.regrouped(evidence, fit)
-    return evidence, _fit_again(evidence, fit, flux_deviation, progress)
+    """Evidence grouped by the hue that fits make of the surfaces, and a fit to it, without groups that mix paints.
+
+    The first grouping is kept, since the hues before are tinted by the light, or the sources were others.
+    """
+    for number, part in enumerate(progress):
+        part(0.0, "surfaces of one hue")
+        other = grouping.regrouped(evidence, fit)
+        again = _fit_again(other, fit, flux_deviation, part)
+        if number == 0 or again.scatter < MIXED * fit.scatter:
+            evidence, fit = other, again
+    return evidence, fit
 
 
 def _fit_again(evidence: LightEvidence, fit: LightFit, flux_deviation: FloatArray, progress: Progress) -> LightFit:

@@ -1,6 +1,7 @@
 """What is bright in a scan without being a lamp."""
 
 from dataclasses import replace
+from unittest.mock import MagicMock, patch
 
 import numpy as np
 import pytest
@@ -12,9 +13,15 @@ from lidarspectra.material.delighting.clipped_light import beyond_white
 from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
 from lidarspectra.spectra.spectrum import Spectrum
-from lidarspectra.workflow.materials.delighting_notes import unsettled_note, whiter_than_paint_note
+from lidarspectra.workflow.materials import light_rounds
+from lidarspectra.workflow.materials.delighting_notes import (
+    fit_in_words,
+    stated_light,
+    unsettled_note,
+    whiter_than_paint_note,
+)
 from lidarspectra.workflow.materials.delighting_samples import near_lamps
-from lidarspectra.workflow.materials.light_rounds import STRAY_LIGHT, _neutral, _unsure, _whites
+from lidarspectra.workflow.materials.light_rounds import STRAY_LIGHT, _neutral, _unsure, _whites, fit_in_rounds
 
 from .lit_walls import evidence
 
@@ -87,3 +94,28 @@ def test_a_ceiling_counts_for_white_the_less_the_more_it_is_coloured_and_never_j
     assert weights[-1] == 0.0
     assert np.abs(np.diff(weights)).max() < 0.02
     assert _neutral(np.zeros(4, dtype=np.bool_), np.full((4, 3), 0.8)) == 0.0
+
+
+@pytest.mark.parametrize(("last", "kept"), [(0.0405, 0.0405), (0.045, 0.04)])
+def test_groups_that_leave_more_scatter_than_those_before_mix_paints_and_are_not_kept(last: float, kept: float) -> None:
+    data, silent = evidence(2), MagicMock()
+    fit = fit_light(data, flux_deviation=np.array([0.15]))
+    fits = [replace(fit, scatter=scatter) for scatter in (0.03, 0.04, last)]  # the first, of tinted hues, never is
+    grouping = MagicMock()
+    grouping.of.return_value.regrouped.side_effect = lambda evidence, fit: replace(evidence, ceiling_weight=fit.scatter)
+    with (
+        patch.object(light_rounds, "fit_light", side_effect=fits),
+        patch.object(light_rounds, "_Grouping", grouping),
+    ):
+        found, of = fit_in_rounds(
+            MagicMock(), (), data, np.ones((1, 1)), np.array([0.15]), (), lambda evidence, fit: evidence, silent
+        )
+    assert found.scatter == kept
+    assert of.ceiling_weight == (0.04 if kept == last else 0.03), "the evidence that it was fitted to"
+
+
+def test_what_is_stated_of_the_light_is_wider_where_the_fit_is_less_sure() -> None:
+    fit = fit_light(evidence(2), flux_deviation=np.array([0.15]))
+    unsure = replace(fit, log_deviation=3.0 * fit.log_deviation)
+    assert stated_light(unsure) == pytest.approx(3.0 * stated_light(fit))
+    assert f"uncertain by {100 * np.median(stated_light(unsure)):.0f} %" in fit_in_words(unsure)

@@ -7,6 +7,7 @@ import pytest
 
 from lidarspectra.geometry.appearance import DRAWN, NO_COLOR, PHOTOGRAPHED, Appearance
 from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.delighting.light_objective import LOG_SCATTER
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.lit_lamps.lit_lamps import search_lit_lamps
 from lidarspectra.material.part_materials import NAMED_PRIORS, TYPICAL, named_prior, typical_materials
@@ -14,7 +15,12 @@ from lidarspectra.material.segmentation.place_priors import KINDS, PRIORS
 from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL, Classifier
 from lidarspectra.material.views.views import ViewSet
 from lidarspectra.room.room import find_room
-from lidarspectra.workflow.materials.delighting import LEFT_IN_DEVIATION, take_light_out, with_light_uncertainty
+from lidarspectra.workflow.materials.delighting import (
+    LEFT_IN_DEVIATION,
+    Delighting,
+    take_light_out,
+    with_light_uncertainty,
+)
 
 from .conftest import box_scan
 
@@ -101,6 +107,24 @@ def test_a_reflectance_whose_light_was_left_in_is_as_uncertain_as_shown_colours_
         own, both = (float(each.uncertainty.at([555.0], outside="nearest")[0]) for each in (before, after))
         assert both == pytest.approx(own if of_typical else np.hypot(own, LEFT_IN_DEVIATION))
         assert np.array_equal(before.reflectance.values, after.reflectance.values), "the estimate itself stays"
+
+
+@pytest.mark.parametrize(("painted", "of_places"), [(True, 0.0), (False, LOG_SCATTER)])
+def test_what_the_places_of_a_paint_err_by_is_stated_once(box, painted: bool, of_places: float) -> None:
+    """A paint's own deviation has it; less than a square metre of what is of none errs as one place does."""
+    scan, count = box, len(box.faces)
+    small = scan.areas / scan.areas.sum()
+    grey = replace(scan.appearance, corner_color=np.full((count, 3, 3), 0.5))
+    found = estimate_materials(replace(scan, appearance=grey), no_views(scan), model=None)
+    taken_out = Delighting(
+        face_color=np.full((count, 3), 0.5), face_deviation=np.full((count, 3), 0.03), fit=None, words="",
+        face_painted=np.full(count, painted),
+    )  # fmt: skip
+    stated = with_light_uncertainty(found, taken_out, small)
+    before, after = (each.materials[0] for each in (found, stated))
+    own, both = (float(each.uncertainty.at([545.0], outside="nearest")[0]) for each in (before, after))
+    light = float(before.reflectance.at([545.0], outside="nearest")[0]) * np.hypot(0.03, of_places)
+    assert both == pytest.approx(np.hypot(own, light), rel=0.01)
 
 
 def test_the_name_of_a_window_makes_glass_likely_and_leaves_other_faces_alone(box) -> None:

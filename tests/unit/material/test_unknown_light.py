@@ -106,6 +106,7 @@ def test_a_lamps_shade_is_one_source_whose_sides_look_all_ways() -> None:
     assert ((scan.centers - 0.15) * scan.normals).sum(axis=1).min() > 0.0  # all look outwards
     (source,) = find_unknown_sources(scan, np.ones(len(scan.faces), dtype=np.bool_))
     assert source.area_m2 == pytest.approx(6 * 0.3**2)
+    assert not source.is_pane, "a window looks one way"
 
 
 @pytest.mark.parametrize(("zenith", "horizon"), [(1.0, 1.0), (1.0, 1.0 / 3.0)])
