@@ -13,7 +13,7 @@ from lidarspectra.material.delighting.surface_light import MIN_LIGHT, LightAt
 from lidarspectra.material.delighting.tone_curve import ToneCurve
 
 LOG_SCATTER = 0.07  # [1] usual deviation of log ρ within a surface: grain, uneven exposure, noise of the mesh
-LIGHT_SCATTER = 0.015  # [1] of it, the light's own: form factors by rays, three numbers for spectra, a rounded mesh
+LIGHT_SCATTER = 0.01  # [1] of it, the light's own: form factors by rays, three numbers for spectra, a rounded mesh
 MAX_UNSURE = 3.0 * LOG_SCATTER  # [1] relative deviation of the light, above which a point tells only of a shadow's edge
 MAX_LEFT_OUT = 1.0 / 3.0  # [1] of the points, that may be left out for it
 PICTURE_NOISE = 0.006  # [1] of white, deviation of what a picture shows: 8 bits, and JPEG's coarse colour
