@@ -90,7 +90,7 @@ def test_a_dim_screen_of_the_wall_s_hue_is_no_part_of_the_wall_s_paint(tmp_path:
     assert np.median(colors[wall]) == pytest.approx(np.median(colors[opposite]), rel=0.012)
 
 
-def test_what_a_screen_shows_is_no_paint_and_its_light_is_taken_out_of_the_room(room: Room) -> None:
-    told, untold = _error(room, SCREEN), _error(room)
-    assert told < 0.02  # .012 with this seed of samples and rays, .009 with another
-    assert told < 0.5 * untold  # of .043 and .035
+def test_a_screens_light_is_taken_out_of_the_room_told_or_not(room: Room) -> None:
+    assert _error(room, SCREEN) < 0.02  # .013 with this seed of samples and rays
+    # Untold it is a source whose strength the walls tell; it must not be taken for paint of their level.
+    assert _error(room) < 0.02  # .011
