@@ -20,6 +20,7 @@ PARTS = (
         "map of errors (high, network) a line leads from each place to where its readings are put on the average.",
         tables=(
             "table-4",
+            "table-4-goals",
             "paper-table-4",
             "table-4-all",
             "person-effect",
