@@ -38,8 +38,8 @@ END_SHARE = 0.12  # share of the height taken as floor, and as ceiling, with the
 EXTENT_QUANTILE = 0.005  # share of the area beyond the extent on either side, such as seen through a window
 MIN_ROOM_M, LARGEST_ROOM_M = 0.3, 1000.0  # [m] longest side; neither a table-top object nor a landscape
 LEAN_DEG = (1.5, 35.0)  # [deg] of a scan that is set upright; phones know the vertical better than the least
-NEAR_AXIS_DEG = 5.0  # [deg] from floor and ceiling, within which faces belong to them: scans are noisy
-AXIS_BIN, AXIS_STEPS = 0.02, 4  # [1] of the histogram of normals, about 1°; steps of the mean about its peak
+NEAR_AXIS_DEG = 10.0  # [deg] from floor and ceiling, within which faces belong to them: noise tilts small triangles far
+AXIS_BIN, AXIS_STEPS = 0.02, 8  # [1] of the histogram of normals, about 1°; steps of the mean about its peak
 MIN_LEVEL_SHARE = 0.1  # [1] of all area, that floor and ceiling must have
 UPRIGHT_COSINE = 0.25  # |n_z| of what may be a wall, within 14° of upright
 SURE = 0.8  # a lower confidence gives a note
@@ -304,38 +304,36 @@ def _levelling(normals: FloatArray, weights: FloatArray) -> FloatArray | None:
     -------
     rotation : (3, 3) float or None
     """
-    folded = normals * np.sign(normals[:, 2:])
-    chosen = folded[:, 2] > np.cos(np.radians(LEAN_DEG[1]))
-    if not weights[chosen].sum() > 0:
-        return None
-    level, weight = folded[chosen], weights[chosen]
-    axis = _fullest_axis(level, weight)
-    share = float(weight[level @ axis > np.cos(np.radians(NEAR_AXIS_DEG))].sum())
+    axis = _level_axis(normals, weights)
+    share = float(weights[np.abs(normals @ axis) > np.cos(np.radians(NEAR_AXIS_DEG))].sum())
     lean_deg = float(np.degrees(np.arccos(np.clip(axis[2], -1.0, 1.0))))
     # What either takes for a wall: a ramp's walls stand worse on it than they do upright.
     off = np.abs(np.stack([normals[:, 2], normals @ axis]))
-    before, after = off[:, off.min(axis=0) < UPRIGHT_COSINE] @ weights[off.min(axis=0) < UPRIGHT_COSINE]
-    if lean_deg < LEAN_DEG[0] or share < MIN_LEVEL_SHARE or after >= before:
+    walls = off.min(axis=0) < UPRIGHT_COSINE
+    before, after = off[:, walls] @ weights[walls]
+    if not LEAN_DEG[0] <= lean_deg <= LEAN_DEG[1] or share < MIN_LEVEL_SHARE or after >= before:
         return None
     # About the line in which both planes meet, so that nothing turns about the vertical.
     line = np.array([axis[1], -axis[0], 0.0]) / np.hypot(*axis[:2])
     return np.asarray(Rotation.from_rotvec(np.radians(lean_deg) * line).as_matrix(), dtype=np.float64)
 
 
-def _fullest_axis(normals: FloatArray, weights: FloatArray) -> FloatArray:
-    """(3,) unit vector near which most area faces."""
-    bins = int(np.ceil(2.0 / AXIS_BIN))
-    edges = np.linspace(-1.0, 1.0, bins + 1)
-    area, _, _ = np.histogram2d(normals[:, 0], normals[:, 1], bins=(edges, edges), weights=weights)
-    x, y = np.unravel_index(gaussian_filter(area, 1.0).argmax(), area.shape)
-    plan = 0.5 * np.array([edges[x] + edges[x + 1], edges[y] + edges[y + 1]])
+def _level_axis(normals: FloatArray, weights: FloatArray) -> FloatArray:
+    """(3,) unit vector, no farther from +z than a scan may lean, along which most area faces up or down."""
+    facing_up = normals * np.sign(normals[:, 2:])
+    chosen = facing_up[:, 2] > np.cos(np.radians(LEAN_DEG[1]))
+    edges = np.linspace(-1.0, 1.0, int(np.ceil(2.0 / AXIS_BIN)) + 1)
+    area, _, _ = np.histogram2d(*facing_up[chosen, :2].T, bins=(edges, edges), weights=weights[chosen])
+    place = np.unravel_index(gaussian_filter(area, 1.0).argmax(), area.shape)
+    plan = np.array([0.5 * (edges[index] + edges[index + 1]) for index in place])
     axis = np.array([*plan, np.sqrt(max(0.0, 1.0 - float(plan @ plan)))])
     for _ in range(AXIS_STEPS):
-        near = normals @ axis > np.cos(np.radians(NEAR_AXIS_DEG))
-        if not near.any():
+        along = normals @ axis
+        near = np.abs(along) > np.cos(np.radians(NEAR_AXIS_DEG))
+        if not weights[near].sum() > 0:
             break
-        axis = np.average(normals[near], axis=0, weights=weights[near])
-        axis = axis / np.linalg.norm(axis)
+        mean = np.average(normals[near] * np.sign(along[near, None]), axis=0, weights=weights[near])
+        axis = mean / np.linalg.norm(mean)
     return axis
 
 

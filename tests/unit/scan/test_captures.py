@@ -5,6 +5,7 @@ import json
 import shutil
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,20 @@ def test_a_folder_of_3d_scanner_app_gives_the_mesh_and_its_frames_in_one_system_
     assert depth.depth_m[9, 12] == pytest.approx(1.5, abs=2e-3)  # half of the room's 3 m
     assert capture.frames[0].exposure_s == pytest.approx(1 / 60)
     assert capture.frames[0].iso is None
+
+
+def test_a_capture_that_leans_is_set_upright_with_its_frames(tmp_path: Path) -> None:
+    room = box_room()
+    lean = trimesh.transformations.rotation_matrix(np.radians(8.0), [0.3, 0.0, 1.0])
+    shots = [replace(shot, pose=lean @ shot.pose) for shot in gray_shots(room)]
+    room.apply_transform(lean)
+    scan, capture = read_scan_and_frames(write_3dscanner(tmp_path / "scan", room, shots))
+    assert capture is not None
+    assert np.allclose(scan.bounds[1] - scan.bounds[0], (4.0, 3.0, 2.6), atol=1e-3)
+    for number, frame in enumerate(capture.frames):
+        looked, turn = -frame.camera_to_world[:3, 2], np.radians(360.0 * number / len(shots))
+        assert np.allclose(looked, (-np.sin(turn), np.cos(turn), 0.0), atol=1e-3)
+        assert np.allclose(frame.camera_to_world[:3, 3], (0.05 * number, 0.0, 0.0), atol=1e-3)
 
 
 def test_an_archive_is_read_like_the_folder_wherever_the_layout_begins_in_it(
