@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import FloatArray
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.geometry.surface_samples import surface_samples
+from lidarspectra.room.polished_floor import CLEAR_M, NEAR_M, THINGS_ALIKE
 from lidarspectra.room.room import Room
 from lidarspectra.room.room_planes import Wall
 
@@ -14,10 +15,7 @@ ALIKE = 0.85  # [1] of the places on either side whose image belongs to the plan
 MIN_WALL_SHARE = 0.15  # [1] of the plan's width there, that walls of the plane take up: the face of a column is no wall
 ONE_PLANE_COSINE = 0.97  # [1] between normals of walls that may lie in one plane
 MIN_SHARE = 0.2  # [1] of the plan that must lie on either side of the wall
-CLEAR_M = 0.25  # [m] of floor, ceiling and walls, from which on a surface is a thing's in the room
 THING_SPACING_M = 0.1  # [m] of the places on things that are held against their images
-NEAR_M = 0.2  # [m] a ghost's thing is no farther from the thing's image: mirrored scans are rough
-THINGS_ALIKE = 0.6  # [1] of the places on things on either side, whose image is on a thing too
 MIN_THINGS = 30  # places on things on either side, with fewer of which the plan alone tells
 
 

@@ -16,12 +16,10 @@ from lidarspectra.room.floor_levels import (
     meets,
 )
 from lidarspectra.room.room_planes import Level, Wall
-from lidarspectra.room.slopes import Slope, below_slopes
+from lidarspectra.room.slopes import CEILING_REACH_M, MIN_DEPTH_M, Slope, below_slopes
 
 CELL_M = 0.025  # [m] finer than the triangles of a phone scan (3 to 5 cm)
 MAX_CELLS = 1_000_000  # a larger plan gets larger cells
-CEILING_REACH_M = 0.3  # [m] rays start so far below the ceiling, above most furniture
-MIN_DEPTH_M = 0.6  # [m] air below the ceiling; less is a cavity behind glass, or a cabinet as high as a wall
 PORE_M = 0.1  # [m] gaps narrower than this in the ceiling are holes of the mesh
 NARROW_M = 0.3  # [m] bulges and links narrower than this are cracks in the mesh, not room
 TALL_SHARE = 0.7  # share of the room's height from which on an upright plane is a wall and not furniture
@@ -123,26 +121,12 @@ def plan_mask(
     on_floor = meets(caster, plan, start_z=floor.z + FLOOR_REACH_M, level_z=floor.z).reshape(rows, columns)
     tall = [wall for wall in walls if wall.top_z - wall.bottom_z >= TALL_SHARE * (top_z - floor.z)]
 
-    def elsewhere(lowered: Level) -> BoolArray:
-        """Cells on another floor on which one can stand below a lowered ceiling."""
-        below = [level for level in (others.large if others else ()) if lowered.z - level.z >= STANDING_M]
-        on_one = [meets(caster, plan, start_z=level.z + FLOOR_REACH_M, level_z=level.z) for level in below]
-        return np.asarray(np.any(on_one, axis=0) if on_one else np.zeros(len(plan), dtype=np.bool_)).reshape(
-            rows, columns
-        )
-
     if ceilings or slopes:
         inside = below_slopes(caster, plan, slopes).reshape(rows, columns)
-        for main in ceilings[:1]:
-            overhead = meets(caster, plan, start_z=main.z - CEILING_REACH_M, level_z=main.z)
-            inside = inside | (overhead & _has_depth(caster, plan, ceiling_z=main.z)).reshape(rows, columns)
-        for other in ceilings[1:]:
-            overhead = meets(caster, plan, start_z=other.z - CEILING_REACH_M, level_z=other.z).reshape(rows, columns)
-            if ceilings[0].z < other.z < ceilings[0].z + STANDING_M:  # of a higher room, not of a storey above
-                there = _has_depth(caster, plan, ceiling_z=other.z).reshape(rows, columns)
-            else:  # what hangs lower may be a shelf
-                there = on_floor | elsewhere(other)
-            inside = inside | (overhead & there)
+        for ceiling in ceilings:
+            if ceiling.z < ceilings[0].z + STANDING_M:  # or it is that of a storey above
+                overhead = meets(caster, plan, start_z=ceiling.z - CEILING_REACH_M, level_z=ceiling.z)
+                inside = inside | (overhead & _has_depth(caster, plan, ceiling_z=ceiling.z)).reshape(rows, columns)
         inside = inside | _without_ceiling(caster, plan, on_floor, inside, floor_z=floor.z, walls=tall)
     else:
         start_z = float(bounds[1, 2]) + 1.0 if from_z is None else from_z

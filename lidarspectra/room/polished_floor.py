@@ -10,8 +10,8 @@ from lidarspectra.room.floor_levels import LEVEL_TOLERANCE_M, STANDING_M
 from lidarspectra.room.room_planes import LEVEL_COSINE, FaceGeometry, Level, find_walls
 
 CLEAR_M = 0.25  # [m] of floor, ceiling and walls, from which on a surface is a thing's in the room
-NEAR_M = 0.2  # [m] an image is no farther from what is mirrored: mirrored scans are rough
-ALIKE = 0.6  # [1] of the area of things below, that must be where the floor mirrors a thing above
+NEAR_M = 0.2  # [m] an image is no farther from what was scanned of it: mirrored scans are rough
+THINGS_ALIKE = 0.6  # [1] of things behind a mirror, that must be where it has the image of a thing before it
 FEW_THINGS_M2 = 1.0  # [m²] of things below, with fewer of which floor and ceiling alone tell
 MIN_CEILING_SHARE = 0.15  # [1] of the level surface below, that faces down as far above the floor
 SLAB_M = (0.1, 0.6)  # [m] below a floor, where the ceiling of the storey below it would be
@@ -57,6 +57,10 @@ def shows_image(faces: FaceGeometry, upright: FaceGeometry, floor: Level, lowest
     faces, upright : FaceGeometry
         As of `mirroring_floor`.
     floor, lowest : Level
+
+    Returns
+    -------
+    is_image : bool
     """
     height_m = floor.z - lowest.z
     if height_m < STANDING_M:
@@ -97,4 +101,4 @@ def _are_images(things: FaceGeometry, floor_z: float) -> bool:
         return False
     images: FloatArray = np.array([0.0, 0.0, 2.0 * floor_z]) + things.centers[below] * [1.0, 1.0, -1.0]
     distance, _ = cKDTree(things.centers[~below]).query(images, distance_upper_bound=NEAR_M)
-    return bool(area_m2[np.isfinite(distance)].sum() >= ALIKE * area_m2.sum())
+    return bool(area_m2[np.isfinite(distance)].sum() >= THINGS_ALIKE * area_m2.sum())

@@ -255,6 +255,8 @@ def _room_over(
         storey_z = _storey_above(ceilings, levels, floor)
         ceilings = tuple(ceiling for ceiling in ceilings if ceiling.z < storey_z)
         slopes = tuple(slope for slope in slopes if slope.top_z < storey_z)
+    else:
+        slopes = tuple(slope for slope in slopes if slope.top_z < ceiling_z + GIVEN_REACH_M)
     if not ceilings and sum(slope.plan_m2 for slope in slopes) < SHELF_SHARE * _plan_box_m2(upright):
         slopes = ()  # undersides of furniture and stairs
     top_z = ceiling_z

@@ -22,8 +22,8 @@ from lidarspectra.room.room_planes import (
 
 MIN_SLOPE_M2 = 2.0  # [m²] of a slope: rounded edges between ceiling and walls have less
 OVERHEAD_M = 0.5  # [m] above the floor; lower down are undersides of sofas
-REACH_M = 0.3  # [m] rays start so far below a slope, above most furniture
-MIN_DEPTH_M = 0.6  # [m] air below a slope, for it to be over a room
+CEILING_REACH_M = 0.3  # [m] rays start so far below a ceiling, above most furniture
+MIN_DEPTH_M = 0.6  # [m] air below a ceiling; less is a cavity behind glass, or a cabinet as high as a wall
 TOP_SHARE = 0.98  # of a slope's area, below its top
 
 
@@ -70,6 +70,10 @@ def find_slopes(faces: FaceGeometry, floor_z: float) -> tuple[Slope, ...]:
         What may be ceiling.
     floor_z : float
         [m]
+
+    Returns
+    -------
+    slopes : tuple of Slope
     """
     left = faces.some((faces.normals[:, 2] < -UPRIGHT_COSINE) & (faces.centers[:, 2] > floor_z + OVERHEAD_M))
     slopes: list[Slope] = []
@@ -107,14 +111,18 @@ def below_slopes(caster: RayCaster, plan: FloatArray, slopes: Sequence[Slope]) -
     plan : (place, 2) float
         [m]
     slopes : sequence of Slope
+
+    Returns
+    -------
+    below : (place,) bool
     """
     below = np.zeros(len(plan), dtype=np.bool_)
     for slope in slopes:
         tolerance = LEVEL_TOLERANCE_M / -float(slope.normal[2])
-        starts = np.column_stack([plan, slope.height_at(plan) - REACH_M])
-        up = caster.nearest(starts, [0.0, 0.0, 1.0], max_distance=REACH_M + tolerance)
+        starts = np.column_stack([plan, slope.height_at(plan) - CEILING_REACH_M])
+        up = caster.nearest(starts, [0.0, 0.0, 1.0], max_distance=CEILING_REACH_M + tolerance)
         met = up.met & (caster.normals[up.face] @ slope.normal > FACING_COSINE)
-        below |= met & ~caster.blocked(starts, [0.0, 0.0, -1.0], max_distance=MIN_DEPTH_M - REACH_M)
+        below |= met & ~caster.blocked(starts, [0.0, 0.0, -1.0], max_distance=MIN_DEPTH_M - CEILING_REACH_M)
     return below
 
 

@@ -114,6 +114,7 @@ class Case:
 
 
 CORRIDOR_WHOLE, MODEL_WHOLE = "corridor, closed at its ends", "RoomPlan with a ceiling"
+ROOF_WHOLE, ROOF_LAMPS_M = "under a roof", ((1.4, 2.0), (3.6, 2.0))
 
 
 def _as_it_is(mesh: Mesh, random: np.random.Generator) -> Mesh:
@@ -147,6 +148,9 @@ CASES = (
     Case(name="ghost behind a window of 2 m", damage=rooms.mirrored_at_wall(2.0)),
     Case(name="polished floor", damage=rooms.polished_floor),
     Case(name="polished floor, --floor 0", damage=rooms.polished_floor, init=("--floor", "0")),
+    Case(name="leans by 8 degrees", damage=rooms.leaning),
+    Case(name=ROOF_WHOLE, damage=rooms.under_a_roof, whole=ROOF_WHOLE, lamps_m=ROOF_LAMPS_M),
+    Case(name="two storeys, an open stairwell", damage=rooms.two_storeys),
     Case(name="open at one end", damage=rooms.without("east")),
     Case(name="open at one end, close = true", damage=rooms.without("east"), close=True),
     _corridor(CORRIDOR_WHOLE, _as_it_is),

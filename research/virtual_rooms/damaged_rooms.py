@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.spectra.colorimetry import encode_srgb
@@ -219,6 +220,26 @@ def polished_floor(mesh: Mesh, random: np.random.Generator) -> Mesh:
     ghost = mesh.vertices * [1.0, 1.0, -1.0] - [0.0, 0.0, 0.02]
     shiny = (mesh.centers[:, 2] < 0.018) & (np.abs(mesh.centers[:, 0] - 2.5) < 1.7)
     return joined(mesh.some(~shiny), replace(mesh.moved(ghost), faces=mesh.faces[:, ::-1]))
+
+
+def leaning(mesh: Mesh, random: np.random.Generator) -> Mesh:
+    """All of it leans by 8 degrees, as a photogrammetry has it, which knows no vertical."""
+    return mesh.moved(mesh.vertices @ Rotation.from_rotvec(np.radians(8.0) * np.array([0.6, 0.8, 0.0])).as_matrix().T)
+
+
+def under_a_roof(mesh: Mesh, random: np.random.Generator) -> Mesh:
+    """What lies above two slopes of 58 degrees, from knee walls of 1 m, is pressed down onto them."""
+    knee_m, rise = 1.0, 1.6
+    roof = knee_m + rise * np.minimum(mesh.vertices[:, 1], SIZE_M[1] - mesh.vertices[:, 1])
+    return mesh.moved(np.column_stack([mesh.vertices[:, :2], np.minimum(mesh.vertices[:, 2], roof)]))
+
+
+def two_storeys(mesh: Mesh, random: np.random.Generator) -> Mesh:
+    """The room again above itself and a slab of .3 m; a stairwell is open between them."""
+    stairwell = (mesh.centers[:, 0] > 4.2) & (mesh.centers[:, 1] < 1.6)
+    lower = mesh.some(~(stairwell & (mesh.centers[:, 2] > SIZE_M[2] - EDGE_M)))
+    upper = mesh.some(~(stairwell & (mesh.centers[:, 2] < EDGE_M)))
+    return joined(lower, upper.moved(upper.vertices + [0.0, 0.0, SIZE_M[2] + 0.3]))
 
 
 def one_wall_and_a_chair(mesh: Mesh, random: np.random.Generator) -> Mesh:

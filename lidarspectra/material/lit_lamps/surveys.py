@@ -13,7 +13,7 @@ from lidarspectra.material.lit_lamps.evidence import FLUSH_M, RECESS_M, SATURATE
 from lidarspectra.material.lit_lamps.plane_picture import PlaneFrame, PlanePicture, take_picture
 from lidarspectra.room.floor_levels import STANDING_M
 from lidarspectra.room.room import Room
-from lidarspectra.room.room_planes import Level, face_geometry, find_ceilings, of_kinds
+from lidarspectra.room.room_planes import FaceGeometry, Level, face_geometry, find_ceilings, of_kinds
 from lidarspectra.room.slopes import find_slopes
 from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 
@@ -106,12 +106,15 @@ def surveys(scan: Scan, room: Room, caster: RayCaster) -> Iterator[Survey]:
     reach = float(np.clip(room.height_m - HEADROOM_M, 0.1, HANGING_M))
     low, high = plan.min(axis=0), plan.max(axis=0)
     yield _survey(scan, room, caster, up, "ceiling", low, high, reach)
-    for z in _other_ceilings(scan, room):
+    overhead = of_kinds(scan, face_geometry(scan), "ceiling")
+    for z in _other_ceilings(overhead, room):
         yield _survey(scan, room, caster, _below(z), "ceiling", low, high, OTHER_REACH_M)
     if room.height_m - LOW_M > reach:
         lower = _survey(scan, room, caster, up, "ceiling", low, high, room.height_m - LOW_M)
         yield replace(lower, least_height_m=reach)
-    for slope in find_slopes(of_kinds(scan, face_geometry(scan), "ceiling"), room.floor_z):
+    for slope in find_slopes(overhead, room.floor_z):
+        if slope.top_z >= room.ceiling_z + STANDING_M:
+            continue  # of a storey above
         frame = PlaneFrame(origin=slope.offset_m * slope.normal, normal=slope.normal)
         above = frame.to_plane(np.column_stack([corners, slope.height_at(corners)]))
         yield _survey(scan, room, caster, frame, "slope", above.min(axis=0), above.max(axis=0), SLOPE_REACH_M)
@@ -129,10 +132,9 @@ def _below(z: float) -> PlaneFrame:
     return PlaneFrame(origin=np.array([0.0, 0.0, z]), normal=np.array([0.0, 0.0, -1.0]))
 
 
-def _other_ceilings(scan: Scan, room: Room) -> Iterator[float]:
+def _other_ceilings(overhead: FaceGeometry, room: Room) -> Iterator[float]:
     """Heights of ceilings that are too far from the main one for lamps in them to be flush with that [m]."""
-    faces = of_kinds(scan, face_geometry(scan), "ceiling")
-    for level in find_ceilings(faces, Level(z=room.floor_z, area_m2=room.floor_area_m2)):
+    for level in find_ceilings(overhead, Level(z=room.floor_z, area_m2=room.floor_area_m2)):
         if abs(level.z - room.ceiling_z) > FLUSH_M and level.z < room.ceiling_z + STANDING_M:
             yield level.z
 

@@ -6,8 +6,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.hardware.phone.orientation import find_orientation
 from lidarspectra.material.lit_lamps.lit_lamps import search_lit_lamps
 from lidarspectra.room.closing import close_room
 from lidarspectra.room.room import find_room
@@ -97,3 +99,31 @@ def test_a_downlight_in_a_slope_is_a_lamp_and_a_roof_window_is_none(builder, pai
         lamp.center, np.array([run_m / 2, LENGTH_M / 2, knee_m + rise / 2]) + 0.06 * lamp.normal, atol=0.03
     )
     assert any(patch.center[0] > WIDTH_M / 2 and patch.area_m2 > 0.5 for patch in found.left_out)
+
+
+@pytest.mark.parametrize("lean_deg", [0.0, 4.0, 12.0])
+@pytest.mark.parametrize(("knee_m", "top_m", "run_m"), [(1.0, 2.3, 1.3), (1.4, 2.5, 2.0), (0.6, 2.6, 2.0)])
+def test_an_attic_is_set_upright_by_its_floor_and_not_by_a_slope(builder, knee_m, top_m, run_m, lean_deg) -> None:
+    scan = attic(builder, knee_m, top_m, run_m)
+    lean = Rotation.from_rotvec(np.radians(lean_deg) * np.array([0.6, 0.8, 0.0])).as_matrix()
+    found = find_orientation(scan.vertices @ lean.T, scan.faces, up="+z")
+    np.testing.assert_allclose(found.apply(scan.vertices @ lean.T), scan.vertices, atol=0.02)
+
+
+def test_lamps_in_the_roof_above_another_storey_are_not_the_rooms(builder, painted) -> None:
+    lit = painted_slope(painted, 2.0, 2.0, (0.14, 0.14), is_round=True)
+    house = builder(step_m=0.08, noise_m=NOISE_M)
+    house.box([0, 0, -2.8], [WIDTH_M, LENGTH_M, -0.3], inward=True)
+    attic(lambda **_: house, 0.6, 2.6, 2.0, lit=lit)
+    scan = house.scan()
+    room = find_room(scan)
+    assert (room.floor_z, room.ceiling_z) == (pytest.approx(-2.8, abs=0.01), pytest.approx(-0.3, abs=0.01))
+    assert room.ceiling_area_m2 == pytest.approx(WIDTH_M * LENGTH_M, rel=0.05), "the roof is not its ceiling"
+    assert search_lit_lamps(scan, room).lamps == ()
+
+
+def test_slopes_above_a_ceiling_that_is_given_are_not_the_rooms(builder) -> None:
+    scan = attic(builder, 1.0, 3.0, 2.0)
+    room = find_room(scan, ceiling_z=1.6)
+    assert room.ceiling_z == pytest.approx(1.6)
+    assert room.ceiling_confidence == 0.0, "none was scanned there"
