@@ -323,7 +323,8 @@ def _level_axis(normals: FloatArray, weights: FloatArray) -> FloatArray:
     facing_up = normals * np.sign(normals[:, 2:])
     chosen = facing_up[:, 2] > np.cos(np.radians(LEAN_DEG[1]))
     edges = np.linspace(-1.0, 1.0, int(np.ceil(2.0 / AXIS_BIN)) + 1)
-    area, _, _ = np.histogram2d(*facing_up[chosen, :2].T, bins=(edges, edges), weights=weights[chosen])
+    x, y = facing_up[chosen, 0], facing_up[chosen, 1]
+    area, _, _ = np.histogram2d(x, y, bins=(edges, edges), weights=weights[chosen])
     place = np.unravel_index(gaussian_filter(area, 1.0).argmax(), area.shape)
     plan = np.array([0.5 * (edges[index] + edges[index + 1]) for index in place])
     axis = np.array([*plan, np.sqrt(max(0.0, 1.0 - float(plan @ plan)))])
