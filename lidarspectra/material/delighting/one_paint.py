@@ -8,7 +8,7 @@ hue in a channel that it shows near black, as blue of an orange wall between oth
 candles: what the noise alone sets apart there is of the paint of its plane that the other channels agree with.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Self
 
@@ -65,6 +65,12 @@ class Paints:
             return np.zeros(len(self.color))
         own = self.spread / np.sqrt(np.maximum(1.0, self.area_m2 / place_m**2))
         return np.where(self.paint >= 0, own[self.paint], 0.0)
+
+    def with_more(self, face: IntArray, paint: IntArray, color: FloatArray) -> Self:
+        """The same paints, with some (n,) more faces, of (n,) paints or none, and their (n, 3) reflectances [0-1]."""
+        colors, paints = self.color.copy(), self.paint.copy()
+        colors[face], paints[face] = color, paint
+        return replace(self, color=colors, paint=paints)
 
     def in_words(self) -> str:
         """How many there are, and how much they were evened; empty if there is none."""

@@ -21,7 +21,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.delighting.albedo import LightFit
 from lidarspectra.material.delighting.cards import Card, SeenCards, beside_cards, look_at_cards
-from lidarspectra.material.delighting.clipped_light import CLIPPED, DARK
+from lidarspectra.material.delighting.clipped_light import CLIPPED, DARK, cut_paint
 from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.light_exchange import exchange_matrix
 from lidarspectra.material.delighting.light_objective import (
@@ -497,8 +497,17 @@ def _of_faces(
         piece=surfaces.piece[nearest_of(spread)],
         shown=evidence.face_shown,
     )
-    color = surfaces.unseen.filled(np.where(known[:, None], np.clip(paints.color, *REFLECTANCE_RANGE), 1.0))
+    light = spread @ fit.irradiance
+    cut = ~known & scan.appearance.photographed & ~_faces_of(sources, scan) & ~sunny & ~screen
+    if scan.appearance.linear is not None:  # radiance of frames does not end at white
+        cut[:] = False
+    white = cut_paint(scan, cut, light, paints)
+    paints = paints.with_more(white.face, white.paint, white.color)
+    told = known.copy()
+    told[white.face] = True
+    color = surfaces.unseen.filled(np.where(told[:, None], np.clip(paints.color, *REFLECTANCE_RANGE), 1.0))
     deviation = np.hypot(spread @ stated_light(fit), paints.deviation(CELL_M)[:, None])
+    deviation[white.face] = np.hypot(deviation[white.face], white.deviation[:, None])
     for pane in (source.faces for source in sources if source.is_pane):
         color[pane], deviation[pane] = PANE_REFLECTANCE, PANE_DEVIATION
     return patches.filled(color), patches.widened(deviation), paints

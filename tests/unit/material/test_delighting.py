@@ -9,9 +9,6 @@ import pytest
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Strip
 from lidarspectra.material.delighting.albedo import MAX_STEPS, fit_light
-from lidarspectra.material.delighting.clipped_light import beyond_white
-from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
-from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.materials import light_rounds
 from lidarspectra.workflow.materials.delighting_notes import (
@@ -38,21 +35,6 @@ def test_a_white_desk_under_a_long_lamp_is_no_lamp() -> None:
     # Within half of the lamp's length, as its own ends are: they are told by where the lamp shines.
     desk, end, plate = [6.5, 1.8, 0.74], [10.4, 1.6, 2.67], [6.0, 1.7, 2.7]
     assert near_lamps(np.array([desk, end, plate]), [STRIP]).tolist() == [False, True, True]
-
-
-def light(level: float) -> np.ndarray:
-    return cones_of_srgb(np.full((1, 3), level))
-
-
-def test_what_is_cut_at_white_sends_between_white_and_what_fresh_paint_would() -> None:
-    shown = np.array([[1.0, 1.0, 0.98], [1.0, 1.0, 0.5]])
-    excess = beyond_white(shown, np.repeat(light(2.0), 2, axis=0))
-    assert excess[0] == pytest.approx([0.5 * (1 + BRIGHTEST_REFLECTANCE * 2.0)] * 3)
-    assert excess[1] == pytest.approx([1.0] * 3)
-
-
-def test_what_its_light_cannot_make_white_sends_no_more_than_it_shows() -> None:
-    assert beyond_white(np.ones((1, 3)), light(0.9)) == pytest.approx(np.ones((1, 3)))
 
 
 def test_a_note_tells_of_white_surfaces_that_came_out_brighter_than_paint_and_not_of_noise_about_white() -> None:
