@@ -34,6 +34,8 @@ class ScanSection(Section):
     file: str = Field(min_length=1)
     unit: Literal["auto", "m", "cm", "mm", "in", "ft"] = "auto"
     up: Literal["auto", "+x", "-x", "+y", "-y", "+z", "-z"] = "auto"
+    level: bool = True
+    """Set a scan upright that leans about its upward axis."""
     floor: Height | None = None
     """Height of the floor, z in the scan's axes; None finds it. [m]"""
     ceiling: Height | None = None

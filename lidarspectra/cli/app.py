@@ -337,6 +337,9 @@ def init(
         Literal["auto", "+x", "-x", "+y", "-y", "+z", "-z"],
         typer.Option("--up", help="The scan's upward axis; 'auto' detects it."),
     ] = "auto",
+    as_it_leans: Annotated[
+        bool, typer.Option("--as-it-leans", help="Keep the file's coordinates: a scan that leans is not set upright.")
+    ] = False,
     height: Annotated[
         float, typer.Option("--height", metavar="M", min=0.0, help="Of the sensors above the floor (m).")
     ] = 0.3,
@@ -355,7 +358,7 @@ def init(
     from lidarspectra.workflow.init.choices import InitChoices
     from lidarspectra.workflow.init.init_file import run_file_of, write_init
 
-    choices = InitChoices(unit=unit, up=up, height=height, floor=floor, ceiling=ceiling)
+    choices = InitChoices(unit=unit, up=up, level=not as_it_leans, height=height, floor=floor, ceiling=ceiling)
     summary = write_init(scan, out or run_file_of(scan), choices=choices, force=force)
     for line in summary.lines():
         say(line)

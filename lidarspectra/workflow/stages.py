@@ -135,7 +135,7 @@ def scan_stage(inputs: Inputs) -> Stage[ScannedRoom]:
     def make(folder: Path, progress: Progress) -> Notes:
         reading, repairing, coloring, finding, saving = shares(progress, SCAN_SHARES)
         raw, capture = read_scan_and_frames(
-            given.base / section.file, unit=section.unit, up=section.up, progress=reading
+            given.base / section.file, unit=section.unit, up=section.up, level=section.level, progress=reading
         )
         scan = repair_scan(
             raw,

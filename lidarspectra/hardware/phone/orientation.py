@@ -114,6 +114,7 @@ def find_orientation(
     usual_up: Axis | None = None,
     unit: Unit | None = None,
     up: Axis | None = None,
+    level: bool = True,
     where: str = "scan",
 ) -> Orientation:
     """Find unit and upward axis of a room's mesh.
@@ -130,6 +131,8 @@ def find_orientation(
         What most files of the format have; decides only where the geometry is ambiguous.
     unit, up : str, optional
         What the user states; used as given, with confidence 1.
+    level : bool
+        Set a mesh upright that leans about its upward axis.
     where : str
         Name of the file, for errors.
 
@@ -155,7 +158,7 @@ def find_orientation(
     of_unit, of_axis = probability.sum(axis=1), probability.sum(axis=0)
     found_unit, found_up = UNITS[int(of_unit.argmax())], AXES[int(of_axis.argmax())]
     notes = _notes(found_unit, of_unit.max(), found_up, of_axis.max(), unit or declared_unit, up or declared_up)
-    levelling = _levelling(surface.normals @ upright_rotation(found_up).T, surface.weights)
+    levelling = _levelling(surface.normals @ upright_rotation(found_up).T, surface.weights) if level else None
     if levelling is not None:
         notes += (_leaning_note(levelling),)
     orientation = Orientation(
@@ -342,7 +345,8 @@ def _leaning_note(levelling: FloatArray) -> str:
     lean_deg = np.degrees(np.arccos(np.clip(levelling[2, 2], -1.0, 1.0)))
     return (
         f"The scan leans by {lean_deg:.1f}°, by its floor, ceiling and walls: it was set upright. Coordinates here are "
-        "those of the scan as it stands upright, not the file's."
+        "those of the scan as it stands upright, not the file's. To keep the file's, set level = false in [scan] "
+        "(init --as-it-leans)."
     )
 
 

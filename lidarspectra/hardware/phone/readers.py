@@ -36,7 +36,12 @@ _log = logging.getLogger(__name__)
 
 
 def read_scan(
-    path: str | PathLike[str], *, unit: UnitChoice = "auto", up: UpChoice = "auto", progress: Progress = silent
+    path: str | PathLike[str],
+    *,
+    unit: UnitChoice = "auto",
+    up: UpChoice = "auto",
+    level: bool = True,
+    progress: Progress = silent,
 ) -> Scan:
     """Read a phone's scan of a room.
 
@@ -47,13 +52,15 @@ def read_scan(
         folder or zip archive of an app's raw data (3D Scanner App, Polycam), of which this takes the mesh.
     unit, up : str
         Unit and upward axis of the file's coordinates; 'auto' takes them from the format and the room's geometry.
+    level : bool
+        Set a scan upright whose floor, ceiling and walls lean by 1.5 to 35° about that axis.
     progress : callable
         Called with the fraction done and what is being done.
 
     Returns
     -------
     scan : Scan
-        In metres, z up; rotated only as far as the file's upward axis requires. Nothing is repaired.
+        In metres, z up; rotated only as far as the file's upward axis requires, and a lean. Nothing is repaired.
 
     Raises
     ------
@@ -61,14 +68,14 @@ def read_scan(
         If the file is missing, cut off, malformed, too large, of no known format, or holds no usable mesh.
     """
     path = path_of(path, name="path", meaning="the name of a scan's file, as a str or a Path")
-    scan, capture = read_scan_and_frames(path, unit=unit, up=up, progress=progress)
+    scan, capture = read_scan_and_frames(path, unit=unit, up=up, level=level, progress=progress)
     if capture is not None:
         capture.close()
     return scan
 
 
 def read_scan_and_frames(
-    path: Path, *, unit: UnitChoice = "auto", up: UpChoice = "auto", progress: Progress = silent
+    path: Path, *, unit: UnitChoice = "auto", up: UpChoice = "auto", level: bool = True, progress: Progress = silent
 ) -> tuple[Scan, Capture | None]:
     """Read a scan and, where it is an app's raw data, its frames, whose poses are brought to the scan's axes.
 
@@ -76,7 +83,7 @@ def read_scan_and_frames(
     ----------
     path : Path
         As of `read_scan`.
-    unit, up, progress
+    unit, up, level, progress
         As of `read_scan`.
 
     Returns
@@ -117,6 +124,7 @@ def read_scan_and_frames(
         usual_up=raw.usual_up,
         unit=None if unit == "auto" else unit,
         up=None if up == "auto" else up,
+        level=level,
         where=where,
     )
     scan = _oriented(mesh, orientation, where=where)

@@ -111,7 +111,7 @@ def check_inputs(inputs: Inputs, findings: Findings, known: ScanExtent | None = 
 def _scan(inputs: Inputs, findings: Findings) -> Scan | None:
     section = inputs.run_file.scan
     with findings.at("scan.file"):
-        return read_scan(inputs.base / section.file, unit=section.unit, up=section.up)
+        return read_scan(inputs.base / section.file, unit=section.unit, up=section.up, level=section.level)
     return None
 
 

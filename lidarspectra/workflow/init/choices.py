@@ -19,6 +19,8 @@ class InitChoices:
     ----------
     unit, up : str
         Of the scan's coordinates; 'auto' detects them.
+    level : bool
+        Set a scan upright that leans.
     height : float
         Of the sensors above the floor. [m]
     floor, ceiling : float or None
@@ -27,6 +29,7 @@ class InitChoices:
 
     unit: UnitChoice = "auto"
     up: UpChoice = "auto"
+    level: bool = True
     height: float = SENSOR_HEIGHT_M
     floor: float | None = None
     ceiling: float | None = None

@@ -60,6 +60,7 @@ def init(
     *,
     unit: UnitChoice = "auto",
     up: UpChoice = "auto",
+    level: bool = True,
     height: float = SENSOR_HEIGHT_M,
     floor: float | None = None,
     ceiling: float | None = None,
@@ -78,6 +79,8 @@ def init(
         Of its coordinates, 'm', 'cm', 'mm', 'in' or 'ft'; detected by default.
     up : str
         Its upward axis, '+z', '+y', ...; detected by default.
+    level : bool
+        Set a scan upright that leans about that axis; if False, coordinates stay the file's.
     height : float
         Of the sensors above the floor. [m]
     floor, ceiling : float, optional
@@ -103,7 +106,7 @@ def init(
         If not one sensor point fits into the room.
     """
     path = path_of(scan, name="scan", meaning="the name of a scan's file, as a str or a Path")
-    choices = InitChoices(unit=unit, up=up, height=height, floor=floor, ceiling=ceiling)
+    choices = InitChoices(unit=unit, up=up, level=level, height=height, floor=floor, ceiling=ceiling)
     try:
         summary = _look(path, run_file_of(path), choices, progress).summary
     except _NoRoom as found:
@@ -191,7 +194,7 @@ def write_init(
 def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progress) -> _Looked:
     """Findings in a scan, for a run file at `out_path`."""
     raw, capture = read_scan_and_frames(
-        scan_path, unit=choices.unit, up=choices.up, progress=part_of(progress, 0.0, 0.2)
+        scan_path, unit=choices.unit, up=choices.up, level=choices.level, progress=part_of(progress, 0.0, 0.2)
     )
     usual = ScanSection(file=scan_path.name)
     scan = repair_scan(raw, flatten=usual.flatten, progress=part_of(progress, 0.2, 0.4))
@@ -233,6 +236,7 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
         panes=_panes(scan, lamps),
         proposed=proposed,
         has_color=scan.appearance.known,
+        level=choices.level,
     )
     return _Looked(summary=summary, scan=scan, points=points)
 

@@ -53,6 +53,8 @@ class InitSummary:
         False for a scan without colour, in which no lamp can be seen.
     picture : Path or None
         Of the plan, with lamps and points, if it was drawn.
+    level : bool
+        Whether a scan that leans is set upright.
     """
 
     run_file: Path
@@ -68,6 +70,7 @@ class InitSummary:
     proposed: tuple[Pane, ...]
     has_color: bool
     picture: Path | None = None
+    level: bool = True
 
     @property
     def assumed_of_scan(self) -> tuple[str, ...]:

@@ -76,6 +76,7 @@ def _bare_lines(file: str, scan: Scan | None, choices: InitChoices) -> Iterator[
     yield f"file = {toml_value(file)}  # relative to this file"
     yield f"unit = {toml_value(unit)}  # FILL IN: m, cm, mm, in or ft"
     yield f'up = {toml_value(up)}  # FILL IN: the upward axis of the file, "+z", "+y", "-y" ...'
+    yield from _as_it_leans(choices.level)
     for name in ("floor", "ceiling"):
         z = getattr(choices, name)
         given = f"{name} = {z:g}" if z is not None else f"# {name} = {0 if name == 'floor' else 2.5:g}"
@@ -83,6 +84,11 @@ def _bare_lines(file: str, scan: Scan | None, choices: InitChoices) -> Iterator[
     guesses = () if scan is None else uncertain_of_scan(scan.record)
     if guesses:
         yield f"assumed = {toml_value(list(guesses))}  # guesses; delete this line once checked"
+
+
+def _as_it_leans(level: bool) -> Iterator[str]:
+    if not level:
+        yield "level = false  # by what was given to init: a scan that leans is not set upright"
 
 
 def _bare_lamp() -> Iterator[str]:
@@ -132,6 +138,7 @@ def _scan_lines(summary: InitSummary, file: str) -> Iterator[str]:
     yield f"file = {toml_value(file)}  # relative to this file"
     yield f"unit = {toml_value(scan.unit)}  # {_found(summary, 'unit')}: m, cm, mm, in or ft"
     yield f"up = {toml_value(scan.up_axis)}  # {_found(summary, 'up')}: the file's upward axis"
+    yield from _as_it_leans(summary.level)
     if summary.assumed_of_scan:
         yield f"assumed = {toml_value(list(summary.assumed_of_scan))}  # guesses; delete this line once checked"
     for name, z in (("floor", summary.room.floor_z), ("ceiling", summary.room.ceiling_z)):

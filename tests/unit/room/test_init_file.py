@@ -9,9 +9,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import trimesh
 
 from lidarspectra.config import parse_run_file, read_run_file
 from lidarspectra.errors import ArgumentError, RunFileError, ScanError, SensorError, WorkspaceError
+from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.workflow.init import init_file
 from lidarspectra.workflow.init.choices import InitChoices
 from lidarspectra.workflow.init.init_file import write_init
@@ -376,6 +378,20 @@ def test_a_tiny_room_gets_fewer_sensors(builder, ceiling, tmp_path) -> None:
     summary = write_init(tmp_path / "cell.glb", tmp_path / "room.toml")
     assert 1 <= summary.sensor_count <= 176
     assert f"count = {summary.sensor_count}" in (tmp_path / "room.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("level", [True, False])
+def test_a_room_that_leans_keeps_the_coordinates_of_its_file_if_asked_to(small_room, tmp_path, level: bool) -> None:
+    mesh = trimesh.load(small_room, force="mesh", process=False)
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(np.radians(3.0), [1.0, 0.0, 0.0]))
+    mesh.export(tmp_path / "leans.glb")
+    summary = write_init(tmp_path / "leans.glb", tmp_path / "leans.toml", choices=InitChoices(level=level))
+    section = read_run_file(tmp_path / "leans.toml").scan
+    assert section.level is level
+    assert any("leans by 3" in note for note in summary.scan.notes) is level
+    scan = read_scan(tmp_path / "leans.glb", up=section.up, unit=section.unit, level=section.level)
+    walls = np.abs(scan.normals[:, 2]) < 0.2
+    assert bool(np.abs(scan.normals[walls, 2]).max() < 0.002) is level
 
 
 def test_progress_is_told_to_the_end(dark_init) -> None:

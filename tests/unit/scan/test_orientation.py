@@ -120,6 +120,14 @@ def test_a_scan_that_leans_is_set_upright_and_it_is_said(
     assert np.linalg.det(found.rotation) == pytest.approx(1.0)
 
 
+def test_a_scan_that_leans_keeps_its_coordinates_if_asked_to(furnished_room: trimesh.Trimesh) -> None:
+    lean = trimesh.transformations.rotation_matrix(np.radians(8.0), [1.0, 0.0, 0.0])[:3, :3]
+    filed = furnished_room.vertices @ lean.T
+    found = find_orientation(filed, furnished_room.faces, declared_up="+z", level=False)
+    np.testing.assert_array_equal(found.apply(filed), filed)
+    assert not any("leans" in note for note in found.notes)
+
+
 def test_a_ramp_under_upright_walls_is_not_set_level(furnished_room: trimesh.Trimesh) -> None:
     vertices = furnished_room.vertices.copy()
     ramp = vertices[:, 2] < vertices[:, 2].max() - 0.5
