@@ -5,11 +5,11 @@
 
 Of each scan, over the faces that some frame saw, the area-weighted mean of the absolute and of the signed error of the
 faces' colours after the light is taken out (linear sRGB, before materials are matched): by the app's texture, by the
-texture that an app blends from these very frames, by the frames, by the frames without bright patches of less than
-`LARGE_M2` that are taken for sources of light, by the frames without what they tell of windows and other sources, by
-the frames as if their tone curve were known, by the true radiance of every face, and by the same without the lamps'
-own where all frames cut it at white. And how near the frames' radiance of these faces is to the true one. `--surfaces`:
-the same for each true material.
+textures that an app blends from these very frames, as they are and with their gains compensated, by the frames, by the
+frames without bright patches of less than `LARGE_M2` that are taken for sources of light, by the frames without what
+they tell of windows and other sources, by the frames as if their tone curve were known, by the true radiance of every
+face, and by the same without the lamps' own where all frames cut it at white. And how near the frames' radiance of
+these faces is to the true one. `--surfaces`: the same for each true material.
 """
 
 import argparse
@@ -31,7 +31,7 @@ from lidarspectra.material.frames.records import FrameRecords
 from lidarspectra.room.room import find_room
 from lidarspectra.workflow.materials import delighting
 from lidarspectra.workflow.materials.delighting import take_light_out
-from research.benchmarks.blended_texture import blended
+from research.benchmarks.blended_texture import blended, compensated
 from research.benchmarks.delighting import Case, read_case, true_colors
 from research.benchmarks.frames import with_true_radiance
 from research.scenes.frames import FRAMES
@@ -88,7 +88,8 @@ def causes(folder: Path, *, surfaces: bool) -> None:
     true = with_true_radiance(case, colors)
     _row(case, true, seen, "true radiance", surfaces=surfaces)
     _row(case, with_lamps_cut(true, colors), seen, "true, lamps cut")
-    _row(case, blended(case.scan, frames), seen, "blended texture")
+    _row(case, blended(case.scan, colors.frames), seen, "blended texture")
+    _row(case, compensated(case.scan, colors.frames), seen, "blended, gains evened")
 
 
 def _row(

@@ -11,7 +11,8 @@ Of each scan in the folder, by its texture and by its frames: area-weighted mean
 against the true room's; how many surfaces (by area, over 400 to 700 nm) lie within one and two stated deviations.
 Of the frames, how far the gains are from the true ones, what held-out observations differ by as they are shown and
 after the solve, and the processor time. The row "true" has the true radiance of every face: what is left there
-is not the frames'. `--blended` adds the texture that an app would blend from these very frames, whose exposure moves.
+is not the frames'. `--blended` adds the textures that an app would blend from these very frames, whose exposure moves:
+as they are, and with their gains compensated before.
 `--lamps`: reflectance error and bias of the faces' colours after the light is
 taken out, where frames saw, and the lamps' relative fluxes if they are not stated (truly 1), each with and without what
 frames show of the lamps' own surfaces, and with and without the belief in white ceilings. `--plan`: the frames of the
@@ -55,7 +56,7 @@ from lidarspectra.workflow.materials import delighting
 from lidarspectra.workflow.materials.delighting import take_light_out, with_light_uncertainty
 from lidarspectra.workflow.report.report_frames import frames_on_plan
 from lidarspectra.workflow.run_folder.frames_of_run import FRAMES_FILE, save_frames
-from research.benchmarks.blended_texture import blended
+from research.benchmarks.blended_texture import blended, compensated
 from research.benchmarks.by_day import coverage
 from research.benchmarks.delighting import (
     Case,
@@ -93,7 +94,8 @@ def run(folder: Path, *, with_map: bool, with_blended: bool) -> None:
     _row(folder.name, "texture", case, case.scan, seen, reference)
     _row(folder.name, "frames", case, colors.scan, seen, reference, colors.records)
     if with_blended:
-        _row(folder.name, "blended", case, blended(case.scan, frames), seen, reference)
+        _row(folder.name, "blended", case, blended(case.scan, colors.frames), seen, reference)
+        _row(folder.name, "evened", case, compensated(case.scan, colors.frames), seen, reference)
     if (folder / FACE_LIGHT).is_file():
         _row(folder.name, "true", case, with_true_radiance(case, colors), seen, reference)
     print(f"  {capture.app}: {radiometry_words(colors)}, gains off by {gain_error(folder, colors):.3f}; {took:.0f} s")
@@ -260,7 +262,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", nargs="+", default=[""], help="scans whose names begin so")
     parser.add_argument("--no-map", action="store_true", help="reflectances alone")
-    parser.add_argument("--blended", action="store_true", help="the texture that an app blends from these frames, too")
+    parser.add_argument("--blended", action="store_true", help="textures that an app blends from these frames, too")
     parser.add_argument("--lamps", action="store_true", help="what lamps seen in frames tell")
     parser.add_argument("--plan", type=Path, help="draw the frames of the first scan there, as PNG")
     parser.add_argument("--capture", action="store_true", help="the folder is a real capture")
