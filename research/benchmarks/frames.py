@@ -94,10 +94,11 @@ def run(folder: Path, *, with_map: bool, with_blended: bool) -> None:
     _row(folder.name, "texture", case, case.scan, seen, reference)
     _row(folder.name, "frames", case, colors.scan, seen, reference, colors.records)
     if with_blended:
-        _row(folder.name, "blended", case, blended(case.scan, colors.frames), seen, reference)
-        _row(folder.name, "evened", case, compensated(case.scan, colors.frames), seen, reference)
+        # Without the map: what no frame saw has no colour in them, which would be what the map tells.
+        _row(folder.name, "blended", case, blended(case.scan, colors.frames), seen)
+        _row(folder.name, "evened", case, compensated(case.scan, colors.frames), seen)
     if (folder / FACE_LIGHT).is_file():
-        _row(folder.name, "true", case, with_true_radiance(case, colors), seen, reference)
+        _row(folder.name, "true", case, with_true_radiance(case, colors), seen)
     print(f"  {capture.app}: {radiometry_words(colors)}, gains off by {gain_error(folder, colors):.3f}; {took:.0f} s")
 
 
@@ -151,7 +152,7 @@ def _row(
     case: Case,
     scan: Scan,
     seen: BoolArray,
-    reference: Light | None,
+    reference: Light | None = None,
     records: FrameRecords | None = None,
 ) -> None:
     views = render_views(scan, settings=ViewSettings(width=128, height=128))

@@ -37,7 +37,7 @@ MIN_VIEWS = 2  # frames that show a point, for it to tie them
 UNTIED = "no other frame shows, neither too dark nor cut at white, a surface that it shows"
 PAINT_SHARE, PAINT_LEVEL = 0.95, 0.6  # the radiance that this share of the surface does not pass is this much of white
 TEXTURE_PLACES = 100_000  # that texture and frames are compared by, before dark and clipped ones are left out
-LAMP_LEVEL = 1.2  # [1] of white, at least, of what all frames are cut at
+LAMP_LEVEL = 1.2  # [1] of white, at least, of what all frames show cut in all channels
 SHARES = (0.2, 0.12, 0.05, 0.22, 0.15, 0.22, 0.04)  # of the time: looking, solving, unwrapping, fusing ..., filling
 SEED = 20240911  # of points and of what is held out
 
@@ -249,13 +249,13 @@ def _colored(
     per_face = np.maximum(np.bincount(face, minlength=count), 1)
     area = (scan.areas / per_face)[face]
     scale = np.float32(_scale(fused, area))
-    light, deviation, cut = fused.light * scale, fused.deviation.copy(), fused.at_least.copy()
+    light, deviation, cut, white = fused.light * scale, fused.deviation.copy(), fused.at_least, fused.white
     saw = np.bincount(face[known], minlength=count) > 0
     filled = _of_texture(texels, light, known & ~cut, generator)
     if filled is not None:
         told, found = filled
-        light[told], deviation[told], cut[told] = found.light, found.spread, found.cut
-    light[cut] *= np.maximum(LAMP_LEVEL / np.maximum(light[cut].max(axis=1, keepdims=True), 1e-6), 1.0)
+        light[told], deviation[told], cut[told], white[told] = found.light, found.spread, found.cut, found.cut
+    light[white] *= np.maximum(LAMP_LEVEL / np.maximum(light[white].max(axis=1, keepdims=True), 1e-6), 1.0)
     shown = np.isfinite(light[:, 0])
     colored = np.bincount(face[shown], minlength=count) > 0
     total = np.bincount(face[shown], weights=deviation[shown].astype(np.float64), minlength=count)

@@ -2,9 +2,11 @@
 
 Each texel keeps its few best views, so that memory does not grow with the number of frames. What is cut at white in a
 frame tells only that the radiance is not below that frame's white: where some frame was exposed for less, the lamp or
-window has its radiance from there. And what a frame shows near black is noise, which is cut at 0 and so never too low:
-each channel is weighted by what this noise amounts to in radiance, so that the blue of an orange wall comes from the
-frames that were exposed for shadows. The spread between views is the texel's own deviation: gloss, passers-by, poses.
+window has its radiance from there. Where none was, the frame that says most has it: of paint that is a little too
+bright for all of them, the channels and pixels below white tell. And what a frame shows near black is noise, which is
+cut at 0 and so never too low: each channel is weighted by what this noise amounts to in radiance, so that the blue of
+an orange wall comes from the frames that were exposed for shadows. The spread between views is the texel's own
+deviation: gloss, passers-by, poses.
 
 References
 ----------
@@ -37,14 +39,24 @@ class Fused:
         Standard deviation of its logarithm, from the spread between views. [1]
     views : (texel,) int
         That agree on it.
-    at_least : (texel,) bool
-        Whether every frame is cut at white there, so that `light` is a lower bound.
+    cut : (texel, 3) bool
+        Which channels every frame shows cut at white, so that `light` is a lower bound in them.
     """
 
     light: SmallFloatArray
     deviation: SmallFloatArray
     views: IntArray
-    at_least: BoolArray
+    cut: BoolArray
+
+    @property
+    def at_least(self) -> BoolArray:
+        """(texel,) whether `light` is a lower bound in some channel."""
+        return np.asarray(self.cut.any(axis=1), dtype=np.bool_)
+
+    @property
+    def white(self) -> BoolArray:
+        """(texel,) whether it is one in all of them, as of lamps; paint keeps channels that tell its radiance."""
+        return np.asarray(self.cut.all(axis=1), dtype=np.bool_)
 
 
 class BestViews:
@@ -62,9 +74,17 @@ class BestViews:
         self._frame = np.zeros((VIEWS, texels), dtype=np.uint16)
         self._noise: list[float] = []
         self._bound = np.zeros((texels, 3), dtype=np.float32)
+        self._cut = np.zeros((texels, 3), dtype=np.bool_)
 
     def add(
-        self, index: IntArray, light: FloatArray, weight: FloatArray, clipped: BoolArray, noise: float = 0.0
+        self,
+        index: IntArray,
+        light: FloatArray,
+        weight: FloatArray,
+        clipped: BoolArray,
+        *,
+        cut: BoolArray | None = None,
+        noise: float = 0.0,
     ) -> None:
         """Add a frame.
 
@@ -77,12 +97,15 @@ class BestViews:
         weight : (seen,) float
             How well it shows each. [1]
         clipped : (seen,) bool
-            Where it is cut at white: `light` is then a lower bound.
+            Where a part of the pixels is cut at white: `light`, their mean, is then a lower bound.
+        cut : (seen, 3) bool
+            Channels whose mean is at white; all of them where `clipped`, if left out.
         noise : float
             Standard deviation of `light` where the frame is dark. [1]
         """
-        bound = index[clipped]
-        self._bound[bound] = np.maximum(self._bound[bound], light[clipped].astype(np.float32))
+        higher = clipped & (light.mean(axis=1) > self._bound[index].mean(axis=1))
+        self._bound[index[higher]] = light[higher]
+        self._cut[index[higher]] = True if cut is None else cut[higher]
         index, light, weight = index[~clipped], light[~clipped], weight[~clipped]
         worst = self._weight[:, index].argmin(axis=0)
         better = weight > self._weight[worst, index]
@@ -102,9 +125,9 @@ class BestViews:
             part = slice(start, start + BLOCK_TEXELS)
             noise = np.array([*self._noise, 0.0], dtype=np.float32)[self._frame[:, part]]
             light[part], deviation[part], views[part] = _robust_mean(self._light[:, part], self._weight[:, part], noise)
-        at_least = (views == 0) & (self._bound > 0).any(axis=1)
-        light[at_least] = self._bound[at_least]
-        return Fused(light=light, deviation=deviation, views=views, at_least=at_least)
+        bounded = (views == 0) & (self._bound > 0).any(axis=1)
+        light[bounded] = self._bound[bounded]
+        return Fused(light=light, deviation=deviation, views=views, cut=bounded[:, None] & self._cut)
 
 
 def _robust_mean(

@@ -9,6 +9,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.frames import Frame
 from lidarspectra.hardware.phone.texture_atlas import Atlas
 from lidarspectra.material.frames.frame_views import (
+    CLIPPED_BYTE,
     DARK,
     MeshView,
     Picture,
@@ -26,7 +27,6 @@ from lidarspectra.progress import Progress
 TEXEL_BLUR = 3.0  # [1] weight falls by this power of a frame's sharpness over its neighbours'
 NEIGHBOURS = 5  # frames before and after
 EVEN = 1e-3  # [1] sharpness of a picture of an even wall, which is not blurred
-CUT_SHARE = 0.5  # [1] of white, above which a channel of a pixel with a clipped part is taken for cut
 NO_TEXEL = -1
 
 
@@ -113,7 +113,7 @@ def fuse_frames(
     scan, radiometry = texels.scan, roll.radiometry
     best = BestViews(len(texels.points))
     table = radiometry.tone.light(linear_table())
-    white = float(radiometry.tone.light(np.ones(1))[0])
+    white = float(table[CLIPPED_BYTE].max())
     sharp = _relative_sharpness(roll.sharpness)
     reach = float(np.sqrt(scan.areas.max())) * 2.0
     for number, (frame, picture) in enumerate(zip(roll.frames, pictures(roll.frames, table), strict=True)):
@@ -126,13 +126,12 @@ def fuse_frames(
         )
         light, uneven, clipped = sampled(picture, sight)
         gain = np.exp(radiometry.log_gain[number]) * radiometry.fall(sight.radius2)[:, None]
-        cut = clipped[:, None] & (light > CUT_SHARE * white)  # the other channels are told
-        light[cut] = white
+        cut = clipped[:, None] & (light >= white)
         dark = 1.0 / (1.0 + DARK / np.maximum(light.mean(axis=1), 1e-6))  # not its darkest channel, which is noise
         weight = sight.weight * dark * sharp[number] ** TEXEL_BLUR
         light /= gain
         noise = DARK_NOISE / float(np.exp(radiometry.log_gain[number, 1]))
-        best.add(some[sight.index], light, weight, clipped, noise)
+        best.add(some[sight.index], light, weight, clipped, cut=cut, noise=noise)
         if recorder is not None:
             recorder.add(frame.position, some[sight.index], light, uneven, clipped)
     return best.fused()

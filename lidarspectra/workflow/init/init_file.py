@@ -30,7 +30,7 @@ from lidarspectra.workflow.init.proposed_lamps import propose_panels
 from lidarspectra.workflow.init.summary import InitSummary
 from lidarspectra.workflow.init.text import bare_text, run_file_text
 from lidarspectra.workflow.run_folder.assumed import uncertain_of_scan
-from lidarspectra.workflow.run_folder.frames_of_run import frame_colors, panes_seen_in
+from lidarspectra.workflow.run_folder.frames_of_run import frame_colors, frame_notes, frames_of_app, panes_seen_in
 from lidarspectra.workflow.whole_room import whole_room
 
 SENSOR_COUNTS = (176, 100, 50, 25, 10, 5, 1)  # the paper's count, then what smaller rooms hold
@@ -225,7 +225,7 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
     lamps = search_lit_lamps(scan, room, caster=free.caster)
     summary = InitSummary(
         run_file=out_path,
-        scan=scan.record,
+        scan=replace(scan.record, notes=(*scan.record.notes, *frame_notes(colors, capture))),
         given=choices.given,
         room=room,
         sensor_height_m=choices.height,
@@ -237,6 +237,7 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
         proposed=proposed,
         has_color=scan.appearance.known,
         level=choices.level,
+        frames=frames_of_app(colors, capture),
     )
     return _Looked(summary=summary, scan=scan, points=points)
 

@@ -51,6 +51,8 @@ class InitSummary:
         Glass, mirrors and screens that the run file proposes.
     has_color : bool
         False for a scan without colour, in which no lamp can be seen.
+    frames : str
+        The frames that colour the scan, in words; empty without any.
     picture : Path or None
         Of the plan, with lamps and points, if it was drawn.
     level : bool
@@ -69,6 +71,7 @@ class InitSummary:
     panes: tuple[UnknownSource, ...]
     proposed: tuple[Pane, ...]
     has_color: bool
+    frames: str = ""
     picture: Path | None = None
     level: bool = True
 
@@ -111,6 +114,8 @@ class InitSummary:
             f"{self.height_in_words('floor')}, ceiling {room.ceiling_area_m2:.1f} m² "
             f"({percent(room.ceiling_confidence)}) at {self.height_in_words('ceiling')}"
         )
+        if self.frames:
+            yield f"frames    {self.frames}"
         yield f"sensors   {counted(self.sensor_count, 'point')} {self.sensor_height_m:g} m above the floor"
         yield f"lamps     {self.lamps_in_words()}"
         if self.panes:

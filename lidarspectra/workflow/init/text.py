@@ -126,6 +126,8 @@ def _heading(summary: InitSummary, file: str) -> Iterator[str]:
     else:
         yield f"#   ceiling   none in the scan; the walls end at z = {room.ceiling_z:.2f} m"
     yield f"#   walls     turned {room.wall_angle_deg:.1f} deg from the x axis; {counted(len(room.walls), 'plane')}"
+    if summary.frames:
+        yield f"#   frames    {summary.frames}"
     for note in summary.scan.notes:
         yield f"#   note      {note}"
     yield "# Every key is explained in docs/run-file.md."

@@ -74,6 +74,18 @@ def frames_in_words(colors: FrameColors | None) -> str:
     )
 
 
+def frames_of_app(colors: FrameColors | None, capture: Capture | None) -> str:
+    """How many frames of which app colour a scan, and how their brightness is told; nothing if none does."""
+    if colors is None or capture is None or colors.radiometry is None:
+        return ""
+    gain, deviation = np.exp(colors.radiometry.log_gain[:, 1]), float(np.median(colors.radiometry.deviation))
+    told = all(frame.exposure_s is not None and frame.iso is not None for frame in colors.frames)
+    return (
+        f"{len(colors.frames)} of {capture.app}, gain {gain.min():.2f} to {gain.max():.2f} ± {100 * deviation:.0f} %, "
+        f"exposures {'told' if told else 'not told'}"
+    )
+
+
 def frame_notes(colors: FrameColors | None, capture: Capture | None) -> tuple[str, ...]:
     """Notes on frames: those left out, gains that may drift, what no frame saw, what all show cut at white."""
     if capture is None:

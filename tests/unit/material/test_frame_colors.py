@@ -141,6 +141,21 @@ def test_a_lamp_that_most_frames_cut_at_white_gets_its_radiance_from_the_dark_on
     assert colors.recovered_m2 > 0.5  # of about 1 m²
 
 
+def test_paint_whose_red_every_frame_cuts_at_white_keeps_green_and_blue_and_is_no_lamp(box: Box) -> None:
+    radiance, sheet = box.radiance.copy(), np.array([1.2, 0.8, 0.7])
+    radiance[box.lamp] = sheet
+    frames = [
+        shot(f"{number}", box.scan, frame.camera_to_world, radiance * np.exp(0.03 * (number % 5 - 2)))
+        for number, frame in enumerate(box.frames)
+    ]
+    found = color_from_frames(box.scan, frames, texel_m=0.05)
+    level = np.median((found.scan.face_colors() / radiance)[~box.lamp], axis=0)
+    shown = np.median((found.scan.face_colors() / level)[box.lamp], axis=0)
+    assert shown[1:] == pytest.approx(sheet[1:], rel=0.1)  # gains alike tell little of the curve
+    assert 0.85 < shown[0] < sheet[0]  # a lower bound
+    assert found.cut_m2 > 0.5  # and known as one
+
+
 def test_a_lamps_radiance_is_told_by_known_exposures_unless_all_frames_cut_it(box: Box, colors: FrameColors) -> None:
     panel = make_lamp("panel", (0.0, 0.0, 1.28), size=1.0, spectrum="LED-B3", luminous_flux_lm=1000)
     assert shown_of_lamps(box.scan, [panel]) is None  # no frames

@@ -38,7 +38,18 @@ def test_what_every_frame_shows_cut_is_at_least_the_highest_of_their_whites() ->
         added(views, bound, clipped=True)
     fused = views.fused()
     assert fused.light == pytest.approx(2.5)
+    assert fused.white.all()
+
+
+def test_a_white_wall_that_is_red_at_its_end_in_every_frame_keeps_green_and_blue_and_is_no_lamp() -> None:
+    views, cut = BestViews(3), np.array([[True, False, False]] * 3)
+    views.add(ALL, np.full((3, 3), [0.7, 0.66, 0.6]), np.ones(3), np.ones(3, dtype=np.bool_), cut=cut)
+    views.add(ALL, np.full((3, 3), [0.9, 0.85, 0.7]), np.ones(3), np.ones(3, dtype=np.bool_), cut=cut)
+    views.add(ALL, np.full((3, 3), 0.5), np.ones(3), np.ones(3, dtype=np.bool_))  # all of it at the end, but earlier
+    fused = views.fused()
+    assert fused.light == pytest.approx(np.full((3, 3), [0.9, 0.85, 0.7]))
     assert fused.at_least.all()
+    assert not fused.white.any()
 
 
 def test_a_texel_that_no_frame_saw_has_no_light() -> None:
@@ -71,7 +82,7 @@ def test_a_dark_channel_is_told_by_the_frames_that_were_exposed_for_it() -> None
     generator, views, truth, texels = np.random.default_rng(1), BestViews(200), np.array([0.4, 0.1, 0.001]), 200
     for noise in (*[0.02] * 6, *[0.0005] * 3):
         shown = np.maximum(truth + noise * generator.standard_normal((texels, 3)), 0.0)
-        views.add(np.arange(texels), shown, np.ones(texels), np.zeros(texels, dtype=np.bool_), noise)
+        views.add(np.arange(texels), shown, np.ones(texels), np.zeros(texels, dtype=np.bool_), noise=noise)
     fused = views.fused()
     assert np.median(fused.light, axis=0) == pytest.approx(truth, rel=0.1)
     assert fused.light[:, 2].mean() == pytest.approx(truth[2], rel=0.25)
@@ -82,7 +93,7 @@ def test_a_dark_channel_is_told_by_the_frames_that_were_exposed_for_it() -> None
 def test_a_bright_surface_is_the_mean_of_all_views_whatever_their_exposure() -> None:
     views = BestViews(3)
     for level, noise in ((0.50, 0.004), (0.52, 0.0004), (0.54, 0.001), (0.52, 0.002), (0.9, 0.0004)):
-        views.add(ALL, np.full((3, 3), level), np.ones(3), np.zeros(3, dtype=np.bool_), noise)
+        views.add(ALL, np.full((3, 3), level), np.ones(3), np.zeros(3, dtype=np.bool_), noise=noise)
     fused = views.fused()
     assert fused.light == pytest.approx(0.52, rel=0.01)
     assert (fused.views == 4).all()

@@ -7,6 +7,7 @@ import numpy as np
 
 from lidarspectra.hardware.phone.readers import read_scan_and_frames
 from lidarspectra.material.frames.frame_colors import color_from_frames
+from lidarspectra.workflow.init.init_file import write_init
 from lidarspectra.workflow.run_folder.declared import FILES
 from lidarspectra.workflow.run_folder.frames_of_run import (
     FRAMES_FILE,
@@ -71,3 +72,17 @@ def test_every_file_of_a_folder_of_frames_makes_the_scan_stale(tmp_path: Path) -
     write_3dscanner(tmp_path / "scan", room, gray_shots(room, 2))
     names = set(FILES["scan.file"]("scan", tmp_path))
     assert {"scan/frame_00001.jpg", "scan/depth_00000.png", "scan/export.obj"} <= names
+
+
+def test_init_says_whose_frames_it_uses_and_which_it_leaves_out(tmp_path: Path) -> None:
+    room = box_room()
+    folder = write_3dscanner(tmp_path / "scan", room, gray_shots(room))
+    (folder / "frame_00002.jpg").write_bytes(b"")
+    summary = write_init(folder, tmp_path / "room.toml")
+    lines, text = summary.lines(), (tmp_path / "room.toml").read_text(encoding="utf-8")
+    (line,) = (each for each in lines if each.startswith("frames "))
+    assert "5 of 3D Scanner App" in line
+    assert "exposures not told" in line
+    assert any(each.startswith("note: 1 of 6 frames") for each in lines)
+    assert line.removeprefix("frames    ") in text
+    assert "1 of 6 frames" in text
