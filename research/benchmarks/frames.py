@@ -1,7 +1,7 @@
 """What the frames themselves buy over an app's texture: the same virtual phone, walk and light, by both.
 
     python -m research.scenes.frames FOLDER
-    python -m research.benchmarks.frames FOLDER [--only office-day ...] [--no-map] [--blended]
+    python -m research.benchmarks.frames FOLDER [--only office-day ...] [--no-map] [--rivals]
     python -m research.benchmarks.frames FOLDER --lamps         lamps seen in frames, with and without
     python -m research.benchmarks.frames FOLDER --only office-night-1 --plan docs/pictures/frames.png
     python -m research.benchmarks.frames --capture RAW_DATA     a real capture: held-out observations alone
@@ -10,13 +10,14 @@ Of each scan in the folder, by its texture and by its frames: area-weighted mean
 (linear sRGB), of all faces and of those that some frame saw, and of the signed one of these; the map by the lamps alone
 against the true room's; how many surfaces (by area, over 400 to 700 nm) lie within one and two stated deviations.
 Of the frames, how far the gains are from the true ones, what held-out observations differ by as they are shown and
-after the solve, and the processor time. The row "true" has the true radiance of every face: what is left there
-is not the frames'. `--blended` adds the textures that an app would blend from these very frames, whose exposure moves:
-as they are, and with their gains compensated before.
-`--lamps`: reflectance error and bias of the faces' colours after the light is
-taken out, where frames saw, and the lamps' relative fluxes if they are not stated (truly 1), each with and without what
-frames show of the lamps' own surfaces, and with and without the belief in white ceilings. `--plan`: the frames of the
-first scan on its plan, the poses of two of them shifted by a metre so that they are left out.
+after the solve, and the processor time. `--rivals` adds the textures that an app would blend from these very frames,
+whose exposure moves, as they are ("blended") and with their gains compensated before ("evened"), and the true radiance
+of every face ("true"): what is left there is not the frames'.
+
+`--lamps`: reflectance error and bias of the faces' colours after the light is taken out, where frames saw, and the
+lamps' relative fluxes if they are not stated (truly 1), each with and without what frames show of the lamps' own
+surfaces, and with and without the belief in white ceilings. `--plan`: the frames of the first scan on its plan, the
+poses of two of them shifted by a metre so that they are left out.
 """
 
 import argparse
@@ -80,7 +81,7 @@ HEADER = (
 )
 
 
-def run(folder: Path, *, with_map: bool, with_blended: bool) -> None:
+def run(folder: Path, *, with_map: bool, with_rivals: bool) -> None:
     """Print a scan's rows."""
     case = read_case(folder)
     reference = true_light(case) if with_map else None
@@ -93,11 +94,10 @@ def run(folder: Path, *, with_map: bool, with_blended: bool) -> None:
     seen = surface_colors(case.scan)[1] & colors.face_seen
     _row(folder.name, "texture", case, case.scan, seen, reference)
     _row(folder.name, "frames", case, colors.scan, seen, reference, colors.records)
-    if with_blended:
+    if with_rivals:
         # Without the map: what no frame saw has no colour in them, which would be what the map tells.
         _row(folder.name, "blended", case, blended(case.scan, colors.frames), seen)
         _row(folder.name, "evened", case, compensated(case.scan, colors.frames), seen)
-    if (folder / FACE_LIGHT).is_file():
         _row(folder.name, "true", case, with_true_radiance(case, colors), seen)
     print(f"  {capture.app}: {radiometry_words(colors)}, gains off by {gain_error(folder, colors):.3f}; {took:.0f} s")
 
@@ -263,7 +263,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", nargs="+", default=[""], help="scans whose names begin so")
     parser.add_argument("--no-map", action="store_true", help="reflectances alone")
-    parser.add_argument("--blended", action="store_true", help="textures that an app blends from these frames, too")
+    parser.add_argument("--rivals", action="store_true", help="textures that an app blends from these frames, too")
     parser.add_argument("--lamps", action="store_true", help="what lamps seen in frames tell")
     parser.add_argument("--plan", type=Path, help="draw the frames of the first scan there, as PNG")
     parser.add_argument("--capture", action="store_true", help="the folder is a real capture")
@@ -282,7 +282,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if given.lamps:
             lamps_seen(folder)
         else:
-            run(folder, with_map=not given.no_map, with_blended=given.blended)
+            run(folder, with_map=not given.no_map, with_rivals=given.rivals)
 
 
 if __name__ == "__main__":

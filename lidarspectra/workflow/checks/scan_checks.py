@@ -6,7 +6,7 @@ floor and ceiling are known too.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +62,13 @@ class ScanExtent:
             f"{axis} from {low:.2f} to {high:.2f} m" for axis, low, high in zip("xyz", *box_m, strict=True)
         )
 
+    def reaching(self, *heights_m: float | None) -> "ScanExtent":
+        """The same up and down to heights of floor and ceiling that are given: the scan is closed there [m]."""
+        given = [z for z in heights_m if z is not None]
+        bounds = self.bounds.copy()
+        bounds[:, 2] = min([bounds[0, 2], *given]), max([bounds[1, 2], *given])
+        return replace(self, bounds=bounds)
+
     def beyond_m(self, places: FloatArray) -> FloatArray:
         """(place,) how far each of the (place, 3) places lies outside of the box, 0 within it [m]."""
         over = np.maximum(self.bounds[0] - places, places - self.bounds[1])
@@ -95,6 +102,7 @@ def check_in_scan(findings: Findings, run_file: RunFile, extent: ScanExtent, poi
     for name in ("floor", "ceiling"):
         with findings.at(f"scan.{name}"):
             check_height(extent.bounds, getattr(run_file.scan, name), name=name)
+    extent = extent.reaching(run_file.scan.floor, run_file.scan.ceiling)
     _check_centers(findings, run_file, extent)
     for key, size_m in _sizes(run_file):
         longest_m = float(np.linalg.norm(extent.sides_m))

@@ -156,6 +156,19 @@ def test_a_height_behind_the_floor_or_ceiling_that_was_scanned_is_refused_with_t
         find_room(room.scan(), **given)
 
 
+@pytest.mark.parametrize(("ceiling", "lamp_z", "refused"), [(3.2, 3.14, False), (None, 3.14, True), (3.2, 3.4, True)])
+def test_lamps_may_hang_from_a_ceiling_that_is_given_above_the_scan(builder, ceiling, lamp_z, refused) -> None:
+    lamp = {
+        "name": "a", "shape": "panel", "size": [0.6, 0.6], "center": [2.0, 2.0, lamp_z], "spectrum": "LED-B3",
+        "luminous_flux_lm": 900,
+    }  # fmt: skip
+    given = {} if ceiling is None else {"ceiling": ceiling}
+    run_file = RunFile.model_validate({"scan": {"file": "a.glb", **given}, "lamps": [lamp]})
+    findings = Findings(file="room.toml")
+    check_in_scan(findings, run_file, ScanExtent(bounds=below_the_ceiling(builder).bounds), None)
+    assert ["lamps.1.center" in str(fault) for fault in findings.faults] == [True] * refused
+
+
 def test_a_ceiling_below_the_floor_is_refused_at_once() -> None:
     with pytest.raises(RunFileError, match=r"ceiling = 0\.2 is not above floor = 1"):
         parse_run_file('[scan]\nfile = "a.glb"\nfloor = 1\nceiling = 0.2\n[lamps_from_scan]\ncct_k = 3000\n', where="a")
