@@ -196,8 +196,13 @@ def uncertainty_in_words(attributes: Mapping[str, Any]) -> str:
         return ""
     of = {cause: float(attributes[f"{OF_CAUSE}{cause}"]) for cause in CAUSES}
     largest = sorted((cause for cause in CAUSES if of[cause] > 0), key=lambda cause: -of[cause])[:NAMED_CAUSES]
-    words = ", ".join(f"{cause} {100 * of[cause]:.2g} %" for cause in largest)
-    return f"± {100 * float(attributes[ALL_CAUSES]):.2g} % at a point ({words})"
+    words = ", ".join(f"{cause} {_two_digits(100 * of[cause])} %" for cause in largest)
+    return f"± {_two_digits(100 * float(attributes[ALL_CAUSES]))} % at a point ({words})"
+
+
+def _two_digits(value: float) -> str:
+    """'260', not '2.6e+02'."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def save_unknowns(unknowns: LightUnknowns, folder: Path) -> Path:

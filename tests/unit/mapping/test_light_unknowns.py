@@ -117,6 +117,11 @@ def test_illuminance_has_an_uncertainty_of_its_own(exact):
     assert uncertainty_in_words({}) == ""
 
 
+def test_a_map_that_is_hardly_known_says_so_in_plain_digits():
+    attributes = {ALL_CAUSES: 2.574, **{f"{OF_CAUSE}{cause}": 0.0 for cause in CAUSES}, f"{OF_CAUSE}{CAUSES[0]}": 2.51}
+    assert uncertainty_in_words(attributes) == f"± 260 % at a point ({CAUSES[0]} 250 %)"
+
+
 def test_a_relit_map_has_the_uncertainty_of_its_lamps(exact):
     state = unknowns(known_but(u0=0.3))
     assert relight(exact, {"panel 1": LampChange(dim=0.0)}, unknowns=state)["irradiance_sd"].max() == 0
