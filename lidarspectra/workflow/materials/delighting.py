@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -17,8 +18,9 @@ from scipy.sparse import csr_array
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.geometry.small_faces import SmallFaces, small_faces
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.colors import MAX_SATURATED, saturated, surface_colors
 from lidarspectra.material.delighting.albedo import LightFit
 from lidarspectra.material.delighting.cards import Card, SeenCards, beside_cards, look_at_cards
 from lidarspectra.material.delighting.clipped_light import CLIPPED, DARK, cut_paint
@@ -103,6 +105,7 @@ from lidarspectra.workflow.materials.light_rounds import (
     mean_face_reflectance,
 )
 
+LONGEST_EDGE_M = 0.3  # [m] of a face, up to which its mean colour is taken for what its middle shows
 SAMPLES = 6_000  # surface points with a light estimate; with 3,000, reflectances differ by 1 %
 RAYS = 256  # rays per sample for the form factors to other surfaces: 1.4 % of noise in their light, 128 have 2.6 %
 SCATTERED_RANGE = (REFLECTANCE_RANGE[0], 2.0)  # [1] of single faces, whose light is uncertain
@@ -155,6 +158,18 @@ class Delighting:
     warnings: tuple[str, ...] = ()
     lamp_fluxes: tuple[LampFlux, ...] = ()
     lit: tuple[Lamp, ...] = ()
+
+    def of_whole_faces(self, small: SmallFaces) -> Self:
+        """The same for the faces that these are parts of; most of a face has to show a surface for it to have one."""
+        if self.face_color is None or self.face_deviation is None or self.face_painted is None:
+            return self
+        shows = (~saturated(self.face_color)).astype(np.float64)
+        painted = small.mean(self.face_painted.astype(np.float64), shows) > HALF
+        color = small.mean(self.face_color, shows)
+        color[small.mean(shows, np.ones(len(shows))) < 1.0 - MAX_SATURATED] = 1.0
+        return replace(
+            self, face_color=color, face_deviation=small.mean(self.face_deviation, shows), face_painted=painted
+        )
 
 
 def _left_in(reason: str, fit: LightFit | None = None) -> Delighting:
@@ -219,6 +234,28 @@ def take_light_out(
         return Delighting(face_color=None, face_deviation=None, fit=None, words="")  # colours drawn without light
     if not scan.appearance.known:
         return _left_in("the scan has no colours. Scan again with colour, or assign materials by hand.")
+    small = small_faces(scan, LONGEST_EDGE_M)
+    found = _out_of(
+        small.scan, room, lamps, cards=cards, screens=screens, records=records, fluxes_stated=fluxes_stated,
+        engine=engine, workers=workers, progress=progress,
+    )  # fmt: skip
+    return found if small.scan is scan else found.of_whole_faces(small)
+
+
+def _out_of(
+    scan: Scan,
+    room: Room,
+    lamps: Sequence[Lamp],
+    *,
+    cards: Sequence[Card],
+    screens: Sequence[Pane],
+    records: FrameRecords | None,
+    fluxes_stated: bool,
+    engine: Engine | None,
+    workers: int | None,
+    progress: Progress,
+) -> Delighting:
+    """As `take_light_out`, of a coloured scan whose faces are so small that the light on each is that of its middle."""
     coloring, lighting, exchanging, fitting, fitting_again = shares(
         progress, (*SHARES[:-1], 0.0 if fluxes_stated else SHARES[-1])
     )
