@@ -105,7 +105,7 @@ from lidarspectra.workflow.materials.light_rounds import (
     mean_face_reflectance,
 )
 
-LONGEST_EDGE_M = 0.3  # [m] of a face, up to which its mean colour is taken for what its middle shows
+LONGEST_EDGE_M = 0.45  # [m] of a face, up to which its mean colour is taken for what its middle shows
 SAMPLES = 6_000  # surface points with a light estimate; with 3,000, reflectances differ by 1 %
 RAYS = 256  # rays per sample for the form factors to other surfaces: 1.4 % of noise in their light, 128 have 2.6 %
 SCATTERED_RANGE = (REFLECTANCE_RANGE[0], 2.0)  # [1] of single faces, whose light is uncertain
