@@ -39,12 +39,15 @@ def test_no_light_at_all_comes_through_a_closed_wall(name: str, tmp_path: Path) 
         assert np.all(coefficient[lamp, ~dark] > 0.0)
 
 
+TRACES = 4
+
+
 @pytest.mark.slow
+@pytest.mark.chance("errors of points that share paths come together: one trace in sixteen has under .8 within two")
 @pytest.mark.parametrize("name", ["door", "ajar"])
 def test_light_through_a_door_is_what_another_engine_finds_lamp_by_lamp(name: str, tmp_path: Path) -> None:
     case = ROOMS[name]()
-    transport = traced(case, tmp_path / "scene", "standard")
-    batches = transport["coefficient_batches"].to_numpy()[..., 0].astype(float)
+    traces = [traced(case, tmp_path / f"scene{number}", "standard") for number in range(TRACES)]
     with TRUTH.open(newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["room"] == name]
     for lamp, place in ((NEAR, case.is_far), (FAR, ~case.is_far), (NEAR, ~case.is_far), (FAR, case.is_far)):
@@ -53,15 +56,15 @@ def test_light_through_a_door_is_what_another_engine_finds_lamp_by_lamp(name: st
         doubt = np.array([float(row["standard_error_W_m2_nm"]) for row in own])[place]
         on = np.zeros((2, 3))
         on[lamp] = 1.0
-        error = np.hypot(standard_error_of_sum(transport, on)[place, 0], doubt)
-        off = batches.mean(axis=0)[lamp, place] - truth
+        light = np.array([t["coefficient_batches"].to_numpy()[:, lamp, place, 0] for t in traces], dtype=float)
+        error = np.array([np.hypot(standard_error_of_sum(t, on)[place, 0], doubt) for t in traces])
         # Shared by the two sides of the door's edge, light came out 12 % too bright (ajar: 90 % and more) with 20 to
-        # 60 % of the points within two errors. Of a true error bar 95 % are; points err together in tens.
-        assert np.mean(np.abs(off) < 2.0 * error) > 0.8
-        means = batches[:, lamp, place].mean(axis=1)
-        uncertain = np.hypot(means.std(ddof=1) / np.sqrt(len(means)), np.sqrt((doubt**2).sum()) / len(doubt))
-        # Of eight batches t is above 6 once in a thousand runs.
-        assert abs(off.mean()) < 6.0 * uncertain
+        # 60 % of the points within two errors. Of a true error bar 95 % are; points err together in tens. In 238 traces
+        # of the door ajar the share was .59 to 1, and .90 in the mean.
+        assert np.mean(np.abs(light.mean(axis=1) - truth) < 2.0 * error) > 0.75
+        means = light.mean(axis=2).ravel()  # of each trace's batches
+        uncertain = np.hypot(means.std(ddof=1) / np.sqrt(means.size), np.sqrt((doubt**2).sum()) / len(doubt))
+        assert abs(means.mean() - truth.mean()) < 6.0 * uncertain
 
 
 def lit_by_one(case: Rooms, folder: Path) -> RadianceScene:
