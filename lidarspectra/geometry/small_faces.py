@@ -9,6 +9,8 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 
 MOST_HALVINGS = 20  # of an edge: a kilometre becomes a millimetre
+PARTS_PER_SQUARE = 8.0  # triangles that halving may make of the square of the longest edge, about
+MOST_PARTS = 1_000_000  # of a whole scan, about: more would take gigabytes, as of a field of two triangles
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,7 +50,7 @@ def small_faces(scan: Scan, longest_m: float) -> SmallFaces:
     ----------
     scan : Scan
     longest_m : float
-        Longest edge. [m]
+        Longest edge; more where the surface would come to more than some `MOST_PARTS` parts, from 25,000 m² on. [m]
 
     Returns
     -------
@@ -56,6 +58,7 @@ def small_faces(scan: Scan, longest_m: float) -> SmallFaces:
         Of the scan itself, with its faces in their order, where none is too long.
     """
     corners = scan.corners
+    longest_m = max(longest_m, float(np.sqrt(PARTS_PER_SQUARE * scan.areas.sum() / MOST_PARTS)))
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     if edges.max() <= longest_m:
         return SmallFaces(scan=scan, parent=np.arange(len(scan.faces)))

@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
@@ -12,6 +10,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.delighting.one_paint import ALIKE, FLAT, SAME_PLANE_M, Paints
 from lidarspectra.material.delighting.sharpened_cones import srgb_of_cones
+from lidarspectra.material.delighting.unknown_light import linked
 
 CLIPPED = 0.97  # [1] a channel from which on it is cut at white
 DARK = 0.012  # [1] the brightest channel, up to which noise and the camera's black hide the colour
@@ -64,7 +63,7 @@ def cut_paint(scan: Scan, cut: BoolArray, irradiance: FloatArray, paints: Paints
     paint : CutPaint
     """
     faces = np.flatnonzero(cut)
-    light = np.maximum(srgb_of_cones(irradiance[faces]), DARK)
+    light = srgb_of_cones(irradiance[faces])
     beside = _paint_beside(scan, faces, paints)
     of_paint = np.where(beside >= 0, paints.paint[beside], -1)
     of_paint[(paints.color[beside] * light < np.exp(-ALIKE)).any(axis=1)] = -1
@@ -83,8 +82,7 @@ def _mean_of_surfaces(scan: Scan, faces: IntArray, values: FloatArray) -> FloatA
         return values
     places = np.hstack([scan.centers[faces], LINK_M * scan.normals[faces]])
     pairs = cKDTree(places).query_pairs(LINK_M, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(faces.size, faces.size))
-    surface = connected_components(links, directed=False)[1]
+    surface = linked(pairs, faces.size)
     areas = scan.areas[faces]
     sums = np.stack([np.bincount(surface, weights=areas * channel) for channel in values.T], axis=1)
     return np.asarray((sums / np.bincount(surface, weights=areas)[:, None])[surface], dtype=np.float64)

@@ -153,7 +153,7 @@ def _shining_parts(scan: Scan, faces: IntArray) -> tuple[IntArray, IntArray]:
     alike &= level[first] == level[second]
     behind = np.einsum("pc,pc->p", way, normals[first]) < -OFF_M
     alike |= behind & (np.einsum("pc,pc->p", -way, normals[second]) < -OFF_M)
-    together, part = _linked(pairs, faces.size), _linked(pairs[alike], faces.size)
+    together, part = linked(pairs, faces.size), linked(pairs[alike], faces.size)
     area = np.bincount(part, weights=scan.areas[faces])
     group = np.zeros(area.size, dtype=np.int64)
     group[part] = together
@@ -163,7 +163,7 @@ def _shining_parts(scan: Scan, faces: IntArray) -> tuple[IntArray, IntArray]:
     return np.where(area >= MIN_AREA_M2, np.arange(area.size), largest[group])[part], together
 
 
-def _linked(pairs: IntArray, count: int) -> IntArray:
+def linked(pairs: IntArray, count: int) -> IntArray:
     """(count,) number of the connected component of each."""
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)

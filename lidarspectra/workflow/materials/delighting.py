@@ -536,8 +536,7 @@ def _of_faces(
     )
     light = spread @ fit.irradiance
     cut = ~known & scan.appearance.photographed & ~_faces_of(sources, scan) & ~sunny & ~screen
-    if scan.appearance.linear is not None:  # radiance of frames does not end at white
-        cut[:] = False
+    cut &= scan.appearance.linear is None  # radiance of frames does not end at white
     white = cut_paint(scan, cut, light, paints)
     paints = paints.with_more(white.face, white.paint, white.color)
     told = known.copy()

@@ -14,7 +14,7 @@ from lidarspectra.room.room import find_room
 from lidarspectra.spectra.colorimetry import encode_srgb
 from lidarspectra.workflow.materials.delighting import take_light_out
 
-from .lit_rooms import Part, all_light, exchange, joined, lamp_light, plane
+from .lit_rooms import Part, all_light, exchange, joined, lamp_light, painted, plane
 
 pytestmark = pytest.mark.slow  # a room photographed by radiosity and de-lit
 
@@ -66,6 +66,24 @@ def photographed(lamps: list[Lamp], folder: Path) -> Scan:
     )
     bare = bare_scan(coarse.vertices, coarse.faces)
     return Scan(vertices=bare.vertices, faces=bare.faces, appearance=appearance, record=bare.record)
+
+
+def test_a_wall_that_is_cut_at_white_beside_a_lamp_has_its_own_paint(tmp_path: Path) -> None:
+    """In a picture exposed for the floor; the panel itself hangs free and is in no picture."""
+    lamp = ls.make_lamp("panel", (1.2, 1.5, 2.5), name="one", size=0.6, spectrum="LED-B3", luminous_flux_lm=3000)
+    fine: list[Part] = [(value, plane(corner, u, v, EDGE_M)) for value, corner, u, v in sides()]
+    scan, _, reflectance = joined(fine)
+    direct = lamp_light(scan, [lamp], tmp_path)
+    seen = reflectance * all_light(exchange(scan), reflectance, direct)
+    wall = reflectance == WALLS
+    shown = seen / np.quantile(seen[wall], 0.93)
+    found = take_light_out(painted(scan, shown), find_room(scan), [lamp], workers=2)
+    cut = wall & (shown > 1.0)
+    assert cut.sum() > 30
+    assert found.face_color is not None
+    assert found.face_deviation is not None
+    np.testing.assert_allclose(found.face_color[cut].mean(axis=1), WALLS, atol=0.08)
+    assert (found.face_deviation[cut] < 0.3).all()
 
 
 def test_reflectances_of_large_triangles_are_told_by_the_light_along_them(tmp_path: Path) -> None:

@@ -63,6 +63,11 @@ def test_what_has_small_faces_is_left_as_it_is(scan: Scan) -> None:
     assert small.parent.tolist() == [0, 1, 2, 3]
 
 
+def test_a_field_of_two_triangles_does_not_fill_the_memory(scan: Scan, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lidarspectra.geometry.small_faces.MOST_PARTS", 200)
+    assert 50 < len(small_faces(scan, 0.01).parent) < 400
+
+
 def test_means_weigh_parts_by_area_and_by_what_they_show(scan: Scan) -> None:
     small = small_faces(scan, 0.5)
     x = small.scan.centers[:, 0]
