@@ -6,11 +6,14 @@ from unittest.mock import MagicMock, patch
 import numpy as np
 import pytest
 
+from lidarspectra.geometry.scan import bare_scan
+from lidarspectra.geometry.small_faces import small_faces
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Strip
 from lidarspectra.material.delighting.albedo import MAX_STEPS, fit_light
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.materials import light_rounds
+from lidarspectra.workflow.materials.delighting import Delighting
 from lidarspectra.workflow.materials.delighting_notes import (
     fit_in_words,
     stated_light,
@@ -35,6 +38,26 @@ def test_a_white_desk_under_a_long_lamp_is_no_lamp() -> None:
     # Within half of the lamp's length, as its own ends are: they are told by where the lamp shines.
     desk, end, plate = [6.5, 1.8, 0.74], [10.4, 1.6, 2.67], [6.0, 1.7, 2.7]
     assert near_lamps(np.array([desk, end, plate]), [STRIP]).tolist() == [False, True, True]
+
+
+def test_a_face_has_the_mean_of_its_parts_that_show_a_surface_if_they_are_enough() -> None:
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [9, 0, 0], [9, 1, 0], [8, 0, 0]], dtype=float)
+    square = bare_scan(corners, np.array([[0, 1, 2], [3, 4, 5]]))
+    small = small_faces(square, 0.3)
+    count = len(small.parent)
+    color = np.full((count, 3), 0.4)
+    most = small.scan.centers[:, 0] > 8.2  # of the second face, all but a corner
+    color[most] = 1.0
+    color[np.flatnonzero(small.parent == 0)[0]] = 1.0
+    painted = small.parent == 0
+    deviation = np.where(most[:, None], 9.0, np.full((count, 3), 0.05))
+    parts = Delighting(face_color=color, face_deviation=deviation, fit=None, words="", face_painted=painted)
+    found = parts.of_whole_faces(small)
+    assert found.face_color is not None
+    assert found.face_deviation is not None
+    np.testing.assert_allclose(found.face_color, [[0.4] * 3, [1.0] * 3])
+    np.testing.assert_allclose(found.face_deviation[0], 0.05)
+    assert np.asarray(found.face_painted).tolist() == [True, False]
 
 
 def test_a_note_tells_of_white_surfaces_that_came_out_brighter_than_paint_and_not_of_noise_about_white() -> None:

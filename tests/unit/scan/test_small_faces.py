@@ -41,6 +41,7 @@ def test_no_edge_is_longer_and_the_surface_is_the_same(scan: Scan) -> None:
     assert edges.max() <= 0.3
     np.testing.assert_allclose(np.bincount(small.parent, weights=small.scan.areas), scan.areas, rtol=1e-9)
     np.testing.assert_allclose(small.scan.normals, scan.normals[small.parent], atol=1e-9)
+    assert (np.diff(small.parent) >= 0).all()
     np.testing.assert_array_equal(small.scan.appearance.face_kinds, scan.appearance.face_kinds[small.parent])
 
 
