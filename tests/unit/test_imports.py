@@ -148,6 +148,10 @@ def test_relighting_loads_nothing_that_draws_or_reads_meshes() -> None:
     assert not loaded("import lidarspectra.cli.relight, lidarspectra.workflow.scenarios.relighting", heavy)
 
 
+def test_a_run_that_groups_no_colours_loads_no_statistics() -> None:
+    assert not loaded("import lidarspectra.workflow.pipeline", {"scipy.signal", "scipy.stats", "sklearn", "matplotlib"})
+
+
 def test_what_init_asks_for_and_draws_loads_no_maps_and_no_tables() -> None:
     heavy = {"xarray", "pandas", "h5py", "dask", "scipy.optimize", "sklearn", "colour", "onnxruntime"}
     drawn = "lidarspectra.mapping.figures.places_figure, lidarspectra.mapping.figures.floor_plan"

@@ -14,7 +14,6 @@ from typing import Self
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks
 
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
@@ -291,6 +290,8 @@ def _mode(at: FloatArray, smooth: FloatArray) -> float:
 
 def _dips(at: FloatArray, smooth: FloatArray) -> FloatArray:
     """(dip,) where a smoothed histogram falls below `DIP` of the peaks on either side."""
+    from scipy.signal import find_peaks  # heavy: `relight` and `init` look for none
+
     peaks, _ = find_peaks(smooth, height=PEAK_SHARE * smooth.max())
     found = []
     for first, second in pairwise(peaks):

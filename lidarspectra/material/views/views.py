@@ -13,7 +13,8 @@ from lidarspectra.arrays import ByteArray, FloatArray, IntArray, float_array, in
 from lidarspectra.errors import ArrayError, MaterialError, WorkspaceError
 from lidarspectra.geometry.rays import Hits, RayCaster
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.io.array_files import FASTEST, read_arrays, write_arrays
+from lidarspectra.io.array_files import read_arrays, write_arrays
+from lidarspectra.io.png_files import write_png
 from lidarspectra.material.views.projection import Camera, pixel_grid, ray_directions, shift_of_rays
 from lidarspectra.spectra.colorimetry import encode_srgb
 from lidarspectra.threads import cores_for
@@ -250,7 +251,7 @@ def save_views(views: ViewSet, folder: Path, *, workers: int | None = None) -> N
 
 def _save_view(view: View, path: Path) -> None:
     """Write a view's image and its buffers; `path` is without suffix."""
-    Image.fromarray(view.image).save(path.with_suffix(".png"), compress_level=FASTEST)
+    write_png(path.with_suffix(".png"), view.image)
     write_arrays(path.with_suffix(".npz"), depth_m=view.depth.astype(np.float32), face=view.face.astype(np.int32))
 
 
