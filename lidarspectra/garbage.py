@@ -3,9 +3,7 @@
 import atexit
 import gc
 
-NEW_OBJECTS = (
-    500_000  # between two looks at the youngest: a run keeps some 1.8 million; Python's own 700 suits small programs
-)
+NEW_OBJECTS = 500_000  # between two looks at the youngest: a run keeps 1.8 million; Python's 700 suit small programs
 
 
 def collect_rarely() -> None:

@@ -296,7 +296,7 @@ def save_scan(scan: Scan, folder: Path) -> None:
         )
         for number, image in enumerate(appearance.images):
             if image.dtype == np.uint8:
-                write_png(_texture_path(folder, number), image)
+                write_png(_texture_path(folder, number), np.asarray(image, dtype=np.uint8))
             else:  # of 11 bits, finer than any frame's 8
                 np.save(_radiance_path(folder, number), np.minimum(image, _MAX_HALF).astype(np.float16))
         (folder / RECORD_FILE).write_text(json.dumps(about, indent=2, ensure_ascii=False), encoding="utf-8")

@@ -24,4 +24,4 @@ def write_png(path: Path, image: ByteArray) -> None:
 
     # OpenCV names colours from blue to red; it encodes in memory here, because of a file it would not say what failed.
     _, content = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-    path.write_bytes(content)
+    path.write_bytes(content.tobytes())
