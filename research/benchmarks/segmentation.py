@@ -1,7 +1,7 @@
 """How often the material class of a surface is right: rooms with known truth, with and without the room's geometry.
 
     python -m research.benchmarks.segmentation [office apartment] [--textures FOLDER] [--draws N] [--views N] [--wrong]
-                                      [--spectraldb FILE] [--model FILE]
+                                      [--spectraldb FILE] [--model FILE] [--scales S ...]
 
 Shares of the surface area whose class is the true one. The rooms' own surfaces are plain or nearly so. With the folder
 of textures that the shipped model was trained on (see `research.training`), every surface is also dressed
@@ -211,12 +211,15 @@ def main() -> None:
     parser.add_argument("--spectraldb", type=Path, help="the table of spectraldb.com, as CSV: colours of each class")
     parser.add_argument("--views", type=int, help="classify the first so many views only; all by default")
     parser.add_argument("--model", type=Path, default=SHIPPED_MODEL, help="ONNX file with its card; the shipped one")
+    parser.add_argument("--scales", type=float, nargs="+", help="of the views; by default those of the model's card")
     parser.add_argument("--wrong", action="store_true", help="try other values of fusion.WRONG as well")
     arguments = parser.parse_args()
     tiles = []
     if arguments.textures is not None:
         tiles = [picture for picture in read_split(arguments.textures)[1] if picture.origin == "tile"]
     classifier = Classifier(arguments.model)
+    if arguments.scales is not None:
+        classifier.card = classifier.card.model_copy(update={"scales": tuple(arguments.scales)})
     for name in arguments.scenes:
         run(
             scenes_folder() / name,

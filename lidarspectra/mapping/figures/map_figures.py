@@ -101,7 +101,7 @@ def maps_figure(
         draw_field(axes, plan, grid, number, norm, colors, factor=prefix.factor)
         draw_points(axes, checked, chosen, field if grid is None else None, norm, colors)
         draw_frame(axes, plan, left=number % layout.columns == 0, bottom=number + layout.columns >= len(shown))
-        axes.set_title(f"{labels[number]} nm", pad=3.0)
+        axes.set_title(f"{labels[number]} nm", y=1.0, pad=3.0)  # a place of its own: none is looked for
         if scale == "panel":
             draw_colorbar(figure, layout.colorbar_box(number), norm, LIGHT_MAP)
     what = ["deviation from the channels' mean shape", "[%]"]

@@ -21,7 +21,7 @@ from lidarspectra.threads import cores_for
 
 VIEWS_FILE = "views.json"
 VIEWS_FORMAT = 1
-MIN_CONTRAST = 10  # [1/255] above which a pixel has more than one ray; elsewhere they would change it by 0.4 on average
+MIN_CONTRAST = 24  # [1/255] above which a pixel has more than one ray; elsewhere they would change it by 0.2 on average
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

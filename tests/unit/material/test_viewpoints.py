@@ -19,7 +19,7 @@ from lidarspectra.material.views.viewpoints import (
     render_views,
     visible,
 )
-from lidarspectra.material.views.views import capture_image, load_views, save_views
+from lidarspectra.material.views.views import MIN_CONTRAST, capture_image, load_views, save_views
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.colorimetry import decode_srgb
 from lidarspectra.spectra.databases import scenes_folder
@@ -128,7 +128,7 @@ def test_pixels_of_one_ray_look_as_if_they_had_several(monkeypatch):
     single = capture_image(textured, camera, name="single", caster=caster, samples=1).image.astype(np.int64)
     apart, without = np.abs(few - all_rays), np.abs(single - all_rays)
     assert 0.1 < (few == all_rays).all(axis=2).mean() < 1.0
-    assert apart.max() <= 20  # twice the contrast that one ray is enough for
+    assert apart.max() <= 2 * MIN_CONTRAST
     assert apart.mean() < 0.5 < without.mean()
 
 
