@@ -16,6 +16,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.geometry.scan import load_scan, save_scan
 from lidarspectra.hardware.phone.readers import read_scan_and_frames
 from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.io.files import write_whole
 from lidarspectra.lamps.lamp_file import load_lamps, save_lamps
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.mapping.maps.assumptions import mark_assumed
@@ -99,7 +100,6 @@ from lidarspectra.workflow.whole_room import missing_in_words, whole_room
 
 REPORT_PAGE = PAGE
 MODEL_FOLDER = "model"
-SEGMENTATION = "segmentation"
 NO_VIEWS = "no views are taken, since all surfaces are given one material"
 MATERIALS_KEYS = (
     "materials.method",
@@ -246,10 +246,10 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
     )
 
     def make(folder: Path, progress: Progress) -> Notes:
-        from lidarspectra.mapping.figures.figure_style import save_figure  # these load what draws, and trimesh
+        from lidarspectra.mapping.figures.figure_style import svg_text  # these load what draws, and trimesh
         from lidarspectra.mapping.figures.material_figures import segmentation_figure
         from lidarspectra.material.material_mesh import save_material_mesh
-        from lidarspectra.workflow.report.report_of_run import material_pictures
+        from lidarspectra.workflow.report.report_of_run import SEGMENTATION_FILE, material_pictures
 
         delighting, estimating, saving = shares(progress, (DELIGHTING_SHARE if delight else 0.0, *MATERIALS_SHARES))
         delighting(0.0, "reading scan and views")
@@ -281,7 +281,7 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         save_material_mesh(mesh, materials, folder)
         if views.value.views:
             pictures = material_pictures(mesh, views.value, materials)
-            save_figure(segmentation_figure(pictures), folder, SEGMENTATION, kinds=("png",))
+            write_whole(folder / SEGMENTATION_FILE, svg_text(segmentation_figure(pictures)))
         notes = _materials_notes(materials, mesh.areas, unlit)
         return replace(notes, summary=notes.summary + gloss_in_words(gloss))
 

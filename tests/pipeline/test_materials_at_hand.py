@@ -24,7 +24,7 @@ def folder(write_room: RoomWriter, tmp_path_factory: pytest.TempPathFactory) -> 
 @pytest.mark.slow
 def test_after_the_materials_their_table_pictures_and_meshes_lie_there_and_no_later_stage(folder: Path) -> None:
     names = {path.name for path in (folder / "3-materials").iterdir()}
-    assert {"materials.csv", "segmentation.png", "materials.ply", "materials.glb"} <= names
+    assert {"materials.csv", "segmentation.svg", "materials.ply", "materials.glb"} <= names
     assert not list(folder.glob("4-*/*"))
 
 

@@ -95,6 +95,7 @@ _MARKS: dict[FileType, dict[str, None]] = {
 _OPTIONS: dict[FileType, dict[str, Any]] = {"png": {"pil_kwargs": {"compress_level": PNG_LEVEL}}}
 _SVG = "http://www.w3.org/2000/svg"
 _XLINK = "http://www.w3.org/1999/xlink"
+_LINKS = (f"{{{_XLINK}}}href", "href")
 Parameters = ParamSpec("Parameters")
 
 
@@ -227,14 +228,18 @@ def page_svg(svg: str, *, name: str, label: str) -> str:
         ElementTree.register_namespace(prefix, space)
     root = ElementTree.fromstring(svg.encode("utf-8"))
     _drop(root, "metadata")
-    _drop(root, "style")  # it would hold for the whole page
+    for tag in ("style", "script", "foreignObject"):  # these would hold for the whole page
+        _drop(root, tag)
     names: set[str] = set()
     for element in root.iter():
         if element.get("id") in names:  # the same marker, defined again under the hash of its shape
             del element.attrib["id"]
         names.add(element.get("id", ""))
-        for key, value in element.attrib.items():
-            element.set(key, _page_value(key, value, name))
+        for key, value in list(element.attrib.items()):
+            if key.startswith("on") or (key in _LINKS and not value.startswith(("#", "data:image/"))):
+                del element.attrib[key]  # matplotlib writes none; of a file that was kept nobody knows
+            else:
+                element.set(key, _page_value(key, value, name))
     root.attrib.pop("height", None)
     width_in = float(root.get("width", "0pt").removesuffix("pt")) / POINTS_PER_IN
     root.set("width", "100%")
@@ -253,7 +258,7 @@ def _drop(root: ElementTree.Element, tag: str) -> None:
 def _page_value(key: str, value: str, name: str) -> str:
     if key == "id":
         return f"{name}-{value}"
-    if key in (f"{{{_XLINK}}}href", "href"):
+    if key in _LINKS:
         return f"#{name}-{value[1:]}" if value.startswith("#") else value
     for color, page_color in PAGE_COLORS.items():
         value = value.replace(color, page_color)

@@ -51,6 +51,8 @@ class ReportInput:
         One sentence on coverage.
     material_pictures : MaterialPictures, optional
         Pictures of how the materials were found.
+    segmentation_svg : str
+        The figure of these as SVG, where it is drawn already.
     floor_z_m : float
         Height of the floor in the scan's coordinates. [m]
     floor_scanned, ceiling_scanned : float, optional
@@ -91,6 +93,7 @@ class ReportInput:
     views: tuple[ReportView, ...] = ()
     view_notes: str = ""
     material_pictures: MaterialPictures | None = None
+    segmentation_svg: str = ""
     floor_z_m: float = 0.0
     floor_scanned: float | None = None
     ceiling_scanned: float | None = None

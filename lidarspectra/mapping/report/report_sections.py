@@ -1,6 +1,7 @@
 """The report's sections, each as HTML; an empty one is left out of the page."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -12,7 +13,7 @@ from lidarspectra.mapping.figures.channel_figures import (
     reflectances_figure,
     spectra_figure,
 )
-from lidarspectra.mapping.figures.figure_style import irradiance_unit, prefix_of
+from lidarspectra.mapping.figures.figure_style import irradiance_unit, prefix_of, svg_text
 from lidarspectra.mapping.figures.map_figures import (
     error_figure,
     illuminance_figure,
@@ -258,10 +259,11 @@ def _material_pictures(report: ReportInput, writer: ReportWriter) -> str:
         "camera's response, and the colour of the estimated reflectance in even daylight. The numbers are luminances; "
         "white is 1.",
     )
-    if pictures.views:
-        content += writer.figure(
+    if report.segmentation_svg or pictures.views:
+        content += writer.drawn(
             "segmentation",
-            segmentation_figure(pictures),
+            report.segmentation_svg or svg_text(segmentation_figure(pictures)),
+            partial(segmentation_figure, pictures),
             f"The first views in three rows: in the scan's own colours; by {pictures.code.kind} of surface; and in the "
             "colours that the estimated reflectances have in even daylight.",
         )

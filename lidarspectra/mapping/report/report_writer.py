@@ -1,6 +1,6 @@
 """Writes the figures and tables of the report's sections as files, and gives them as HTML."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -32,7 +32,7 @@ class ReportWriter:
 
     def __init__(self, folder: Path, kinds: Sequence[FileType] = ("svg",)) -> None:
         self._kinds = kinds
-        self._drawn_later: list[tuple[str, Figure]] = []
+        self._drawn_later: list[tuple[str, Callable[[], Figure]]] = []
         self._figures, self._tables = folder / "figures", folder / "tables"
         self._number = 0
         with writing(folder, error=MapError):
@@ -41,22 +41,25 @@ class ReportWriter:
 
     def figure(self, name: str, figure: Figure, caption: str) -> str:
         """Draw a figure and give it as an element."""
+        return self.drawn(name, svg_text(figure), lambda: figure, caption)
+
+    def drawn(self, name: str, svg: str, draw: Callable[[], Figure], caption: str) -> str:
+        """Give a figure that is drawn already as an element; it is drawn again for files of other kinds than SVG."""
         self._number += 1
-        svg = svg_text(figure)
         if "svg" in self._kinds:
             path = self._figures / f"{name}.svg"
             with writing(path, error=MapError):
                 write_whole(path, svg)
         if set(self._kinds) - {"svg"}:
-            self._drawn_later.append((name, figure))
+            self._drawn_later.append((name, draw))
         element = page_svg(svg, name=name, label=caption)
         return html.figure(element, number=self._number, caption=caption, name=name, kinds=self._kinds)
 
     def finish(self) -> None:
         """Draw the files that the page has links to, but does not show."""
         kinds = [kind for kind in self._kinds if kind != "svg"]
-        for name, figure in self._drawn_later:
-            save_figure(figure, self._figures, name, kinds=kinds)
+        for name, draw in self._drawn_later:
+            save_figure(draw(), self._figures, name, kinds=kinds)
 
     def table(self, table: Table, *, max_rows: int | None = None) -> str:
         """Save a table and give it as an element."""

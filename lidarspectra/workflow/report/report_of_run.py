@@ -1,8 +1,10 @@
 """Gather the content of the report page from the stages of a run."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import xarray as xr
@@ -27,6 +29,7 @@ from lidarspectra.workflow.run_folder.declared import Declared
 from lidarspectra.workflow.run_folder.lamps_of_run import ScannedRoom
 from lidarspectra.workflow.run_folder.workspace import StageResult, versions
 
+SEGMENTATION_FILE = "segmentation.svg"  # of the materials stage, which draws it for itself and for the page
 SHOWN_VIEWS = 6  # the first six are the cube faces around the first viewpoint
 
 
@@ -82,7 +85,9 @@ def report_of_run(
     level_m = float(np.median(before.spectral_map.value["z"].to_numpy()[planes[0]])) if planes else None
     plan = floor_plan(mesh, found_room, level_m=level_m)
     face_color = mesh.face_colors()
-    pictures = material_pictures(mesh, views, materials)
+    segmentation = kept_svg(before.materials.folder / SEGMENTATION_FILE)
+    is_drawn = segmentation and set(given.run_file.report.figures) <= {"svg"}
+    pictures = material_pictures(mesh, replace(views, views=()) if is_drawn else views, materials)
     reading(1.0, "scan and materials are read")
     return ReportInput(
         title=title,
@@ -112,6 +117,7 @@ def report_of_run(
         lamps=lamps,
         views=_shown(views),
         material_pictures=pictures,
+        segmentation_svg=segmentation,
         view_notes=before.views.record.summary,
         floor_z_m=found_room.floor_z,
         floor_scanned=found_room.floor_confidence,
@@ -147,6 +153,16 @@ def material_pictures(scan: Scan, views: ViewSet, materials: MaterialMap) -> Mat
         shown=mean_shown_colors(scan.face_colors(), materials.face_material, scan.areas, len(listed)),
         found=found,
     )
+
+
+def kept_svg(path: Path) -> str:
+    """A figure that an earlier stage drew; empty where it is missing or damaged, to be drawn again."""
+    try:
+        svg = path.read_text(encoding="utf-8")
+        ElementTree.fromstring(svg.encode("utf-8"))
+    except (OSError, UnicodeDecodeError, ElementTree.ParseError):
+        return ""
+    return svg
 
 
 def _shown(views: ViewSet) -> tuple[ReportView, ...]:

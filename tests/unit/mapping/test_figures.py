@@ -25,6 +25,7 @@ from lidarspectra.mapping.figures.figure_style import (
     PAGE_DPI,
     inline_svg,
     new_figure,
+    page_svg,
     place,
     plain,
     prefix_of,
@@ -309,6 +310,19 @@ def test_plain_words_are_one_line_of_letters_that_can_be_drawn():
     assert plain("a\n b\t c") == "a b c"
     assert plain("電 lamp") == "□ lamp"
     assert len(plain("x" * 500)) == 40
+
+
+def test_of_a_kept_svg_nothing_acts_and_nothing_outside_is_asked_for() -> None:
+    svg = (
+        '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" width="72pt" onload="a()">'
+        '<script>b()</script><foreignObject><p>c</p></foreignObject><a xlink:href="javascript:d()"><path d="M0 0"/></a>'
+        '<image href="https://example.org/e.png"/><image href="data:image/png;base64,AA=="/><use href="#f"/></svg>'
+    )
+    page = page_svg(svg, name="kept", label="x")
+    for word in ("onload", "script", "foreignObject", "example.org"):
+        assert word not in page
+    assert "data:image/png;base64,AA==" in page
+    assert 'href="#kept-f"' in page
 
 
 def test_inline_svg_takes_the_page_s_colours_and_refers_to_nothing_outside(make_transport, plan):

@@ -10,10 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from lidarspectra.errors import ArrayError, MapError
+from lidarspectra.mapping.figures.figure_style import new_figure
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report.report import ReportInput, ReportView, StageRow, write_report
+from lidarspectra.mapping.report.report_writer import ReportWriter
+from lidarspectra.workflow.report.report_of_run import kept_svg
 
 OWN_SCRIPTS = (
     "three.js", "room-picture.js", "room-light.js", "room-chart.js", "room-lamps.js", "room-view.js", "script.js"
@@ -261,3 +265,35 @@ def test_a_folder_that_cannot_be_made_is_one_clear_error(report, tmp_path):
 def test_areas_that_do_not_fit_the_materials_are_refused(report):
     with pytest.raises(ArrayError, match="material_areas_m2"):
         replace(report, material_areas_m2=np.array([1.0]))
+
+
+def test_a_figure_that_is_drawn_already_is_shown_as_it_is_and_drawn_again_for_files_of_other_kinds(tmp_path) -> None:
+    svg = '<svg xmlns="http://www.w3.org/2000/svg" width="72pt"><path id="known" d="M0 0"/></svg>'
+    again: list[Figure] = []
+
+    def draw() -> Figure:
+        again.append(new_figure(1.0, 1.0))
+        return again[0]
+
+    only_svg = ReportWriter(tmp_path / "svg")
+    page = only_svg.drawn("kept", svg, draw, "A caption.")
+    only_svg.finish()
+    assert 'id="kept-known"' in page
+    assert "A caption." in page
+    assert (tmp_path / "svg" / "figures" / "kept.svg").read_text(encoding="utf-8") == svg
+    assert not again
+    both = ReportWriter(tmp_path / "both", ("svg", "png"))
+    both.drawn("kept", svg, draw, "A caption.")
+    both.finish()
+    assert len(again) == 1
+    assert (tmp_path / "both" / "figures" / "kept.png").is_file()
+
+
+def test_a_drawing_of_an_earlier_stage_that_is_missing_or_damaged_is_none(tmp_path) -> None:
+    path = tmp_path / "segmentation.svg"
+    assert kept_svg(path) == ""
+    for content in (b"<svg><path></svg>", b"\xff\xfe", b""):
+        path.write_bytes(content)
+        assert kept_svg(path) == ""
+    path.write_text("<svg/>", encoding="utf-8")
+    assert kept_svg(path) == "<svg/>"
