@@ -29,6 +29,9 @@ PositionsOption = Annotated[
 MinCountOption = Annotated[
     float, typer.Option("--min-count", min=0.0, help="Leave out channels whose reference count is below this.")
 ]
+EachAloneOption = Annotated[
+    bool, typer.Option("--each-alone", help="Locate each reading by itself, without what those before it told.")
+]
 MethodName = Literal["together", "network", "discriminant", "neighbours", "ridge"]
 NO_FIX_NOTE = (
     "No position was found: the sources ended before the running median had its first {first} frames."
@@ -95,6 +98,7 @@ def try_model(
             " the one from training.",
         ),
     ] = "own",
+    each_alone: EachAloneOption = False,
     run: Annotated[
         Path | None, typer.Option("--run", metavar="RUN", help="A run whose walls and furniture are drawn.")
     ] = None,
@@ -103,7 +107,10 @@ def try_model(
     """Evaluate a model on labelled readings: percentiles, cumulative curve and map of errors, top-k."""
     from lidarspectra.workflow.applications.localization_jobs import errors_from_files
 
-    _show(errors_from_files(model, readings, out or model / "test", positions=positions, against=against, run=run))
+    found = errors_from_files(
+        model, readings, out or model / "test", positions=positions, against=against, each_alone=each_alone, run=run
+    )
+    _show(found)
 
 
 @app.command()
@@ -113,6 +120,7 @@ def score(
     ],
     positions: PositionsOption = None,
     min_count: MinCountOption = 10.0,
+    each_alone: EachAloneOption = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the tables.")] = Path(
         "localization-score"
     ),
@@ -121,7 +129,14 @@ def score(
     from lidarspectra.workflow.applications.localization_jobs import score_nights
 
     with progress_bar("") as report:
-        found = score_nights(nights, out, positions=positions, settings=_training_settings(min_count), progress=report)
+        found = score_nights(
+            nights,
+            out,
+            positions=positions,
+            settings=_training_settings(min_count),
+            each_alone=each_alone,
+            progress=report,
+        )
     _show(found)
 
 
@@ -149,7 +164,7 @@ def live(
         int | None,
         typer.Option("--first", min=1, help="Frames before the first result. Default: 60, or --window if smaller."),
     ] = None,
-    average: Annotated[int, typer.Option("--average", min=1, help="Average this many latest frames.")] = 1,
+    each_alone: EachAloneOption = False,
     always_one: Annotated[
         bool, typer.Option("--always-one", help="One person is there: never answer 'nobody' or 'two people'.")
     ] = False,
@@ -165,7 +180,7 @@ def live(
     from lidarspectra.workflow.applications.localization_jobs import TRACK_COLUMNS, follow, live_frames, track_row
 
     median = MedianWindow(frames=window, first=min(FIRST_FRAMES, window) if first is None else first)
-    settings = LiveSettings(method=method, window=median, average=average, always_one=always_one)
+    settings = LiveSettings(method=method, window=median, each_alone=each_alone, always_one=always_one)
     count = 0
     with ExitStack() as closing, until_interrupted() as stopped:
         track = None

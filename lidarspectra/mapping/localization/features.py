@@ -136,6 +136,15 @@ class FeatureSpace:
         return np.asarray(np.hypot(1.0 / np.sqrt(precision), DRIFT), dtype=np.float64)
 
     @property
+    def difference_noise(self) -> float:
+        """Root mean square over the features of how much two readings of the same differ, in units of their noise [1].
+
+        Rounding and repeatability alone, since within seconds no sensor drifts.
+        """
+        own = np.maximum(self.noise[self.usable] ** 2 - DRIFT**2, 0.0)
+        return float(np.sqrt(np.mean(2.0 * (self.averaging**2 @ own) / self.feature_noise**2)))
+
+    @property
     def feature_noise(self) -> FloatArray:
         """(feature,) standard deviation of the change that each feature is made of [1]."""
         return np.asarray(self.noise[self.usable] if self.is_of_channels else self.sensor_noise, dtype=np.float64)

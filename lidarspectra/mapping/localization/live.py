@@ -1,24 +1,23 @@
 """Live localization: whether somebody is there, and where, frame by frame."""
 
-from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.errors import MapError
-from lidarspectra.mapping.localization.features import known_mean, require_same_sensors
+from lidarspectra.mapping.localization.features import require_same_sensors
 from lidarspectra.mapping.localization.fingerprint_table import quantity_of
 from lidarspectra.mapping.localization.frames import Frame
 from lidarspectra.mapping.localization.location_model import LocationModel
 from lidarspectra.mapping.localization.locators import Method
+from lidarspectra.mapping.localization.places import Located
 from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE
 from lidarspectra.mapping.localization.running_reference import MedianWindow, RunningMedian
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fix:
-    """The position of the person by one frame.
+    """The position of the person by a frame and, unless each is judged alone, those before it.
 
     Parameters
     ----------
@@ -57,24 +56,20 @@ class LiveSettings:
     method : Method
     window : MedianWindow
         Of the running median, which is the reference where no empty room is given.
-    average : int
-        Number of latest frames whose features are averaged.
+    each_alone : bool
+        Whether each frame is judged by itself, without what those before it told (`memory`).
     always_one : bool
         Whether one person is known to be there, so that every answer is a place.
     """
 
     method: Method = "together"
     window: MedianWindow = field(default_factory=MedianWindow)
-    average: int = 1
+    each_alone: bool = False
     always_one: bool = False
-
-    def __post_init__(self) -> None:
-        if self.average < 1:
-            raise MapError(expected="an average of one frame or more", found=f"{self.average}", where="live settings")
 
 
 class LiveLocator:
-    """Locates frames as they come, with a reference that follows the light.
+    """Locates frames as they come, with a reference that follows the light and a memory of what was told.
 
     Parameters
     ----------
@@ -91,7 +86,7 @@ class LiveLocator:
         self._settings = settings or LiveSettings()
         self._given = reference
         self._median = RunningMedian(self._settings.window)
-        self._features: deque[FloatArray] = deque(maxlen=self._settings.average)
+        self._memory = model.memory()
 
     def locate(self, frame: Frame) -> Fix | None:
         """Locate the person; None while there is no reference yet, and where no sensor has a reading.
@@ -109,9 +104,10 @@ class LiveLocator:
             return None
         trend = self._median.trend if self._given is None else None
         features = self._model.features_against(readings, reference, quantity_of(table), trend=trend)
-        self._features.append(features[0])
-        mean = known_mean(np.array(self._features), axis=0)
-        located = self._model.locate_features(mean[None], self._settings.method)
+        located = self._model.locate_features(features, self._settings.method)
+        if not self._settings.each_alone:
+            scores, people = self._memory.take(frame.time_s, features[0], located.scores[0], located.people[0])
+            located = Located(scores=scores[None], places=located.places, people=people[None])
         nobody, one, two = (float(value) for value in located.people[0])
         if self._settings.always_one:
             nobody, one, two = 0.0, 1.0, 0.0

@@ -41,6 +41,7 @@ from lidarspectra.mapping.localization.locators import (
     fit_network,
     fit_ridge,
 )
+from lidarspectra.mapping.localization.memory import Memory, remember
 from lidarspectra.mapping.localization.network_graph import network_graph
 from lidarspectra.mapping.localization.places import Located, Places, places_of_table
 from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE, Presence, fit_presence, log_changes
@@ -199,6 +200,25 @@ class LocationModel:
             places=self.places,
             people=self.people(features),
         )
+
+    def memory(self) -> Memory:
+        """An empty memory of what readings told, for those of one recording in order of time."""
+        return Memory(self.places.positions_m, self.space.difference_noise)
+
+    def locate_in_order(self, features: FloatArray, times_s: FloatArray, method: Method = "together") -> Located:
+        """Locate the features of readings in turn, each with what those before it told; see `memory`.
+
+        Parameters
+        ----------
+        features : (reading, feature) float
+            NaN where missing.
+        times_s : (reading,) float
+            From any origin. [s]
+        method : Method
+        """
+        alone = self.locate_features(features, method)
+        scores, people = remember(self.memory(), times_s, features, alone.scores, alone.people)
+        return Located(scores=scores, places=self.places, people=people)
 
     def people(self, features: FloatArray) -> FloatArray:
         """(reading, 3) probability of nobody, one person and two [0-1]."""

@@ -15,7 +15,9 @@ COUNTS = (NOBODY, "one person", TWO_PEOPLE)
 CONFIDENCES = (0.0, 0.6, 0.8, 0.95, 1.0)  # [1] edges of what is said
 
 
-def people_of(model: LocationModel, table: xr.Dataset, *, against: Against = "own") -> tuple[IntArray, FloatArray]:
+def people_of(
+    model: LocationModel, table: xr.Dataset, *, against: Against = "own", times_s: FloatArray | None = None
+) -> tuple[IntArray, FloatArray]:
     """How many people there were, and how probable the model takes each number to be.
 
     Parameters
@@ -25,6 +27,8 @@ def people_of(model: LocationModel, table: xr.Dataset, *, against: Against = "ow
         Labelled readings: 'nobody', 'two people', or the place of one person.
     against
         As in `LocationModel.features`.
+    times_s : (reading,) float, optional
+        Each reading is judged with what those before it told; without times, by itself. [s]
 
     Returns
     -------
@@ -36,6 +40,8 @@ def people_of(model: LocationModel, table: xr.Dataset, *, against: Against = "ow
     known = np.isfinite(features).any(axis=1)
     labels = table["label"].to_numpy().astype(str)[known]
     people = np.where(labels == NOBODY, 0, np.where(labels == TWO_PEOPLE, 2, 1)).astype(np.int64)
+    if times_s is not None:
+        return people, model.locate_in_order(features[known], times_s[known]).people
     return people, model.people(features[known])
 
 

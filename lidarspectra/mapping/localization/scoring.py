@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.localization.location_errors import LocationErrors, location_errors
 from lidarspectra.mapping.localization.location_model import (
@@ -40,11 +41,22 @@ class NightScore:
     kind: SplitKind | None = None
 
 
-def errors_of(model: LocationModel, table: xr.Dataset, *, against: Against = "own") -> dict[Method, LocationErrors]:
+def errors_of(
+    model: LocationModel, table: xr.Dataset, *, against: Against = "own", times_s: FloatArray | None = None
+) -> dict[Method, LocationErrors]:
     """Errors of every method on a table of labelled readings; readings without any feature are left out.
 
     These are readings in which no sensor has a value, and the first of a stream, before there is a running median: live
     localization gives no position for either.
+
+    Parameters
+    ----------
+    model : LocationModel
+    table : xarray.Dataset
+    against
+        As of `LocationModel.features`.
+    times_s : (reading,) float, optional
+        Each reading is located with what those before it told; without times, by itself. [s]
 
     Raises
     ------
@@ -61,6 +73,11 @@ def errors_of(model: LocationModel, table: xr.Dataset, *, against: Against = "ow
             todo=f"A running median needs {MedianWindow().first} readings." if against == "running" else "",
         )
     readings, given = table.isel(fingerprint=known), features[known]
+    if times_s is not None:
+        return {
+            method: location_errors(model.locate_in_order(given, times_s[known], method), readings)
+            for method in METHODS
+        }
     people = model.people(given)  # the same for all methods
     return {
         method: location_errors(
@@ -70,8 +87,19 @@ def errors_of(model: LocationModel, table: xr.Dataset, *, against: Against = "ow
     }
 
 
+def times_in_order(table: xr.Dataset, *, is_recording: bool) -> FloatArray | None:
+    """(reading,) times of a table's readings [s]; a second apart in a recording without any, else None."""
+    if "time_s" in table.coords:
+        return np.asarray(table["time_s"].to_numpy(), dtype=np.float64)
+    return np.arange(table.sizes["fingerprint"], dtype=np.float64) if is_recording else None
+
+
 def score_within(
-    table: xr.Dataset, settings: TrainingSettings | None = None, *, progress: Progress = silent
+    table: xr.Dataset,
+    settings: TrainingSettings | None = None,
+    *,
+    each_alone: bool = False,
+    progress: Progress = silent,
 ) -> NightScore:
     """Cross-validation within a night: train on one part and test on the other, part after part.
 
@@ -80,6 +108,8 @@ def score_within(
     table : xarray.Dataset
         A night's readings in order of time. Without an empty room, each part's reference is its own median.
     settings : TrainingSettings, optional
+    each_alone : bool
+        Whether each reading is located by itself, without what those before it told.
     progress : Progress, optional
 
     Returns
@@ -93,11 +123,13 @@ def score_within(
         As `time_splits` and `train_locator`.
     """
     splits = time_splits(table["label"].to_numpy().astype(str).tolist())
+    times_s = None if each_alone else times_in_order(table, is_recording=True)
     parts: list[dict[Method, LocationErrors]] = []
     for number, split in enumerate(splits):
         share = part_of(progress, number / len(splits), (number + 1) / len(splits))
         model = train_locator(table.isel(fingerprint=np.flatnonzero(split.train)), settings, progress=share)
-        parts.append(errors_of(model, table.isel(fingerprint=np.flatnonzero(split.test))))
+        test = table.isel(fingerprint=np.flatnonzero(split.test))
+        parts.append(errors_of(model, test, times_s=None if times_s is None else times_s[split.test]))
     return NightScore(
         words=f"{_name(table)}, within the night",
         errors={method: LocationErrors.joined([part[method] for part in parts]) for method in METHODS},
@@ -110,6 +142,7 @@ def score_across(
     tested: xr.Dataset,
     settings: TrainingSettings | None = None,
     *,
+    each_alone: bool = False,
     progress: Progress = silent,
 ) -> tuple[NightScore, NightScore]:
     """Train on one night and test on another: against the second night's own reference, and against the first's.
@@ -118,7 +151,8 @@ def score_across(
     ----------
     learned, tested : xarray.Dataset
         Two nights.
-    settings : TrainingSettings, optional
+    settings, each_alone
+        As of `score_within`.
     progress : Progress, optional
 
     Returns
@@ -128,9 +162,14 @@ def score_across(
     """
     model = train_locator(learned, settings, progress=progress)
     words = f"{_name(learned)} to {_name(tested)}"
+    times_s = None if each_alone else times_in_order(tested, is_recording=True)
+    own, trained = (
+        errors_of(model, tested, against="own", times_s=times_s),
+        errors_of(model, tested, against="trained", times_s=times_s),
+    )
     return (
-        NightScore(words=f"{words}, own reference", errors=errors_of(model, tested)),
-        NightScore(words=f"{words}, first night's reference", errors=errors_of(model, tested, against="trained")),
+        NightScore(words=f"{words}, own reference", errors=own),
+        NightScore(words=f"{words}, first night's reference", errors=trained),
     )
 
 

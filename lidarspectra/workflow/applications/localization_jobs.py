@@ -44,7 +44,13 @@ from lidarspectra.mapping.localization.location_model_files import load_locator,
 from lidarspectra.mapping.localization.locators import METHODS
 from lidarspectra.mapping.localization.people_scores import people_of, people_table
 from lidarspectra.mapping.localization.places import places_of_table
-from lidarspectra.mapping.localization.scoring import NightScore, errors_of, score_across, score_within
+from lidarspectra.mapping.localization.scoring import (
+    NightScore,
+    errors_of,
+    score_across,
+    score_within,
+    times_in_order,
+)
 from lidarspectra.mapping.localization.sensor_places import (
     ChosenSensors,
     choose_to_locate,
@@ -152,6 +158,7 @@ def errors_from_files(
     *,
     positions: Path | None = None,
     against: Against = "own",
+    each_alone: bool = False,
     run: Path | None = None,
 ) -> LocationReport:
     """Test a trained locator on files of labelled readings.
@@ -168,6 +175,9 @@ def errors_from_files(
         Where the readings' places are.
     against : 'own', 'running' or 'trained'
         See `LocationModel.features`.
+    each_alone : bool
+        Whether each reading is located by itself. Else it is with what those before it told, in files with times and,
+        against the running reference, in all, which then have a reading a second.
     run : Path, optional
         A run of the room, whose walls and furniture are drawn on the map of errors.
 
@@ -182,12 +192,15 @@ def errors_from_files(
     """
     model = load_locator(folder)
     readings = [read_fingerprints(path, positions) for path in files]
-    parts = [errors_of(model, table, against=against) for table in readings]
+    times = [None if each_alone else times_in_order(each, is_recording=against == "running") for each in readings]
+    parts = [errors_of(model, table, against=against, times_s=own) for table, own in zip(readings, times, strict=True)]
     errors: dict[str, LocationErrors] = {
         method: LocationErrors.joined([part[method] for part in parts]) for method in METHODS
     }
     caption = f"{', '.join(path.name for path in files)}: located by a model of {model.source}"
-    counted = [people_of(model, table, against=against) for table in readings]
+    counted = [
+        people_of(model, table, against=against, times_s=own) for table, own in zip(readings, times, strict=True)
+    ]
     true_people, probabilities = (np.concatenate(each) for each in zip(*counted, strict=True))
     tables = [error_table(errors, name="errors", caption=caption), people_table(true_people, probabilities)]
     made_folder(out)
@@ -216,6 +229,7 @@ def score_nights(
     *,
     positions: Path | None = None,
     settings: TrainingSettings | None = None,
+    each_alone: bool = False,
     progress: Progress = silent,
 ) -> LocationReport:
     """Score locators within each of some measured nights, and from every night to every other.
@@ -228,6 +242,8 @@ def score_nights(
         Folder for the tables.
     positions, settings, progress
         As in `train_from_files`.
+    each_alone : bool
+        Whether each reading is located by itself, without what those before it told.
 
     Returns
     -------
@@ -238,11 +254,12 @@ def score_nights(
     jobs = len(nights) ** 2
     scores: list[NightScore] = []
     for number, night in enumerate(nights):
-        scores.append(score_within(night, settings, progress=part_of(progress, number / jobs, (number + 1) / jobs)))
+        share = part_of(progress, number / jobs, (number + 1) / jobs)
+        scores.append(score_within(night, settings, each_alone=each_alone, progress=share))
     pairs = [(first, second) for first in nights for second in nights if first is not second]
     for number, (first, second) in enumerate(pairs, start=len(nights)):
         share = part_of(progress, number / jobs, (number + 1) / jobs)
-        scores += score_across(first, second, settings, progress=share)
+        scores += score_across(first, second, settings, each_alone=each_alone, progress=share)
     rows = {f"{score.words}, {method}": score.errors[method] for score in scores for method in METHODS}
     table = error_table(rows, name="nights", caption="Localization on measured nights", heading="test")
     notes = [STRETCHES_NOTE] if any(score.kind == "stretches" for score in scores) else []

@@ -147,7 +147,7 @@ def frames_of(table: xr.Dataset) -> Iterator[Frame]:
 
 def test_live_and_at_once_agree_where_the_empty_room_is_known(model: LocationModel, make_table: Maker) -> None:
     readings = make_table(9, gains=GAINS)
-    locator = LiveLocator(model, reference=readings["empty"].to_numpy())
+    locator = LiveLocator(model, LiveSettings(each_alone=True), readings["empty"].to_numpy())
     fixes = [locator.locate(frame) for frame in frames_of(readings)]
     located = model.locate(readings)
     for number, fix in enumerate(fixes):
@@ -174,14 +174,14 @@ def test_the_running_median_is_believed_after_a_while(model: LocationModel, make
     assert np.median(errors) < 0.7  # [m]; places are 1.3 m apart, who guesses the middle is 2 m off
 
 
-def test_an_average_of_frames_is_steadier(model: LocationModel, make_table: Maker) -> None:
+def test_frames_with_memory_are_steadier_than_each_alone(model: LocationModel, make_table: Maker) -> None:
     table = make_table(9, draws=1, gains=GAINS / 100.0)  # few counts: rounding tells places wrong
     noisy = xr.concat([table.isel(fingerprint=[4])] * 40, dim="fingerprint", data_vars="minimal")
     generator = np.random.default_rng(0)
-    noisy["counts"] = np.rint(noisy["counts"] * (1.0 + 0.01 * generator.standard_normal(noisy["counts"].shape)))
+    noisy["counts"] = np.rint(noisy["counts"] * (1.0 + 0.004 * generator.standard_normal(noisy["counts"].shape)))
     spread = []
-    for average in (1, 10):
-        locator = LiveLocator(model, LiveSettings(average=average), reference=table["empty"].to_numpy())
+    for each_alone in (True, False):
+        locator = LiveLocator(model, LiveSettings(each_alone=each_alone), reference=table["empty"].to_numpy())
         fixes = [locator.locate(frame) for frame in frames_of(noisy)][10:]
         spread.append(np.std([fix.probability for fix in fixes if fix is not None]))
     assert spread[1] < 0.6 * spread[0]
