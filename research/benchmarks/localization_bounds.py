@@ -6,6 +6,7 @@ Rows, on nights as in `localization_nights`: another person comes, dies have jum
 
 - the default: one survey, the running median with the trend of the light as the reference;
 - the same without the trend;
+- the default with memory of the readings before, as `localize live` has it; all other rows are of readings alone;
 - the night's empty room at each very moment as the reference, dies' drift and daylight in it, which nobody can read;
 - beside that, a survey of that very night, with its lamps and furniture: of another person, of the same person, and of
   that person by four rounds, twelve stances at each place;
@@ -32,7 +33,7 @@ from lidarspectra.mapping.localization.location_model import LocationModel, trai
 from lidarspectra.mapping.localization.locators import METHODS
 from lidarspectra.mapping.localization.running_reference import running_references
 from research.benchmarks.localization_causes import EMPTY_FRAMES, people_of, walk
-from research.benchmarks.localization_nights import FRAMES, LONG_FRAMES
+from research.benchmarks.localization_nights import FRAMES, LONG_FRAMES, right
 from research.virtual_nights.nights import KINDS, SAME_ROOM, Night, NightSettings, Visit, as_table
 from research.virtual_nights.office import Office, Person, make_office
 
@@ -43,6 +44,7 @@ TINY = 1e-9  # [1] probability, of which a logarithm is taken
 ROWS = (
     "the default",
     "without the trend of the light",
+    "the default, with memory",
     "the empty room at every moment known",
     "and a survey of that very night, by another person",
     "and a survey of that very night, by the person who comes",
@@ -147,6 +149,7 @@ def shares_of(model: LocationModel, office: Office, number: int, kind: str) -> l
     found = [
         right_of(model, model.features(table, against="running"), table),
         right_of(model, without, table),
+        100.0 * float(right(model, table, "running", memory=True)[METHODS[0]][0].mean()),
         right_of(model, exact(model), table),
     ]
     for person, rounds in ((other, 1), (comer, 1), (comer, ROUNDS)):

@@ -5,7 +5,8 @@
 The first table starts from a night like the survey: the same person, nothing moved, and the empty room read before.
 Each line adds one difference to those above it, down to what all virtual nights share; below, one change each on top
 of that. The second table is of the last line they share, by how the survey was walked: a person has three stances in
-a visit, 6 cm apart, and a survey of one round knows three of each place. Means over offices, with their standard error.
+a visit, 6 cm apart, and a survey of one round knows three of each place. Means over offices, with their standard error,
+of readings located each alone, and with what those before told (memory).
 """
 
 import argparse
@@ -20,7 +21,7 @@ from lidarspectra.mapping.figures.tables import Table, table_markdown
 from lidarspectra.mapping.localization.fingerprint_files import EMPTY_LABEL
 from lidarspectra.mapping.localization.location_model import Against, LocationModel, train_locator
 from lidarspectra.mapping.localization.locators import METHODS
-from research.benchmarks.localization_nights import FRAMES, right
+from research.benchmarks.localization_nights import FRAMES, WAYS, right
 from research.virtual_nights.nights import KINDS, SAME_ROOM, Night, NightSettings, Visit, as_table
 from research.virtual_nights.office import Office, Person, draw_person, make_office
 
@@ -94,15 +95,16 @@ def tested(office: Office, number: int, difference: Difference) -> xr.Dataset:
     return as_table(*night.counts(visits), office, difference.words)
 
 
-def share_right(model: LocationModel, table: xr.Dataset, against: Against) -> float:
-    """Share of readings located right by the default locator [%]."""
-    return 100.0 * float(right(model, table, against)[METHODS[0]][0].mean())
+def share_right(model: LocationModel, table: xr.Dataset, against: Against) -> list[float]:
+    """Share of readings located right by the default locator, by the ways to locate them [%]."""
+    ways = (right(model, table, against, memory=memory) for memory in WAYS.values())
+    return [100.0 * float(found[METHODS[0]][0].mean()) for found in ways]
 
 
 def differences_table(numbers: Sequence[int]) -> Table:
     """Right places by what differs."""
 
-    def of_office(number: int) -> list[float]:
+    def of_office(number: int) -> list[list[float]]:
         office = make_office(number)
         visits = walk(office, people_of(number)[0], range(len(office.places)))
         models = {
@@ -120,7 +122,7 @@ def surveys_table(numbers: Sequence[int]) -> Table:
     words = [f"one person, {rounds} round{'s' if rounds > 1 else ''}" for rounds in ROUNDS]
     words += [f"{SURVEYORS} people, one round each", "one person, 1 round, who stands exactly at the places"]
 
-    def of_office(number: int) -> list[float]:
+    def of_office(number: int) -> list[list[float]]:
         office, people = make_office(number), people_of(number)
         rounds = [walk(office, person, range(len(office.places))) for person in people[:SURVEYORS]]
         night = tested(office, number, SHARED)
@@ -140,12 +142,22 @@ def surveys_table(numbers: Sequence[int]) -> Table:
 
 
 def _table(
-    name: str, caption: str, words: Sequence[str], numbers: Sequence[int], of_office: Callable[[int], list[float]]
+    name: str, caption: str, words: Sequence[str], numbers: Sequence[int], of_office: Callable[[int], list[list[float]]]
 ) -> Table:
-    found = np.array([of_office(number) for number in numbers])
-    error = found.std(axis=0, ddof=1) / np.sqrt(len(found)) if len(found) > 1 else np.full(len(words), np.nan)
-    frame = pd.DataFrame({"night": words, "right [%]": found.mean(axis=0), "standard error [%]": error})
-    return Table(name=name, caption=caption, frame=frame, formats={"right [%]": ".1f", "standard error [%]": ".1f"})
+    found = np.array([of_office(number) for number in numbers])  # (office, night, way)
+    count = len(found)
+    error = found.std(axis=0, ddof=1) / np.sqrt(count) if count > 1 else np.full(found.shape[1:], np.nan)
+    columns = {
+        f"{way}, {what} [%]": values[:, index]
+        for index, way in enumerate(WAYS)
+        for what, values in (("right", found.mean(axis=0)), ("standard error", error))
+    }
+    return Table(
+        name=name,
+        caption=caption,
+        frame=pd.DataFrame({"night": words, **columns}),
+        formats=dict.fromkeys(columns, ".1f"),
+    )
 
 
 def main() -> None:

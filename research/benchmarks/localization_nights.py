@@ -6,7 +6,8 @@ A locator learns from a survey of a virtual office (`research.virtual_nights`), 
 another night: dies that drift, lamps that age or are replaced, furniture that was moved, daylight through blinds, and
 all of it. Dies jump by 20 % on all. Beside these, nights that begin with long stays, so that the first running medians
 contain somebody, and surveys by several people. Readings are compared with the running median, as `localize live`
-does, and with the median of the whole night. Told beside is how often the default locator is right where it says so.
+does, and with the median of the whole night, each by itself (alone) and with what those before it told (memory). Told
+beside is how often the default locator is right where it says so.
 
 With --night, halves of the visits of a real night, the first to learn from and the second in order of time.
 """
@@ -38,10 +39,23 @@ LONG_FRAMES, LONG_PLACES = 70, 9  # of a first ten minutes in which somebody sta
 CONFIDENCES = (0.0, 0.5, 0.7, 0.9, 1.01)
 SURE = "all of it"  # the kind of night on which a few readings are tried
 Scores = dict[str, list[float]]
+WAYS = {"alone": False, "memory": True}  # how readings are located
 
 
-def right(model: LocationModel, table: xr.Dataset, against: Against) -> Mapping[str, tuple[FloatArray, FloatArray]]:
-    """Per method: whether each located reading was right, and how probable its place was."""
+def right(
+    model: LocationModel, table: xr.Dataset, against: Against, *, memory: bool = False
+) -> Mapping[str, tuple[FloatArray, FloatArray]]:
+    """Per method: whether each located reading was right, and how probable its place was.
+
+    Parameters
+    ----------
+    model : LocationModel
+    table : xarray.Dataset
+        A reading a second.
+    against : 'own', 'running' or 'trained'
+    memory : bool
+        Whether each is located with what those before it told.
+    """
     features = model.features(table, against=against)
     known = np.isfinite(features).any(axis=1)
     truth = table["label"].to_numpy().astype(str)[known]
@@ -49,6 +63,8 @@ def right(model: LocationModel, table: xr.Dataset, against: Against) -> Mapping[
     found: dict[str, tuple[FloatArray, FloatArray]] = {}
     for method in METHODS:
         scores = model.locators[method].scores(features[known])
+        if memory:
+            scores = model.locate_in_order(features[known], np.flatnonzero(known).astype(np.float64), method).scores
         found[method] = ((labels[scores.argmax(axis=1)] == truth).astype(np.float64), scores.max(axis=1))
     return found
 
@@ -66,11 +82,11 @@ def few_of(table: xr.Dataset, count: int) -> tuple[xr.Dataset, xr.Dataset]:
 
 def virtual_tables(offices: int) -> list[Table]:
     """Shares of right places by kind of night and method; confidence; a few readings of a new night."""
-    shares: dict[tuple[str, str], Scores] = {}
-    sure: list[tuple[FloatArray, FloatArray]] = []
-    few: dict[int, list[float]] = {count: [] for count in FEW}
-    surveyed: dict[int, list[float]] = {count: [] for count in SURVEYORS}
-    stays: dict[str, Scores] = {}
+    shares: dict[tuple[str, str, str], Scores] = {}
+    sure: dict[str, list[tuple[FloatArray, FloatArray]]] = {way: [] for way in WAYS}
+    few: dict[tuple[int, str], list[float]] = {(count, way): [] for count in FEW for way in WAYS}
+    surveyed: dict[tuple[int, str], list[float]] = {(count, way): [] for count in SURVEYORS for way in WAYS}
+    stays: dict[tuple[str, str], Scores] = {}
     for number in range(offices):
         office, generator = make_office(number), np.random.default_rng(number)
         survey = Night(office, SAME_ROOM, 10 * number + 1, 100 + number)
@@ -87,49 +103,75 @@ def virtual_tables(offices: int) -> list[Table]:
             visits = visits_to(office, generator, FRAMES, order="lot")
             tested = as_table(*night.counts(visits), office, kind)
             for count, other in by_surveyors.items():
-                surveyed[count].append(100.0 * float(right(other, tested, "running")[METHODS[0]][0].mean()))
+                for way, memory in WAYS.items():
+                    found = right(other, tested, "running", memory=memory)
+                    surveyed[count, way].append(100.0 * float(found[METHODS[0]][0].mean()))
             visits = visits_to(office, more_people, LONG_FRAMES, order="lot")[:LONG_PLACES]
             lengthy = Night(office, settings, 2000 + number, 100 + number).counts(visits)
-            for method, (ok, _) in right(model, as_table(*lengthy, office, kind), "running").items():
-                stays.setdefault(kind, {}).setdefault(method, []).append(100.0 * float(ok.mean()))
-            for against in ("running", "own"):
-                found = right(model, tested, "running" if against == "running" else "own")
+            long_night = as_table(*lengthy, office, kind)
+            for way, memory in WAYS.items():
+                for method, (ok, _) in right(model, long_night, "running", memory=memory).items():
+                    stays.setdefault((kind, way), {}).setdefault(method, []).append(100.0 * float(ok.mean()))
+            for (against, way), found in located_by(model, tested).items():
                 for method, (ok, probability) in found.items():
-                    shares.setdefault((kind, against), {}).setdefault(method, []).append(100.0 * float(ok.mean()))
+                    shares.setdefault((kind, against, way), {}).setdefault(method, []).append(100.0 * float(ok.mean()))
                     if method == METHODS[0] and against == "running":
-                        sure.append((ok, probability))
+                        sure[way].append((ok, probability))
             if kind == SURE:
                 for count in FEW:
                     fresh, rest = few_of(tested, count)
                     renewed = train_locator([learned, fresh]) if count else model
-                    few[count].append(100.0 * float(right(renewed, rest, "own")[METHODS[0]][0].mean()))
+                    for way, memory in WAYS.items():
+                        found = right(renewed, rest, "own", memory=memory)
+                        few[count, way].append(100.0 * float(found[METHODS[0]][0].mean()))
     rows = [
-        (kind, against, *(float(np.mean(found[method])) for method in METHODS))
-        for (kind, against), found in sorted(shares.items(), key=lambda item: item[0][1], reverse=True)
+        (kind, against, way, *(float(np.mean(found[method])) for method in METHODS))
+        for (kind, against, way), found in sorted(shares.items(), key=lambda item: item[0][1:], reverse=True)
     ]
-    for against in ("running", "own"):
-        kept = [row for row in rows if row[1] == against]
-        rows.append(("mean", against, *(float(np.mean([row[2 + i] for row in kept])) for i in range(len(METHODS)))))
-    ok, probability = (np.concatenate([pair[i] for pair in sure]) for i in (0, 1))
-    confident = []
+    for against, way in dict.fromkeys(row[1:3] for row in rows):
+        kept = [row for row in rows if row[1:3] == (against, way)]
+        means = (float(np.mean([row[3 + i] for row in kept])) for i in range(len(METHODS)))
+        rows.append(("mean", against, way, *means))
+    return [
+        _table("nights", f"Right places [%] in {offices} virtual offices, from a survey to another night.", rows,
+               ["night", "reference", "readings", *METHODS]),
+        _table("stays", f"The first {LONG_PLACES} places of a night with stays of {LONG_FRAMES} readings [%].",
+               [(*key, *(float(np.mean(found[method])) for method in METHODS)) for key, found in stays.items()],
+               ["night", "readings", *METHODS]),
+        _table("surveys", "By how many people walked the survey, mean over the nights.",
+               [(*key, float(np.mean(values))) for key, values in surveyed.items()],
+               ["people", "readings", "right [%]"]),
+        _table("confidence", f"How often '{METHODS[0]}' is right, by what it says.",
+               [(way, *row) for way, pairs in sure.items() for row in confidence_rows(pairs)],
+               ["located", "probability", "readings", "said [%]", "right [%]"]),
+        _table("few", f"A new night ('{SURE}'), with a few of its readings at each place learned too.",
+               [(*key, float(np.mean(values))) for key, values in few.items()],
+               ["readings a place", "located", "right [%]"]),
+    ]  # fmt: skip
+
+
+def located_by(
+    model: LocationModel, table: xr.Dataset
+) -> dict[tuple[str, str], Mapping[str, tuple[FloatArray, FloatArray]]]:
+    """`right` by the reference and by how readings are located."""
+    references: tuple[Against, ...] = ("running", "own")
+    return {
+        (against, way): right(model, table, against, memory=memory)
+        for against in references
+        for way, memory in WAYS.items()
+    }
+
+
+def confidence_rows(pairs: Sequence[tuple[FloatArray, FloatArray]]) -> list[tuple[str, int, float, float]]:
+    """(said, readings, mean said, right) [%] of answers: whether each was right, and how probable it was."""
+    ok, probability = (np.concatenate([pair[i] for pair in pairs]) for i in (0, 1))
+    rows = []
     for low, high in pairwise(CONFIDENCES):
         chosen = (probability >= low) & (probability < high)
         if chosen.any():
             said, was = 100.0 * float(probability[chosen].mean()), 100.0 * float(ok[chosen].mean())
-            confident.append((f"{low:g} to {min(high, 1.0):g}", int(chosen.sum()), said, was))
-    return [
-        _table("nights", f"Right places [%] in {offices} virtual offices, from a survey to another night.", rows,
-               ["night", "reference", *METHODS]),
-        _table("stays", f"The first {LONG_PLACES} places of a night with stays of {LONG_FRAMES} readings [%].",
-               [(kind, *(float(np.mean(found[method])) for method in METHODS)) for kind, found in stays.items()],
-               ["night", *METHODS]),
-        _table("surveys", "By how many people walked the survey, mean over the nights.",
-               [(count, float(np.mean(values))) for count, values in surveyed.items()], ["people", "right [%]"]),
-        _table("confidence", f"How often '{METHODS[0]}' is right, by what it says.", confident,
-               ["probability", "readings", "said [%]", "right [%]"]),
-        _table("few", f"A new night ('{SURE}'), with a few of its readings at each place learned too.",
-               [(count, float(np.mean(values))) for count, values in few.items()], ["readings a place", "right [%]"]),
-    ]  # fmt: skip
+            rows.append((f"{low:g} to {min(high, 1.0):g}", int(chosen.sum()), said, was))
+    return rows
 
 
 def real_table(path: Path) -> Table:
@@ -138,11 +180,12 @@ def real_table(path: Path) -> Table:
     split = time_splits(night["label"].to_numpy().astype(str).tolist())[0]
     model = train_locator(night.isel(fingerprint=np.flatnonzero(split.train)))
     tested = night.isel(fingerprint=np.flatnonzero(split.test))
-    rows = []
-    for against in ("running", "own"):
-        found = right(model, tested, "running" if against == "running" else "own")
-        rows.append((against, *(100.0 * float(found[method][0].mean()) for method in METHODS)))
-    return _table("real-night", f"{path.name}, halves of each visit: right places [%].", rows, ["reference", *METHODS])
+    rows = [
+        (*key, *(100.0 * float(found[method][0].mean()) for method in METHODS))
+        for key, found in located_by(model, tested).items()
+    ]
+    caption = f"{path.name}, halves of each visit: right places [%]."
+    return _table("real-night", caption, rows, ["reference", "readings", *METHODS])
 
 
 def score_seconds(path: Path) -> float:

@@ -5,7 +5,8 @@
 A locator learns from one person's survey of a virtual office (`research.virtual_nights`). On another night, of each of
 the five kinds, other people come in visits of 20 readings in an order by lot: one at each place, one at 20 spots
 between, nobody 16 times, two 20 times, half of these off the places. Readings are compared with the running median, as
-`localize live` does. Offices 0 and 1 were those on which the method and its constants were chosen.
+`localize live` does, each by itself (alone) and with what those before it told (memory). Offices 0 and 1 were those on
+which the method and its constants were chosen, 2 to 9 those of the memory.
 
 With --night, halves of the visits of a real night of one person: how often that person is told as nobody or as two;
 and pairs made of readings at two places (the changes of both, in one room's counts), which no real pair has confirmed.
@@ -27,6 +28,7 @@ from lidarspectra.mapping.localization.location_model import LocationModel, trai
 from lidarspectra.mapping.localization.people_scores import COUNTS, people_of, people_table, reliability_table
 from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE
 from lidarspectra.mapping.localization.time_splits import time_splits
+from research.benchmarks.localization_nights import WAYS
 from research.virtual_nights.nights import KINDS, SAME_ROOM, Night, Visit, as_table, visits_to
 from research.virtual_nights.office import Office, draw_person, make_office
 
@@ -90,6 +92,11 @@ def renewed(learned: xr.Dataset, night: xr.Dataset) -> tuple[LocationModel, Bool
 
 def virtual_tables(offices: int, first_seed: int) -> list[Table]:
     """Numbers of people by kind of night, confidence, and metres between the places."""
+    tables = [_tables_of(offices, first_seed, way, memory=memory) for way, memory in WAYS.items()]
+    return [table for several in tables for table in several]
+
+
+def _tables_of(offices: int, first_seed: int, way: str, *, memory: bool) -> list[Table]:
     by_kind: dict[str, list[tuple[IntArray, FloatArray]]] = {kind: [] for kind in (*KINDS, f"{SURE}, renewed")}
     answers: list[FloatArray] = []
     metres: list[FloatArray] = []
@@ -97,17 +104,17 @@ def virtual_tables(offices: int, first_seed: int) -> list[Table]:
         learned, nights = survey_and_nights(number)
         model = train_locator(learned)
         for kind, (night, alone) in nights.items():
-            by_kind[kind].append(people_of(model, night, against="running"))
-            found = _answers(model, night, alone)
+            seconds = np.arange(night.sizes["fingerprint"], dtype=np.float64) if memory else None
+            by_kind[kind].append(people_of(model, night, against="running", times_s=seconds))
+            found = _answers(model, night, alone, seconds)
             answers.append(found[0])
             metres.append(found[1])
             if kind == SURE:
                 newer, left = renewed(learned, night)
                 features = newer.features(night, against="running")
-                known = left & np.isfinite(features).any(axis=1)
-                people = people_of(newer, night, against="running")[0]
+                people, told = people_of(newer, night, against="running", times_s=seconds)
                 of_known = left[np.isfinite(features).any(axis=1)]
-                by_kind[f"{SURE}, renewed"].append((people[of_known], newer.people(features[known])))
+                by_kind[f"{SURE}, renewed"].append((people[of_known], told[of_known]))
     rows = []
     for kind, parts in by_kind.items():
         people, probabilities = (np.concatenate(each) for each in zip(*parts, strict=True))
@@ -120,11 +127,12 @@ def virtual_tables(offices: int, first_seed: int) -> list[Table]:
     near = np.concatenate(metres)
     headings = ["night", "nobody told [%]", "one told [%]", "two told [%]", "somebody missed [%]", "false alarms [%]"]
     return [
-        _table("people", f"Nobody, one and two in {offices} virtual offices on another night.", rows, headings),
-        reliability_table(right, said, name="count-confidence", caption="The number of people, by what it says."),
+        _table("people", f"Nobody, one and two in {offices} virtual offices on another night, {way}.", rows, headings),
+        reliability_table(right, said, name="count-confidence",
+                          caption=f"The number of people, by what it says, {way}."),
         reliability_table(labels[:, 0], labels[:, 1], name="answer-confidence",
-                          caption="The answer (place, nobody or two people), by what it says."),
-        _between_table(near),
+                          caption=f"The answer (place, nobody or two people), by what it says, {way}."),
+        _between_table(near, way),
     ]  # fmt: skip
 
 
@@ -135,7 +143,9 @@ def _shares(people: IntArray, probabilities: FloatArray) -> tuple[float, ...]:
     return (*right, 100.0 * float((said[people > 0] == 0).mean()), 100.0 - right[0])
 
 
-def _answers(model: LocationModel, night: xr.Dataset, alone: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _answers(
+    model: LocationModel, night: xr.Dataset, alone: FloatArray, times_s: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
     """(reading, 2) whether an answer was right and what it said; (reading, 6) of one person, told as one [m].
 
     Right is the nearest place to where a person stood. The latter: whether between the places, and errors of the
@@ -144,7 +154,10 @@ def _answers(model: LocationModel, night: xr.Dataset, alone: FloatArray) -> tupl
     """
     features = model.features(night, against="running")
     known = np.isfinite(features).any(axis=1)
-    located, stood = model.locate_features(features[known]), alone[known]
+    if times_s is None:
+        located, stood = model.locate_features(features[known]), alone[known]
+    else:
+        located, stood = model.locate_in_order(features[known], times_s[known]), alone[known]
     labels = night["label"].to_numpy().astype(str)[known]
     spots = model.places.positions_m[:, :2]
     away = np.linalg.norm(spots[None] - stood[:, None], axis=2)
@@ -169,7 +182,7 @@ def _answers(model: LocationModel, night: xr.Dataset, alone: FloatArray) -> tupl
     return np.column_stack([right, probability]).astype(np.float64), np.column_stack(metres).astype(np.float64)
 
 
-def _between_table(metres: FloatArray) -> Table:
+def _between_table(metres: FloatArray, way: str) -> Table:
     rows = []
     for words, chosen in (("at a place", metres[:, 0] == 0), ("between", metres[:, 0] == 1)):
         _, place, mean, spread, nearest, of_mean = metres[chosen].T
@@ -181,7 +194,9 @@ def _between_table(metres: FloatArray) -> Table:
                  for part in ("median", "90th percentile")]  # fmt: skip
     headings.append("within two spreads or 0.3 m [%]")
     formats = {heading: ".2f" for heading in headings if "[m]" in heading} | {headings[-1]: ".0f"}
-    caption = "Errors of one person told as one; 'nearest place': what a locator that knows the places alone can reach."
+    caption = (
+        f"Errors of one person told as one, {way}; 'nearest place': what a locator that knows places alone can reach."
+    )
     return Table(name="between", caption=caption, frame=pd.DataFrame(rows, columns=headings), formats=formats)
 
 
@@ -191,7 +206,8 @@ def real_tables(path: Path) -> list[Table]:
     split = time_splits(night["label"].to_numpy().astype(str).tolist())[0]
     model = train_locator(night.isel(fingerprint=np.flatnonzero(split.train)))
     tested = night.isel(fingerprint=np.flatnonzero(split.test))
-    running = people_of(model, tested, against="running")
+    seconds = np.arange(tested.sizes["fingerprint"], dtype=np.float64)
+    running, remembered = (people_of(model, tested, against="running", times_s=each) for each in (None, seconds))
     generator = np.random.default_rng(0)
     counts, reference = tested["counts"].to_numpy(), reference_of(tested)
     labels = tested["label"].to_numpy().astype(str)
@@ -204,9 +220,10 @@ def real_tables(path: Path) -> list[Table]:
     people = np.concatenate([both[0], np.full(len(told), 2)])
     tables = [
         people_table(*running),
+        people_table(*remembered),
         people_table(people, np.concatenate([both[1], told])),
     ]
-    words = ("one person, against the running median", "one person, and pairs made of two readings, own median")
+    words = ("one person, alone", "one person, memory", "one person, and pairs made of two readings, own median")
     return [
         Table(name=f"real-{number}", caption=f"{path.name}: {caption}.", frame=each.frame, formats=each.formats)
         for number, (each, caption) in enumerate(zip(tables, words, strict=True))

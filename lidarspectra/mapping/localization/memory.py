@@ -10,16 +10,17 @@ the difference d of their features against that of noise alone, d0, the probabil
 and the probability q_t of the states becomes
 
     q_t = (1 - c) still + c moved
-    still(s) ∝ q_{t-1}(s)^(1-e) p_t(s)^e                     e = 1 - exp(-dt / 20 s): a mean of what is said
+    still(s) ∝ q_{t-1}(s)^(1-e) p_t(s)^e                     e = 1 - exp(-dt / 10 s): a mean of what is said
     moved(s) ∝ p_t(s) Σ_s' T(s', s) q_{t-1}(s')^g            g = 1/2: what was known counts by half
 
-The last line is the forward algorithm (Rabiner, Eq. 20), with the likelihood of a reading ∝ p_t, since all states were
-as likely in training. Its power g tempers what was known (the power discount of Smith's steady model): all stances at
-a place share what differs from the survey, such as furniture that was moved, and are not independent. T keeps a place
-with probability .3, since who moves may only turn round; else it goes to another place, half of the time at a walk, the
-probability falling as exp(-distance / (1.4 m/s dt)), and half of the time to any. How many people there are stays with
-the same probability, else it is any. Places of unknown coordinates are all alike far. After a gap of half a minute, and
-where time goes back, as where two recordings lie in one file, nothing is remembered.
+Since people stand most of the time, d0 is the median of the latest differences, where that is less than rounding and
+repeatability explain. The last line is the forward algorithm (Rabiner, Eq. 20), with the likelihood of a reading ∝ p_t,
+since all states were as likely in training. Its power g tempers what was known (the power discount of Smith's steady
+model): all stances at a place share what differs from the survey, such as furniture that was moved, and are not
+independent. T keeps a place with probability .3, since who moves may only turn round; else it goes to another place,
+half of the time at a walk, the probability falling as exp(-distance / (1.4 m/s dt)), and half of the time to any. How
+many people there are stays with the same probability, else it is any. Places of unknown coordinates are all alike far.
+After a gap of half a minute, and where time goes back, as where two recordings lie in one file, nothing is remembered.
 
 The constants were chosen by the logarithmic score on virtual offices 2 to 9, on nights in which people walk, jump,
 stay, leave and come in twos; `research.benchmarks.localization_memory` judges them on others.
@@ -33,6 +34,7 @@ and Ageing 26, 15-19.
 """
 
 import math
+from collections import deque
 
 import numpy as np
 
@@ -41,7 +43,10 @@ from lidarspectra.mapping.localization.presence import MAX_PEOPLE
 
 MOVED_RATIO = 1.5  # [1] difference over that of noise, at which moving is as likely as not after a second
 MOVED_POWER = 7.0  # [1] of that ratio: the differences of noise over 27 sensors scatter by a fifth
-STILL_S = 20.0  # [s] over which what readings of one stance say is averaged
+LATEST = 60  # differences whose median is d0
+FIRST_DIFFERENCES = 10  # before that many, d0 is what is expected
+MIN_NOISE = 0.25  # [1] of what is expected: counts that stand still make no noise of every step
+STILL_S = 10.0  # [s] over which what readings of one stance say is averaged
 FORGETTING = 0.5  # [1] power of what was known before somebody moved
 STAYS = 0.3  # [1] probability that who moves does not leave the place
 ANYWHERE = 0.5  # [1] share of the moves that go to any place
@@ -59,13 +64,14 @@ class Memory:
     positions_m : (place, 3) float
         NaN where coordinates are not known. [m]
     difference_noise : float
-        d0: root mean square over the features of how much two readings of the same differ, in units of their noise;
-        see `FeatureSpace.difference_noise`. [1]
+        Largest d0: root mean square over the features of how much two readings of the same differ, in units of their
+        noise; see `FeatureSpace.difference_noise`. [1]
     """
 
     def __init__(self, positions_m: FloatArray, difference_noise: float) -> None:
         self._distance_m = np.linalg.norm(positions_m[:, None] - positions_m[None], axis=2)
         self._noise = difference_noise
+        self._differences: deque[float] = deque(maxlen=LATEST)
         self._time_s: float | None = None
         self._features: FloatArray | None = None
         self._places: FloatArray | None = None
@@ -111,8 +117,12 @@ class Memory:
         known = np.isfinite(square)
         if not known.any():
             return 1.0
-        ratio = math.sqrt(float(square[known].mean())) / (MOVED_RATIO * self._noise)
-        odds = elapsed_s * math.pow(min(ratio, 1e3), MOVED_POWER)
+        difference = math.sqrt(float(square[known].mean()))
+        self._differences.append(difference)
+        noise = self._noise
+        if len(self._differences) >= FIRST_DIFFERENCES:
+            noise = float(np.clip(np.median(self._differences), MIN_NOISE * noise, noise))
+        odds = elapsed_s * math.pow(min(difference / (MOVED_RATIO * noise), 1e3), MOVED_POWER)
         return odds / (1.0 + odds)
 
 

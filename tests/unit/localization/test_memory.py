@@ -88,6 +88,22 @@ def test_who_moves_after_a_long_stay_is_told_at_once_even_far_away() -> None:
     assert found[-1].argmax() == 3
 
 
+def test_a_small_move_is_told_at_once_between_readings_quieter_than_expected() -> None:
+    generator, memory = np.random.default_rng(5), Memory(CORNERS_M, 3.0 * NOISE)
+    found = []
+    for turn in range(60):
+        features = 1.8 * (turn >= 50) + NOISE / np.sqrt(2.0) * generator.standard_normal(8)
+        told = sure_of(1 if turn >= 50 else 0, 0.9)
+        found.append(memory.take(float(turn), features, told, ONE)[0].argmax())
+    assert found == [0] * 50 + [1] * 10
+
+
+def test_readings_that_never_change_are_no_noise_of_nothing() -> None:
+    found = places_after([sure_of(1)] * 80 + [sure_of(2)], [0] * 80 + [1], list(np.arange(81.0)))
+    assert found[79].argmax() == 1
+    assert found[80].argmax() == 2
+
+
 def test_who_creeps_without_a_visible_step_is_followed() -> None:
     memory, found = Memory(CORNERS_M, NOISE), []
     for turn in range(90):
