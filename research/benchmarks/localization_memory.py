@@ -141,10 +141,10 @@ class Tally:
     def said_tables(self) -> list[Table]:
         """How often answers are right, by what they say."""
         found = []
-        for way, parts in self._said.items():
+        for number, (way, parts) in enumerate(self._said.items()):
             right, said = (np.concatenate([part[which] for part in parts]) for which in (0, 1))
             caption = f"Answers by what they say, readings {way}."
-            found.append(reliability_table(right, said, name=f"said-{way}", caption=caption))
+            found.append(reliability_table(right, said, name=f"said-{number}", caption=caption))
         return found
 
 

@@ -184,7 +184,7 @@ def test_frames_with_memory_are_steadier_than_each_alone(model: LocationModel, m
         locator = LiveLocator(model, LiveSettings(each_alone=each_alone), reference=table["empty"].to_numpy())
         fixes = [locator.locate(frame) for frame in frames_of(noisy)][10:]
         spread.append(np.std([fix.probability for fix in fixes if fix is not None]))
-    assert spread[1] < 0.6 * spread[0]
+    assert spread[1] < 0.8 * spread[0]
 
 
 def test_nothing_heard_is_no_fix(model: LocationModel) -> None:
