@@ -126,7 +126,7 @@ class Tally:
             every = 100.0 * float(np.concatenate(self._right[name, way]).mean())
             never = 100.0 * float(np.isnan(delay).mean())
             rows.append((name, way, len(delay), *soon, every, float(np.nanmean(delay)), never))
-        rows.sort(key=lambda row: MOVEMENTS.index(row[0]))  # type: ignore[arg-type]
+        rows.sort(key=lambda row: MOVEMENTS.index(row[0]))
         headings = ["movement", "readings", "visits", "first [%]", "second [%]", "third [%]", "all [%]",
                     "delay [readings]", "never told [%]"]  # fmt: skip
         formats = dict.fromkeys((each for each in headings if "[%]" in each), ".1f") | {"delay [readings]": ".2f"}

@@ -128,10 +128,10 @@ def virtual_tables(offices: int) -> list[Table]:
         (kind, against, way, *(float(np.mean(found[method])) for method in METHODS))
         for (kind, against, way), found in sorted(shares.items(), key=lambda item: item[0][1:], reverse=True)
     ]
-    for against, way in dict.fromkeys(row[1:3] for row in rows):
-        kept = [row for row in rows if row[1:3] == (against, way)]
+    for reference, located in dict.fromkeys((reference, way) for _, reference, way in shares):
+        kept = [row for row in rows if row[1:3] == (reference, located)]
         means = (float(np.mean([row[3 + i] for row in kept])) for i in range(len(METHODS)))
-        rows.append(("mean", against, way, *means))
+        rows.append(("mean", reference, located, *means))
     return [
         _table("nights", f"Right places [%] in {offices} virtual offices, from a survey to another night.", rows,
                ["night", "reference", "readings", *METHODS]),
