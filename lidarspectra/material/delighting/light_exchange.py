@@ -57,8 +57,9 @@ def exchange_matrix(
     """
     directions = cosine_directions(normals, rays, generator)
     hits = caster.nearest(np.repeat(positions, rays, axis=0), directions.reshape(-1, 3))
-    column = np.where(hits.met, hits.face, face_count)
-    row = np.repeat(np.arange(len(positions)), rays)
+    # Half the bytes of numpy's own numbers: a product with 16 bands waits for the memory, and takes half the time.
+    column = np.where(hits.met, hits.face, face_count).astype(np.int32)
+    row = np.repeat(np.arange(len(positions), dtype=np.int32), rays)
     share = np.full(column.size, 1.0 / rays)
     return csr_array((share, (row, column)), shape=(len(positions), face_count + 1))
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.special import softmax
 
 from lidarspectra.arrays import FloatArray, IntArray, distinct_rows
 from lidarspectra.geometry.scan import Scan
@@ -104,7 +103,26 @@ def smooth_labels(lab: FloatArray, centers: FloatArray, evidence: FloatArray, we
     """
     distance = np.linalg.norm(lab[:, None] - centers[None], axis=2)
     own = -0.5 * evidence[:, None] * np.minimum(distance / SPREAD_LAB, 6.0) ** 2
-    belief = softmax(own, axis=1)
+    belief = probabilities_of(own)
     for _ in range(ROUNDS):
-        belief = softmax(own + NEIGHBOR_WEIGHT * (weights @ belief), axis=1)
+        belief = probabilities_of(own + NEIGHBOR_WEIGHT * (weights @ belief))
     return np.asarray(belief.argmax(axis=1), dtype=np.int64)
+
+
+def probabilities_of(scores: FloatArray) -> FloatArray:
+    """Softmax of scores between -30 and some 4, so that the largest need not be taken off first.
+
+    Sums over a last axis of some 20 take most of the time of an ordinary one; a product with ones does not.
+
+    Parameters
+    ----------
+    scores : (face, class) float
+
+    Returns
+    -------
+    probabilities : (face, class) float
+        Summing to 1 over the classes.
+    """
+    weights = np.exp(scores)
+    weights /= (weights @ np.ones(scores.shape[1]))[:, None]
+    return weights

@@ -15,7 +15,7 @@ from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import MaterialError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.segmentation.crf import MIN_PROBABILITY
-from lidarspectra.material.segmentation.face_groups import ROUNDS
+from lidarspectra.material.segmentation.face_groups import ROUNDS, probabilities_of
 from lidarspectra.material.segmentation.segmentation import CELL_PX, Classifier, segment
 from lidarspectra.material.views.projection import ray_directions
 from lidarspectra.material.views.views import View, ViewSet
@@ -122,20 +122,10 @@ def fuse(
     own = trust * np.log(likelihood)
     if prior is not None:
         own = own + np.log(np.maximum(prior, MIN_PROBABILITY))
-    belief = _probabilities(own)
+    belief = probabilities_of(own)
     for _ in range(ROUNDS):
-        belief = _probabilities(own + NEIGHBOR_WEIGHT * (neighbors @ belief))
+        belief = probabilities_of(own + NEIGHBOR_WEIGHT * (neighbors @ belief))
     return FaceClasses(classes=votes.classes, belief=belief, votes=votes.votes)
-
-
-def _probabilities(scores: FloatArray) -> FloatArray:
-    """(face, class) softmax of scores that lie between -30 and `NEIGHBOR_WEIGHT`, so that none must be taken off first.
-
-    Sums over a last axis of some 20 take most of the time of an ordinary one; a product with ones does not.
-    """
-    weights = np.exp(scores)
-    weights /= (weights @ np.ones(scores.shape[1]))[:, None]
-    return weights
 
 
 def split_by_class(
