@@ -28,7 +28,7 @@ from lidarspectra.material.delighting.cards import Card
 from lidarspectra.material.frames.records import FrameRecords
 from lidarspectra.material.lit_lamps.fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
-from lidarspectra.material.views.viewpoints import render_views
+from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.material.views.views import ViewSet, load_views, no_views, save_views
 from lidarspectra.progress import Progress, shares
 from lidarspectra.radiance.engine.engine import find_engine
@@ -100,6 +100,7 @@ from lidarspectra.workflow.whole_room import missing_in_words, whole_room
 
 REPORT_PAGE = PAGE
 MODEL_FOLDER = "model"
+VIEW_SETTINGS = ViewSettings()
 NO_VIEWS = "no views are taken, since all surfaces are given one material"
 MATERIALS_KEYS = (
     "materials.method",
@@ -198,7 +199,8 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
         "materials.coverage",
         "materials.method",
         stages=(scan,),
-        others=None if taken else {"views": NO_VIEWS},  # another file of assignments takes no other views
+        # A network's scales are of views so large; another file of assignments takes no other views.
+        others={"pixels": [VIEW_SETTINGS.width, VIEW_SETTINGS.height]} if taken else {"views": NO_VIEWS},
     )
     coverage = given.run_file.materials.coverage
 
@@ -211,7 +213,14 @@ def views_stage(inputs: Inputs, scan: StageResult[ScannedRoom]) -> Stage[ViewSet
         loading(0.0, "reading the scan")
         mesh = scan.value.scan
         loading(1.0, "scan read")
-        views = render_views(mesh, scan.value.room, coverage=coverage, workers=inputs.workers, progress=looking)
+        views = render_views(
+            mesh,
+            scan.value.room,
+            coverage=coverage,
+            settings=VIEW_SETTINGS,
+            workers=inputs.workers,
+            progress=looking,
+        )
         saving(0.0, "saving")
         save_views(views, folder, workers=inputs.workers)
         # Of a model's walls the outer sides count too, which no room shows; names tell what they are made of.

@@ -29,7 +29,7 @@ from research.training.rooms import room_pictures
 from research.training.scores import Scores, score
 
 NETWORK, JOINED = "fine-tuned.onnx", "joined.onnx"
-VIEW_SCALE = 2**-0.5  # [1] at which views are shown: their pixels are finer than those that the network learned from
+VIEW_SCALE = 0.94  # [1] at which views are shown: their pixels are finer than those that the network learned from
 MIN_PROBABILITY = 1e-9  # [1] so that its logarithm is finite, as `Classifier` has it
 PLACES = 4  # along each side, in the middle of a picture, by which it is judged
 

@@ -17,7 +17,7 @@ from lidarspectra.material.segmentation.model_card import SCALES
 from lidarspectra.material.segmentation.segmentation import load_model
 from research.training.model import Layers, save_model
 
-VIEW_PX = 512  # [px] as `viewpoints.ViewSettings` has it
+VIEW_PX = 384  # [px] as `viewpoints.ViewSettings` has it
 RUNS = 4
 SEED = 1
 

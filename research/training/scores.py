@@ -14,7 +14,7 @@ from research.training.pictures import CLASSES, Picture
 from research.training.surface_statistics import STRIDE_PX
 
 INPUT_PX = 128  # [px] about what one cell sees
-VIEW_SCALE = 1.19  # [1] at which views are shown to it: as right as three about one, in half the time
+VIEW_SCALE = 1.59  # [1] at which views of 384 pixels are shown to it (docs/segmentation.md)
 EDGE_PLACES = 2  # rows and columns of predictions that look beyond the picture's edge, and are left out
 TOP = 3  # classes among which the right one is counted as well
 DRAWS = 2000  # of the bootstrap: its 95 % limits then waver by a tenth of a point

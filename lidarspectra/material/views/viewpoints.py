@@ -69,8 +69,8 @@ class ViewSettings:
         It also ends where the best view would add less than this share of the area. [1]
     """
 
-    width: int = 512
-    height: int = 512
+    width: int = 384
+    height: int = 384
     field_of_view_deg: float = 90.0
     samples: int = 2
     sample_spacing_m: float = 0.06
