@@ -6,7 +6,8 @@ Rows, on nights as in `localization_nights`: another person comes, dies have jum
 
 - the default: one survey, the running median with the trend of the light as the reference;
 - the same without the trend;
-- the default with memory of the readings before, as `localize live` has it; all other rows are of readings alone;
+- the default with memory of the readings before, as `localize live` has it; all other rows are of readings alone, as in
+  `localization_nights`;
 - the night's empty room at each very moment as the reference, dies' drift and daylight in it, which nobody can read;
 - beside that, a survey of that very night, with its lamps and furniture: of another person, of the same person, and of
   that person by four rounds, twelve stances at each place;
@@ -33,7 +34,7 @@ from lidarspectra.mapping.localization.location_model import LocationModel, trai
 from lidarspectra.mapping.localization.locators import METHODS
 from lidarspectra.mapping.localization.running_reference import running_references
 from research.benchmarks.localization_causes import EMPTY_FRAMES, people_of, walk
-from research.benchmarks.localization_nights import FRAMES, LONG_FRAMES, right
+from research.benchmarks.localization_nights import FRAMES, LONG_FRAMES, alone_scores, right
 from research.virtual_nights.nights import KINDS, SAME_ROOM, Night, NightSettings, Visit, as_table
 from research.virtual_nights.office import Office, Person, make_office
 
@@ -117,7 +118,7 @@ def right_of(model: LocationModel, features: FloatArray, table: xr.Dataset, *, o
     """
     known = np.isfinite(features).any(axis=1)
     truth = table["label"].to_numpy().astype(str)[known]
-    scores = model.locators[METHODS[0]].scores(features[known])
+    scores = alone_scores(model, features[known])
     if of_visits:
         _, visit = np.unique(truth, return_inverse=True)
         total = np.zeros((visit.max() + 1, scores.shape[1]))

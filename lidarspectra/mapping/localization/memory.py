@@ -5,9 +5,10 @@ the probability p_t(s). Two readings in turn that differ by noise alone show the
 repeat one another's errors; where they differ by more, somebody has moved, and the new one tells something new. With
 the difference d of their features against that of noise alone, d0, the probability that somebody has moved in dt is
 
-    c = o / (1 + o)          o = (dt / 1 s) (d / (1.5 d0))^7
+    c = o / (1 + o)          o = (dt / 1 s) .06^(1 - ln(d / d0) / ln(1 + 3.7 / sqrt(2 n)))
 
-and the probability q_t of the states becomes
+which is .06 a second where n features differ by d0, and 1 where they differ by 3.7 standard deviations of d more. The
+probability q_t of the states becomes
 
     q_t = (1 - c) still + c moved
     still(s) ∝ q_{t-1}(s)^(1-e) p_t(s)^e                     e = 1 - exp(-dt / 10 s): a mean of what is said
@@ -41,10 +42,11 @@ import numpy as np
 from lidarspectra.arrays import FloatArray
 from lidarspectra.mapping.localization.presence import MAX_PEOPLE
 
-MOVED_RATIO = 1.5  # [1] difference over that of noise, at which moving is as likely as not after a second
-MOVED_POWER = 7.0  # [1] of that ratio: the differences of noise over 27 sensors scatter by a fifth
+MOVED_DEVIATIONS = 3.7  # [1] standard deviations above the difference of noise, where moving is as likely as not
+MOVED_ODDS = 0.06  # [1] of a move in a second where the difference is that of noise
 LATEST = 60  # differences whose median is d0
 FIRST_DIFFERENCES = 10  # before that many, d0 is what is expected
+MAX_RATIO = 1e3  # [1] of a difference to noise: more tell no more
 MIN_NOISE = 0.25  # [1] of what is expected: counts that stand still make no noise of every step
 STILL_S = 10.0  # [s] over which what readings of one stance say is averaged
 FORGETTING = 0.5  # [1] power of what was known before somebody moved
@@ -122,8 +124,11 @@ class Memory:
         noise = self._noise
         if len(self._differences) >= FIRST_DIFFERENCES:
             noise = float(np.clip(np.median(self._differences), MIN_NOISE * noise, noise))
-        odds = elapsed_s * math.pow(min(difference / (MOVED_RATIO * noise), 1e3), MOVED_POWER)
-        return odds / (1.0 + odds)
+        even = math.log1p(
+            MOVED_DEVIATIONS / math.sqrt(2.0 * known.sum())
+        )  # the difference of n scatters by 1/sqrt(2 n)
+        above = math.log(float(np.clip(difference / noise, MIN_NOISE, MAX_RATIO))) / even
+        return elapsed_s / (elapsed_s + math.pow(MOVED_ODDS, above - 1.0))
 
 
 def remember(

