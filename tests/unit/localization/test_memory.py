@@ -66,10 +66,19 @@ def test_readings_of_one_stance_are_no_further_evidence() -> None:
     assert found[-1] == pytest.approx(found[0], abs=0.002)
 
 
-def test_another_stance_is_but_not_as_if_it_were_independent() -> None:
+def test_another_stance_is_and_what_was_known_counts_by_half() -> None:
+    told = floored(np.array([sure_of(1, 0.6), sure_of(1, 0.7)]))
+    found = places_after([sure_of(1, 0.6), sure_of(1, 0.7)], [0, 1], [0.0, 1.0])
+    known = np.sqrt(told[0]) / np.sqrt(told[0]).sum()
+    transitions = place_transitions(np.linalg.norm(CORNERS_M[:, None] - CORNERS_M[None], axis=2), 1.0)
+    expected = told[1] * (known @ transitions)
+    assert found[1] == pytest.approx(expected / expected.sum(), rel=1e-4)
+    assert found[1, 1] > told[1, 1] + 0.02
+
+
+def test_forty_stances_leave_a_doubt() -> None:
     found = places_after([sure_of(1, 0.6)] * 40, list(range(40)), list(np.arange(40.0)))
-    assert found[1, 1] > found[0, 1] + 0.02
-    assert 0.6 < found[-1, 1] < 0.9  # forty independent ones would leave no doubt
+    assert 0.6 < found[-1, 1] < 0.9  # forty independent ones would leave none
 
 
 def test_one_wrong_stance_among_right_ones_is_outvoted() -> None:
