@@ -1,6 +1,6 @@
 """Localization from night to night: virtual nights, on which the default locator is chosen, and a real one.
 
-    python -m research.benchmarks.localization_nights [--offices 3] [--night NIGHT.csv]
+    python -m research.benchmarks.localization_nights [--offices 3] [--first-seed 0] [--night NIGHT.csv]
 
 A locator learns from a survey of a virtual office (`research.virtual_nights`), and is tested on other people there on
 another night: dies that drift, lamps that age or are replaced, furniture that was moved, daylight through blinds, and
@@ -91,14 +91,14 @@ def few_of(table: xr.Dataset, count: int) -> tuple[xr.Dataset, xr.Dataset]:
     return table.isel(fingerprint=np.flatnonzero(turn < count)), rest
 
 
-def virtual_tables(offices: int) -> list[Table]:
+def virtual_tables(offices: int, first_seed: int = 0) -> list[Table]:
     """Shares of right places by kind of night and method; confidence; a few readings of a new night."""
     shares: dict[tuple[str, str, str], Scores] = {}
     sure: dict[str, list[tuple[FloatArray, FloatArray]]] = {way: [] for way in WAYS}
     few: dict[tuple[int, str], list[float]] = {(count, way): [] for count in FEW for way in WAYS}
     surveyed: dict[tuple[int, str], list[float]] = {(count, way): [] for count in SURVEYORS for way in WAYS}
     stays: dict[tuple[str, str], Scores] = {}
-    for number in range(offices):
+    for number in range(first_seed, first_seed + offices):
         office, generator = make_office(number), np.random.default_rng(number)
         survey = Night(office, SAME_ROOM, 10 * number + 1, 100 + number)
         learned = as_table(*survey.counts(visits_to(office, generator, FRAMES)), office, "survey")
@@ -218,9 +218,10 @@ def main() -> None:
     """Run it."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--offices", type=int, default=3)
+    parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--night", type=Path, help="a real night, as docs/howto-localize.md has them")
     arguments = parser.parse_args()
-    tables = virtual_tables(arguments.offices)
+    tables = virtual_tables(arguments.offices, arguments.first_seed)
     if arguments.night is not None:
         tables.append(real_table(arguments.night))
     for table in tables:

@@ -47,7 +47,7 @@ MOVED_ODDS = 0.06  # [1] of a move in a second where the difference is that of n
 LATEST = 60  # differences whose median is d0
 FIRST_DIFFERENCES = 10  # before that many, d0 is what is expected
 MAX_RATIO = 1e3  # [1] of a difference to noise: more tell no more
-MIN_NOISE = 0.25  # [1] of what is expected: counts that stand still make no noise of every step
+MIN_NOISE = 0.25  # [1] of what is expected: where few sensors have new readings, differences are less than noise
 STILL_S = 10.0  # [s] over which what readings of one stance say is averaged
 FORGETTING = 0.5  # [1] power of what was known before somebody moved
 STAYS = 0.3  # [1] probability that who moves does not leave the place
@@ -120,13 +120,13 @@ class Memory:
         if not known.any():
             return 1.0
         difference = math.sqrt(float(square[known].mean()))
-        self._differences.append(difference)
+        if difference > 0:  # else no sensor has a new reading
+            self._differences.append(difference)
         noise = self._noise
         if len(self._differences) >= FIRST_DIFFERENCES:
             noise = float(np.clip(np.median(self._differences), MIN_NOISE * noise, noise))
-        even = math.log1p(
-            MOVED_DEVIATIONS / math.sqrt(2.0 * known.sum())
-        )  # the difference of n scatters by 1/sqrt(2 n)
+        scatter = 1.0 / math.sqrt(2.0 * known.sum())  # relative, of a root mean square over so many
+        even = math.log1p(MOVED_DEVIATIONS * scatter)
         above = math.log(float(np.clip(difference / noise, MIN_NOISE, MAX_RATIO))) / even
         return elapsed_s / (elapsed_s + math.pow(MOVED_ODDS, above - 1.0))
 

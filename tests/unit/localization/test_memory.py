@@ -117,6 +117,14 @@ def test_noise_of_few_and_of_many_sensors_is_no_move_and_a_step_is(count: int) -
     assert moved.argmax() == 2
 
 
+def test_frames_faster_than_readings_make_no_move_of_every_new_reading() -> None:
+    generator, memory = np.random.default_rng(8), Memory(CORNERS_M, NOISE)
+    readings = NOISE / np.sqrt(2.0) * generator.standard_normal((60, 27))
+    frames = np.repeat(readings, 10, axis=0)
+    found = [memory.take(0.1 * turn, each, sure_of(1, 0.6), ONE)[0] for turn, each in enumerate(frames)]
+    assert np.mean([each[1] for each in found]) < 0.62  # were each new one a move, it would be .635
+
+
 def test_readings_that_never_change_are_no_noise_of_nothing() -> None:
     found = places_after([sure_of(1)] * 80 + [sure_of(2)], [0] * 80 + [1], list(np.arange(81.0)))
     assert found[79].argmax() == 1
