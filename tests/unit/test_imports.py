@@ -144,7 +144,7 @@ def test_importing_the_package_loads_no_heavy_library() -> None:
 
 
 def test_relighting_loads_nothing_that_draws_or_reads_meshes() -> None:
-    heavy = {"trimesh", "pymeshlab", "matplotlib", "colour", "onnxruntime", "sklearn", "scipy.stats"}
+    heavy = {"trimesh", "pymeshlab", "matplotlib", "colour", "onnxruntime", "sklearn", "scipy.special", "scipy.stats"}
     assert not loaded("import lidarspectra.cli.relight, lidarspectra.workflow.scenarios.relighting", heavy)
 
 

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import digamma, ndtr, polygamma, stdtrit
 
 from lidarspectra.arrays import FloatArray
 
@@ -79,6 +78,8 @@ def widened_error(variances: FloatArray, levels: FloatArray, independent: Sequen
     error : (point, band) float
         In the levels' unit.
     """
+    from scipy.special import ndtr, stdtrit  # loads slowly, and `relight` pools nothing
+
     error = np.empty(variances.shape)
     for band, points in enumerate(independent):
         pooled = pool_variances(variances[:, band], levels[:, band], degrees=count - 1)
@@ -132,6 +133,8 @@ def pool_variances(variances: FloatArray, levels: FloatArray, *, degrees: float)
     pooled : PooledVariance
         Zero variances stay zero and are excluded from the prior: they belong to points without light.
     """
+    from scipy.special import digamma, polygamma
+
     used = (variances > (SINGLE_PRECISION * levels) ** 2) & (levels > 0)
     if np.count_nonzero(used) < MIN_TO_POOL:
         return PooledVariance(variance=variances, degrees=degrees)
@@ -155,6 +158,8 @@ def pool_variances(variances: FloatArray, levels: FloatArray, *, degrees: float)
 
 def _inverse_trigamma(value: float) -> float:
     """Solve trigamma(x) = value by Newton's method on 1/trigamma, which is convex (Smyth 2004, appendix)."""
+    from scipy.special import polygamma
+
     x = 0.5 + 1.0 / value
     for _ in range(_NEWTON_STEPS):
         trigamma = float(polygamma(1, x))
