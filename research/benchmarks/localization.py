@@ -41,7 +41,7 @@ from lidarspectra.mapping.localization.location_figures import (
 )
 from lidarspectra.mapping.localization.location_model import train_locator
 from lidarspectra.mapping.localization.locators import METHODS, Method
-from lidarspectra.mapping.localization.scoring import errors_of
+from lidarspectra.mapping.localization.scoring import errors_of, times_in_order
 from lidarspectra.radiance.engine.options import Accuracy
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.workflow.applications.localization_jobs import place_to_locate, score_nights
@@ -74,6 +74,7 @@ ROOT = Path(__file__).parents[2]
 ACCURACIES: tuple[Accuracy, ...] = ("low", "medium", "high")
 LEARNED = ("measured", *ACCURACIES)
 BEST_METHODS: tuple[Method, ...] = ("together", "network", "discriminant")
+DEFAULT = "together, with memory"  # as `localize live` answers; the others by each reading alone
 GOALS_M = {"large-office": (0.3, 1.2), "apartment": (0.3, 0.9)}  # [m] median and 90th percentile, at high
 SAME_M = 1e-6  # [m] places of the large office are as far apart as its goal, to the last digit
 PAPER_M = {  # [m] Table 4: measured there, in rooms of the authors
@@ -104,6 +105,9 @@ def table_4(arguments: argparse.Namespace) -> None:
             found = errors_of(model, true.tested, against="running")
             between = errors_of(model, true.between, against="running")
             rows |= {f"{scene}, {words}, {method}": errors for method, errors in found.items()}
+            times_s = times_in_order(true.tested, is_recording=True)
+            remembered = errors_of(model, true.tested, against="running", times_s=times_s)
+            rows[f"{scene}, {words}, {DEFAULT}"] = remembered["together"]
             rows |= {f"{scene}, {words}, {method}, between the places": between[method] for method in BEST_METHODS}
             print(f"table-4: {scene}, {words}: {found['network'].percentile_m(50):.2f} m", flush=True)
         curves[scene] = {words: rows[f"{scene}, {words}, network"] for words in LEARNED}
@@ -116,7 +120,8 @@ def table_4(arguments: argparse.Namespace) -> None:
     formats = {name: ".2f" for name in medians[0] if name.endswith("[m]")}
     caption = (
         "Median error of the network, by what it was learned from (the paper's Table 4); the default locator, "
-        "together, and the discriminant beside it, and their 90th percentiles."
+        "together, with what the readings before told and by each reading alone, and the discriminant beside it, and "
+        "their 90th percentiles."
     )
     save(Table(name="table-4", caption=caption, frame=pd.DataFrame(medians), formats=formats), arguments.out)
     caption = "The goals, learned from a simulation at 14 reflections, by how many people were simulated at each place."
@@ -135,10 +140,10 @@ def median_row(scene: str, errors: Mapping[str, LocationErrors]) -> dict[str, ob
     }
     at_high = {
         method: [errors[f"{scene}, high, {method}"].percentile_m(percent) for percent in (50, 90)]
-        for method in BEST_METHODS
+        for method in (DEFAULT, *BEST_METHODS)
     }
-    row |= {f"high, {method} [m]": at_high[method][0] for method in BEST_METHODS if method != "network"}
-    row |= {f"high, {method}, 90th percentile [m]": at_high[method][1] for method in BEST_METHODS}
+    row |= {f"high, {method} [m]": both[0] for method, both in at_high.items() if method != "network"}
+    row |= {f"high, {method}, 90th percentile [m]": both[1] for method, both in at_high.items()}
     return row
 
 
@@ -148,7 +153,7 @@ def goal_rows(
     """A row for each number of people learned from and each of the better methods: its errors, and the goals."""
     rows = []
     for count, words in learned_from.items():
-        for method in BEST_METHODS:
+        for method in (DEFAULT, *BEST_METHODS):
             found = [errors[f"{scene}, {words}, {method}"].percentile_m(percent) for percent in (50, 90)]
             met = np.array(found) <= np.add(GOALS_M[scene], SAME_M)
             row: dict[str, object] = {"room": scene, "people at each": count, "locator": method}
