@@ -7,6 +7,7 @@ figure stands in the report.
 
 import base64
 import io
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -96,6 +97,8 @@ _OPTIONS: dict[FileType, dict[str, Any]] = {"png": {"pil_kwargs": {"compress_lev
 _SVG = "http://www.w3.org/2000/svg"
 _XLINK = "http://www.w3.org/1999/xlink"
 _LINKS = (f"{{{_XLINK}}}href", "href")
+_SHAPES = ("svg", "g", "defs", "clipPath", "pattern", "path", "rect", "use", "image")  # all that figures are made of
+_OUTSIDE = re.compile(r"url\((?!#)|\\", re.IGNORECASE)  # a backslash could spell the same
 Parameters = ParamSpec("Parameters")
 
 
@@ -222,26 +225,29 @@ def page_svg(svg: str, *, name: str, label: str) -> str:
     Returns
     -------
     svg : str
-        Without comments, scripts or references to anything outside itself.
+        Shapes alone, without comments, scripts or references to anything outside itself.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file: see `svg_width_in`.
     """
     for prefix, space in (("", _SVG), ("xlink", _XLINK)):
         ElementTree.register_namespace(prefix, space)
     root = ElementTree.fromstring(svg.encode("utf-8"))
-    _drop(root, "metadata")
-    for tag in ("style", "script", "foreignObject"):  # these would hold for the whole page
-        _drop(root, tag)
+    width_in = svg_width_in(root)
+    _keep_shapes(root)
     names: set[str] = set()
     for element in root.iter():
         if element.get("id") in names:  # the same marker, defined again under the hash of its shape
             del element.attrib["id"]
         names.add(element.get("id", ""))
         for key, value in list(element.attrib.items()):
-            if key.startswith("on") or (key in _LINKS and not value.startswith(("#", "data:image/"))):
+            if _acts(element.tag, key, value):
                 del element.attrib[key]  # matplotlib writes none; of a file that was kept nobody knows
             else:
                 element.set(key, _page_value(key, value, name))
     root.attrib.pop("height", None)
-    width_in = float(root.get("width", "0pt").removesuffix("pt")) / POINTS_PER_IN
     root.set("width", "100%")
     root.set("style", f"max-width: {width_in * 100:.0f}px; stroke-linejoin: round; stroke-linecap: butt")
     root.set("role", "img")
@@ -249,10 +255,34 @@ def page_svg(svg: str, *, name: str, label: str) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _drop(root: ElementTree.Element, tag: str) -> None:
+def svg_width_in(root: ElementTree.Element) -> float:
+    """Width of a file of `svg_text` [in].
+
+    Raises
+    ------
+    ValueError
+        If it is another file: no SVG, or one that another program has saved, which measures in other units.
+    """
+    width = root.get("width", "")
+    if root.tag != f"{{{_SVG}}}svg" or not width.endswith("pt"):
+        raise ValueError(f"expected an SVG whose width is in pt, found '{root.tag}' of width '{width}'")
+    return float(width.removesuffix("pt")) / POINTS_PER_IN
+
+
+def _keep_shapes(root: ElementTree.Element) -> None:
+    """Drop all that is no shape: styles would hold for the whole page, scripts and animations would act."""
+    shapes = {f"{{{_SVG}}}{tag}" for tag in _SHAPES}
     for parent in list(root.iter()):
-        for child in parent.findall(f"{{{_SVG}}}{tag}"):
+        for child in [each for each in parent if each.tag not in shapes]:
             parent.remove(child)
+
+
+def _acts(tag: str, key: str, value: str) -> bool:
+    """Whether an attribute runs something, or asks for what is outside of the figure; HTML takes ONLOAD for onload."""
+    if key in _LINKS:
+        is_picture = tag == f"{{{_SVG}}}image" and value.startswith("data:image/")
+        return not (is_picture or value.startswith("#"))
+    return key.lower().startswith("on") or _OUTSIDE.search(value) is not None
 
 
 def _page_value(key: str, value: str, name: str) -> str:

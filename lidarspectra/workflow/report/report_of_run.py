@@ -11,6 +11,7 @@ import xarray as xr
 
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamp_file import load_lamps
+from lidarspectra.mapping.figures.figure_style import svg_width_in
 from lidarspectra.mapping.figures.floor_plan import floor_plan
 from lidarspectra.mapping.figures.material_figures import MaterialPictures, material_code, mean_shown_colors, painted
 from lidarspectra.mapping.maps.interpolation import map_planes
@@ -156,11 +157,11 @@ def material_pictures(scan: Scan, views: ViewSet, materials: MaterialMap) -> Mat
 
 
 def kept_svg(path: Path) -> str:
-    """A figure that an earlier stage drew; empty where it is missing or damaged, to be drawn again."""
+    """A figure that an earlier stage drew; empty where it is missing, damaged or another's, to be drawn again."""
     try:
         svg = path.read_text(encoding="utf-8")
-        ElementTree.fromstring(svg.encode("utf-8"))
-    except (OSError, UnicodeDecodeError, ElementTree.ParseError):
+        svg_width_in(ElementTree.fromstring(svg.encode("utf-8")))
+    except (OSError, ValueError, ElementTree.ParseError):
         return ""
     return svg
 

@@ -312,6 +312,48 @@ def test_plain_words_are_one_line_of_letters_that_can_be_drawn():
     assert len(plain("x" * 500)) == 40
 
 
+@pytest.mark.parametrize(
+    "acting",
+    [
+        "<SCRIPT>b()</SCRIPT>",
+        '<script xmlns="">b()</script>',
+        '<g ONLOAD="b()"/>',
+        '<a><animate attributeName="href" values="javascript:b()"/><path d="M0 0"/></a>',
+        '<set attributeName="onclick" to="b()"/>',
+        '<use href="data:image/svg+xml,b()#c"/>',
+        '<rect style="fill: URL(https://b().example)"/>',
+        "<rect filter=\"url( 'https://b().example/f')\"/>",
+        '<rect style="fill: u\\72l(https://b().example)"/>',
+        "<h:p xmlns:h='http://www.w3.org/1999/xhtml'>b()</h:p>",
+        "<metadata>b()</metadata>",
+        "<style>b()</style>",
+    ],
+)
+def test_of_a_kept_svg_only_shapes_come_into_the_page(acting: str) -> None:
+    svg = f'<svg xmlns="http://www.w3.org/2000/svg" width="72pt"><g>{acting}<path id="known" d="M0 0"/></g></svg>'
+    page = page_svg(svg, name="kept", label="x")
+    assert "b()" not in page
+    assert 'id="kept-known"' in page
+    assert "max-width: 100px" in page
+
+
+def test_nothing_that_our_figures_draw_is_dropped(make_transport, plan) -> None:
+    svg = svg_text(maps_figure(spectral_map(make_transport(points=25)), plan))
+    page = page_svg(svg, name="maps", label="x")
+    for tag in ("g", "path", "use", "image", "rect", "pattern", "clipPath"):
+        given = len(re.findall(f"<{tag}[ />]", svg))
+        assert len(re.findall(f"<{tag}[ />]", page)) == given > 0
+    assert page.count("url(#maps-") == svg.count("url(#")
+
+
+@pytest.mark.parametrize(
+    "svg", ['<svg width="72pt"/>', '<svg xmlns="http://www.w3.org/2000/svg" width="210mm"/>', "<html/>"]
+)
+def test_what_is_no_figure_of_ours_is_refused(svg: str) -> None:
+    with pytest.raises(ValueError, match="whose width is in pt"):
+        page_svg(svg, name="kept", label="x")
+
+
 def test_of_a_kept_svg_nothing_acts_and_nothing_outside_is_asked_for() -> None:
     svg = (
         '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" width="72pt" onload="a()">'

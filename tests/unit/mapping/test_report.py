@@ -289,11 +289,13 @@ def test_a_figure_that_is_drawn_already_is_shown_as_it_is_and_drawn_again_for_fi
     assert (tmp_path / "both" / "figures" / "kept.png").is_file()
 
 
-def test_a_drawing_of_an_earlier_stage_that_is_missing_or_damaged_is_none(tmp_path) -> None:
+def test_a_drawing_of_an_earlier_stage_that_is_missing_damaged_or_saved_by_another_program_is_none(tmp_path) -> None:
     path = tmp_path / "segmentation.svg"
     assert kept_svg(path) == ""
-    for content in (b"<svg><path></svg>", b"\xff\xfe", b""):
-        path.write_bytes(content)
+    measured = '<svg xmlns="http://www.w3.org/2000/svg" width="{}"/>'
+    for content in ("<svg><path></svg>", "\xff\xfe", "", "<html/>", measured.format("210mm"), measured.format("xpt")):
+        path.write_bytes(content.encode("latin-1"))
         assert kept_svg(path) == ""
-    path.write_text("<svg/>", encoding="utf-8")
-    assert kept_svg(path) == "<svg/>"
+    svg = measured.format("72pt")
+    path.write_text(svg, encoding="utf-8")
+    assert kept_svg(path) == svg
