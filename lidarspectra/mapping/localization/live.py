@@ -28,8 +28,8 @@ class Fix:
     probability : float
         Its probability; that of a place includes that one person is there. [0-1]
     position_m : (float, float)
-        Mean of the places weighted by their probabilities, in plan; NaN where coordinates are not known, and where the
-        answer is no place. [m]
+        Geometric median of the places with their probabilities as weights, in plan (see `places`); NaN where
+        coordinates are not known, and where the answer is no place. [m]
     spread_m : float
         Root mean square distance of the places from it, with the same weights. [m]
     sensors : int

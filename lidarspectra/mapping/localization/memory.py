@@ -22,6 +22,7 @@ independent. T keeps a place with probability .3, since who moves may only turn 
 half of the time at a walk, the probability falling as exp(-distance / (1.4 m/s dt)), and half of the time to any. How
 many people there are stays with the same probability, else it is any. Places of unknown coordinates are all alike far.
 After a gap of half a minute, and where time goes back, as where two recordings lie in one file, nothing is remembered.
+Readings of one time, as where a clock tells whole minutes, are a second apart.
 
 The constants were chosen by the logarithmic score on virtual offices 2 to 9, on nights in which people walk, jump,
 stay, leave and come in twos; `research.benchmarks.localization_memory` judges them on others.
@@ -53,7 +54,7 @@ FORGETTING = 0.5  # [1] power of what was known before somebody moved
 STAYS = 0.3  # [1] probability that who moves does not leave the place
 ANYWHERE = 0.5  # [1] share of the moves that go to any place
 WALK_M_PER_S = 1.4  # [m/s] Bohannon (1997)
-SHORTEST_S = 1.0  # [s] a sensor's reading and a step take as long
+SHORTEST_S = 1.0  # [s] a sensor's reading takes as long, and a step
 MAX_GAP_S = 30.0  # [s] after which nothing is remembered
 FLOOR = 0.01  # [1] share of an even answer in each: no reading rules a state out
 
@@ -64,7 +65,7 @@ class Memory:
     Parameters
     ----------
     positions_m : (place, 3) float
-        NaN where coordinates are not known. [m]
+        Of two places or more; NaN where coordinates are not known. [m]
     difference_noise : float
         Largest d0: root mean square over the features of how much two readings of the same differ, in units of their
         noise; see `FeatureSpace.difference_noise`. [1]
@@ -102,7 +103,7 @@ class Memory:
         people : (3,) float
             [0-1]
         """
-        elapsed_s = math.inf if self._time_s is None else time_s - self._time_s
+        elapsed_s = math.inf if self._time_s is None else time_s - self._time_s or SHORTEST_S
         told, counted = _even(scores), _even(people)
         if self._features is None or self._places is None or self._people is None or not 0 <= elapsed_s <= MAX_GAP_S:
             self._places, self._people = told, counted
@@ -155,9 +156,14 @@ def place_transitions(distance_m: FloatArray, elapsed_s: float) -> FloatArray:
     Parameters
     ----------
     distance_m : (place, place) float
-        NaN where not known. [m]
+        Between two places or more; NaN where not known. [m]
     elapsed_s : float
         [s]
+
+    Returns
+    -------
+    transitions : (place before, place after) float
+        [0-1]
     """
     count = len(distance_m)
     others = ~np.eye(count, dtype=np.bool_)
@@ -173,7 +179,7 @@ PEOPLE_TRANSITIONS = STAYS * np.eye(MAX_PEOPLE + 1) + (1.0 - STAYS) / (MAX_PEOPL
 
 
 def _even(scores: FloatArray) -> FloatArray:
-    """(state,) probabilities of scores, of which none is 0; a ridge's negative ones are."""
+    """(state,) probabilities of scores, none of them 0; negative scores, as a ridge gives, count as 0."""
     given = np.maximum(scores, 0.0)
     total = given.sum()
     even = 1.0 / len(given)

@@ -158,10 +158,12 @@ def test_times_out_of_order_give_probabilities_all_the_same() -> None:
     assert found[back] == pytest.approx(floored(told[back]))
 
 
-def test_readings_at_the_same_moment_are_taken() -> None:
-    found = places_after([sure_of(0)] * 3, [0, 1, 2], [5.0, 5.0, 5.0])
-    assert found.sum(axis=1) == pytest.approx(1.0)
-    assert found[-1].argmax() == 0
+def test_readings_of_one_time_tell_as_much_as_those_a_second_apart() -> None:
+    """As of a clock that tells whole minutes."""
+    told, stances = [sure_of(0)] * 20 + [sure_of(3)] * 20, [0] * 20 + [1] * 20
+    found = places_after(told, stances, [60.0] * 40)
+    assert found == pytest.approx(places_after(told, stances, list(np.arange(40.0))))
+    assert found[20].argmax() == 3
 
 
 def test_one_reading_and_a_score_below_zero_give_what_they_say() -> None:
