@@ -47,12 +47,77 @@ def places_after(told: list[FloatArray], stances: list[int], times_s: list[float
     return remember(memory, np.array(times_s), features, np.array(told), np.array([ONE] * len(told)))[0]
 
 
+DISTANCE_M = np.linalg.norm(CORNERS_M[:, None] - CORNERS_M[None], axis=2)
+
+
+def chance_of_a_move(features: list[FloatArray], difference_noise: float = NOISE) -> float:
+    """c of the last of readings a second apart, from what is known before it and after it."""
+    memory = Memory(CORNERS_M, difference_noise)
+    known = [memory.take(float(turn), each, sure_of(0, 0.4), ONE)[0] for turn, each in enumerate(features[:-1])][-1]
+    found, _ = memory.take(float(len(features) - 1), features[-1], sure_of(3), ONE)
+    told, tempered, newer = floored(sure_of(3)), np.sqrt(known), 1.0 - np.exp(-0.1)
+    still, moved = known ** (1.0 - newer) * told**newer, told * (tempered @ place_transitions(DISTANCE_M, 1.0))
+    still, moved = still / still.sum(), moved / moved.sum()
+    return float((found - still)[3] / (moved - still)[3])
+
+
+def differing(difference: float, count: int = 8, readings: int = 2) -> list[FloatArray]:
+    """Readings in turn whose features differ by so much each time."""
+    return [np.full(count, difference * (turn % 2)) for turn in range(readings)]
+
+
+def test_the_odds_of_a_move_are_as_written() -> None:
+    even = NOISE * (1.0 + 3.7 / np.sqrt(16.0))
+    assert chance_of_a_move(differing(NOISE)) == pytest.approx(0.06 / 1.06)
+    assert chance_of_a_move(differing(even)) == pytest.approx(0.5)
+    lost = [np.append(each, [np.nan, np.nan]) for each in differing(even)]
+    assert chance_of_a_move(lost) == pytest.approx(0.5)  # two sensors that are lost tell nothing of the scatter
+
+
+def test_noise_is_learned_from_ten_differences_of_the_last_minute_and_is_at_least_a_quarter() -> None:
+    quiet, loud = differing(0.3 * NOISE, readings=10), differing(NOISE)[1]
+    assert chance_of_a_move([*quiet[:5], quiet[4] + loud]) == pytest.approx(0.06 / 1.06)
+    assert chance_of_a_move([*quiet, *quiet, quiet[9] + loud]) > 0.8
+    louder = differing(NOISE, readings=40)
+    assert chance_of_a_move([*quiet * 8, *louder]) == pytest.approx(0.06 / 1.06)
+    assert chance_of_a_move([*quiet * 8, *louder[:14]]) > 0.8  # most of the minute was quiet
+    hardly = differing(0.01 * NOISE, readings=20)
+    assert chance_of_a_move([*hardly, hardly[-1] + 0.25 * loud]) == pytest.approx(0.06 / 1.06)
+
+
+def test_of_sensors_that_flicker_by_more_than_is_expected_each_reading_is_a_move() -> None:
+    assert chance_of_a_move(differing(4.0 * NOISE, readings=40)) > 0.9
+
+
+def test_readings_of_one_stance_are_averaged_over_ten_seconds_at_the_first_place_and_at_the_next() -> None:
+    told = [sure_of(1), sure_of(2), sure_of(3), sure_of(0)]
+    found = places_after(told, [0, 0, 1, 1], [0.0, 1.0, 2.0, 3.0])
+    for turn in (1, 3):
+        expected = found[turn - 1] ** np.exp(-0.1) * floored(told[turn]) ** (1.0 - np.exp(-0.1))
+        assert found[turn] == pytest.approx(expected / expected.sum(), abs=2e-3)  # that somebody moved is left
+
+
+def test_how_many_there_are_is_remembered_as_places_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory_module, "FORGETTING", 1.0)
+    told = floored(np.random.default_rng(1).dirichlet(np.ones(3), 3))
+    transitions = np.full((3, 3), 0.7 / 3.0) + 0.3 * np.eye(3)
+    scores, times_s = np.full((3, 4), 0.25), np.arange(3.0)
+    given = (told - FLOOR / 3.0) / (1.0 - FLOOR)
+    walking = np.array([features_of(stance) for stance in range(3)])
+    _, found = remember(Memory(CORNERS_M, NOISE), times_s, walking, scores, given)
+    expected = told[2] * ((told[1] * (told[0] @ transitions)) @ transitions)
+    assert found[2] == pytest.approx(expected / expected.sum(), rel=1e-4)
+    _, stood = remember(Memory(CORNERS_M, NOISE), times_s[:2], walking[[0, 0]], scores[:2], given[:2])
+    averaged = told[0] ** np.exp(-0.1) * told[1] ** (1.0 - np.exp(-0.1))
+    assert stood[1] == pytest.approx(averaged / averaged.sum(), abs=2e-3)
+
+
 def test_it_is_the_sum_over_all_paths_where_everybody_moves_and_nothing_is_tempered(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(memory_module, "FORGETTING", 1.0)
     told = np.random.default_rng(0).dirichlet(np.ones(4), 4)
-    transitions = place_transitions(np.linalg.norm(CORNERS_M[:, None] - CORNERS_M[None], axis=2), 1.0)
+    transitions = place_transitions(DISTANCE_M, 1.0)
     given, expected = floored(told), np.zeros(4)
     for path in itertools.product(range(4), repeat=4):
         chance = np.prod([given[turn, place] for turn, place in enumerate(path)])
@@ -70,7 +135,7 @@ def test_another_stance_is_and_what_was_known_counts_by_half() -> None:
     told = floored(np.array([sure_of(1, 0.6), sure_of(1, 0.7)]))
     found = places_after([sure_of(1, 0.6), sure_of(1, 0.7)], [0, 1], [0.0, 1.0])
     known = np.sqrt(told[0]) / np.sqrt(told[0]).sum()
-    transitions = place_transitions(np.linalg.norm(CORNERS_M[:, None] - CORNERS_M[None], axis=2), 1.0)
+    transitions = place_transitions(DISTANCE_M, 1.0)
     expected = told[1] * (known @ transitions)
     assert found[1] == pytest.approx(expected / expected.sum(), rel=1e-4)
     assert found[1, 1] > told[1, 1] + 0.02
@@ -148,6 +213,11 @@ def test_after_a_cut_or_in_another_recording_nothing_is_remembered(next_s: float
     assert found[-1] == pytest.approx(floored(told[-1]))
 
 
+def test_a_gap_of_less_than_half_a_minute_is_bridged() -> None:
+    found = places_after([sure_of(1, 0.99), np.array([0.0, 0.4, 0.45, 0.15])], [0, 0], [0.0, 29.0])
+    assert found[-1].argmax() == 1
+
+
 def test_times_out_of_order_give_probabilities_all_the_same() -> None:
     generator = np.random.default_rng(3)
     told = generator.dirichlet(np.ones(4), 60)
@@ -191,11 +261,13 @@ def test_a_sensor_that_is_lost_is_no_movement_and_without_any_in_common_somebody
 
 
 def test_far_places_are_less_likely_a_second_later_but_never_impossible() -> None:
-    distance = np.linalg.norm(CORNERS_M[:, None] - CORNERS_M[None], axis=2)
-    soon, later = place_transitions(distance, 1.0), place_transitions(distance, 25.0)
+    soon, later = place_transitions(DISTANCE_M, 1.0), place_transitions(DISTANCE_M, 25.0)
+    walked = soon[0, 1:] - 0.7 * 0.5 / 3.0  # half of the moves go anywhere
+    assert walked / walked[0] == pytest.approx(np.exp(-(DISTANCE_M[0, 1:] - 1.0) / 1.4))
+    assert place_transitions(DISTANCE_M, 0.1) == pytest.approx(soon)
     assert soon[0, 1] > 2.0 * soon[0, 3] > 0.1
     assert later[0, 3] > soon[0, 3]
-    for each in (soon, later, place_transitions(1e4 * distance, 0.0)):
+    for each in (soon, later, place_transitions(1e4 * DISTANCE_M, 0.0)):
         assert each.sum(axis=1) == pytest.approx(1.0)
         assert each.min() > 0.0
     unknown = place_transitions(np.full((4, 4), np.nan), 1.0)
