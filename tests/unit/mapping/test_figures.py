@@ -346,6 +346,11 @@ def test_nothing_that_our_figures_draw_is_dropped(make_transport, plan) -> None:
     assert page.count("url(#maps-") == svg.count("url(#")
 
 
+def test_of_shapes_of_one_name_the_first_has_it() -> None:
+    svg = '<svg xmlns="http://www.w3.org/2000/svg" width="72pt"><path id="m" d="M0 0"/><path id="m" d="M1 1"/></svg>'
+    assert page_svg(svg, name="kept", label="x").count('id="kept-m"') == 1
+
+
 @pytest.mark.parametrize(
     "svg", ['<svg width="72pt"/>', '<svg xmlns="http://www.w3.org/2000/svg" width="210mm"/>', "<html/>"]
 )

@@ -287,6 +287,10 @@ def test_a_figure_that_is_drawn_already_is_shown_as_it_is_and_drawn_again_for_fi
     both.finish()
     assert len(again) == 1
     assert (tmp_path / "both" / "figures" / "kept.png").is_file()
+    only_png = ReportWriter(tmp_path / "png", ("png",))
+    assert 'id="kept-known"' in only_png.drawn("kept", svg, draw, "A caption.")
+    only_png.finish()
+    assert [path.name for path in (tmp_path / "png" / "figures").iterdir()] == ["kept.png"]
 
 
 def test_a_drawing_of_an_earlier_stage_that_is_missing_damaged_or_saved_by_another_program_is_none(tmp_path) -> None:

@@ -8,6 +8,7 @@ import pytest
 from lidarspectra.errors import MaterialError
 from lidarspectra.material.segmentation.crf import CrfSettings
 from lidarspectra.material.segmentation.segmentation import CELL_PX, SHIPPED_MODEL, Classifier, segment
+from lidarspectra.material.views.viewpoints import ViewSettings
 
 from .tiny_models import CARD, write_model
 
@@ -29,6 +30,13 @@ def two_halves(height=96, width=130, edge=70):
 @pytest.fixture(scope="module")
 def shipped():
     return Classifier(threads=1)
+
+
+def test_the_shipped_model_is_shown_as_many_pixels_to_a_degree_as_when_its_scale_was_chosen(shipped):
+    """docs/segmentation.md: 384 pixels across 90° at 1.59; views of another size want another scale."""
+    settings = ViewSettings()
+    assert shipped.card.scales == pytest.approx([1.59 * (384 / 90) / (settings.width / settings.field_of_view_deg)])
+    assert settings.height == settings.width
 
 
 @pytest.mark.parametrize("stride", [32, 64])
