@@ -139,7 +139,8 @@ class FeatureSpace:
     def difference_noise(self) -> float:
         """Root mean square over the features of how much two readings of the same differ, in units of their noise [1].
 
-        Rounding and repeatability alone, since within seconds no sensor drifts.
+        Of rounding and repeatability, and of the simulation where fingerprints are traced, but without drift: within
+        seconds no sensor drifts. So it is rather too large, and `Memory` learns how much less readings differ by.
         """
         own = np.maximum(self.noise[self.usable] ** 2 - DRIFT**2, 0.0)
         return float(np.sqrt(np.mean(2.0 * (self.averaging**2 @ own) / self.feature_noise**2)))
