@@ -24,11 +24,8 @@ METHODS: tuple[Method, ...] = ("together", "network", "discriminant", "neighbour
 NEIGHBOURS = 5  # nearest fingerprints that vote
 RIDGE_ALPHAS = np.logspace(-1, 6, 15)  # [1] tried by leave-one-out
 READINGS_PER_STEP = 200  # of the network's training
-TOGETHER_WEIGHTS = (
-    2.0,
-    1.0,
-    1.0,
-)  # [1] of network, neighbours and ridge: best by the logarithmic score on virtual nights
+# [1] of network, neighbours and ridge: best by the logarithmic score on virtual nights
+TOGETHER_WEIGHTS = (2.0, 1.0, 1.0)
 CONFIDENCE_POWER = 1.3  # [1] of the mean scores: then they are as often right as they say there
 TINY = 1e-12  # [1] squared distance, in units of noise
 READINGS_AT_ONCE = 256  # bounds the memory of distances

@@ -78,6 +78,7 @@ NO_EMPTY_ROOM_NOTE = (
     "That is as good where a person changes a reading at few of the places; else record readings with the label "
     f"'{EMPTY_LABEL}', with nobody there."
 )
+WITH_MEMORY, EACH_ALONE = "each reading with what those before it told", "each reading by itself"
 TRACK_COLUMNS = ("time_s", "label", "probability", "x", "y", "spread_m", "sensors", "nobody", "two_people")
 
 
@@ -202,7 +203,8 @@ def errors_from_files(
         people_of(model, table, against=against, times_s=own) for table, own in zip(readings, times, strict=True)
     ]
     true_people, probabilities = (np.concatenate(each) for each in zip(*counted, strict=True))
-    tables = [error_table(errors, name="errors", caption=caption), people_table(true_people, probabilities)]
+    found = f"{caption}, {_memory_in_words(times)}"
+    tables = [error_table(errors, name="errors", caption=found), people_table(true_people, probabilities)]
     made_folder(out)
     known = [path.name for path in files if path.name in model.source.split(", ")]
     notes: tuple[str, ...] = ()
@@ -221,6 +223,14 @@ def errors_from_files(
     for table in tables:
         save_table(table, out)
     return LocationReport(tables=tuple(tables), notes=notes, folder=out)
+
+
+def _memory_in_words(times: Sequence[FloatArray | None]) -> str:
+    """How the readings of files are located, of which those with times are with memory."""
+    remembered = [each is not None for each in times]
+    if any(remembered) and not all(remembered):
+        return f"{WITH_MEMORY} in files with times, else by itself"
+    return WITH_MEMORY if all(remembered) else EACH_ALONE
 
 
 def score_nights(
@@ -261,7 +271,8 @@ def score_nights(
         share = part_of(progress, number / jobs, (number + 1) / jobs)
         scores += score_across(first, second, settings, each_alone=each_alone, progress=share)
     rows = {f"{score.words}, {method}": score.errors[method] for score in scores for method in METHODS}
-    table = error_table(rows, name="nights", caption="Localization on measured nights", heading="test")
+    caption = f"Localization on measured nights, {EACH_ALONE if each_alone else WITH_MEMORY}"
+    table = error_table(rows, name="nights", caption=caption, heading="test")
     notes = [STRETCHES_NOTE] if any(score.kind == "stretches" for score in scores) else []
     if not all(errors.has_distances for errors in rows.values()):
         notes.append(NO_METRES_NOTE)

@@ -13,11 +13,16 @@ from lidarspectra.mapping.localization import memory as memory_module
 from lidarspectra.mapping.localization.fingerprint_table import save_fingerprints
 from lidarspectra.mapping.localization.frames import Frame
 from lidarspectra.mapping.localization.live import LiveLocator, LiveSettings
-from lidarspectra.mapping.localization.location_model import LocationModel
+from lidarspectra.mapping.localization.location_model import LocationModel, TrainingSettings
 from lidarspectra.mapping.localization.location_model_files import save_locator
 from lidarspectra.mapping.localization.memory import FLOOR, Memory, place_transitions, remember
 from lidarspectra.mapping.localization.scoring import errors_of, score_within, times_in_order
-from lidarspectra.workflow.applications.localization_jobs import errors_from_files
+from lidarspectra.workflow.applications.localization_jobs import (
+    EACH_ALONE,
+    WITH_MEMORY,
+    errors_from_files,
+    score_nights,
+)
 
 Maker = Callable[..., xr.Dataset]
 GAINS = np.full(6, 1e6)  # [count per W/m²/nm]
@@ -322,6 +327,10 @@ def test_a_test_remembers_where_readings_have_times_unless_each_is_judged_alone(
         for each_alone in (False, True):
             report = errors_from_files(tmp_path / "model", [path], tmp_path / "out", each_alone=each_alone)
             found[name, each_alone] = report.tables[0].frame.set_index("method")["top 1 [%]"]
+            is_remembered = name == "timed" and not each_alone
+            assert report.tables[0].caption.endswith(WITH_MEMORY if is_remembered else EACH_ALONE)
+    both = errors_from_files(tmp_path / "model", [tmp_path / f"{name}.nc" for name in sets], tmp_path / "out")
+    assert both.tables[0].caption.endswith("in files with times, else by itself")
     alone = 100.0 * errors_of(model, table)["together"].top(1)
     remembered = 100.0 * errors_of(model, table, times_s=np.arange(36.0))["together"].top(1)
     assert found["timed", False]["together"] == pytest.approx(remembered)
@@ -345,3 +354,15 @@ def test_a_night_is_scored_with_memory_and_alone(
     for each_alone in (False, True):
         score_within(night, quick_settings, each_alone=each_alone)  # type: ignore[arg-type]
     assert given == [0.0, 12.0, None, None]
+
+
+def test_scores_say_whether_readings_had_memory(
+    make_table: Maker, quick_settings: TrainingSettings, tmp_path: Path
+) -> None:
+    night = xr.concat(
+        [make_table(seed, draws=1, gains=GAINS) for seed in (1, 2)], dim="fingerprint", data_vars="minimal"
+    )
+    path = save_fingerprints(night, tmp_path / "night.nc")
+    for each_alone, words in ((False, WITH_MEMORY), (True, EACH_ALONE)):
+        found = score_nights([path], tmp_path / "out", settings=quick_settings, each_alone=each_alone)
+        assert found.tables[0].caption.endswith(words)
