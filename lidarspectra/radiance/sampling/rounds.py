@@ -252,15 +252,15 @@ def _sample(
                 yield from cast_task(task, sensors, rays_per_job=chunk, generator=generator)
 
     def jobs() -> Iterator[EngineJob]:
-        for component, more in asking:  # first, so that rays are cast while the engine runs
+        for task in left():
+            waiting.append(task)
+            yield task_job(task, sensors, scene.folder, generator=generator)
+        for component, more in asking:
             for task in make_tasks(component, more, sensors, rays_per_job=chunk, generator=generator):
                 waiting.append(task)
                 job = task_job(task, sensors, scene.folder, generator=generator)
                 # Points on lamps are the engine's own numbers; those of an earlier round would tell nothing new.
                 yield replace(job, unlike=log.seeds) if component.sampler is DIRECT else job
-        for task in left():
-            waiting.append(task)
-            yield task_job(task, sensors, scene.folder, generator=generator)
 
     spent_s, expected_s = _spent_s(components), _expected_s(components, wanted)
     for run in request.engine.run_jobs(jobs(), workers=request.workers):
