@@ -216,7 +216,10 @@ class LocationModel:
             From any origin. [s]
         method : Method
         """
-        alone = self.locate_features(features, method)
+        return self.remembered(self.locate_features(features, method), features, times_s)
+
+    def remembered(self, alone: Located, features: FloatArray, times_s: FloatArray) -> Located:
+        """What is known after each of recorded readings, of what each told alone; parameters as `locate_in_order`."""
         scores, people = remember(self.memory(), times_s, features, alone.scores, alone.people)
         return Located(scores=scores, places=self.places, people=people)
 

@@ -56,6 +56,9 @@ ANYWHERE = 0.5  # [1] share of the moves that go to any place
 WALK_M_PER_S = 1.4  # [m/s] Bohannon (1997)
 SHORTEST_S = 1.0  # [s] a sensor's reading takes as long, and a step
 MAX_GAP_S = 30.0  # [s] after which nothing is remembered
+PEOPLE_TRANSITIONS = STAYS * np.eye(MAX_PEOPLE + 1) + (1.0 - STAYS) / (
+    MAX_PEOPLE + 1
+)  # [1] of how many people there are
 FLOOR = 0.01  # [1] share of an even answer in each: no reading rules a state out
 
 
@@ -173,9 +176,6 @@ def place_transitions(distance_m: FloatArray, elapsed_s: float) -> FloatArray:
     walked = walked / walked.sum(axis=1, keepdims=True)
     left = (1.0 - ANYWHERE) * walked + ANYWHERE * others / (count - 1)
     return np.asarray(np.where(others, (1.0 - STAYS) * left, STAYS), dtype=np.float64)
-
-
-PEOPLE_TRANSITIONS = STAYS * np.eye(MAX_PEOPLE + 1) + (1.0 - STAYS) / (MAX_PEOPLE + 1)
 
 
 def _even(scores: FloatArray) -> FloatArray:

@@ -73,18 +73,14 @@ def errors_of(
             todo=f"A running median needs {MedianWindow().first} readings." if against == "running" else "",
         )
     readings, given = table.isel(fingerprint=known), features[known]
-    if times_s is not None:
-        return {
-            method: location_errors(model.locate_in_order(given, times_s[known], method), readings)
-            for method in METHODS
-        }
     people = model.people(given)  # the same for all methods
-    return {
-        method: location_errors(
-            Located(scores=model.locators[method].scores(given), places=model.places, people=people), readings
-        )
-        for method in METHODS
-    }
+    found: dict[Method, LocationErrors] = {}
+    for method in METHODS:
+        located = Located(scores=model.locators[method].scores(given), places=model.places, people=people)
+        if times_s is not None:
+            located = model.remembered(located, given, times_s[known])
+        found[method] = location_errors(located, readings)
+    return found
 
 
 def times_in_order(table: xr.Dataset, *, is_recording: bool) -> FloatArray | None:

@@ -164,7 +164,20 @@ def _shining_parts(scan: Scan, faces: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def linked(pairs: IntArray, count: int) -> IntArray:
-    """(count,) number of the connected component of each."""
+    """Which of some things hang together.
+
+    Parameters
+    ----------
+    pairs : (pair, 2) int
+        Of them that are linked.
+    count : int
+        How many things there are.
+
+    Returns
+    -------
+    component : (count,) int
+        Number of the connected component of each.
+    """
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
 
