@@ -33,3 +33,11 @@ def test_a_folder_that_is_not_there_is_an_error_of_the_system_with_its_name(tmp_
     with pytest.raises(FileNotFoundError) as refused:
         write_png(path, np.zeros((2, 2, 3), np.uint8))
     assert refused.value.filename == str(path)
+
+
+def test_a_picture_that_cannot_be_encoded_leaves_no_empty_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cv2.imencode", lambda *_: (False, np.empty(0, np.uint8)))
+    path = tmp_path / "picture.png"
+    with pytest.raises(OSError, match="cannot be encoded"):
+        write_png(path, np.zeros((2, 2, 3), np.uint8))
+    assert not path.exists()
