@@ -94,6 +94,28 @@ def distinct_rows(rows: IntArray) -> tuple[IntArray, IntArray]:
     return rows[first], number.reshape(-1)
 
 
+def linked(pairs: IntArray, count: int) -> IntArray:
+    """Which of some things hang together: the connected components of a graph.
+
+    Parameters
+    ----------
+    pairs : (pair, 2) int
+        Things that are linked; the same pair may be there more than once.
+    count : int
+        How many things there are.
+
+    Returns
+    -------
+    component : (count,) int
+        Number of the connected component of each, 0 to the number of components - 1.
+    """
+    from scipy.sparse import coo_array  # loads slowly
+    from scipy.sparse.csgraph import connected_components
+
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
+
+
 def _check_shape(array: NDArray[np.generic], *, name: str, shape: tuple[int | None, ...]) -> None:
     fits = array.ndim == len(shape) and all(
         want is None or want == have for want, have in zip(shape, array.shape, strict=True)

@@ -16,11 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 import pymeshlab
 import trimesh
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array, int_array
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array, int_array, linked
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import bare_scan
@@ -136,8 +134,7 @@ def _without_crumbs(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, 
     """Drop pieces of a few triangles, and triangles without area."""
     faces = faces[triangle_areas(vertices[faces]) > 0]
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
-    links = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(vertices), len(vertices)))
-    _, piece = connected_components(links, directed=False)
+    piece = linked(ends, len(vertices))
     sizes = np.bincount(piece[faces[:, 0]], minlength=int(piece.max()) + 1)
     return _compact(vertices, faces[sizes[piece[faces[:, 0]]] >= SMALLEST_PIECE_FACES])
 

@@ -1,9 +1,9 @@
-"""Arrays: distinct rows of whole numbers are those that numpy finds, in its order."""
+"""Arrays: distinct rows of whole numbers are those that numpy finds, in its order; what is linked hangs together."""
 
 import numpy as np
 import pytest
 
-from lidarspectra.arrays import IntArray, distinct_rows
+from lidarspectra.arrays import IntArray, distinct_rows, linked
 
 FAR = 2**40  # three columns that reach so far do not fit into one integer
 
@@ -25,3 +25,19 @@ def test_distinct_rows_are_those_of_numpy_in_its_order(rows: IntArray) -> None:
     distinct, number = distinct_rows(rows)
     assert np.array_equal(distinct, wanted)
     assert np.array_equal(number, which.reshape(-1))
+
+
+def test_what_is_linked_through_others_hangs_together() -> None:
+    component = linked(np.array([[0, 3], [3, 5], [1, 4], [4, 1]]), 7)
+    assert component[0] == component[3] == component[5]
+    assert component[1] == component[4]
+    assert sorted(np.unique(component)) == list(range(4))  # 2 and 6 are alone
+
+
+def test_links_that_are_told_many_times_still_link() -> None:
+    assert not linked(np.repeat([[0, 1]], 256, axis=0), 2).any()  # as one byte, their sum would be none
+
+
+def test_nothing_is_linked_where_there_is_nothing() -> None:
+    assert linked(np.zeros((0, 2), dtype=np.int64), 0).shape == (0,)
+    assert linked(np.zeros((0, 2), dtype=np.int64), 3).tolist() == [0, 1, 2]

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lidarspectra.arrays import FloatArray, IntArray, SmallFloatArray
+from lidarspectra.arrays import FloatArray, IntArray, SmallFloatArray, linked
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.frames import DepthMap, Frame, FrameFault
 from lidarspectra.hardware.phone.raw_mesh import MeshPart, RawMesh
@@ -189,12 +189,8 @@ def _put(grid: _Grid, frame: Frame, depth: DepthMap) -> None:
 
 def _large_pieces(faces: IntArray, vertices: int) -> IntArray:
     """Faces of pieces that are not crumbs."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     if not len(faces):
         return faces
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
-    links = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(vertices, vertices))
-    piece = connected_components(links, directed=False)[1][faces[:, 0]]
+    piece = linked(ends, vertices)[faces[:, 0]]
     return np.asarray(faces[np.bincount(piece)[piece] >= MIN_PIECE_FACES], dtype=np.int64)

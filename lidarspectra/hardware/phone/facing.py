@@ -8,9 +8,9 @@ Closed bodies that the file names (a wall, a table) need no vote: their outside 
 
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, linked
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 
@@ -54,8 +54,7 @@ def connected_pieces(faces: IntArray, areas: FloatArray | None = None) -> tuple[
     mirrored = np.where(alike, second + count, second)
     rows = np.concatenate([first, first + count])
     columns = np.concatenate([partner, mirrored])
-    links = coo_array((np.ones(rows.size, dtype=np.int8), (rows, columns)), shape=(2 * count, 2 * count))
-    _, part = connected_components(links, directed=False)
+    part = linked(np.stack([rows, columns], axis=1), 2 * count)
     low = np.minimum(part[:count], part[count:])
     turned = part[:count] != low  # nowhere on a one-sided piece, whose two copies are one part
     _, piece = np.unique(low, return_inverse=True)
@@ -67,12 +66,12 @@ def connected_pieces(faces: IntArray, areas: FloatArray | None = None) -> tuple[
 
 def _nearest_sheets(first: IntArray, second: IntArray, alike: BoolArray, areas: FloatArray) -> IntArray:
     """(face,) the sheet of `SHEET_M2`, of faces that the file winds alike, to which the fewest turns lead from each."""
-    links = coo_array((np.ones(int(alike.sum())), (first[alike], second[alike])), shape=(areas.size, areas.size))
-    count, sheet = connected_components(links, directed=False)
-    large = np.flatnonzero(np.bincount(sheet, weights=areas) >= SHEET_M2)
+    sheet = linked(np.stack([first[alike], second[alike]], axis=1), areas.size)
+    sheet_areas = np.bincount(sheet, weights=areas)
+    large = np.flatnonzero(sheet_areas >= SHEET_M2)
     if not large.size:
         return np.zeros(areas.size, dtype=np.int64)
-    turns = coo_array((np.ones(first.size), (sheet[first], sheet[second])), shape=(count, count)).tocsr()
+    turns = coo_array((np.ones(first.size), (sheet[first], sheet[second])), shape=(sheet_areas.size,) * 2).tocsr()
     _, _, nearest = dijkstra(  # however many edges two sheets share, they are one turn apart: unweighted
         turns, directed=False, unweighted=True, indices=large, min_only=True, return_predecessors=True
     )

@@ -8,11 +8,10 @@ Legs, cables and cushions are too small or too curved, and stay as they were sca
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, linked
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.room.free_space import sphere_directions
@@ -222,8 +221,7 @@ class _Search:
         if rows.size:
             first, second = self.pairs.T
             inside = (np.cumsum(member) - 1)[self.pairs[member[first] & member[second]]]
-            links = coo_array((np.ones(len(inside), dtype=np.int8), inside.T), shape=(rows.size,) * 2)
-            _, piece = connected_components(links, directed=False)
+            piece = linked(inside, rows.size)
             largest[rows[piece == np.bincount(piece, weights=self.areas[rows]).argmax()]] = True
         return largest
 

@@ -8,11 +8,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray, distinct_rows
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, distinct_rows, linked
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.scan import Appearance, Scan
 from lidarspectra.geometry.triangles import triangle_areas
@@ -123,9 +121,7 @@ def merged_numbers(vertices: FloatArray, distance: float = MERGE_DISTANCE_M) -> 
     pairs = cKDTree(unique).query_pairs(distance, output_type="ndarray")
     if not len(pairs):
         return inverse.ravel().astype(np.int64)
-    links = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(unique),) * 2)
-    _, group = connected_components(links, directed=False)
-    return np.asarray(group[inverse.ravel()], dtype=np.int64)
+    return linked(pairs, len(unique))[inverse.ravel()]
 
 
 def _merged(scan: Scan) -> Scan:

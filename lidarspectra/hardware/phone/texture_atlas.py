@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, linked
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.triangles import triangle_crosses
 
@@ -162,10 +160,7 @@ def _smoothed(side: IntArray, adjacency: IntArray) -> IntArray:
 
 
 def _charts(side: IntArray, adjacency: IntArray) -> IntArray:
-    same = adjacency[side[adjacency[:, 0]] == side[adjacency[:, 1]]]
-    links = coo_array((np.ones(len(same)), (same[:, 0], same[:, 1])), shape=(len(side), len(side)))
-    _, chart = connected_components(links, directed=False)
-    return np.asarray(chart, dtype=np.int64)
+    return linked(adjacency[side[adjacency[:, 0]] == side[adjacency[:, 1]]], len(side))
 
 
 def _joined(chart: IntArray, adjacency: IntArray) -> IntArray:

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, linked
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE
 from lidarspectra.material.delighting.one_paint import ALIKE, FLAT, SAME_PLANE_M, Paints
 from lidarspectra.material.delighting.sharpened_cones import srgb_of_cones
-from lidarspectra.material.delighting.unknown_light import linked
 
 CLIPPED = 0.97  # [1] a channel from which on it is cut at white
 DARK = 0.012  # [1] the brightest channel, up to which noise and the camera's black hide the colour

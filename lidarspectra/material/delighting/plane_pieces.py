@@ -5,11 +5,9 @@ then a wall, and not a cupboard beside which the plane goes on.
 """
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.arrays import FloatArray, IntArray, linked
 from lidarspectra.geometry.rays import RayCaster
 
 NEIGHBORS = 16  # nearest points that each is tried with
@@ -45,5 +43,4 @@ def plane_pieces(caster: RayCaster, positions: FloatArray, normals: FloatArray) 
     first, second = first[kept], second[kept]
     above = positions + ABOVE_M * normals
     seen = ~caster.blocked(above[first], above[second] - above[first], max_distance=1.0)
-    links = coo_array((np.ones(int(seen.sum())), (first[seen], second[seen])), shape=(count, count))
-    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
+    return linked(np.stack([first[seen], second[seen]], axis=1), count)

@@ -20,11 +20,9 @@ Illumination from a non-uniform sky, Illum. Eng. 37, 707.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, linked
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.delighting.light_exchange import cosine_directions
@@ -161,25 +159,6 @@ def _shining_parts(scan: Scan, faces: IntArray) -> tuple[IntArray, IntArray]:
     ascending = np.argsort(area, kind="stable")
     largest[group[ascending]] = ascending  # the last one written stays
     return np.where(area >= MIN_AREA_M2, np.arange(area.size), largest[group])[part], together
-
-
-def linked(pairs: IntArray, count: int) -> IntArray:
-    """Which of some things hang together.
-
-    Parameters
-    ----------
-    pairs : (pair, 2) int
-        Of them that are linked.
-    count : int
-        How many things there are.
-
-    Returns
-    -------
-    component : (count,) int
-        Number of the connected component of each.
-    """
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
 
 
 def beyond_scan(open_share: float) -> UnknownSource:

@@ -13,11 +13,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import IntArray
+from lidarspectra.arrays import IntArray, linked
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.frames.records import FrameRecords
@@ -78,9 +76,7 @@ def _clusters(records: FrameRecords, shining: ShiningPlaces) -> Iterator[IntArra
     pairs = cKDTree(records.points[place]).query_pairs(LINK_M, output_type="ndarray")
     normals = records.normals[place]
     alike = np.einsum("pc,pc->p", normals[pairs[:, 0]], normals[pairs[:, 1]]) > ALIKE
-    pairs = pairs[alike]
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(rows.size, rows.size))
-    label = connected_components(links, directed=False)[1]
+    label = linked(pairs[alike], rows.size)
     for number in np.flatnonzero(np.bincount(label) >= MIN_PLACES):
         yield rows[label == number]
 

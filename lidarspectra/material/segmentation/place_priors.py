@@ -12,10 +12,9 @@ their effect.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array
 
-from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.arrays import FloatArray, IntArray, linked
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.segmentation.face_groups import Adjacency
 from lidarspectra.room.room import Room
@@ -127,6 +126,4 @@ def _patches(normals: FloatArray, adjacency: Adjacency) -> IntArray:
     """(face,) number of the flat patch: neighbours whose normals agree, joined."""
     a, b = adjacency.pairs.T
     flat = np.einsum("ij,ij->i", normals[a], normals[b]) > FLAT
-    joined = coo_array((np.ones(int(flat.sum())), (a[flat], b[flat])), shape=(len(normals), len(normals)))
-    _, patch = connected_components(joined, directed=False)
-    return np.asarray(patch, dtype=np.int64)
+    return linked(adjacency.pairs[flat], len(normals))

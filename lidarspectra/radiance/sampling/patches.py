@@ -31,11 +31,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, linked
 from lidarspectra.radiance.sampling.arrivals import Arrivals, Surfaces
 from lidarspectra.radiance.sampling.receptors import cosine_directions, lattice
 from lidarspectra.radiance.sampling.rough_light import LinearFit, RoughLight, linear_fit
@@ -147,10 +146,7 @@ class Patches:
             uneven[end[(difference > most * level[:, end]).any(axis=0)]] = True
         cells = self.surfaces.box(self.positions) // 2
         together = (cells[first] == cells[second]).all(axis=1) & ~uneven[first] & ~uneven[second]
-        ones = np.ones(int(together.sum()))
-        graph = coo_array((ones, (first[together], second[together])), shape=(len(self), len(self)))
-        _, group = connected_components(graph, directed=False)
-        return np.where(uneven, -1, group).astype(np.int64)
+        return np.where(uneven, -1, linked(self.neighbours[together], len(self)))
 
     @property
     def reflectance(self) -> FloatArray:

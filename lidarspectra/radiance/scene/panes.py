@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, linked
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.radiance.scene.mesh_text import merged_vertices
@@ -173,14 +173,9 @@ def _parts(mesh: _Mesh, faces: IntArray) -> list[IntArray]:
     first, second = face[next_to], face[next_to + 1]
     normals = mesh.normals[faces]
     smooth = np.abs(np.einsum("ij,ij->i", normals[first], normals[second])) >= np.cos(np.radians(BEND_DEG))
-    from scipy.sparse import coo_array  # loaded late: whoever only reads a scene needs none
-    from scipy.sparse.csgraph import connected_components
-
-    ones = np.ones(int(smooth.sum()))
-    graph = coo_array((ones, (first[smooth], second[smooth])), shape=(faces.size, faces.size))
-    count, label = connected_components(graph, directed=False)
+    label = linked(np.stack([first[smooth], second[smooth]], axis=1), faces.size)
     by_label = np.argsort(label, kind="stable")
-    return [faces[part] for part in np.split(by_label, np.cumsum(np.bincount(label, minlength=count))[:-1])]
+    return [faces[part] for part in np.split(by_label, np.cumsum(np.bincount(label))[:-1])]
 
 
 def _is_pane(mesh: _Mesh, faces: IntArray) -> bool:
