@@ -51,14 +51,6 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture
-def cluster() -> Iterator["LocalCluster"]:
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
-    ) as workers:
-        yield workers
-
-
 def jobs(scene: Path, *, repeats: int = 1) -> Iterator[EngineJob]:
     """Irradiance under the lamp, further off with every job; each ray `repeats` times, to take a while."""
     arguments = ("-h-", "-ff", "-I+", "-ab", "0", "-dj", "0", "-x", "0", "-y", "0", "lamp.oct")
@@ -86,24 +78,6 @@ def test_a_cluster_gives_the_same_answers_in_the_same_order(cluster: "LocalClust
 
 
 @BY_WORKERS
-def test_a_killed_worker_loses_nothing(cluster: "LocalCluster", scene: Path) -> None:
-    with cluster_engine(cluster.scheduler_address) as engine:
-        runs = engine.run_jobs(jobs(scene, repeats=200_000), workers=1)
-        found = [float_rows(next(runs), rows=200_000, columns=3)[0, 0]]
-        victim = next(iter(engine.client.run(_process).values()))
-        with contextlib.suppress(psutil.NoSuchProcess):
-            psutil.Process(victim).kill()
-        found += [float_rows(run, rows=200_000, columns=3)[0, 0] for run in runs]
-    assert found == expected(scene)
-
-
-def _process() -> int:
-    import os
-
-    return os.getpid()
-
-
-@BY_WORKERS
 def test_a_fault_on_a_worker_is_our_error(cluster: "LocalCluster", scene: Path) -> None:
     job = EngineJob(program="rtrace", arguments=("nothing.oct",), folder=scene)
     with cluster_engine(cluster.scheduler_address) as engine, pytest.raises(EngineError, match=r"nothing\.oct"):
@@ -125,7 +99,7 @@ def test_no_scheduler_file_is_one_clear_error(tmp_path: Path) -> None:
 def test_no_worker_is_one_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster_module, "WORKERS_TIMEOUT_S", 1)
     with (
-        distributed.LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as workers,
+        distributed.LocalCluster(n_workers=0, dashboard_address=":0", host="127.0.0.1") as workers,
         pytest.raises(EngineError, match="dask worker"),
         cluster_engine(workers.scheduler_address),
     ):
@@ -182,3 +156,21 @@ def test_a_worker_waits_for_a_second_of_its_clock_that_seeded_nothing(cluster: "
     with cluster_engine(cluster.scheduler_address) as engine:
         waiting = [replace(job, unlike=((now - 5, now + 2),)) for job in jobs(scene)]
         assert all(run.clock[0] > now + 2 for run in engine.run_jobs(waiting, workers=1))
+
+
+@BY_WORKERS
+def test_a_killed_worker_loses_nothing(cluster: "LocalCluster", scene: Path) -> None:
+    with cluster_engine(cluster.scheduler_address) as engine:
+        runs = engine.run_jobs(jobs(scene, repeats=200_000), workers=1)
+        found = [float_rows(next(runs), rows=200_000, columns=3)[0, 0]]
+        victim = next(iter(engine.client.run(_process).values()))
+        with contextlib.suppress(psutil.NoSuchProcess):
+            psutil.Process(victim).kill()
+        found += [float_rows(run, rows=200_000, columns=3)[0, 0] for run in runs]
+    assert found == expected(scene)
+
+
+def _process() -> int:
+    import os
+
+    return os.getpid()

@@ -1,6 +1,7 @@
 """People's effects are the same when a Dask cluster traces them: rooms with people in them go to the workers too."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -19,7 +20,10 @@ from lidarspectra.radiance.scene.scene import write_scene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.spectrum import Spectrum, uniform_bands
 
-distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+if TYPE_CHECKING:
+    from distributed import LocalCluster
+
+pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 pytestmark = [
     pytest.mark.slow,
     # Dask closes its own sockets and loops late; no word of ours.
@@ -41,7 +45,7 @@ PAINT = Material(
 
 
 @pytest.mark.chance("worker processes must answer in time, and two traces agree within errors known from few batches")
-def test_a_cluster_finds_the_same_effects(tmp_path: Path) -> None:
+def test_a_cluster_finds_the_same_effects(cluster: "LocalCluster", tmp_path: Path) -> None:
     room = trimesh.creation.box(bounds=[[0, 0, 0], [3, 3, 3]])
     room.invert()
     lamp = Lamp(
@@ -69,12 +73,7 @@ def test_a_cluster_finds_the_same_effects(tmp_path: Path) -> None:
         return [(each.effect, each.effect_se) for each in traced]
 
     here = found(find_engine(), "here")
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
-        ) as workers,
-        cluster_engine(workers.scheduler_address) as engine,
-    ):
+    with cluster_engine(cluster.scheduler_address) as engine:
         there = found(engine, "there")
     for (mine, my_error), (its, its_error) in zip(here, there, strict=True):
         # Eight of the combined error: the engine's own numbers differ from run to run.
