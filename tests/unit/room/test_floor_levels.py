@@ -17,6 +17,8 @@ from lidarspectra.workflow.calibration.plan import HAND_M, REACHED_M, reachable_
 from lidarspectra.workflow.scenarios.picture_of_run import view_of_room
 from lidarspectra.workflow.whole_room import whole_room
 
+MESH_M = 0.1  # [m] of the mesh's squares, in most rooms
+FINE_M = 0.06  # [m] where areas are told to a tenth, or a wall is thin
 NOISE_M = 0.008  # [m] of a phone's mesh
 HEIGHT_M = 2.6  # [m] of the larger room
 PLAN_TOLERANCE = 0.05  # [1] of the area: outlines keep corners to 5 cm, walls are noisy to 1 cm
@@ -24,7 +26,7 @@ PLAN_TOLERANCE = 0.05  # [1] of the area: outlines keep corners to 5 cm, walls a
 
 def two_rooms(builder: Any, step_m: float, *, size: tuple[float, float] = (4, 3), top_z: float = HEIGHT_M) -> Scan:
     """A room of 5 m x 4 m and, behind a wall of 15 cm, another on a floor that lies higher by a step."""
-    room = builder(step_m=0.06, noise_m=NOISE_M)
+    room = builder(step_m=MESH_M, noise_m=NOISE_M)
     room.box([0, 0, 0], [5, 4, HEIGHT_M], inward=True)
     room.box([5.15, 0, step_m], [5.15 + size[0], size[1], top_z], inward=True)
     room.box([1, 1, 0.7], [2.6, 1.8, 0.74])
@@ -33,7 +35,7 @@ def two_rooms(builder: Any, step_m: float, *, size: tuple[float, float] = (4, 3)
 
 def open_rooms(builder: Any, step_m: float) -> Scan:
     """A room of 5 m x 4 m whose eastern 4 m x 3 m lie higher by a step."""
-    room = builder(step_m=0.06, noise_m=NOISE_M)
+    room = builder(step_m=MESH_M, noise_m=NOISE_M)
     room.box([0, 0, 0], [5, 4, HEIGHT_M], inward=True, leave_out=("east",))
     room.rectangle([5, 0, 0], [0, 0, step_m], [0, 3, 0])
     room.rectangle([5, 3, 0], [0, 0, HEIGHT_M], [0, 1, 0])
@@ -86,7 +88,7 @@ def test_sensors_and_surfaces_count_from_their_own_rooms_floor(builder) -> None:
     ],
 )
 def test_neither_beds_nor_tables_are_floors_nor_told_as_such(builder, low: list[float], high: list[float]) -> None:
-    room = builder(step_m=0.06, noise_m=NOISE_M)
+    room = builder(step_m=MESH_M, noise_m=NOISE_M)
     room.box([0, 0, 0], [5, 4, 2.5], inward=True)
     room.box(low, high, leave_out=("bottom",) if low[2] == 0 else ())
     scan = room.scan()
@@ -98,7 +100,7 @@ def test_neither_beds_nor_tables_are_floors_nor_told_as_such(builder, low: list[
 @pytest.mark.parametrize("front_m", [0.0, 0.3])  # from the lintel's face
 def test_a_bed_that_fills_an_alcove_is_no_room(builder, front_m: float) -> None:
     width, depth, lintel_m, bed_z = 2.0, 2.2, 0.3, 0.5
-    room = builder(step_m=0.06, noise_m=NOISE_M)
+    room = builder(step_m=MESH_M, noise_m=NOISE_M)
     room.box([0, 0, 0], [5, 4, 2.5], inward=True, leave_out=("east",))
     room.rectangle([5, 0, 2.1], [0, 0, 0.4], [0, 4, 0])
     room.rectangle([5, width, 0], [0, 0, 2.1], [0, 4 - width, 0])
@@ -113,7 +115,7 @@ def test_a_bed_that_fills_an_alcove_is_no_room(builder, front_m: float) -> None:
 
 
 def test_a_table_that_hides_nearly_all_of_a_second_rooms_floor_is_not_its_floor(builder) -> None:
-    room = builder(step_m=0.06, noise_m=NOISE_M)
+    room = builder(step_m=MESH_M, noise_m=NOISE_M)
     room.box([0, 0, 0], [5, 4, 2.5], inward=True)
     room.box([5.15, 0, 0], [8.15, 3, 2.5], inward=True, holes={"bottom": (0.02, 0.98, 0.02, 0.98)})
     room.box([5.25, 0.1, 0.5], [8.05, 2.9, 0.54], leave_out=("bottom",))
@@ -133,7 +135,7 @@ def test_a_part_of_a_room_up_or_down_steps_is_told(builder, step_m: float) -> No
 
 
 def test_another_storey_is_told_with_what_to_do(builder) -> None:
-    room = builder(step_m=0.06, noise_m=NOISE_M)
+    room = builder(step_m=FINE_M, noise_m=NOISE_M)
     room.box([0, 0, 0], [5, 4, 2.5], inward=True)
     room.box([0, 0, 2.8], [5, 4, 5.3], inward=True)
     scan = room.scan()
@@ -182,7 +184,7 @@ def test_eyes_and_hands_are_above_the_floor_of_their_own_room(builder) -> None:
 
 @pytest.mark.parametrize("top_m", [2.45, 2.75])  # a lower ceiling, and a higher one
 def test_a_furnished_room_up_two_steps_behind_a_thin_wall_has_its_own_floor(builder, top_m: float) -> None:
-    room = builder(step_m=0.06, noise_m=NOISE_M)
+    room = builder(step_m=FINE_M, noise_m=NOISE_M)
     room.box([0, 0, 0], [5, 4, HEIGHT_M], inward=True)
     below_bed = (0.52, 1.0, 0.0, 0.74)
     room.box([5.1, 0, 0.34], [8, 2.8, top_m], inward=True, holes={"bottom": below_bed})  # 10 cm: a gap as of pores

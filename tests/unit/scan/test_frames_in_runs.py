@@ -4,8 +4,10 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from lidarspectra.hardware.phone.readers import read_scan_and_frames
+from lidarspectra.material.frames import frame_colors as coloring
 from lidarspectra.material.frames.frame_colors import color_from_frames
 from lidarspectra.workflow.init.init_file import write_init
 from lidarspectra.workflow.run_folder.declared import FILES
@@ -74,7 +76,10 @@ def test_every_file_of_a_folder_of_frames_makes_the_scan_stale(tmp_path: Path) -
     assert {"scan/frame_00001.jpg", "scan/depth_00000.png", "scan/export.obj"} <= names
 
 
-def test_init_says_whose_frames_it_uses_and_which_it_leaves_out(tmp_path: Path) -> None:
+def test_init_says_whose_frames_it_uses_and_which_it_leaves_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(coloring, "ATLAS_PX", (256, 256))  # texels of 4 cm; what is told of frames is no picture
     room = box_room()
     folder = write_3dscanner(tmp_path / "scan", room, gray_shots(room))
     (folder / "frame_00002.jpg").write_bytes(b"")
