@@ -22,12 +22,16 @@ from PIL import Image
 from lidarspectra.cli.app import main
 from lidarspectra.mapping.report import report_writer
 from lidarspectra.radiance.pictures import render
+from lidarspectra.workflow.materials import delighting
 from lidarspectra.workflow.pipeline import run
 from lidarspectra.workflow.run_folder.workspace import STAGES
 
 RoomWriter = Callable[..., Path]
 RunCopier = Callable[[Path], Path]
 SharedMaker = Callable[[str, Callable[[Path], None]], Path]  # the fixture `made_once`
+FEW_SAMPLES = (
+    1_000  # [1] places whose light is told, of 6,000: what that tells of a surface, tests/physics/material hold
+)
 
 ROOM = """
 [scan]
@@ -98,7 +102,8 @@ def _whole_run(made_once: SharedMaker) -> Path:
     """The run file of the room's run up to its map, which nobody may change."""
 
     def make(folder: Path) -> None:
-        made = run(_write_room(folder / "room"), last="map").results
+        with patch.object(delighting, "SAMPLES", FEW_SAMPLES):
+            made = run(_write_room(folder / "room"), last="map").results
         assert [stage for stage, result in made.items() if not result.was_fresh] == list(STAGES[:-1])
 
     return made_once("whole-run", make) / "room" / "room.toml"
@@ -115,6 +120,12 @@ def copy_run(_whole_run: Path) -> Callable[[Path], Path]:
     return copy
 
 
+@pytest.fixture(autouse=True)
+def few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Light is taken out of colours by fewer places, in a quarter of the time."""
+    monkeypatch.setattr(delighting, "SAMPLES", FEW_SAMPLES)
+
+
 @pytest.fixture
 def undrawn_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports whose figures are made, and not drawn: for tests that read a page's words.
@@ -127,11 +138,12 @@ def undrawn_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def coarse_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures whose indirect light is found from a sixteenth of the directions.
+    """Pictures whose indirect light is found from a sixteenth of the directions, over two reflections of six.
 
     For tests in which a picture is drawn and its light is not measured: tests/physics/pictures holds that.
     """
     monkeypatch.setattr(render, "AMBIENT_DIVISIONS", 16)
+    monkeypatch.setattr(render, "BOUNCES", 2)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -163,6 +164,7 @@ def test_a_plan_of_readings_is_a_file_to_fill_in(
     run: Path, command_line: CommandLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(plan, "MAX_PLACES", 5)  # that are traced
+    monkeypatch.setattr(plan, "traced_light", partial(traced_light, noise="draft"))
     answer = command_line("calibrate", run, "--plan", "4")
     assert answer.status == 0, answer.stderr
     told = pd.read_csv(run / "calibration" / "readings-to-take.csv")

@@ -43,7 +43,7 @@ noise = "draft"
 def test_a_run_of_frames_draws_them_in_its_report_and_takes_gray_walls_for_matt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(frame_colors, "ATLAS_PX", (256, 512))  # texels of 2 cm; these frames' pixels are 3 cm wide
+    monkeypatch.setattr(frame_colors, "ATLAS_PX", (256, 256))  # texels of 4 cm; these frames' pixels are 3 cm wide
     room = box_room()
     write_3dscanner(tmp_path / "scan", room, gray_shots(room, 8))
     (tmp_path / "room.toml").write_text(RUN_FILE, encoding="utf-8")

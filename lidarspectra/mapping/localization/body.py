@@ -12,6 +12,7 @@ https://iquilezles.org/articles/distfunctions (distance to a tapering capsule; s
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -32,6 +33,7 @@ BUILD_RANGE = (0.6, 1.8)  # [1]
 VOXEL_M = 0.025  # [m] of the sampled distance: a wrist is 5 cm thick
 BLEND_M = 0.03  # [m] over which limbs flow into one another
 FACES = 1200  # of the mesh
+KEPT_BODIES = 256  # [1] of 50 kB: a person is looked at for sensors inside, and again as light is traced around
 CLOTH_M = 0.008  # [m] that clothes add all around
 LOST_M = 0.003  # [m] by which sampling and decimation shrink the surface
 SEAT_SHARE = 0.26  # [1] of the height: how high the hips of a sitting body are
@@ -87,6 +89,7 @@ class _Limb:
         return np.asarray(np.linalg.norm(apart - share[:, None] * along, axis=1) - radius, dtype=np.float64)
 
 
+@lru_cache(maxsize=KEPT_BODIES)
 def body_mesh(*, height_m: float, build: float = 1.0, posture: Posture = "standing") -> BodyMesh:
     """Mesh of a body.
 
