@@ -22,6 +22,7 @@ from lidarspectra.geometry.small_faces import SmallFaces, small_faces
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.colors import MAX_SATURATED, saturated, surface_colors
 from lidarspectra.material.delighting.albedo import LightFit
+from lidarspectra.material.delighting.beside_paints import settle_beside_paints
 from lidarspectra.material.delighting.cards import Card, SeenCards, beside_cards, look_at_cards
 from lidarspectra.material.delighting.clipped_light import CLIPPED, DARK, cut_paint
 from lidarspectra.material.delighting.light_evidence import LightEvidence
@@ -539,6 +540,7 @@ def _of_faces(
     cut &= scan.appearance.linear is None  # radiance of frames does not end at white
     white = cut_paint(scan, cut, light, paints)
     paints = paints.with_more(white.face, white.paint, white.color)
+    paints = settle_beside_paints(scan, paints, known & ~sunny & ~screen, evidence.face_shown)
     told = known.copy()
     told[white.face] = True
     color = surfaces.unseen.filled(np.where(told[:, None], np.clip(paints.color, *REFLECTANCE_RANGE), 1.0))

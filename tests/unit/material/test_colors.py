@@ -76,12 +76,20 @@ def test_the_weighted_median_is_the_median_of_repeated_points():
 def test_k_is_the_datas_and_not_the_limit():
     random = np.random.default_rng(7)
     centers = np.array([[80.0, 0.0, 0.0], [40.0, 40.0, 30.0], [30.0, 5.0, -40.0]])
-    lab = np.repeat(centers, [300, 200, 100], axis=0) + random.normal(0, 1.0, (600, 3))
+    lab = np.repeat(centers, [300, 200, 100], axis=0) + random.normal(0, 0.7, (600, 3))
     found = primary_colors(lab, np.ones(600), most=24, random=np.random.default_rng(0))
     assert len(found.lab) == 3
-    # the mean of 100 points of deviation 1 has 0.1; 0.5 is five of it
-    assert np.abs(found.lab - centers).max() < 0.5
+    # the mean of 100 points of deviation 0.7 has 0.07; 0.35 is five of it
+    assert np.abs(found.lab - centers).max() < 0.35
     assert found.nearest.tolist() == [0] * 300 + [1] * 200 + [2] * 100
+
+
+def test_two_whites_that_differ_as_walls_and_ceilings_do_are_two():
+    whites = np.array([[93.8, -0.5, 1.5], [92.0, 0.2, 4.4]])
+    found = primary_colors(
+        np.repeat(whites, [600, 500], axis=0), np.ones(1100), most=24, random=np.random.default_rng(0)
+    )
+    assert np.allclose(found.lab, whites)
 
 
 def test_k_stops_at_the_users_limit_and_at_the_number_of_distinct_colors():

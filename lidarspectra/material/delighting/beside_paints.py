@@ -1,0 +1,111 @@
+"""Which paint a single face is of: one about it, or that of what looks like it.
+
+At the edges of things a texture runs over, a face shows two surfaces, and light changes within less than the distance
+of the samples. So what is of no paint there (`one_paint`) has the largest errors, and most of it is of a paint beside
+it. Its log reflectance becomes the mean over what it may be of (a mixture of normal laws),
+
+    log ρ = sum w_q m_q / sum w_q,       w_q = s_q exp(-d_q / D - [(g - g_q)² / L² + |h - h_q|² / H²] / 2),          (1)
+
+where m_q are those of the paints q, d_q m away, with s_q 1 in the plane of the face and `OUT_OF_PLANE` elsewhere; g is
+the lightness (green), and h the hue, the two other logarithms over it, which light does not change and an edge mixes.
+The other candidate is what is of no paint about the face, by the same law its mean, weighed with how much of the
+surroundings it covers: so a thing that is too small for a paint stays what it is, and a rim of mixed colours does not.
+
+References
+----------
+Tomasi, Manduchi (1998) Bilateral filtering for gray and color images, ICCV, 839 (means over what is near and alike).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.material.delighting.light_objective import PICTURE_NOISE
+from lidarspectra.material.delighting.one_paint import FLAT, FLOOR, GREEN, Paints
+
+BESIDE_M = 0.2  # [m] to where a paint or a face is beside another
+FADES_M = 0.1  # [m] D, over which a paint becomes e times less likely: what samples of the light are apart
+OUT_OF_PLANE = 0.1  # [1] weight of a paint in another plane, which only folded faces and mixed colours are of
+PLANE_M = 0.03  # [m] within which a face lies in the plane of another
+LIGHTNESS_APART, HUE_APART = 0.5, 0.3  # [1] L and H: what logarithms at edges err by
+OWN = 0.2  # [1] weight of what is of no paint, where it is all that there is about a face; a paint that touches has 1
+LEAST_OWN = 0.01  # [1] the same, however little of it there is
+OWN_NEAR = 40  # faces of no paint, at most, that are looked at about one
+
+
+def settle_beside_paints(scan: Scan, paints: Paints, single: BoolArray, shown: FloatArray) -> Paints:
+    """Give single faces the mean over what they may be of (Eq. 1).
+
+    Parameters
+    ----------
+    scan : Scan
+    paints : Paints
+    single : (face,) bool
+        Which faces to look at; those of a paint are left as they are.
+    shown : (face, 3) float
+        Linear sRGB that the picture shows: a hue is told the worse, the darker it is. [0-1]
+
+    Returns
+    -------
+    paints : Paints
+        With other colours of the single faces, which are still of no paint.
+    """
+    faces = np.flatnonzero(single & (paints.paint < 0))
+    if not faces.size:
+        return paints
+    noise = (PICTURE_NOISE / np.maximum(shown[faces], FLOOR)) ** 2
+    own, weight = _like_it(scan, faces, np.log(np.maximum(paints.color[faces], FLOOR)), noise)
+    total, mean = weight.copy(), weight[:, None] * own
+    for number in range(paints.spread.size):
+        members = np.flatnonzero(paints.paint == number)
+        row, nearest, distance = _in_reach(scan, faces, members)
+        paint = np.log(np.maximum(paints.color[members[0]], FLOOR))
+        likely = _alike(own[row] - paint, noise[row]) * np.exp(-distance / FADES_M)
+        likely *= np.where(_in_plane(scan, faces[row], nearest), 1.0, OUT_OF_PLANE)
+        total[row] += likely
+        mean[row] += likely[:, None] * paint
+    color = paints.color.copy()
+    color[faces] = np.exp(mean / total[:, None])
+    return replace(paints, color=color)
+
+
+def _like_it(scan: Scan, faces: IntArray, logs: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n, 3) mean log reflectance of some faces that are near and like each of them, and (n,) its weight."""
+    centers, areas = scan.centers[faces], scan.areas[faces]
+    distance, near = cKDTree(centers).query(centers, k=min(OWN_NEAR, faces.size), distance_upper_bound=BESIDE_M)
+    distance, near = distance.reshape(faces.size, -1), near.reshape(faces.size, -1)
+    row, column = np.nonzero(np.isfinite(distance))
+    other = near[row, column]
+    likely = areas[other] * _alike(logs[other] - logs[row], noise[row])
+    area = np.bincount(row, weights=likely, minlength=faces.size)
+    mean = np.stack([np.bincount(row, weights=likely * log[other], minlength=faces.size) for log in logs.T], axis=1)
+    reach = np.where(np.isfinite(distance[:, -1]), distance[:, -1], BESIDE_M)  # less where faces are many
+    covered = np.minimum(area / (np.pi * np.maximum(reach, 1e-6) ** 2), 1.0)
+    return mean / np.maximum(area, 1e-30)[:, None], np.maximum(OWN * covered, LEAST_OWN)
+
+
+def _alike(apart: FloatArray, noise: FloatArray) -> FloatArray:
+    """(n,) how likely (n, 3) logarithms so far apart are of one surface, 1 for none; (n, 3) variances of noise."""
+    hue = np.delete(apart - apart[:, [GREEN]], GREEN, axis=1)
+    variance = HUE_APART**2 + np.delete(noise, GREEN, axis=1) + noise[:, [GREEN]]
+    return np.asarray(np.exp(-0.5 * ((apart[:, GREEN] / LIGHTNESS_APART) ** 2 + (hue**2 / variance).sum(axis=1))))
+
+
+def _in_reach(scan: Scan, faces: IntArray, members: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """(n,) rows of some faces that have a member in reach, which one is nearest, and its distance [m]."""
+    centers = scan.centers[members]
+    low, high = centers.min(axis=0) - BESIDE_M, centers.max(axis=0) + BESIDE_M
+    row = np.flatnonzero(((scan.centers[faces] > low) & (scan.centers[faces] < high)).all(axis=1))
+    distance, near = cKDTree(centers).query(scan.centers[faces[row]], distance_upper_bound=BESIDE_M)
+    reached = np.isfinite(distance)
+    return row[reached], members[near[reached]], distance[reached]
+
+
+def _in_plane(scan: Scan, faces: IntArray, others: IntArray) -> BoolArray:
+    """(n,) which faces lie in the planes of the others."""
+    normals = scan.normals[others]
+    away = np.einsum("nc,nc->n", scan.centers[others] - scan.centers[faces], normals)
+    return np.asarray((np.abs(away) < PLANE_M) & (np.einsum("nc,nc->n", normals, scan.normals[faces]) > FLAT))

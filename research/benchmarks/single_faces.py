@@ -1,0 +1,79 @@
+"""What is gained by settling single faces beside paints (`lidarspectra.material.delighting.beside_paints`).
+
+    python -m research.scenes.by_day FOLDER
+    python -m research.benchmarks.single_faces FOLDER [FOLDER ...] [--only office-night ...]
+
+Of each scan: how much of its area is of no paint and what share of all error lies there; then the area-weighted mean of
+the absolute reflectance error (linear sRGB, of what shows a surface), and of the single faces its median and what one
+face in ten exceeds, without that step and with it. The light is the same in both.
+"""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+from lidarspectra.arrays import BoolArray, FloatArray
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.material.colors import surface_colors
+from lidarspectra.material.delighting.beside_paints import settle_beside_paints
+from lidarspectra.material.delighting.one_paint import Paints
+from lidarspectra.room.room import find_room
+from lidarspectra.workflow.materials import delighting
+from lidarspectra.workflow.materials.delighting import take_light_out
+from lidarspectra.workflow.materials.light_rounds import REFLECTANCE_RANGE
+from research.benchmarks.delighting import read_case, true_colors
+
+HEADER = (
+    f"{'scan':24s} {'no paint':>9s} {'of error':>9s}  {'error':>6s} {'now':>6s} {'ratio':>6s}"
+    f"  {'median':>7s} {'now':>6s}  {'1 of 10':>8s} {'now':>6s}"
+)
+
+
+def print_scan(folder: Path) -> None:
+    """Print a scan's row."""
+    case = read_case(folder)
+    before: list[Paints] = []
+
+    def watched(scan: Scan, paints: Paints, single: BoolArray, shown: FloatArray) -> Paints:
+        before.append(paints)
+        return settle_beside_paints(scan, paints, single, shown)
+
+    with patch.object(delighting, "settle_beside_paints", watched):
+        delit = take_light_out(case.scan, find_room(case.scan), case.lamps)
+    if delit.face_color is None or len(before[0].color) != len(case.scan.faces):
+        print(f"{folder.name:24s} no row: no light taken out, or faces too large")
+        return
+    known = surface_colors(case.scan)[1]
+    single = known & (before[0].paint < 0)
+    old = delit.face_color.copy()
+    old[single] = np.clip(before[0].color[single], *REFLECTANCE_RANGE)
+    truth, areas = true_colors(case), case.scan.areas
+    was, now = (np.abs(color - truth).mean(axis=1) for color in (old, delit.face_color))
+    errors = [float(np.average(error[known], weights=areas[known])) for error in (was, now)]
+    marks = [np.quantile(error[single], (0.5, 0.9)) for error in (was, now)]
+    print(
+        f"{folder.name:24s} {100 * areas[single].sum() / areas[known].sum():7.0f} % "
+        f"{100 * (areas * was)[single].sum() / (areas * was)[known].sum():7.0f} %  "
+        f"{errors[0]:6.4f} {errors[1]:6.4f} {errors[1] / errors[0]:6.2f}  "
+        f"{marks[0][0]:7.3f} {marks[1][0]:6.3f}  {marks[0][1]:8.3f} {marks[1][1]:6.3f}",
+        flush=True,
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("folders", type=Path, nargs="+")
+    parser.add_argument("--only", nargs="+", default=[""], help="scans whose names begin so")
+    given = parser.parse_args(arguments)
+    print(HEADER)
+    for folder in (scan for each in given.folders for scan in sorted(each.iterdir())):
+        if (folder / "truth").is_dir() and folder.name.startswith(tuple(given.only)):
+            print_scan(folder)
+
+
+if __name__ == "__main__":
+    main()

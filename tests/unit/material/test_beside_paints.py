@@ -1,0 +1,134 @@
+"""A face at an edge is of a paint beside it; a small thing unlike any paint stays what it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.material.delighting.beside_paints import settle_beside_paints
+from lidarspectra.material.delighting.one_paint import Paints
+
+SIDE_M, STEP_M = 1.2, 0.03
+RED, WHITE, BLACK = np.array([0.6, 0.2, 0.1]), np.array([0.8, 0.78, 0.75]), np.array([0.04, 0.04, 0.04])
+EDGE_M = 0.6  # red before it, white behind it
+
+
+def plane(lift_m: float = 0.0) -> Scan:
+    """A square of small triangles, in the plane y = `lift_m`."""
+    count = round(SIDE_M / STEP_M)
+    u, v = np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij")
+    points = np.stack([STEP_M * u.ravel(), np.full(u.size, lift_m), STEP_M * v.ravel()], axis=1)
+    index = np.arange(u.size).reshape(u.shape)
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    return bare_scan(points, np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3))
+
+
+@pytest.fixture
+def wall() -> Scan:
+    return plane()
+
+
+@pytest.fixture
+def paints(wall: Scan) -> Paints:
+    """Half of the wall red, half white, all of it told."""
+    right = wall.centers[:, 0] > EDGE_M
+    area = np.bincount(right.astype(np.int64), weights=wall.areas)
+    return Paints(
+        color=np.where(right[:, None], WHITE, RED), paint=right.astype(np.int64), spread=np.full(2, 0.05), area_m2=area
+    )
+
+
+def single(paints: Paints, faces: np.ndarray, color: np.ndarray) -> Paints:
+    """The same, but that some faces came out otherwise and are of no paint."""
+    colors, paint = paints.color.copy(), paints.paint.copy()
+    colors[faces], paint[faces] = color, -1
+    return replace(paints, color=colors, paint=paint)
+
+
+def settled(wall: Scan, paints: Paints) -> np.ndarray:
+    everywhere = np.ones(len(wall.faces), dtype=np.bool_)
+    return settle_beside_paints(wall, paints, everywhere, np.full((len(wall.faces), 3), 0.3)).color
+
+
+def test_a_rim_in_a_wrong_light_is_of_the_paint_that_it_lies_in(wall: Scan, paints: Paints) -> None:
+    rim = np.abs(wall.centers[:, 2] - 0.3) < 0.02
+    color = settled(wall, single(paints, rim, 0.7 * paints.color[rim]))
+    apart = np.abs(np.log(color[rim] / paints.color[rim]))
+    assert apart.max() < 0.3 * abs(np.log(0.7))
+    np.testing.assert_array_equal(color[~rim], paints.color[~rim])
+
+
+def test_a_mixed_rim_becomes_one_of_the_two_that_it_is_mixed_of(wall: Scan, paints: Paints) -> None:
+    rim = np.abs(wall.centers[:, 0] - EDGE_M) < 0.015
+    mixed = 0.8 * RED + 0.2 * WHITE
+    color = settled(wall, single(paints, rim, mixed))[rim]
+    assert (np.abs(color - RED).max(axis=1) < 0.5 * np.abs(mixed - RED).max()).all()
+
+
+def test_a_black_thing_on_white_stays_black(wall: Scan, paints: Paints) -> None:
+    thing = (np.abs(wall.centers[:, 0] - 0.9) < 0.1) & (np.abs(wall.centers[:, 2] - 0.6) < 0.1)
+    color = settled(wall, single(paints, thing, BLACK))[thing]
+    assert np.median(color[:, 1]) == pytest.approx(BLACK[1], rel=0.05)
+    assert color[:, 1].max() < 0.1  # its rim as well
+
+
+def test_noise_of_a_small_thing_is_evened_and_its_hue_is_kept(wall: Scan, paints: Paints) -> None:
+    green = np.array([0.1, 0.4, 0.15])
+    thing = (np.abs(wall.centers[:, 0] - 0.9) < 0.12) & (np.abs(wall.centers[:, 2] - 0.6) < 0.12)
+    noise = np.exp(0.15 * np.random.default_rng(1).standard_normal((int(thing.sum()), 1)))
+    color = settled(wall, single(paints, thing, noise * green))[thing]
+    assert np.std(np.log(color[:, 1])) < 0.5 * np.std(np.log(noise))
+    np.testing.assert_allclose(np.median(color, axis=0), green, rtol=0.1)
+
+
+def test_a_thing_before_a_wall_is_not_of_its_paint_as_a_mark_on_it_is(wall: Scan, paints: Paints) -> None:
+    """Half as light as the white behind it: a grey strip 6 cm before the wall stays greyer than one on it."""
+    strip = np.flatnonzero(np.abs(wall.centers[:, 0] - 0.9) < 0.016)
+    front = plane(-0.06)
+    vertices = np.concatenate([wall.vertices, front.vertices])
+    both = bare_scan(vertices, np.concatenate([wall.faces, front.faces[strip] + len(wall.vertices)]))
+    more = Paints(
+        color=np.concatenate([paints.color, np.tile(0.5 * WHITE, (strip.size, 1))]),
+        paint=np.concatenate([paints.paint, np.full(strip.size, -1)]),
+        spread=paints.spread,
+        area_m2=paints.area_m2,
+    )
+    before = settled(both, more)[len(wall.faces) :]
+    on_it = settled(wall, single(paints, strip, 0.5 * WHITE))[strip]
+    assert np.median(before[:, 1]) < np.median(on_it[:, 1]) - 0.1
+
+
+def test_in_the_dark_no_hue_is_told(wall: Scan, paints: Paints) -> None:
+    rim = np.abs(wall.centers[:, 2] - 0.3) < 0.02
+    tinted = single(paints, rim, paints.color[rim] * [1.0, 1.0, 0.25])
+    everywhere = np.ones(len(wall.faces), dtype=np.bool_)
+    shown = np.full((len(wall.faces), 3), 0.3)
+    bright = settle_beside_paints(wall, tinted, everywhere, shown).color[rim]
+    shown[rim, 2] = 0.003
+    dark = settle_beside_paints(wall, tinted, everywhere, shown).color[rim]
+    right = wall.centers[rim, 0] > EDGE_M + 0.2
+    assert np.median(dark[right, 2]) > np.median(bright[right, 2]) + 0.1
+    assert np.median(dark[right, 2]) == pytest.approx(WHITE[2], rel=0.2)
+
+
+def test_only_faces_that_were_asked_for_change(wall: Scan, paints: Paints) -> None:
+    rim = np.abs(wall.centers[:, 2] - 0.3) < 0.02
+    changed = single(paints, rim, np.array([0.3, 0.3, 0.3]))
+    nobody = np.zeros(len(wall.faces), dtype=np.bool_)
+    found = settle_beside_paints(wall, changed, nobody, np.full((len(wall.faces), 3), 0.3))
+    np.testing.assert_array_equal(found.color, changed.color)
+
+
+def test_where_there_is_no_paint_what_is_alike_is_evened(wall: Scan, paints: Paints) -> None:
+    none = Paints(color=paints.color, paint=np.full(len(wall.faces), -1), spread=np.zeros(0), area_m2=np.zeros(0))
+    color = settled(wall, none)
+    far = np.abs(wall.centers[:, 0] - EDGE_M) > 0.25
+    np.testing.assert_allclose(color[far], paints.color[far], rtol=0.01)
+
+
+def test_a_single_face_alone_is_left_as_it_is() -> None:
+    scan = bare_scan(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 0.1]]), np.array([[0, 1, 2]]))
+    alone = Paints(color=RED[None], paint=np.array([-1]), spread=np.zeros(0), area_m2=np.zeros(0))
+    found = settle_beside_paints(scan, alone, np.ones(1, dtype=np.bool_), np.full((1, 3), 0.3))
+    np.testing.assert_allclose(found.color, RED[None])
