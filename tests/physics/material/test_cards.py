@@ -17,7 +17,10 @@ from lidarspectra.workflow.materials.delighting import take_light_out
 
 from .lit_rooms import all_light, exchange, joined, lamp_light, painted, plane
 
-pytestmark = pytest.mark.slow  # a room photographed by radiosity and de-lit, twice
+pytestmark = [
+    pytest.mark.slow,  # a room photographed by radiosity and de-lit, twice
+    pytest.mark.usefixtures("half_samples"),
+]
 
 LENGTH_M, WIDTH_M, HEIGHT_M = 4.0, 3.2, 2.6
 FLOOR, WALLS, CEILING, CARD, LIGHT_CARD = 0.15, 0.3, 0.5, 0.18, 0.6  # a ceiling far darker than most

@@ -19,7 +19,10 @@ from lidarspectra.workflow.materials.delighting import Delighting, take_light_ou
 
 from .lit_rooms import all_light, exchange, joined, lamp_light, painted, plane
 
-pytestmark = pytest.mark.slow  # a room photographed by radiosity and de-lit
+pytestmark = [
+    pytest.mark.slow,  # a room photographed by radiosity and de-lit
+    pytest.mark.usefixtures("half_samples"),
+]
 
 LENGTH_M, WIDTH_M, HEIGHT_M, EDGE_M = 4.4, 3.2, 2.6, 0.2
 FLOOR, WALLS, CEILING, DESK, DARK = 0.25, 0.5, 0.8, 0.85, 0.12

@@ -16,7 +16,10 @@ from lidarspectra.workflow.materials.delighting import take_light_out
 
 from .lit_rooms import Part, all_light, exchange, joined, lamp_light, painted, plane
 
-pytestmark = pytest.mark.slow  # a room photographed by radiosity and de-lit
+pytestmark = [
+    pytest.mark.slow,  # a room photographed by radiosity and de-lit
+    pytest.mark.usefixtures("half_samples"),
+]
 
 SIZE_M = (5.0, 3.0, 2.6)
 EDGE_M = 0.25  # [m] of a pixel of the texture

@@ -16,7 +16,10 @@ from lidarspectra.workflow.materials.delighting import take_light_out
 
 from .lit_rooms import all_light, exchange, joined, lamp_light, painted, plane
 
-pytestmark = pytest.mark.slow  # a room photographed by radiosity and de-lit, twice
+pytestmark = [
+    pytest.mark.slow,  # a room photographed by radiosity and de-lit, twice
+    pytest.mark.usefixtures("half_samples"),
+]
 
 LENGTH_M, WIDTH_M, HEIGHT_M = 4.0, 3.2, 2.6
 FLOOR, WALLS, CEILING, FRONT = 0.2, 0.5, 0.8, 0.05

@@ -14,7 +14,10 @@ from lidarspectra.workflow.materials.delighting import take_light_out
 
 from .lit_rooms import all_light, exchange, joined, lamp_light, painted, plane
 
-pytestmark = pytest.mark.slow  # rooms photographed by radiosity and de-lit, some seconds
+pytestmark = [
+    pytest.mark.slow,  # rooms photographed by radiosity and de-lit, some seconds
+    pytest.mark.usefixtures("half_samples"),
+]
 
 LENGTH_M, WIDTH_M, HEIGHT_M, EDGE_M = 6.0, 3.2, 2.6, 0.2
 WALL_M = (2.95, 3.05)  # [m] x of the two sides of the wall between the rooms
