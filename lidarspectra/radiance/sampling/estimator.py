@@ -10,6 +10,7 @@ variance v/n and price c of a sample, n proportional to sqrt(v/c) reaches a give
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ VALUES_PER_JOB = 2**24  # results of paths that are not averaged, in one answer 
 NEIGHBOURS = 9  # points whose variances are averaged to share out work
 _MAX_BURN_RECORDS = 8  # results thrown away at the start of a job, so that jobs use the engine's numbers shifted
 _MAX_BURN_RAYS = 64  # the same for the paths that sensors share
+MIN_PIECE = 2**12  # least rays of a process, where one job is cut for several: 0.3 s, of which its start takes 0.03 s
 
 
 @dataclass(kw_only=True)
@@ -137,7 +139,13 @@ class Task:
 
 
 def make_tasks(
-    component: Component, wanted: IntArray, sensors: Sensors, *, rays_per_job: int, generator: np.random.Generator
+    component: Component,
+    wanted: IntArray,
+    sensors: Sensors,
+    *,
+    rays_per_job: int,
+    workers: int = 1,
+    generator: np.random.Generator,
 ) -> Iterator[Task]:
     """Cut the samples that points want into jobs of about equal work.
 
@@ -149,11 +157,15 @@ def make_tasks(
     sensors : Sensors
     rays_per_job : int
         Rays that a child process is given, at most, but for a single point's.
+    workers : int
+        Processes that a single job of shared paths is cut for. What is drawn does not depend on it.
     generator : numpy.random.Generator
     """
     if component.sampler.is_shared and component.surfaces is not None:
         if wanted[0] > 0:
-            yield from _pooled_tasks(component, component.surfaces, int(wanted[0]), sensors, rays_per_job, generator)
+            yield from _pooled_tasks(
+                component, component.surfaces, int(wanted[0]), sensors, rays_per_job, workers, generator
+            )
         return
     for size in sorted(set(wanted[wanted > 0].tolist())):
         points = np.flatnonzero(wanted == size)
@@ -171,6 +183,7 @@ def _pooled_tasks(
     paths: int,
     sensors: Sensors,
     rays_per_job: int,
+    workers: int,
     generator: np.random.Generator,
 ) -> Iterator[Task]:
     start = time.process_time()
@@ -192,9 +205,19 @@ def _pooled_tasks(
     rays_per_job = min(rays_per_job, max(1, VALUES_PER_JOB // values))
     for leg in pooled.legs:
         for first in range(0, len(leg.rays), rays_per_job):
-            part = slice(first, first + rays_per_job)
+            part = slice(first, min(first + rays_per_job, len(leg.rays)))
             burn = int(generator.integers(1, _MAX_BURN_RAYS + 1))  # or parts of one second err alike, and hide it
-            yield Task(component=component, points=points, size=paths, burn=burn, pooled=pooled, leg=leg, part=part)
+            pieces = _pieces(part, workers) if len(leg.rays) <= rays_per_job else [part]
+            for number, piece in enumerate(pieces):
+                own = (burn - 1 + number * _MAX_BURN_RAYS // len(pieces)) % _MAX_BURN_RAYS + 1
+                yield Task(component=component, points=points, size=paths, burn=own, pooled=pooled, leg=leg, part=piece)
+
+
+def _pieces(part: slice, workers: int) -> list[slice]:
+    """A job's rays cut evenly for so many processes, as far as each gets enough."""
+    count = max(1, min(workers, (part.stop - part.start) // MIN_PIECE))
+    edges = np.linspace(part.start, part.stop, count + 1).round().astype(np.int64).tolist()
+    return [slice(first, last) for first, last in pairwise(edges)]
 
 
 def pooled_estimates(component: Component, pooled: PooledPaths, sensors: Sensors) -> FloatArray:

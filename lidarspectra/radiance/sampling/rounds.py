@@ -244,6 +244,7 @@ def _sample(
     asking: list[tuple[Component, IntArray]] = []
     for component, more in zip(components, wanted, strict=True):
         (casting if component.is_cast else asking).append((component, more))
+    cut_for = request.workers // max(1, sum(bool(more.any()) for _, more in asking))  # others run side by side
 
     def left() -> Iterator[Task]:
         for component, more in casting:
@@ -256,7 +257,7 @@ def _sample(
             waiting.append(task)
             yield task_job(task, sensors, scene.folder, generator=generator)
         for component, more in asking:
-            for task in make_tasks(component, more, sensors, rays_per_job=chunk, generator=generator):
+            for task in make_tasks(component, more, sensors, rays_per_job=chunk, workers=cut_for, generator=generator):
                 waiting.append(task)
                 job = task_job(task, sensors, scene.folder, generator=generator)
                 # Points on lamps are the engine's own numbers; those of an earlier round would tell nothing new.

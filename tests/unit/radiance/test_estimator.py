@@ -1,5 +1,6 @@
 """Sharing out samples, and keeping running means of batches."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.radiance.engine.bands import band_groups
 from lidarspectra.radiance.engine.engine import EngineRun
 from lidarspectra.radiance.engine.options import PassOptions
+from lidarspectra.radiance.sampling import estimator
 from lidarspectra.radiance.sampling.estimator import (
     BATCHES,
     Component,
@@ -145,6 +147,35 @@ def test_a_point_that_wants_more_than_a_job_gets_a_job_of_its_own() -> None:
         make_tasks(part, np.array([987, 987]), sensors(2), rays_per_job=10, generator=np.random.default_rng(1))
     )
     assert [task.points.tolist() for task in tasks] == [[0], [1]]
+
+
+def shared_tasks(rays: int, workers: int, monkeypatch: pytest.MonkeyPatch) -> tuple[list[Task], int]:
+    """Tasks of one leg of so many shared rays, and a number that the generator draws after them."""
+    leg = SimpleNamespace(rays=np.zeros((rays, 6)))
+    monkeypatch.setattr(estimator, "draw_pooled_paths", lambda *_, **__: SimpleNamespace(missing=rays, legs=[leg]))
+    part = component(3, "often", samples=np.zeros(1, dtype=np.int64), surfaces=SimpleNamespace())
+    generator = np.random.default_rng(1)
+    given = make_tasks(part, np.array([8]), sensors(3), rays_per_job=2**15, workers=workers, generator=generator)
+    return list(given), int(generator.integers(2**40))
+
+
+def test_a_lone_job_of_shared_paths_is_cut_evenly_for_all_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    tasks, after = shared_tasks(16_501, 3, monkeypatch)
+    assert [(task.part.start, task.part.stop) for task in tasks] == [(0, 5500), (5500, 11001), (11001, 16501)]
+    assert len({task.burn for task in tasks}) == 3  # jobs of one second must not be in step
+    assert all(1 <= task.burn <= 64 for task in tasks)
+    (alone,), after_alone = shared_tasks(16_501, 1, monkeypatch)
+    assert (alone.part.start, alone.part.stop, alone.burn) == (0, 16_501, tasks[0].burn)
+    assert after == after_alone  # nothing that is drawn depends on the workers
+
+
+@pytest.mark.parametrize(("rays", "workers", "count"), [(8_191, 2, 1), (8_192, 2, 2), (8_192, 0, 1), (40_000, 2, 2)])
+def test_shared_paths_are_cut_only_where_each_process_gets_enough(
+    rays: int, workers: int, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tasks, _ = shared_tasks(rays, workers, monkeypatch)
+    assert len(tasks) == count  # the last are two jobs as it is
+    assert sum(task.rays for task in tasks) == rays
 
 
 def test_answers_go_to_their_points_lamps_and_bands() -> None:
