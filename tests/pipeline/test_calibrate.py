@@ -171,6 +171,7 @@ def test_a_plan_of_readings_is_a_file_to_fill_in(
     assert list(told.columns) == ["name", "x", "y", "z", "nx", "ny", "nz", "lux"]
     assert len(told) == 4
     assert len(told[["x", "y", "z", "nx", "ny", "nz"]].drop_duplicates()) == 4
+    assert len(told[["x", "y", "z"]].drop_duplicates()) >= 2
     assert told["z"].between(0.1, 2.0).all()
     assert len({name.split()[1] for name in told["name"]}) >= 2  # what is told by one direction is not told twice
     assert (run / "calibration" / "readings-to-take.png").is_file()

@@ -1,4 +1,4 @@
-"""A Dask cluster of two worker processes, started once for all files of this folder."""
+"""A Dask cluster of two worker processes, started once for a file: one for the session would be awake to its end."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from distributed import LocalCluster
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def cluster() -> Iterator["LocalCluster"]:
     """Workers on this machine, each a process; one that is killed is started again."""
     from distributed import LocalCluster
