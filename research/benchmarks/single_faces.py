@@ -89,7 +89,7 @@ def draw(scan: Scan, colors: Mapping[str, FloatArray], known: BoolArray, path: P
         outline = triangles[faces][:, :, [other for other in range(3) if other != axis]]
         for axes, (name, color) in zip(rows[:, column], colors.items(), strict=True):
             shown = np.where(known[faces, None], encode_srgb(np.clip(color[faces], 0.0, 1.0)), 0.0)
-            axes.add_collection(PolyCollection(outline, facecolors=shown, antialiaseds=False, linewidths=0.0))
+            axes.add_collection(PolyCollection(list(outline), facecolors=shown, antialiaseds=False, linewidths=0.0))
             axes.autoscale()
             axes.set_aspect("equal")
             axes.set_axis_off()
