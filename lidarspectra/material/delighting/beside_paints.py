@@ -34,6 +34,8 @@ LIGHTNESS_APART, HUE_APART = 0.5, 0.3  # [1] L and H: what logarithms at edges e
 OWN = 0.2  # [1] weight of what is of no paint, where it is all that there is about a face; a paint that touches has 1
 LEAST_OWN = 0.01  # [1] the same, however little of it there is
 OWN_NEAR = 40  # faces of no paint, at most, that are looked at about one
+LEAST_M2 = 1e-12  # [m²] of a face: one without area is like itself
+AT_ONCE = 2**14  # faces whose surroundings are in memory: with all of a hall's, 3 GB
 
 
 def settle_beside_paints(scan: Scan, paints: Paints, single: BoolArray, shown: FloatArray) -> Paints:
@@ -59,7 +61,7 @@ def settle_beside_paints(scan: Scan, paints: Paints, single: BoolArray, shown: F
     noise = (PICTURE_NOISE / np.maximum(shown[faces], FLOOR)) ** 2
     own, weight = _like_it(scan, faces, np.log(np.maximum(paints.color[faces], FLOOR)), noise)
     total, mean = weight.copy(), weight[:, None] * own
-    for number in range(paints.spread.size):
+    for number in np.unique(paints.paint[paints.paint >= 0]):
         members = np.flatnonzero(paints.paint == number)
         row, nearest, distance = _in_reach(scan, faces, members)
         paint = np.log(np.maximum(paints.color[members[0]], FLOOR))
@@ -74,17 +76,20 @@ def settle_beside_paints(scan: Scan, paints: Paints, single: BoolArray, shown: F
 
 def _like_it(scan: Scan, faces: IntArray, logs: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(n, 3) mean log reflectance of some faces that are near and like each of them, and (n,) its weight."""
-    centers, areas = scan.centers[faces], scan.areas[faces]
-    distance, near = cKDTree(centers).query(centers, k=min(OWN_NEAR, faces.size), distance_upper_bound=BESIDE_M)
-    distance, near = distance.reshape(faces.size, -1), near.reshape(faces.size, -1)
-    row, column = np.nonzero(np.isfinite(distance))
-    other = near[row, column]
-    likely = areas[other] * _alike(logs[other] - logs[row], noise[row])
-    area = np.bincount(row, weights=likely, minlength=faces.size)
-    mean = np.stack([np.bincount(row, weights=likely * log[other], minlength=faces.size) for log in logs.T], axis=1)
-    reach = np.where(np.isfinite(distance[:, -1]), distance[:, -1], BESIDE_M)  # less where faces are many
-    covered = np.minimum(area / (np.pi * np.maximum(reach, 1e-6) ** 2), 1.0)
-    return mean / np.maximum(area, 1e-30)[:, None], np.maximum(OWN * covered, LEAST_OWN)
+    centers, tree = scan.centers[faces], cKDTree(scan.centers[faces])
+    areas = np.maximum(scan.areas[faces], LEAST_M2)
+    mean, weight = np.empty((faces.size, 3)), np.empty(faces.size)
+    for first in range(0, faces.size, AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        distance, near = tree.query(centers[part], k=np.arange(1, OWN_NEAR + 1), distance_upper_bound=BESIDE_M)
+        row, column = np.nonzero(np.isfinite(distance))
+        other = near[row, column]
+        likely = areas[other] * _alike(logs[other] - logs[part][row], noise[part][row])
+        area, *sums = (np.bincount(row, weights=likely * value) for value in (1.0, *logs[other].T))
+        mean[part] = np.stack(sums, axis=1) / area[:, None]
+        reach = np.clip(distance[:, -1], 1e-6, BESIDE_M)  # infinite, but where faces are many
+        weight[part] = np.clip(OWN * area / (np.pi * reach**2), LEAST_OWN, OWN)
+    return mean, weight
 
 
 def _alike(apart: FloatArray, noise: FloatArray) -> FloatArray:

@@ -1,11 +1,13 @@
 """A face at an edge is of a paint beside it; a small thing unlike any paint stays what it is."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.material.delighting import beside_paints
 from lidarspectra.material.delighting.beside_paints import settle_beside_paints
 from lidarspectra.material.delighting.one_paint import Paints
 
@@ -99,17 +101,72 @@ def test_a_thing_before_a_wall_is_not_of_its_paint_as_a_mark_on_it_is(wall: Scan
     assert np.median(before[:, 1]) < np.median(on_it[:, 1]) - 0.1
 
 
-def test_in_the_dark_no_hue_is_told(wall: Scan, paints: Paints) -> None:
+@pytest.mark.parametrize("channel", [1, 2])
+def test_in_the_dark_no_hue_is_told(wall: Scan, paints: Paints, channel: int) -> None:
     rim = np.abs(wall.centers[:, 2] - 0.3) < 0.02
-    tinted = single(paints, rim, paints.color[rim] * [1.0, 1.0, 0.25])
+    tint = np.where(np.arange(3) == channel, 0.5, 1.0)
+    tinted = single(paints, rim, paints.color[rim] * tint)
     everywhere = np.ones(len(wall.faces), dtype=np.bool_)
     shown = np.full((len(wall.faces), 3), 0.3)
     bright = settle_beside_paints(wall, tinted, everywhere, shown).color[rim]
-    shown[rim, 2] = 0.003
+    shown[rim, channel] = 0.003
     dark = settle_beside_paints(wall, tinted, everywhere, shown).color[rim]
     right = wall.centers[rim, 0] > EDGE_M + 0.2
-    assert np.median(dark[right, 2]) > np.median(bright[right, 2]) + 0.1
-    assert np.median(dark[right, 2]) == pytest.approx(WHITE[2], rel=0.2)
+    assert np.median(dark[right, channel]) > np.median(bright[right, channel]) + 0.1
+    assert np.median(dark[right, channel]) == pytest.approx(WHITE[channel], rel=0.2)
+
+
+def gray_strip(wall: Scan, paints: Paints, first_m: float, last_m: float) -> tuple[np.ndarray, Paints]:
+    """Faces of no paint at these heights, as grey as lies in the middle between a lighter paint below and a darker."""
+    below, above = np.exp(0.4) * 0.4 * np.ones(3), np.exp(-0.4) * 0.4 * np.ones(3)
+    up = wall.centers[:, 2] > 0.5 * (first_m + last_m)
+    two = replace(paints, color=np.where(up[:, None], above, below), paint=up.astype(np.int64))
+    strip = (wall.centers[:, 2] > first_m) & (wall.centers[:, 2] < last_m)
+    return strip, single(two, strip, np.full(3, 0.4))
+
+
+def test_of_two_paints_that_are_as_likely_a_face_is_of_the_nearer(wall: Scan, paints: Paints) -> None:
+    strip, between = gray_strip(wall, paints, 0.51, 0.69)
+    color, height = settled(wall, between)[strip, 1], wall.centers[strip, 2]
+    middle = np.median(color)
+    low, high = (np.median(color[np.abs(height - at) < 0.02]) for at in (0.52, 0.68))
+    # 1 and 17 cm away: exp(-0.1) and exp(-1.7), as their logarithms' means by these weights, near those of the paints
+    assert np.log(low / middle) > 0.2
+    assert np.log(high / middle) < -0.2
+
+
+def test_one_large_face_beside_one_of_a_paint_has_the_mean_of_equation_1() -> None:
+    points = 0.3 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]])
+    square = bare_scan(points, np.array([[0, 1, 2], [1, 3, 2]]))
+    two = Paints(
+        color=np.stack([0.5 * WHITE, WHITE]), paint=np.array([-1, 0]), spread=np.zeros(1), area_m2=np.array([0.045])
+    )
+    found = settled(square, two)
+    own = 0.2 * 0.045 / (np.pi * 0.2**2)  # with how much it covers of what is in reach
+    paint = np.exp(-0.1 * np.sqrt(2) / 0.1 - (np.log(2) / 0.5) ** 2 / 2)
+    np.testing.assert_allclose(found, [0.5 ** (own / (own + paint)) * WHITE, WHITE])
+
+
+def test_a_paint_out_of_reach_tells_a_face_nothing(wall: Scan, paints: Paints) -> None:
+    strip, between = gray_strip(wall, paints, 0.33, 0.87)
+    far = strip & (np.abs(wall.centers[:, 2] - 0.6) < 0.05)
+    np.testing.assert_allclose(settled(wall, between)[far], 0.4)
+
+
+def test_a_face_that_turns_away_from_a_wall_is_less_of_its_paint(wall: Scan, paints: Paints) -> None:
+    """Two triangles of half as light a grey that touch the white: one goes on in its plane, the other stands on it."""
+    found = []
+    for out in ([0.0, 0.0, 0.02], [0.0, -0.02, 0.0]):
+        corners = np.array([[0.9, 0.0, SIDE_M], [0.92, 0.0, SIDE_M], np.array([0.9, 0.0, SIDE_M]) + out])
+        face = len(wall.vertices) + np.arange(3)[None]
+        both = bare_scan(np.concatenate([wall.vertices, corners]), np.concatenate([wall.faces, face]))
+        more = replace(
+            paints, color=np.concatenate([paints.color, 0.5 * WHITE[None]]), paint=np.append(paints.paint, -1)
+        )
+        flat = np.abs(both.normals[-1, 1])
+        assert flat == pytest.approx(1.0 if out[2] else 0.0)
+        found.append(settled(both, more)[-1, 1])
+    assert found[1] < found[0] - 0.02
 
 
 def test_only_faces_that_were_asked_for_change(wall: Scan, paints: Paints) -> None:
@@ -132,3 +189,32 @@ def test_a_single_face_alone_is_left_as_it_is() -> None:
     alone = Paints(color=RED[None], paint=np.array([-1]), spread=np.zeros(0), area_m2=np.zeros(0))
     found = settle_beside_paints(scan, alone, np.ones(1, dtype=np.bool_), np.full((1, 3), 0.3))
     np.testing.assert_allclose(found.color, RED[None])
+
+
+def test_what_lies_far_away_tells_a_face_nothing(wall: Scan, paints: Paints) -> None:
+    """Neither that there is more of no paint elsewhere, nor that there is nothing."""
+    face = np.argmin(np.linalg.norm(wall.centers - [0.9, 0.0, 0.6], axis=1))
+    alone = single(paints, np.arange(len(wall.faces)) == face, 0.3 * WHITE)
+    far = single(alone, wall.centers[:, 0] < 0.3, RED)
+    np.testing.assert_allclose(settled(wall, alone)[face], settled(wall, far)[face])
+    assert settled(wall, alone)[face, 1] > 0.8 * WHITE[1]  # there is but one such face
+
+
+def test_a_face_without_area_is_left_as_it_is() -> None:
+    sliver = bare_scan(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0]]), np.array([[0, 1, 2]]))
+    alone = Paints(color=RED[None], paint=np.array([-1]), spread=np.zeros(0), area_m2=np.zeros(0))
+    found = settle_beside_paints(sliver, alone, np.ones(1, dtype=np.bool_), np.full((1, 3), 0.3))
+    np.testing.assert_allclose(found.color, RED[None])
+
+
+def test_memory_does_not_grow_with_the_surroundings_of_all_faces(
+    wall: Scan, paints: Paints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    all_single = single(paints, np.ones(len(wall.faces), dtype=np.bool_), WHITE)
+    color = settled(wall, all_single)
+    monkeypatch.setattr(beside_paints, "AT_ONCE", 97)
+    tracemalloc.start()
+    np.testing.assert_allclose(settled(wall, all_single), color)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2_000 * len(wall.faces)  # [B] 40 neighbours of each at once are some 6,000
