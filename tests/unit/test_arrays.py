@@ -35,7 +35,7 @@ def test_what_is_linked_through_others_hangs_together() -> None:
 
 
 def test_links_that_are_told_many_times_still_link() -> None:
-    assert not linked(np.repeat([[0, 1]], 256, axis=0), 2).any()  # as one byte, their sum would be none
+    assert not linked(np.repeat([[0, 1]], 256, axis=0), 2).any()
 
 
 def test_nothing_is_linked_where_there_is_nothing() -> None:

@@ -1,7 +1,9 @@
 """Sharing out samples, and keeping running means of batches."""
 
+from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.radiance.engine.bands import band_groups
 from lidarspectra.radiance.engine.engine import EngineRun
 from lidarspectra.radiance.engine.options import PassOptions
-from lidarspectra.radiance.sampling import estimator
+from lidarspectra.radiance.sampling import estimator, rounds
 from lidarspectra.radiance.sampling.estimator import (
     BATCHES,
     Component,
@@ -24,6 +26,7 @@ from lidarspectra.radiance.sampling.estimator import (
     wanted_samples,
 )
 from lidarspectra.radiance.sampling.receptors import FIBONACCI, cone_receptor, cosine_receptor
+from lidarspectra.radiance.sampling.request import Log, Request
 from lidarspectra.radiance.sampling.rounds import share_done
 from lidarspectra.radiance.sampling.running_means import Batches, Weights
 from lidarspectra.radiance.sampling.samplers import DIRECT, OFTEN, ONCE, VIEW, Kind, samplers_of
@@ -149,12 +152,12 @@ def test_a_point_that_wants_more_than_a_job_gets_a_job_of_its_own() -> None:
     assert [task.points.tolist() for task in tasks] == [[0], [1]]
 
 
-def shared_tasks(rays: int, workers: int, monkeypatch: pytest.MonkeyPatch) -> tuple[list[Task], int]:
+def shared_tasks(rays: int, workers: int, monkeypatch: pytest.MonkeyPatch, *, seed: int = 1) -> tuple[list[Task], int]:
     """Tasks of one leg of so many shared rays, and a number that the generator draws after them."""
     leg = SimpleNamespace(rays=np.zeros((rays, 6)))
     monkeypatch.setattr(estimator, "draw_pooled_paths", lambda *_, **__: SimpleNamespace(missing=rays, legs=[leg]))
     part = component(3, "often", samples=np.zeros(1, dtype=np.int64), surfaces=SimpleNamespace())
-    generator = np.random.default_rng(1)
+    generator = np.random.default_rng(seed)
     given = make_tasks(part, np.array([8]), sensors(3), rays_per_job=2**15, workers=workers, generator=generator)
     return list(given), int(generator.integers(2**40))
 
@@ -163,10 +166,14 @@ def test_a_lone_job_of_shared_paths_is_cut_evenly_for_all_workers(monkeypatch: p
     tasks, after = shared_tasks(16_501, 3, monkeypatch)
     assert [(task.part.start, task.part.stop) for task in tasks] == [(0, 5500), (5500, 11001), (11001, 16501)]
     assert len({task.burn for task in tasks}) == 3  # jobs of one second must not be in step
-    assert all(1 <= task.burn <= 64 for task in tasks)
     (alone,), after_alone = shared_tasks(16_501, 1, monkeypatch)
     assert (alone.part.start, alone.part.stop, alone.burn) == (0, 16_501, tasks[0].burn)
     assert after == after_alone  # nothing that is drawn depends on the workers
+
+
+def test_what_is_burned_by_parts_of_shared_paths_is_any_of_64_rays(monkeypatch: pytest.MonkeyPatch) -> None:
+    tasks = [task for seed in range(300) for task in shared_tasks(16_501, 3, monkeypatch, seed=seed)[0]]
+    assert {task.burn for task in tasks} == set(range(1, 65))
 
 
 @pytest.mark.parametrize(("rays", "workers", "count"), [(8_191, 2, 1), (8_192, 2, 2), (8_192, 0, 1), (40_000, 2, 2)])
@@ -176,6 +183,31 @@ def test_shared_paths_are_cut_only_where_each_process_gets_enough(
     tasks, _ = shared_tasks(rays, workers, monkeypatch)
     assert len(tasks) == count  # the last are two jobs as it is
     assert sum(task.rays for task in tasks) == rays
+
+
+@pytest.mark.parametrize(("wanted", "cut_for"), [((8, 0), 4), ((8, 8), 2), ((0, 0), 4)])
+def test_workers_are_shared_by_the_components_that_want_samples(
+    wanted: tuple[int, int], cut_for: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+
+    def no_tasks(*_: Any, workers: int = 1, **__: Any) -> Iterator[Task]:
+        asked.append(workers)
+        return iter(())
+
+    monkeypatch.setattr(rounds, "make_tasks", no_tasks)
+    request = cast(Request, SimpleNamespace(workers=4, engine=SimpleNamespace(run_jobs=lambda jobs, **_: list(jobs))))
+    rounds._sample(
+        [component(3), component(3)],
+        [np.full(3, more) for more in wanted],
+        sensors(3),
+        cast(Any, SimpleNamespace(folder=Path())),
+        request,
+        generator=np.random.default_rng(1),
+        log=Log(),
+        progress=lambda *_: None,
+    )
+    assert asked == [cut_for, cut_for]
 
 
 def test_answers_go_to_their_points_lamps_and_bands() -> None:
