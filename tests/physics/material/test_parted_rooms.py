@@ -1,16 +1,20 @@
 """Two rooms with a door between them, photographed as one scan: their ceilings lie in one plane, and are two paints."""
 
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 import lidarspectra as ls
-from lidarspectra.arrays import BoolArray
+from lidarspectra.arrays import BoolArray, FloatArray
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.material.delighting.beside_paints import settle_beside_paints
 from lidarspectra.room.room import find_room
+from lidarspectra.workflow.materials import delighting
 from lidarspectra.workflow.materials.delighting import take_light_out
+from lidarspectra.workflow.materials.light_rounds import REFLECTANCE_RANGE
 
 from .lit_rooms import all_light, exchange, joined, lamp_light, painted, plane
 
@@ -26,8 +30,8 @@ FLOOR, WALLS, CEILING, OTHER_CEILING = 0.25, 0.5, 0.83, 0.69
 SCATTER = 0.08  # [1] of what the picture shows of a face, relative: two lightnesses are then no two peaks
 
 
-def rooms(folder: Path) -> tuple[Scan, list[BoolArray], list[Lamp]]:
-    """The scan as photographed, the faces of its two ceilings, and its lamps."""
+def rooms(folder: Path) -> tuple[Scan, list[BoolArray], list[Lamp], FloatArray]:
+    """The scan as photographed, the faces of its two ceilings, its lamps, and each face's reflectance."""
     x, y, z = np.diag([LENGTH_M, WIDTH_M, HEIGHT_M])
     here, there = (np.array([at, 0.0, 0.0]) for at in WALL_M)
     wide, door = np.array([WALL_M[1] - WALL_M[0], 0, 0]), np.array([0, DOOR_M, 0])
@@ -56,13 +60,21 @@ def rooms(folder: Path) -> tuple[Scan, list[BoolArray], list[Lamp]]:
     ]
     seen = reflectance * all_light(exchange(scan), reflectance, lamp_light(scan, lamps, folder))
     seen *= np.exp(SCATTER * np.random.default_rng(4).standard_normal(len(seen)))
-    return painted(scan, 0.9 * seen / seen.max()), [member == 1, member == 2], lamps
+    return painted(scan, 0.9 * seen / seen.max()), [member == 1, member == 2], lamps, reflectance
 
 
-def test_ceilings_that_a_wall_parts_keep_their_own_reflectance(tmp_path: Path) -> None:
-    scan, ceilings, lamps = rooms(tmp_path)
-    found = take_light_out(scan, find_room(scan), lamps, workers=2)
+def test_ceilings_that_a_wall_parts_keep_their_own_reflectance_and_single_faces_gain(tmp_path: Path) -> None:
+    scan, ceilings, lamps, reflectance = rooms(tmp_path)
+    with patch.object(delighting, "settle_beside_paints", wraps=settle_beside_paints) as settle:
+        found = take_light_out(scan, find_room(scan), lamps, workers=2)
     assert found.face_color is not None
     for ceiling, truth in zip(ceilings, (CEILING, OTHER_CEILING), strict=True):
         # One paint on both, their mean, would be 9 % off either.
         assert np.median(found.face_color[ceiling].mean(axis=1)) == pytest.approx(truth, rel=0.05)
+    _, paints, asked, _ = settle.call_args.args
+    single = asked & (paints.paint < 0)
+    before, now = (
+        np.abs(np.clip(each[single], *REFLECTANCE_RANGE).mean(axis=1) - reflectance[single]).mean()
+        for each in (paints.color, found.face_color)
+    )
+    assert now < 0.9 * before  # .81 of it
