@@ -29,9 +29,7 @@ from lidarspectra.workflow.run_folder.workspace import STAGES
 RoomWriter = Callable[..., Path]
 RunCopier = Callable[[Path], Path]
 SharedMaker = Callable[[str, Callable[[Path], None]], Path]  # the fixture `made_once`
-FEW_SAMPLES = (
-    1_000  # [1] places whose light is told, of 6,000: what that tells of a surface, tests/physics/material hold
-)
+FEW_SAMPLES = 1_000  # places whose light is estimated, of 6,000: tests/physics/material hold what that gives
 
 ROOM = """
 [scan]

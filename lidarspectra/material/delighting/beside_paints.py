@@ -32,9 +32,9 @@ OUT_OF_PLANE = 0.1  # [1] weight of a paint in another plane, which only folded 
 PLANE_M = 0.03  # [m] within which a face lies in the plane of another
 LIGHTNESS_APART, HUE_APART = 0.5, 0.3  # [1] L and H: what logarithms at edges err by
 OWN = 0.2  # [1] weight of what is of no paint, where it is all that there is about a face; a paint that touches has 1
-LEAST_OWN = 0.01  # [1] the same, however little of it there is
-OWN_NEAR = 40  # faces of no paint, at most, that are looked at about one
-LEAST_M2 = 1e-12  # [m²] of a face: one without area is like itself
+MIN_OWN = 0.01  # [1] the same, however little of it there is
+MAX_NEIGHBOURS = 40  # faces of no paint, at most, that are looked at about one
+MIN_AREA_M2 = 1e-12  # [m²] of a face: one without area is like itself
 AT_ONCE = 2**14  # faces whose surroundings are in memory: with all of a hall's, 3 GB
 
 
@@ -77,18 +77,18 @@ def settle_beside_paints(scan: Scan, paints: Paints, single: BoolArray, shown: F
 def _like_it(scan: Scan, faces: IntArray, logs: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(n, 3) mean log reflectance of some faces that are near and like each of them, and (n,) its weight."""
     centers, tree = scan.centers[faces], cKDTree(scan.centers[faces])
-    areas = np.maximum(scan.areas[faces], LEAST_M2)
+    areas = np.maximum(scan.areas[faces], MIN_AREA_M2)
     mean, weight = np.empty((faces.size, 3)), np.empty(faces.size)
     for first in range(0, faces.size, AT_ONCE):
         part = slice(first, first + AT_ONCE)
-        distance, near = tree.query(centers[part], k=np.arange(1, OWN_NEAR + 1), distance_upper_bound=BESIDE_M)
+        distance, near = tree.query(centers[part], k=np.arange(1, MAX_NEIGHBOURS + 1), distance_upper_bound=BESIDE_M)
         row, column = np.nonzero(np.isfinite(distance))
         other = near[row, column]
         likely = areas[other] * _alike(logs[other] - logs[part][row], noise[part][row])
         area, *sums = (np.bincount(row, weights=likely * value) for value in (1.0, *logs[other].T))
         mean[part] = np.stack(sums, axis=1) / area[:, None]
         reach = np.clip(distance[:, -1], 1e-6, BESIDE_M)  # infinite, but where faces are many
-        weight[part] = np.clip(OWN * area / (np.pi * reach**2), LEAST_OWN, OWN)
+        weight[part] = np.clip(OWN * area / (np.pi * reach**2), MIN_OWN, OWN)
     return mean, weight
 
 
