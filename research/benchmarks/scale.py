@@ -9,7 +9,7 @@
 traced, for time and memory of the points, the transport's file, map and report. FOLDER is good for nothing else then.
 
 Processor time is that of all processes, and says more than the clock's on a machine that others use too. Memory is that
-of the process and its children together, pages that they share counted for each. The remaining time is what
+of the process and its children together. The remaining time is what
 `lidarspectra.progress.remaining_s` makes of each report; "told" is the range, over the reports after a fifth of the
 stage's time and before its last two seconds, of the ratio of what was told to what it then took, both by the clock.
 """

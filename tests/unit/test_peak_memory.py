@@ -1,5 +1,6 @@
 """The highest memory of a piece of work: of this process and of all that it starts."""
 
+import os
 import subprocess
 import sys
 import time
@@ -33,6 +34,28 @@ def test_memory_of_a_process_that_was_started_counts() -> None:
         time.sleep(module.PROCESSES_SAMPLE_S + 3 * module.MEMORY_SAMPLE_S)
         _end(held)
     assert peak.mib > own + HELD_MIB - 20  # this process may give some back meanwhile
+
+
+@pytest.mark.skipif(not hasattr(psutil.Process().memory_full_info(), "pss"), reason="this system tells no shared pages")
+def test_pages_that_a_child_has_of_its_parent_count_once() -> None:
+    """As between fork and exec: a child that has run no program of its own yet."""
+    held = bytearray(b"x") * (HELD_MIB << 20)
+    own = psutil.Process().memory_info().rss / 2**20
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(writing)
+        os.read(reading, 1)
+        os._exit(0)
+    os.close(reading)
+    try:
+        peak = Peak()
+        peak.sample()
+    finally:
+        os.close(writing)
+        os.waitpid(child, 0)
+    assert held[-1] == ord("x")
+    assert peak.mib < own + HELD_MIB / 2
 
 
 def test_the_machines_processes_are_not_listed_at_every_look(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,12 +34,34 @@ class Peak:
 
         process = psutil.Process()
         if all_processes or time.monotonic() - self._looked_s >= PROCESSES_SAMPLE_S:
-            self._started_mib = sum(_memory_mib(child) for child in process.children(recursive=True))
+            self._started_mib = _started_mib(process)
             self._looked_s = time.monotonic()
-        self.mib = max(self.mib, _memory_mib(process) + self._started_mib)
+        self.mib = max(self.mib, _resident_mib(process) + self._started_mib)
 
 
-def _memory_mib(process: "psutil.Process") -> float:
+def _started_mib(process: "psutil.Process") -> float:
+    """What the processes that one has started add to its resident memory [MiB].
+
+    A child has all pages of its parent until it runs a program of its own, and they are in memory once.
+    """
+    children = process.children(recursive=True)
+    if not children:
+        return 0.0
+    together = sum(_share_mib(each) for each in (process, *children))
+    return max(together - _resident_mib(process), 0.0)
+
+
+def _share_mib(process: "psutil.Process") -> float:
+    """Resident memory, a page that n processes share counted as 1/n where the system tells [MiB]; 0 if it has ended."""
+    import psutil
+
+    try:
+        return float(process.memory_full_info().pss) / 2**20
+    except (AttributeError, psutil.Error):  # not on macOS, nor of other users' processes
+        return _resident_mib(process)
+
+
+def _resident_mib(process: "psutil.Process") -> float:
     """Resident memory; none of a process that has ended since it was listed [MiB]."""
     import psutil
 

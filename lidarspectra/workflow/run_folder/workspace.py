@@ -79,7 +79,7 @@ class StageRecord:
     seconds : float
         Wall time. [s]
     peak_memory_mib : float
-        Highest resident memory of this process and its children. [MiB]
+        Highest resident memory of this process and its children, pages that they share counted once. [MiB]
     summary, warnings
         See `Notes`.
     outputs : dict of str to str
