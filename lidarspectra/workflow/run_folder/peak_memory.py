@@ -45,20 +45,22 @@ def _started_mib(process: "psutil.Process") -> float:
     A child has all pages of its parent until it runs a program of its own, and they are in memory once.
     """
     children = process.children(recursive=True)
-    if not children:
-        return 0.0
-    together = sum(_share_mib(each) for each in (process, *children))
-    return max(together - _resident_mib(process), 0.0)
+    own = process.cmdline() if children else []
+    return sum(_added_mib(child, own) for child in children)
 
 
-def _share_mib(process: "psutil.Process") -> float:
-    """Resident memory, a page that n processes share counted as 1/n where the system tells [MiB]; 0 if it has ended."""
+def _added_mib(child: "psutil.Process", own: list[str]) -> float:
+    """Memory of a child that is not its parent's, whose command line is `own` [MiB]; 0 if it has ended.
+
+    Of what others share, a page that n processes have counts as 1/n, where the system tells.
+    """
     import psutil
 
     try:
-        return float(process.memory_full_info().pss) / 2**20
+        memory = child.memory_full_info()
+        return float(memory.uss if child.cmdline() == own else memory.pss) / 2**20
     except (AttributeError, psutil.Error):  # not on macOS, nor of other users' processes
-        return _resident_mib(process)
+        return _resident_mib(child)
 
 
 def _resident_mib(process: "psutil.Process") -> float:
