@@ -36,6 +36,7 @@ def test_memory_of_a_process_that_was_started_counts() -> None:
     assert peak.mib > own + HELD_MIB - 20  # this process may give some back meanwhile
 
 
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")  # of Python 3.12 on: the child does nothing
 @pytest.mark.skipif(not hasattr(psutil.Process().memory_full_info(), "pss"), reason="this system tells no shared pages")
 def test_pages_that_a_child_has_of_its_parent_count_once() -> None:
     """As between fork and exec: a child that has run no program of its own yet."""
