@@ -56,9 +56,8 @@ ANYWHERE = 0.5  # [1] share of the moves that go to any place
 WALK_M_PER_S = 1.4  # [m/s] Bohannon (1997)
 SHORTEST_S = 1.0  # [s] a sensor's reading takes as long, and a step
 MAX_GAP_S = 30.0  # [s] after which nothing is remembered
-PEOPLE_TRANSITIONS = STAYS * np.eye(MAX_PEOPLE + 1) + (1.0 - STAYS) / (
-    MAX_PEOPLE + 1
-)  # [1] of how many people there are
+# [1] probability of each number of people after each
+PEOPLE_TRANSITIONS = STAYS * np.eye(MAX_PEOPLE + 1) + (1.0 - STAYS) / (MAX_PEOPLE + 1)
 FLOOR = 0.01  # [1] share of an even answer in each: no reading rules a state out
 
 
