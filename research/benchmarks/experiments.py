@@ -6,6 +6,7 @@
     microbenchmarks   Figures 8 to 11: inverse square, superposition, reflectance
     instruments       what a virtual sensor and virtual solar cells make of the true light
     table-1           error by accuracy, with and without material estimation; Figures 1 and 13
+    draws             the goals of Table 1 where only the rays are drawn anew
     table-2           five default materials, with and without material estimation
     sensitivity       one input off at a time: the tornado chart
     scans             three scans of each scene by night and by day, and six readings in each
@@ -40,6 +41,7 @@ from research.experiments.accuracy import (
     MapDeviation,
     accuracy_table,
     defaults_table,
+    goal_draws_table,
     goals_table,
     paper_table,
 )
@@ -69,6 +71,7 @@ TRUE_MATERIALS = "true, on the scan"
 ACCURACIES: tuple[Accuracy, ...] = ("low", "medium", "high", "ultra")
 DEFAULTS = ("white-plastic", "white-wall", "wooden-cabinet", "fully-reflective", "non-reflective")
 CLOTHS = {"red": "fabric-red", "blue": "fabric-blue", "grey": "fabric-grey", "cream": "wall-cream"}
+TRACES = 8  # of one scene with the same materials
 SCAN_LIGHTS, SCAN_SEEDS, DRAWS = ("night", "day"), (1, 2, 3), 50
 ORGANIC_CELL_A_W = 0.2  # [A/W] the cells' curves are relative; semi-transparent organic cells reach about this
 
@@ -145,6 +148,19 @@ def scene_table_1(arguments: argparse.Namespace, scene: str) -> None:
     note(arguments.out, f"maps-{scene}")
 
 
+def draws(arguments: argparse.Namespace) -> None:
+    """How much luck of the rays is in the goals: maps at ultra, each traced anew."""
+    rows = []
+    for scene in GOAL_SCENES:
+        runs = SceneRuns(scene, arguments.work, quick=arguments.quick)
+        run_file = changed(changed(runs.run_file, "materials", method="estimate"), "trace", accuracy="ultra")
+        rows += [
+            runs.deviation(runs.make(run_file), materials="estimated", accuracy="ultra")
+            for _ in range(2 if arguments.quick else TRACES)
+        ]
+    save_table(goal_draws_table(rows), arguments.out)
+
+
 def table_2(arguments: argparse.Namespace) -> None:
     """Table 2, of the first scene."""
     scene = arguments.scenes[0]
@@ -214,6 +230,7 @@ EXPERIMENTS: dict[str, Callable[[argparse.Namespace], None]] = {
     "microbenchmarks": microbenchmarks,
     "instruments": instruments,
     "table-1": table_1,
+    "draws": draws,
     "table-2": table_2,
     "sensitivity": sensitivity,
     "scans": scans,

@@ -3,8 +3,9 @@
     lidarspectra materials poly.toml
     python -m research.benchmarks.paints poly.toml
 
-Of each wall of the room, the area and the two materials that have most of it, with their reflectance at 555 nm; then
-the area of faces whose colour is at the limit, within the room's plan and behind its walls and panes.
+Of each wall of the room, the area, the two materials that have most of it, with their reflectance at 555 nm, and the
+area of faces whose colour is at the limit; then that area within the room's plan, of it on the ceiling (faces that look
+downwards), and behind the room's walls and panes.
 """
 
 import argparse
@@ -34,7 +35,7 @@ def faces_of(wall: Wall, scan: Scan) -> BoolArray:
 
 
 def wall_in_words(wall: Wall, scan: Scan, found: MaterialMap) -> str:
-    """Area of a wall, and its two commonest materials."""
+    """Area of a wall, its two commonest materials, and how much of it is at the limit."""
     member = faces_of(wall, scan)
     area = np.bincount(found.face_material[member], weights=scan.areas[member], minlength=len(found.materials))
     words = [
@@ -43,15 +44,26 @@ def wall_in_words(wall: Wall, scan: Scan, found: MaterialMap) -> str:
         for number in np.argsort(-area)[:2]
     ]
     azimuth = np.degrees(np.arctan2(wall.normal[1], wall.normal[0]))
-    return f"wall that looks towards {azimuth:4.0f}°: {area.sum():4.1f} m²: {'; '.join(words)}"
+    held = scan.areas[member & at_limit(scan, found)].sum()
+    return (
+        f"wall that looks towards {azimuth:4.0f}°: {area.sum():4.1f} m²: {'; '.join(words)}; {held:.1f} m² held at "
+        "fresh white"
+    )
 
 
-def at_limit(scan: Scan, room: Room, found: MaterialMap) -> tuple[float, float]:
-    """Areas of faces as bright as fresh white paint, within the room's plan and beyond it [m²]."""
+def at_limit(scan: Scan, found: MaterialMap) -> BoolArray:
+    """(face,) which are as bright as fresh white paint, of those that have a colour in the scan."""
     bright = found.face_color.max(axis=1) > BRIGHTEST_REFLECTANCE - ROUNDING
-    bright &= surface_colors(scan)[1]
-    inside = room.in_plan(scan.centers[:, :2])
-    return float(scan.areas[bright & inside].sum()), float(scan.areas[bright & ~inside].sum())
+    return np.asarray(bright & surface_colors(scan)[1], dtype=np.bool_)
+
+
+def held_areas(scan: Scan, room: Room, found: MaterialMap) -> list[float]:
+    """Areas of faces at the limit [m²]: within the room's plan, of these on the ceiling, and beyond the plan."""
+    bright, inside = at_limit(scan, found), room.in_plan(scan.centers[:, :2])
+    downwards = scan.normals[:, 2] < -FACING
+    return [
+        float(scan.areas[chosen].sum()) for chosen in (bright & inside, bright & inside & downwards, bright & ~inside)
+    ]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -64,8 +76,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     found = load_materials(stage_folder(run, "materials"))
     for wall in room.walls:
         print(wall_in_words(wall, scan, found))
-    inside, beyond = at_limit(scan, room, found)
-    print(f"held at fresh white: {inside:.1f} m² within the room, {beyond:.1f} m² behind its walls and panes")
+    within, above, beyond = held_areas(scan, room, found)
+    print(
+        f"held at fresh white: {within:.1f} m² within the room, {above:.1f} m² of it ceiling; "
+        f"{beyond:.1f} m² behind its walls and panes"
+    )
 
 
 if __name__ == "__main__":

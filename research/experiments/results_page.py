@@ -57,7 +57,7 @@ PARTS = (
         words="Runs of the scenes' own run files on their virtual phone's scans, lamps known, against the truth. "
         "'abs' compares W/m²/nm as they are; '0-1' divides every channel's map by its own maximum first, as the paper "
         "does. NRMSE is the paper's Eq. 8 over the channels of each point, MAPE its Eq. 9. Time is that of the trace.",
-        tables=("table-1", "goals", "error-origin"),
+        tables=("table-1", "goals", "goal-draws", "error-origin"),
         figures=("table-1",),
     ),
     Part(

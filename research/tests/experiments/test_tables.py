@@ -11,6 +11,7 @@ from research.experiments.accuracy import (
     GOALS,
     accuracy_table,
     defaults_table,
+    goal_draws_table,
     goals_table,
     map_deviation,
     paper_table,
@@ -39,6 +40,14 @@ def test_goals_are_met_by_the_truth_and_missed_by_a_third_too_much() -> None:
     missed = goals_table([deviation(1.3)]).frame
     verdicts = dict(zip(missed["goal"], missed["verdict"], strict=True))
     assert verdicts == {goal: "missed" if goal.startswith("absolute") else "met" for goal in GOALS}
+
+
+def test_draws_say_how_many_of_them_meet_a_goal_and_how_far_they_spread() -> None:
+    frame = goal_draws_table([deviation(1.0), deviation(1.05), deviation(1.3)]).frame.set_index("goal")
+    level = frame.loc["absolute median error [%]"]  # at most 3.5
+    assert level["traces that meet it"] == "1 of 3"
+    assert level[["smallest", "mean", "largest"]].tolist() == pytest.approx([0.0, 35.0 / 3.0, 30.0], abs=1e-9)
+    assert frame.loc["normalised MAPE [%]", "traces that meet it"] == "3 of 3"
 
 
 def test_every_table_has_mean_and_median_and_both_normalisations() -> None:
