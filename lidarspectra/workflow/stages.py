@@ -566,7 +566,7 @@ def report_stage(
             reading=reading,
             applying=applying,
         )
-        page = write_report(folder, report, progress=writing)
+        page = write_report(folder, report, workers=inputs.workers, progress=writing)
         return Notes(summary=f"{page.name}, with figures and tables beside it")
 
     return Stage(name="report", settings=given.settings, make=make, load=lambda folder: folder / REPORT_PAGE)

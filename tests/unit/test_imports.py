@@ -22,9 +22,10 @@ FLOORS = (
     ("cli",),
 )
 """Folders from the ground up; each imports from floors below its own and from the root's ground modules alone."""
-GROUND = {"arguments", "arrays", "errors", "garbage", "progress", "threads", "words"}  # root modules below all folders
+GROUND = {"arguments", "arrays", "beside", "errors", "garbage", "progress", "threads", "words"}
+"""Root modules below all folders."""
 READ_THE_RUN_FILE = {"workflow", "cli"}  # and nobody else: all others take plain values and records
-MAX_ROOT_MODULES = 10
+MAX_ROOT_MODULES = 11
 
 
 @cache

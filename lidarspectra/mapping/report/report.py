@@ -1,9 +1,11 @@
 """The report: maps, spectra, materials, accuracy and provenance of a run on one page, with its figures and tables."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from lidarspectra.beside import beside
 from lidarspectra.errors import MapError
 from lidarspectra.io.files import writing
 from lidarspectra.mapping.figures.channel_figures import ReportView
@@ -11,6 +13,7 @@ from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.report import PAGE
 from lidarspectra.mapping.report import report_page as html
 from lidarspectra.mapping.report import report_sections as parts
+from lidarspectra.mapping.report.applications import Application
 from lidarspectra.mapping.report.key_figures import key_figures
 from lidarspectra.mapping.report.lamp_light import lamp_light
 from lidarspectra.mapping.report.report_input import ReportInput
@@ -20,12 +23,13 @@ from lidarspectra.mapping.report.room_view import room_view_data, shown_points
 from lidarspectra.progress import Progress, shares, silent
 
 ROOM = "Room in 3D"
-ROOM_SHARE = 0.1  # of the time, in the unit of the sections' shares: the room in 3D and the page itself
+MAPS = "Spectral maps"
+ROOM_SHARE = 0.02  # of the time: the room in 3D and the page itself
 
 __all__ = ["PAGE", "FloorPlan", "ReportInput", "ReportView", "StageRow", "write_report"]
 
 
-def write_report(folder: Path, report: ReportInput, *, progress: Progress = silent) -> Path:
+def write_report(folder: Path, report: ReportInput, *, workers: int | None = None, progress: Progress = silent) -> Path:
     """Write the report: `index.html`, and its figures and tables (CSV, Markdown, HTML) in folders beside it.
 
     Parameters
@@ -34,6 +38,8 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
         Made if absent.
     report : ReportInput
         Content of the report.
+    workers : int, optional
+        Processor cores that may be used; all if left out.
     progress : callable
         See `lidarspectra.progress`.
 
@@ -49,31 +55,11 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
     """
     writer = ReportWriter(folder, report.figure_files)
     light = parts.light_of_report(report)
-    frames = () if report.frames is None else (report.frames,)
-    makers: tuple[tuple[str, float, Callable[[], str]], ...] = (  # title, share of the time, content
-        (ROOM, 0.0, lambda: parts.room_section(report)),
-        ("Summary", 0.1, lambda: parts.summary_section(report, writer)),
-        ("Illuminance", 0.5, lambda: parts.illuminance_section(report, light, writer)),
-        ("Spectral maps", 3.4, lambda: parts.maps_section(report, writer)),
-        ("Spectra", 0.5, lambda: parts.spectra_section(report, writer)),
-        ("Accuracy", 0.7, lambda: parts.accuracy_section(report, writer)),
-        ("Lamps and sensors", 0.2, lambda: parts.lamps_section(report, writer)),
-        *((each.title, 0.5, partial(parts.application_section, each, writer)) for each in report.applications),
-        ("Materials", 2.6, lambda: parts.materials_section(report, writer)),
-        ("Views", 2.0, lambda: parts.views_section(report, writer)),
-        *((each.title, 0.5, partial(parts.application_section, each, writer)) for each in frames),
-        ("Scan", 0.0, lambda: parts.scan_section(report, writer)),
-        ("All points", 0.1, lambda: parts.points_section(report, writer)),
-        ("Provenance", 0.1, lambda: parts.provenance_section(report, writer)),
-        ("Time and memory", 0.0, lambda: parts.time_section(report, writer)),
-    )
-    sections = []
-    *listeners, joining = shares(progress, [*(share for _, share, _ in makers), ROOM_SHARE])
-    for (title, _, make), tell in zip(makers, listeners, strict=True):
-        tell(0.0, title.lower())
-        content = make()
-        if content:
-            sections.append(html.Section(anchor=title.lower().replace(" ", "-"), title=title, content=content))
+    making, joining = shares(progress, (1.0 - ROOM_SHARE, ROOM_SHARE))
+    # What is drawn for files of other kinds, after the page, has to be drawn here.
+    cores = workers if writer.only_svg else 1
+    with beside(lambda _: parts.compared_maps(report, writer), workers=cores) as compared:
+        sections = _sections(_parts(report, light, writer, compared), making)
     joining(0.0, "room in 3d")
     data = room_view_data(
         report.spectral_map,
@@ -105,6 +91,78 @@ def write_report(folder: Path, report: ReportInput, *, progress: Progress = sile
     writer.finish()
     progress(1.0, "report written")
     return path
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Part:
+    """Some HTML of a section; all parts of one title are a section, in their order.
+
+    Parameters
+    ----------
+    title : str
+    share : float
+        Of the time, in any unit.
+    make : callable
+        Gives the HTML; empty if there is nothing to say.
+    waits : bool
+        Whether it is drawn beside the others, so that it is asked for after them.
+    """
+
+    title: str
+    share: float
+    make: Callable[[], str]
+    waits: bool = False
+
+
+def _parts(
+    report: ReportInput, light: parts.ReportLight, writer: ReportWriter, compared: Callable[[Progress], str]
+) -> tuple[_Part, ...]:
+    """Of the page, in their order; `compared` gives the maps on common scales."""
+
+    def made(section: Callable[..., str], **more: parts.ReportLight) -> Callable[[], str]:
+        return partial(section, report, writer=writer, **more)
+
+    frames = () if report.frames is None else (report.frames,)
+    return (
+        _Part(title=ROOM, share=0.0, make=lambda: parts.room_section(report)),
+        _Part(title="Summary", share=0.1, make=made(parts.summary_section)),
+        _Part(title="Illuminance", share=0.5, make=made(parts.illuminance_section, light=light)),
+        _Part(title=MAPS, share=1.2, make=made(parts.maps_section)),
+        _Part(title=MAPS, share=0.5, make=lambda: compared(silent), waits=True),
+        _Part(title=MAPS, share=0.1, make=made(parts.bands_section)),
+        _Part(title="Spectra", share=0.5, make=made(parts.spectra_section)),
+        _Part(title="Accuracy", share=0.7, make=made(parts.accuracy_section)),
+        _Part(title="Lamps and sensors", share=0.2, make=made(parts.lamps_section)),
+        *(_application(each, writer) for each in report.applications),
+        _Part(title="Materials", share=2.6, make=made(parts.materials_section)),
+        _Part(title="Views", share=2.0, make=made(parts.views_section)),
+        *(_application(each, writer) for each in frames),
+        _Part(title="Scan", share=0.0, make=made(parts.scan_section)),
+        _Part(title="All points", share=0.1, make=made(parts.points_section)),
+        _Part(title="Provenance", share=0.1, make=made(parts.provenance_section)),
+        _Part(title="Time and memory", share=0.0, make=made(parts.time_section)),
+    )
+
+
+def _application(application: Application, writer: ReportWriter) -> _Part:
+    return _Part(title=application.title, share=0.5, make=partial(parts.application_section, application, writer))
+
+
+def _sections(listed: Sequence[_Part], progress: Progress) -> list[html.Section]:
+    """Make the parts, those that wait last, and join them; a section without content is left out."""
+    in_turn = sorted(range(len(listed)), key=lambda number: listed[number].waits)
+    made = {}
+    for number, tell in zip(in_turn, shares(progress, [listed[number].share for number in in_turn]), strict=True):
+        tell(0.0, listed[number].title.lower())
+        made[number] = listed[number].make()
+    contents: dict[str, str] = {}
+    for number, part in enumerate(listed):
+        contents[part.title] = contents.get(part.title, "") + made[number]
+    return [
+        html.Section(anchor=title.lower().replace(" ", "-"), title=title, content=content)
+        for title, content in contents.items()
+        if content
+    ]
 
 
 def _lead(report: ReportInput) -> str:

@@ -7,10 +7,12 @@ import base64
 import hashlib
 import html
 import io
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from itertools import count
 
 from PIL import Image
 
@@ -20,6 +22,7 @@ from lidarspectra.mapping.figures.printable import printable
 
 VIEW_WIDTH_PX = 640  # [px] pictures in the page; the full ones lie in the run's folder
 ROOM_SCRIPTS = ("three.js", "room-picture.js", "room-light.js", "room-chart.js", "room-lamps.js", "room-view.js")
+FIGURE_NUMBER = "<!-- figure -->"  # stands for it until the figure's place in the document is known
 JPEG_QUALITY = 85  # Pillow's scale; no visible loss at this size
 
 
@@ -105,9 +108,9 @@ def _fact(entry: Fact) -> str:
     return f"<div{data}><dt>{name}</dt><dd>{value}{remark}</dd></div>"
 
 
-def figure(svg: str, *, number: int, caption: str, name: str, kinds: Sequence[str]) -> str:
-    """A figure that `inline_svg` made, with its caption and links to its files."""
-    text = f"<b>Figure {number}.</b> {words(caption)} {files(f'figures/{name}', kinds)}"
+def figure(svg: str, *, caption: str, name: str, kinds: Sequence[str]) -> str:
+    """A figure that `inline_svg` made, with its caption and links to its files; the document gives it its number."""
+    text = f"<b>Figure {FIGURE_NUMBER}.</b> {words(caption)} {files(f'figures/{name}', kinds)}"
     plate = f'<div class="plate">{svg}</div>'
     return f'<figure id="figure-{words(name)}">{plate}<figcaption>{text}</figcaption></figure>'
 
@@ -214,7 +217,7 @@ def document(
     title : str
         Plain text.
     style, body : str
-        CSS and HTML.
+        CSS and HTML; its figures are numbered here.
     scripts : sequence of str
         JavaScript, in order, after the body.
     data : mapping of str to str
@@ -235,6 +238,8 @@ def document(
         for name, content in (data or {}).items()
     )
     running = "\n".join(f"<script>{script}</script>" for script in scripts)
+    number = count(1)
+    body = re.sub(FIGURE_NUMBER, lambda _: str(next(number)), body)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{words(policy)}">\n'

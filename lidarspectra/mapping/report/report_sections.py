@@ -119,7 +119,7 @@ def room_section(report: ReportInput) -> str:
 
 
 def maps_section(report: ReportInput, writer: ReportWriter) -> str:
-    """A map of every band, and a table of the bands."""
+    """A map of every band."""
     dataset = report.spectral_map
     planes = map_planes(dataset)
     chosen = planes[0] if planes else np.arange(dataset.sizes["point"])
@@ -135,16 +135,26 @@ def maps_section(report: ReportInput, writer: ReportWriter) -> str:
             f"{chosen.size} points. The table at the end of the page has all points."
         )
     own = writer.figure("maps", maps_figure(dataset, report.plan), caption + " Each band has its own scale.")
+    return note + own
+
+
+def compared_maps(report: ReportInput, writer: ReportWriter) -> str:
+    """The same maps on one scale, and by what differs between the channels; of the section before."""
+    dataset = report.spectral_map
     shared = writer.figure(
         "maps-shared", maps_figure(dataset, report.plan, scale="shared"), "The same maps on one scale for all bands."
     )
-    bands = writer.table(tables.bands_table(dataset))
-    content = note + own + html.details("The maps on one shared scale", shared)
+    content = html.details("The maps on one shared scale", shared)
     if dataset.sizes["band"] > 1:
         words = "What differs between the channels: each over its own mean, against the mean of that over all channels."
         shape = writer.figure("maps-shape", maps_figure(dataset, report.plan, scale="shape"), words)
         content += html.details("What differs between the channels", shape)
-    return content + bands
+    return content
+
+
+def bands_section(report: ReportInput, writer: ReportWriter) -> str:
+    """A table of the bands; of the same section."""
+    return writer.table(tables.bands_table(report.spectral_map))
 
 
 def spectra_section(report: ReportInput, writer: ReportWriter) -> str:

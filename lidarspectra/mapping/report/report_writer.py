@@ -13,7 +13,7 @@ from lidarspectra.mapping.report import report_page as html
 
 
 class ReportWriter:
-    """Numbers figures, writes figures and tables beside the page, and gives their HTML.
+    """Writes figures and tables beside the page, and gives their HTML.
 
     A figure is drawn once, as SVG: for the page and as a file. Files of other kinds are drawn by `finish`, after it.
 
@@ -34,10 +34,14 @@ class ReportWriter:
         self._kinds = kinds
         self._drawn_later: list[tuple[str, Callable[[], Figure]]] = []
         self._figures, self._tables = folder / "figures", folder / "tables"
-        self._number = 0
         with writing(folder, error=MapError):
             self._figures.mkdir(parents=True, exist_ok=True)
             self._tables.mkdir(parents=True, exist_ok=True)
+
+    @property
+    def only_svg(self) -> bool:
+        """Whether no figure is drawn after the page."""
+        return not set(self._kinds) - {"svg"}
 
     def figure(self, name: str, figure: Figure, caption: str) -> str:
         """Draw a figure and give it as an element."""
@@ -45,15 +49,14 @@ class ReportWriter:
 
     def drawn(self, name: str, svg: str, draw: Callable[[], Figure], caption: str) -> str:
         """Give a figure that is drawn already as an element; it is drawn again for files of other kinds than SVG."""
-        self._number += 1
         if "svg" in self._kinds:
             path = self._figures / f"{name}.svg"
             with writing(path, error=MapError):
                 write_whole(path, svg)
-        if set(self._kinds) - {"svg"}:
+        if not self.only_svg:
             self._drawn_later.append((name, draw))
         element = page_svg(svg, name=name, label=caption)
-        return html.figure(element, number=self._number, caption=caption, name=name, kinds=self._kinds)
+        return html.figure(element, caption=caption, name=name, kinds=self._kinds)
 
     def finish(self) -> None:
         """Draw the files that the page has links to, but does not show."""
