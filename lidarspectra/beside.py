@@ -81,10 +81,7 @@ def beside(
         def result(progress: Progress) -> Result:
             while wait_for([begun], timeout=TOLD_S).not_done:
                 progress(*told[0])
-            try:
-                return begun.result()
-            except _Lost:
-                return work(progress)
+            return work(progress) if isinstance(begun.exception(), _Lost) else begun.result()
 
         try:
             yield result
@@ -139,8 +136,6 @@ def _do(work: Callable[[Progress], Result], answers: Connection, end: Connection
     """In the copy: do the work, tell how far it is, and send what it gives."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who waits for it is interrupted, and stops it
     answers.close()
-    if "cv2" in sys.modules:
-        sys.modules["cv2"].setNumThreads(0)  # its threads were not copied, and would be waited for
     with suppress(Exception):  # without a result, who waits for it does the work, and meets the fault
         result = work(lambda fraction, words: end.send((True, (fraction, words))))
         end.send((False, result))

@@ -1,8 +1,8 @@
 """Processor cores: how many may be used, and one thread for the linear algebra of each process.
 
-What runs side by side here are Radiance's processes, and threads for views and their classes. The libraries below
-numpy, scipy and scikit-learn start a thread a core of their own accord, and these wait for each other by spinning:
-where other work runs on the same cores, an inversion of a 2 x 2 matrix has taken seconds.
+What runs side by side here are Radiance's processes, threads for views, and copies of this process (`beside`). The
+libraries below numpy, scipy and scikit-learn start a thread a core of their own accord, and these wait for each other
+by spinning: where other work runs on the same cores, an inversion of a 2 x 2 matrix has taken seconds.
 """
 
 import os

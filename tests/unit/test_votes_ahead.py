@@ -1,6 +1,5 @@
-"""Votes that are counted beside other work are those that are counted at once, and nobody waits for abandoned ones."""
+"""Votes that are counted beside other work are those that are counted at once."""
 
-import threading
 import time
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from lidarspectra.material.views import viewpoints
 from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.progress import silent
 from lidarspectra.spectra.databases import scenes_folder
-from lidarspectra.workflow.materials import votes_ahead
 from lidarspectra.workflow.materials.votes_ahead import votes_beside
 from lidarspectra.workflow.run_folder.inputs import read_inputs
 
@@ -38,56 +36,12 @@ def test_votes_beside_other_work_are_the_same_as_on_one_core(seen):
     assert alone.classes == beside.classes
 
 
-def test_who_waits_for_the_votes_is_told_how_far_they_are(seen, monkeypatch: pytest.MonkeyPatch):
-    scan, views = seen
-    told, go_on = [], threading.Event()
-
-    def counted(*arguments):
-        arguments[-1](0.25, "view 1 of 4")
-        assert go_on.wait(30.0)
-        return arguments[1]
-
-    def listen(fraction: float, words: str) -> None:
-        told.append((fraction, words))
-        if fraction > 0.0:
-            go_on.set()
-
-    monkeypatch.setattr(votes_ahead, "view_votes", counted)
-    with votes_beside(SHIPPED_MODEL, scan, views, workers=2) as votes:
-        assert votes(listen) is scan
-    assert (0.25, "view 1 of 4") in told
-
-
 def test_a_fault_of_the_model_is_told_to_who_asks_for_the_votes(seen, tmp_path: Path):
     scan, views = seen
     (tmp_path / "bad.onnx").write_bytes(b"no model")
     (tmp_path / "bad.toml").write_bytes(SHIPPED_MODEL.with_suffix(".toml").read_bytes())
     with votes_beside(tmp_path / "bad.onnx", scan, views, workers=2) as votes, pytest.raises(MaterialError):
         votes(silent)
-
-
-def test_where_the_other_work_fails_the_counting_ends_at_the_next_view(seen, monkeypatch: pytest.MonkeyPatch):
-    scan, views = seen
-    begun, go_on, told = threading.Event(), threading.Event(), []
-
-    def endless(*arguments):
-        begun.set()
-        go_on.wait(30.0)
-        for number in range(100):
-            arguments[-1](number / 100, "view")
-            told.append(number)
-
-    monkeypatch.setattr(votes_ahead, "view_votes", endless)
-
-    def fail() -> None:
-        with votes_beside(SHIPPED_MODEL, scan, views, workers=2):
-            assert begun.wait(30.0)
-            threading.Timer(0.2, go_on.set).start()
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fail()
-    assert not told
 
 
 def test_where_the_search_fails_no_view_is_rendered_any_more(seen, monkeypatch: pytest.MonkeyPatch):

@@ -181,6 +181,19 @@ def test_the_same_run_gives_the_same_page(report, written, tmp_path):
     assert write_report(tmp_path, report).read_bytes() == written[0].read_bytes()
 
 
+def test_maps_drawn_beside_the_page_are_those_drawn_for_it(report, tmp_path):
+    pages = [write_report(tmp_path / str(workers), report, workers=workers) for workers in (1, 2)]
+    assert pages[0].read_bytes() == pages[1].read_bytes()
+    files = [{path.name: path.read_bytes() for path in (page.parent / "figures").iterdir()} for page in pages]
+    assert files[0] == files[1]
+
+
+def test_figures_are_numbered_in_the_order_of_the_page(written):
+    numbers = re.findall(r"<b>Figure (.*?)\.</b>", written[0].read_text(encoding="utf-8"))
+    assert numbers == [str(number) for number in range(1, len(numbers) + 1)]
+    assert len(numbers) > 5
+
+
 def test_a_bare_report_leaves_out_what_it_does_not_have(report, tmp_path):
     bare = replace(
         report, materials=(), material_areas_m2=np.empty(0), lamps=(), surfaces=None, views=(), stages=(), warnings=(),
