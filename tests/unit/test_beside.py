@@ -12,7 +12,6 @@ import numpy as np
 import psutil
 import pytest
 
-from lidarspectra import beside as module
 from lidarspectra.beside import beside
 from lidarspectra.errors import ArgumentError, MapError
 from lidarspectra.progress import Progress, silent
@@ -22,7 +21,7 @@ copies = pytest.mark.skipif(sys.platform != "linux", reason="processes are copie
 
 @pytest.fixture
 def no_copies(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module.sys, "platform", "darwin")
+    monkeypatch.setattr(sys, "platform", "darwin")
 
 
 def whereabouts(progress: Progress) -> tuple[int, int]:
@@ -66,7 +65,7 @@ def test_a_process_that_may_have_no_children_does_the_work_itself() -> None:
 
 @pytest.mark.parametrize("system", [sys.platform, "darwin"])
 def test_who_waits_is_told_how_far_it_is(system: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module.sys, "platform", system)
+    monkeypatch.setattr(sys, "platform", system)
     heard, told = multiprocessing.Event(), []
 
     def work(progress: Progress) -> str:
@@ -99,7 +98,7 @@ def test_work_that_tells_much_waits_for_nobody() -> None:
 
 @pytest.mark.parametrize("system", [sys.platform, "darwin"])
 def test_a_fault_is_told_to_who_asks(system: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module.sys, "platform", system)
+    monkeypatch.setattr(sys, "platform", system)
 
     def work(progress: Progress) -> None:
         raise MapError(expected="a map", found="none", where="here")
@@ -155,7 +154,7 @@ def test_a_large_result_comes_whole() -> None:
 
 @copies
 def test_where_the_block_fails_the_process_ends() -> None:
-    pids = multiprocessing.SimpleQueue()
+    pids: multiprocessing.SimpleQueue[int] = multiprocessing.SimpleQueue()
 
     def endless(progress: Progress) -> None:
         pids.put(os.getpid())
