@@ -100,11 +100,6 @@ def drive_past(locations: FloatArray, *, start_unix_s: float, speed_m_s: float =
     return Trajectory(unix_s=start_unix_s + times, positions=place, headings=heading, frame="scan")
 
 
-def virtual_responsivity(seed: int) -> FloatArray:
-    """(18,) responsivity of the virtual sensor: dies and channels off from the data sheet. [1/ms per W/m²/nm]."""
-    return draw_sensor(seed).responsivity
-
-
 def _record(
     light: Light,
     path: Path,

@@ -80,9 +80,3 @@ def cell_counts(cell: VirtualCell, current: FloatArray, generator: np.random.Gen
     clean = np.asarray(current, dtype=np.float64) / cell.circuit.ampere_per_count + cell.circuit.dark_count
     noisy = clean + COUNT_NOISE * generator.standard_normal(clean.shape)
     return np.asarray(np.clip(np.rint(noisy), 0, cell.circuit.full_scale), dtype=np.int64)
-
-
-def cell_log(seconds: FloatArray, counts: tuple[IntArray, IntArray]) -> str:
-    """A log of three columns, time and both cells' counts, as text (CSV)."""
-    rows = zip(seconds, *counts, strict=True)
-    return "time_s,cell_1,cell_2\n" + "".join(f"{time:.3f},{first},{second}\n" for time, first, second in rows)

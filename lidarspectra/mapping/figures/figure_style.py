@@ -205,11 +205,6 @@ def svg_text(figure: Figure) -> str:
     return stream.getvalue().decode("utf-8")
 
 
-def inline_svg(figure: Figure, *, name: str, label: str) -> str:
-    """A figure as an SVG element for an HTML page: see `page_svg`."""
-    return page_svg(svg_text(figure), name=name, label=label)
-
-
 def page_svg(svg: str, *, name: str, label: str) -> str:
     """A file of SVG as an element for an HTML page: text in the page's colours, no names that clash.
 

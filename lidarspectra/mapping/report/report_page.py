@@ -109,7 +109,7 @@ def _fact(entry: Fact) -> str:
 
 
 def figure(svg: str, *, caption: str, name: str, kinds: Sequence[str]) -> str:
-    """A figure that `inline_svg` made, with its caption and links to its files; the document gives it its number."""
+    """A figure that `page_svg` made, with its caption and links to its files; the document gives it its number."""
     text = f"<b>Figure {FIGURE_NUMBER}.</b> {words(caption)} {files(f'figures/{name}', kinds)}"
     plate = f'<div class="plate">{svg}</div>'
     return f'<figure id="figure-{words(name)}">{plate}<figcaption>{text}</figcaption></figure>'

@@ -23,7 +23,6 @@ from lidarspectra.mapping.figures.channel_figures import (
 )
 from lidarspectra.mapping.figures.figure_style import (
     PAGE_DPI,
-    inline_svg,
     new_figure,
     page_svg,
     place,
@@ -229,7 +228,7 @@ def test_the_same_numbers_give_the_same_files(make_transport, plan, tmp_path):
         contents.append(
             [path.read_bytes() for path in save_figure(figure, tmp_path / run, "error", kinds=["png", "svg", "pdf"])]
         )
-        contents[-1].append(inline_svg(figure, name="error", label="x").encode())
+        contents[-1].append(page_svg(svg_text(figure), name="error", label="x").encode())
     assert contents[0] == contents[1]
 
 
@@ -301,7 +300,7 @@ def test_names_from_users_cannot_upset_a_figure(make_transport, plan, lamps):
         plan_figure(one_map, plan, (named,) * 30),
         reflectances_figure((_material(odd),), np.array([1.0])),
     ):
-        svg = inline_svg(figure, name="odd", label=odd)
+        svg = page_svg(svg_text(figure), name="odd", label=odd)
         ElementTree.fromstring(svg)
         assert "<b>" not in svg
 
@@ -373,7 +372,7 @@ def test_of_a_kept_svg_nothing_acts_and_nothing_outside_is_asked_for() -> None:
 
 
 def test_inline_svg_takes_the_page_s_colours_and_refers_to_nothing_outside(make_transport, plan):
-    svg = inline_svg(maps_figure(spectral_map(make_transport(points=25)), plan), name="maps", label='a "label"')
+    svg = page_svg(svg_text(maps_figure(spectral_map(make_transport(points=25)), plan)), name="maps", label='a "label"')
     root = ElementTree.fromstring(svg)
     assert root.get("role") == "img"
     assert root.get("aria-label") == 'a "label"'

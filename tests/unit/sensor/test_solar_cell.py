@@ -5,7 +5,7 @@ import pytest
 
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.photocell import CellCircuit, cell_current
-from lidarspectra.hardware.virtual.solar_cell import VirtualCell, cell_counts, cell_current_in, cell_log, draw_cell
+from lidarspectra.hardware.virtual.solar_cell import VirtualCell, cell_counts, cell_current_in, draw_cell
 from lidarspectra.spectra.spectrum import Spectrum
 
 CIRCUIT = CellCircuit(reference_volt=1.1, shunt_ohm=100.0, area_cm2=36.0)
@@ -32,7 +32,6 @@ def test_a_converter_ends_at_its_full_scale_and_a_log_has_three_columns() -> Non
     cell = draw_cell(FLAT, CIRCUIT, 1)
     counts = cell_counts(cell, np.array([0.0, 1.0]), np.random.default_rng(1))
     assert counts[1] == CIRCUIT.full_scale
-    assert cell_log(np.array([0.0, 1.0]), (counts, counts)).splitlines()[0].count(",") == 2
 
 
 def test_a_negative_responsivity_is_refused() -> None:
