@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import h5netcdf
 import h5py
 import numpy as np
 import xarray as xr
@@ -22,6 +23,19 @@ _FAULTS = (
     OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, RuntimeError, NotImplementedError,
     OverflowError, MemoryError, AssertionError, xr.SerializationWarning,
 )  # fmt: skip  # what xarray, h5netcdf and h5py raise on damaged files
+
+
+class _OpenedOnce(h5py.File):  # type: ignore[misc]  # h5py has no types
+    """A file whose objects are opened once each: h5netcdf asks for every variable forty times, by its name."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "r")
+        self._opened: dict[Any, Any] = {}
+
+    def __getitem__(self, name: Any) -> Any:
+        if name not in self._opened:
+            self._opened[name] = super().__getitem__(name)
+        return self._opened[name]
 
 
 def read_netcdf(path: Path) -> xr.Dataset:
@@ -43,11 +57,12 @@ def read_netcdf(path: Path) -> xr.Dataset:
     """
     try:
         check_heaps(path)
-        with h5py.File(path, "r"):  # h5netcdf leaves half an object, and its complaint, where this fails
-            pass
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _OpenedOnce(path) as file:
             warnings.simplefilter("error", xr.SerializationWarning)  # of attributes that contradict one another
-            with xr.open_dataset(path, engine="h5netcdf", phony_dims="sort", decode_times=False) as opened:
+            with (
+                h5netcdf.File(file, "r", phony_dims="sort", decode_vlen_strings=True) as netcdf,
+                xr.open_dataset(xr.backends.H5NetCDFStore(netcdf), decode_times=False) as opened,
+            ):
                 dataset = opened.load()
     except _FAULTS as cause:
         raise ValueError(" ".join(f"{type(cause).__name__}: {cause}".split())) from cause

@@ -1,7 +1,10 @@
 """Reading transports back: what is no transport is refused with a clear word."""
 
+from collections import Counter
 from pathlib import Path
+from unittest.mock import patch
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -72,3 +75,13 @@ def test_damaged_slots_are_said(tmp_path: Path, name: str, damage: float | None)
     path = save_transport(transport, tmp_path / "transport.nc")
     with pytest.raises(WorkspaceError, match=name):
         load_transport(path)
+
+
+def test_a_file_s_variables_are_opened_once_each(tmp_path: Path) -> None:
+    """Not forty times, as h5netcdf asks for them by name: that took most of the time in which a run is read."""
+    path = save_transport(small_transport(), tmp_path / "transport.nc")
+    with patch.object(h5py.File, "__getitem__", autospec=True, side_effect=h5py.File.__getitem__) as opened:
+        load_transport(path)
+    names = Counter(call.args[1] for call in opened.call_args_list)
+    assert names["/slot_weights"] == 1
+    assert max(names.values()) == 1
