@@ -4,8 +4,10 @@ import pytest
 
 from lidarspectra.workflow.materials import delighting
 
+HALF_OF_THE_SAMPLES = 3_000
+
 
 @pytest.fixture
 def half_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     """Light is taken out by 3,000 places of a room, not 6,000: with all of them test_by_day.py holds what it leaves."""
-    monkeypatch.setattr(delighting, "SAMPLES", 3_000)
+    monkeypatch.setattr(delighting, "SAMPLES", HALF_OF_THE_SAMPLES)

@@ -17,6 +17,7 @@ from lidarspectra.room.room import find_room
 from lidarspectra.workflow.materials import delighting, light_rounds
 from lidarspectra.workflow.materials.delighting import Delighting, take_light_out
 
+from .conftest import HALF_OF_THE_SAMPLES
 from .lit_rooms import all_light, exchange, joined, lamp_light, painted, plane
 
 pytestmark = [
@@ -71,6 +72,13 @@ def de_lit(room: Room, tone: ToneCurve) -> Delighting:
     return take_light_out(scan, find_room(scan), room.lamps, workers=2)
 
 
+@pytest.fixture(scope="module")
+def lifted(room: Room) -> Delighting:
+    """The room by a plain camera."""
+    with patch.object(delighting, "SAMPLES", HALF_OF_THE_SAMPLES):
+        return de_lit(room, LIFTED)
+
+
 def dark_error(room: Room, found: Delighting) -> float:
     """Size of the error of the dark surface's log reflectance, which a toe makes too dark [1]."""
     assert found.face_color is not None
@@ -91,8 +99,8 @@ def test_a_filmic_camera_s_room_is_de_lit_by_a_filmic_curve(room: Room) -> None:
     assert dark_error(room, found) < 0.8 * dark_error(room, plain)
 
 
-def test_a_plain_camera_s_room_is_as_with_the_plain_family_alone(room: Room) -> None:
-    found = de_lit(room, LIFTED)
+def test_a_plain_camera_s_room_is_as_with_the_plain_family_alone(room: Room, lifted: Delighting) -> None:
+    found = lifted
     with patch.object(delighting, "tone_priors_of", lambda linear: (USUAL_TONE,)):
         plain = de_lit(room, LIFTED)
     assert found.fit is not None
@@ -104,11 +112,13 @@ def test_a_plain_camera_s_room_is_as_with_the_plain_family_alone(room: Room) -> 
     assert alike.mean() > 0.999
 
 
-def test_where_the_picture_cannot_tell_the_stage_says_so_and_its_deviations_are_wider(room: Room) -> None:
+def test_where_the_picture_cannot_tell_the_stage_says_so_and_its_deviations_are_wider(
+    room: Room, lifted: Delighting
+) -> None:
     def undecided(fits: Sequence[LightFit]) -> FloatArray:
         return np.full(len(fits), 1.0 / len(fits))
 
-    sure = de_lit(room, LIFTED)
+    sure = lifted
     with patch.object(light_rounds, "probabilities", undecided):
         unsure = de_lit(room, LIFTED)
     assert any("a plain one was taken" in words for words in unsure.warnings)
