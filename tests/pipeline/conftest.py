@@ -12,11 +12,14 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
+import cv2
 import numpy as np
 import pytest
 import trimesh
+from matplotlib.figure import Figure
 from PIL import Image
 
 from lidarspectra.cli.app import main
@@ -30,6 +33,11 @@ RoomWriter = Callable[..., Path]
 RunCopier = Callable[[Path], Path]
 SharedMaker = Callable[[str, Callable[[Path], None]], Path]  # the fixture `made_once`
 FEW_SAMPLES = 1_000  # places whose light is estimated, of 6,000: tests/physics/material hold what that gives
+
+EMPTY = {
+    ".svg": b'<svg xmlns="http://www.w3.org/2000/svg" width="72pt" height="72pt" viewBox="0 0 72 72"/>',
+    ".png": bytes(cv2.imencode(".png", np.zeros((1, 1), dtype=np.uint8))[1]),
+}
 
 ROOM = """
 [scan]
@@ -124,14 +132,30 @@ def few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(delighting, "SAMPLES", FEW_SAMPLES)
 
 
-@pytest.fixture
-def undrawn_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Reports whose figures are made, and not drawn: for tests that read a page's words.
+@pytest.fixture(scope="session")
+def drawn_kinds() -> set[tuple[str, int]]:
+    """Names of files, and how many panels their figures had, of which one was drawn."""
+    return set()
 
-    That figures are drawn, test_chain.py and tests/unit/mapping hold.
+
+@pytest.fixture
+def undrawn_figures(monkeypatch: pytest.MonkeyPatch, drawn_kinds: set[tuple[str, int]]) -> None:
+    """Figures are made, and files of them drawn once of each name and number of panels: for tests that read words.
+
+    A report's are not drawn at all: that they are, test_chain.py and tests/unit/mapping hold.
     """
-    empty = '<svg xmlns="http://www.w3.org/2000/svg" width="72pt" height="72pt" viewBox="0 0 72 72"/>'
-    monkeypatch.setattr(report_writer, "svg_text", lambda figure: empty)
+    draw = Figure.savefig
+
+    def draw_once(figure: Figure, file: Any, **options: Any) -> None:
+        kind = (getattr(file, "name", ""), len(figure.axes))
+        if kind in drawn_kinds and file.suffix in EMPTY:
+            file.write_bytes(EMPTY[file.suffix])
+        else:
+            drawn_kinds.add(kind)
+            draw(figure, file, **options)
+
+    monkeypatch.setattr(report_writer, "svg_text", lambda figure: EMPTY[".svg"].decode())
+    monkeypatch.setattr(Figure, "savefig", draw_once)
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import patch
 
 import pandas as pd
 import pytest
@@ -10,7 +11,9 @@ from typer.testing import CliRunner
 from lidarspectra.cli.app import app
 from lidarspectra.config import parse_run_file
 from lidarspectra.errors import LidarSpectraError, MapError, RunFileError
+from lidarspectra.mapping.report import report_writer
 from lidarspectra.workflow.pipeline import run
+from tests.pipeline.conftest import EMPTY
 
 ASKED = """
 [people_and_plants]
@@ -34,7 +37,8 @@ def told(*words: object) -> str:
 def finished(tmp_path_factory: pytest.TempPathFactory, write_room: Callable[[Path, str], Path], room_text: str) -> Path:
     """The run of a small room whose report is asked for cells, people and plants."""
     quick = room_text.replace("[materials]", '[materials]\nmethod = "default"').replace("count = 9", "count = 4")
-    return run(write_room(tmp_path_factory.mktemp("asked"), quick + ASKED)).folder
+    with patch.object(report_writer, "svg_text", return_value=EMPTY[".svg"].decode()):  # as `undrawn_figures`
+        return run(write_room(tmp_path_factory.mktemp("asked"), quick + ASKED)).folder
 
 
 @pytest.mark.slow
@@ -49,6 +53,7 @@ def test_a_report_tells_of_the_cells_that_the_run_file_names(finished: Path) -> 
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn_figures")
 def test_the_light_of_a_run_is_told_for_people_and_plants(finished: Path, tmp_path: Path) -> None:
     assert "YPFD" in told("photometry", finished, "--out", tmp_path / "all")
     dark = told("photometry", finished, "--dim", "warm=0", "--out", tmp_path / "dim")
@@ -65,6 +70,7 @@ def test_the_light_of_a_run_is_told_for_people_and_plants(finished: Path, tmp_pa
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn_figures")
 def test_a_cell_s_current_is_mapped_and_its_channels_tell_the_same(finished: Path, tmp_path: Path) -> None:
     words = told("photocurrent", finished, "--cell", "organic-blue", "--hours", "8-18", "--volt", 0.4,
                  "--out", tmp_path / "blue")  # fmt: skip
@@ -79,6 +85,7 @@ def test_a_cell_s_current_is_mapped_and_its_channels_tell_the_same(finished: Pat
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn_figures")
 def test_the_best_place_faces_the_lamps(finished: Path, tmp_path: Path) -> None:
     told("cells", "place", finished, "--cell", "silicon", "--size", 4, 2, "--tilt", 0, "--tilt", 180, "--count", 3,
          "--wall", 2.0, "--out", tmp_path / "places")  # fmt: skip

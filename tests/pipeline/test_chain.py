@@ -130,6 +130,7 @@ def test_relighting_is_the_sum_of_its_lamps(finished: Path, tmp_path: Path) -> N
     np.testing.assert_allclose(parts[0] + parts[1], whole, rtol=1e-6)  # single precision coefficients
 
 
+@pytest.mark.usefixtures("undrawn_figures")
 def test_a_relit_room_is_written_beside_the_run(finished: Path, tmp_path: Path) -> None:
     from lidarspectra.workflow.scenarios.relighting import LampOrder, relight_run
 
@@ -205,6 +206,7 @@ def test_progress_is_told_in_lines_to_programs_that_ask_for_it(finished: Path) -
     assert "trace is up to date: " not in answer.stdout  # where the tables are
 
 
+@pytest.mark.usefixtures("undrawn_figures")
 def test_giving_what_was_assumed_traces_nothing_again_and_ends_the_note(
     finished: Path, tmp_path: Path, room_text: str
 ) -> None:

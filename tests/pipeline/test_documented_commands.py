@@ -110,18 +110,22 @@ def replaced_tables(run_file: str, tables: str) -> str:
     return "".join(kept) + "\n" + tables
 
 
-def smaller_picture(text: str) -> str:
-    """A command, or Python, whose picture is an eighth as wide and high: the test does not look at it."""
-    return re.sub(
+def smaller(text: str) -> str:
+    """A command, or Python, that is done sooner: the test looks at none of its numbers.
+
+    Pictures are an eighth as wide and high, fingerprints are traced to twice the error.
+    """
+    text = re.sub(
         r"(--size |pixels=\()(\d+)(x|, )(\d+)",
         lambda size: f"{size[1]}{int(size[2]) // 8}{size[3]}{int(size[4]) // 8}",
         text,
     )
+    return re.sub(r"(--error |--effect-error )(\d+)", lambda error: f"{error[1]}{2 * int(error[2])}", text)
 
 
 def do_command(text: str) -> None:
     """Run one command as the program would, in this process."""
-    words = shlex.split(smaller_picture(text))[1:]
+    words = shlex.split(smaller(text))[1:]
     answer = CliRunner().invoke(app, words)
     assert answer.exit_code == 0, (text, answer.output, answer.exception)
     if words[0] == "init":
@@ -138,7 +142,7 @@ def do_block(language: str, text: str) -> None:
     elif named := re.fullmatch(r"# ([\w-]+\.\w+)", title):
         Path(named[1]).write_text(rest, encoding="utf-8")
     elif language == "python":
-        exec(compile(smaller_picture(text), "page", "exec"), {})
+        exec(compile(smaller(text), "page", "exec"), {})
     elif language == "sh":
         for command in commands(text):
             if not command.startswith(tuple(ELSEWHERE)):

@@ -17,7 +17,7 @@ from lidarspectra.radiance.scene.scene import RadianceScene, load_scene, write_s
 from lidarspectra.spectra.spectrum import Spectrum, sensor_bands, uniform_bands
 
 BY_PATHS = pytest.mark.chance(
-    "the engine draws its paths by the clock; the tolerance is three to four times their noise"
+    "the engine draws its paths by the clock; the tolerance is three times their noise or more"
 )
 
 SIDE_M = 2.0
@@ -162,13 +162,13 @@ def test_walls_of_every_kind_absorb_just_what_the_lamp_sends(
 ) -> None:
     """In a closed room, (1 - ρ) times the light that falls on the walls is the flux of the lamp.
 
-    The tolerance holds the noise of 54,000 paths (0.5 %) and what the lamp itself absorbs (0.3 %).
+    The tolerance holds three times the noise of 31,000 paths (0.6 %) and what the lamp itself absorbs (0.3 %).
     """
     room = scan_of(cube())
     scene = write_scene(
         room, material_map(room, material), [lamp(size=(0.05,))], uniform_bands(400, 700, 3), tmp_path, engine=engine
     )
-    sensors = on_walls(2250, seed=2)
+    sensors = on_walls(1300, seed=2)
     falling = irradiance(engine, scene, sensors, *PATHS).mean() * 6 * SIDE_M**2
     assert (1 - 0.7) * falling == pytest.approx(1.0, rel=tolerance)
 
