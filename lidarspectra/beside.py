@@ -38,7 +38,7 @@ class _Lost(Exception):  # noqa: N818 - no error: the work is done here instead
 
 @contextmanager
 def beside(
-    work: Callable[[Progress], Result], *, workers: int | None, in_thread: bool = False
+    work: Callable[[Progress], Result], *, words: str, workers: int | None, in_thread: bool = False
 ) -> Iterator[Callable[[Progress], Result]]:
     """Begin work that a `with` block needs only later; it ends with the block, finished or not.
 
@@ -46,6 +46,8 @@ def beside(
     ----------
     work : callable
         Takes a progress and gives a result that can be pickled. What else it changes in memory is lost.
+    words : str
+        What it is, for who waits before it has told anything.
     workers : int, optional
         Processor cores that may be used, one of them by the `with` block; all if left out. With one, nothing is begun.
     in_thread : bool
@@ -68,7 +70,7 @@ def beside(
     if copied is None and not in_thread:
         yield work
         return
-    abandoned, told = Event(), [(0.0, "")]
+    abandoned, told = Event(), [(0.0, words)]
 
     def tell(fraction: float, words: str) -> None:
         if abandoned.is_set():

@@ -58,7 +58,7 @@ def write_report(folder: Path, report: ReportInput, *, workers: int | None = Non
     making, joining = shares(progress, (1.0 - ROOM_SHARE, ROOM_SHARE))
     # What is drawn for files of other kinds, after the page, has to be drawn here.
     cores = workers if writer.only_svg else 1
-    with beside(lambda _: parts.compared_maps(report, writer), workers=cores) as compared:
+    with beside(lambda _: parts.compared_maps(report, writer), words="maps", workers=cores) as compared:
         sections = _sections(_parts(report, light, writer, compared), making)
     joining(0.0, "room in 3d")
     data = room_view_data(

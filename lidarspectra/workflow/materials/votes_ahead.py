@@ -43,5 +43,5 @@ def votes_beside(model: Path, scan: Scan, views: ViewSet, *, workers: int | None
     def count(progress: Progress) -> FaceClasses:
         return view_votes(Classifier(model, threads=threads), scan, views, progress)
 
-    with beside(count, workers=workers, in_thread=True) as votes:
+    with beside(count, words="material classes", workers=workers, in_thread=True) as votes:
         yield votes
