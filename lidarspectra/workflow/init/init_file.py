@@ -4,12 +4,14 @@ import os
 import tomllib
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
 from lidarspectra.arguments import path_of
+from lidarspectra.beside import beside
 from lidarspectra.config import RunFile, ScanSection
 from lidarspectra.errors import LidarSpectraError, RunFileError, ScanError, SensorError
 from lidarspectra.geometry.scan import Scan
@@ -36,6 +38,7 @@ from lidarspectra.workflow.whole_room import whole_room
 SENSOR_COUNTS = (176, 100, 50, 25, 10, 5, 1)  # the paper's count, then what smaller rooms hold
 NEAR_M = 0.3  # [m] of a lamp's middle: what shines there is the lamp
 PICTURE_SUFFIX = ".plan.png"  # of the run file's name
+DRAWS = "lidarspectra.mapping.figures.places_figure"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -219,10 +222,15 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
     except ScanError as cause:
         raise _NoRoom(cause, raw) from cause
     free = FreeSpace(scan, room)
-    progress(0.7, "laying out the sensor grid")
-    points, no_sensor = _grid(scan, room, free, choices.height)
-    progress(0.8, "looking for lit lamps")
-    lamps = search_lit_lamps(scan, room, caster=free.caster)
+
+    def search(tell: Progress) -> LampSearch:
+        return search_lit_lamps(scan, room, caster=free.caster)
+
+    with beside(search, words="looking for lit lamps", workers=None) as found:
+        progress(0.7, "laying out the sensor grid")
+        points, no_sensor = _grid(scan, room, free, choices.height)
+        import_module(DRAWS)  # takes a third of a second
+        lamps = found(part_of(progress, 0.8, 0.9))
     summary = InitSummary(
         run_file=out_path,
         scan=replace(scan.record, notes=(*scan.record.notes, *frame_notes(colors, capture))),
