@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from lidarspectra.hardware.incoming import serial_source
+from lidarspectra.hardware.incoming.arrivals import BACK_OFF_S
 from lidarspectra.hardware.incoming.serial_source import SerialSource
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
 from lidarspectra.hardware.sensor.identify import Wishes
@@ -47,10 +49,13 @@ def test_a_sensor_that_is_unplugged_is_told_of_once_and_read_again_when_it_is_ba
     assert "gives readings again" in heard.notices[1].text
 
 
-def test_a_port_that_is_not_there_is_said_once_while_it_is_tried_again(tmp_path: Path, running) -> None:
+def test_a_port_that_is_not_there_is_said_once_while_it_is_tried_again(
+    tmp_path: Path, running, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial_source, "BACK_OFF_S", tuple(0.1 * wait_s for wait_s in BACK_OFF_S))
     source = SerialSource(SerialPort("/dev/no-such-port"), sensor="desk", log=tmp_path / "desk.csv")
     with running(source) as heard:
         heard.until(lambda heard: heard.notices)
-        time.sleep(1.5)  # the next attempt is after a second
+        time.sleep(0.5)  # the next attempts are after .1 and .2 s
     assert len(heard.notices) == 1
     assert "tried again until it answers" in heard.notices[0].text

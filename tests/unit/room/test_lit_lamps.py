@@ -17,7 +17,7 @@ SIZE_M = 0.015  # [m] a rim of three pixels is blurred
 
 
 def room_with(builder, ceiling, *, noise_m=NOISE_M, turn_deg=0.0, boxes=(), walls=None, holes=None):
-    room = builder(step_m=0.05, noise_m=noise_m)
+    room = builder(step_m=0.1, noise_m=noise_m)
     blurred = cv2.GaussianBlur(ceiling.picture, (0, 0), 1.5)  # as a phone's picture is
     pictures = {"top": blurred, **(walls or {})}
     room.box([0, 0, 0], [4, 3, 2.5], inward=True, pictures=pictures, holes=holes)
