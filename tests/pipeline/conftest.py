@@ -146,13 +146,13 @@ def undrawn_figures(monkeypatch: pytest.MonkeyPatch, drawn_kinds: set[tuple[str,
     """
     draw = Figure.savefig
 
-    def draw_once(figure: Figure, file: Any, **options: Any) -> None:
-        kind = (getattr(file, "name", ""), len(figure.axes))
-        if kind in drawn_kinds and file.suffix in EMPTY:
+    def draw_once(figure: Figure, file: Path | io.BytesIO, **options: Any) -> None:
+        if isinstance(file, Path) and (file.name, len(figure.axes)) in drawn_kinds and file.suffix in EMPTY:
             file.write_bytes(EMPTY[file.suffix])
-        else:
-            drawn_kinds.add(kind)
-            draw(figure, file, **options)
+            return
+        draw(figure, file, **options)
+        if isinstance(file, Path):  # what is drawn into memory goes on to a file of another kind
+            drawn_kinds.add((file.name, len(figure.axes)))
 
     monkeypatch.setattr(report_writer, "svg_text", lambda figure: EMPTY[".svg"].decode())
     monkeypatch.setattr(Figure, "savefig", draw_once)
