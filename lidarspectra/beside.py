@@ -123,6 +123,7 @@ def _copied(work: Callable[[Progress], Result]) -> _Copied[Result] | None:
     context = multiprocessing.get_context("fork")
     answers, end = context.Pipe(duplex=False)
     process = context.Process(target=_do, args=(work, answers, end), daemon=True)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # in the copy for good: who waits is interrupted
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # of threads: those of ours hold no lock for long
@@ -130,13 +131,13 @@ def _copied(work: Callable[[Progress], Result]) -> _Copied[Result] | None:
     except OSError:  # too many processes, or too little memory
         return None
     finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
         end.close()  # so that the end of the process is the end of what comes
     return _Copied(process, answers)
 
 
 def _do(work: Callable[[Progress], Result], answers: Connection, end: Connection) -> None:
     """In the copy: do the work, tell how far it is, and send what it gives."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who waits for it is interrupted, and stops it
     answers.close()
     with suppress(Exception):  # without a result, who waits for it does the work, and meets the fault
         result = work(lambda fraction, words: end.send((True, (fraction, words))))

@@ -211,18 +211,37 @@ def test_where_the_block_fails_a_thread_ends_when_it_tells_how_far_it_is(no_copi
 
 @copies
 def test_an_interrupt_reaches_only_who_waits() -> None:
-    sent = multiprocessing.Event()
+    pids: multiprocessing.SimpleQueue[int] = multiprocessing.SimpleQueue()
+    interrupted = multiprocessing.Event()
 
-    def work(progress: Progress) -> str:
-        assert sent.wait(30.0)
-        return "done"
+    def work(progress: Progress) -> int:
+        pids.put(os.getpid())
+        assert interrupted.wait(30.0)
+        return os.getpid()
 
     with beside(work, words="work", workers=2) as result:
-        (copy,) = psutil.Process().children()
-        time.sleep(0.1)
-        copy.send_signal(signal.SIGINT)
-        sent.set()
-        assert result(silent) == "done"
+        copy = pids.get()
+        os.kill(copy, signal.SIGINT)
+        interrupted.set()
+        assert result(silent) == copy
+
+
+@copies
+def test_an_interrupt_of_the_copy_s_first_moment_is_ignored_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    fork = os.fork
+
+    def interrupted_fork() -> int:
+        process = fork()
+        if process:
+            os.kill(process, signal.SIGINT)
+            time.sleep(0.1)
+        else:
+            os.kill(os.getpid(), signal.SIGINT)
+        return process
+
+    monkeypatch.setattr(os, "fork", interrupted_fork)
+    with beside(lambda _: os.getpid(), words="work", workers=2) as result:
+        assert result(silent) != os.getpid()
 
 
 @copies
