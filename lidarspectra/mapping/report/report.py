@@ -24,6 +24,7 @@ from lidarspectra.progress import Progress, shares, silent
 
 ROOM = "Room in 3D"
 MAPS = "Spectral maps"
+WAITING_SHARE = 0.5  # of the time, in the unit of the parts' shares: for what is made beside them
 ROOM_SHARE = 0.02  # of the time: the room in 3D and the page itself
 
 __all__ = ["PAGE", "FloorPlan", "ReportInput", "ReportView", "StageRow", "write_report"]
@@ -58,8 +59,9 @@ def write_report(folder: Path, report: ReportInput, *, workers: int | None = Non
     making, joining = shares(progress, (1.0 - ROOM_SHARE, ROOM_SHARE))
     # What is drawn for files of other kinds, after the page, has to be drawn here.
     cores = workers if writer.only_svg else 1
-    with beside(lambda _: parts.compared_maps(report, writer), words="maps", workers=cores) as compared:
-        sections = _sections(_parts(report, light, writer, compared), making)
+    listed = _parts(report, light, writer)
+    with beside(lambda _: [part.make() for part in listed if part.beside], words="figures", workers=cores) as drawn:
+        sections = _sections(listed, drawn, making)
     joining(0.0, "room in 3d")
     data = room_view_data(
         report.spectral_map,
@@ -104,20 +106,18 @@ class _Part:
         Of the time, in any unit.
     make : callable
         Gives the HTML; empty if there is nothing to say.
-    waits : bool
-        Whether it is drawn beside the others, so that it is asked for after them.
+    beside : bool
+        Whether it is made while the others are; these take about as long together.
     """
 
     title: str
     share: float
     make: Callable[[], str]
-    waits: bool = False
+    beside: bool = False
 
 
-def _parts(
-    report: ReportInput, light: parts.ReportLight, writer: ReportWriter, compared: Callable[[Progress], str]
-) -> tuple[_Part, ...]:
-    """Of the page, in their order; `compared` gives the maps on common scales."""
+def _parts(report: ReportInput, light: parts.ReportLight, writer: ReportWriter) -> tuple[_Part, ...]:
+    """Of the page, in their order."""
 
     def made(section: Callable[..., str], **more: parts.ReportLight) -> Callable[[], str]:
         return partial(section, report, writer=writer, **more)
@@ -128,14 +128,14 @@ def _parts(
         _Part(title="Summary", share=0.1, make=made(parts.summary_section)),
         _Part(title="Illuminance", share=0.5, make=made(parts.illuminance_section, light=light)),
         _Part(title=MAPS, share=1.2, make=made(parts.maps_section)),
-        _Part(title=MAPS, share=0.5, make=lambda: compared(silent), waits=True),
+        _Part(title=MAPS, share=2.3, make=made(parts.compared_maps), beside=True),
         _Part(title=MAPS, share=0.1, make=made(parts.bands_section)),
         _Part(title="Spectra", share=0.5, make=made(parts.spectra_section)),
-        _Part(title="Accuracy", share=0.7, make=made(parts.accuracy_section)),
+        _Part(title="Accuracy", share=0.7, make=made(parts.accuracy_section), beside=True),
         _Part(title="Lamps and sensors", share=0.2, make=made(parts.lamps_section)),
         *(_application(each, writer) for each in report.applications),
-        _Part(title="Materials", share=2.6, make=made(parts.materials_section)),
-        _Part(title="Views", share=2.0, make=made(parts.views_section)),
+        _Part(title="Materials", share=0.6, make=made(parts.materials_section), beside=True),
+        _Part(title="Views", share=0.1, make=made(parts.views_section)),
         *(_application(each, writer) for each in frames),
         _Part(title="Scan", share=0.0, make=made(parts.scan_section)),
         _Part(title="All points", share=0.1, make=made(parts.points_section)),
@@ -148,13 +148,17 @@ def _application(application: Application, writer: ReportWriter) -> _Part:
     return _Part(title=application.title, share=0.5, make=partial(parts.application_section, application, writer))
 
 
-def _sections(listed: Sequence[_Part], progress: Progress) -> list[html.Section]:
-    """Make the parts, those that wait last, and join them; a section without content is left out."""
-    in_turn = sorted(range(len(listed)), key=lambda number: listed[number].waits)
+def _sections(
+    listed: Sequence[_Part], drawn: Callable[[Progress], list[str]], progress: Progress
+) -> list[html.Section]:
+    """Make the parts, ask for those that are made beside them, and join them; an empty section is left out."""
+    here = [number for number, part in enumerate(listed) if not part.beside]
+    *listeners, waiting = shares(progress, [*(listed[number].share for number in here), WAITING_SHARE])
     made = {}
-    for number, tell in zip(in_turn, shares(progress, [listed[number].share for number in in_turn]), strict=True):
+    for number, tell in zip(here, listeners, strict=True):
         tell(0.0, listed[number].title.lower())
         made[number] = listed[number].make()
+    made |= zip((number for number, part in enumerate(listed) if part.beside), drawn(waiting), strict=True)
     contents: dict[str, str] = {}
     for number, part in enumerate(listed):
         contents[part.title] = contents.get(part.title, "") + made[number]
