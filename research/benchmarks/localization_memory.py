@@ -6,7 +6,7 @@ A locator learns from one person's survey of a virtual office. On another night,
 people walk past places in one to three readings each, step to the next place, jump to any, stay for minutes, leave, and
 come in twos, by lot (`research.virtual_nights.movement`). Each reading is located alone, by the mean of the latest five
 readings' features, and with memory (`lidarspectra.mapping.localization.memory`), all against the running reference.
-The memory's constants were chosen on offices 2 to 9.
+The memory's constants were chosen on offices 2 to 9 (`research.benchmarks.localization_memory_constants`).
 
 The first table is of answers (place, nobody, two people) by movement: right in the first, second and third reading
 after each move, and in all; the mean delay in readings until the new place is first told, of visits in which it is told
@@ -15,7 +15,8 @@ tells how often an answer is right, by what it says.
 """
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -148,9 +149,32 @@ class Tally:
         return found
 
 
-def tables_of(numbers: Sequence[int], kinds: Mapping[str, object] = KINDS) -> list[Table]:
-    """All tables, of some virtual offices."""
-    tally = Tally()
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MovingNight:
+    """A night in an office on which people move, and a locator that learned from a survey of that office.
+
+    Parameters
+    ----------
+    model : LocationModel
+    features : (reading, feature) float
+        Of the readings that have any, a second apart. [1]
+    labels : (reading,) str
+        The true place, or `NOBODY` or `TWO_PEOPLE`.
+    moves : Moves
+    kept : (reading,) int
+        Which readings of the night these are.
+    """
+
+    model: LocationModel
+    features: FloatArray
+    labels: np.ndarray
+    moves: Moves
+    kept: IntArray
+
+
+def moving_nights(numbers: Iterable[int], kinds: Iterable[str] = tuple(KINDS)) -> Iterator[MovingNight]:
+    """Nights of each kind in each of some virtual offices."""
+    kinds = tuple(kinds)
     for number in numbers:
         office, generator = make_office(number), np.random.default_rng(number)
         survey = Night(office, SAME_ROOM, 10 * number + 1, 100 + number)
@@ -162,7 +186,15 @@ def tables_of(numbers: Sequence[int], kinds: Mapping[str, object] = KINDS) -> li
             table = as_table(*night.counts(moves.visits), office, kind)
             features = model.features(table, against="running")
             kept = np.flatnonzero(np.isfinite(features).any(axis=1))
-            tally.take(model, features[kept], table["label"].to_numpy().astype(str)[kept], moves, kept)
+            labels = table["label"].to_numpy().astype(str)[kept]
+            yield MovingNight(model=model, features=features[kept], labels=labels, moves=moves, kept=kept)
+
+
+def tables_of(numbers: Sequence[int], kinds: Mapping[str, object] = KINDS) -> list[Table]:
+    """All tables, of some virtual offices."""
+    tally = Tally()
+    for night in moving_nights(numbers, tuple(kinds)):
+        tally.take(night.model, night.features, night.labels, night.moves, night.kept)
     where = f"{len(numbers)} virtual offices from {numbers[0]} on, mean of {len(kinds)} kinds of night"
     return [
         tally.movement_table(f"Answers by movement, {where}."),
