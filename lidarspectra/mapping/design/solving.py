@@ -227,13 +227,25 @@ class _Program:
         return self._dims(found[0]), max(gap, found[1])
 
     def least_slack(self) -> FloatArray:
-        """(limit,) shortfalls of the least sum: of levels first, then of ratios, which a dark room would meet [1]."""
+        """(limit,) shortfalls of the least sum: of levels first, then of ratios, which a dark room would meet [1].
+
+        These programs have solutions. Where HiGHS ends in an error all the same, it is asked without its presolve:
+        levels that nothing holds would leave the room dark.
+        """
         is_ratio = np.array([limit.is_ratio for limit in self.problem.limits])
         slack, rows = np.full(is_ratio.size, np.inf), self._rows()
         for chosen in (~is_ratio, is_ratio):
             if chosen.any():
-                found = self._run(self._cost(slack=chosen.astype(np.float64)), rows)
-                if found is None:
+                cost = self._cost(slack=chosen.astype(np.float64))
+                found = self._run(cost, rows) or self._run(cost, rows, presolve=False)
+                if found is None and np.isinf(slack).all():
+                    raise MapError(
+                        expected="the design that misses the targets least",
+                        found="no answer of the solver, though a dark room is one",
+                        where="design",
+                        todo="Change a target by a little, or give fewer candidates, and try again.",
+                    )
+                if found is None:  # at the edge of what levels allow: ratios as they come
                     return slack
                 least = np.maximum(found[0][self.columns["slack"]], 0.0)
                 slack = np.where(chosen, least, slack)
@@ -289,7 +301,9 @@ class _Program:
             rows.append(self._at_most_sum("chosen", 1.0))
         return rows
 
-    def _run(self, cost: FloatArray, rows: list[LinearConstraint]) -> tuple[FloatArray, float] | None:
+    def _run(
+        self, cost: FloatArray, rows: list[LinearConstraint], *, presolve: bool = True
+    ) -> tuple[FloatArray, float] | None:
         """Values of the columns and the gap; None where there is no solution."""
         high = np.full(self.width, np.inf)
         for name in ("lit", "chosen", "one"):
@@ -299,7 +313,7 @@ class _Program:
             integrality=self.is_integer,
             bounds=Bounds(np.zeros(self.width), high),
             constraints=rows,
-            options={"time_limit": self.time_limit_s},
+            options={"time_limit": self.time_limit_s, "presolve": presolve},
         )
         if answer.x is None and answer.status == OUT_OF_TIME:
             raise MapError(

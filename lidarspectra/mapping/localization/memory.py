@@ -25,7 +25,8 @@ After a gap of half a minute, and where time goes back, as where two recordings 
 Readings of one time, as where a clock tells whole minutes, are a second apart.
 
 The constants were chosen by the logarithmic score on virtual offices 2 to 9, on nights in which people walk, jump,
-stay, leave and come in twos; `research.benchmarks.localization_memory` judges them on others.
+stay, leave and come in twos; `research.benchmarks.localization_memory_constants` prints what others would give there,
+`research.benchmarks.localization_memory` judges them on other offices.
 
 References
 ----------

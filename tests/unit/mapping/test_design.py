@@ -1,11 +1,14 @@
 """Inverse lighting on plain numbers: against exhaustive search, and where targets cannot be met."""
 
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import OptimizeResult, milp
 
 from lidarspectra.errors import MapError
+from lidarspectra.mapping.design import solving
 from lidarspectra.mapping.design.problem import (
     Freedom,
     Limit,
@@ -107,6 +110,30 @@ def test_what_is_missed_least_is_found_where_the_solver_stands_at_the_edge_of_wh
         found = solve(Problem(sources=sources(9), limits=limits, freedom=Freedom(max_lamps=2)))
         assert not found.is_met
         assert np.count_nonzero(found.dims) == 2
+
+
+@pytest.mark.parametrize("asked_again", [True, False])
+def test_where_the_solver_errs_about_levels_the_room_is_not_left_dark(
+    monkeypatch: pytest.MonkeyPatch, asked_again: bool
+) -> None:
+    limits = (level_limit(NINE, DARK, at_least=3000.0), uniformity_limit(NINE, DARK, 0.6))
+    problem = Problem(sources=sources(9), limits=limits, freedom=Freedom(max_lamps=1))
+    usual = solve(problem)
+    assert usual.dims.max() == pytest.approx(1.0, abs=1e-4)
+
+    def erring(cost: np.ndarray, **keywords: Any) -> Any:
+        if keywords["options"]["presolve"] or not asked_again:
+            of_levels = np.flatnonzero(cost).tolist() == [9 + 9]  # after the dims and what is lit, the first slack
+            if of_levels:
+                return OptimizeResult(x=None, status=4, message="Solve error")
+        return milp(cost, **keywords)
+
+    monkeypatch.setattr(solving, "milp", erring)
+    if not asked_again:
+        with pytest.raises(MapError, match="no answer of the solver"):
+            solve(problem)
+        return
+    assert solve(problem).dims == pytest.approx(usual.dims, abs=1e-4)
 
 
 def test_what_cannot_be_met_is_missed_least_and_says_how_much_flux_would_do() -> None:
