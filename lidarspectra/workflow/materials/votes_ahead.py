@@ -1,7 +1,6 @@
 """Material classes of the views, counted while the light is taken out of the colours: neither needs the other."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from lidarspectra.beside import beside
@@ -14,8 +13,7 @@ from lidarspectra.progress import Progress
 from lidarspectra.threads import cores_for
 
 
-@contextmanager
-def votes_beside(model: Path, scan: Scan, views: ViewSet, *, workers: int | None) -> Iterator[CountVotes]:
+def votes_beside(model: Path, scan: Scan, views: ViewSet, *, workers: int | None) -> AbstractContextManager[CountVotes]:
     """Begin to count the views' votes in a `with` block that does other work meanwhile (see `beside`).
 
     Parameters
@@ -28,10 +26,10 @@ def votes_beside(model: Path, scan: Scan, views: ViewSet, *, workers: int | None
     workers : int, optional
         Processor cores that may be used, one of them by the `with` block; all if left out. With one, nothing is begun.
 
-    Yields
-    ------
-    votes : callable
-        Waits for the votes, tells meanwhile how far they are, and gives them; raises what their counting raised.
+    Returns
+    -------
+    votes : context manager
+        Of a callable that waits for the votes, tells meanwhile how far they are, and gives them.
 
     Raises
     ------
@@ -43,5 +41,4 @@ def votes_beside(model: Path, scan: Scan, views: ViewSet, *, workers: int | None
     def count(progress: Progress) -> FaceClasses:
         return view_votes(Classifier(model, threads=threads), scan, views, progress)
 
-    with beside(count, words="material classes", workers=workers, in_thread=True) as votes:
-        yield votes
+    return beside(count, words="material classes", workers=workers, in_thread=True)
