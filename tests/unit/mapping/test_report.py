@@ -188,6 +188,19 @@ def test_maps_drawn_beside_the_page_are_those_drawn_for_it(report, tmp_path):
     assert files[0] == files[1]
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_figures_made_beside_the_others_stand_in_their_own_sections(report, tmp_path, workers):
+    text = write_report(tmp_path, report, workers=workers).read_text(encoding="utf-8")
+    sections = {part.split('"', 1)[0]: part for part in text.split('<section id="')[1:]}
+    for anchor, names in {
+        "spectral-maps": ["maps", "maps-shared", "maps-shape"],
+        "accuracy": ["standard-error"],
+        "materials": ["reflectances"],
+    }.items():
+        found = re.findall(r'<figure id="figure-([\w-]+)"', sections[anchor])
+        assert found[: len(names)] == names
+
+
 def test_figures_are_numbered_in_the_order_of_the_page(written):
     numbers = re.findall(r"<b>Figure (.*?)\.</b>", written[0].read_text(encoding="utf-8"))
     assert numbers == [str(number) for number in range(1, len(numbers) + 1)]
