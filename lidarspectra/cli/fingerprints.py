@@ -33,7 +33,9 @@ def fingerprints(
             "--grid", metavar="M", min=0.1, help="Or: every free position of a square grid with this spacing."
         ),
     ] = None,
-    draws: Annotated[int, typer.Option("--draws", min=1, max=1000, help="Random people per position.")] = 1,
+    draws: Annotated[
+        int, typer.Option("--draws", min=1, max=1000, help="Random people per position; fewer are a first look.")
+    ] = 8,
     posture: Annotated[
         list[PostureName] | None,
         typer.Option("--posture", help="Postures to draw from; repeat for several. Default: standing."),

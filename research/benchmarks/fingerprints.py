@@ -110,7 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         summary.scene,
         load_lamps(summary.results["scene"].folder),
         points,
-        place_people(positions, FingerprintOrder()),
+        place_people(positions, FingerprintOrder(draws=1)),
         load_reflectances(),
         folder,
         FingerprintRequest(

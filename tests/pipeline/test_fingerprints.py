@@ -93,7 +93,9 @@ def test_an_interrupted_job_keeps_what_it_has(room: Path, told: str, monkeypatch
 
 
 def test_a_grid_needs_no_file(room: Path, told: str) -> None:
-    assert "fingerprints of 3 sensors" in ask(room, "--grid 0.9 --posture sitting --posture walking", positions="")
+    assert "fingerprints of 3 sensors" in ask(
+        room, "--grid 0.9 --draws 1 --posture sitting --posture walking", positions=""
+    )
     table = load_fingerprints(room.with_suffix(".run") / "fingerprints" / "fingerprints.nc")
     assert set(table["posture"].to_numpy()) <= {"sitting", "walking"}
 
@@ -101,15 +103,15 @@ def test_a_grid_needs_no_file(room: Path, told: str) -> None:
 def test_positions_out_of_the_room_are_refused_and_those_in_the_way_told(room: Path, told: str) -> None:
     (room.parent / "outside.csv").write_text("name,x,y\nin,1,1\nout,7,1\n", encoding="utf-8")
     with pytest.raises(SensorError, match="1 of 2 outside of it, or inside of a wall or pillar: 'out'"):
-        ask(room, "", "outside.csv")
+        ask(room, "--draws 1", "outside.csv")
     (room.parent / "near.csv").write_text("name,x,y\nwall,0.1,1.4\n", encoding="utf-8")
-    assert "'wall' touches something" in ask(room, "", "near.csv")
+    assert "'wall' touches something" in ask(room, "--draws 1", "near.csv")
 
 
 def test_a_sensor_inside_of_somebody_is_refused(room: Path, told: str) -> None:
     (room.parent / "upon.csv").write_text("name,x,y\nsensor,0.08,1.0\n", encoding="utf-8")
     with pytest.raises(SensorError, match=r"sensor s3 inside.*position 'sensor'|position 'sensor'.*sensor s3 inside"):
-        ask(room, "", "upon.csv")
+        ask(room, "--draws 1", "upon.csv")
 
 
 def test_positions_or_a_grid_are_needed_and_not_both(room: Path) -> None:
