@@ -26,10 +26,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
-from lidarspectra.config import read_run_file
-from lidarspectra.hardware.sensor.as7265x import settings_for
 from lidarspectra.mapping.figures.figure_style import save_picture
 from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.localization.fingerprint_table import save_fingerprints
@@ -37,38 +34,27 @@ from lidarspectra.mapping.localization.location_errors import LocationErrors, er
 from lidarspectra.mapping.localization.location_figures import (
     error_curves_figure,
     error_map_figure,
-    two_times_figure,
 )
 from lidarspectra.mapping.localization.location_model import train_locator
-from lidarspectra.mapping.localization.locators import METHODS, Method
+from lidarspectra.mapping.localization.locators import Method
 from lidarspectra.mapping.localization.scoring import errors_of, times_in_order
 from lidarspectra.radiance.engine.options import Accuracy
-from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.workflow.applications.localization_jobs import place_to_locate, score_nights
-from lidarspectra.workflow.pipeline import run
+from research.benchmarks.localization_changed import table_5
 from research.benchmarks.localization_checks import people, person_effect, reference_age
 from research.benchmarks.localization_page import write_page
 from research.benchmarks.localization_readings import (
-    LEARNED_SEED,
     READINGS,
     SCENES,
     SENSORS_SEED,
-    TESTED_SEED,
     TRIED_PEOPLE,
-    VISITS,
     people_of,
-    plan_of,
     save,
     simulated,
     true_readings,
 )
-from research.benchmarks.localization_rooms import common_positions, later_room, scanned_room, traced, true_traced_room
 from research.experiments.provenance import begin, finish
-from research.experiments.variants import changed, write_run_file
-from research.experiments.virtual_readings import read_by_sensors, watch_by_sensors
-from research.scenes.build import phone_scan
-from research.virtual_rooms.room_plan import RoomPlan
-from research.virtual_rooms.true_room import true_room
+from research.experiments.virtual_readings import read_by_sensors
 
 ROOT = Path(__file__).parents[2]
 ACCURACIES: tuple[Accuracy, ...] = ("low", "medium", "high")
@@ -81,9 +67,6 @@ PAPER_M = {  # [m] Table 4: measured there, in rooms of the authors
     "large-office": {"measured": 0.0, "low": 0.55, "medium": 0.37, "high": 0.29},
     "apartment": {"measured": 0.06, "low": 0.90, "medium": 0.34, "high": 0.37},
 }
-FIGURE_15_SENSORS, FIGURE_15_NM = 15, 560.0
-CHANGED_SCENE, LATER = "apartment", "apartment-later"
-SCAN_SEED = 1
 LOTS = 4  # sets of sensors by lot
 
 
@@ -175,70 +158,6 @@ def paper_table() -> Table:
         frame=pd.DataFrame(rows),
         formats={f"{words} [m]": ".2f" for words in ("measured", *ACCURACIES)},
     )
-
-
-def table_5(arguments: argparse.Namespace) -> None:
-    """Table 5, Figures 15 and 16."""
-    scene, work = CHANGED_SCENE, arguments.work
-    draws = people_of(scene, arguments)
-    before = true_readings(scene, work, draws)
-    plan = later_room(plan_of(scene))
-    room = true_traced_room(plan, scene, work / f"{LATER}-true")
-    common = common_positions(before.positions, room)
-    tested = traced(room, common, work, f"{LATER}-tested", accuracy="ultra", draws=1, seed=TESTED_SEED)
-    # The same sensors at the same settings: here they do not age within three months, as real ones would.
-    settings = settings_for(before.survey.attrs["gain"], before.survey.attrs["integration_ms"])
-    read = watch_by_sensors(tested, VISITS, seed=SENSORS_SEED, noise_seed=1, settings=settings)
-    learned = traced(
-        lambda: scanned_room(later_run(plan, work), scene), common, work, f"{LATER}-high", accuracy="high", draws=draws,
-        seed=LEARNED_SEED,
-    )  # fmt: skip
-    old, new = train_locator(before.survey), train_locator(learned)
-    found = {
-        "measured before, raw": errors_of(old, read, against="trained"),
-        "measured before, as ratio to the running reference": errors_of(old, read, against="running"),
-        "simulated now": errors_of(new, read, against="running"),
-    }
-    rows = {f"{words}, {method}": errors[method] for method in METHODS for words, errors in found.items()}
-    caption = "Furniture and lamps changed since the fingerprints were measured (the paper's Table 5)."
-    save(error_table(rows, name="table-5", caption=caption, heading="learned from"), arguments.out)
-    names = {
-        "measured before, raw": "old, raw",
-        "measured before, as ratio to the running reference": "old, ratio",
-        "simulated now": "new, simulated",
-    }
-    curves = {short: rows[f"{words}, network"] for words, short in names.items()}
-    save_picture(error_curves_figure({"apartment, changed": curves}), arguments.out / "figure-16.png")
-    figure_15(before.survey, read, arguments.out)
-    for words, errors in curves.items():
-        print(f"table-5: {words}: {errors.percentile_m(50):.2f} m", flush=True)
-
-
-def figure_15(before: xr.Dataset, after: xr.Dataset, out: Path) -> None:
-    """What the same sensors read at the same places at both times, in one channel."""
-    shared = [label for label in dict.fromkeys(before["label"].values.tolist()) if label in after["label"].values]
-    chosen = before["sensor"].to_numpy()[:FIGURE_15_SENSORS].tolist()
-    parts = []
-    for table in (before, after):
-        counts = table["counts"].sel(band=FIGURE_15_NM, sensor=chosen).to_numpy()
-        labels = table["label"].to_numpy()
-        parts.append(np.array([np.nanmean(counts[labels == label], axis=0) for label in shared]))
-    mean = parts[0].mean(axis=0)
-    save_picture(two_times_figure(parts[0] / mean, parts[1] / mean, chosen, FIGURE_15_NM), out / "figure-15.png")
-
-
-def later_run(plan: RoomPlan, work: Path) -> Path:
-    """The changed room, scanned by the virtual phone and run up to its Radiance model."""
-    folder = work / LATER
-    folder.mkdir(parents=True, exist_ok=True)
-    if not (folder / "scan.glb").is_file():
-        phone_scan(plan, true_room(plan), folder, seed=SCAN_SEED)
-    base = scenes_folder() / CHANGED_SCENE
-    given = read_run_file(base / "room.toml").model_copy(update={"lamps": plan.file.lamps})
-    given = changed(given, "sensors", points=str(base / "points.csv"))
-    write_run_file(given, folder / "room.toml")
-    run(folder / "room.toml", work / f"{LATER}.run", last="scene")
-    return work / f"{LATER}.run"
 
 
 def placement(arguments: argparse.Namespace) -> None:

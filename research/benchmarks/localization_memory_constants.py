@@ -1,28 +1,40 @@
 """What other constants of a localization's memory would give, on the nights on which they were chosen.
 
-    python -m research.benchmarks.localization_memory_constants [--offices 8] [--first-seed 2]
+    python -m research.benchmarks.localization_memory_constants [--offices 8] [--first-seed 2] [--together]
 
 Nights are those of `research.benchmarks.localization_memory`, in other offices. Each constant of
-`lidarspectra.mapping.localization.memory` that no source gives is changed by itself, the others staying as they are.
+`lidarspectra.mapping.localization.memory` that no source gives is changed by itself, the others staying as they are;
+with --together, those of `LONGER`, with which memory is longer, each pair and all of them at once.
+
 The score is the mean logarithm of the probability that is given to the truth, a place, nobody or two people, at every
 reading after the first; printed as what it differs from that of the constants as they are, with the share of answers
 that are right. A constant is well chosen if neither neighbour is better by more than its nights scatter: the standard
 error is that of the mean difference over the nights.
+
+Since a longer memory may lag behind who moves, a second table has for each movement by how much the share of visits
+changes whose first reading is right, and of those never told right; and the readings until a move is told, of the
+visits in which it is told both ways. Standard errors are of differences visit by visit, over the nights.
 """
 
 import argparse
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import combinations
 from unittest.mock import patch
 
 import numpy as np
+import pandas as pd
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.mapping.figures.tables import Table, table_markdown
 from lidarspectra.mapping.localization import memory
+from lidarspectra.mapping.localization.location_errors import clustered_mean
 from lidarspectra.mapping.localization.location_model import LocationModel
 from lidarspectra.mapping.localization.places import Located
-from lidarspectra.mapping.localization.presence import MAX_PEOPLE, NOBODY, TWO_PEOPLE
-from research.benchmarks.localization_memory import MovingNight, moving_nights
+from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE
+from research.benchmarks.localization_memory import MovingNight, answers_of, delays_of, moving_nights
+from research.virtual_nights.movement import MOVEMENTS
 
 OTHERS: Mapping[str, tuple[float, ...]] = {
     "MOVED_DEVIATIONS": (2.6, 3.1, 4.4, 5.2),
@@ -33,6 +45,7 @@ OTHERS: Mapping[str, tuple[float, ...]] = {
     "ANYWHERE": (0.25, 0.75),
     "FLOOR": (0.003, 0.03),
 }
+LONGER: Mapping[str, float] = {"STILL_S": 20.0, "FORGETTING": 0.7, "STAYS": 0.5}
 LEAST = 1e-6  # [1] probability, so that one reading cannot decide
 
 
@@ -48,55 +61,157 @@ class Alone:
         [1]
     truth : (reading,) int
         Column of the true answer among places, nobody and two people.
+    visit : (reading,) int
+        Number of the visit.
+    movement : (visit,) str
+        What each visit belongs to.
     """
 
     model: LocationModel
     located: Located
     features: FloatArray
     truth: np.ndarray
+    visit: IntArray
+    movement: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scored:
+    """How well a night was told with memory.
+
+    Parameters
+    ----------
+    logarithm : float
+        Mean, after the first reading, of the truth's probability.
+    right : float
+        Share of right answers after the first reading. [0-1]
+    first : (visit,) float
+        1 where a visit's first reading was told right, else 0; visits in order, those without readings left out.
+    delay : (visit,) float
+        NaN where it never was. [reading]
+    """
+
+    logarithm: float
+    right: float
+    first: FloatArray
+    delay: FloatArray
 
 
 def located_alone(night: MovingNight) -> Alone:
     """What each reading of a night tells by itself."""
     answers = [*night.model.places.labels, NOBODY, TWO_PEOPLE]
-    truth = np.array([answers.index(label) for label in night.labels])
-    located = night.model.locate_features(night.features)
-    return Alone(model=night.model, located=located, features=night.features, truth=truth)
+    return Alone(
+        model=night.model,
+        located=night.model.locate_features(night.features),
+        features=night.features,
+        truth=np.array([answers.index(label) for label in night.labels]),
+        visit=night.moves.of_frame[night.kept],
+        movement=np.array(night.moves.movements),
+    )
 
 
-def scored(night: Alone) -> tuple[float, float]:
-    """Mean logarithm of the truth's probability with memory, and share of right answers, both after the first."""
+def scored(night: Alone) -> Scored:
+    """A night with memory."""
     found = night.model.remembered(night.located, night.features, np.arange(float(len(night.features))))
+    answers = np.array([*found.places.labels, NOBODY, TWO_PEOPLE])
+    told = answers_of(found)[0] == answers[night.truth]
     nobody, one, two = found.people.T
     places = found.scores / found.scores.sum(axis=1, keepdims=True)
     given = np.column_stack([one[:, None] * places, nobody, two])[1:]
     truth = night.truth[1:]
     logs = np.log(np.maximum(given[np.arange(len(truth)), truth], LEAST))
-    return float(logs.mean()), float((given.argmax(axis=1) == truth).mean())
+    first, delay = delays_of(told, night.visit)
+    return Scored(
+        logarithm=float(logs.mean()),
+        right=float((given.argmax(axis=1) == truth).mean()),
+        first=first[:, 0],
+        delay=delay,
+    )
 
 
-def with_constant(nights: Iterable[Alone], name: str, value: float) -> FloatArray:
-    """(night, 2) scores with one constant changed."""
-    people = memory.PEOPLE_TRANSITIONS
-    if name == "STAYS":
-        people = value * np.eye(MAX_PEOPLE + 1) + (1.0 - value) / (MAX_PEOPLE + 1)
-    with patch.object(memory, name, value), patch.object(memory, "PEOPLE_TRANSITIONS", people):
-        return np.array([scored(night) for night in nights])
+def with_constants(nights: Iterable[Alone], values: Mapping[str, float]) -> list[Scored]:
+    """Scores of nights with some constants changed."""
+    with ExitStack() as changed:
+        for name, value in values.items():
+            changed.enter_context(patch.object(memory, name, value))
+        return [scored(night) for night in nights]
 
 
-def compared(nights: Sequence[Alone]) -> list[str]:
-    """A line for each constant and value."""
-    usual = np.array([scored(night) for night in nights])
-    lines = [f"as they are: {usual[:, 0].mean():.4f}, {100 * usual[:, 1].mean():.1f} % right, {len(nights)} nights"]
-    for name, values in OTHERS.items():
-        for value in values:
-            apart = with_constant(nights, name, value) - usual
-            error = apart[:, 0].std(ddof=1) / np.sqrt(len(nights))
-            lines.append(
-                f"{name:17s} {getattr(memory, name):6.3f} -> {value:6.3f}: {apart[:, 0].mean():+.4f} ± {error:.4f}, "
-                f"{100 * apart[:, 1].mean():+.2f} % right"
-            )
-    return lines
+def told_together(longer: Mapping[str, float] = LONGER) -> list[dict[str, float]]:
+    """Each pair of constants, and all of them at once."""
+    return [{name: longer[name] for name in some} for count in (2, 3) for some in combinations(longer, count)]
+
+
+def score_row(usual: Sequence[Scored], other: Sequence[Scored], values: Mapping[str, float]) -> dict[str, object]:
+    """What changed constants give over those as they are, in the mean of the nights."""
+    logs, right = (
+        np.array([[each.logarithm, each.right] for each in other])
+        - np.array([[each.logarithm, each.right] for each in usual])
+    ).T
+    return {
+        "constants": _in_words(values),
+        "score": float(logs.mean()),
+        "standard error": _error(logs),
+        "right [points]": 100.0 * float(right.mean()),
+        "standard error [points]": 100.0 * _error(right),
+    }
+
+
+def movement_rows(
+    nights: Sequence[Alone], usual: Sequence[Scored], other: Sequence[Scored], values: Mapping[str, float]
+) -> list[dict[str, object]]:
+    """What they give for visits of each movement, visit by visit; standard errors are over the nights."""
+    number = np.concatenate([np.full(len(each.first), index) for index, each in enumerate(usual)])
+    movement = np.concatenate([night.movement[np.unique(night.visit)] for night in nights])
+    pairs = {name: _joined(usual, other, name) for name in ("first", "delay")}
+    before, after = (np.isnan(each).astype(np.float64) for each in pairs["delay"])
+    pairs["never"] = before, after
+    rows = []
+    for name in MOVEMENTS:
+        row: dict[str, object] = {"constants": _in_words(values), "movement": name}
+        for what, unit, factor in (("first", "points", 100.0), ("never", "points", 100.0), ("delay", "readings", 1.0)):
+            before, after = pairs[what]
+            own = (movement == name) & np.isfinite(after - before)
+            change, error = clustered_mean(after[own] - before[own], number[own])
+            row |= {f"{what} [{unit}]": factor * change, f"{what}, standard error [{unit}]": factor * error}
+        rows.append(row)
+    return rows
+
+
+def _joined(usual: Sequence[Scored], other: Sequence[Scored], name: str) -> tuple[FloatArray, FloatArray]:
+    """(visit,) of all nights as they are, and changed."""
+    before, after = (np.concatenate([getattr(each, name) for each in some]) for some in (usual, other))
+    return before, after
+
+
+def _error(values: FloatArray) -> float:
+    return float(values.std(ddof=1) / np.sqrt(values.size))
+
+
+def _in_words(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {getattr(memory, name):g} -> {value:g}" for name, value in values.items())
+
+
+def tables_of(nights: Sequence[Alone], tried: Sequence[Mapping[str, float]]) -> list[Table]:
+    """Scores of changed constants, and what they do by movement."""
+    usual = with_constants(nights, {})
+    scores, movements = [], []
+    for values in tried:
+        other = with_constants(nights, values)
+        scores.append(score_row(usual, other, values))
+        movements += movement_rows(nights, usual, other, values)
+    logarithm, right = (float(np.mean([getattr(each, name) for each in usual])) for name in ("logarithm", "right"))
+    caption = f"As they are: {logarithm:.4f}, {100.0 * right:.1f} % right, {len(nights)} nights; changed:"
+    return [
+        _table("scores", caption, scores, {"score": ".4f", "standard error": ".4f"}),
+        _table("movements", "By movement:", movements, {}),
+    ]
+
+
+def _table(name: str, caption: str, rows: Sequence[Mapping[str, object]], formats: Mapping[str, str]) -> Table:
+    numbers = [column for column, value in rows[0].items() if isinstance(value, float)]
+    formats = dict.fromkeys(numbers, ".2f") | dict(formats)
+    return Table(name=name, caption=caption, frame=pd.DataFrame(rows), formats=formats)
 
 
 def main() -> None:
@@ -104,9 +219,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--offices", type=int, default=8)
     parser.add_argument("--first-seed", type=int, default=2)
+    parser.add_argument("--together", action="store_true", help="several constants at once, in place of one by one")
     arguments = parser.parse_args()
     numbers = range(arguments.first_seed, arguments.first_seed + arguments.offices)
-    print("\n".join(compared([located_alone(night) for night in moving_nights(numbers)])))
+    one_by_one = [{name: value} for name, values in OTHERS.items() for value in values]
+    tried = told_together() if arguments.together else one_by_one
+    for table in tables_of([located_alone(night) for night in moving_nights(numbers)], tried):
+        print(f"\n{table.caption}\n\n{table_markdown(table)}", flush=True)
 
 
 if __name__ == "__main__":

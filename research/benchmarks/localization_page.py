@@ -47,10 +47,10 @@ PARTS = (
         words="The apartment. Between T1 and T2 a coffee table, a bookshelf and the dining table with its chairs "
         "moved, the television, a night table and a plant went, the rug is another; the living room's four "
         "lamps got another spectrum and half as much flux again, one of them and one in the bedroom moved, "
-        "three others were changed. At T2 people come and go as in Table 4. 'raw' compares readings with the "
-        "empty room of T1, as fingerprints without a reference do; all else is compared with the running reference "
-        "of T2.",
-        tables=("table-5",),
+        "three others were changed. At T2 people come and go as in Table 4, four at each "
+        "place, each at a time of its own. 'raw' compares readings with the empty room of T1, as fingerprints without "
+        "a reference do; all else is compared with the running reference of T2.",
+        tables=("table-5", "table-5-gains"),
         figures=("figure-15", "figure-16"),
     ),
     Part(

@@ -57,8 +57,6 @@ ANYWHERE = 0.5  # [1] share of the moves that go to any place
 WALK_M_PER_S = 1.4  # [m/s] Bohannon (1997)
 SHORTEST_S = 1.0  # [s] a sensor's reading takes as long, and a step
 MAX_GAP_S = 30.0  # [s] after which nothing is remembered
-# [1] probability of each number of people after each
-PEOPLE_TRANSITIONS = STAYS * np.eye(MAX_PEOPLE + 1) + (1.0 - STAYS) / (MAX_PEOPLE + 1)
 FLOOR = 0.01  # [1] share of an even answer in each: no reading rules a state out
 
 
@@ -113,7 +111,7 @@ class Memory:
         else:
             moved = self._moved(self._features, features, elapsed_s)
             self._places = _after(self._places, told, place_transitions(self._distance_m, elapsed_s), moved, elapsed_s)
-            self._people = _after(self._people, counted, PEOPLE_TRANSITIONS, moved, elapsed_s)
+            self._people = _after(self._people, counted, people_transitions(), moved, elapsed_s)
         self._time_s, self._features = time_s, features
         return self._places, self._people
 
@@ -176,6 +174,11 @@ def place_transitions(distance_m: FloatArray, elapsed_s: float) -> FloatArray:
     walked = walked / walked.sum(axis=1, keepdims=True)
     left = (1.0 - ANYWHERE) * walked + ANYWHERE * others / (count - 1)
     return np.asarray(np.where(others, (1.0 - STAYS) * left, STAYS), dtype=np.float64)
+
+
+def people_transitions() -> FloatArray:
+    """(people before, people after) probability of each number after a move; rows sum to 1 [0-1]."""
+    return np.asarray(STAYS * np.eye(MAX_PEOPLE + 1) + (1.0 - STAYS) / (MAX_PEOPLE + 1), dtype=np.float64)
 
 
 def _even(scores: FloatArray) -> FloatArray:

@@ -10,7 +10,13 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
-from lidarspectra.mapping.localization.location_errors import LocationErrors, error_table, place_table
+from lidarspectra.mapping.localization.location_errors import (
+    TOP_1_ERROR,
+    LocationErrors,
+    clustered_mean,
+    error_table,
+    place_table,
+)
 from lidarspectra.mapping.localization.location_figures import (
     error_curves_figure,
     error_map_figure,
@@ -43,12 +49,66 @@ def test_without_coordinates_nothing_is_said_in_metres() -> None:
     found = errors([0.0, 1.0], known=False)
     assert np.isnan(found.percentile_m(50))
     assert list(error_table({"x": found}, name="t", caption="c").frame) == [
-        "method", "readings", "top 1 [%]", "top 3 [%]", "top 5 [%]",
+        "method", "readings", "top 1 [%]", TOP_1_ERROR, "top 3 [%]", "top 5 [%]",
     ]  # fmt: skip
     with pytest.raises(MapError, match="--positions"):
         error_map_figure(found)
     with pytest.raises(MapError, match="--positions"):
         error_curves_figure({"a room": {"x": found}})
+
+
+def ranked(labels: str, rank: list[int]) -> LocationErrors:
+    unknown = np.full((len(rank), 2), np.nan)
+    return LocationErrors(labels=tuple(labels), true_m=unknown, located_m=unknown, rank=np.array(rank))
+
+
+def test_the_standard_error_of_top_1_is_over_places_by_hand() -> None:
+    # Of 4 readings at a 3 are right, of 1 at b none, of 3 at c all: m = 6/8; y - m n = 0, -.75, .75
+    found = ranked("aaabcacc", [0, 0, 1, 2, 0, 0, 0, 0])
+    assert found.top(1) == 0.75
+    assert found.top_1_error == pytest.approx(np.sqrt(3.0 / 2.0 * 2.0 * 0.75**2) / 8.0)
+    row = error_table({"x": found}, name="t", caption="c").frame.iloc[0]
+    assert row[TOP_1_ERROR] == pytest.approx(100.0 * found.top_1_error)
+
+
+def test_copies_of_readings_tell_no_more_and_without_them_it_is_that_of_a_mean() -> None:
+    random = np.random.default_rng(0)
+    right = random.integers(0, 2, 12).astype(np.float64)
+    mean, error = clustered_mean(right, np.arange(12))
+    assert error == pytest.approx(right.std(ddof=1) / np.sqrt(12))
+    assert clustered_mean(np.repeat(right, 50), np.repeat(np.arange(12), 50)) == pytest.approx((mean, error))
+
+
+def test_the_standard_error_is_how_much_other_places_and_people_would_scatter() -> None:
+    random, shares, stated = np.random.default_rng(1), [], []
+    for _ in range(2000):
+        frames = random.integers(20, 101, 24)  # of a visit, all right or all wrong
+        right = np.repeat((random.random(24) < 0.7).astype(np.float64), frames)
+        mean, error = clustered_mean(right, np.repeat(np.arange(24), frames))
+        shares.append(mean)
+        stated.append(error**2)
+    assert np.sqrt(np.mean(stated)) == pytest.approx(np.std(shares), rel=0.08)  # 2000 draws tell it to 2 %
+
+
+def test_of_one_place_or_one_unknown_there_is_no_standard_error_and_all_right_has_none_to_tell() -> None:
+    assert np.isnan(ranked("aaa", [0, 1, 0]).top_1_error)
+    assert np.isnan(ranked("aab", [0, 1, -1]).top_1_error)
+    assert ranked("aabb", [0, 0, 0, 0]).top_1_error == 0.0
+    assert np.isnan(clustered_mean(np.array([]), np.array([]))).all()
+    assert TOP_1_ERROR not in error_table({"x": ranked("aa", [0, 1])}, name="t", caption="c").frame
+
+
+def test_two_locators_are_compared_reading_by_reading() -> None:
+    first, second = ranked("aabbcc", [0, 0, 0, 1, 0, 0]), ranked("aabbcc", [0, 0, 1, 0, 1, 1])
+    # Differences by place: 0, 0, 2, of 6 readings: m = 1/3, y - m n = -2/3, -2/3, 4/3
+    gain, error = first.top_1_gain(second)
+    assert gain == pytest.approx(1.0 / 3.0)
+    assert error == pytest.approx(np.sqrt(3.0 / 2.0 * 24.0 / 9.0) / 6.0)
+    assert second.top_1_gain(first) == pytest.approx((-gain, error))
+    assert first.top_1_gain(first) == (0.0, 0.0)
+    assert np.isnan(first.top_1_gain(ranked("aabbcc", [0, 0, 0, 0, 0, -1]))).all()
+    with pytest.raises(MapError, match="same readings"):
+        first.top_1_gain(ranked("aabbca", [0, 0, 0, 0, 0, 0]))
 
 
 def test_errors_by_place_are_told_apart() -> None:
