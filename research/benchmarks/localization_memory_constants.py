@@ -1,10 +1,10 @@
 """What other constants of a localization's memory would give, on the nights on which they were chosen.
 
-    python -m research.benchmarks.localization_memory_constants [--offices 8] [--first-seed 2] [--together]
+    python -m research.benchmarks.localization_memory_constants [--offices 8] [--first-seed 2]
 
 Nights are those of `research.benchmarks.localization_memory`, in other offices. Each constant of
 `lidarspectra.mapping.localization.memory` that no source gives is changed by itself, the others staying as they are;
-with --together, those of `LONGER`, with which memory is longer, each pair and all of them at once.
+then those of `LONGER`, with which memory is longer, two or more at once.
 
 The score is the mean logarithm of the probability that is given to the truth, a place, nobody or two people, at every
 reading after the first; printed as what it differs from that of the constants as they are, with the share of answers
@@ -42,10 +42,11 @@ OTHERS: Mapping[str, tuple[float, ...]] = {
     "STILL_S": (5.0, 20.0, 40.0),
     "FORGETTING": (0.25, 0.35, 0.7, 1.0),
     "STAYS": (0.15, 0.5),
+    "SAME_PEOPLE": (0.15, 0.5),
     "ANYWHERE": (0.25, 0.75),
     "FLOOR": (0.003, 0.03),
 }
-LONGER: Mapping[str, float] = {"STILL_S": 20.0, "FORGETTING": 0.7, "STAYS": 0.5}
+LONGER: Mapping[str, float] = {"STILL_S": 20.0, "FORGETTING": 0.7, "STAYS": 0.5, "SAME_PEOPLE": 0.5}
 LEAST = 1e-6  # [1] probability, so that one reading cannot decide
 
 
@@ -138,8 +139,9 @@ def with_constants(nights: Iterable[Alone], values: Mapping[str, float]) -> list
 
 
 def told_together(longer: Mapping[str, float] = LONGER) -> list[dict[str, float]]:
-    """Each pair of constants, and all of them at once."""
-    return [{name: longer[name] for name in some} for count in (2, 3) for some in combinations(longer, count)]
+    """Each choice of two constants or more."""
+    counts = range(2, len(longer) + 1)
+    return [{name: longer[name] for name in some} for count in counts for some in combinations(longer, count)]
 
 
 def score_row(usual: Sequence[Scored], other: Sequence[Scored], values: Mapping[str, float]) -> dict[str, object]:
@@ -219,12 +221,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--offices", type=int, default=8)
     parser.add_argument("--first-seed", type=int, default=2)
-    parser.add_argument("--together", action="store_true", help="several constants at once, in place of one by one")
     arguments = parser.parse_args()
     numbers = range(arguments.first_seed, arguments.first_seed + arguments.offices)
     one_by_one = [{name: value} for name, values in OTHERS.items() for value in values]
-    tried = told_together() if arguments.together else one_by_one
-    for table in tables_of([located_alone(night) for night in moving_nights(numbers)], tried):
+    nights = [located_alone(night) for night in moving_nights(numbers)]
+    for table in tables_of(nights, [*one_by_one, *told_together()]):
         print(f"\n{table.caption}\n\n{table_markdown(table)}", flush=True)
 
 

@@ -58,8 +58,8 @@ def test_constants_as_they_are_change_nothing_and_several_change_at_once(night: 
     usual = scored(night)
     assert with_constants([night], {name: getattr(memory, name) for name in OTHERS})[0].logarithm == usual.logarithm
     values = [with_constants([night], some)[0].logarithm for some in ({}, LONGER, *told_together())]
-    assert len(set(values)) == len(values) - 1  # all three at once are the last of those told together
-    assert len(told_together()) == 4
+    assert len(set(values)) == len(values) - 1  # all of them at once are the last of those told together
+    assert len(told_together()) == 6 + 4 + 1
 
 
 def test_the_score_is_of_the_truth_among_places_nobody_and_two(night: Alone, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from lidarspectra.mapping.localization.frames import Frame
 from lidarspectra.mapping.localization.live import LiveLocator, LiveSettings
 from lidarspectra.mapping.localization.location_model import LocationModel, TrainingSettings
 from lidarspectra.mapping.localization.location_model_files import save_locator
-from lidarspectra.mapping.localization.memory import FLOOR, Memory, place_transitions, remember
+from lidarspectra.mapping.localization.memory import FLOOR, Memory, people_transitions, place_transitions, remember
 from lidarspectra.mapping.localization.scoring import errors_of, score_within, times_in_order
 from lidarspectra.workflow.applications.localization_jobs import (
     EACH_ALONE,
@@ -115,6 +115,17 @@ def test_how_many_there_are_is_remembered_as_places_are(monkeypatch: pytest.Monk
     _, stood = remember(Memory(CORNERS_M, NOISE), times_s[:2], walking[[0, 0]], scores[:2], given[:2])
     averaged = told[0] ** np.exp(-0.1) * told[1] ** (1.0 - np.exp(-0.1))
     assert stood[1] == pytest.approx(averaged / averaged.sum(), abs=2e-3)
+
+
+def test_how_long_a_number_of_people_lasts_is_another_constant_than_how_long_a_place_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    places = place_transitions(DISTANCE_M, 1.0)
+    monkeypatch.setattr(memory_module, "SAME_PEOPLE", 0.5)
+    assert place_transitions(DISTANCE_M, 1.0) == pytest.approx(places)
+    assert people_transitions() == pytest.approx(0.5 * np.eye(3) + 0.5 / 3.0)
+    monkeypatch.setattr(memory_module, "STAYS", 0.9)
+    assert people_transitions() == pytest.approx(0.5 * np.eye(3) + 0.5 / 3.0)
 
 
 def test_it_is_the_sum_over_all_paths_where_everybody_moves_and_nothing_is_tempered(
