@@ -26,8 +26,9 @@ Readings of one time, as where a clock tells whole minutes, are a second apart.
 
 The constants were chosen by the logarithmic score on virtual offices 2 to 9, on nights in which people walk, jump,
 stay, leave and come in twos; `research.benchmarks.localization_memory_constants` prints what others would give there,
-`research.benchmarks.localization_memory` judges them on other offices. That the number of people lasts longer (`SAME_PEOPLE`) would
-score better there; it was not taken, as nobody and two people would then be told right less often when they come.
+`research.benchmarks.localization_memory` judges them on other offices. That the number of people lasts longer
+(`SAME_PEOPLE`) would score better there; it was not taken, as nobody and two people would then be told right less often
+when they come.
 
 References
 ----------
