@@ -56,8 +56,9 @@ from lidarspectra.workflow.kept_light import (
     why_not_relit,
     with_present_names,
 )
-from lidarspectra.workflow.materials.delighting import Delighting, take_light_out, with_light_uncertainty
+from lidarspectra.workflow.materials.delighting import Delighting, take_light_out
 from lidarspectra.workflow.materials.gloss_of_run import gloss_in_words, gloss_of_materials, save_gloss, with_gloss
+from lidarspectra.workflow.materials.light_uncertainty import with_light_uncertainty
 from lidarspectra.workflow.materials.materials_of_run import all_given, materials_of_run, model_of_run
 from lidarspectra.workflow.materials.votes_ahead import votes_beside
 from lidarspectra.workflow.run_folder.assumed import assumed_lamps, assumed_of_scan, lamp_notes, lit_notes, scan_notes

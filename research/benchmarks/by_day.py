@@ -37,7 +37,8 @@ from lidarspectra.spectra.databases import load_reflectances, tristimulus_table
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
 from lidarspectra.spectra.spectrum import sensor_bands
 from lidarspectra.workflow.calibration.unknowns_of_run import REFERENCE_NM, levels_covariance, unknowns_of_map
-from lidarspectra.workflow.materials.delighting import take_light_out, with_light_uncertainty
+from lidarspectra.workflow.materials.delighting import take_light_out
+from lidarspectra.workflow.materials.light_uncertainty import with_light_uncertainty
 from lidarspectra.workflow.run_folder.lamps_of_run import ScannedRoom
 from research.benchmarks.delighting import (
     VISIBLE,

@@ -35,8 +35,9 @@ from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import Room, find_room
 from lidarspectra.workflow import stages
-from lidarspectra.workflow.materials import delighting
-from lidarspectra.workflow.materials.delighting import take_light_out, with_light_uncertainty
+from lidarspectra.workflow.materials import picture_evidence
+from lidarspectra.workflow.materials.delighting import take_light_out
+from lidarspectra.workflow.materials.light_uncertainty import with_light_uncertainty
 from lidarspectra.workflow.pipeline import run
 from research.benchmarks.delighting import read_case
 
@@ -124,7 +125,7 @@ class _SeenError(Exception):
 def other_seeds(samples: int, sorting: int) -> Iterator[None]:
     """Seeds of samples and rays, and of what sorts colours, moved by so many."""
     with ExitStack() as stack:
-        stack.enter_context(patch.object(delighting, "SEED", delighting.SEED + samples))
+        stack.enter_context(patch.object(picture_evidence, "SEED", picture_evidence.SEED + samples))
         for module in (surface_hues, colored_light):
             stack.enter_context(patch.object(module, "SEED", module.SEED + sorting))
         yield

@@ -29,7 +29,7 @@ from lidarspectra.material.delighting.unknown_light import UnknownSource, find_u
 from lidarspectra.material.frames.frame_colors import FrameColors, color_from_frames
 from lidarspectra.material.frames.records import FrameRecords
 from lidarspectra.room.room import find_room
-from lidarspectra.workflow.materials import delighting
+from lidarspectra.workflow.materials import picture_evidence
 from lidarspectra.workflow.materials.delighting import take_light_out
 from research.benchmarks.blended_texture import blended, compensated
 from research.benchmarks.delighting import Case, read_case, true_colors
@@ -81,7 +81,7 @@ def causes(folder: Path, *, surfaces: bool) -> None:
     print(f"{folder.name:18s} {radiance_words(case, colors, seen)}", flush=True)
     _row(case, case.scan, seen, "texture", surfaces=surfaces)
     _row(case, colors.scan, seen, "frames", colors.records, surfaces=surfaces)
-    with patch.object(delighting, "find_unknown_sources", large_sources):
+    with patch.object(picture_evidence, "find_unknown_sources", large_sources):
         _row(case, colors.scan, seen, "frames, large sources", colors.records)
     _row(case, colors.scan, seen, "frames, sources unseen")
     _row(case, with_known_curve(colors.scan), seen, "frames, curve known", colors.records)

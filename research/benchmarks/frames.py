@@ -53,8 +53,9 @@ from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.colorimetry import xyz_to_linear_srgb
 from lidarspectra.spectra.databases import load_reflectances, tristimulus_table
-from lidarspectra.workflow.materials import delighting
-from lidarspectra.workflow.materials.delighting import take_light_out, with_light_uncertainty
+from lidarspectra.workflow.materials import picture_evidence
+from lidarspectra.workflow.materials.delighting import take_light_out
+from lidarspectra.workflow.materials.light_uncertainty import with_light_uncertainty
 from lidarspectra.workflow.report.report_frames import frames_on_plan
 from lidarspectra.workflow.run_folder.frames_of_run import FRAMES_FILE, save_frames
 from research.benchmarks.blended_texture import blended, compensated
@@ -212,7 +213,7 @@ def lamps_seen(folder: Path) -> None:
     for lamps in (True, False):
         with ExitStack() as stack:
             if not lamps:
-                stack.enter_context(patch.object(delighting, "shown_of_lamps", lambda scan, lamps: None))
+                stack.enter_context(patch.object(picture_evidence, "shown_of_lamps", lambda scan, lamps: None))
             for ceiling in (True, False):
                 with patch.object(light_objective, "CEILING_DEVIATION", CEILING_DEVIATION if ceiling else NO_BELIEF):
                     found = take_light_out(colors.scan, room, case.lamps, records=colors.records)

@@ -14,7 +14,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.material.colors import surface_colors
-from lidarspectra.workflow.materials.delighting import LEFT_IN_DEVIATION
+from lidarspectra.workflow.materials.light_uncertainty import LEFT_IN_DEVIATION
 from research.benchmarks.delighting import Case, read_case, true_colors
 from research.scenes.build import SCENES
 

@@ -24,7 +24,8 @@ from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.room.room import find_room
 from lidarspectra.spectra.databases import load_reflectances
 from lidarspectra.spectra.reflectance_library import COLOR_GRID_NM
-from lidarspectra.workflow.materials.delighting import take_light_out, with_light_uncertainty
+from lidarspectra.workflow.materials.delighting import take_light_out
+from lidarspectra.workflow.materials.light_uncertainty import with_light_uncertainty
 from research.benchmarks.delighting import VISIBLE, Case, on_color_grid, read_case
 from research.scenes.by_day import CASES
 

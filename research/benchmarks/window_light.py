@@ -21,7 +21,7 @@ from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.delighting.unknown_light import LOBES, UnknownSource, source_patterns
 from lidarspectra.room.room import find_room
 from lidarspectra.room.surface_parts import PARTS, surface_parts
-from lidarspectra.workflow.materials import delighting
+from lidarspectra.workflow.materials import picture_evidence
 from lidarspectra.workflow.materials.delighting import take_light_out
 from research.benchmarks.delighting import Case, read_case, true_colors
 from research.scenes.by_day import CASES, FLUX_RATIO, openings_of
@@ -76,7 +76,7 @@ def print_scan(folder: Path) -> None:
         return true_patterns(room, nearest, positions, normals)
 
     print_row(folder.name, "its own", levels(case))
-    with patch.object(delighting, "source_patterns", patterns):
+    with patch.object(picture_evidence, "source_patterns", patterns):
         print_row(folder.name, "true", levels(case))
 
 

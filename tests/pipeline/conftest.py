@@ -25,7 +25,7 @@ from PIL import Image
 from lidarspectra.cli.app import main
 from lidarspectra.mapping.report import report_writer
 from lidarspectra.radiance.pictures import render
-from lidarspectra.workflow.materials import delighting
+from lidarspectra.workflow.materials import picture_evidence
 from lidarspectra.workflow.pipeline import run
 from lidarspectra.workflow.run_folder.workspace import STAGES
 
@@ -108,7 +108,7 @@ def _whole_run(made_once: SharedMaker) -> Path:
     """The run file of the room's run up to its map, which nobody may change."""
 
     def make(folder: Path) -> None:
-        with patch.object(delighting, "SAMPLES", FEW_SAMPLES):
+        with patch.object(picture_evidence, "SAMPLES", FEW_SAMPLES):
             made = run(_write_room(folder / "room"), last="map").results
         assert [stage for stage, result in made.items() if not result.was_fresh] == list(STAGES[:-1])
 
@@ -129,7 +129,7 @@ def copy_run(_whole_run: Path) -> Callable[[Path], Path]:
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     """Light is taken out of colours by fewer places, in a quarter of the time."""
-    monkeypatch.setattr(delighting, "SAMPLES", FEW_SAMPLES)
+    monkeypatch.setattr(picture_evidence, "SAMPLES", FEW_SAMPLES)
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from lidarspectra.workflow.materials import delighting
+from lidarspectra.workflow.materials import picture_evidence
 
 HALF_OF_THE_SAMPLES = 3_000
 
@@ -10,4 +10,4 @@ HALF_OF_THE_SAMPLES = 3_000
 @pytest.fixture
 def half_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     """Light is taken out by 3,000 places of a room, not 6,000: with all of them test_by_day.py holds what it leaves."""
-    monkeypatch.setattr(delighting, "SAMPLES", HALF_OF_THE_SAMPLES)
+    monkeypatch.setattr(picture_evidence, "SAMPLES", HALF_OF_THE_SAMPLES)

@@ -15,7 +15,7 @@ from lidarspectra.material.delighting.albedo import fit_light
 from lidarspectra.material.delighting.light_exchange import cosine_directions
 from lidarspectra.material.delighting.unknown_light import PANE_REFLECTANCE, find_unknown_sources
 from lidarspectra.room.room import find_room
-from lidarspectra.workflow.materials import delighting, light_rounds
+from lidarspectra.workflow.materials import light_rounds, picture_evidence
 from lidarspectra.workflow.materials.delighting import Delighting, take_light_out
 
 from .lit_rooms import OFF_M, all_light, exchange, joined, lamp_light, painted, plane
@@ -134,7 +134,7 @@ def test_what_a_window_lights_has_no_skys_prior(unlit: Unlit) -> None:
     for is_beside in (False, True):
         found = [replace(each, is_beside=is_beside) for each in find_unknown_sources(made.scan, made.window)]
         with (
-            patch.object(delighting, "find_unknown_sources", return_value=tuple(found)),
+            patch.object(picture_evidence, "find_unknown_sources", return_value=tuple(found)),
             patch.object(light_rounds, "fit_light", side_effect=InterruptedError) as fit,
             pytest.raises(InterruptedError),
         ):

@@ -14,7 +14,7 @@ from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.material.delighting.albedo import LightFit
 from lidarspectra.material.delighting.tone_curve import USUAL_TONE, ToneCurve
 from lidarspectra.room.room import find_room
-from lidarspectra.workflow.materials import delighting, light_rounds
+from lidarspectra.workflow.materials import light_rounds, picture_evidence
 from lidarspectra.workflow.materials.delighting import Delighting, take_light_out
 
 from .conftest import HALF_OF_THE_SAMPLES
@@ -75,7 +75,7 @@ def de_lit(room: Room, tone: ToneCurve) -> Delighting:
 @pytest.fixture(scope="module")
 def lifted(room: Room) -> Delighting:
     """The room by a plain camera."""
-    with patch.object(delighting, "SAMPLES", HALF_OF_THE_SAMPLES):
+    with patch.object(picture_evidence, "SAMPLES", HALF_OF_THE_SAMPLES):
         return de_lit(room, LIFTED)
 
 
@@ -88,7 +88,7 @@ def dark_error(room: Room, found: Delighting) -> float:
 
 def test_a_filmic_camera_s_room_is_de_lit_by_a_filmic_curve(room: Room) -> None:
     found = de_lit(room, FILMIC)
-    with patch.object(delighting, "tone_priors_of", lambda linear: (USUAL_TONE,)):
+    with patch.object(picture_evidence, "tone_priors_of", lambda linear: (USUAL_TONE,)):
         plain = de_lit(room, FILMIC)
     assert found.fit is not None
     # By the processor's kind of linear algebra, which groups a few faces otherwise: power 1.43 or 1.47, where the plain
@@ -101,7 +101,7 @@ def test_a_filmic_camera_s_room_is_de_lit_by_a_filmic_curve(room: Room) -> None:
 
 def test_a_plain_camera_s_room_is_as_with_the_plain_family_alone(room: Room, lifted: Delighting) -> None:
     found = lifted
-    with patch.object(delighting, "tone_priors_of", lambda linear: (USUAL_TONE,)):
+    with patch.object(picture_evidence, "tone_priors_of", lambda linear: (USUAL_TONE,)):
         plain = de_lit(room, LIFTED)
     assert found.fit is not None
     assert found.fit.family_probability > 0.9

@@ -15,12 +15,8 @@ from lidarspectra.material.segmentation.place_priors import KINDS, PRIORS
 from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL, Classifier
 from lidarspectra.material.views.views import ViewSet
 from lidarspectra.room.room import find_room
-from lidarspectra.workflow.materials.delighting import (
-    LEFT_IN_DEVIATION,
-    Delighting,
-    take_light_out,
-    with_light_uncertainty,
-)
+from lidarspectra.workflow.materials.delighting import Delighting, take_light_out
+from lidarspectra.workflow.materials.light_uncertainty import LEFT_IN_DEVIATION, with_light_uncertainty
 
 from .conftest import box_scan
 
