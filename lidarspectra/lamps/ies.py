@@ -10,6 +10,7 @@ exact for the bilinear interpolant that Radiance uses as well.
 
 import re
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import LampError
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,2})?")  # finite, and nothing that only Python reads
+# Of files that say how they were made where earlier ones have the ballast-lamp photometric factor.
+GENERATION_TYPE = re.compile(r"^\s*IES(NA)?\s*:\s*LM-63-(20)?19\s*$", flags=re.MULTILINE | re.IGNORECASE)
 LARGEST_NUMBER = 1e12  # [1] of a file: four are multiplied for a candela value
 METRES_PER_FOOT = 0.3048  # [m/ft] international foot
 MAX_BYTES = 20_000_000  # [B] a table of 720 x 360 directions has 2 MB
@@ -137,7 +140,8 @@ def read_ies(text: str, *, where: str) -> CandelaTable:
     """Read an IES LM-63 file (1986, 1991, 1995, 2002 or 2019).
 
     Symmetric tables are unfolded: 0-90° and 0-180° by mirroring, 90-270° likewise. TILT=INCLUDE is read over: its
-    factors are for lamps that are mounted tilted. Candela are multiplied by the file's multiplier and ballast factors.
+    factors are for lamps that are mounted tilted. Candela are multiplied by the file's multiplier and ballast factors;
+    the second of these says since 2019 how the file was made (1.1 by an accredited laboratory), and is no factor there.
 
     Parameters
     ----------
@@ -153,7 +157,7 @@ def read_ies(text: str, *, where: str) -> CandelaTable:
     Raises
     ------
     LampError
-        If it is no LM-63 file, is cut short, is of photometric type A or B, or sends no light.
+        If it is no LM-63 file, is cut short, has numbers left over, is of photometric type A or B, or sends no light.
     """
     tilt = re.search(r"^\s*TILT\s*=\s*(.*?)\s*$", text, flags=re.MULTILINE | re.IGNORECASE)
     if tilt is None:
@@ -170,15 +174,22 @@ def read_ies(text: str, *, where: str) -> CandelaTable:
     verticals, horizontals = numbers.count("vertical angles"), numbers.count("horizontal angles")
     photometric_type, unit = numbers.take(2)
     width, length, height = numbers.take(3) * (METRES_PER_FOOT if unit == 1 else 1.0)
-    factors = numbers.take(3)[:2]
+    ballast, photometric = numbers.take(3)[:2]
+    factor = ballast * (1.0 if GENERATION_TYPE.search(text[: tilt.start()]) else photometric)
     vertical, horizontal = numbers.take(verticals), numbers.take(horizontals)
     candela = numbers.take(verticals * horizontals).reshape(horizontals, verticals)
+    if (rest := numbers.numbers_left()) > 0:
+        raise _unreadable(
+            where,
+            f"{rest} more numbers than {horizontals} x {verticals} candela",
+            todo="Write decimals with points: LM-63 reads a comma as the end of a number. If it has none, correct the numbers of angles.",
+        )
     if photometric_type != 1:
         raise _unreadable(where, f"photometric type {'CBA'[int(photometric_type) - 1:][:1] or photometric_type}",
                           todo="Convert it to type C, as all interior luminaires have it.")  # fmt: skip
     if unit not in (1, 2) or lamps < 0:
         raise _unreadable(where, f"unit {unit:g} (1 is feet, 2 is metres)")
-    horizontal, candela = _unfolded(horizontal, candela * multiplier * np.prod(factors), where)
+    horizontal, candela = _unfolded(horizontal, candela * multiplier * factor, where)
     vertical, candela = _whole_circle(vertical, candela, where)
     table = CandelaTable(
         vertical_deg=vertical,
@@ -186,7 +197,7 @@ def read_ies(text: str, *, where: str) -> CandelaTable:
         candela=candela,
         opening_m=_opening(width, length, height),
         name=_keyword(text, "LUMCAT") or _keyword(text, "LUMINAIRE"),
-        lamps_lm=float(lamps * lumens * np.prod(factors)) if lamps > 0 and lumens > 0 else None,
+        lamps_lm=float(lamps * lumens * factor) if lamps > 0 and lumens > 0 else None,
     )
     if candela.min() < 0 or table.luminous_flux_lm() <= 0:
         raise _unreadable(where, "negative candela, or none at all")
@@ -212,6 +223,10 @@ class _Numbers:
             if abs(values[-1]) > LARGEST_NUMBER:
                 raise _unreadable(self._where, f"the number {word[:40]}")
         return np.array(values)
+
+    def numbers_left(self) -> int:
+        """How many numbers follow, up to the first word that is none."""
+        return sum(1 for _ in takewhile(NUMBER.fullmatch, self._words))
 
     def count(self, of: str) -> int:
         value = float(self.take(1)[0])

@@ -102,7 +102,7 @@ def _ies_text(luminaire: "Ldt", where: str) -> str:
             "IESNA:LM-63-2002",
             f"[LUMCAT] {_one_line(header.luminaire_name)}",
             "TILT=NONE",
-            f"1 -1 1 {len(header.g_angles)} {horizontal.size} 1 2 {width:.6g} {length:.6g} 0",
+            f"1 {lumens:.7g} 1 {len(header.g_angles)} {horizontal.size} 1 2 {width:.6g} {length:.6g} 0",
             "1 1 0",
             _row(np.array(header.g_angles)),
             _row(horizontal),
@@ -133,4 +133,4 @@ def _one_line(name: str) -> str:
 
 
 def _unreadable(where: str, found: str, todo: str = "Ask the maker for the LDT or the IES file again.") -> LampError:
-    return LampError(expected="a EULUMDAT photometric file (.ldt)", found=found, where=where, todo=todo)
+    return LampError(expected="an EULUMDAT photometric file (.ldt)", found=found, where=where, todo=todo)

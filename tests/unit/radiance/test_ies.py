@@ -106,6 +106,20 @@ def test_the_lamps_lumens_are_of_all_lamps_on_their_ballast_and_not_of_the_cande
     assert read_ies(of_two, where="test").lamps_lm == pytest.approx(2 * 900 * 0.9)
 
 
+def test_how_a_file_of_2019_was_made_is_no_factor() -> None:
+    text = ies_text(np.zeros(1), THETA, np.full((1, THETA.size), 10.0)).replace("1.0 1.0 36", "0.9 1.10100 36")
+    assert read_ies(text, where="test").candela[0, 0] == pytest.approx(10.0 * 0.9 * 1.101)
+    of_2019 = text.replace("IESNA:LM-63-2002", "IES:LM-63-2019")
+    assert read_ies(of_2019, where="test").candela[0, 0] == pytest.approx(10.0 * 0.9)
+
+
+def test_decimal_commas_do_not_shift_the_table() -> None:
+    text = ies_text(np.zeros(1), THETA, np.full((1, THETA.size), 10.5))
+    assert read_ies(text.replace(" ", ", ") + "\x1a\n", where="test").candela[0, 0] == 10.5  # a delimiter, and DOS's end
+    with pytest.raises(LampError, match="10 more numbers than 1 x 10 candela.*with points"):
+        read_ies(text.replace("10.5", "10,5"), where="test")
+
+
 @pytest.mark.parametrize(
     ("opening", "expected"),
     [((0.3, 1.2, 0.0), (1.2, 0.3)), ((-0.2, -0.2, 0.0), (0.2,)), ((-0.2, 0.0, 0.1), (0.2,)), ((0, 0, 0), (0.1,))],

@@ -66,6 +66,11 @@ def test_conversion_factor_and_lamps_scale_the_light(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.array(flux) / flux[0], [1.0, 0.5, 2.0], rtol=1e-6)
 
 
+def test_lumens_of_its_lamps_are_kept_to_hold_its_candela_against(tmp_path: Path) -> None:
+    table = read_ies(ies_text_of_ldt(write_ldt(tmp_path / "lamp.ldt", 4)), where="test")
+    assert table.lamps_lm == LUMENS
+
+
 def test_a_round_opening_is_a_disc(tmp_path: Path) -> None:
     path = write_ldt(tmp_path / "lamp.ldt", 1, length_lum_area=160.0, width_lum_area=0.0)
     assert read_ies(ies_text_of_ldt(path), where="test").opening_m == (0.16,)
