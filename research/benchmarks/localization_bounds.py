@@ -34,7 +34,7 @@ from lidarspectra.mapping.localization.location_model import LocationModel, trai
 from lidarspectra.mapping.localization.locators import METHODS
 from lidarspectra.mapping.localization.running_reference import running_references
 from research.benchmarks.localization_causes import EMPTY_FRAMES, people_of, walk
-from research.benchmarks.localization_nights import FRAMES, LONG_FRAMES, alone_scores, right
+from research.benchmarks.localization_nights import FRAMES, LONG_FRAMES, right
 from research.virtual_nights.nights import KINDS, SAME_ROOM, Night, NightSettings, Visit, as_table
 from research.virtual_nights.office import Office, Person, make_office
 
@@ -118,7 +118,7 @@ def right_of(model: LocationModel, features: FloatArray, table: xr.Dataset, *, o
     """
     known = np.isfinite(features).any(axis=1)
     truth = table["label"].to_numpy().astype(str)[known]
-    scores = alone_scores(model, features[known])
+    scores = model.locators["together"].scores(features[known])
     if of_visits:
         _, visit = np.unique(truth, return_inverse=True)
         total = np.zeros((visit.max() + 1, scores.shape[1]))

@@ -6,8 +6,7 @@ A locator learns from a survey of a virtual office (`research.virtual_nights`), 
 another night: dies that drift, lamps that age or are replaced, furniture that was moved, daylight through blinds, and
 all of it. Dies jump by 20 % on all. Beside these, nights that begin with long stays, so that the first running medians
 contain somebody, and surveys by several people. Readings are compared with the running median, as `localize live`
-does, and with the median of the whole night, each by itself (alone) and with what those before it told (memory). Alone
-is the yardstick of earlier versions: 'together' weighs its locators alike there, as it did before it had a memory. Told
+does, and with the median of the whole night, each by itself (alone) and with what those before it told (memory). Told
 beside is how often the default locator is right where it says so.
 
 With --night, halves of the visits of a real night, the first to learn from and the second in order of time.
@@ -27,7 +26,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.mapping.figures.tables import Table, table_markdown
 from lidarspectra.mapping.localization.fingerprint_files import read_fingerprints
 from lidarspectra.mapping.localization.location_model import Against, LocationModel, train_locator
-from lidarspectra.mapping.localization.locators import METHODS, Method, TogetherPlaces
+from lidarspectra.mapping.localization.locators import METHODS
 from lidarspectra.mapping.localization.scoring import score_across, score_within
 from lidarspectra.mapping.localization.time_splits import time_splits
 from research.virtual_nights.nights import KINDS, SAME_ROOM, Night, as_table, visits_to
@@ -40,17 +39,7 @@ LONG_FRAMES, LONG_PLACES = 70, 9  # of a first ten minutes in which somebody sta
 CONFIDENCES = (0.0, 0.5, 0.7, 0.9, 1.01)
 SURE = "all of it"  # the kind of night on which a few readings are tried
 Scores = dict[str, list[float]]
-YARDSTICK = (1.0, 1.0, 1.0), 1.5  # weights and power of 'together' before there was a memory
 WAYS = {"alone": False, "memory": True}  # how readings are located
-
-
-def alone_scores(model: LocationModel, features: FloatArray, method: Method = "together") -> FloatArray:
-    """(reading, place) scores of readings by themselves, of 'together' as it was before there was a memory."""
-    if method != "together":
-        return model.locators[method].scores(features)
-    weights, power = YARDSTICK
-    locators = (model.network, model.neighbours, model.ridge)
-    return TogetherPlaces(locators=locators, weights=weights, power=power).scores(features)
 
 
 def right(
@@ -73,7 +62,7 @@ def right(
     labels = np.array(model.places.labels)
     found: dict[str, tuple[FloatArray, FloatArray]] = {}
     for method in METHODS:
-        scores = alone_scores(model, features[known], method)
+        scores = model.locators[method].scores(features[known])
         if memory:
             scores = model.locate_in_order(features[known], np.flatnonzero(known).astype(np.float64), method).scores
         found[method] = ((labels[scores.argmax(axis=1)] == truth).astype(np.float64), scores.max(axis=1))

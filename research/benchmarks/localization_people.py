@@ -26,10 +26,9 @@ from lidarspectra.mapping.localization.features import reference_of
 from lidarspectra.mapping.localization.fingerprint_files import read_fingerprints
 from lidarspectra.mapping.localization.location_model import LocationModel, train_locator
 from lidarspectra.mapping.localization.people_scores import COUNTS, people_of, people_table, reliability_table
-from lidarspectra.mapping.localization.places import Located
 from lidarspectra.mapping.localization.presence import NOBODY, TWO_PEOPLE
 from lidarspectra.mapping.localization.time_splits import time_splits
-from research.benchmarks.localization_nights import WAYS, alone_scores
+from research.benchmarks.localization_nights import WAYS
 from research.virtual_nights.nights import KINDS, SAME_ROOM, Night, Visit, as_table, visits_to
 from research.virtual_nights.office import Office, draw_person, make_office
 
@@ -156,10 +155,10 @@ def _answers(
     features = model.features(night, against="running")
     known = np.isfinite(features).any(axis=1)
     if times_s is None:
-        scores, people = alone_scores(model, features[known]), model.people(features[known])
-        located, stood = Located(scores=scores, places=model.places, people=people), alone[known]
+        located = model.locate_features(features[known])
     else:
-        located, stood = model.locate_in_order(features[known], times_s[known]), alone[known]
+        located = model.locate_in_order(features[known], times_s[known])
+    stood = alone[known]
     labels = night["label"].to_numpy().astype(str)[known]
     spots = model.places.positions_m[:, :2]
     away = np.linalg.norm(spots[None] - stood[:, None], axis=2)

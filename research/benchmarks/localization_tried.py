@@ -11,7 +11,7 @@ after which it is the median. The second is of features: means of a sensor's cha
 of its three dies differ from that mean, in units of their noise, their drift and the tint that other clothes may give
 (a tenth of the change); locators learn from readings whose tint is drawn anew.
 
-Readings are located each by itself, and 'together' weighs its locators alike, as it did then.
+Readings are located each by itself.
 
 With --night, halves of the visits of a real night by the same schedules, which nothing was chosen by.
 """
@@ -46,7 +46,7 @@ from lidarspectra.mapping.localization.network_graph import network_graph
 from lidarspectra.mapping.localization.places import places_of_table
 from lidarspectra.mapping.localization.running_reference import MedianWindow, running_references
 from lidarspectra.mapping.localization.time_splits import time_splits
-from research.benchmarks.localization_nights import FRAMES, LONG_FRAMES, LONG_PLACES, YARDSTICK, alone_scores
+from research.benchmarks.localization_nights import FRAMES, LONG_FRAMES, LONG_PLACES
 from research.benchmarks.localization_people import survey_and_nights
 from research.virtual_nights.nights import KINDS, SAME_ROOM, Night, as_table, visits_to
 from research.virtual_nights.office import make_office
@@ -94,7 +94,7 @@ def references_table(numbers: Sequence[int]) -> Table:
             for test, learned, tested in tests:
                 model = models[id(learned)]
                 features, labels = _running(model, tested, window)
-                told = np.array(model.places.labels)[alone_scores(model, features).argmax(axis=1)]
+                told = np.array(model.places.labels)[model.locators["together"].scores(features).argmax(axis=1)]
                 scores.setdefault(test, []).append(100.0 * float((told == labels).mean()))
             for day, _ in days.values():
                 features, labels = _running(counter, day, window)
@@ -120,7 +120,7 @@ def real_table(path: Path) -> Table:
         features, labels = _running(model, tested, window)
         row: dict[str, object] = {"first quantile": quantile, "median from this share of the window on": share}
         for method in METHODS:
-            told = np.array(model.places.labels)[alone_scores(model, features, method).argmax(axis=1)]
+            told = np.array(model.places.labels)[model.locators[method].scores(features).argmax(axis=1)]
             row[f"{method} [%]"] = 100.0 * float((told == labels).mean())
         rows.append(row)
     return _table("real-night", f"{path.name}, halves of each visit, by the running median's first minutes.", rows)
@@ -175,7 +175,7 @@ def locators_of(learned: xr.Dataset, space: FeatureSpace, weight: float) -> Mapp
     ridge = fit_ridge(settled, of_drawn, len(places))
     blur = np.diag(np.where(np.arange(clean.shape[1]) < space.count, 1.0, max(weight, 1e-3) ** 2))
     return {
-        "together": TogetherPlaces(locators=(network, neighbours, ridge), weights=YARDSTICK[0], power=YARDSTICK[1]),
+        "together": TogetherPlaces(locators=(network, neighbours, ridge)),
         "network": network,
         "discriminant": fit_discriminant(clean, place, len(places), blur, mismatch=space.settings.mismatch),
         "neighbours": neighbours,
