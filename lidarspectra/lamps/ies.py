@@ -182,7 +182,7 @@ def read_ies(text: str, *, where: str) -> CandelaTable:
         raise _unreadable(
             where,
             f"{rest} more numbers than {horizontals} x {verticals} candela",
-            todo="Write decimals with points: LM-63 reads a comma as the end of a number. If it has none, correct the numbers of angles.",
+            todo="Write decimals with points: to LM-63 a comma ends a number. Else correct the numbers of angles.",
         )
     if photometric_type != 1:
         raise _unreadable(where, f"photometric type {'CBA'[int(photometric_type) - 1:][:1] or photometric_type}",

@@ -115,8 +115,9 @@ def test_how_a_file_of_2019_was_made_is_no_factor() -> None:
 
 def test_decimal_commas_do_not_shift_the_table() -> None:
     text = ies_text(np.zeros(1), THETA, np.full((1, THETA.size), 10.5))
-    assert read_ies(text.replace(" ", ", ") + "\x1a\n", where="test").candela[0, 0] == 10.5  # a delimiter, and DOS's end
-    with pytest.raises(LampError, match="10 more numbers than 1 x 10 candela.*with points"):
+    delimited = text.replace(" ", ", ") + "\x1a\n"  # with DOS's end of file
+    assert read_ies(delimited, where="test").candela[0, 0] == 10.5
+    with pytest.raises(LampError, match=r"10 more numbers than 1 x 10 candela.*with points"):
         read_ies(text.replace("10.5", "10,5"), where="test")
 
 
