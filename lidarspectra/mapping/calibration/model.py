@@ -149,13 +149,19 @@ class Priors:
         """How many parts of the room have a reflectance of their own."""
         return len(self.levels_covariance)
 
-    def covariance(self) -> FloatArray:
-        """(unknown, unknown) of lamps, parts and meters, in this order."""
+    @property
+    def flux_correlation(self) -> FloatArray:
+        """(lamp, lamp) correlation of the fluxes' errors [1]."""
         alike = np.eye(self.flux_sd.size)
         if self.guess is not None:
             same = (self.guess[:, None] == self.guess[None, :]) & (self.guess[:, None] >= 0)
             alike = np.maximum(alike, GUESSED_ALIKE * same)
-        blocks = (alike * np.outer(self.flux_sd, self.flux_sd), self.levels_covariance, np.diag(self.meter_sd**2))
+        return alike
+
+    def covariance(self) -> FloatArray:
+        """(unknown, unknown) of lamps, parts and meters, in this order."""
+        fluxes = self.flux_correlation * np.outer(self.flux_sd, self.flux_sd)
+        blocks = (fluxes, self.levels_covariance, np.diag(self.meter_sd**2))
         return np.asarray(block_diag(*blocks), dtype=np.float64)
 
     def noise(self, readings: Observations) -> FloatArray:

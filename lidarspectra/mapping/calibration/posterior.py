@@ -5,7 +5,7 @@ whitened by their covariance, and the unknowns' logarithms, whitened by that of 
 is that of the linearised problem at its solution, (J' R⁻¹ J + P⁻¹)⁻¹.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
@@ -189,8 +189,7 @@ def swapped(model: LightModel, readings: Observations, priors: Priors, rows: Int
                 continue
             value = readings.value.copy()
             value[here], value[there] = readings.value[there], readings.value[here]
-            changed = Observations(value=value, row=readings.row, meter=readings.meter)
-            probability = fit(model, changed, priors).probability
+            probability = fit(model, replace(readings, value=value), priors).probability
             if probability > max(100.0 * best, STRANGE * 10):
                 best, pair = probability, (int(min(first, second)), int(max(first, second)))
     return pair

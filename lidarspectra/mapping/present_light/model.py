@@ -135,17 +135,23 @@ class LampKnowledge:
         State at its full light: 1, or more where the run dimmed it. [1]
     is_daylight : (lamp,) bool
         Windows and the sun.
+    flux_correlation : (lamp, lamp) float, optional
+        Of the fluxes' errors: one rule guessed many of them. By default each errs by itself. [1]
     """
 
     flux_sd: FloatArray
     full: FloatArray
     is_daylight: BoolArray
+    flux_correlation: FloatArray | None = None
 
     def __post_init__(self) -> None:
         full = float_array(self.full, name="LampKnowledge.full", shape=(None,))
         object.__setattr__(self, "full", full)
         object.__setattr__(self, "flux_sd", float_array(self.flux_sd, name="LampKnowledge.flux_sd", shape=full.shape))
         object.__setattr__(self, "is_daylight", np.array(self.is_daylight, dtype=np.bool_).reshape(full.shape))
+        alike = np.eye(full.size) if self.flux_correlation is None else self.flux_correlation
+        alike = float_array(alike, name="LampKnowledge.flux_correlation", shape=2 * full.shape)
+        object.__setattr__(self, "flux_correlation", alike)
 
     def prior(self, said: FloatArray) -> StatePrior:
         """What is known of the states, given what the switches say.
@@ -166,8 +172,11 @@ class LampKnowledge:
         correlation = np.where(alike, TOGETHER_SHARE, 0.0)
         np.fill_diagonal(correlation, 1.0)
         bright = self.full * (1.0 + BRIGHTER * self.flux_sd)
+        assert self.flux_correlation is not None  # since it was checked
+        by_flux = np.where(unsaid | self.is_daylight, 0.0, self.flux_sd * level)
+        of_fluxes = np.outer(by_flux, by_flux) * (self.flux_correlation - np.eye(mean.size))
         return StatePrior(
             mean=mean,
-            covariance=correlation * np.outer(own, own),
+            covariance=correlation * np.outer(own, own) + of_fluxes,
             maximum=np.where(self.is_daylight, DAYLIGHT_MAX, bright),
         )

@@ -37,6 +37,7 @@ from lidarspectra.workflow.run_folder.lamps_of_run import ScannedRoom
 CERTAIN_SD = 0.03  # [1] of reflectances that the user assigned
 LARGEST_SD = 0.5  # [1] of a part's level
 COMMON_SHARE = 0.5  # [1] of a material's deviation that all have in common: exposure and white balance of the picture
+ALIKE_ON_PARTS = 0.95  # [1] correlation of one material on two parts: nearly one unknown, and an invertible covariance
 FOUND = "found"  # what lamps of no entry in the run file are: of the scan, or windows
 REFERENCE_NM = 555.0  # [nm] where the level of a reflectance is taken
 SAMPLES = 800  # of the surfaces; with 3,000, deviations differ by 2 to 4 %
@@ -211,8 +212,11 @@ def levels_deviation(materials: MaterialMap, part: IntArray, areas: FloatArray, 
 def levels_covariance(materials: MaterialMap, part: IntArray, areas: FloatArray) -> FloatArray:
     """Covariance of the logarithms of the parts' levels of reflectance.
 
-    Of each material's deviation a share is common to all, since one picture made them; the rest is its own, and
-    averages out over the materials of a part, weighed by what they reflect.
+    Of each material's deviation a share c is common to all, since one picture made them; the rest is its own, and
+    averages out over the materials of a part, weighed by what they reflect. A material that is on two parts errs alike
+    on both. With the weights w of the materials m in the parts i and j,
+
+        C_ij = c² σ_i σ_j + (1 - c²) Σ_m w_im w_jm σ_m²,    σ_i = Σ_m w_im σ_m.
 
     Parameters
     ----------
@@ -238,8 +242,12 @@ def levels_covariance(materials: MaterialMap, part: IntArray, areas: FloatArray)
     total = reflected.sum(axis=1, keepdims=True)
     weight = np.where(total > 0, reflected / np.where(total > 0, total, 1.0), 1.0 / deviation.size)
     common = np.clip(weight @ deviation, CERTAIN_SD, LARGEST_SD)
-    own = np.clip(weight**2 @ deviation**2, CERTAIN_SD**2, LARGEST_SD**2)
-    return COMMON_SHARE**2 * np.outer(common, common) + (1.0 - COMMON_SHARE**2) * np.diag(own)
+    own = weight * deviation
+    variance = (own**2).sum(axis=1)
+    alike = (own @ own.T) / np.sqrt(np.maximum(np.outer(variance, variance), 1e-300))
+    alike = np.where(np.eye(len(PARTS), dtype=np.bool_), 1.0, ALIKE_ON_PARTS * alike)
+    sd = np.clip(np.sqrt(variance), CERTAIN_SD, LARGEST_SD)
+    return COMMON_SHARE**2 * np.outer(common, common) + (1.0 - COMMON_SHARE**2) * alike * np.outer(sd, sd)
 
 
 def _relative_deviation(material: Material, at_nm: FloatArray) -> FloatArray:

@@ -179,12 +179,16 @@ def _weights(response: Spectrum, lamps: Sequence[Lamp], bands: BandSet) -> Float
 def _knowledge(run: Path, lamps: Sequence[Lamp]) -> LampKnowledge:
     room = run_room(run)
     determined = _determined_deviations(run / UNKNOWNS)
-    prior = dict(zip((lamp.name for lamp in room.lamps), priors_of(room, np.zeros(0)).flux_sd, strict=True))
+    priors = priors_of(room, np.zeros(0))
+    place = {lamp.name: index for index, lamp in enumerate(room.lamps)}
+    order = [place[lamp.name] for lamp in lamps]
+    usual = priors.flux_sd[order]
     dims = {lamp.name: lamp.dim for lamp in room.run_file.lamps}
     return LampKnowledge(
-        flux_sd=np.array([determined.get(lamp.name, prior[lamp.name]) for lamp in lamps]),
+        flux_sd=np.array([determined.get(lamp.name, sd) for lamp, sd in zip(lamps, usual, strict=True)]),
         full=np.array([1.0 / dims.get(lamp.name, 1.0) for lamp in lamps]),
         is_daylight=np.array([lamp.shape.word in DAYLIGHT for lamp in lamps]),
+        flux_correlation=priors.flux_correlation[np.ix_(order, order)],
     )
 
 

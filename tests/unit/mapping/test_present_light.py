@@ -92,6 +92,31 @@ def test_one_sensor_tells_the_level_that_lamps_have_in_common() -> None:
     assert deviation[0] / value[0] < 0.06  # the sum is
 
 
+def test_fluxes_guessed_by_one_rule_err_alike_so_that_a_few_readings_tell_all() -> None:
+    # Twelve panels of one guessed flux, all said to be on; one sensor reads hardly more than two of them.
+    lamps, alike = 12, 0.85
+    model = SensorModel(
+        light=np.array([[200.0] * 2 + [5.0] * 10]), sensor=np.zeros(1, dtype=np.int64), reading_sd=np.array([0.03])
+    )
+    knowledge = LampKnowledge(
+        flux_sd=np.full(lamps, 0.3),
+        full=np.ones(lamps),
+        is_daylight=np.zeros(lamps, dtype=np.bool_),
+        flux_correlation=alike + (1.0 - alike) * np.eye(lamps),
+    )
+    generator, off = np.random.default_rng(1), []
+    for _ in range(300):
+        common, own = generator.standard_normal(), generator.standard_normal(lamps)
+        state = np.exp(0.3 * (np.sqrt(alike) * common + np.sqrt(1.0 - alike) * own))
+        readings = model.light @ state * (1.0 + 0.03 * generator.standard_normal(1))
+        found = solve_states(model, readings, knowledge.prior(np.ones(lamps)))
+        value, deviation = light_now(np.full((1, lamps), 50.0), found, local_sd=0.0)
+        off.append((value[0] - 50.0 * state.sum()) / deviation[0])
+    # Taken as twelve errors of their own the mean is off by twice what is stated, and the reading tells two lamps.
+    assert 0.8 < float(np.sqrt(np.mean(np.square(off)))) < 1.2
+    assert deviation[0] < 0.1 * value[0]
+
+
 def test_nothing_read_leaves_the_prior() -> None:
     found = solve_states(room(), np.full(6, np.nan), KNOWN.prior(UNSAID))
     prior = KNOWN.prior(UNSAID)

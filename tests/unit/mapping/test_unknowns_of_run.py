@@ -8,8 +8,16 @@ import pytest
 
 from lidarspectra.config import CalibrationSection
 from lidarspectra.errors import WorkspaceError
+from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.room.surface_parts import PARTS
-from lidarspectra.workflow.calibration.unknowns_of_run import calibrated_covariance, lost_calibration_note
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.workflow.calibration.unknowns_of_run import (
+    ALIKE_ON_PARTS,
+    COMMON_SHARE,
+    calibrated_covariance,
+    levels_covariance,
+    lost_calibration_note,
+)
 
 SECTION = CalibrationSection(lamps={"known": 1.1, "unknown": 0.9})
 VARIANCE = [0.01, 0.4, *(0.07 + 0.01 * number for number in range(len(PARTS)))]
@@ -60,3 +68,38 @@ def test_a_damaged_covariance_is_refused(tmp_path: Path) -> None:
     run = run_folder(tmp_path, covariance=[[0.1]])
     with pytest.raises(WorkspaceError, match="calibrate"):
         calibrated_covariance(SECTION, run, ["known", "unknown"])
+
+
+def paints(face_material: list[int], deviation: float = 0.1) -> MaterialMap:
+    """Even paints of reflectance .5, each known to a deviation, on faces."""
+
+    def even(value: float) -> Spectrum:
+        return Spectrum(wavelengths_nm=np.array([400.0, 700.0]), values=np.full(2, value))
+
+    material = Material(
+        name="paint", category="painted", reflectance=even(0.5), source="test", provenance="recovered",
+        confidence=1.0, measured_range_nm=(400.0, 700.0), color=(0.5, 0.5, 0.5), uncertainty=even(0.5 * deviation),
+    )  # fmt: skip
+    count = len(face_material)
+    return MaterialMap(
+        materials=(material,) * (max(face_material) + 1),
+        face_material=np.array(face_material),
+        face_color=np.full((count, 3), 0.5),
+        face_seen=np.ones(count),
+    )
+
+
+def test_one_paint_on_walls_and_ceiling_errs_alike_on_both() -> None:
+    part, areas = np.arange(len(PARTS)), np.ones(len(PARTS))
+    common, own = (COMMON_SHARE * 0.1) ** 2, (1.0 - COMMON_SHARE**2) * 0.1**2
+    apart = levels_covariance(paints([0, 1, 2, 3]), part, areas)
+    np.testing.assert_allclose(apart, common + own * np.eye(len(PARTS)), atol=1e-12)
+    one = levels_covariance(paints([0, 0, 0, 0]), part, areas)
+    np.testing.assert_allclose(np.diag(one), 0.1**2)
+    np.testing.assert_allclose(one[0, 1:], common + ALIKE_ON_PARTS * own)
+    # Half of each part in a paint that both have: a quarter of the variance of each paint's own, in common.
+    half = levels_covariance(paints([0, 1, 0, 2, 3, 4]), np.array([0, 0, 1, 1, 2, 3]), np.ones(6))
+    np.testing.assert_allclose(half[0, 1], common + ALIKE_ON_PARTS * own / 4.0)
+    np.testing.assert_allclose(half[0, 0], common + own / 2.0)
+    for found in (apart, one, half):
+        np.linalg.cholesky(found)
