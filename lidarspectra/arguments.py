@@ -1,6 +1,8 @@
 """What a caller gives to a public function, held to its type where it comes in: a wrong one gets a sentence."""
 
 from collections.abc import Iterable, Sequence
+from math import isfinite
+from numbers import Real
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TypeVar, cast
@@ -47,6 +49,13 @@ def one_of(value: object, choices: Sequence[Choice], *, name: str) -> Choice:
     raise ArgumentError(expected=f"one of {words}", found=_described(value), where=name)
 
 
+def number_of(value: object, *, name: str, unit: str = "") -> float:
+    """A finite number; raises ArgumentError where it is text, an array or nothing."""
+    if isinstance(value, Real) and isfinite(value):
+        return float(value)
+    raise ArgumentError(expected=f"a number{unit and f' [{unit}]'}", found=_described(value), where=name)
+
+
 def instance_of(value: object, kind: type[Wanted], *, name: str, todo: str = "") -> Wanted:
     """A value that is of a class; raises ArgumentError with the class's name where it is not."""
     if isinstance(value, kind):
@@ -67,7 +76,9 @@ def all_of(values: Iterable[object], kind: type[Wanted], *, name: str, todo: str
 
 def _described(value: object) -> str:
     kind = type(value).__name__
-    article = "an" if kind[0].lower() in "aeiou" else "a"
+    if value is None:
+        return "None"
+    article = "an" if kind[0].lower() in "aeiou" or kind == "ndarray" else "a"
     text = repr(value)
     short = len(text) <= LONGEST_SHOWN and "\n" not in text and " object at " not in text
     return f"{article} {kind}, {text}" if short else f"{article} {kind}"

@@ -121,5 +121,5 @@ def _check_shape(array: NDArray[np.generic], *, name: str, shape: tuple[int | No
         want is None or want == have for want, have in zip(shape, array.shape, strict=True)
     )
     if not fits:
-        wanted = ", ".join("any" if n is None else str(n) for n in shape)
+        wanted = ", ".join("any" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "")
         raise ArrayError(expected=f"an array of shape ({wanted})", found=f"shape {array.shape}", where=name)

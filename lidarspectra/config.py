@@ -105,7 +105,8 @@ class LampSection(Section):
             raise ValueError("give luminous_flux_lm or radiant_flux_W, not both")
         if (self.spectrum is None) == (self.cct_k is None):
             raise ValueError("give either spectrum or cct_k")
-        if self.cct_k is not None and self.luminous_flux_lm is None and self.radiant_flux_W is None:
+        fluxes = (self.luminous_flux_lm, self.radiant_flux_W, self.file)  # a candela file has its own lumens
+        if self.cct_k is not None and fluxes == (None, None, None):
             raise ValueError("cct_k is a relative spectrum: give luminous_flux_lm or radiant_flux_W")
         if (self.shape == "ies") != (self.file is not None):
             raise ValueError("'file' goes with shape 'ies', and only with it")

@@ -4,12 +4,14 @@ from functools import cache
 
 import numpy as np
 
+from lidarspectra.errors import ArgumentError
 from lidarspectra.spectra.database_files import data_folder, table
 from lidarspectra.spectra.spectrum import LUMINOUS_EFFICACY_LM_W, Spectrum
 
 DAYLIGHT_FROM_K = 5000.0  # [K] above it a lamp named by its colour temperature is taken for daylight (CIE 15:2018)
 BLACKBODY_RANGE_NM = (300.0, 1100.0, 5.0)  # [nm] first, last, step
 SECOND_RADIATION_CONSTANT_NM_K = 1.438776877e7  # [nm K] c2 = hc/k (CODATA 2018)
+LOWEST_CCT_K = 1000.0  # [K] a glowing wire that hardly shines
 HIGHEST_CCT_K = 25000.0  # [K] the daylight formulas end there
 CCT_CORRECTION = 1.4388 / 1.4380  # [1] of a nominal daylight temperature, c2 then and now (CIE 15:2018, D illuminants)
 
@@ -56,7 +58,16 @@ def cct_spectrum(cct_k: float) -> Spectrum:
     -------
     spectrum : Spectrum
         Relative to its peak. [1]
+
+    Raises
+    ------
+    ArgumentError
+        If no lamp has such a temperature.
     """
+    if not LOWEST_CCT_K <= cct_k <= HIGHEST_CCT_K:
+        raise ArgumentError(
+            expected=f"{LOWEST_CCT_K:g} to {HIGHEST_CCT_K:g} K", found=f"{cct_k:g} K", where="colour temperature"
+        )
     if cct_k < DAYLIGHT_FROM_K:
         wavelengths = np.arange(BLACKBODY_RANGE_NM[0], BLACKBODY_RANGE_NM[1] + 1.0, BLACKBODY_RANGE_NM[2])
         values = wavelengths**-5 / np.expm1(SECOND_RADIATION_CONSTANT_NM_K / (wavelengths * cct_k))

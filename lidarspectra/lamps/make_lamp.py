@@ -8,7 +8,7 @@ from typing import Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lidarspectra.arguments import one_of, path_of
+from lidarspectra.arguments import number_of, one_of, path_of
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ArgumentError, LampError
 from lidarspectra.lamps.ies import CandelaTable, read_ies, read_ies_text
@@ -101,14 +101,15 @@ def make_lamp(
     path = None if file is None else path_of(folder, name="folder") / path_of(file, name="file")
     candela_text = None if path is None else _candela_text(path)
     table = None if candela_text is None else read_ies(candela_text, where=str(path))
-    sizes = size if size is None else tuple(size) if isinstance(size, Sequence) else (size,)
-    options = {"beam_angle_deg": beam_angle_deg, "candela_text": candela_text}
+    sizes = None if size is None else float_array(np.atleast_1d(size), name=f"{where} size", shape=(None,)).tolist()
+    angle = None if beam_angle_deg is None else number_of(beam_angle_deg, name=f"{where} beam_angle_deg", unit="deg")
+    options = {"beam_angle_deg": angle, "candela_text": candela_text}
     return Lamp(
         name=name,
-        shape=shape_of(shape, sizes, where=where, **options),
+        shape=shape_of(shape, None if sizes is None else tuple(sizes), where=where, **options),
         center=float_array(center, name=f"{where} center", shape=(3,)),
         normal=float_array(normal, name=f"{where} normal", shape=(3,)),
-        rotation_deg=rotation_deg,
+        rotation_deg=number_of(rotation_deg, name=f"{where} rotation_deg", unit="deg"),
         flux=_flux(_source(spectrum, cct_k, folder, where), luminous_flux_lm, radiant_flux_W, where, table),
     )
 
@@ -193,7 +194,7 @@ def _source(
             expected="either spectrum or cct_k", found="neither" if spectrum is None else "both", where=where
         )
     if cct_k is not None:
-        return cct_spectrum(cct_k), False
+        return cct_spectrum(number_of(cct_k, name=f"{where} cct_k", unit="K")), False
     if isinstance(spectrum, Spectrum):
         return spectrum, True
     if not isinstance(spectrum, str | PathLike):
@@ -213,7 +214,7 @@ def _flux(
     if lumens is not None and watts is not None:
         raise LampError(expected="luminous_flux_lm or radiant_flux_W", found="both", where=where)
     for name, value in (("luminous_flux_lm", lumens), ("radiant_flux_W", watts)):
-        if value is not None and not 0 < value < np.inf:
+        if value is not None and number_of(value, name=f"{where} {name}", unit=name.rpartition("_")[2]) <= 0:
             raise LampError(expected=f"a {name} above 0", found=f"{value}", where=where)
     if lumens is not None:
         return _scaled(spectrum, lumens, luminous_flux_lm(spectrum), where, "lumens")

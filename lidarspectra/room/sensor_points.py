@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lidarspectra.arguments import path_of
+from lidarspectra.arguments import number_of, path_of
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.errors import ArrayError, SensorError
 from lidarspectra.geometry.scan import Scan
@@ -125,6 +125,9 @@ def grid_points(
         raise SensorError(
             expected="either count or spacing", found="neither" if count is None else "both", where="sensor grid"
         )
+    for name, value in (("height", height), ("count", count), ("spacing", spacing), ("margin", margin)):
+        if value is not None or name in ("height", "margin"):
+            number_of(value, name=f"{name} of the sensor grid", unit="" if name == "count" else "m")
     if not ((count is None or count >= 1) and (spacing is None or spacing > 0) and margin >= 0):
         raise SensorError(
             expected="a count of 1 or more, or a spacing above 0, and a margin of 0 or more",

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lidarspectra.arguments import path_of
+from lidarspectra.arguments import all_of, path_of
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import DatabaseError
 from lidarspectra.io.files import hash_file
@@ -182,6 +182,7 @@ def load_reflectances(
     DatabaseError
         If a database is not there or malformed.
     """
+    names = all_of(names, str, name="names of databases", todo="Write ['builtin'].")
     rows: list[Reflectance] = []
     hashes: list[str] = []
     files = [file for file in list_databases() if file.kind == "reflectance"]

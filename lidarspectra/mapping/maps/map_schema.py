@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from lidarspectra.arguments import instance_of
 from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import ArrayError, MapError
 from lidarspectra.io.netcdf import LARGEST_VALUE
@@ -175,7 +176,8 @@ def map_dataset(values: Mapping[str, FloatArray], source: xr.Dataset) -> xr.Data
 
 
 def require_variables(dataset: xr.Dataset, wanted: Mapping[str, tuple[str, ...]], *, where: str) -> None:
-    """Raise MapError if a variable is missing or has other dims."""
+    """Raise MapError if a variable is missing or has other dims, ArgumentError if it is no Dataset."""
+    instance_of(dataset, xr.Dataset, name=where, todo="load_map reads one from a run's map.nc.")
     for name, dims in wanted.items():
         if name not in dataset.variables:
             raise MapError(expected=f"a variable '{name}'", found=listed(map(str, dataset.variables)), where=where)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike
 
 from lidarspectra.arrays import FloatArray, float_array
@@ -192,6 +193,11 @@ def normalised(values: ArrayLike, normalisation: Normalisation) -> FloatArray:
 
 
 def _pair(synthetic: ArrayLike, real: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    for name, values in (("synthetic map", synthetic), ("real map", real)):
+        if isinstance(values, xr.Dataset):
+            raise MapError(
+                expected="an array (point, band)", found="a Dataset", where=name, todo="Take its ['irradiance']."
+            )
     try:
         b = float_array(real, name="real map", shape=(None, None))
         a = float_array(synthetic, name="synthetic map", shape=b.shape)

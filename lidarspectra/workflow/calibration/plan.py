@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from lidarspectra.arguments import path_of
+from lidarspectra.arguments import number_of, path_of
 from lidarspectra.arrays import FloatArray
-from lidarspectra.errors import MapError, SensorError
+from lidarspectra.errors import ArgumentError, MapError, SensorError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.sensor.measured_readings import Scale
 from lidarspectra.io.files import write_whole, writing
@@ -94,6 +94,8 @@ def plan_readings(
     plan : ReadingPlan
     """
     run = path_of(run, name="run")
+    if number_of(count, name="count of readings") < 1:
+        raise ArgumentError(expected="1 or more", found=f"{count}", where="count of readings")
     room = run_room(run)
     transport = load_transport(require_stage(run, "trace") / TRANSPORT_FILE)
     own = np.stack([transport[axis].to_numpy() for axis in "xyz"], axis=1)

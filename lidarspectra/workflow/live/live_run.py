@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lidarspectra.arguments import path_of
+from lidarspectra.arguments import all_of, path_of
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.scan import load_scan
@@ -73,7 +73,7 @@ def present_light(
     MapError, ReadingError
         If a sensor stands nowhere in the run, or a source cannot be understood.
     """
-    sensors, _ = read_sensors(list(sources))
+    sensors, _ = read_sensors(list(all_of(sources, str, name="sources", todo="Write ['desk@12=log.csv'].")))
     room = lit_room(path_of(run, name="run"), sensors, workers=workers, progress=progress)
     return PresentLight(room, max_age_s=sensors.max_age_s)
 

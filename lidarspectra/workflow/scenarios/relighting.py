@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from lidarspectra.arguments import all_of, path_of
+from lidarspectra.arguments import all_of, number_of, path_of
 from lidarspectra.errors import LampError
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
@@ -47,6 +47,11 @@ class LampOrder:
     spectrum: str | None = None
     luminous_flux_lm: float | None = None
     dim: float = 1.0
+
+    def __post_init__(self) -> None:
+        number_of(self.dim, name=f"LampOrder of '{self.lamp}', dim")
+        if self.luminous_flux_lm is not None:
+            number_of(self.luminous_flux_lm, name=f"LampOrder of '{self.lamp}', luminous_flux_lm", unit="lm")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,6 +1,7 @@
 """Candela files: every symmetry unfolds to the same luminaire, and its flux is the integral."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -165,9 +166,10 @@ def test_umlauts_of_any_encoding_do_no_harm(tmp_path: Path) -> None:
         read_ies_text(tmp_path / "missing.ies")
 
 
-def test_a_luminaire_without_stated_flux_has_its_files_lumens(tmp_path: Path) -> None:
+@pytest.mark.parametrize("color", [{"spectrum": "LED-B3"}, {"cct_k": 4000.0}])
+def test_a_luminaire_without_stated_flux_has_its_files_lumens(tmp_path: Path, color: dict[str, Any]) -> None:
     (tmp_path / "lamp.ies").write_text(GOOD, encoding="utf-8")
-    section = LampSection(name="one", shape="ies", center=(0, 0, 2), spectrum="LED-B3", file="lamp.ies")
+    section = LampSection(name="one", shape="ies", center=(0, 0, 2), file="lamp.ies", **color)
     (lamp,) = resolve_lamps([section], tmp_path)
     assert luminous_flux_lm(lamp.flux) == pytest.approx(2 * np.pi, rel=1e-4)  # 1 cd over half the sphere
     assert lamp.size == (1.2, 0.3)
