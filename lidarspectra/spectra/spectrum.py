@@ -18,6 +18,7 @@ from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ArrayError
 
 LUMINOUS_EFFICACY_LM_W = 683.0  # [lm/W] K_cd, at 540 THz, by definition (SI Brochure, 9th ed., 2.3.1)
+SAME_STEP = 1e-6  # [1] by which samples may be nearer than a grid's wavelengths and still count as no finer
 FWHM_PER_SIGMA = 2.0 * np.sqrt(2.0 * np.log(2.0))  # full width at half maximum of a Gaussian of sigma 1
 AS7265X_FWHM_NM = 20.0  # [nm] AS7265x datasheet, each channel
 AS7265X_CENTERS_NM = (
@@ -90,6 +91,53 @@ class Spectrum:
         if outside == "zero":
             return np.interp(x, self.wavelengths_nm, self.values, left=0.0, right=0.0)
         return np.interp(x, self.wavelengths_nm, self.values)
+
+    def means(self, wavelengths_nm: ArrayLike) -> FloatArray:
+        """Values of light on a grid that carry its integral, lines between the grid's wavelengths among them.
+
+        Where no two samples around a wavelength of the grid are nearer than the grid's own, it is the value there.
+        Elsewhere they are averaged over the hat function h_i that is 1 at that wavelength and 0 at its neighbours,
+
+            m_i = ∫ E h_i dλ / ∫ h_i dλ,
+
+        so that Σ w_i m_i over an even grid is the integral of E times the function that is linear between the w_i, and
+        constant for half a step beyond the ends: a line of .2 nm halfway between two whole nanometres counts as it
+        would anywhere.
+
+        Parameters
+        ----------
+        wavelengths_nm : (m,) float
+            Ascending. [nm]
+
+        Returns
+        -------
+        values : (m,) float
+            Zero beyond the spectrum's ends.
+        """
+        grid = np.asarray(wavelengths_nm, dtype=np.float64)
+        values = self.at(grid, outside="zero")
+        steps = np.diff(self.wavelengths_nm)
+        short = np.flatnonzero(steps < (1.0 - SAME_STEP) * np.diff(grid).min(initial=np.inf))
+        if grid.size < 2 or not short.size:
+            return values
+        ends = np.concatenate([[1.5 * grid[0] - 0.5 * grid[1]], grid, [1.5 * grid[-1] - 0.5 * grid[-2]]])
+        until = np.searchsorted(self.wavelengths_nm[short + 1], ends[2:], side="right")
+        is_fine = until > np.searchsorted(self.wavelengths_nm[short], ends[:-2])
+        first, second = self._integrals(ends)
+        rises = np.concatenate([first[:1], np.diff(second[1:-1]) / np.diff(grid), first[-1:]])
+        widths = np.concatenate([[grid[1] - grid[0]], 0.5 * (grid[2:] - grid[:-2]), [grid[-1] - grid[-2]]])
+        return np.where(is_fine, np.diff(rises) / widths, values)
+
+    def _integrals(self, wavelengths_nm: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """∫ values dλ from the first wavelength to others, and the integral of that; values are 0 beyond the ends."""
+        within = np.clip(wavelengths_nm, *self.range_nm)
+        knots = np.union1d(self.wavelengths_nm, within)
+        values, step = self.at(knots, outside="zero"), np.diff(knots)
+        first = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * step)])
+        added = first[:-1] * step + (2.0 * values[:-1] + values[1:]) * step**2 / 6.0
+        second = np.concatenate([[0.0], np.cumsum(added)])
+        place = np.searchsorted(knots, within)
+        return first[place], second[place] + first[-1] * np.maximum(wavelengths_nm - knots[-1], 0.0)
 
     def scaled(self, factor: float) -> "Spectrum":
         """The same spectrum times a factor."""
@@ -178,9 +226,11 @@ class BandSet:
         Returns
         -------
         values : (band,) float
-            In the unit of the spectrum.
+            In the unit of the spectrum. Light finer than the responses' grid counts by its integral (`Spectrum.means`).
         """
-        return np.asarray(self.weights @ spectrum.at(self.wavelengths_nm, outside=outside), dtype=np.float64)
+        grid = self.wavelengths_nm
+        values = spectrum.means(grid) if outside == "zero" else spectrum.at(grid, outside=outside)
+        return np.asarray(self.weights @ values, dtype=np.float64)
 
     def reflected_values(self, reflectance: Spectrum, lamp: Spectrum) -> FloatArray:
         """Band reflectance that makes one reflection of a lamp's light exact, ∫ρΦr_b dλ / ∫Φr_b dλ.
@@ -201,7 +251,7 @@ class BandSet:
             [1]
         """
         rho = reflectance.at(self.wavelengths_nm, outside="nearest")
-        power = lamp.at(self.wavelengths_nm, outside="zero")
+        power = lamp.means(self.wavelengths_nm)
         light = self.weights @ power
         dark = light <= 0
         lit = (self.weights @ (rho * power)) / np.where(dark, 1.0, light)

@@ -177,5 +177,5 @@ def _lamp(lamp: Lamp, dim: float | None) -> dict[str, Any]:
 def lamp_color(lamp: Lamp) -> FloatArray:
     """(3,) linear sRGB of a lamp's light, the greatest component 1; white where none of it is seen [0-1]."""
     observer = color_matching_functions(COLOR_GRID_NM)
-    color = np.clip(xyz_to_linear_srgb(lamp.flux.at(COLOR_GRID_NM, outside="zero") @ observer), 0.0, None)
+    color = np.clip(xyz_to_linear_srgb(lamp.flux.means(COLOR_GRID_NM) @ observer), 0.0, None)
     return np.asarray(color / color.max() if color.max() > 0 else np.ones(3), dtype=np.float64)

@@ -75,7 +75,7 @@ def indoor_spectra(surfaces: int = SURFACES) -> IndoorSpectra:
     The equal-energy spectrum is left out, as are lamps without light between 380 and 780 nm.
     """
     found = [lamp for lamp in list_lamps() if ":" not in lamp.name and lamp.category != "equal-energy"]
-    lamps = np.stack([lamp.spectrum.at(GRID_NM, outside="zero") for lamp in found])
+    lamps = np.stack([lamp.spectrum.means(GRID_NM) for lamp in found])
     lamps /= lamps.sum(axis=1, keepdims=True)
     room = _surfaces(load_reflectances(), surfaces)
     factors = np.concatenate([np.ones((1, GRID_NM.size)), *(share + (1.0 - share) * room for share in DIRECT_SHARES)])

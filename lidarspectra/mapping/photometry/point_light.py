@@ -110,7 +110,7 @@ class PointLight:
         shapes = hats(self.centers_nm, wavelengths_nm)
         total = np.zeros((self.irradiance.shape[0], wavelengths_nm.size))
         for lamp in self.lamps:
-            total += (lamp.coefficient @ shapes) * lamp.flux.at(wavelengths_nm, outside="zero")
+            total += (lamp.coefficient @ shapes) * lamp.flux.means(wavelengths_nm)
         return total
 
     def at(self, points: IntArray | BoolArray) -> "PointLight":

@@ -225,7 +225,7 @@ class _Spectra:
     def _slot_flux(self, flux: Spectrum) -> FloatArray:
         grid = self._transport["wavelength"].to_numpy()
         weights = self._transport["slot_weights"].transpose("slot", "wavelength").to_numpy()
-        return np.asarray(weights @ flux.at(grid, outside="zero"), dtype=np.float64)
+        return np.asarray(weights @ flux.means(grid), dtype=np.float64)
 
     def _folding(self, slot_flux: FloatArray) -> FloatArray:
         if not self._has_slots:
@@ -244,5 +244,5 @@ class _Spectra:
             colors = (band_hats(self._centers, COLOR_GRID_NM) @ observer).T * band_flux
         else:
             rows = [lamp_weights(self._centers, each.response, flux) for each in self._responses]
-            colors = ((hats(self._centers, COLOR_GRID_NM) * flux.at(COLOR_GRID_NM, outside="zero")) @ observer).T
+            colors = ((hats(self._centers, COLOR_GRID_NM) * flux.means(COLOR_GRID_NM)) @ observer).T
         return np.asarray(np.concatenate([np.array(rows), colors]), dtype=np.float64)

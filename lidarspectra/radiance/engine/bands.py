@@ -202,7 +202,7 @@ def spectral_groups(fluxes: Sequence[Spectrum], bands: BandSet) -> tuple[Spectra
 
 def _band_shapes(flux: Spectrum, bands: BandSet) -> FloatArray:
     """(band, wavelength) weights of a lamp's light within each band, rows summing to 1, or to 0 where it is dark."""
-    weighted = bands.weights * flux.at(bands.wavelengths_nm, outside="zero")
+    weighted = bands.weights * flux.means(bands.wavelengths_nm)
     total = weighted.sum(axis=1, keepdims=True)
     return np.asarray(weighted / np.where(total > 0, total, 1.0), dtype=np.float64)
 
@@ -213,7 +213,7 @@ def _same_shape(one: FloatArray, other: FloatArray) -> bool:
 
 
 def _total(fluxes: Sequence[Spectrum], bands: BandSet) -> Spectrum:
-    values = np.sum([flux.at(bands.wavelengths_nm, outside="zero") for flux in fluxes], axis=0)
+    values = np.sum([flux.means(bands.wavelengths_nm) for flux in fluxes], axis=0)
     return Spectrum(wavelengths_nm=bands.wavelengths_nm, values=values, name="light of the group")
 
 

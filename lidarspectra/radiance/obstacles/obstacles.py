@@ -184,5 +184,5 @@ def _light_of(scene: RadianceScene, scene_pass: ScenePass, lamps: Sequence[Lamp]
     """The light that weighs the pass's reflectances: the sum over the lamps of all passes that share its surfaces."""
     members = {lamp for other in scene.passes if other.surfaces == scene_pass.surfaces for lamp in other.lamps}
     grid = scene.bands.wavelengths_nm
-    total = np.sum([lamps[index].flux.at(grid, outside="zero") for index in sorted(members)], axis=0)
+    total = np.sum([lamps[index].flux.means(grid) for index in sorted(members)], axis=0)
     return Spectrum(wavelengths_nm=grid, values=total, name="light of the group")

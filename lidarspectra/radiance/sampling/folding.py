@@ -131,7 +131,7 @@ def with_spectrum(transport: xr.Dataset, lamp: str, flux: Spectrum) -> xr.Datase
         return transport
     row = [str(name) for name in transport["lamp"].to_numpy()].index(lamp)
     grid = transport["wavelength"].to_numpy()
-    sent = transport["slot_weights"].transpose("slot", "wavelength").to_numpy() @ flux.at(grid, outside="zero")
+    sent = transport["slot_weights"].transpose("slot", "wavelength").to_numpy() @ flux.means(grid)
     return with_slot_flux(transport, row, sent)
 
 
@@ -234,7 +234,7 @@ class CarriedSpectra:
     def error(self, flux: Spectrum) -> FloatArray:
         """(band,) predicted relative error of the reflected light of a spectral flux [W/nm]: see `spectrum_error`."""
         return reflected_light_error(
-            power=flux.at(self.wavelengths_nm, outside="zero"),
+            power=flux.means(self.wavelengths_nm),
             weights=self.slot_weights,
             matrix=self.slot_matrix,
             mean_reflectance=self.mean_reflectance,

@@ -81,7 +81,7 @@ def relighting_error(scene: RadianceScene, row: int, flux: Spectrum) -> FloatArr
         Signed; see `reflected_light_error`. [1]
     """
     return reflected_light_error(
-        power=flux.at(scene.slots.bands.wavelengths_nm, outside="zero"),
+        power=flux.means(scene.slots.bands.wavelengths_nm),
         weights=scene.slots.bands.weights,
         matrix=scene.slots.matrix,
         mean_reflectance=scene.slots.mean_reflectance,

@@ -186,8 +186,8 @@ class _Sums:
     ) -> None:
         weight = room.channels.weights[band]
         self.room, self.cuts = room, cuts
-        power = np.array([light.at(room.grid_nm, outside="zero") for light in lights])
-        other = np.array([light.at(room.grid_nm, outside="zero") for light in others]).reshape(-1, room.grid_nm.size)
+        power = np.array([light.means(room.grid_nm) for light in lights])
+        other = np.array([light.means(room.grid_nm) for light in others]).reshape(-1, room.grid_nm.size)
         self.flux, self.sent = self._running(weight * power), self._running(weight * other)
         self.flat = self._running(weight)
         reflectances = np.concatenate([room.mean[None], room.surfaces])

@@ -13,7 +13,7 @@ from lidarspectra.mapping.photometry.color_quality import COLOR_GRID_NM, color_q
 from lidarspectra.mapping.photometry.figures import quantities_figure
 from lidarspectra.mapping.photometry.indoor_spectra import IndoorSpectra, indoor_spectra
 from lidarspectra.mapping.photometry.people_and_plants import light_at_points, method_for, summary_table
-from lidarspectra.mapping.photometry.point_light import PointLight, light_of_lamps, light_of_map
+from lidarspectra.mapping.photometry.point_light import LampShare, PointLight, light_of_lamps, light_of_map
 from lidarspectra.mapping.photometry.quantities import (
     D65_EFFICACY_W_LM,
     UMOL_PER_J_NM,
@@ -77,6 +77,27 @@ def test_lamps_have_the_colour_temperature_and_rendering_that_the_cie_gives(name
     assert quality.cri_ra[0] == pytest.approx(ra, abs=1.0)  # the same: whole numbers
     assert 60.0 < quality.tm30_rf[0] < 100.1
     assert abs(quality.duv[0]) < 0.006
+
+
+def test_the_lines_of_a_fluorescent_lamp_count_as_a_spectrometer_has_them():
+    wavelengths = np.arange(380.0, 780.0, 0.4)
+    lines = ((404.7, 0.3, 1.3), (435.8, 1.0, 1.3), (487.5, 0.35, 8.0), (546.1, 1.8, 1.3), (611.3, 1.9, 3.0))
+    values = 0.02 + sum(
+        height * np.exp(-4.0 * np.log(2.0) * ((wavelengths - at) / width) ** 2) for at, height, width in lines
+    )
+    lamp = Spectrum(wavelengths_nm=wavelengths, values=values)
+    fine = np.arange(380.0, 780.0, 0.1)
+    (true,), (true_duv,) = color_temperature(lamp.at(fine, outside="zero")[None], fine)
+    light = PointLight(
+        centers_nm=np.array([400.0, 760.0]),
+        irradiance=np.ones((1, 2)),
+        irradiance_se=np.zeros((1, 2)),
+        lamps=(LampShare(flux=lamp, coefficient=np.ones((1, 2))),),
+    )
+    (found,), (duv,) = color_temperature(light.spectra(COLOR_GRID_NM), COLOR_GRID_NM)
+    # At every fifth nanometre alone, which the line of 546.1 nm is far from, it was off by hundreds of kelvin.
+    assert found == pytest.approx(true, abs=5.0)
+    assert duv == pytest.approx(true_duv, abs=2e-4)
 
 
 def test_light_that_is_no_white_and_darkness_have_no_colour_temperature():
