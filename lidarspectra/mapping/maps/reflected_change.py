@@ -23,6 +23,7 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.material.delighting.light_exchange import cosine_directions
+from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M
 from lidarspectra.room.light_samples import Samples
 
 SURFACE_RAYS = 128  # from each point of a surface
@@ -94,7 +95,7 @@ def reflectance_effects(
     direct : (sample, band) float
         Irradiance there, straight from the lamps. [W/m²/nm]
     positions, normals : (point, 3) float
-        Of sensors with a cosine response. [m, 1]
+        Of sensors with a cosine response; they may lie on a surface. [m, 1]
     generator : numpy.random.Generator
 
     Returns
@@ -105,7 +106,7 @@ def reflectance_effects(
     tree = cKDTree(np.hstack([samples.positions, NORMAL_WEIGHT_M * samples.normals]))
     rays = int(np.clip(ALL_SENSOR_RAYS // max(len(positions), 1), *SENSOR_RAYS))
     between = _sights(caster, tree, samples.positions, samples.normals, SURFACE_RAYS, generator)
-    at_sensors = _sights(caster, tree, positions, normals, rays, generator)
+    at_sensors = _sights(caster, tree, positions + SENSOR_OFFSET_M * normals, normals, rays, generator)
     count, parts = len(samples.face), surfaces.part_count
     effects = np.zeros((parts, len(positions), direct.shape[1]))
     for band in range(direct.shape[1]):

@@ -24,6 +24,7 @@ from lidarspectra.progress import Progress, silent
 from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.engine.options import Accuracy
 from lidarspectra.radiance.sampling.receptors import Receptor, cosine_receptor, draw_directions
+from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.closing import DIRECTIONS, Openings, Surroundings
@@ -100,7 +101,8 @@ def opening_light(
     directions = draw_directions(
         receptor, points.normals, sets=1, count=RAYS, generator=np.random.default_rng(seed)
     ).reshape(-1, 3)
-    face, left_by = around.meet(np.repeat(points.positions, RAYS, axis=0), directions)
+    starts = points.positions + SENSOR_OFFSET_M * points.normals
+    face, left_by = around.meet(np.repeat(starts, RAYS, axis=0), directions)
     seen = (left_by >= 0).reshape(len(points), RAYS)
     closed = bool(((face >= 0) & (left_by >= 0)).sum() > (left_by[face < 0] >= 0).sum())
     share = seen.mean(axis=1)

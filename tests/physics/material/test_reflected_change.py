@@ -44,6 +44,25 @@ def test_in_an_evenly_lit_closed_room_all_parts_together_give_the_closed_form(re
     assert (found > 0).all()
 
 
+def test_sensors_that_lie_on_a_surface_see_the_room_and_not_that_surface() -> None:
+    scan, part, _ = closed_box(0.2)
+    caster = RayCaster(scan)
+    samples = samples_of(scan, caster, np.random.default_rng(4), count=SAMPLES)
+    surfaces = Surfaces(part=part, material=part, reflectance=np.full((6, 1), 0.5), part_count=6)
+    places = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.1], [LENGTH_M, 1.3, 1.1], [1.0, 1.3, HEIGHT_M]])
+    facing = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    direct = np.full((len(samples.face), 1), 2.0)
+    on, off = (
+        reflectance_effects(
+            caster, surfaces, samples, direct, places + lift * facing, facing, np.random.default_rng(5)
+        )
+        for lift in (0.0, 1e-3)
+    )
+    np.testing.assert_allclose(on, off, atol=0.02)
+    own = np.array([0, 2, 3, 1]), np.arange(4)  # floor, two walls and the ceiling, as `closed_box` has them
+    assert (off[own] < 0.7 * off.mean(axis=0)[np.arange(4)]).all()
+
+
 def test_a_lit_room_gains_what_a_radiosity_solution_with_that_part_changed_gains(tmp_path: Path) -> None:
     scan, part, reflectance = closed_box(0.25)
     lamp = ls.make_lamp("panel", (0.9, 1.2, 2.1), name="panel", size=0.6, spectrum="LED-B3", luminous_flux_lm=1.0)
