@@ -53,9 +53,7 @@ def test_sensors_that_lie_on_a_surface_see_the_room_and_not_that_surface() -> No
     facing = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     direct = np.full((len(samples.face), 1), 2.0)
     on, off = (
-        reflectance_effects(
-            caster, surfaces, samples, direct, places + lift * facing, facing, np.random.default_rng(5)
-        )
+        reflectance_effects(caster, surfaces, samples, direct, places + lift * facing, facing, np.random.default_rng(5))
         for lift in (0.0, 1e-3)
     )
     np.testing.assert_allclose(on, off, atol=0.02)
