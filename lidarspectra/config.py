@@ -603,7 +603,7 @@ class RunFile(Section):
                 expected="no file there yet",
                 found="one, which may hold your edits",
                 where=str(target),
-                todo="Give another name, or force=True.",
+                todo="Rename it to keep it, or overwrite it: --force (force=True in Python).",
             )
         text = self.text
         if target.parent.resolve() != self.folder.resolve():

@@ -8,6 +8,7 @@ import typer
 from lidarspectra.cli.options import WorkersOption
 from lidarspectra.cli.progress import progress_bar
 from lidarspectra.cli.terminal import console, print_note, say, shown
+from lidarspectra.words import counted
 
 
 def calibrate(
@@ -71,8 +72,8 @@ def calibrate(
     console.print()
     say(f"Deviation of the map, mean over its points: {before:.1f} % before, {after:.1f} % after the readings.")
     say(
-        f"Chi-square {found.chi_square:.1f} of {found.numbers} numbers; the model's own error at a place, as the "
-        f"misfit tells it: {100 * found.local_sd:.1f} %."
+        f"Chi-square {found.chi_square:.1f} of {counted(found.numbers, 'number')}; the model's own error at a place, "
+        f"as the misfit tells it: {100 * found.local_sd:.1f} %."
     )
     run_file, tables = save_calibration(found, run, force=force)
     say(f"Tables: {tables}")

@@ -16,6 +16,7 @@ from lidarspectra.spectra.colorimetry import hex_color
 from lidarspectra.spectra.reflectance_library import MAX_REFLECTANCE as MAX_REFLECTANCE
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import TableRow, read_table, read_text, write_table
+from lidarspectra.words import counted
 
 SurfaceKind = Literal["plastic", "metal", "glass", "trans", "mirror"]
 Provenance = Literal["measured", "recovered", "modelled", "default", "assigned"]
@@ -155,8 +156,8 @@ class MaterialMap:
         areas = self.areas(face_areas)
         main = [f"{self.materials[n].name} {areas[n]:.1f} m²" for n in np.argsort(-areas, kind="stable")[:3]]
         return (
-            f"{len(self.materials)} materials, mean reflectance {self.mean_reflectance(face_areas):.2f} at 555 nm; "
-            f"most: {', '.join(main)}"
+            f"{counted(len(self.materials), 'material')}, mean reflectance {self.mean_reflectance(face_areas):.2f} "
+            f"at 555 nm; most: {', '.join(main)}"
         )
 
     def warnings(self, face_areas: FloatArray, *, light_left_in: bool = True) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from lidarspectra.hardware.sensor.as7265x import (
     UW_CM2_TO_W_M2,
     nominal_responsivity,
 )
-from lidarspectra.hardware.sensor.measured_readings import fitted_factors
+from lidarspectra.hardware.sensor.measured_readings import fitted_factors, read_readings
 from lidarspectra.workflow.applications import evaluation as comparison
 from lidarspectra.workflow.applications.evaluation import evaluate_run, save_evaluation
 
@@ -157,6 +157,15 @@ def test_tables_as_spreadsheets_write_them_are_read(run: Path, tmp_path: Path, f
     table.to_csv(tmp_path / "sheet.csv", index=False, **form)
     found = evaluate_run(run, tmp_path / "sheet.csv")
     assert found.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
+
+
+def test_headings_in_capitals_and_behind_blanks_are_known(run: Path, tmp_path: Path) -> None:
+    table = pd.read_csv(readings(tmp_path)).rename(columns={"x": "X", "y": " Y", "z": "Z "})
+    table.to_csv(tmp_path / "typed.csv", index=False)
+    assert evaluate_run(run, tmp_path / "typed.csv").comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)
+    (tmp_path / "typed.csv").write_text("x, y, z, Lux, lux , X\n1, 2, 3, 4, 5, 6\n", encoding="utf-8")
+    found = read_readings(tmp_path / "typed.csv")  # a word that is there already is not given twice
+    assert found.columns.tolist() == ["x", "y", "z", "Lux", "lux", "X"]
 
 
 def test_a_comma_in_a_comment_makes_no_decimal_commas(run: Path, tmp_path: Path) -> None:

@@ -52,7 +52,9 @@ def test_a_run_file_that_is_saved_elsewhere_finds_its_scan(box: ls.RunFile, tmp_
     saved = ls.read_run_file(box.save(tmp_path / "other" / "room.toml"))
     assert (saved.folder / saved.scan.file).resolve() == (box.folder / box.scan.file).resolve()
     assert "#" in saved.text  # its comments are kept
-    with pytest.raises(ls.LidarSpectraError, match="force=True"):
+    with pytest.raises(
+        ls.LidarSpectraError, match=r"Rename it to keep it, or overwrite it: --force \(force=True in Python\)"
+    ):
         box.save(tmp_path / "other" / "room.toml")
     changed = box.changed(trace={"noise": "draft"})
     assert ls.read_run_file(changed.save(str(tmp_path / "other" / "room.toml"), force=True)).trace.noise == "draft"

@@ -28,6 +28,7 @@ Scale = Literal["none", "one", "die", "channel"]
 SETTINGS = ("gain", "integration_ms")  # columns that make the counts of different rows comparable
 NUMBERS = ("x", "y", "z", "nx", "ny", "nz", "buried", *SETTINGS)  # columns that must be numeric
 DELIMITERS = (",", ";", "\t")  # between cells
+WORDS = (*NUMBERS, "name", "lux", "lx", "illuminance", "illuminance_lx", "current_mA")  # known in any case of letters
 CHANNELS = ("E_", "SE_")  # how columns of channels and of their uncertainties begin
 
 
@@ -58,6 +59,7 @@ def read_readings(measured: Path, *, needs_places: bool = True) -> pd.DataFrame:
         raise MapError(expected="a readable CSV of readings", found=found, where=str(measured)) from cause
     if table.empty:
         raise MapError(expected="readings, one a row below the header", found="none", where=str(measured))
+    table = table.rename(columns=_known_words(table.columns))
     missing = [name for name in ("x", "y", "z") if name not in table.columns]
     if missing and not needs_places:
         table = table.assign(**dict.fromkeys(missing, np.nan))
@@ -72,6 +74,19 @@ def read_readings(measured: Path, *, needs_places: bool = True) -> pd.DataFrame:
         table, [name for name in map(str, table) if name in NUMBERS or name.startswith(CHANNELS)], measured
     )
     return table
+
+
+def _known_words(columns: pd.Index) -> dict[str, str]:
+    """Headings without blanks around them, and known words as they are known: 'X' is x, 'Lux' is lux."""
+    bare = {name: str(name).strip() for name in columns}
+    known = {word.lower(): word for word in WORDS}
+    taken = set(bare.values())
+    for name, text in bare.items():
+        word = known.get(text.lower(), text)
+        if word not in taken:
+            bare[name] = word
+            taken.add(word)
+    return bare
 
 
 def _table_of(text: str) -> pd.DataFrame:

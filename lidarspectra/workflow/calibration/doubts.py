@@ -10,10 +10,11 @@ from lidarspectra.errors import MapError
 from lidarspectra.mapping.calibration.model import LightModel, Priors
 from lidarspectra.mapping.calibration.posterior import STRANGE, disagreement, fit, swapped, turned_over
 from lidarspectra.workflow.calibration.light import RunRoom
-from lidarspectra.workflow.calibration.readings import CALIBRATED_SD, CHANNEL_SD, Readings
+from lidarspectra.workflow.calibration.readings import CALIBRATED_SD, CHANNEL_SD, Readings, unit_of
 
 UNIT_FACTOR = 6.0  # [1] readings that are all off by more are in another unit, or of another room
 HOPELESS = 1e-9  # [1] so unlikely a fit, with half of the rows strange, is of another room
+MAX_SHOWN = 5  # readings beside the run's light, the least probable first
 FORCE = "Give --force to calibrate by them all the same."
 
 
@@ -113,7 +114,13 @@ def _strange_rows(
     if turned:
         return [(f"the sensor turned over at {_listed(readings, turned)}: they fit with the other direction", True)]
     if whole < HOPELESS and strange.size * 2 >= len(readings.names):
-        return [("readings that contradict this room and one another: they are of another room, or other lamps", True)]
+        return [
+            (
+                "readings that contradict this room and one another: they are of another room, or other lamps "
+                f"({_beside_the_run(model, readings, suspects)})",
+                True,
+            )
+        ]
     if strange.size == 0:
         return [
             (f"the readings together are further from the model than chance allows (probability {whole:.1g})", False)
@@ -121,6 +128,18 @@ def _strange_rows(
     return [
         (f"{_listed(readings, strange)} disagrees with what the other readings tell of it: look at that place", False)
     ]
+
+
+def _beside_the_run(model: LightModel, readings: Readings, rows: IntArray) -> str:
+    """The numbers of some rows beside those of the run, the first few of them."""
+    predicted = model.light.sum(axis=1)
+    numbers = [number for row in rows for number in np.flatnonzero(readings.numbers.row == row)]
+    words = [
+        f"'{readings.names[readings.numbers.row[number]]}' {readings.numbers.value[number]:.3g} "
+        f"{unit_of(readings.quantities[number])} where the run has {predicted[number]:.3g}"
+        for number in numbers[:MAX_SHOWN]
+    ]
+    return ", ".join(words) + (", ..." if len(numbers) > MAX_SHOWN else "")
 
 
 def _listed(readings: Readings, rows: IntArray | Sequence[int]) -> str:

@@ -22,6 +22,11 @@ CHANNEL_SD = 0.05  # [1] of a calibrated spectral channel: its calibration, and 
 Quantity = int | str
 
 
+def unit_of(quantity: Quantity) -> str:
+    """Unit of an illuminance, a cell's current or a channel."""
+    return {LUX: "lx", CURRENT: "A"}.get(str(quantity), "W/m²/nm")
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
     """Readings of a room.

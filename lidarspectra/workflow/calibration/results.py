@@ -15,11 +15,10 @@ from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.maps.visible_bands import covers_vision
 from lidarspectra.room.surface_parts import PARTS
 from lidarspectra.workflow.calibration.light import RunRoom
-from lidarspectra.workflow.calibration.readings import CURRENT, LUX, Quantity, Readings
+from lidarspectra.workflow.calibration.readings import Readings, unit_of
 
 SUMMARY = "calibration.json"  # beside the tables, for the report
 MAX_SHARE_OF_PRIOR = 0.9  # [1] of the prior's deviation that is left, up to which the readings determined an unknown
-UNITS: dict[Quantity, str] = {LUX: "lx", CURRENT: "A"}  # channels are in W/m²/nm
 
 
 def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path, spectra: Mapping[str, str]) -> RunFile:
@@ -119,7 +118,7 @@ def readings_table(
             "y [m]": positions[:, 1],
             "z [m]": positions[:, 2],
             "quantity": labels,
-            "unit": [UNITS.get(quantity, "W/m²/nm") for quantity in readings.quantities],
+            "unit": [unit_of(quantity) for quantity in readings.quantities],
             "measured": numbers.value,
             "run before": before.light.sum(axis=1),
             "model after": predicted,

@@ -1,6 +1,7 @@
 """Readings told into a light model: what they tell comes out, its deviation holds, and what is wrong is named."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,8 @@ from lidarspectra.mapping.calibration.planning import choose_readings
 from lidarspectra.mapping.calibration.posterior import disagreement, fit, swapped, turned_over
 from lidarspectra.mapping.calibration.promised import stated_after, stated_of
 from lidarspectra.mapping.maps.light_unknowns import error_scale
+from lidarspectra.workflow.calibration.doubts import doubts
+from lidarspectra.workflow.calibration.readings import LUX, Readings
 
 LAMPS, PARTS, ROWS = 3, 4, 8
 LEVELS = 0.1**2 * (0.5 * np.eye(PARTS) + 0.5)  # half of the variance in common
@@ -92,6 +95,22 @@ def test_the_map_is_known_better_after_and_as_well_as_it_says() -> None:
     assert np.median(ratios) < 0.5
     assert 0.6 < np.mean(np.array(shares) <= 1.0) < 0.76
     assert 0.92 < np.mean(np.array(shares) <= 2.0) < 0.985
+
+
+def test_readings_of_another_room_are_refused_beside_what_the_run_has(tmp_path: Path) -> None:
+    light, known = model(rows=4), priors()
+    factors = np.array([2.5, 0.4, 2.5, 0.4])
+    numbers = Observations(
+        value=light.light.sum(axis=1) * factors, row=np.arange(4), meter=np.zeros(4, dtype=np.int64), model_error=None
+    )
+    readings = Readings(
+        names=("desk", "shelf", "door", "sill"), positions=np.zeros((4, 3)), normals=np.tile([0.0, 0.0, 1.0], (4, 1)),
+        quantities=(LUX,) * 4, numbers=numbers, meters=("meter",), meter_sd=np.array([0.03]),
+    )  # fmt: skip
+    run = light.light.sum(axis=1)[0]
+    with pytest.raises(MapError, match=f"'desk' {2.5 * run:.3g} lx where the run has {run:.3g}"):
+        doubts(light, light, readings, known, tmp_path / "readings.csv", force=False)
+    assert len(doubts(light, light, readings, known, tmp_path / "readings.csv", force=True)) == 1
 
 
 def test_an_unknown_meter_still_tells_the_pattern() -> None:
