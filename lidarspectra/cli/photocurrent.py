@@ -52,7 +52,7 @@ def photocurrent(
     """Map a solar cell's current and, with --hours or --schedule, its charge and energy per day."""
     from lidarspectra.mapping.photovoltaics.current_map import currents_table
     from lidarspectra.workflow.applications.cells_of_run import CurrentOrder, current_of_run, save_currents
-    from lidarspectra.workflow.run_folder.assumed import assumptions_of_run, result_notes
+    from lidarspectra.workflow.run_folder.assumed import notes_of_light
 
     if hours is not None and schedule is not None:
         raise typer.BadParameter("give --hours or --schedule, not both")
@@ -60,7 +60,7 @@ def photocurrent(
         cell=cell, area_cm2=area, scale=scale, hours=hours, schedule=schedule, volt=volt, base=Path.cwd()
     )
     currents, plan, found = current_of_run(run, order)
-    for words in (*result_notes(assumptions_of_run(run)), *str(currents.attrs["notes"]).splitlines()):
+    for words in (*notes_of_light(run), *str(currents.attrs["notes"]).splitlines()):
         print_note(words)
     folder = save_currents(currents, plan, out or run / f"photocurrent-{found.name}")
     console.print(shown(currents_table(currents)))

@@ -54,19 +54,19 @@ def relight(
 
 def _print_notes(light: "xr.Dataset") -> None:
     """Notes on a relit map."""
-    from lidarspectra.mapping.maps.assumptions import assumptions_of
     from lidarspectra.mapping.maps.spectral_map import SPECTRUM_ERROR
     from lidarspectra.radiance.sampling.folding import MAX_SPECTRUM_ERROR
-    from lidarspectra.workflow.run_folder.assumed import result_notes
+    from lidarspectra.workflow.run_folder.assumed import notes_of_light
 
     predicted = float(light.attrs[SPECTRUM_ERROR])
     if predicted > MAX_SPECTRUM_ERROR:
         print_note(
             f"With this spectrum the reflected light of one channel may be off by {100 * predicted:.1f} %: within that "
             "channel the lamp's light lies elsewhere than that of the spectrum that was traced, and the room's colours "
-            "change there. Give the lamp this spectrum in the run file and run it again for the exact map."
+            "change there. For the exact map give the lamp this spectrum in the run file; or, if it had another one "
+            "during the scan, dim = 0, and a lamp beside it with this spectrum and dim_in_scan = 0. Then run it again."
         )
-    for note in result_notes(assumptions_of(light)):
+    for note in notes_of_light(light):
         print_note(note)
 
 
@@ -128,7 +128,8 @@ def _number(option: str, text: str) -> float:
     except ValueError:
         value = -1.0
     if not 0 <= value < float("inf"):
-        raise typer.BadParameter(f"{option} needs a number of 0 or more, not '{text}'")
+        wanted = "a fraction from 0 to 1" if option == "--dim" else "a number of 0 or more"
+        raise typer.BadParameter(f"{option} needs {wanted}, not '{text}'")
     if option == "--dim" and value > 1:
         raise typer.BadParameter(
             f"--dim needs a fraction from 0 to 1, as in the run file, not '{text}': 0.4 dims to 40 %. "

@@ -10,6 +10,7 @@ import pytest
 from lidarspectra.config import RunFile
 from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, mark_assumed
+from lidarspectra.mapping.maps.light_unknowns import ALL_CAUSES, CAUSES, OF_CAUSE
 from lidarspectra.mapping.maps.map_files import load_map, map_table, read_map_table, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.room.room import Room
@@ -19,6 +20,7 @@ from lidarspectra.workflow.run_folder.assumed import (
     assumed_of_scan,
     lamp_notes,
     lit_notes,
+    notes_of_light,
     result_notes,
     scan_notes,
 )
@@ -175,6 +177,17 @@ def test_what_is_computed_from_guesses_says_so() -> None:
     assert given == Assumptions(fluxes=("panel 2",), spectra=("panel 1",), scan=("unit",))
     assert given.of_flux == ("panel 2",)
     assert (given.of_lamp("panel 1"), given.of_lamp("none")) == ("spectrum", "")
+
+
+def test_what_is_computed_from_a_map_says_how_well_its_light_is_known(make_map: Any, tmp_path: Path) -> None:
+    assert notes_of_light(make_map) == ()  # a map of an earlier version states nothing
+    causes = {f"{OF_CAUSE}{cause}": 0.0 for cause in CAUSES} | {ALL_CAUSES: 0.134, f"{OF_CAUSE}lamps": 0.13}
+    stated = make_map.assign_attrs(causes)
+    (known,) = notes_of_light(stated)
+    assert "known to ± 13 % at a point (lamps 13 %), one standard uncertainty" in known
+    known, guesses = notes_of_light(mark_assumed(stated, Assumptions(lamps=("panel 1",))))
+    assert "rest on guesses" in guesses
+    assert notes_of_light(tmp_path) == ()  # no run with a map
 
 
 def test_flux_and_spectrum_of_a_lamp_are_assumed_apart() -> None:

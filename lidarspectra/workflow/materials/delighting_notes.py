@@ -81,7 +81,7 @@ def flux_warnings(fit: LightFit, lamps: Sequence[Lamp]) -> tuple[str, ...]:
         return ()
     return (
         f"Compared with the other lamps, some do not have the stated flux in the scan: {', '.join(differing)} of it. "
-        "The simulation uses the stated fluxes; check them, and whether these lamps were dimmed.",
+        "The simulation uses the stated fluxes; check them, and whether these lamps were dimmed (dim_in_scan).",
     )
 
 
@@ -111,7 +111,9 @@ def source_note(sources: Sequence[UnknownSource], fit: LightFit) -> tuple[str, .
     return (
         "Light in the picture comes from what is no lamp of the run file: windows, screens, other lamps, other rooms "
         f"({'; '.join(places)}). It was fitted with the lamps' as {100 * share:.0f} % of the direct light and taken "
-        "out. The map does not have it: give windows under [daylight], lamps under [[lamps]].",
+        "out. The map does not have it: give windows under [daylight], lamps under [[lamps]]. A lamp that the run file "
+        "has in another place than the scan belongs there twice: where it hung with dim = 0, where it shall hang with "
+        "dim_in_scan = 0.",
     )
 
 

@@ -11,6 +11,8 @@ from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, c
 from lidarspectra.workflow.run_folder.workspace import read_record, stage_folder
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lidarspectra.room.room import Room  # which loads what finds rooms
 
 CERTAIN = 0.95  # [1] a unit or upward axis of a lower probability is a guess: one in twenty would be wrong
@@ -116,12 +118,35 @@ def lit_notes(assumptions: Assumptions, lamp_count: int) -> tuple[str, ...]:
 
 def assumptions_of_run(run: Path) -> Assumptions:
     """What the map of a run assumes; nothing where the run has no map yet."""
+    light_map = _map_of(run)
+    return Assumptions() if light_map is None else assumptions_of(light_map)
+
+
+def notes_of_light(light: "Path | xr.Dataset") -> tuple[str, ...]:
+    """Notes to whatever is computed from a map, or from that of a run: how well its light is known, and its guesses.
+
+    Quantities of light are linear in the map, and most of what is not known of it scales all points and channels.
+    """
+    light_map = _map_of(light) if isinstance(light, Path) else light
+    if light_map is None:
+        return ()
+    from lidarspectra.mapping.maps.light_unknowns import uncertainty_in_words
+
+    words = uncertainty_in_words(light_map.attrs)
+    known = (
+        f"The light is known to {words}, one standard uncertainty for all causes. It is in no error given here, and "
+        "most of it scales all these values alike."
+    )
+    return ((known,) if words else ()) + result_notes(assumptions_of(light_map))
+
+
+def _map_of(run: Path) -> "xr.Dataset | None":
     folder = stage_folder(run, "map")
     if read_record(folder) is None:
-        return Assumptions()
+        return None
     from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map  # loads slowly, and `init` has no map
 
-    return assumptions_of(load_map(folder / MAP_FILE))
+    return load_map(folder / MAP_FILE)
 
 
 def result_notes(assumptions: Assumptions) -> tuple[str, ...]:

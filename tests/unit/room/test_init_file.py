@@ -107,6 +107,7 @@ def test_the_assumptions_are_marked_in_the_file(lit_init) -> None:
     assert run_file.scan.assumed == ()  # a GLB declares unit and axis
     assert run_file.materials.delight
     assert "10,000 lm for each m²" in text
+    assert "with dim = 0, and add the new one with dim_in_scan = 0" in text  # the scan's colours keep their light
     assert text.count("% sure") >= 5
 
 
