@@ -11,6 +11,7 @@ from lidarspectra.lamps.surfaces import Place, Surface
 from lidarspectra.spectra.spectrum import Spectrum
 
 DOWN = (0.0, 0.0, -1.0)
+SAME_PLACE_M = 1e-3  # [m] lamps of one shape nearer than this are one; also of unit vectors, for a size of a metre
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -145,3 +146,16 @@ class Lamp:
 def is_daylight(lamp: Lamp) -> bool:
     """Whether a lamp stands for daylight: a window with what comes through it, or the sun."""
     return isinstance(lamp.shape, Window | Sun)
+
+
+def are_one_shape(lamp: Lamp, other: Lamp) -> bool:
+    """Whether two lamps in the room have equal shapes in one place, as the warm and the cold light of one luminaire.
+
+    Windows with daylight and the sun never are.
+    """
+    if is_daylight(lamp) or lamp.shape != other.shape:
+        return False
+    here, there = lamp.place, other.place
+    turned = max(float(np.abs(here.normal - there.normal).max()), float(np.abs(here.length - there.length).max()))
+    near = float(np.abs(lamp.center - other.center).max()) < SAME_PLACE_M
+    return near and (turned < SAME_PLACE_M or not lamp.shape.has_axis)

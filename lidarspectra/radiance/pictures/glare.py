@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import EngineError, SceneError
 from lidarspectra.radiance.engine.engine import Engine, find_engine
 from lidarspectra.radiance.pictures.hdr_file import save_hdr
@@ -44,7 +44,7 @@ class Luminaires:
     Parameters
     ----------
     lamp : (source,) int
-        Index of each in the scene.
+        Index of each in the scene; of lamps of one shape in one place, of the first.
     weight : (source,) float
         L² ω / p². [cd²/m⁴ sr]
     luminance : (source,) float
@@ -57,7 +57,7 @@ class Luminaires:
         Illuminance at the eye of all the rest. [lx]
     """
 
-    lamp: FloatArray
+    lamp: IntArray
     weight: FloatArray
     luminance: FloatArray
     solid_angle: FloatArray

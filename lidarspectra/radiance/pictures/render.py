@@ -45,7 +45,7 @@ class Picture:
     xyz : (row, column, 3) float
         Y is luminance, X and Z of the same scale; 0 outside a fisheye's circle. [cd/m²]
     lamp : (row, column) int
-        Index of the scene's lamp that shines from the pixel's middle, -1 elsewhere.
+        Index of the scene's lamp that shines from the pixel's middle, the first of those in one place; -1 elsewhere.
     """
 
     view: View
@@ -188,7 +188,7 @@ def _lamps_seen(engine: Engine, scene: RadianceScene, view: View) -> IntArray:
     """(row, column) index of the lamp that is seen in each pixel's middle, -1 where there is none."""
     directions, inside = view.directions()
     found = np.full(inside.shape, -1, dtype=np.int64)
-    modifiers = {modifier: number for number, modifier in enumerate(scene.lamp_modifiers)}
+    modifiers = {modifier: scene.lamp_modifiers.index(modifier) for modifier in scene.lamp_modifiers}
     # a look at the first surface alone needs no light: its modifier is written as text
     arguments = ("-h-", "-fda", "-om", "-I-", "-ab", "0", "-lr", "0", scene.passes[0].octree)
     run = engine.run("rtrace", arguments, folder=scene.folder, stdin=_rays(view, directions[inside]))

@@ -129,7 +129,9 @@ class LampBodies:
     Parameters
     ----------
     lamp : (body,) int
-        Index of the scene's lamp.
+        Index of the scene's lamp; of several that are one shape, of the first.
+    first : (lamp,) int
+        First of the lamps that each is one shape with.
     center : (body, 3) float
         [m]
     radius : (body,) float
@@ -138,6 +140,7 @@ class LampBodies:
     """
 
     lamp: IntArray
+    first: IntArray
     center: FloatArray
     radius: FloatArray
     is_sphere: BoolArray
@@ -151,9 +154,10 @@ class LampBodies:
             part[place[each.kind]] if each.kind in place else np.inf
             for each, part in zip(primitives, numbers, strict=True)
         ]
-        known = {modifier: number for number, modifier in enumerate(modifiers)}
+        known = {modifier: modifiers.index(modifier) for modifier in modifiers}
         return cls(
             lamp=np.array([known.get(each.modifier, -1) for each in primitives], dtype=np.int64),
+            first=np.array([known[modifier] for modifier in modifiers], dtype=np.int64),
             center=np.array([part[:3] for part in numbers]).reshape(-1, 3),
             radius=np.array(radius),
             is_sphere=np.array([each.kind == "sphere" for each in primitives], dtype=np.bool_),
@@ -262,7 +266,7 @@ class Surfaces:
         near_lamps = np.flatnonzero(face >= len(self.shading_normals))
         body = self.face_body[face[near_lamps] - len(self.shading_normals)]
         missed = ~self.bodies.are_met(body, places[near_lamps], ways[near_lamps])
-        passed[near_lamps] = missed | (self.bodies.lamp[body] == to_lamp)
+        passed[near_lamps] = missed | (self.bodies.lamp[body] == self.bodies.first[to_lamp])
         return passed
 
     def arrivals(self, rays: FloatArray) -> Arrivals:

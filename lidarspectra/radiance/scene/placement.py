@@ -6,8 +6,8 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.geometry.rays import RayCaster, caster_of
-from lidarspectra.geometry.scan import Scan
-from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.geometry.scan import Scan, bare_scan
+from lidarspectra.lamps.lamps import Lamp, are_one_shape
 from lidarspectra.radiance.scene.clearance import hidden_light
 from lidarspectra.room.free_space import sphere_directions
 
@@ -16,6 +16,9 @@ GRAZING = 0.1  # cosine of directions so flat along a lamp that they do not coun
 ROUND_OFF_M = 1e-3  # [m] tolerance, so that a lamp exactly at the scan's bounds draws no note
 MAX_HIDDEN_SHARE = 0.01  # [1] share of a lamp's light behind near surfaces, above which a note says so
 MAX_BACK_SHARE = 0.5  # [1] share of rays that must meet the back of a surface for a lamp to count as behind it
+MAX_COVERED_SHARE = 0.1  # [1] share of a lamp's light that other lamps may take within `COVER_M`
+COVER_M = 0.1  # [m] farther lamps are things in the room
+IN_PLANE_M = 1e-4  # [m] of two lamps in one plane, which is met first is open
 MAX_NAMED = 6  # lamps named in one note
 FAULTS = {
     "outside": "{lamps} outside the scan, so that light enters the room only through gaps of the mesh. Correct the "
@@ -24,6 +27,8 @@ FAULTS = {
     "not reach the room. Move the center into the room's air.",
     "through": "{lamps} partly behind a surface of the scan, so that a part of the light does not reach the room. Move "
     "the center a few centimetres into the room, or correct size and normal.",
+    "covered": "{lamps} hidden by another lamp close by, so that a part of the light does not reach the room. Move one "
+    "of them; the colours of one luminaire are lamps of one center, size, normal and rotation, which hide nothing.",
 }
 
 
@@ -32,7 +37,8 @@ def placement_notes(lamps: Sequence[Lamp], scan: Scan) -> tuple[str, ...]:
 
     A lamp is outside the room when its centre lies beyond the scan's bounds; inside something when most rays that leave
     it meet the back of a surface first, or nothing; partly behind when near surfaces hide more than `MAX_HIDDEN_SHARE`
-    of its light, or stand between its parts. Lamps that merely touch the scan are cleared before (`clear_lamps`).
+    of its light, or stand between its parts; covered when flat lamps close by take more than `MAX_COVERED_SHARE`. Lamps
+    that merely touch the scan are cleared before (`clear_lamps`), and those of one shape in one place hide nothing.
 
     Parameters
     ----------
@@ -52,6 +58,8 @@ def placement_notes(lamps: Sequence[Lamp], scan: Scan) -> tuple[str, ...]:
         if (fault := _fault(lamp, caster, bounds, normals)) is not None:
             kind, detail = fault
             found[kind].append(f"'{lamp.name}'{detail}")
+        elif (covered := _covered_share(lamp, inside)) > MAX_COVERED_SHARE:
+            found["covered"].append(f"'{lamp.name}' ({100 * covered:.2g} % of its light)")
     return tuple(FAULTS[kind].format(lamps=_subject(lamps)) for kind, lamps in found.items() if lamps)
 
 
@@ -85,6 +93,27 @@ def _fault(lamp: Lamp, caster: RayCaster, bounds: FloatArray, normals: FloatArra
     if np.any(caster.blocked(np.broadcast_to(lamp.center, reach.shape), reach, max_distance=1.0)):
         return "through", ""
     return None
+
+
+def _covered_share(lamp: Lamp, lamps: Sequence[Lamp]) -> float:
+    """Share of a lamp's light that flat surfaces of other lamps close by take, as if it were even over directions."""
+    others = [
+        surface.outline()
+        for other in lamps
+        if other is not lamp and not are_one_shape(lamp, other) and float(other.distance(lamp.center[None])[0]) < 2.0
+        for surface in other.surfaces
+        if surface.normal is not None
+    ]
+    if not others:
+        return 0.0
+    fans = [np.stack([outline[[0, k, k + 1]] for k in range(1, len(outline) - 1)]) for outline in others]
+    corners = np.concatenate(fans)
+    caster = RayCaster(bare_scan(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3)))
+    shines = _directions_lit(lamp, sphere_directions(DIRECTION_COUNT))
+    behind = [np.zeros(3) if surface.normal is None else IN_PLANE_M * surface.normal for surface in lamp.surfaces]
+    places = np.concatenate([each.marks() - back for each, back in zip(lamp.surfaces, behind, strict=True)])
+    starts, rays = np.repeat(places, len(shines), axis=0), np.tile(shines, (len(places), 1))
+    return float(caster.blocked(starts, rays, max_distance=COVER_M).mean())
 
 
 def _directions_lit(lamp: Lamp, directions: FloatArray) -> FloatArray:

@@ -4,6 +4,9 @@ A pass lights a few lamps of one spectral group and carries the bands of one ban
 the room's mesh with that pass's reflectances, those lamps as lights, and all other lamps as black shapes, so that every
 pass sees the same obstacles. Adding up the passes' lamps gives the room.
 
+Lamps of one shape in one place, as the warm and the cold light of one luminaire, are one shape with one modifier, lit
+by one of them in each pass: two surfaces in one place would hide one another.
+
     scene.json  bands.npz      the record (`scene_record`)
     lamps.rad                  shapes of all lamps;  lampN_candela.dat  how a luminaire's light is spread
     room.obj                   the mesh; passN_materials.rad  its materials;  passN_room.rtm  both, compiled
@@ -13,7 +16,7 @@ pass sees the same obstacles. Adding up the passes' lamps gives the room.
     passN_panes                as _glow, with all else in the room black (`pane_text`)
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -24,7 +27,7 @@ from lidarspectra.arguments import path_of
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import SceneError
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.lamps import Lamp, are_one_shape
 from lidarspectra.lamps.patterns import SkyLight, SunBeam
 from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.progress import Progress, shares, silent
@@ -133,17 +136,14 @@ def write_scene(
     folder = path_of(folder, name="folder", meaning="the name of a folder, as a str or a Path")
     engine = find_engine() if engine is None else engine
     folder.mkdir(parents=True, exist_ok=True)
-    modifiers = tuple(
-        window_modifier if window_modifier and isinstance(lamp.shape.pattern, SkyLight) else f"lamp{index}"
-        for index, lamp in enumerate(lamps)
-    )
+    modifiers = _modifiers(lamps, window_modifier)
     lamp_band_flux([lamp.flux for lamp in lamps], bands)  # refuses a lamp that the sensor does not see
     slots = _slots(scan, materials, lamps, bands, mode) if fine_slots else whole_channels(bands)
     flux = np.array([slots.bands.band_values(lamp.flux, outside="zero") for lamp in lamps])
     panes = find_panes(scan, materials)
     written = WRITTEN_PER_WATT * with_floor(flux)
     room = _Room(folder, lamps, modifiers, slots.bands, written, _bounds(scan, lamps), materials, panes.panes)
-    plans = _plan_passes(lamps, slots, mode, lamps_per_pass)
+    plans = _plan_passes(lamps, modifiers, slots, mode, lamps_per_pass)
     writing, *compiling = shares(progress, _shares([planned for _, planned in plans]))
     writing(0.0, "writing the mesh")
     if room.has_glass:
@@ -225,6 +225,18 @@ class _Room:
         return any(self.materials.materials[pane.material].kind == "glass" for pane in self.panes)
 
 
+def _modifiers(lamps: Sequence[Lamp], window_modifier: str | None) -> tuple[str, ...]:
+    """One for each shape in its place, named by the first lamp that has it."""
+    found: list[str] = []
+    for index, lamp in enumerate(lamps):
+        if window_modifier and isinstance(lamp.shape.pattern, SkyLight):
+            found.append(window_modifier)
+        else:
+            first = next((other for other in range(index) if are_one_shape(lamps[other], lamp)), index)
+            found.append(f"lamp{first}")
+    return tuple(found)
+
+
 def _bounds(scan: Scan, lamps: Sequence[Lamp]) -> FloatArray:
     places = np.concatenate([scan.bounds, [lamp.center for lamp in lamps]])
     return np.stack([places.min(axis=0), places.max(axis=0)])
@@ -259,17 +271,32 @@ def _slot_reflectance(lamps: Sequence[Lamp], slots: Slots) -> FloatArray:
 
 
 def _plan_passes(
-    lamps: Sequence[Lamp], slots: Slots, mode: Mode, lamps_per_pass: int
+    lamps: Sequence[Lamp], modifiers: Sequence[str], slots: Slots, mode: Mode, lamps_per_pass: int
 ) -> list[tuple[SpectralGroup, ScenePass]]:
     """Passes of every spectral group, band group, and handful of lamps; those of one group share their surfaces."""
     plans: list[tuple[SpectralGroup, ScenePass]] = []
     for light in _groups(lamps, slots.channels):
         for group in band_groups(len(slots), mode):
             surfaces = f"pass{len(plans)}"
-            for start in range(0, len(light.lamps), lamps_per_pass):
-                part = light.lamps[start : start + lamps_per_pass]
+            for part in _handfuls(light.lamps, lamps, modifiers, lamps_per_pass):
                 plans.append((light, ScenePass(name=f"pass{len(plans)}", lamps=part, group=group, surfaces=surfaces)))
     return plans
+
+
+def _handfuls(
+    members: Sequence[int], lamps: Sequence[Lamp], modifiers: Sequence[str], most: int
+) -> Iterator[tuple[int, ...]]:
+    """So many lamps at a time, no two of which have one shape in one place."""
+    left = list(members)
+    while left:
+        taken: dict[str, int] = {}
+        for index in left:
+            # windows that share a modifier are all lit by one pass: their light adds up
+            name = f"window{index}" if isinstance(lamps[index].shape.pattern, SkyLight) else modifiers[index]
+            taken.setdefault(name, index)
+        for start in range(0, len(taken), most):
+            yield tuple(taken.values())[start : start + most]
+        left = [index for index in left if index not in taken.values()]
 
 
 def _has_sun(light: SpectralGroup, lamps: Sequence[Lamp]) -> bool:
@@ -279,9 +306,10 @@ def _has_sun(light: SpectralGroup, lamps: Sequence[Lamp]) -> bool:
 def _write_shapes(room: _Room) -> None:
     """Shapes of all lamps but daylight's, which differ from pass to pass."""
     shapes = []
-    for modifier, lamp in zip(room.modifiers, room.lamps, strict=True):
-        if not isinstance(lamp.shape.pattern, SkyLight):
-            shapes.append(lamp_geometry_text(modifier, lamp))
+    for index, (modifier, lamp) in enumerate(zip(room.modifiers, room.lamps, strict=True)):
+        if isinstance(lamp.shape.pattern, SkyLight) or modifier in room.modifiers[:index]:
+            continue
+        shapes.append(lamp_geometry_text(modifier, lamp))
         if (data := lamp_data_text(lamp)) is not None:
             _write(room.folder / candela_file(modifier), data)
     _write(room.folder / LAMPS_FILE, "".join(shapes))
@@ -341,6 +369,7 @@ def _compile_panes(engine: Engine, scene_pass: ScenePass, room: _Room) -> None:
 def _write_pass(scene_pass: ScenePass, light: SpectralGroup, room: _Room) -> ScenePass:
     """Write the pass's scene and data files; the pass comes back with their names."""
     sunlit = not all(room.lamps[index].is_in_room for index in scene_pass.lamps)
+    written = {room.modifiers[index] for index in scene_pass.lamps}
     texts: list[str] = []
     data: dict[str, str] = {}
     for index, (lamp, modifier) in enumerate(zip(room.lamps, room.modifiers, strict=True)):
@@ -351,8 +380,9 @@ def _write_pass(scene_pass: ScenePass, light: SpectralGroup, room: _Room) -> Sce
         elif isinstance(lamp.shape.pattern, SkyLight):
             if not sunlit:
                 texts += [primitives.black(modifier), window_shape_text(modifier, lamp)]
-        elif lamp.is_in_room:
+        elif lamp.is_in_room and modifier not in written:
             texts.append(primitives.black(modifier))
+            written.add(modifier)
     texts.append(mirrors_text(room.panes, room.materials.materials, _colors(light, scene_pass.group, room)))
     for name, content in data.items():
         _write(room.folder / name, content)

@@ -171,7 +171,7 @@ class RadianceScene:
     lamp_names : tuple of str
         The user's words.
     lamp_modifiers : tuple of str
-        One safe modifier a lamp, for `rcontrib -m`.
+        One safe modifier a lamp, for `rcontrib -m`; lamps of one shape in one place share theirs.
     slot_flux : (lamp, slot) float
         Spectral flux. [W/nm]
     written_flux : (lamp, slot) float

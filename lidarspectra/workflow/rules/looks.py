@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lidarspectra.arrays import FloatArray
-from lidarspectra.lamps.lamps import is_daylight
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
+from lidarspectra.lamps.lamps import Lamp, are_one_shape, is_daylight
 from lidarspectra.mapping.calibration.model import STEEPEST
 from lidarspectra.mapping.rules.chances import picked
 from lidarspectra.mapping.rules.limits import WORK_PLACES, Criterion
@@ -99,6 +100,21 @@ def without_background(light: RuleLight, look: Look, eye: int) -> bool:
     return bool(seen.lamp.size) and (seen.indirect_lx <= 0 or float(seen.direct_lx.sum()) >= traced)
 
 
+def shares_of_luminaires(lamps: Sequence[Lamp], seen: IntArray) -> FloatArray:
+    """(source, lamp) share of each lamp in the light of the sources that are seen: lamps of one shape are one source.
+
+    Parameters
+    ----------
+    lamps : sequence of Lamp
+    seen : (source,) int
+        The first lamp of each source.
+    """
+    lumens = np.array([luminous_flux_lm(lamp.flux) for lamp in lamps])
+    one = [[lamp is lamps[first] or are_one_shape(lamps[first], lamp) for lamp in lamps] for first in seen.tolist()]
+    of_source = np.array(one, dtype=np.float64).reshape(len(one), len(lamps)) * lumens
+    return np.asarray(of_source / np.maximum(of_source.sum(axis=1, keepdims=True), 1e-300), dtype=np.float64)
+
+
 def _ugr_draws(light: RuleLight, look: Look, eye: int) -> FloatArray:
     """(2, draw) UGR of a look with the trace's noise as drawn, and reflected; see `DrawnLight.least`.
 
@@ -106,8 +122,8 @@ def _ugr_draws(light: RuleLight, look: Look, eye: int) -> FloatArray:
     """
     seen, model = look.luminaires, light.model(LUX, np.array([eye]))
     by_lamp = model.light[0]
-    direct = np.zeros_like(by_lamp)
-    direct[seen.lamp] = seen.direct_lx
+    share = shares_of_luminaires(light.room.lamps, seen.lamp)
+    direct = seen.direct_lx @ share
     indirect = np.maximum(by_lamp - direct, 0.0)
     of_reflected = np.divide(by_lamp, indirect, out=np.ones_like(by_lamp), where=indirect > 0)
     slope = np.minimum(model.slope[0] * of_reflected[:, None], STEEPEST)
@@ -115,5 +131,5 @@ def _ugr_draws(light: RuleLight, look: Look, eye: int) -> FloatArray:
     background = (factors @ indirect) / max(float(indirect.sum()), 1e-300) * seen.indirect_lx
     background = background * light.draws.level * light.own_error[:, eye]
     noise = np.stack([light.noise[:, eye], 2.0 - light.noise[:, eye]])
-    weight = seen.weight * np.exp(2.0 * light.draws.flux[:, seen.lamp])
+    weight = seen.weight * (np.exp(light.draws.flux) @ share.T) ** 2
     return np.maximum(ugr_of(weight, background * noise), LEAST_UGR)

@@ -137,6 +137,16 @@ def test_the_slope_of_reflected_light_stays_that_of_a_room_where_little_is_refle
     assert ugr.draws.max() - ugr.draws.min() == pytest.approx(8.0 * np.log10(np.exp(2 * 0.2 * STEEPEST)))
 
 
+def test_the_colours_of_one_luminaire_glare_together() -> None:
+    light, points = flat_light([Panel(0.6, 0.6), Panel(0.6, 0.6)], [1e-4, 1e-4])
+    flux = 0.3 * np.where(np.arange(DRAWS) % 2, 1.0, -1.0)[:, None] * np.array([1.0, -1.0])
+    light = replace(light, draws=replace(light.draws, flux=flux))
+    (ugr,) = ugr_criteria(points, light, look_at(light, points, 0.5))
+    # One gains what the other loses: their luminance and what they send to the walls stay, but for cosh of .3.
+    assert np.ptp(ugr.draws) == pytest.approx(0.0, abs=1e-9)
+    assert float(ugr.draws[0]) == pytest.approx(ugr.traced + 8.0 * np.log10(np.cosh(0.3)))
+
+
 def test_ugr_is_left_out_where_all_light_comes_straight_from_the_luminaires() -> None:
     light, points = flat_light([Panel(0.6, 0.6)], [1e-4], slope=0.1, reflectance=0.2)
     assert list(ugr_criteria(points, light, look_at(light, points, 1.01))) == []

@@ -80,6 +80,25 @@ def test_light_of_a_lamp_that_touches_a_rough_surface_arrives(
     np.testing.assert_array_equal(clear.scan.faces, room.faces)
 
 
+def test_lamps_before_one_another_are_named_and_the_colours_of_one_luminaire_are_not() -> None:
+    room = rough_room(9.0, noise_m=0.0)
+
+    def hung(name: str, shape: Shape, x: float = 0.0, z: float = 1.0) -> Lamp:
+        return Lamp(name=name, shape=shape, center=(x, 0.0, z), flux=FLAT)
+
+    warm, cold = hung("warm", Panel(0.6, 0.6)), hung("cold", Panel(0.6, 0.6))
+    assert placement_notes([warm, cold], room) == ()
+    above, beside = hung("above", Panel(0.6, 0.6), z=1.005), hung("beside", Panel(0.6, 0.6), x=0.7)
+    (note,) = placement_notes([above, cold, beside], room)
+    assert "'above' (7" in note
+    assert "hidden by another lamp" in note
+    assert "'cold'" not in note
+    assert "'beside'" not in note
+    (note,) = placement_notes([warm, hung("disc in its plane", Disc(0.5))], room)
+    assert "'warm' (" in note
+    assert placement_notes([warm, hung("pendant", Bulb(0.1), z=0.9), hung("spot", Disc(0.05), z=0.8)], room) == ()
+
+
 def test_a_lamp_on_a_fine_rough_ceiling_stays_and_the_ceiling_recedes_around_it_alone() -> None:
     room = rough_room()
     given = flush(Panel(0.6, 0.6))
