@@ -24,6 +24,7 @@ Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f
 """Of a lamp: any words in one line; what files of results cannot hold, control characters, is refused."""
 Height = Annotated[float, Field(allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
+DEFAULT_POINTS = 176  # of the grid where a run file asks for none: the paper's
 MAX_PANE_LEAN = 0.2  # [1] vertical part of a pane's normal over its level part: panes stand upright
 MIN_AREA_M2 = 1e-3  # [m²] of an area of the plan: less is corners in one line, or given out of order
 
@@ -272,8 +273,12 @@ class SensorsSection(Section):
 
     @model_validator(mode="after")
     def _grid_or_points(self) -> Self:
-        if (self.grid is None) == (self.points is None):
-            raise ValueError("give either a grid or a points file")
+        if self.grid is not None and self.points is not None:
+            raise ValueError("give either a grid or a points file, not both")
+        if self.grid is None and self.points is None:
+            object.__setattr__(
+                self, "grid", GridSection(count=DEFAULT_POINTS)
+            )  # not a set field: `changed` may give points
         if self.field_of_view_deg is not None and self.receptor is not None:
             raise ValueError("give field_of_view_deg or receptor, not both")
         return self
@@ -474,7 +479,7 @@ class RunFile(Section):
     daylight: DaylightSection | None = None
     panes: tuple[PaneSection, ...] = ()
     materials: MaterialsSection = MaterialsSection()
-    sensors: SensorsSection = SensorsSection(grid=GridSection(count=176))
+    sensors: SensorsSection = SensorsSection()
     trace: TraceSection = TraceSection()
     people_and_plants: PeopleAndPlantsSection | None = None
     cells: tuple[CellSection, ...] = ()

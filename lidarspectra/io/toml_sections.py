@@ -5,6 +5,7 @@ from difflib import get_close_matches
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
 
 from lidarspectra.errors import LidarSpectraError
 
@@ -58,13 +59,29 @@ def check_sections(
     try:
         return model.model_validate(content)
     except ValidationError as cause:
-        faults = "; ".join(_fault(model, fault["loc"], fault["msg"]) for fault in cause.errors())
+        faults = "; ".join(_fault(model, fault["loc"], _plain(fault)) for fault in cause.errors())
         raise error(
             expected=f"a {kind} of known keys and fitting values",
             found=faults,
             where=where,
             todo=f"{page} lists every key.",
         ) from cause
+
+
+def _plain(fault: ErrorDetails) -> str:
+    """What pydantic says of tables, lists and times, in TOML's words."""
+    given, limits = fault["input"], fault.get("ctx", {})
+    match fault["type"]:
+        case "tuple_type" if isinstance(given, dict):
+            return f"one table each is written [[{fault['loc'][-1]}]], in double brackets"
+        case "tuple_type":
+            return "a list is written in brackets, [...]"
+        case "too_short" | "too_long":
+            words = "at least" if "min_length" in limits else "at most"
+            return f"{words} {limits.get('min_length', limits.get('max_length'))} values, not {limits['actual_length']}"
+        case "timezone_aware":
+            return "a time has its offset from UTC, as 2024-06-21T12:00:00+02:00"
+    return fault["msg"]
 
 
 def _fault(model: type[Section], location: tuple[int | str, ...], message: str) -> str:

@@ -20,6 +20,7 @@ from lidarspectra.config import RunFile
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.radiance.scene.relit_scene import flux_ratio, knows_reflectances, largest_error, relighting_error
 from lidarspectra.radiance.scene.scene_record import RadianceScene
+from lidarspectra.words import two_digits
 from lidarspectra.workflow.checks.findings import listed
 from lidarspectra.workflow.run_folder.calibration_of_run import calibrated_lamps
 from lidarspectra.workflow.run_folder.lamps_of_run import lit_lamps, resolve_lamps, with_estimated_fluxes
@@ -108,10 +109,11 @@ def why_not_relit(scene: RadianceScene, written: Sequence[Lamp], present: Sequen
             continue
         error = abs(relighting_error(scene, row, after.flux)).max() if knows_reflectances(scene) else float("inf")
         if error > largest_error(scene):
-            by = f"by about {100 * error:.2g} % wrong" if error < 1 else "wrong by an unknown amount"
+            by = f"by about {two_digits(100 * error)} % wrong" if error < 1 else "wrong by an unknown amount"
             return (
                 f"The light is traced again, because lamp '{after.name}' has another spectrum: in the slots of the "
-                f"last trace its reflected light would be {by}, and {100 * largest_error(scene):.2g} % is allowed."
+                f"last trace its reflected light would be {by}, and {two_digits(100 * largest_error(scene))} % is "
+                "allowed."
             )
     return None
 

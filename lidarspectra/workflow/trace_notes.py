@@ -6,6 +6,7 @@ import xarray as xr
 
 from lidarspectra.radiance.sampling.stated_error import opening_in_words
 from lidarspectra.room.sensor_points import SensorPoints
+from lidarspectra.words import two_digits
 
 
 def truncation_in_words(transport: xr.Dataset) -> str:
@@ -76,16 +77,17 @@ def trace_warnings(
     truncated = transport.attrs.get("truncated_share", 0.0)  # plain rtrace does not know it
     if truncated > target:
         warnings.append(
-            f"About {100 * truncated:.2g} % of the mean irradiance is missing in the worst channel, because light is "
-            f"followed for {transport.attrs['bounces']} reflections only and the room is bright; that is more than the "
-            f'noise of {100 * target:.1f} % that was asked for. Write accuracy = "all" in [trace] to follow all of it.'
+            f"About {two_digits(100 * truncated)} % of the mean irradiance is missing in the worst channel, because "
+            f"light is followed for {transport.attrs['bounces']} reflections only and the room is bright; that is more "
+            f"than the noise of {100 * target:.1f} % that was asked for. Write accuracy = "
+            '"all" in [trace] to follow all of it.'
         )
     slot_error = transport.attrs.get("slot_error", 0.0)  # not in the files of earlier versions
     if slot_error > target:
         warnings.append(
             f"Reflectances and lamps change so much within a channel that its reflected light may be about "
-            f"{100 * slot_error:.2g} % wrong in the worst channel, although it was traced in parts; that is more than "
-            f"the noise of {100 * target:.1f} % that was asked for. Give the sensor narrower channels "
-            "([sensors] bands) if that matters."
+            f"{two_digits(100 * slot_error)} % wrong in the worst channel, although it was traced in parts; that is "
+            f"more than the noise of {100 * target:.1f} % that was asked for. Give the sensor narrower channels "
+            "(device in [sensors]) if that matters."
         )
     return tuple(warnings)

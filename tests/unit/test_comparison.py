@@ -190,7 +190,7 @@ def test_a_reading_that_looks_another_way_than_its_point_is_left_out_and_said(ru
 
 def test_readings_in_another_unit_than_was_said_are_pointed_out(run: Path, tmp_path: Path) -> None:
     path = readings(tmp_path, factor=2000.0)
-    assert "The readings are 2e+03 times the map in the median, taken as W/m2/nm" in evaluate_run(run, path).notes[-1]
+    assert "The readings are 2000 times the map in the median, taken as W/m2/nm" in evaluate_run(run, path).notes[-1]
     assert not any("times the map" in note for note in evaluate_run(run, path, scale="one").notes)
     assert not any("times the map" in note for note in evaluate_run(run, readings(tmp_path, factor=2.0)).notes)
 

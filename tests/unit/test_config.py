@@ -32,6 +32,34 @@ def test_the_smallest_run_file_gets_the_paper_s_sensor_grid() -> None:
     assert run_file.trace.accuracy == "high"
 
 
+def test_another_device_keeps_that_grid_until_points_are_given() -> None:
+    run_file = parse(MINIMAL + '[sensors]\ndevice = "as7265x-18"\n')
+    assert run_file.sensors.grid is not None
+    assert run_file.sensors.grid.count == 176
+    assert parse(run_file.to_toml()).sensors.grid == run_file.sensors.grid
+    assert run_file.changed(sensors={"points": "desk.csv"}).sensors.grid is None
+    with pytest.raises(RunFileError, match="not both"):
+        parse(MINIMAL + '[sensors]\npoints = "desk.csv"\n[sensors.grid]\ncount = 4\n')
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[cells]\ncell = "silicon"', r"cells: one table each is written \[\[cells\]\], in double brackets"),
+        ('[rules]\n[[rules.areas]]\nname = "a"\npolygon = [[0, 0], [1, 0]]', "polygon: at least 3 values, not 2"),
+        ('[rules]\n[[rules.areas]]\nname = "a"\npolygon = 3', r"polygon: a list is written in brackets"),
+        (
+            '[daylight]\nlatitude_deg = 60\nlongitude_deg = 25\ntime = "2024-06-21 12:00"\n[[daylight.windows]]\n'
+            'name = "w"\ncenter = [0, 1, 1]\nsize = [1, 1]\nnormal = [1, 0, 0]',
+            r"daylight\.time: a time has its offset from UTC, as 2024-",
+        ),
+    ],
+)
+def test_tables_lists_and_times_that_are_none_are_told_in_toml_s_words(text: str, words: str) -> None:
+    with pytest.raises(RunFileError, match=words):
+        parse(f"{MINIMAL}{text}\n")
+
+
 def test_every_fault_is_named_at_once_and_with_its_place() -> None:
     with pytest.raises(RunFileError) as caught:
         parse(MINIMAL + '\n[trace]\nacuracy = "high"\nnoise = "loud"\n')

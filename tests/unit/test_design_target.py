@@ -26,7 +26,7 @@ FAULTS = {
     '[[targets]]\nname = "a"\nabout = 3\nchannels = [0, 0]': "all 0",
     '[[targets]]\nname = "a"\nabout = 3\nquantity = "lux"': "none of irradiance_W_m2, illuminance_lx",
     '[[targets]]\nname = "a"\nabout = 3\npoints = [1]\nplaces = [[0, 0, 0]]': "one of points and places",
-    '[[targets]]\nname = "a"\nabout = 3\npolygon = [[0, 0], [1, 1]]': "at least 3 items",
+    '[[targets]]\nname = "a"\nabout = 3\npolygon = [[0, 0], [1, 1]]': "at least 3 values",
     '[[targets]]\nname = "a"\nabout = 3\ndirection = [1, 0, 0]': "direction goes with places",
     '[[targets]]\nname = "a"\nabout = 3\n[[targets]]\nname = "a"\nabout = 4': "two targets have the name 'a'",
     '[[targets]]\nname = "a"\nabout = 3\n[candidates]\nlike = "b"': "give either centers or spacing",

@@ -1,6 +1,6 @@
 import pytest
 
-from lidarspectra.words import counted, were
+from lidarspectra.words import counted, two_digits, were
 
 
 @pytest.mark.parametrize(
@@ -9,6 +9,14 @@ from lidarspectra.words import counted, were
 )
 def test_a_noun_agrees_with_its_number(number: int, noun: str, words: str) -> None:
     assert counted(number, noun) == words
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(177.8, "180"), (98.7, "99"), (99.6, "100"), (2.04, "2"), (0.123, "0.12"), (-340.0, "-340"), (23_456.0, "23,000")],
+)
+def test_a_rounded_number_has_no_exponent(value: float, words: str) -> None:
+    assert two_digits(value) == words
 
 
 def test_a_verb_agrees_with_its_number() -> None:

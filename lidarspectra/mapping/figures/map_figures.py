@@ -42,6 +42,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
 from lidarspectra.mapping.maps.assumptions import assumptions_of
 from lidarspectra.mapping.maps.interpolation import Method, map_planes, plan_places
 from lidarspectra.mapping.maps.map_schema import check_map, kept_points
+from lidarspectra.words import two_digits
 
 ColorScale = Literal["panel", "shared", "shape"]
 
@@ -216,7 +217,7 @@ def relative_error(dataset: xr.Dataset) -> FloatArray:
 def _draw_histogram(axes: Axes, relative_percent: FloatArray, target: float | None) -> None:
     axes.hist(relative_percent, bins=40, color=BLUE, edgecolor="none", alpha=0.85)
     median = float(np.median(relative_percent))
-    axes.axvline(median, color=INK, linewidth=1.2, label=f"median {median:.2g} %")
+    axes.axvline(median, color=INK, linewidth=1.2, label=f"median {two_digits(median)} %")
     if target is not None:
         axes.axvline(100.0 * target, color=VERMILION, linewidth=1.4, linestyle="--", label=f"target {100 * target:g} %")
     axes.set_xlabel("standard error [% of the band's mean irradiance]")

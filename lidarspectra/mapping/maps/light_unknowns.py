@@ -18,6 +18,7 @@ import xarray as xr
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.errors import MapError
 from lidarspectra.io.netcdf import read_netcdf, write_netcdf
+from lidarspectra.words import two_digits
 
 UNKNOWNS_FILE = "uncertainty.nc"  # beside the map
 Cause = Literal["lamps", "reflectances", "openings", "scan", "simulation"]
@@ -196,13 +197,8 @@ def uncertainty_in_words(attributes: Mapping[str, Any]) -> str:
         return ""
     of = {cause: float(attributes[f"{OF_CAUSE}{cause}"]) for cause in CAUSES}
     largest = sorted((cause for cause in CAUSES if of[cause] > 0), key=lambda cause: -of[cause])[:NAMED_CAUSES]
-    words = ", ".join(f"{cause} {_two_digits(100 * of[cause])} %" for cause in largest)
-    return f"± {_two_digits(100 * float(attributes[ALL_CAUSES]))} % at a point ({words})"
-
-
-def _two_digits(value: float) -> str:
-    """'260', not '2.6e+02'."""
-    return f"{float(f'{value:.2g}'):g}"
+    words = ", ".join(f"{cause} {two_digits(100 * of[cause])} %" for cause in largest)
+    return f"± {two_digits(100 * float(attributes[ALL_CAUSES]))} % at a point ({words})"
 
 
 def save_unknowns(unknowns: LightUnknowns, folder: Path) -> Path:

@@ -36,7 +36,7 @@ from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.mapping.report.room_view import MAX_FACES, MAX_POINTS
 from lidarspectra.mapping.report.trust import trust_table
 from lidarspectra.radiance.sampling.stated_error import opening_in_words
-from lidarspectra.words import counted
+from lidarspectra.words import counted, two_digits
 
 MAX_POINT_ROWS = 500  # rows of the table of points in the page; the file has all
 TESTED_POINTS = 64  # left out in turn, enough for a median within 10 %
@@ -79,7 +79,7 @@ def summary_section(report: ReportInput, writer: ReportWriter) -> str:
     ]
     knows = "of the simulation alone, not of what is assumed" if assumed else "of the simulation alone"
     error = f"{_target_words(report)}; {knows}"
-    entries.append(("Standard error", f"{_achieved_percent(report):.2g} %", error))
+    entries.append(("Standard error", f"{two_digits(_achieved_percent(report))} %", error))
     groups = ((assumed.of_flux, "flux"), (assumed.spectra, "spectrum"))
     lamps = ", ".join(f"{len(names)} with an assumed {what}" for names, what in groups if names)
     entries.append(("Lamps", f"{len(report.lamps)}", lamps))
@@ -190,7 +190,7 @@ def accuracy_section(report: ReportInput, writer: ReportWriter) -> str:
         "method": "plain runs of rtrace" if plain else "adaptive sampling",
         "accuracy": f"{attrs.get('accuracy', 'not recorded')}, {followed} reflections",
         "noise": f"{attrs.get('noise', 'not recorded')}; {_target_words(report)}",
-        "achieved standard error": f"{_achieved_percent(report):.2g} % of the mean irradiance",
+        "achieved standard error": f"{two_digits(_achieved_percent(report))} % of the mean irradiance",
     }
     if uncertainty := uncertainty_in_words(report.spectral_map.attrs):
         rows["uncertainty for all causes"] = f"{uncertainty}; see the table of trust"
@@ -379,7 +379,8 @@ def _interpolation_words(dataset: xr.Dataset) -> str:
         error = leave_one_out(dataset, most=TESTED_POINTS)
     except MapError:
         return "There are too few points for an interpolated map, or they lie on one line: only the points are drawn."
-    return f"A point predicted from its neighbours alone is off by {error.median_percent:.2g} % (median over points)."
+    percent = two_digits(error.median_percent)
+    return f"A point predicted from its neighbours alone is off by {percent} % (median over points)."
 
 
 def _buried_words(dataset: xr.Dataset) -> str:

@@ -17,6 +17,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.geometry.triangles import triangle_crosses
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.surfaces import Sphere, Surface
+from lidarspectra.words import two_digits
 
 RAYS = 2048  # from each lamp: a loss of 1 % is known within .2 %
 NEAR_M = 0.5  # [m] distance within which the back of a face hides a lamp; farther ones are things in the room
@@ -278,7 +279,7 @@ def _notes(
 
 
 def _percent(shares: dict[int, float], chosen: dict[int, float]) -> str:
-    return f"{100 * max(shares[index] for index in chosen):.2g} %"
+    return f"{two_digits(100 * max(shares[index] for index in chosen))} %"
 
 
 def _pronoun(chosen: dict[int, float]) -> str:

@@ -10,6 +10,7 @@ from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.lamps.lamps import Lamp, are_one_shape
 from lidarspectra.radiance.scene.clearance import hidden_light
 from lidarspectra.room.free_space import sphere_directions
+from lidarspectra.words import two_digits
 
 DIRECTION_COUNT = 96  # rays from each place on a lamp
 GRAZING = 0.1  # cosine of directions so flat along a lamp that they do not count
@@ -24,7 +25,8 @@ FAULTS = {
     "outside": "{lamps} outside the scan, so that light enters the room only through gaps of the mesh. Correct the "
     "center in the run file; it is in metres, in the coordinates of the scan.",
     "behind": "{lamps} behind a surface of the scan (in a wall or above the ceiling), so that most of the light does "
-    "not reach the room. Move the center into the room's air.",
+    "not reach the room. Move the center into the room's air, or turn its normal: the direction that it shines in, a "
+    "window's into the room.",
     "through": "{lamps} partly behind a surface of the scan, so that a part of the light does not reach the room. Move "
     "the center a few centimetres into the room, or correct size and normal.",
     "covered": "{lamps} hidden by another lamp close by, so that a part of the light does not reach the room. Move one "
@@ -89,7 +91,7 @@ def _fault(lamp: Lamp, caster: RayCaster, bounds: FloatArray, normals: FloatArra
     hidden = hidden_light(lamp, caster).share
     reach = places[1:] - lamp.center
     if hidden > MAX_HIDDEN_SHARE:
-        return "through", f" ({100 * hidden:.2g} % of its light)"
+        return "through", f" ({two_digits(100 * hidden)} % of its light)"
     if np.any(caster.blocked(np.broadcast_to(lamp.center, reach.shape), reach, max_distance=1.0)):
         return "through", ""
     return None

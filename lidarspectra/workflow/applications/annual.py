@@ -33,6 +33,7 @@ from lidarspectra.radiance.scene.weather import SYNTHETIC, Weather, read_epw, sy
 from lidarspectra.radiance.scene.year_sky import YearSky, year_sky
 from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.spectra.spectrum import BandSet
+from lidarspectra.words import two_digits
 from lidarspectra.workflow.pipeline import Listener, RunSummary, run
 from lidarspectra.workflow.run_folder.annual_inputs import FOLDER, with_inputs, year_inputs
 from lidarspectra.workflow.run_folder.calibration_of_run import calibrated_materials
@@ -292,7 +293,7 @@ def _notes(transport: xr.Dataset, weather: Weather, section: DaylightSection) ->
     truncated = float(transport.attrs.get("truncated_share", 0.0))
     if truncated > target:
         notes.append(
-            f"About {100 * truncated:.2g} % of the mean light is missing, because it is followed for "
+            f"About {two_digits(100 * truncated)} % of the mean light is missing, because it is followed for "
             f'{transport.attrs["bounces"]} reflections only. Write accuracy = "all" in [trace] to follow all of it.'
         )
     return tuple(notes)

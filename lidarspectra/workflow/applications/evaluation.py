@@ -30,7 +30,7 @@ from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.mapping.maps.metrics import Comparison, Normalisation, compare_maps
 from lidarspectra.radiance.scene.scene import load_scene
 from lidarspectra.room.room import load_room
-from lidarspectra.words import were
+from lidarspectra.words import two_digits, were
 from lidarspectra.workflow.run_folder.assumed import result_notes
 from lidarspectra.workflow.run_folder.workspace import made_folder, require_stage
 
@@ -258,7 +258,7 @@ def _level_note(synthetic: FloatArray, real: FloatArray, unit: Unit, scale: Scal
     if scale != "none" or 1.0 / UNLIKELY_RATIO < ratio < UNLIKELY_RATIO:
         return ()
     return (
-        f"The readings are {ratio:.2g} times the map in the median, taken as {unit}. Check their unit (--unit: "
+        f"The readings are {two_digits(ratio)} times the map in the median, taken as {unit}. Check their unit (--unit: "
         "W/m2/nm, uW/cm2 or counts), and the lamps' fluxes in the run file; 'absolute' below says nothing until then.",
     )
 

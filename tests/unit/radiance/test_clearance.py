@@ -157,7 +157,9 @@ def test_a_bulb_within_a_scanned_globe_leaves_the_globe_as_it_is() -> None:
     room = bare_scan(np.vstack([box.vertices, globe.vertices]), np.vstack([box.faces, globe.faces + len(box.vertices)]))
     clear = clear_lamps([Lamp(name="bulb", shape=Bulb(), center=(0, 0, 0), flux=FLAT)], room)
     np.testing.assert_array_equal(clear.scan.vertices, room.vertices)
-    assert "behind a surface" in " ".join(placement_notes(clear.lamps, clear.scan))
+    told = " ".join(placement_notes(clear.lamps, clear.scan))
+    assert "behind a surface" in told
+    assert "turn its normal" in told  # a window that looks out
 
 
 def test_sixteen_lamps_share_one_note() -> None:
