@@ -11,6 +11,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.hidden_layers import covered_places
 
 LIFT_M = 0.02  # [m] distance of samples from the mesh, clear of its noise
+PER_FACE = 4
 SMOOTH_FACES = 24  # faces whose normals are averaged, since a phone's noise tilts small triangles
 SMOOTH_COSINE = 0.7  # [1] of the normals, below which faces belong to different surfaces
 
@@ -32,7 +33,9 @@ class Samples:
     normals: FloatArray
 
 
-def samples_of(scan: Scan, caster: RayCaster, generator: np.random.Generator, *, count: int) -> Samples:
+def samples_of(
+    scan: Scan, caster: RayCaster, generator: np.random.Generator, *, count: int, per_face: int | None = PER_FACE
+) -> Samples:
     """Points spread evenly by area, with normals averaged over their surroundings; none behind another layer.
 
     Parameters
@@ -42,14 +45,15 @@ def samples_of(scan: Scan, caster: RayCaster, generator: np.random.Generator, *,
         Of it.
     generator : numpy.random.Generator
     count : int
-        At most four a face.
+    per_face : int or None
+        Of a scan of few faces, at most so many for each; None for as many as are asked for.
 
     Returns
     -------
     samples : Samples
     """
     share = np.cumsum(scan.areas) / scan.areas.sum()
-    count = min(count, 4 * len(scan.faces))
+    count = count if per_face is None else min(count, per_face * len(scan.faces))
     face = np.searchsorted(share, (np.arange(count) + generator.random(count)) / count).clip(0, len(scan.faces) - 1)
     root = np.sqrt(generator.random(count))
     turn = generator.random(count)

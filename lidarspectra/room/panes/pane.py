@@ -63,7 +63,7 @@ class Pane:
 
     @property
     def along(self) -> FloatArray:
-        """(3,) unit vector of its width, to the left as seen from the room [1]."""
+        """(3,) unit vector of its width, to the right as seen from the room [1]."""
         return np.array([-self.normal[1], self.normal[0], 0.0])
 
     @property

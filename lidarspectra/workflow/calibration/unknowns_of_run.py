@@ -173,7 +173,7 @@ def reflected_effects(
     """
     generator = np.random.default_rng(SEED)
     caster = caster_of(scan)
-    samples = samples_of(scan, caster, generator, count=SAMPLES)
+    samples = samples_of(scan, caster, generator, count=SAMPLES, per_face=None)
     with tempfile.TemporaryDirectory(prefix="lidarspectra-") as folder:
         coefficients = direct_coefficients(
             scan, lamps, samples.positions, samples.normals, Path(folder), workers=workers

@@ -9,6 +9,8 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.config import AreaSection
 from lidarspectra.errors import RunFileError
 from lidarspectra.geometry.rays import caster_of
+from lidarspectra.geometry.scan import Scan
+from lidarspectra.geometry.surface_samples import surface_samples
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, place_points
@@ -21,6 +23,7 @@ MAX_GRID = 400  # points of one area
 CYLINDER_SIDES = 5  # an odd number n of upright sensors has the mean over all directions but for harmonics of 2 n: 2 %
 CYLINDER_PLACES = 4  # of an area
 SURFACE_POINTS = 36  # on all walls together, and on the ceiling
+SURFACE_PART_M = 0.25  # [m] parts of faces that they stand in the middle of
 CLEAR_M = 0.4  # [m] of air before a point of a wall or the ceiling, and to the next lamp: else it is behind furniture
 SURFACE_LIFT_M, LIFT_M = 0.05, 0.02  # [m]
 UP = np.array([0.0, 0.0, 1.0])
@@ -186,12 +189,32 @@ def _on_surface(part: Part, room: RunRoom, free: FreeSpace, gathered: _Gathered)
     faces = np.flatnonzero(room.part == PARTS.index(part))
     if not faces.size:
         return np.zeros(0, dtype=np.int64)
-    order = faces[np.lexsort(np.rint(2.0 * room.scan.centers[faces]).T)]  # neighbours together, in cells of 0.5 m
-    area = np.cumsum(room.scan.areas[order])
-    chosen = order[np.searchsorted(area, (np.arange(SURFACE_POINTS) + 0.5) / SURFACE_POINTS * area[-1])]
-    centers, normals = room.scan.centers[chosen], room.scan.normals[chosen]
-    places = centers + SURFACE_LIFT_M * normals
+    places, normals = spread_over(room.scan, faces, SURFACE_POINTS)
+    places = places + SURFACE_LIFT_M * normals
     hidden = caster_of(room.scan).blocked(places, normals, max_distance=CLEAR_M)
     near_lamp = np.min([lamp.distance(places) for lamp in room.lamps], axis=0) < CLEAR_M
     kept = ~(_buried(places, normals, room, free) | hidden | near_lamp)
     return gathered.add(places[kept], normals[kept])
+
+
+def spread_over(scan: Scan, faces: IntArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Points spread evenly by area over some faces of a scan, large ones in parts.
+
+    Parameters
+    ----------
+    scan : Scan
+    faces : (face,) int
+        One or more.
+    count : int
+
+    Returns
+    -------
+    places, normals : (count, 3) float
+        [m, 1]
+    """
+    samples = surface_samples(scan, spacing_m=SURFACE_PART_M)
+    samples = samples.some(np.flatnonzero(np.isin(samples.face, faces)))
+    order = np.lexsort(np.rint(2.0 * samples.positions).T)  # neighbours together, in cells of 0.5 m
+    area = np.cumsum(samples.area[order])
+    chosen = samples.some(order[np.searchsorted(area, (np.arange(count) + 0.5) / count * area[-1])])
+    return chosen.positions, chosen.normals

@@ -4,11 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import lidarspectra as ls
 from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.mapping.maps.reflected_change import Surfaces, reflectance_effects
+from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.room.light_samples import samples_of
+from lidarspectra.room.surface_parts import surface_parts
+from lidarspectra.workflow.calibration.unknowns_of_run import reflected_effects
 
 from .lit_rooms import all_light, exchange, joined, lamp_light, plane
 
@@ -59,6 +64,32 @@ def test_sensors_that_lie_on_a_surface_see_the_room_and_not_that_surface() -> No
     np.testing.assert_allclose(on, off, atol=0.02)
     own = np.array([0, 2, 3, 1]), np.arange(4)  # floor, two walls and the ceiling, as `closed_box` has them
     assert (off[own] < 0.7 * off.mean(axis=0)[np.arange(4)]).all()
+
+
+def test_walls_of_two_triangles_have_the_effect_of_finely_meshed_ones() -> None:
+    """Taken at four places a triangle, the effect of a part came out wrong by up to a quarter."""
+    box = ls.RoomModel.from_box(4.0, 3.0, 2.7, floor=0.3, walls=0.6, ceiling=0.8)
+    lamp = ls.make_lamp(
+        "spot", (1.0, 1.0, 2.6), beam_angle_deg=50.0, spectrum="LED-B3", luminous_flux_lm=1.0
+    )  # uneven light: places count
+    fine_mesh = trimesh.remesh.subdivide_to_size(box.scan.vertices, box.scan.faces, max_edge=0.3)
+    places = np.array([[x, y, 0.75] for x in (0.5, 2.0, 3.5) for y in (0.5, 1.5, 2.5)])
+    up = np.tile([0.0, 0.0, 1.0], (9, 1))
+    found = []
+    for scan in (box.scan, bare_scan(*fine_mesh)):
+        part = surface_parts(scan, box.room)
+        materials = MaterialMap(
+            materials=box.materials.materials[:1],
+            face_material=np.zeros(len(scan.faces), dtype=np.int64),
+            face_color=np.full((len(scan.faces), 3), 0.5),
+            face_seen=np.ones(len(scan.faces)),
+        )
+        effect = reflected_effects(
+            scan, part, materials, [lamp], np.ones((1, 1)), np.array([[0.6]]), places, up, workers=1
+        )
+        found.append(effect[:3, :, 0])
+    np.testing.assert_allclose(found[0], found[1], rtol=0.06)
+    np.testing.assert_allclose(found[0].mean(axis=1), found[1].mean(axis=1), rtol=0.03)
 
 
 def test_a_lit_room_gains_what_a_radiosity_solution_with_that_part_changed_gains(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from lidarspectra.spectra.spectrum import uniform_bands
 from lidarspectra.workflow.rules.criteria import EN, area_criteria, eye_criteria, plant_criteria, surface_criteria
 from lidarspectra.workflow.rules.light import EDI, LUX, PPFD, RuleLight, effects_at
 from lidarspectra.workflow.rules.looks import Look, ugr_criteria
-from lidarspectra.workflow.rules.points import AreaPoints, RulePoints
+from lidarspectra.workflow.rules.points import SURFACE_POINTS, AreaPoints, RulePoints, spread_over
 from lidarspectra.workflow.rules.rules_of_run import not_judged
 from lidarspectra.workflow.rules.year import daylight_factors, plane_notes
 
@@ -112,6 +112,21 @@ def test_cylindrical_illuminance_is_held_to_its_uniformity() -> None:
     uniformity = found["uniformity U0 of cylindrical illuminance"]
     assert uniformity.traced == pytest.approx(0.04 / 0.52)
     assert (uniformity.limit, uniformity.probability < 0.05) == (0.1, True)
+
+
+def test_walls_of_two_triangles_are_looked_at_all_over() -> None:
+    scan = ls.RoomModel.from_box(4.0, 3.0, 2.7).scan
+    walls = np.flatnonzero(np.abs(scan.normals[:, 2]) < 0.5)
+    places, normals = spread_over(scan, walls, SURFACE_POINTS)
+    on_plane = np.abs(np.stack([places[:, 0], places[:, 0] - 4.0, places[:, 1], places[:, 1] - 3.0])).min(axis=0)
+    assert on_plane.max() < 1e-9
+    assert np.abs(normals[:, 2]).max() < 1e-9
+    # Evenly over the height and along each wall; the triangles' centres have a third of this spread, and no corner.
+    assert np.mean(places[:, 2]) == pytest.approx(1.35, abs=0.1)
+    assert np.mean((places[:, 2] - 1.35) ** 2) == pytest.approx(2.7**2 / 12.0, rel=0.15)
+    long_walls = np.abs(normals[:, 1]) > 0.5
+    assert long_walls.mean() == pytest.approx(4.0 / 7.0, abs=0.08)  # three points of 36
+    assert np.mean((places[long_walls, 0] - 2.0) ** 2) == pytest.approx(4.0**2 / 12.0, rel=0.2)
 
 
 def look_at(light: RuleLight, points: AreaPoints, direct_share: float) -> list[Look]:
