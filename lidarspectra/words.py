@@ -16,6 +16,14 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}es" if noun.endswith("s") else f"{number} {noun}s"
 
 
+def duration_words(seconds: float) -> str:
+    """'7.3 minutes', '5.2 hours', '22.5 days'; so that the number has at most three digits before its point."""
+    for unit_s, unit, limit_s in ((60.0, "minutes", 2 * 3600.0), (3600.0, "hours", 2 * 86400.0)):
+        if seconds < limit_s:
+            return f"{seconds / unit_s:.1f} {unit}"
+    return f"{seconds / 86400.0:,.1f} days"
+
+
 def were(number: int, noun: str, verb: tuple[str, str] = ("was", "were")) -> str:
     """'1 row was', '2 rows were'; another verb as ('is', 'are')."""
     return f"{counted(number, noun)} {verb[number != 1]}"

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from lidarspectra.cli.sensor_options import ColumnsOption, HeaderOption, LogArgument, SensorOption, columns_given
 from lidarspectra.cli.terminal import console, print_log_notes, say
-from lidarspectra.words import counted
+from lidarspectra.words import counted, duration_words
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -94,12 +94,12 @@ def _say_times(readings: "xr.Dataset") -> None:
         say(f"{count} without times")
         return
     first, last = float(np.nanmin(times)), float(np.nanmax(times))
-    minutes = f"over {(last - first) / 60:.1f} minutes"
+    span = f"over {duration_words(last - first)}"
     if first < MIN_UNIX_S:
-        say(f"{count} {minutes}, by a clock without a date")
+        say(f"{count} {span}, by a clock without a date")
         return
     stamp = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(first))
-    say(f"{count} from {stamp} UTC {minutes}")
+    say(f"{count} from {stamp} UTC {span}")
 
 
 def _say_values(name: str, values: "ArrayLike") -> None:

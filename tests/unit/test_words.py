@@ -1,6 +1,6 @@
 import pytest
 
-from lidarspectra.words import counted, two_digits, were
+from lidarspectra.words import counted, duration_words, two_digits, were
 
 
 @pytest.mark.parametrize(
@@ -17,6 +17,13 @@ def test_a_noun_agrees_with_its_number(number: int, noun: str, words: str) -> No
 )
 def test_a_rounded_number_has_no_exponent(value: float, words: str) -> None:
     assert two_digits(value) == words
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(438.0, "7.3 minutes"), (3 * 3600.0, "3.0 hours"), (1_946_694.0, "22.5 days")]
+)
+def test_a_span_is_told_in_a_unit_that_fits_it(seconds: float, words: str) -> None:
+    assert duration_words(seconds) == words
 
 
 def test_a_verb_agrees_with_its_number() -> None:

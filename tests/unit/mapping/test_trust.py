@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lidarspectra.lamps.shapes import Window
 from lidarspectra.mapping.maps.assumptions import Assumptions, mark_assumed
 from lidarspectra.mapping.report.key_figures import key_figures
 from lidarspectra.mapping.report.report import write_report
@@ -30,6 +31,12 @@ def test_nothing_assumed_is_said_too(report):
     assert trust_card(report) == ("Trust", "no guesses", "see the table below")
     rows = rows_of(report)
     assert rows["flux and spectrum of both lamps (given)"][2].startswith("100 % of the light")
+    assert rows["flux and spectrum of both lamps (given)"][1] == "by the run file"
+    by_day = replace(report, lamps=(replace(report.lamps[0], shape=Window(1.0, 1.0)), report.lamps[1]))
+    assert (
+        rows_of(by_day)["flux and spectrum of both lamps (given)"][1]
+        == "by the run file; daylight by a model of the sky"
+    )
     assert "assumed" not in lamps_table(report.lamps, Assumptions()).frame["assumed"].tolist()
 
 
