@@ -13,6 +13,7 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import (
     ASCENDING_LETTERS,
     CHANNEL_COUNT,
+    CHANNEL_LABELS,
     mask_counts,
     mask_module_values,
 )
@@ -35,6 +36,8 @@ from lidarspectra.hardware.sensor.readings import make_readings, with_irradiance
 MAX_SENSORS = 64  # whose names take turns in a column; more values are readings of something else
 MIN_REPEATED, MIN_REPEATED_SHARE = 5, 0.05  # rows, and [1] of them: fewer may come twice in steady light, timed in s
 UNNAMED = "unnamed"  # a sensor whose cell in the column of names is empty
+_WAVELENGTH = re.compile(r"(?<!\d)([3-9]\d\d|1[01]\d\d)\s*_?nm\b", re.IGNORECASE)  # in a heading
+OTHER_SENSOR = 3  # headings at wavelengths that an AS7265x does not have; fewer may be slips
 _CELL = re.compile(r"(?:cell|solar|adc)_?(\d+)", re.IGNORECASE)
 
 
@@ -91,6 +94,13 @@ def how_to_name(text: str) -> str:
     """What to do about a table in which no channel was found."""
     table = table_of(text)
     names = ("Zeit", "Ch1") if table is None else table.names
+    others = [found[1] for name in names if (found := _WAVELENGTH.search(name)) and found[1] not in CHANNEL_LABELS]
+    if len(others) >= OTHER_SENSOR:
+        return (
+            f"Channels at {', '.join(others[:4])} ... nm are another sensor's, and logs are read of an AS7265x. In "
+            f"W/m²/nm its readings serve 'evaluate' and 'calibrate', as columns E_{others[0]} ..., for a run whose "
+            "device is a file of its channels ([sensors], docs/run-file.md)."
+        )
     known = {sensor_column(names), label_column(names), *(name for name in names if _CELL.fullmatch(name))}
     unknown = [name for name in names if name not in known]
     time = time_column(unknown)

@@ -410,3 +410,12 @@ def test_columns_to_name_by_hand_are_those_that_are_not_understood(tmp_path: Pat
     names = ["sensor", "date", *(f"Kanal {i}" for i in range(1, 19))]
     with pytest.raises(ReadingError, match='--columns "Kanal 1=410,'):
         readings_from_csv(saved(tmp_path, ",".join(names) + "\n" + f"a,2023-04-20 14:36:08,{row()}\n"))
+
+
+def test_channels_of_another_sensor_are_not_to_be_named_as_an_as7265x_s(tmp_path: Path) -> None:
+    names = "unix_s,415nm,445nm,480 nm,515nm,555nm,590nm,630nm,680nm"  # an AS7341
+    with pytest.raises(
+        ReadingError, match=r"Channels at 415, 445, 480, 515 \.\.\. nm are another sensor's.*E_415"
+    ) as refused:
+        readings_from_csv(saved(tmp_path, f"{names}\n1700000000,1,2,3,4,5,6,7,8\n"))
+    assert "--columns" not in str(refused.value)
