@@ -46,6 +46,7 @@ READING_ERROR = 0.01  # [1] of a channel: smaller changes are noise, however reg
 OUTSIDE_FACTOR = 2.0  # [1] times the largest distance within the fit: further readings lie outside
 EXTRAS = ("cell_temperature_c", "angle_deg")
 GAIN_DOUBT = 0.2  # [1] standard deviation of a gain before it is renewed: another sensor or cell of the kind
+RENEWING_READINGS = 5  # as good as at most so many independent ones are all that a fit is renewed from
 OFFSET_DOUBT = 0.2  # [1] of the offset, relative to the mean count
 
 
@@ -259,11 +260,11 @@ def renewed(
     scale = max(abs(float(np.mean(counts))), 1.0)
     prior = np.diag([GAIN_DOUBT**-2.0, (OFFSET_DOUBT * scale) ** -2.0])
     # readings of a minute share their error: together they are at most as good as a few
-    noise = fit.inflation * fit.noise_count
-    precision = design.T @ design / noise**2 + prior
+    each = min(1.0, RENEWING_READINGS / len(light)) / (fit.inflation * fit.noise_count) ** 2
+    precision = each * design.T @ design + prior
     before = replace(fit, gain=1.0, shift=0.0)
     off = counts - before.counts(readings, extras)[0]
-    change = np.linalg.solve(precision, design.T @ off / noise**2)
+    change = np.linalg.solve(precision, each * design.T @ off)
     return replace(
         fit,
         gain=float(1.0 + change[0]),

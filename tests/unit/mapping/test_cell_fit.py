@@ -79,6 +79,16 @@ def test_one_reading_renews_a_cell_and_five_tell_gain_from_offset() -> None:
         renewed(fit, later[:0], truth[:0])
 
 
+def test_copies_of_the_readings_that_renew_a_cell_tell_no_more_than_they() -> None:
+    light, later = mixed_light(300, 1), mixed_light(200, 2)
+    fit = fit_cell(light, counted(light, 20.0, 3), WAVELENGTHS, FLAT)
+    truth = counted(later, 50.0, 4, gain=0.9)
+    five = renewed(fit, later[:5], truth[:5])
+    copies = renewed(fit, np.repeat(later[:5], 40, axis=0), np.repeat(truth[:5], 40))
+    for one, other in zip(five.counts(later), copies.counts(later), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
 def test_temperature_and_angle_enter_where_they_are_given() -> None:
     light, later = mixed_light(300, 1), mixed_light(200, 2)
     warm, warm_later = np.linspace(15.0, 40.0, 300), np.full(200, 38.0)

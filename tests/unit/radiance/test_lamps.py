@@ -129,5 +129,5 @@ def test_a_wrong_shape_or_spectrum_is_told() -> None:
         make_lamp("pannel", (0, 0, 2), spectrum="A", luminous_flux_lm=1.0)  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="a Spectrum, a name of the databases, or a file"):
         make_lamp("bulb", (0, 0, 2), spectrum=5)  # type: ignore[arg-type]
-    with pytest.raises(ArrayError, match=r"lamp 'lamp' center: expected an array of shape \(3\)"):
+    with pytest.raises(ArrayError, match=r"lamp 'lamp' center: expected an array of shape \(3,\)"):
         make_lamp("bulb", (0, 0), spectrum="A", luminous_flux_lm=1.0)
