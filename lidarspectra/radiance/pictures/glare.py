@@ -2,8 +2,9 @@
 
 UGR = 8 lg(0.25/L_b Σ L² ω / p²) over the luminaires in view: luminance L and solid angle ω of the shining surface of
 each, its position index p, and the background's luminance L_b = E_i/π with the illuminance E_i at the eye of all that
-is no luminaire (CIE 117:1995). Which pixels are a luminaire's is known here, not guessed from a threshold. UGR is made
-for electric luminaires: the light of windows counts to the background, and their glare is DGP's.
+is no luminaire (CIE 117:1995). Which pixels are a luminaire's is known here, not guessed from a threshold, and small
+luminaires are looked at in finer parts (`lamp_rays`). UGR is made for electric luminaires: the light of windows counts
+to the background, and their glare is DGP's.
 
 `evalglare` (Wienold) finds sources of glare by their luminance, here above `THRESHOLD_CD_M2`, as it must in daylight,
 and gives DGP, the daylight glare probability, with its own UGR beside it.
@@ -26,6 +27,7 @@ from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import EngineError, SceneError
 from lidarspectra.radiance.engine.engine import Engine, find_engine
 from lidarspectra.radiance.pictures.hdr_file import save_hdr
+from lidarspectra.radiance.pictures.lamp_rays import LampRays
 from lidarspectra.radiance.pictures.render import Picture
 
 THRESHOLD_CD_M2 = (
@@ -155,15 +157,23 @@ def luminaires_of(picture: Picture, *, daylight: Collection[int] = ()) -> Lumina
     solid = view.solid_angles()
     cosine = np.clip(directions @ view.direction, 0.0, None)
     shining = (picture.lamp >= 0) & ~np.isin(picture.lamp, list(daylight))
+    rays = picture.rays
+    if rays is None:
+        rays = LampRays(
+            lamp=picture.lamp[shining],
+            directions=directions[shining],
+            solid_angle=solid[shining],
+            luminance=picture.luminance[shining],
+        )
     found = []
-    for lamp in np.unique(picture.lamp[shining]):
-        seen = picture.lamp == lamp
-        omega = float(solid[seen].sum())
-        luminance = float((picture.luminance * solid)[seen].sum()) / max(omega, 1e-300)
-        middle = (directions * solid[..., None])[seen].sum(axis=0)
+    for lamp in np.setdiff1d(rays.lamp, list(daylight)):
+        seen = rays.lamp == lamp
+        omega, light = float(rays.solid_angle[seen].sum()), rays.luminance[seen] * rays.solid_angle[seen]
+        luminance = float(light.sum()) / max(omega, 1e-300)
+        middle = rays.solid_angle[seen] @ rays.directions[seen]
         middle = middle / max(float(np.linalg.norm(middle)), 1e-300)
         index = float(position_index(middle, view.direction, view.axes[1]))
-        straight = float((picture.luminance * solid * cosine)[seen].sum())
+        straight = float(light @ np.clip(rays.directions[seen] @ view.direction, 0.0, None))
         found.append((lamp, luminance**2 * omega / index**2, luminance, omega, straight))
     columns = np.array(found, dtype=np.float64).reshape(-1, 5).T
     return Luminaires(

@@ -15,9 +15,9 @@ import numpy as np
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import SceneError
 from lidarspectra.progress import Progress, silent
-from lidarspectra.radiance.engine.bands import WRITTEN_PER_WATT
-from lidarspectra.radiance.engine.engine import Engine, EngineJob, EngineRun, find_engine, float_rows
+from lidarspectra.radiance.engine.engine import Engine, EngineJob, find_engine
 from lidarspectra.radiance.engine.options import REFLECTED_LAMP_PART, SPECULAR_REFLECTIONS, SPECULAR_THRESHOLD, relayed
+from lidarspectra.radiance.pictures.lamp_rays import LampRays, in_channels, lamp_rays, lamps_met, ray_bytes
 from lidarspectra.radiance.pictures.observer_channels import observer_channels, xyz_of_channels
 from lidarspectra.radiance.pictures.view import View
 from lidarspectra.radiance.scene.scene_record import RadianceScene, ScenePass
@@ -46,11 +46,14 @@ class Picture:
         Y is luminance, X and Z of the same scale; 0 outside a fisheye's circle. [cd/m²]
     lamp : (row, column) int
         Index of the scene's lamp that shines from the pixel's middle, the first of those in one place; -1 elsewhere.
+    rays : LampRays or None
+        The lamps in finer parts than pixels, where they were asked for.
     """
 
     view: View
     xyz: FloatArray
     lamp: IntArray
+    rays: LampRays | None = None
 
     @property
     def luminance(self) -> FloatArray:
@@ -69,6 +72,7 @@ def render(
     views: Sequence[View],
     *,
     smooth: bool = True,
+    fine_lamps: bool = False,
     workers: int | None = None,
     engine: Engine | None = None,
     progress: Progress = silent,
@@ -82,6 +86,8 @@ def render(
     views : sequence of View
     smooth : bool
         Four rays a pixel instead of one.
+    fine_lamps : bool
+        Look at lamps in finer parts than pixels, for their glare.
     workers : int, optional
         Processes; one a core by default.
     engine : Engine, optional
@@ -115,9 +121,10 @@ def render(
                 xyz[number] += xyz_of_channels(values) / len(SAMPLES[int(smooth)])
             done += 1
     lamps = [_lamps_seen(engine, scene, view) for view in views]
+    rays = [lamp_rays(engine, scene, view) if fine_lamps else None for view in views]
     progress(1.0, "rendered")
-    parts = zip(views, xyz, lamps, strict=True)
-    return tuple(Picture(view=view, xyz=light, lamp=lamp) for view, light, lamp in parts)
+    parts = zip(views, xyz, lamps, rays, strict=True)
+    return tuple(Picture(view=view, xyz=light, lamp=lamp, rays=fine) for view, light, lamp, fine in parts)
 
 
 def _arguments(
@@ -143,7 +150,7 @@ def _fill_cache(
         directions, inside = view.directions()
         some = np.zeros_like(inside)
         some[COARSE_STEP // 2 :: COARSE_STEP, COARSE_STEP // 2 :: COARSE_STEP] = True
-        rays = _rays(view, directions[some & inside])
+        rays = ray_bytes(view.eye, directions[some & inside])
         arguments = _arguments(scene, scene_pass, base.name, lamp_part=REFLECTED_LAMP_PART)
         engine.run("rtrace", arguments, folder=scene.folder, stdin=rays)
     for worker in range(workers):
@@ -167,36 +174,19 @@ def _radiance(
         for worker, part in enumerate(parts):
             ambient = f"{scene_pass.name}_{worker}_{AMBIENT_FILE}"
             arguments = _arguments(scene, scene_pass, ambient)
-            yield EngineJob(program="rtrace", arguments=arguments, folder=scene.folder, stdin=_rays(view, flat[part]))
+            yield EngineJob(
+                program="rtrace", arguments=arguments, folder=scene.folder, stdin=ray_bytes(view.eye, flat[part])
+            )
 
     found = np.zeros((flat.shape[0], len(scene.bands)))
     for part, run in zip(parts, engine.run_jobs(jobs(), workers=workers), strict=True):
-        found[part] = _channels(scene, scene_pass, run, part.size)
+        found[part] = in_channels(scene, scene_pass, run, part.size)
     return found.reshape(*inside.shape, -1)
-
-
-def _channels(scene: RadianceScene, scene_pass: ScenePass, run: EngineRun, rays: int) -> FloatArray:
-    """(ray, channel) of what the engine wrote."""
-    values = float_rows(run, rows=rays, columns=scene_pass.slot_count)
-    slots = np.zeros((rays, len(scene.slots)))
-    # scenes are written in a small unit, the same for every lamp and slot
-    slots[:, list(scene_pass.slots)] = scene_pass.group.from_engine(values) / WRITTEN_PER_WATT
-    return scene.slots.fold(slots)
 
 
 def _lamps_seen(engine: Engine, scene: RadianceScene, view: View) -> IntArray:
     """(row, column) index of the lamp that is seen in each pixel's middle, -1 where there is none."""
     directions, inside = view.directions()
     found = np.full(inside.shape, -1, dtype=np.int64)
-    modifiers = {modifier: scene.lamp_modifiers.index(modifier) for modifier in scene.lamp_modifiers}
-    # a look at the first surface alone needs no light: its modifier is written as text
-    arguments = ("-h-", "-fda", "-om", "-I-", "-ab", "0", "-lr", "0", scene.passes[0].octree)
-    run = engine.run("rtrace", arguments, folder=scene.folder, stdin=_rays(view, directions[inside]))
-    names = run.output.decode("ascii", errors="replace").split()
-    found[inside] = [modifiers.get(name, -1) for name in names]
+    found[inside] = lamps_met(engine, scene, view.eye, directions[inside])
     return found
-
-
-def _rays(view: View, directions: FloatArray) -> bytes:
-    flat = directions.reshape(-1, 3)
-    return np.concatenate([np.broadcast_to(view.eye, flat.shape), flat], axis=1).astype("<f8").tobytes()

@@ -68,7 +68,7 @@ def looks_of_run(room: RunRoom, light: RuleLight, *, workers: int | None, progre
     daylight = [number for number, lamp in enumerate(room.lamps) if is_daylight(lamp)]
     with tempfile.TemporaryDirectory(prefix="lidarspectra-") as name:
         scene = observer_scene(room, room.lamps, Path(name))
-        pictures = render(scene, views, smooth=False, workers=workers, progress=progress)
+        pictures = render(scene, views, smooth=False, fine_lamps=True, workers=workers, progress=progress)
     return tuple(
         Look(
             area=area,

@@ -1,5 +1,6 @@
 """Pictures against sensors, closed forms, and Radiance's own programs."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 import lidarspectra as ls
 from lidarspectra.radiance.engine.engine import find_engine
-from lidarspectra.radiance.pictures.glare import evalglare, luminaires_of
+from lidarspectra.radiance.pictures.glare import evalglare, luminaires_of, position_index
 from lidarspectra.radiance.pictures.hdr_file import save_hdr
 from lidarspectra.radiance.pictures.observer_channels import observer_channels, xyz_of_channels
 from lidarspectra.radiance.pictures.render import Picture, render
@@ -103,3 +104,30 @@ def test_the_channels_of_the_observer_give_the_lumens_of_a_lamp() -> None:
     assert LUMINOUS_EFFICACY_LM_W == 683.0
     assert xyz[0] / xyz.sum() == pytest.approx(0.3805, abs=2e-3)  # CIE 15: FL11
     assert xyz[1] / xyz.sum() == pytest.approx(0.3769, abs=2e-3)
+
+
+def test_small_downlights_across_the_room_have_the_glare_of_their_formula(tmp_path: Path) -> None:
+    room = ls.RoomModel.from_box(6.0, 4.0, 2.6, floor=0.3, walls=0.5, ceiling=0.7)
+    size, flux = 0.08, 600.0
+    places = [(x, y, 2.55) for x in (2.0, 3.1, 4.3, 5.4) for y in (0.9, 2.1, 3.2)]
+    lamps = [
+        ls.make_lamp("disc", place, name=f"d{n}", size=size, spectrum="LED-B3", luminous_flux_lm=flux)
+        for n, place in enumerate(places)
+    ]
+    scene = write_scene(room.scan, room.materials, lamps, observer_channels(), tmp_path, lamps_per_pass=12)
+    eye, ahead = np.array([0.6, 1.9, 1.2]), np.array([1.0, 0.0, 0.0])
+    view = View(eye=eye, direction=ahead, projection="fisheye", angle_deg=180.0, pixels=(180, 180))
+    (picture,) = render(scene, [view], smooth=False, fine_lamps=True, workers=1)
+    seen = luminaires_of(picture)
+    away = np.array(places) - eye
+    distance = np.linalg.norm(away, axis=1)
+    omega = np.pi * size**2 / 4.0 * away[:, 2] / distance**3
+    luminance = flux / (np.pi * np.pi * size**2 / 4.0)
+    assert seen.lamp.tolist() == list(range(12))  # by the pixels' middles three of them are missed
+    np.testing.assert_allclose(seen.solid_angle, omega, rtol=0.25)  # the smallest have some twenty rays
+    assert seen.solid_angle.sum() == pytest.approx(omega.sum(), rel=0.05)
+    np.testing.assert_allclose(seen.luminance, luminance, rtol=0.01)
+    index = position_index(away / distance[:, None], ahead, np.array([0.0, 0.0, 1.0]))
+    ugr = 8.0 * np.log10(0.25 / (seen.indirect_lx / np.pi) * (luminance**2 * omega / index**2).sum())
+    assert seen.ugr == pytest.approx(ugr, abs=0.25)
+    assert luminaires_of(replace(picture, rays=None)).lamp.size < 12
