@@ -49,6 +49,7 @@ def picture(
     orders = parse_orders(context.args, needed=False)
     pixels = _pixels(size or ("800x800" if fisheye else "800x600"))
     places = [None if text is None else _numbers(option, text) for option, text in (("--from", eye), ("--to", target))]
+    from lidarspectra.workflow.run_folder.assumed import assumptions_of_run, notes_of_light, result_notes
     from lidarspectra.workflow.scenarios.picture_of_run import picture_run, save_picture, view_of_run
     from lidarspectra.workflow.scenarios.scenarios import find_scenario, new_scenario
 
@@ -79,6 +80,9 @@ def picture(
         console.print(f"luminance: median {sorted(lit)[lit.size // 2]:.3g}, highest {lit.max():.3g} cd/m²")
     if any(order.dim == 0 for order in orders):
         print_note(OFF_NOTE)
+    # How well the light is known holds for the run's own; what is guessed holds for any of its lamps.
+    for note in result_notes(assumptions_of_run(run)) if orders else notes_of_light(run):
+        print_note(note)
     for path in save_picture(found, scenario.folder):
         say(str(path))
 

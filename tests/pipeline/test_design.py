@@ -98,6 +98,7 @@ def test_candidates_and_places_of_ones_own_come_true_in_a_trace_anew(run: Path) 
     check = ls.check_design(design).frame
     assert np.abs(check["off [SE]"]).max() < 4.5
     assert any("assumed" in note for note in design.notes)
+    assert any("The light is known to ±" in note for note in design.notes)  # no prediction is as sure as its noise
     run_file, _ = ls.save_design(design, run, force=True)
     written = {lamp.name: lamp for lamp in ls.read_run_file(run_file).lamps}
     assert [lamp.dim for name, lamp in written.items() if not name.startswith("candidate")] == [0.0, 0.0]

@@ -28,6 +28,7 @@ from lidarspectra.mapping.photovoltaics.placement import best_mounts, joined, ti
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import load_room
 from lidarspectra.spectra.sensor_files import find_bands
+from lidarspectra.workflow.run_folder.assumed import notes_of_light
 from lidarspectra.workflow.run_folder.light_of_run import (
     light_of_table,
     plan_of_run,
@@ -202,7 +203,10 @@ def places_in_run(run: Path, order: PlaceOrder) -> tuple[Table, tuple[str, ...]]
         f"of {ranked.tried} places and directions."
     )
     formats = dict.fromkeys(("x [m]", "y [m]", "z [m]"), ".2f") | dict.fromkeys(frame.columns[3:5], ".0f")
-    return Table(name="cell-places", caption=caption, frame=frame, formats=formats), cell.notes(order.scale)
+    return Table(name="cell-places", caption=caption, frame=frame, formats=formats), (
+        *cell.notes(order.scale),
+        *notes_of_light(run),
+    )
 
 
 def save_places(table: Table, folder: Path) -> Path:

@@ -45,6 +45,7 @@ from lidarspectra.workflow.design.points import TargetPoints, target_points
 from lidarspectra.workflow.design.tables import check_table, lamps_table, targets_table
 from lidarspectra.workflow.design.target import Target, read_target
 from lidarspectra.workflow.design.work import DesignWork, conditions_of
+from lidarspectra.workflow.run_folder.assumed import notes_of_light
 from lidarspectra.workflow.run_folder.light_of_run import transport_of_run
 from lidarspectra.workflow.run_folder.workspace import STAGES, Workspace, require_stage, stage_folder, writing_run
 
@@ -153,7 +154,11 @@ def design_lighting(
         power_W=sum(each.watts for each in work.designed),
         power_before_W=lamps.watts_before,
         run_file=designed_run_file(work.designed, lamps, room, run=run, base=base),
-        notes=(*shortfall, *design_notes(work.designed, lamps, work.light, conditions, room, solution.gap)),
+        notes=(
+            *shortfall,
+            *design_notes(work.designed, lamps, work.light, conditions, room, solution.gap),
+            *notes_of_light(run),
+        ),
         work=work,
     )
 
