@@ -88,9 +88,9 @@ def test_a_cell_s_current_is_mapped_and_its_channels_tell_the_same(finished: Pat
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn_figures")
 def test_the_best_place_faces_the_lamps(finished: Path, tmp_path: Path) -> None:
-    words = told("cells", "place", finished, "--cell", "silicon", "--size", 4, 2, "--tilt", 0, "--tilt", 180,
+    answer = told("cells", "place", finished, "--cell", "silicon", "--size", 4, 2, "--tilt", 0, "--tilt", 180,
                  "--count", 3, "--wall", 2.0, "--out", tmp_path / "places")  # fmt: skip
-    assert "The light is known to ±" in words
+    assert "The light is known to ±" in answer
     places = pd.read_csv(tmp_path / "places" / "cell-places.csv")
     assert len(places) == 3
     assert places["current [µA]"].is_monotonic_decreasing
