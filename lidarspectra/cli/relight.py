@@ -28,7 +28,7 @@ def relight(
     r"""New maps for other lamp spectra, lumens or dimming, without tracing again.
 
     For each lamp to change:
-    --lamp NAME [--spectrum NAME|FILE] [--lumens LM] [--dim FACTOR].
+    --lamp NAME [--spectrum NAME|FILE] [--lumens LM] [--dim FACTOR]; "panel *" is every lamp whose name fits.
 
     A new spectrum keeps the lamp's lumens, unless --lumens says otherwise or its file is in W/nm. Lamps that are not
     named stay as they are. Without --name the results go to RUN/relit/scenario-1, scenario-2 and so on.

@@ -6,6 +6,7 @@ import pytest
 
 from lidarspectra.cli.relight import order_words, parse_orders
 from lidarspectra.errors import WorkspaceError
+from lidarspectra.workflow.scenarios.relighting import LampOrder, orders_by_lamp
 from lidarspectra.workflow.scenarios.scenarios import find_scenario, new_scenario
 
 DIMMED = ("--lamp", "panel 1", "--dim", "0.5")
@@ -56,3 +57,16 @@ def test_a_name_that_is_no_folder_is_refused(tmp_path: Path, name: str) -> None:
 def test_orders_are_kept_as_the_command_says_them() -> None:
     words = ("--lamp", "panel 1", "--spectrum", "FL11", "--lumens", "900", "--dim", "0.4", "--lamp", "b", "--dim", "0")
     assert order_words(parse_orders(words)) == words
+
+
+def test_a_pattern_is_every_lamp_that_fits_and_has_no_order_of_its_own() -> None:
+    names = ("panel 1", "panel 2", "strip 1", "spot *")
+    orders = (LampOrder(lamp="panel *", dim=0.5), LampOrder(lamp="panel 2", dim=0.0), LampOrder(lamp="spot *", dim=0.1))
+    assert [(each.lamp, each.dim) for each in orders_by_lamp(orders, names)] == [
+        ("panel 1", 0.5),
+        ("panel 2", 0.0),
+        ("spot *", 0.1),  # a lamp of that very name
+    ]
+    assert [each.lamp for each in orders_by_lamp([LampOrder(lamp="*")], names)] == list(names)
+    (kept,) = orders_by_lamp([LampOrder(lamp="tube *")], names)  # refused by its name where lamps are looked up
+    assert kept.lamp == "tube *"

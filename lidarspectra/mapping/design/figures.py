@@ -46,13 +46,13 @@ class ShownLight:
 
     Parameters
     ----------
-    words : str
-        With its unit.
+    words, unit : str
     before, after : (point,) float
         [unit of the quantity]
     """
 
     words: str
+    unit: str
     before: FloatArray
     after: FloatArray
 
@@ -121,9 +121,9 @@ def design_figure(
                 _draw_lamp(axes, each.lamp, each.after if column else each.before)
             draw_frame(axes, plan, left=column == 0, bottom=row == rows - 1)
             when = "after" if column else "before"
-            axes.set_title(f"{when}: mean {float(values[chosen].mean()):.3g}", pad=3.0)
+            axes.set_title(f"{when}: mean {float(values[chosen].mean()):.3g} {shown.unit}", pad=3.0)
         bar = (LEFT_IN + 2 * width + 2 * GAP_IN, bottom + 0.04 * height, 0.12, 0.92 * height)
-        draw_colorbar(figure, bar, norm, LIGHT_MAP, label=shown.words)
+        draw_colorbar(figure, bar, norm, LIGHT_MAP, label=f"{shown.words} [{shown.unit}]")
     words = "lamps with their dimming [%], pale where off"
     words += "; areas of targets dashed" if areas else ""
     figure.text(LEFT_IN / whole, 0.08 / total, words, va="bottom", fontsize=8.0)

@@ -334,7 +334,8 @@ def _figure(work: DesignWork) -> Figure:
     quantities = {condition.quantity.name: condition.quantity for condition, _ in work.conditions}
     shown = [
         ShownLight(
-            words=f"{quantity.words} [{quantity.unit}]",
+            words=quantity.words,
+            unit=quantity.unit,
             before=before.weigh(quantity.response)[0],
             after=after.weigh(quantity.response)[0],
         )

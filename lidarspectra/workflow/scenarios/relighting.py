@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from os import PathLike
 from pathlib import Path
 
@@ -29,12 +30,12 @@ OFF = 1e-9  # [1] of its flux that a lamp sends which is off: a lamp without any
 
 @dataclass(frozen=True, kw_only=True)
 class LampOrder:
-    """Requested change of one lamp.
+    """Requested change of one lamp, or of all whose names fit a pattern.
 
     Parameters
     ----------
     lamp : str
-        Its name in the run file.
+        Its name in the run file. 'panel *' is each lamp whose name fits and that has no order of its own.
     spectrum : str or None
         Database name or file; None keeps the spectrum.
     luminous_flux_lm : float or None
@@ -112,6 +113,7 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
     orders = all_of(orders, LampOrder, name="orders", todo="Write LampOrder(lamp='panel 1', dim=0.5).")
     transport, bands = transport_of_run(run), scene_of_run(run).bands
     lamps = {lamp.name: lamp for lamp in present_lamps_of_run(run)}
+    orders = orders_by_lamp(orders, tuple(lamps))
     changes = _changes(lamps, orders, base)
     light = relight(
         transport,
@@ -136,6 +138,28 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
     )
 
 
+def orders_by_lamp(orders: Sequence[LampOrder], names: Sequence[str]) -> tuple[LampOrder, ...]:
+    """Orders lamp by lamp, a pattern's for every lamp that fits it and is not named by another order.
+
+    Parameters
+    ----------
+    orders : sequence of LampOrder
+    names : sequence of str
+        Of the run's lamps. One that has * or ? in itself is meant as it stands.
+
+    Returns
+    -------
+    orders : tuple of LampOrder
+        A name that no lamp has and no lamp fits stays, for whoever looks it up.
+    """
+    named = {order.lamp for order in orders}
+    found: list[LampOrder] = []
+    for order in orders:
+        fitting = [name for name in names if name not in named and fnmatchcase(name, order.lamp)]
+        found += [order] if order.lamp in names or not fitting else [replace(order, lamp=name) for name in fitting]
+    return tuple(found)
+
+
 def changed_lamps(lamps: Sequence[Lamp], orders: Sequence[LampOrder], base: Path) -> tuple[Lamp, ...]:
     """Lamps with what orders say of their flux, spectrum and dimming; one that is off keeps next to nothing of it.
 
@@ -144,6 +168,7 @@ def changed_lamps(lamps: Sequence[Lamp], orders: Sequence[LampOrder], base: Path
     LampError, DatabaseError
         If a lamp or spectrum is unknown, or the spectrum cannot be scaled to the flux.
     """
+    orders = orders_by_lamp(orders, [lamp.name for lamp in lamps])
     changes = _changes({lamp.name: lamp for lamp in lamps}, orders, base)
     found = []
     for lamp in lamps:

@@ -9,6 +9,7 @@ from scipy.optimize import OptimizeResult, milp
 
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.design import solving
+from lidarspectra.mapping.design.figures import ShownLight, design_figure
 from lidarspectra.mapping.design.problem import (
     Freedom,
     Limit,
@@ -20,6 +21,7 @@ from lidarspectra.mapping.design.problem import (
     uniformity_limit,
 )
 from lidarspectra.mapping.design.solving import obstacles, solve
+from lidarspectra.mapping.figures.floor_plan import FloorPlan
 
 POINTS = np.stack(np.meshgrid(np.arange(0.5, 4.0, 0.5), np.arange(0.5, 3.0, 0.5)), axis=-1).reshape(-1, 2)
 DARK = np.zeros(len(POINTS))
@@ -269,3 +271,12 @@ def test_a_spectrum_of_a_wanted_form_is_mixed_of_what_there_is() -> None:
 def test_lamps_without_power_are_refused() -> None:
     with pytest.raises(MapError, match="above 0 W"):
         sources(2, np.array([10.0, 0.0]))
+
+
+def test_the_figure_says_the_unit_of_its_means(make_transport: Any) -> None:
+    places = make_transport(points=9)
+    plan = FloorPlan(outline=np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]]))
+    light = ShownLight(words="illuminance", unit="lx", before=np.full(9, 235.0), after=np.full(9, 150.0))
+    figure = design_figure([light], places, plan, ())
+    assert [axes.get_title() for axes in figure.axes[:2]] == ["before: mean 235 lx", "after: mean 150 lx"]
+    assert figure.axes[2].get_ylabel() == "illuminance [lx]"
