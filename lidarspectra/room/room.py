@@ -33,7 +33,7 @@ from lidarspectra.room.room_planes import (
     weighted_median,
     weighted_quantile,
 )
-from lidarspectra.room.slopes import find_slopes
+from lidarspectra.room.slopes import find_slopes, on_slopes
 
 MIN_HEIGHT_M = 1.0  # [m] something lower is furniture or a wrong unit, not a room
 WALL_HEIGHT_SHARE = 0.5  # share of the room's height; a lower upright plane is the front of a cabinet or desk
@@ -248,8 +248,9 @@ def _room_over(
 ) -> Room:
     """The room whose main floor is given; that of its largest outline is another one where the scan shows it there."""
     overhead = of_kinds(scan, faces, "ceiling")
-    ceilings = find_ceilings(overhead, floor, given_z=ceiling_z)
     slopes = find_slopes(overhead, floor.z)
+    level = overhead.some(~on_slopes(overhead, slopes)) if ceiling_z is None else overhead
+    ceilings = find_ceilings(level, floor, given_z=ceiling_z)
     if ceiling_z is None:
         ceilings = _without_shelves(ceilings, upright)
         storey_z = _storey_above(ceilings, levels, floor)

@@ -1,9 +1,10 @@
-"""Ceilings that slope too far to count as level, as those under a roof."""
+"""Ceilings that slope, as those under a roof."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.geometry.rays import RayCaster
@@ -25,6 +26,10 @@ OVERHEAD_M = 0.5  # [m] above the floor; lower down are undersides of sofas
 CEILING_REACH_M = 0.3  # [m] rays start so far below a ceiling, above most furniture
 MIN_DEPTH_M = 0.6  # [m] air below a ceiling; less is a cavity behind glass, or a cabinet as high as a wall
 TOP_SHARE = 0.98  # of a slope's area, below its top
+GENTLE_COSINE = 0.9945  # 6 degrees: what slopes less is a level ceiling, or several a hand apart
+TILT_BIN, TILT_SIGMA = 0.02, 0.04  # [1] of the histogram of level faces' normals, and over which it is smoothed
+ALIKE_COSINE = 0.985  # 10 degrees: faces that a gentle slope's plane is fitted to, and not to those beyond a ridge
+FITS = 3  # of a gentle slope's plane, each to the faces about the last: normals of small faces are noisy
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +67,7 @@ class Slope:
 
 
 def find_slopes(faces: FaceGeometry, floor_z: float) -> tuple[Slope, ...]:
-    """Find sloping ceilings as peaks of area over direction, tilt and offset, largest first.
+    """Find sloping ceilings, of more than 6°, largest first.
 
     Parameters
     ----------
@@ -75,7 +80,14 @@ def find_slopes(faces: FaceGeometry, floor_z: float) -> tuple[Slope, ...]:
     -------
     slopes : tuple of Slope
     """
-    left = faces.some((faces.normals[:, 2] < -UPRIGHT_COSINE) & (faces.centers[:, 2] > floor_z + OVERHEAD_M))
+    overhead = faces.some((faces.normals[:, 2] < -UPRIGHT_COSINE) & (faces.centers[:, 2] > floor_z + OVERHEAD_M))
+    gentle = _gentle_slopes(overhead)
+    steep = _steep_slopes(overhead.some(~on_slopes(overhead, gentle)))
+    return tuple(sorted(gentle + steep, key=lambda slope: -slope.area_m2))
+
+
+def _steep_slopes(left: FaceGeometry) -> list[Slope]:
+    """Slopes of more than 26°, as peaks of area over direction, tilt and offset."""
     slopes: list[Slope] = []
     while (tilted := left.some(left.normals[:, 2] > -LEVEL_COSINE)).areas.sum() >= MIN_SLOPE_M2:
         normal = _fullest_normal(tilted)
@@ -88,17 +100,70 @@ def find_slopes(faces: FaceGeometry, floor_z: float) -> tuple[Slope, ...]:
         area_m2 = float(left.areas[members].sum())
         if area_m2 < MIN_SLOPE_M2:
             break
-        normal = _fitted(left.centers[members], left.areas[members], normal)
-        slopes.append(
-            Slope(
-                normal=normal,
-                offset_m=weighted_median(left.centers[members] @ normal, left.areas[members]),
-                top_z=weighted_quantile(left.tops[members], left.areas[members], TOP_SHARE),
-                area_m2=area_m2,
-            )
-        )
+        slopes.append(_slope(left.some(members), _fitted(left.centers[members], left.areas[members], normal)))
         left = left.some(~members)
-    return tuple(sorted(slopes, key=lambda slope: -slope.area_m2))
+    return slopes
+
+
+def _gentle_slopes(left: FaceGeometry) -> list[Slope]:
+    """Slopes of faces that count as level.
+
+    Cut by height they are many strips, of which the narrower ones count as no ceiling. So planes are looked for, and
+    found with those of level ceilings.
+    """
+    slopes: list[Slope] = []
+    while (level := left.some(left.normals[:, 2] < -LEVEL_COSINE)).areas.sum() >= MIN_SLOPE_M2:
+        normal = _fullest_level_normal(level)
+        alike = level.normals @ normal > ALIKE_COSINE
+        middle = fullest_offset(level.centers[alike] @ normal, level.areas[alike]) if alike.any() else 0.0
+        for _ in range(FITS):
+            near = alike & (np.abs(level.centers @ normal - middle) <= WALL_HALF_WIDTH_M)
+            if not near.any():
+                break
+            normal = _fitted(level.centers[near], level.areas[near], normal)
+            middle = weighted_median(level.centers[near] @ normal, level.areas[near])
+            alike = level.normals @ normal > ALIKE_COSINE
+        members = _near_plane(left, normal, middle)
+        if left.areas[members].sum() < MIN_SLOPE_M2:  # undersides of shelves, at many heights
+            members = left.normals @ normal > ALIKE_COSINE
+            if not members.any():
+                break
+        elif -normal[2] < GENTLE_COSINE:
+            slopes.append(_slope(left.some(members), normal))
+        left = left.some(~members)
+    return slopes
+
+
+def on_slopes(faces: FaceGeometry, slopes: Sequence[Slope]) -> BoolArray:
+    """(part,) which parts lie in the plane of a slope, and face its way."""
+    lying = np.zeros(faces.areas.size, dtype=np.bool_)
+    for slope in slopes:
+        lying |= _near_plane(faces, slope.normal, slope.offset_m)
+    return lying
+
+
+def _near_plane(faces: FaceGeometry, normal: FloatArray, offset_m: float) -> BoolArray:
+    near = np.abs(faces.centers @ normal - offset_m) <= WALL_HALF_WIDTH_M
+    return np.asarray(near & (faces.normals @ normal > FACING_COSINE), dtype=np.bool_)
+
+
+def _slope(members: FaceGeometry, normal: FloatArray) -> Slope:
+    return Slope(
+        normal=normal,
+        offset_m=weighted_median(members.centers @ normal, members.areas),
+        top_z=weighted_quantile(members.tops, members.areas, TOP_SHARE),
+        area_m2=float(members.areas.sum()),
+    )
+
+
+def _fullest_level_normal(faces: FaceGeometry) -> FloatArray:
+    """(3,) unit vector, downwards, that most area of faces that count as level faces."""
+    reach = np.sqrt(1.0 - LEVEL_COSINE**2)
+    edges = np.linspace(-reach, reach, int(np.ceil(2.0 * reach / TILT_BIN)) + 1)
+    area, _, _ = np.histogram2d(faces.normals[:, 0], faces.normals[:, 1], bins=(edges, edges), weights=faces.areas)
+    fullest = np.unravel_index(gaussian_filter(area, TILT_SIGMA / TILT_BIN).argmax(), area.shape)
+    x, y = (0.5 * (edges[place] + edges[place + 1]) for place in fullest)
+    return np.array([x, y, -np.sqrt(max(0.0, 1.0 - x**2 - y**2))])
 
 
 def below_slopes(caster: RayCaster, plan: FloatArray, slopes: Sequence[Slope]) -> BoolArray:

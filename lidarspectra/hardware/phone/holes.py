@@ -105,13 +105,15 @@ def longest_extent(points: FloatArray) -> float:
     return float(pdist(points).max())
 
 
-def triangulate_loop(points: FloatArray) -> IntArray:
+def triangulate_loop(points: FloatArray, *, shape_weight: float = SHAPE_WEIGHT) -> IntArray:
     """Close a loop with the triangles that have the least area in sum.
 
     Parameters
     ----------
     points : (n, 3) float
         Around the loop, n >= 3. [m]
+    shape_weight : float
+        Weight of squared edge lengths against area. [1]
 
     Returns
     -------
@@ -121,17 +123,17 @@ def triangulate_loop(points: FloatArray) -> IntArray:
     """
     count = len(points)
     if count <= MAX_LOOP:
-        return _least_area(points)
+        return _least_area(points, shape_weight)
     chosen = np.arange(0, count, -(-count // MAX_LOOP))
-    pieces = [chosen[_least_area(points[chosen])]]
+    pieces = [chosen[_least_area(points[chosen], shape_weight)]]
     for start, stop in zip(chosen, [*chosen[1:], count], strict=True):
         chain = np.arange(start, stop + 1) % count
         if chain.size >= 3:
-            pieces.append(chain[_least_area(points[chain])])
+            pieces.append(chain[_least_area(points[chain], shape_weight)])
     return np.concatenate(pieces)
 
 
-def _least_area(points: FloatArray) -> IntArray:
+def _least_area(points: FloatArray, shape_weight: float) -> IntArray:
     count = len(points)
     cost = np.zeros((count, count))
     best = np.zeros((count, count), dtype=np.int64)
@@ -142,7 +144,7 @@ def _least_area(points: FloatArray) -> IntArray:
         total = (
             cost[first[:, np.newaxis], between]
             + cost[between, last[:, np.newaxis]]
-            + _triangle_costs(points[first][:, np.newaxis], points[between], points[last][:, np.newaxis])
+            + _triangle_costs(points[first][:, np.newaxis], points[between], points[last][:, np.newaxis], shape_weight)
         )
         choice = total.argmin(axis=1)
         cost[first, last] = total[first, choice]
@@ -158,8 +160,8 @@ def _least_area(points: FloatArray) -> IntArray:
     return np.array(triangles, dtype=np.int64)
 
 
-def _triangle_costs(first: FloatArray, second: FloatArray, third: FloatArray) -> FloatArray:
+def _triangle_costs(first: FloatArray, second: FloatArray, third: FloatArray, shape_weight: float) -> FloatArray:
     one, other, last = second - first, third - first, third - second
     area = 0.5 * np.linalg.norm(np.cross(one, other), axis=-1)
     squares = (one**2).sum(axis=-1) + (other**2).sum(axis=-1) + (last**2).sum(axis=-1)
-    return np.asarray(area + SHAPE_WEIGHT * squares, dtype=np.float64)
+    return np.asarray(area + shape_weight * squares, dtype=np.float64)

@@ -12,6 +12,7 @@ import numpy as np
 from lidarspectra.arrays import ByteArray, FloatArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.textures import check_texture_total
+from lidarspectra.hardware.phone.polygons import polygon_triangles
 from lidarspectra.hardware.phone.raw_mesh import FileFolder, MeshPart, RawMesh, missing_file_notes
 from lidarspectra.spectra.colorimetry import encode_srgb
 
@@ -33,10 +34,11 @@ class _Material:
 
 @dataclass(kw_only=True)
 class _Faces:
-    """Triangles that use one material: rows of three numbers into the file's positions and texture coordinates."""
+    """Polygons of one material: their sizes, and their corners' places among positions and texture coordinates."""
 
-    positions: list[tuple[int, int, int]] = field(default_factory=list)
-    textures: list[tuple[int, int, int]] = field(default_factory=list)
+    sizes: list[int] = field(default_factory=list)
+    positions: list[int] = field(default_factory=list)
+    textures: list[int] = field(default_factory=list)
 
 
 @dataclass(kw_only=True)
@@ -52,7 +54,7 @@ class _Content:
 def read_obj(data: bytes, *, folder: FileFolder) -> RawMesh:
     """Read an OBJ file.
 
-    Polygons become fans of triangles; positions may carry colours (x y z r g b, taken as sRGB-encoded).
+    Polygons become triangles; positions may carry colours (x y z r g b, taken as sRGB-encoded).
 
     Parameters
     ----------
@@ -149,19 +151,15 @@ def _parse(data: bytes, *, where: str) -> _Content:
 
 
 def _add_face(group: _Faces, words: list[str], positions: int, textures: int) -> None:
-    """Add a polygon as a fan. Numbers count from 1, or back from the latest where negative."""
+    """Add a polygon. Numbers count from 1, or back from the latest where negative."""
     if len(words) < 3:
         raise ValueError(f"a face of {len(words)} corners")
-    corners: list[int] = []
-    coordinates: list[int] = []
+    group.sizes.append(len(words))
     for word in words:
         position, _, rest = word.partition("/")
         texture = rest.partition("/")[0]
-        corners.append(_number(position, positions))
-        coordinates.append(_number(texture, textures) if texture else _NO_INDEX)
-    for second in range(1, len(words) - 1):
-        group.positions.append((corners[0], corners[second], corners[second + 1]))
-        group.textures.append((coordinates[0], coordinates[second], coordinates[second + 1]))
+        group.positions.append(_number(position, positions))
+        group.textures.append(_number(texture, textures) if texture else _NO_INDEX)
 
 
 def _number(word: str, count: int) -> int:
@@ -203,15 +201,16 @@ def _parts(
     uv: FloatArray,
 ) -> Iterator[MeshPart]:
     """The triangles of a material: those with texture coordinates, and those without."""
-    corners = np.array(faces.positions, dtype=np.int64).reshape(-1, 3)
-    coordinates = np.array(faces.textures, dtype=np.int64).reshape(-1, 3)
-    if corners.size and corners.max() >= vertices.shape[0]:
+    numbers = np.array(faces.positions, dtype=np.int64)
+    if numbers.size and numbers.max() >= vertices.shape[0]:
         raise ScanError(
             expected=f"faces of the {vertices.shape[0]} positions",
-            found=f"one that names number {corners.max() + 1}",
+            found=f"one that names number {numbers.max() + 1}",
             where="OBJ faces",
             todo="The file is damaged or cut off; export the scan again.",
         )
+    places, _ = polygon_triangles(vertices, numbers, np.array(faces.sizes, dtype=np.int64))
+    corners, coordinates = numbers[places], np.array(faces.textures, dtype=np.int64)[places]
     textured = ((coordinates >= 0) & (coordinates < uv.shape[0])).all(axis=1) & (image >= 0)
     if textured.any():
         yield MeshPart(vertices=vertices, faces=corners[textured], image=image, corner_uv=uv[coordinates[textured]])

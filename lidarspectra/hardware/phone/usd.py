@@ -25,6 +25,7 @@ from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.textures import check_texture_total, decode_image, tint_image
 from lidarspectra.hardware.phone.part_names import part_kind
+from lidarspectra.hardware.phone.polygons import polygon_triangles
 from lidarspectra.hardware.phone.raw_mesh import (
     MAX_FILE_BYTES,
     PARSER_FAULTS,
@@ -282,12 +283,14 @@ def _mesh_parts(reading: _Reading, prim: Usd.Prim) -> Iterator[MeshPart]:
     matrix = _to_world(reading, prim)
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite then is refused with the whole mesh
         vertices = points @ matrix[:3, :3] + matrix[3, :3]
-    corners, polygon = _fans(sizes)
+    if numbers.size and (numbers.min() < 0 or numbers.max() >= points.shape[0]):
+        raise ValueError(f"a corner number {numbers.max()} among {points.shape[0]} points")
+    corners, polygon = polygon_triangles(points, numbers, sizes)
+    holes = np.array(mesh.GetHoleIndicesAttr().Get(reading.time) or [], dtype=np.int64)
+    corners, polygon = (rows[~np.isin(polygon, holes)] for rows in (corners, polygon))
     left_handed = mesh.GetOrientationAttr().Get(reading.time) == UsdGeom.Tokens.leftHanded
     if left_handed != bool(np.linalg.det(matrix[:3, :3]) < 0):
         corners = corners[:, ::-1]
-    if corners.size and (numbers.min() < 0 or numbers.max() >= points.shape[0]):
-        raise ValueError(f"a corner number {numbers.max()} among {points.shape[0]} points")
     for material, chosen in _materials(prim, polygon, sizes.size):
         texture = _texture(material)
         image = -1 if texture is None else _image_number(reading, texture)
@@ -305,15 +308,6 @@ def _mesh_parts(reading: _Reading, prim: Usd.Prim) -> Iterator[MeshPart]:
             corner_color=None if color is None else color[chosen],
             flat_color=flat,
         )
-
-
-def _fans(sizes: IntArray) -> tuple[IntArray, IntArray]:
-    """(triangle, 3) places of the corners of polygons cut into fans, and (triangle,) the polygon of each."""
-    triangles = np.maximum(sizes - 2, 0)
-    polygon = np.repeat(np.arange(sizes.size), triangles)
-    start = (np.cumsum(sizes) - sizes)[polygon]
-    within = np.arange(polygon.size) - (np.cumsum(triangles) - triangles)[polygon]
-    return np.column_stack([start, start + within + 1, start + within + 2]), polygon
 
 
 def _materials(prim: Usd.Prim, polygon: IntArray, count: int) -> Iterator[tuple[UsdShade.Material | None, IntArray]]:

@@ -58,6 +58,40 @@ def test_the_plan_of_an_attic_reaches_below_its_slopes(builder, knee_m: float, t
     assert openness.closed_ceiling_m2 == 0.0, "nothing is missing"
 
 
+def shed(builder: Any, tilt_deg: float) -> Scan:
+    """A room of 4 m x 3 m under one slope that begins at 2.4 m."""
+    room = builder(step_m=0.08, noise_m=NOISE_M)
+    rise = 4.0 * float(np.tan(np.radians(tilt_deg)))
+    room.rectangle([0, 0, 0], [4, 0, 0], [0, 3, 0])
+    room.rectangle([0, 0, 2.4], [0, 3, 0], [4, 0, rise])
+    room.rectangle([0, 0, 0], [0, 3, 0], [0, 0, 2.4])
+    room.rectangle([4, 0, 0], [0, 0, 2.4 + rise], [0, 3, 0])
+    for x in np.linspace(0.0, 4.0, 40, endpoint=False).tolist():
+        height = 2.4 + rise * (x + 0.05) / 4.0
+        room.rectangle([x, 0, 0], [0, 0, height], [0.1, 0, 0])
+        room.rectangle([x, 3, 0], [0.1, 0, 0], [0, 0, height])
+    return room.scan()
+
+
+@pytest.mark.parametrize("tilt_deg", [8.0, 10.0, 13.0, 16.0, 19.0, 22.0, 25.0, 28.0])
+def test_the_plan_below_one_slope_is_whole_however_gentle(builder, tilt_deg: float) -> None:
+    room = find_room(shed(builder, tilt_deg))
+    assert room.area_m2 == pytest.approx(12.0, rel=PLAN_TOLERANCE)
+    assert room.ceiling_z == pytest.approx(2.4 + 4.0 * np.tan(np.radians(tilt_deg)), abs=0.06)
+    assert room.ceiling_confidence > 0.9
+    assert room.ceiling_area_m2 == pytest.approx(12.0 / np.cos(np.radians(tilt_deg)), rel=0.08)
+
+
+@pytest.mark.parametrize("tilt_deg", [9.0, 14.0, 18.0, 22.0, 26.0])
+def test_the_plan_below_a_gentle_gable_is_whole(builder, tilt_deg: float) -> None:
+    top_m = 2.4 + 2.0 * float(np.tan(np.radians(tilt_deg)))
+    room = find_room(attic(builder, 2.4, top_m, 2.0))
+    assert room.area_m2 == pytest.approx(LENGTH_M * WIDTH_M, rel=PLAN_TOLERANCE)
+    assert room.other_outlines == ()
+    assert room.ceiling_z == pytest.approx(top_m, abs=0.06)
+    assert room.ceiling_confidence > 0.9
+
+
 def test_sensors_in_an_attic_are_below_its_slopes(builder) -> None:
     scan = attic(builder, 0.6, 2.6, 2.0)
     room = find_room(scan)

@@ -458,6 +458,57 @@ def test_quads_and_numbers_from_the_end(tmp_path: Path) -> None:
     assert (scan.normals[:, 2] == 1).all()
 
 
+HOLLOW = [(0, 0), (5, 0), (5, 4), (3, 4), (3, 2), (0, 2)]  # the plan of an L-shaped room, of 14 m²
+DART = [(0, 0), (4, -2), (1, 0), (4, 2)]  # of 2 m²
+
+
+@pytest.mark.parametrize(("corners", "area_m2"), [(HOLLOW, 14.0), (DART, 2.0)])
+@pytest.mark.parametrize("first", [0, 1, 2, 3])
+@pytest.mark.parametrize("kind", ["obj", "usda"])
+def test_a_hollow_polygon_is_covered_and_nothing_beside_it(tmp_path: Path, corners, area_m2, first, kind) -> None:
+    points = np.column_stack([np.roll(corners, -first, axis=0), np.zeros(len(corners))])
+    path = tmp_path / f"a.{kind}"
+    if kind == "obj":
+        numbers = " ".join(str(place + 1) for place in range(len(points)))
+        path.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in points) + f"f {numbers}\n", encoding="utf-8")
+    else:
+        pytest.importorskip("pxr", reason="the extra 'usd' is not installed")
+        path.write_text(usd_mesh(points, [range(len(points))]), encoding="utf-8")
+    scan = read_scan(path, up="+z", unit="m")
+    assert scan.areas.sum() == pytest.approx(area_m2, rel=1e-6)
+    assert (scan.normals[:, 2] > 0.999).all(), "wound as the polygon"
+
+
+def usd_mesh(points, faces, more: str = "", beside: str = "", unit: str = "metersPerUnit = 1") -> str:
+    """A USD text file of one mesh, with more of its properties and other things beside it in the scene."""
+    corners = ", ".join(str(tuple(point)) for point in np.asarray(points).tolist())
+    return f"""#usda 1.0
+(
+  upAxis = "Z"
+  {unit}
+)
+def Xform "r" {{
+  def Mesh "m" {{
+    point3f[] points = [{corners}]
+    int[] faceVertexCounts = {[len(face) for face in faces]}
+    int[] faceVertexIndices = {[corner for face in faces for corner in face]}
+    {more}
+  }}
+  {beside}
+}}
+"""
+
+
+def test_faces_of_a_usd_mesh_that_are_holes_are_none(tmp_path: Path) -> None:
+    pytest.importorskip("pxr", reason="the extra 'usd' is not installed")
+    path = tmp_path / "a.usda"
+    square = [(0, 0, 0), (3, 0, 0), (3, 3, 0), (0, 3, 0), (6, 0, 0), (6, 3, 0)]
+    path.write_text(usd_mesh(square, [(0, 1, 2, 3), (1, 4, 5, 2)], "int[] holeIndices = [1]"), encoding="utf-8")
+    scan = read_scan(path)
+    assert scan.areas.sum() == pytest.approx(9.0)
+    assert scan.bounds[1, 0] == 3.0
+
+
 @pytest.mark.parametrize("line", ["map_Kd t.png", "map_Kd -s 1 1 1 -bm 0.5 t.png", "  MAP_KD\tt.png  "])
 def test_the_texture_is_found_behind_options(tmp_path: Path, line: str) -> None:
     quadrants().save(tmp_path / "t.png")
