@@ -9,7 +9,6 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray
@@ -24,7 +23,6 @@ from lidarspectra.mapping.maps.light_unknowns import save_unknowns, uncertainty_
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, load_map, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.mapping.report import PAGE
-from lidarspectra.material.delighting.cards import Card
 from lidarspectra.material.frames.records import FrameRecords
 from lidarspectra.material.lit_lamps.fluxes import save_lamp_fluxes
 from lidarspectra.material.material_map import MaterialMap, load_materials, save_materials
@@ -67,6 +65,7 @@ from lidarspectra.workflow.run_folder.calibration_of_run import (
     calibrated_materials,
     calibration_notes,
 )
+from lidarspectra.workflow.run_folder.cards_of_run import cards_of_run
 from lidarspectra.workflow.run_folder.declared import Declared
 from lidarspectra.workflow.run_folder.frames_of_run import (
     frame_colors,
@@ -580,10 +579,7 @@ def _without_light(
     lamps = lamps_in_picture(given.run_file, scanned, base=given.base)
     found = given.run_file.lamps_from_scan
     stated = found is None or found.fluxes == "area"
-    cards = [
-        Card(center=np.array(each.center), size_m=each.size, reflectance=each.reflectance)
-        for each in given.run_file.materials.cards
-    ]
+    cards = cards_of_run(given.run_file.materials.cards)
     screens = [pane for pane in panes_of_run(given.run_file.panes) if pane.kind == "screen"]
     return take_light_out(
         scanned.scan, scanned.room, lamps,

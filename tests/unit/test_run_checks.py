@@ -293,6 +293,14 @@ FAULTS: dict[str, tuple[tuple[Change, ...], dict[str, str], str]] = {
         r"sensors\.points: points\.csv: expected sensor points within .*2 of 2 outside of it: row 1 at \(1000\.00",
     ),
     # cells
+    "a card in mid-air": (
+        (
+            ('method = "file"\nfile = "assigned.csv"', 'method = "estimate"'),
+            ('model = "builtin"', 'model = "none"\n[[materials.cards]]\ncenter = [1, 1, 1.2]\nreflectance = 0.18'),
+        ),
+        {},
+        r"materials\.cards\.1\.center: .*within 15 cm of a card's middle",
+    ),
     "a cell of a square kilometre": (
         (("area_cm2 = 10", "area_cm2 = 1e10"),),
         {},

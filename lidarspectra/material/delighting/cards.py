@@ -179,8 +179,27 @@ def _why_not(seen: BoolArray, cut: BoolArray, dark: BoolArray) -> str:
     return "in the picture it is too dark. Put it where it is lit more strongly, or use a white one"
 
 
-def _points_of(scan: Scan, caster: RayCaster, card: Card) -> tuple[IntArray, tuple[FloatArray, FloatArray]]:
-    """Faces, positions and barycentric coordinates of points in the middle of a card."""
+def nearest_surface(caster: RayCaster, card: Card) -> tuple[int, FloatArray]:
+    """What a card lies on.
+
+    Parameters
+    ----------
+    caster : RayCaster
+        Of the scan.
+    card : Card
+
+    Returns
+    -------
+    face : int
+        The nearest one.
+    place : (3,) float
+        On it. [m]
+
+    Raises
+    ------
+    MaterialError
+        If no surface is near the card's stated middle.
+    """
     height = 1.0 - 2.0 * (np.arange(LOOKS) + 0.5) / LOOKS
     turn = GOLDEN_TURN * np.arange(LOOKS)
     level = np.sqrt(1.0 - height**2)
@@ -196,9 +215,14 @@ def _points_of(scan: Scan, caster: RayCaster, card: Card) -> tuple[IntArray, tup
             "shows it.",
         )
     nearest = int(np.argmin(hits.distance))
-    normal = scan.normals[hits.face[nearest]]
-    away = starts[nearest] + hits.distance[nearest] * ways[nearest] - card.center
-    foot = card.center + (away @ normal) * normal  # of the perpendicular from the stated middle
+    return int(hits.face[nearest]), starts[nearest] + hits.distance[nearest] * ways[nearest]
+
+
+def _points_of(scan: Scan, caster: RayCaster, card: Card) -> tuple[IntArray, tuple[FloatArray, FloatArray]]:
+    """Faces, positions and barycentric coordinates of points in the middle of a card."""
+    face, place = nearest_surface(caster, card)
+    normal = scan.normals[face]
+    foot = card.center + ((place - card.center) @ normal) * normal  # of the perpendicular from the stated middle
     aside = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     along = np.cross(normal, aside)
     along /= np.linalg.norm(along)

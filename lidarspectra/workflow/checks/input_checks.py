@@ -11,6 +11,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.config import CellSection, DaylightSection, GridSection, LampSection, MaterialsSection, RunFile
+from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.decimation import load_decimation
 from lidarspectra.hardware.phone.readers import read_scan
@@ -19,6 +20,7 @@ from lidarspectra.lamps.lamp_spectra import cct_spectrum, luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Luminaire
 from lidarspectra.material.assignments import check_assignments, read_assignments
+from lidarspectra.material.delighting.cards import nearest_surface
 from lidarspectra.material.estimate import default_material
 from lidarspectra.material.segmentation.segmentation import Classifier
 from lidarspectra.radiance.engine.bands import lamp_band_flux
@@ -34,6 +36,7 @@ from lidarspectra.threads import available_cores
 from lidarspectra.workflow.checks import plausible_numbers as plausible
 from lidarspectra.workflow.checks.findings import Findings, listed, number_words
 from lidarspectra.workflow.checks.scan_checks import ScanExtent, check_in_scan
+from lidarspectra.workflow.run_folder.cards_of_run import cards_of_run
 from lidarspectra.workflow.run_folder.inputs import Inputs
 from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from lidarspectra.workflow.run_folder.sensing_of_run import receptor_of_run
@@ -97,6 +100,7 @@ def check_inputs(inputs: Inputs, findings: Findings, known: ScanExtent | None = 
     _check_light(inputs, scan, bands, findings)
     _check_calibration(run_file, findings)
     _check_materials(run_file.materials, base, findings)
+    _check_cards(run_file.materials, scan, findings)
     points = _sensors(inputs, findings)
     if extent is not None:
         check_in_scan(findings, run_file, extent, points)
@@ -283,6 +287,15 @@ def _check_materials(section: MaterialsSection, base: Path, findings: Findings) 
     if section.model not in ("builtin", "none") and section.method != "default":
         with findings.at("materials.model"):
             Classifier(base / section.model)
+
+
+def _check_cards(section: MaterialsSection, scan: Scan | None, findings: Findings) -> None:
+    """Whether each card has a surface to lie on, where the picture's light is fitted and the scan is at hand."""
+    if scan is None or section.method != "estimate" or not section.delight:
+        return
+    for number, card in enumerate(cards_of_run(section.cards), start=1):
+        with findings.at(f"materials.cards.{number}.center"):
+            nearest_surface(caster_of(scan), card)
 
 
 def _sensors(inputs: Inputs, findings: Findings) -> FloatArray | None:
