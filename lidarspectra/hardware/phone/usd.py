@@ -51,6 +51,7 @@ BOX_FACES = np.array(
 # RoomPlan's walls are .1 mm thick, its doors .5 mm and in the same plane: nothing tells their two sides apart.
 WALL_THICKNESS_M, INSET_THICKNESS_M = 0.01, 0.016  # [m] least; what is set into a wall stands 3 mm before it
 INSETS = ("door", "window")
+MOST_METRES = 80.0  # [1] extent of a scene that declares no unit, beyond which that is USD's own, the centimetre
 _log = logging.getLogger(__name__)
 _UP: dict[str, Axis] = {"Y": "+y", "Z": "+z"}
 _UV_NAMES = ("st", "st0", "UVMap", "map1", "uv")  # primvars that exporters use if the material names none
@@ -116,18 +117,22 @@ def read_usd(path: Path) -> RawMesh:
         _check_layers(root, path)
         stage = Usd.Stage.Open(root)
         # A scan is static; if positions are animated, the first ones are used.
-        metres = float(UsdGeom.GetStageMetersPerUnit(stage))
+        metres = _metres_per_unit(stage)
         reading = _Reading(path=path, folder=folder, time=Usd.TimeCode.EarliestTime(), metres_per_unit=metres)
         parts = tuple(
             part for number, prim in enumerate(_shapes(reading, stage)) for part in _parts(reading, prim, number)
         )
         declared_unit = _declared_unit(stage)
+        odd_unit = declared_unit is None and UsdGeom.StageHasAuthoredMetersPerUnit(stage)  # decimetres, say
+        if odd_unit:
+            parts, declared_unit = tuple(replace(part, vertices=metres * part.vertices) for part in parts), "m"
         up = _UP.get(str(UsdGeom.GetStageUpAxis(stage)))
     except _FAULTS as cause:
         raise malformed(cause, kind="USD", where=where) from cause
     finally:
         _log_warnings(warnings, where)
-    notes = (*missing_file_notes(reading.missing), *_left_out_notes(reading.left_out))
+    said = (f"The file's unit is {metres:g} m; its positions were multiplied by that.",) if odd_unit else ()
+    notes = (*said, *missing_file_notes(reading.missing), *_left_out_notes(reading.left_out))
     return RawMesh(parts=parts, images=tuple(reading.images), unit=declared_unit, up=up, notes=notes)
 
 
@@ -169,7 +174,7 @@ def _check_layers(root: Sdf.Layer, path: Path) -> None:
     waiting, seen = [root], {root.identifier}
     while waiting:
         layer = waiting.pop()
-        for name in layer.GetCompositionAssetDependencies():
+        for name in filter(None, layer.GetCompositionAssetDependencies()):  # '' is the layer itself
             identifier = layer.ComputeAbsolutePath(name)
             package = _IN_PACKAGE.match(identifier)
             file = Path(package["package"] if package else identifier)
@@ -185,6 +190,18 @@ def _check_layers(root: Sdf.Layer, path: Path) -> None:
                 further = Sdf.Layer.FindOrOpen(identifier)
                 if further is not None:
                     waiting.append(further)
+
+
+def _metres_per_unit(stage: Usd.Stage) -> float:
+    """Length of the stage's unit [m]. Where none is declared, a metre, or a centimetre if the scene is large in it."""
+    if UsdGeom.StageHasAuthoredMetersPerUnit(stage):
+        metres = float(UsdGeom.GetStageMetersPerUnit(stage))
+        if not 0.0 < metres < np.inf:
+            raise ValueError(f"metersPerUnit of {metres}")
+        return metres
+    purposes = [UsdGeom.Tokens.default_, UsdGeom.Tokens.render]
+    box = UsdGeom.BBoxCache(Usd.TimeCode.EarliestTime(), purposes).ComputeWorldBound(stage.GetPseudoRoot())
+    return 0.01 if max(box.ComputeAlignedRange().GetSize()) > MOST_METRES else 1.0
 
 
 def _declared_unit(stage: Usd.Stage) -> Unit | None:
@@ -211,22 +228,37 @@ def _left_out_notes(left_out: Counter[str]) -> tuple[str, ...]:
         return ()
     words = ", ".join(f"{count} {name}" for name, count in sorted(left_out.items()))
     return (
-        f"{left_out.total()} shapes in the file were left out ({words}), because only visible meshes and cubes are"
-        " read. Convert them to meshes in the program that made the file if they reflect light.",
+        f"{left_out.total()} shapes in the file were left out ({words}), because only meshes and cubes that are shown"
+        " are read. Convert them to meshes in the program that made the file if they reflect light.",
     )
 
 
 def _shapes(reading: _Reading, stage: Usd.Stage) -> Iterator[Usd.Prim]:
     """Visible meshes and boxes; other shapes are counted."""
-    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+    aside = _purposes_aside(stage)
+    shapes = iter(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()))
+    for prim in shapes:
+        if prim.IsA(UsdGeom.PointInstancer):
+            reading.left_out["PointInstancer"] += 1
+            shapes.PruneChildren()  # what it repeats stands there once, and is shown nowhere by itself
         if not prim.IsA(UsdGeom.Gprim):
             continue
-        if UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
+        about = UsdGeom.Imageable(prim)
+        if about.ComputeVisibility() == UsdGeom.Tokens.invisible:
             reading.left_out["invisible"] += 1
+        elif about.ComputePurpose() in aside:
+            reading.left_out[f"of purpose '{about.ComputePurpose()}'"] += 1
         elif prim.IsA(UsdGeom.Mesh) or prim.IsA(UsdGeom.Cube):
             yield prim
         else:
             reading.left_out[str(prim.GetTypeName())] += 1
+
+
+def _purposes_aside(stage: Usd.Stage) -> tuple[str, ...]:
+    """Purposes of shapes that a picture does not show: guides, and stand-ins for others that are there."""
+    shapes = (prim for prim in stage.Traverse(Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Gprim))
+    whole = any(UsdGeom.Imageable(prim).ComputePurpose() == UsdGeom.Tokens.render for prim in shapes)
+    return (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy) if whole else (UsdGeom.Tokens.guide,)
 
 
 def _parts(reading: _Reading, prim: Usd.Prim, number: int) -> Iterator[MeshPart]:
@@ -261,9 +293,8 @@ def _box_part(reading: _Reading, prim: Usd.Prim, kind: str) -> Iterator[MeshPart
     if np.linalg.det(matrix[:3, :3]) < 0:
         faces = faces[:, ::-1]
     corners = np.arange(numbers.size).reshape(-1, 3)
-    color = _display_color(reading, prim, corners, numbers, np.arange(len(faces)) // 2)
-    if color is None:
-        color = _flat_color(UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0], len(faces))
+    material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
+    color, _ = _color(reading, prim, material, corners, numbers, np.arange(len(faces)) // 2)
     yield MeshPart(vertices=vertices, faces=faces, corner_color=color, flat_color=True)
 
 
@@ -297,9 +328,7 @@ def _mesh_parts(reading: _Reading, prim: Usd.Prim) -> Iterator[MeshPart]:
         uv = None if texture is None or image < 0 else _uv(reading, prim, texture, corners, numbers, polygon)
         color, flat = None, False
         if uv is None:
-            color = _display_color(reading, prim, corners, numbers, polygon)
-            if color is None and texture is None:
-                color, flat = _flat_color(material, corners.shape[0]), True
+            color, flat = _color(reading, prim, material, corners, numbers, polygon, textured=texture is not None)
         yield MeshPart(
             vertices=vertices,
             faces=numbers[corners][chosen],
@@ -415,12 +444,39 @@ def _uv(
     return None
 
 
-def _display_color(
-    reading: _Reading, prim: Usd.Prim, corners: IntArray, numbers: IntArray, polygon: IntArray
-) -> FloatArray | None:
-    """(triangle, 3, 3) sRGB-encoded colours from the mesh's own (linear) display colour."""
-    color = _primvar(reading, prim, "displayColor", corners, numbers, polygon)
-    return None if color is None or color.shape[-1] != 3 else encode_srgb(color)
+def _color(
+    reading: _Reading,
+    prim: Usd.Prim,
+    material: UsdShade.Material | None,
+    corners: IntArray,
+    numbers: IntArray,
+    polygon: IntArray,
+    *,
+    textured: bool = False,
+) -> tuple[FloatArray | None, bool]:
+    """(triangle, 3, 3) sRGB-encoded colours where there is no texture, and whether they are one material's.
+
+    They are those of the variable that the material reads, or else the mesh's own display colour (both linear). Where
+    that is one colour for all, and the material has one, too, the material's is shown.
+    """
+    shown = None
+    for name in (_color_variable(material), "displayColor"):
+        if name is not None and shown is None:
+            values = _primvar(reading, prim, name, corners, numbers, polygon)
+            shown = None if values is None or values.shape[-1] != 3 else encode_srgb(values)
+    if textured or (shown is not None and (shown != shown[:1, :1]).any()):
+        return shown, False
+    flat = _flat_color(material, corners.shape[0])
+    return (shown, False) if flat is None else (flat, True)
+
+
+def _color_variable(material: UsdShade.Material | None) -> str | None:
+    """Name of the mesh's variable that a material takes its diffuse colour from."""
+    attribute = _producer(_surface_input(material))
+    shader = UsdShade.Shader(attribute.GetPrim()) if attribute else None
+    if not shader or not str(shader.GetIdAttr().Get()).startswith("UsdPrimvarReader"):
+        return None
+    return str(_value(shader, "varname", "")) or None
 
 
 def _flat_color(material: UsdShade.Material | None, count: int) -> FloatArray | None:

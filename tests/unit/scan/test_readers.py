@@ -509,6 +509,118 @@ def test_faces_of_a_usd_mesh_that_are_holes_are_none(tmp_path: Path) -> None:
     assert scan.bounds[1, 0] == 3.0
 
 
+BOX = np.array([(x, y, z) for z in (0, 2.6) for y in (0, 4) for x in (0, 5)])
+BOX_SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+BOX_M2 = 2 * (5 * 4 + 5 * 2.6 + 4 * 2.6)
+
+
+@pytest.fixture
+def read_usda(tmp_path: Path) -> Callable[..., Scan]:
+    pytest.importorskip("pxr", reason="the extra 'usd' is not installed")
+
+    def read(*, size: float = 1.0, sides=BOX_SIDES, **more: str) -> Scan:
+        path = tmp_path / "a.usda"
+        path.write_text(usd_mesh(size * BOX, sides, **more), encoding="utf-8")
+        return read_scan(path)
+
+    return read
+
+
+@pytest.mark.parametrize("metres", [0.1, 10.0, 0.9144])
+def test_a_usd_scene_may_be_in_any_unit(read_usda, metres: float) -> None:
+    scan = read_usda(size=1.0 / metres, unit=f"metersPerUnit = {metres}")
+    assert scan.areas.sum() == pytest.approx(BOX_M2)
+    assert any(f"{metres:g} m" in note for note in scan.record.notes)
+
+
+def material(value: str) -> str:
+    """A preview surface, whose diffuse colour is told by a line, with what reads a mesh's variable 'Col'."""
+    return f"""def Material "M" {{
+    token outputs:surface.connect = </r/M/S.outputs:surface>
+    def Shader "S" {{
+      uniform token info:id = "UsdPreviewSurface"
+      {value}
+      token outputs:surface
+    }}
+    def Shader "R" {{
+      uniform token info:id = "UsdPrimvarReader_float3"
+      string inputs:varname = "Col"
+      float3 outputs:result
+    }}
+  }}"""
+
+
+BOUND = "rel material:binding = </r/M>"
+RED = "color3f inputs:diffuseColor = (0.8, 0.1, 0.1)"
+READER = "color3f inputs:diffuseColor.connect = </r/M/R.outputs:result>"
+VARIABLE = '(0.8, 0.1, 0.1)] (interpolation = "constant")'
+
+
+@pytest.mark.parametrize(
+    ("of_mesh", "of_material"),
+    [
+        (f"color3f[] primvars:displayColor = [(0.18, 0.18, 0.18)]\n{BOUND}", RED),
+        (f"color3f[] primvars:displayColor = [{VARIABLE}\n{BOUND}", ""),
+        (f"color3f[] primvars:Col = [{VARIABLE}\ncolor3f[] primvars:displayColor = [(0, 0, 0)]\n{BOUND}", READER),
+    ],
+    ids=["the material's own", "the mesh's where it has none", "the variable that it reads"],
+)
+def test_a_usd_mesh_has_the_colour_that_its_material_shows(read_usda, of_mesh: str, of_material: str) -> None:
+    scan = read_usda(more=of_mesh, beside=material(of_material))
+    np.testing.assert_allclose(scan.face_colors(), np.tile([0.8, 0.1, 0.1], (12, 1)), atol=1e-6)
+
+
+def test_colours_that_differ_over_a_usd_mesh_count_for_more_than_a_materials_one(read_usda) -> None:
+    six = ", ".join(f"({i / 10}, 0.5, 0.5)" for i in range(6))
+    more = f'color3f[] primvars:displayColor = [{six}] (interpolation = "uniform")\n{BOUND}'
+    colors = read_usda(more=more, beside=material(RED)).face_colors()
+    np.testing.assert_allclose(colors[:, 0], np.repeat(np.arange(6) / 10, 2), atol=1e-6)
+
+
+def other_mesh(lines: str, name: str = "other") -> str:
+    corners = ", ".join(str(tuple(point)) for point in (BOX + [0, 0, 3]).tolist())
+    return f"""def Mesh "{name}" {{
+      {lines}
+      point3f[] points = [{corners}]
+      int[] faceVertexCounts = [4, 4]
+      int[] faceVertexIndices = [0, 1, 3, 2, 4, 6, 7, 5]
+    }}"""
+
+
+@pytest.mark.parametrize(
+    ("of_mesh", "beside", "what"),
+    [
+        ("", other_mesh('uniform token purpose = "guide"'), "guide"),
+        ('uniform token purpose = "render"', other_mesh('uniform token purpose = "proxy"'), "proxy"),
+        ("", 'def PointInstancer "many" {\n' + other_mesh("") + "\n}", "PointInstancer"),
+    ],
+)
+def test_what_a_picture_of_a_usd_scene_does_not_show_is_left_out(read_usda, of_mesh, beside, what) -> None:
+    scan = read_usda(more=of_mesh, beside=beside)
+    assert len(scan.faces) == 12
+    assert any(what in note for note in scan.record.notes)
+
+
+def test_stand_ins_in_a_usd_scene_are_shown_where_nothing_else_is(read_usda) -> None:
+    assert len(read_usda(more='uniform token purpose = "proxy"').faces) == 12
+
+
+def test_a_usd_scene_may_repeat_parts_of_its_own(read_usda) -> None:
+    beside = """def Xform "again" (
+    instanceable = true
+    references = </r/one>
+  ) {
+    double3 xformOp:translate = (0, 0, 10)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+  }
+  def Xform "one" {
+    %s
+  }"""
+    scan = read_usda(beside=beside % other_mesh(""))
+    assert len(scan.faces) == 12 + 4 + 4
+    assert scan.bounds[1, 2] == pytest.approx(2.6 + 3 + 10)
+
+
 @pytest.mark.parametrize("line", ["map_Kd t.png", "map_Kd -s 1 1 1 -bm 0.5 t.png", "  MAP_KD\tt.png  "])
 def test_the_texture_is_found_behind_options(tmp_path: Path, line: str) -> None:
     quadrants().save(tmp_path / "t.png")

@@ -74,6 +74,25 @@ def test_the_usd_library_warns_in_the_log_and_not_on_the_terminal(roomplan: Path
     assert any("USD library warned" in record.getMessage() for record in caplog.records)
 
 
+@pytest.mark.parametrize("size", [1.0, 100.0])
+def test_walls_of_a_roomplan_file_without_a_unit_are_as_thin(tmp_path: Path, size: float) -> None:
+    """Its unit is told by the room, after its walls of no thickness were made sheets of a centimetre."""
+    walls = [
+        ((0, 1.3, -2), (5, 2.6, 0.0001)), ((0, 1.3, 2), (5, 2.6, 0.0001)), ((-2.5, 1.3, 0), (0.0001, 2.6, 4)),
+        ((2.5, 1.3, 0), (0.0001, 2.6, 4)), ((0, 0.4, 0), (1.2, 0.8, 0.8)),
+    ]  # fmt: skip
+    text = '#usda 1.0\n( upAxis = "Y" )\ndef Xform "r" {\n'
+    for number, (place, sides) in enumerate(walls):
+        text += f'def Cube "Wall{number}" {{\ndouble size = 1\n'
+        text += f"double3 xformOp:translate = {tuple(size * each for each in place)}\n"
+        text += f"float3 xformOp:scale = {tuple(size * each for each in sides)}\n"
+        text += 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]\n}\n'
+    path = tmp_path / "Room.usda"
+    path.write_text(text + "}\n", encoding="utf-8")
+    scan = read_scan(path)
+    np.testing.assert_allclose(scan.bounds[1] - scan.bounds[0], [5.01, 4.01, 2.6], atol=1e-3)
+
+
 def test_shapes_that_are_not_read_are_counted(tmp_path: Path) -> None:
     shapes = (
         'def Cube "Wall0" {\n double size = 2\n}\ndef Sphere "a" {\n}\ndef Cylinder "b" {\n}\ndef Sphere "c" {\n}\n'
