@@ -4,6 +4,7 @@ This module does not use trimesh's reader, because that one silently ignores a m
 damaged line. Here each is an error with its line, or a note.
 """
 
+import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
@@ -18,18 +19,22 @@ from lidarspectra.spectra.colorimetry import encode_srgb
 
 _MAX_NUMBERS = 2**40  # larger indices than any file can hold
 _NO_INDEX = -1
+_MOST_FLOAT_COLOR = 2.0  # [1] of colours behind positions: brighter ones are bytes, 0 to 255
+_VECTOR_OPTIONS = ("-o", "-s", "-t")  # of map_Kd, of one to three numbers; whose others have their default
 _IMAGE_OPTION_ARGUMENTS = {
-    "-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-blendu": 1, "-blendv": 1, "-boost": 1, "-texres": 1, "-clamp": 1,
+    "-mm": 2, "-blendu": 1, "-blendv": 1, "-boost": 1, "-texres": 1, "-clamp": 1,
     "-bm": 1, "-imfchan": 1, "-type": 1, "-cc": 1,
 }  # fmt: skip  # options of map_Kd and how many words follow each (OBJ/MTL specification, B5)
 
 
 @dataclass(kw_only=True)
 class _Material:
-    """A material of an MTL file: diffuse colour [0-1] and texture's name."""
+    """A material of an MTL file: diffuse colour [0-1], texture's name, and scale and offset of its coordinates [1]."""
 
     color: tuple[float, float, float] | None = None
     texture: str | None = None
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(kw_only=True)
@@ -75,7 +80,7 @@ def read_obj(data: bytes, *, folder: FileFolder) -> RawMesh:
     """
     content = _parse(data, where=folder.where)
     materials: dict[str, _Material] = {}
-    for library in content.libraries:
+    for library in _file_names(content.libraries, folder):
         text = folder.read(library)
         if text is not None:
             materials.update(_parse_materials(text, where=f"{library} of {folder.where}"))
@@ -89,6 +94,14 @@ def read_obj(data: bytes, *, folder: FileFolder) -> RawMesh:
         parts.extend(_parts(faces, material, image, vertices, colors, uv))
     notes = missing_file_notes(folder.missing)
     return RawMesh(parts=tuple(parts), images=tuple(images), notes=notes)
+
+
+def _file_names(lines: Iterable[str], folder: FileFolder) -> Iterator[str]:
+    """Names in `mtllib` lines, of which one may hold several; a name may have spaces."""
+    for line in lines:
+        words = line.split()
+        several = len(words) > 1 and all(word.lower().endswith(".mtl") for word in words)
+        yield from words if several and not folder.holds(line) else [line]
 
 
 def _read_images(materials: Iterable[_Material], folder: FileFolder) -> tuple[dict[str, int], list[ByteArray]]:
@@ -120,6 +133,8 @@ def _lines(data: bytes) -> Iterator[tuple[int, str, str]]:
         pending = ""
         if joined and not joined.startswith("#"):
             keyword, _, rest = joined.replace("\t", " ").partition(" ")
+            if keyword in ("v", "vt", "f"):
+                rest = rest.partition("#")[0]  # a name may have that sign
             yield number, keyword, rest.strip()
 
 
@@ -188,7 +203,8 @@ def _vertex_arrays(rows: list[list[float]]) -> tuple[FloatArray, FloatArray | No
         return vertices, None
     colors = np.array([row[3:6] for row in rows], dtype=np.float64)
     with np.errstate(invalid="ignore"):
-        scale = 255.0 if np.nanmax(colors, initial=0.0) > 1.0 else 1.0  # some programs write bytes
+        # Some programs write bytes, others colours that rounding or light left a little above 1.
+        scale = 255.0 if np.nanmax(colors, initial=0.0) > _MOST_FLOAT_COLOR else 1.0
     return vertices, colors / scale
 
 
@@ -213,7 +229,8 @@ def _parts(
     corners, coordinates = numbers[places], np.array(faces.textures, dtype=np.int64)[places]
     textured = ((coordinates >= 0) & (coordinates < uv.shape[0])).all(axis=1) & (image >= 0)
     if textured.any():
-        yield MeshPart(vertices=vertices, faces=corners[textured], image=image, corner_uv=uv[coordinates[textured]])
+        corner_uv = uv[coordinates[textured]] * material.scale + material.offset
+        yield MeshPart(vertices=vertices, faces=corners[textured], image=image, corner_uv=corner_uv)
     plain = corners[~textured]
     if plain.size:
         color: FloatArray | None = None
@@ -233,7 +250,7 @@ def _parse_materials(data: bytes, *, where: str) -> dict[str, _Material]:
         if key == "newmtl":
             current = materials.setdefault(rest, _Material())
         elif key == "map_kd":
-            current.texture = _texture_name(rest)
+            current.texture, current.scale, current.offset = _texture_of(rest)
         elif key == "kd":
             try:
                 red, green, blue = (
@@ -250,9 +267,24 @@ def _parse_materials(data: bytes, *, where: str) -> dict[str, _Material]:
     return materials
 
 
-def _texture_name(rest: str) -> str:
-    """The file name of a `map_Kd` line, which may follow options."""
+def _texture_of(rest: str) -> tuple[str, tuple[float, float], tuple[float, float]]:
+    """The file name of a `map_Kd` line, which may follow options, and the scale and offset among these."""
     words = rest.split(" ")
-    while words and words[0] in _IMAGE_OPTION_ARGUMENTS:
-        words = words[1 + _IMAGE_OPTION_ARGUMENTS[words[0]] :]
-    return " ".join(words)
+    vectors = {"-s": (1.0, 1.0), "-o": (0.0, 0.0)}
+    while words and (words[0] in _VECTOR_OPTIONS or words[0] in _IMAGE_OPTION_ARGUMENTS):
+        option, words = words[0], words[1:]
+        if option in _VECTOR_OPTIONS:
+            numbers = [float(word) for word in itertools.takewhile(_is_number, words[:3])]
+            words = words[len(numbers) :]
+            usual = vectors.get(option, (0.0, 0.0))
+            vectors[option] = (numbers[0] if numbers else usual[0], numbers[1] if len(numbers) > 1 else usual[1])
+        else:
+            words = words[_IMAGE_OPTION_ARGUMENTS[option] :]
+    return " ".join(words).strip('"'), vectors["-s"], vectors["-o"]
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return bool(np.isfinite(float(word)))
+    except ValueError:
+        return False

@@ -2,6 +2,7 @@
 
 import io
 import logging
+import re
 import warnings
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ import trimesh
 from trimesh.visual.color import ColorVisuals
 from trimesh.visual.texture import TextureVisuals
 
-from lidarspectra.arrays import FloatArray
+from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.hardware.phone.raw_mesh import (
     PARSER_FAULTS,
     FileFolder,
@@ -19,6 +20,8 @@ from lidarspectra.hardware.phone.raw_mesh import (
     malformed,
     missing_file_notes,
 )
+
+_TEXTURE_FILE = re.compile(r"(?i)comment\s+texturefile\s+(.+)")
 
 
 class _NamesOnly(trimesh.resolvers.Resolver):
@@ -83,23 +86,71 @@ def read_ply_or_stl(data: bytes, kind: str, folder: FileFolder) -> RawMesh:
             warnings.filterwarnings("error", message=".*(could not be read to its end|invalid value).*")
             loaded = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=resolver, process=False)
             meshes = [item for item in loaded.geometry.values() if isinstance(item, trimesh.Trimesh)]
-            parts = tuple(_part(mesh) for mesh in meshes)
+            found = tuple((_part(mesh), _picture_numbers(mesh)) for mesh in meshes)
     except (*PARSER_FAULTS, ImportError, Warning) as cause:  # it imports decoders for odd text when it meets it
         raise malformed(cause, kind=kind.upper(), where=folder.where) from cause
     finally:
         trimesh_log.removeHandler(kept)
-    image = folder.read_image(resolver.names[0]) if resolver.names else None
-    if image is None:
-        parts = tuple(replace(part, image=-1, corner_uv=None) for part in parts)
+    names = _texture_names(data) or resolver.names if kind == "ply" and resolver.names else []
+    images, parts, more = _with_images(found, names, folder)
     # trimesh warns about images because the resolver above returns none.
     warned = [
         f"The reader of this format warned: '{text}'. Check that the scan is complete."
         for text in kept.messages
         if text != "unable to load image!"
     ]
-    notes = missing_file_notes(folder.missing) + tuple(warned)
+    notes = missing_file_notes(folder.missing) + more + tuple(warned)
     # These formats come from 3D printing and point clouds, where programs use z up.
-    return RawMesh(parts=parts, images=() if image is None else (image,), usual_up="+z", notes=notes)
+    return RawMesh(parts=parts, images=images, usual_up="+z", notes=notes)
+
+
+def _texture_names(data: bytes) -> list[str]:
+    """Names of pictures in the comments of a PLY's header, in order."""
+    header = data[: max(data.find(b"end_header"), 0)].decode("utf-8", errors="replace")
+    found = (_TEXTURE_FILE.match(line.strip()) for line in header.splitlines())
+    return [match[1].strip() for match in found if match]
+
+
+def _picture_numbers(mesh: trimesh.Trimesh) -> IntArray | None:
+    """(face,) which of a PLY's pictures each face is from ('texnumber'); None where it does not say."""
+    try:
+        numbers = np.asarray(mesh.metadata["_ply_raw"]["face"]["data"]["texnumber"], dtype=np.int64).ravel()
+    except (KeyError, ValueError, TypeError, IndexError):
+        return None
+    return numbers if numbers.size == len(mesh.faces) else None
+
+
+def _with_images(
+    parts: tuple[tuple[MeshPart, IntArray | None], ...], names: list[str], folder: FileFolder
+) -> tuple[tuple[ByteArray, ...], tuple[MeshPart, ...], tuple[str, ...]]:
+    """Pictures of these names, the parts cut by the picture that they are from, and notes."""
+    images: list[ByteArray] = []
+    place: dict[int, int] = {}
+    for number, name in enumerate(names):
+        if (image := folder.read_image(name)) is not None:
+            place[number] = len(images)
+            images.append(image)
+    cut: list[MeshPart] = []
+    unknown = 0
+    for part, told in parts:
+        if part.corner_uv is None or not images:
+            cut.append(replace(part, image=-1, corner_uv=None))
+            continue
+        numbers = np.zeros(len(part.faces), dtype=np.int64) if len(names) == 1 else told
+        if numbers is None:
+            numbers = np.full(len(part.faces), -1)
+        unknown += int(((numbers < 0) | (numbers >= len(names))).sum())
+        for number in np.unique(numbers).tolist():
+            those = numbers == number
+            uv = part.corner_uv[those] if number in place else None
+            cut.append(replace(part, faces=part.faces[those], image=place.get(number, -1), corner_uv=uv))
+    if not unknown:
+        return tuple(images), tuple(cut), ()
+    note = (
+        f"The file has {len(names)} pictures and does not say which of them {unknown} triangles are from: those have no"
+        " colour. Export the scan with one picture, or as GLB."
+    )
+    return tuple(images), tuple(cut), (note,)
 
 
 def _part(mesh: trimesh.Trimesh) -> MeshPart:

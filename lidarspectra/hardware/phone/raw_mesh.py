@@ -157,6 +157,11 @@ class FileFolder:
         self.missing.append(name)
         return None
 
+    def holds(self, name: str) -> bool:
+        """Whether there is a file of that name, as `read` would read it."""
+        names = dict.fromkeys((name, unquote(name)))
+        return any(self._content(self._inside(candidate)) is not None for candidate in names)
+
     def read_image(self, name: str) -> ByteArray | None:
         """Decode a texture that the scan names; None where there is no such file (see `read`)."""
         data = self.read(name)

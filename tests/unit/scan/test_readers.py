@@ -628,6 +628,45 @@ def test_the_texture_is_found_behind_options(tmp_path: Path, line: str) -> None:
     np.testing.assert_allclose(center_color(read_scan(path)), [1, 0, 0], atol=1e-5)  # v counts upwards in OBJ
 
 
+@pytest.mark.parametrize("options", ["-s 1 1 t.png", "-o 0 t.png", '"t.png"', "-t 1 -s 1 t.png"])
+def test_options_of_a_texture_may_have_fewer_numbers(tmp_path: Path, options: str) -> None:
+    quadrants().save(tmp_path / "t.png")
+    path = write_obj(tmp_path, "usemtl a\nf 1/1 2/1 3/1\n", f"newmtl a\nmap_Kd {options}\n")
+    np.testing.assert_allclose(center_color(read_scan(path)), [1, 0, 0], atol=1e-5)
+
+
+@pytest.mark.parametrize("line", ["-s 3 1", "-o 0.5 0 0", "-o 0.1 -s 2 1 1"])
+def test_a_texture_may_be_scaled_and_shifted(tmp_path: Path, line: str) -> None:
+    """Of a place in its left half each makes one in the right half."""
+    image = np.zeros((10, 10, 3), dtype=np.uint8)
+    image[:, 5:] = (0, 255, 0)
+    Image.fromarray(image).save(tmp_path / "t.png")
+    body = "vt 0.25 0.8\nusemtl a\nf 1/2 2/2 3/2\n"
+    scan = read_scan(write_obj(tmp_path, body, f"newmtl a\nmap_Kd {line} t.png\n"))
+    np.testing.assert_allclose(center_color(scan), [0, 1, 0], atol=1e-5)
+
+
+def test_one_line_may_name_several_material_files(tmp_path: Path) -> None:
+    (tmp_path / "b.mtl").write_text("newmtl b\nKd 0.2 0.4 0.6\n", encoding="utf-8")
+    path = write_obj(tmp_path, "usemtl b\nf 1 2 3\n", "newmtl a\nKd 1 1 1\n")
+    path.write_text(path.read_text(encoding="utf-8").replace("room.mtl", "room.mtl b.mtl"), encoding="utf-8")
+    scan = read_scan(path)
+    np.testing.assert_allclose(center_color(scan), [0.2, 0.4, 0.6], atol=1e-6)
+    (tmp_path / "room.mtl b.mtl").write_text("newmtl b\nKd 0.5 0.5 0.5\n", encoding="utf-8")
+    np.testing.assert_allclose(center_color(read_scan(path)), [0.5, 0.5, 0.5], atol=1e-6)
+
+
+def test_what_follows_a_sign_in_a_line_of_numbers_is_a_comment(tmp_path: Path) -> None:
+    scan = read_scan(write_obj(tmp_path, "v 9 9 9 # unused\nf 1 2 3 # one\nf 1 3 4#two\n"), up="+z", unit="m")
+    assert scan.areas.sum() == pytest.approx(9.0)
+
+
+def test_colours_a_little_above_one_are_no_bytes(tmp_path: Path) -> None:
+    path = tmp_path / "a.obj"
+    path.write_text("v 0 0 0 1.004 .5 0\nv 3 0 0 1 .5 0\nv 0 3 0 1 .5 0\nf 1 2 3\n", encoding="utf-8")
+    np.testing.assert_allclose(center_color(read_scan(path)), decode_srgb([1, 0.5, 0]), atol=1e-6)
+
+
 def test_names_with_spaces_and_windows_line_ends(tmp_path: Path) -> None:
     quadrants().save(tmp_path / "my room.png")
     path = tmp_path / "room.obj"
@@ -757,6 +796,37 @@ def test_progress_goes_from_zero_to_one(room_glb: Path) -> None:
         assert each[0] == 0.0
         assert each[-1] == 1.0
         assert each == sorted(each)
+
+
+@pytest.mark.parametrize(
+    ("extra", "rows", "expected", "noted"),
+    [
+        ("property int texnumber\n", (" 0", " 1"), [[1, 0, 0], [0, 0, 1]], False),
+        ("property int texnumber\n", (" 1", " 0"), [[0, 0, 1], [1, 0, 0]], False),
+        ("property int texnumber\n", (" 1", " 7"), [[0, 0, 1], None], True),
+        ("", ("", ""), [None, None], True),
+    ],
+)
+def test_faces_of_a_ply_have_the_picture_that_they_name(tmp_path: Path, extra, rows, expected, noted) -> None:
+    Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "red.png")
+    Image.new("RGB", (4, 4), (0, 0, 255)).save(tmp_path / "the blue.png")
+    path = tmp_path / "a.ply"
+    path.write_text(
+        "ply\nformat ascii 1.0\ncomment TextureFile red.png\ncomment TextureFile the blue.png\nelement vertex 4\n"
+        "property float x\nproperty float y\nproperty float z\nelement face 2\n"
+        "property list uchar int vertex_indices\nproperty list uchar float texcoord\n"
+        f"{extra}end_header\n0 0 0\n3 0 0\n0 3 0\n3 4 0\n"
+        f"3 0 1 2 6 0 0 1 0 0 1{rows[0]}\n3 1 3 2 6 0 0 1 0 0 1{rows[1]}\n",
+        encoding="utf-8",
+    )
+    scan = read_scan(path, up="+z", unit="m")
+    first = int(scan.areas.argmin())  # of 4.5 and 6 m²
+    for face, color in zip((first, 1 - first), expected, strict=True):
+        if color is not None:
+            np.testing.assert_allclose(scan.face_colors()[face], color, atol=1e-6)
+        else:
+            assert not scan.appearance.photographed[face]
+    assert any("which of them" in note for note in scan.record.notes) == noted
 
 
 # --- USD
