@@ -1,6 +1,15 @@
 """Numbers in sentences for readers."""
 
 COMMAS_FROM = 10_000  # [1]
+PLAIN_BELOW = 1e9  # [1] longer numbers are read by their exponent
+
+
+def digits(value: float, spec: str) -> str:
+    """A number as a format says, but large ones without an exponent: 1234.5 by '.3g' is '1230', not '1.23e+03'."""
+    text = format(value, spec)
+    if not spec.endswith("g") or "e+" not in text or abs(value) >= PLAIN_BELOW:
+        return text
+    return f"{'+' * text.startswith('+')}{float(text):.0f}"
 
 
 def two_digits(value: float) -> str:

@@ -8,6 +8,7 @@ import typer
 from lidarspectra.cli.options import WorkersOption
 from lidarspectra.cli.progress import progress_bar
 from lidarspectra.cli.terminal import console, print_note, say, shown
+from lidarspectra.words import digits
 
 
 def design(
@@ -33,7 +34,7 @@ def design(
         console.print()
     for note in found.notes:
         print_note(note)
-    say(f"Power: {found.power_W:.4g} W, before {found.power_before_W:.4g} W.")
+    say(f"Power: {digits(found.power_W, '.4g')} W, before {digits(found.power_before_W, '.4g')} W.")
     run_file, folder = save_design(found, run, force=force)
     if check:
         with progress_bar("tracing the design anew") as progress:

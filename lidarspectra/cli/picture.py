@@ -9,6 +9,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from lidarspectra.cli.options import WorkersOption
 from lidarspectra.cli.relight import order_words, parse_orders
 from lidarspectra.cli.terminal import console, print_note, say
+from lidarspectra.words import digits
 
 if TYPE_CHECKING:
     from lidarspectra.radiance.pictures.view import Projection
@@ -77,7 +78,9 @@ def picture(
     luminance = found.picture.luminance
     lit = luminance[luminance > 0]
     if lit.size:
-        console.print(f"luminance: median {sorted(lit)[lit.size // 2]:.3g}, highest {lit.max():.3g} cd/m²")
+        console.print(
+            f"luminance: median {digits(sorted(lit)[lit.size // 2], '.3g')}, highest {digits(lit.max(), '.3g')} cd/m²"
+        )
     if any(order.dim == 0 for order in orders):
         print_note(OFF_NOTE)
     # How well the light is known holds for the run's own; what is guessed holds for any of its lamps.

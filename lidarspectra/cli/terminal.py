@@ -8,6 +8,7 @@ from rich.table import Table as ShownTable
 from rich.text import Text
 
 from lidarspectra.errors import LidarSpectraError
+from lidarspectra.words import digits
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -86,5 +87,5 @@ def shown(table: "Table") -> CaptionedTable:
 
 def _cell(value: object, number_format: str) -> str:
     if isinstance(value, float):
-        return format(value, number_format) if not math.isnan(value) else "–"
+        return digits(value, number_format) if not math.isnan(value) else "–"
     return str(value)

@@ -1,6 +1,6 @@
 import pytest
 
-from lidarspectra.words import counted, duration_words, two_digits, were
+from lidarspectra.words import counted, digits, duration_words, two_digits, were
 
 
 @pytest.mark.parametrize(
@@ -9,6 +9,23 @@ from lidarspectra.words import counted, duration_words, two_digits, were
 )
 def test_a_noun_agrees_with_its_number(number: int, noun: str, words: str) -> None:
     assert counted(number, noun) == words
+
+
+@pytest.mark.parametrize(
+    ("value", "spec", "words"),
+    [
+        (1012.3, ".3g", "1010"),
+        (-123_456.0, "+.4g", "-123500"),
+        (4812.0, "+.2g", "+4800"),
+        (234.6, ".3g", "235"),
+        (0.0001234, ".2e", "1.23e-04"),
+        (1234.0, ".2e", "1.23e+03"),
+        (2e12, ".3g", "2e+12"),
+        (1234.5, ".1f", "1234.5"),
+    ],
+)
+def test_a_large_number_is_written_in_its_digits(value: float, spec: str, words: str) -> None:
+    assert digits(value, spec) == words
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
     draw_points,
 )
 from lidarspectra.mapping.maps.interpolation import plan_places, point_planes
+from lidarspectra.words import digits
 
 CELLS_ACROSS = 140  # a panel is half a page wide
 LEFT_IN, RIGHT_IN, GAP_IN, TOP_IN, BETWEEN_IN, BOTTOM_IN = 0.5, 0.75, 0.15, 0.32, 0.42, 0.72  # [in]
@@ -121,7 +122,7 @@ def design_figure(
                 _draw_lamp(axes, each.lamp, each.after if column else each.before)
             draw_frame(axes, plan, left=column == 0, bottom=row == rows - 1)
             when = "after" if column else "before"
-            axes.set_title(f"{when}: mean {float(values[chosen].mean()):.3g} {shown.unit}", pad=3.0)
+            axes.set_title(f"{when}: mean {digits(float(values[chosen].mean()), '.3g')} {shown.unit}", pad=3.0)
         bar = (LEFT_IN + 2 * width + 2 * GAP_IN, bottom + 0.04 * height, 0.12, 0.92 * height)
         draw_colorbar(figure, bar, norm, LIGHT_MAP, label=f"{shown.words} [{shown.unit}]")
     words = "lamps with their dimming [%], pale where off"

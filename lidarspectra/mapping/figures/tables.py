@@ -12,6 +12,7 @@ import pandas as pd
 from lidarspectra.errors import MapError
 from lidarspectra.io.files import writing
 from lidarspectra.mapping.figures.printable import printable
+from lidarspectra.words import digits
 
 FILE_NAME = re.compile(r"[a-z0-9][a-z0-9-]*")  # ours to choose; never a user's words
 SWATCH = re.compile(r"#[0-9a-f]{6}")
@@ -132,7 +133,7 @@ def _words(value: object, number_format: str) -> str:
     if isinstance(value, int | np.integer):
         return f"{value:d}"
     if isinstance(value, float | np.floating):
-        return format(float(value), number_format).replace("-", "−") if np.isfinite(value) else EMPTY
+        return digits(float(value), number_format).replace("-", "−") if np.isfinite(value) else EMPTY
     return EMPTY if value is None else printable(str(value))
 
 

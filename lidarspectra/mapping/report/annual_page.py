@@ -14,6 +14,7 @@ from lidarspectra.mapping.photometry.annual_metrics import COLUMNS, OCCUPIED_H, 
 from lidarspectra.mapping.photometry.figures import point_maps
 from lidarspectra.mapping.report import report_page as html
 from lidarspectra.mapping.report.report_writer import ReportWriter
+from lidarspectra.words import digits
 
 PAGE = "index.html"
 MAPPED = {
@@ -82,9 +83,10 @@ def write_annual_page(
 
 
 def _summary(room: pd.DataFrame, writer: ReportWriter, notes: tuple[str, ...]) -> str:
+    texts = room[["value", "low", "high"]].map(lambda value: digits(value, ".3g"))
     entries = [
-        (str(row.metric), f"{row.value:.3g} {row.unit}", f"{row.low:.3g} to {row.high:.3g} within the noise")
-        for row in room.itertuples()
+        (str(row.metric), f"{text.value} {row.unit}", f"{text.low} to {text.high} within the noise")
+        for row, text in zip(room.itertuples(), texts.itertuples(), strict=True)
         if row.metric in ON_CARDS
     ]
     words = (

@@ -13,7 +13,7 @@ from lidarspectra.mapping.report import report_page as html
 from lidarspectra.mapping.report.report_input import ReportInput
 from lidarspectra.mapping.report.report_page import Fact
 from lidarspectra.mapping.report.trust import trust_card
-from lidarspectra.words import counted
+from lidarspectra.words import counted, digits
 
 TRUST = "trust"  # anchor of the table
 
@@ -40,7 +40,7 @@ def _facts_of_eye(report: ReportInput) -> tuple[Fact, ...]:
     return (
         Fact(
             name="Mean illuminance",
-            value=f"{lux.mean():.3g} lx",
+            value=f"{digits(float(lux.mean()), '.3g')} lx",
             remark=f"{_uncertain(report, float(error.mean()))}; {lux.min():.0f} to {lux.max():.0f} lx{guessed}",
             fact="mean",
             key="illuminance_lx",
@@ -50,7 +50,7 @@ def _facts_of_eye(report: ReportInput) -> tuple[Fact, ...]:
         _uniformity(lux, key="illuminance_lx", of="the illuminance"),
         Fact(
             name="Melanopic EDI",
-            value=f"{melanopic.mean():.3g} lx",
+            value=f"{digits(float(melanopic.mean()), '.3g')} lx",
             remark=f"mean{ratio}{colors}",
             fact="mean",
             key="melanopic_edi_lx",

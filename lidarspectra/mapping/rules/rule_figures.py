@@ -21,6 +21,7 @@ from lidarspectra.mapping.figures.figure_style import (
 )
 from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.rules.rule_record import LookRow, RuleRecord, RuleRow
+from lidarspectra.words import digits
 
 ROW_IN = 0.27  # [in]
 WORDS_IN, NUMBERS_IN = 4.6, 1.5  # [in] of the columns left and right
@@ -46,9 +47,9 @@ def rules_table(record: RuleRecord) -> Table:
             "requirement": [row.what for row in record.rows],
             "where": [row.where for row in record.rows],
             "limit": [f"{row.sense} {row.limit:g} {row.unit}".rstrip() for row in record.rows],
-            "as traced": [f"{row.traced:.3g}" for row in record.rows],
-            "best estimate": [f"{row.value:.3g}" for row in record.rows],
-            "5 to 95 %": [f"{row.low:.3g} to {row.high:.3g}" for row in record.rows],
+            "as traced": [digits(row.traced, ".3g") for row in record.rows],
+            "best estimate": [digits(row.value, ".3g") for row in record.rows],
+            "5 to 95 %": [f"{digits(row.low, '.3g')} to {digits(row.high, '.3g')}" for row in record.rows],
             "probability": [chance_words(row.probability) for row in record.rows],
         }
     )

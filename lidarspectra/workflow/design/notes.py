@@ -9,7 +9,7 @@ from lidarspectra.mapping.design.solving import Obstacles
 from lidarspectra.mapping.photometry.channel_estimate import channel_estimate
 from lidarspectra.mapping.photometry.indoor_spectra import indoor_spectra
 from lidarspectra.radiance.sampling.folding import MAX_SPECTRUM_ERROR
-from lidarspectra.words import two_digits
+from lidarspectra.words import digits, two_digits
 from lidarspectra.workflow.calibration.light import RunRoom
 from lidarspectra.workflow.design.lamps import ASSUMED_EFFICACY_LM_W, DesignedLamp, DesignLamps
 from lidarspectra.workflow.design.light import DesignLight
@@ -41,9 +41,8 @@ def shortfall_words(
             off = 100.0 * abs(value / condition.wanted - 1.0)
             unit = "" if condition.kind == "uniformity" else f" {condition.unit}"
             side = "over" if condition.kind == "at most" else "short"
-            missed.append(
-                f"'{condition.target}' ({condition.words}) comes to {value:.4g}{unit}, {two_digits(off)} % {side}"
-            )
+            found = f"comes to {digits(value, '.4g')}{unit}, {two_digits(off)} % {side}"
+            missed.append(f"'{condition.target}' ({condition.words}) {found}")
     words = f"The targets cannot all be met. The least violated design has: {'; '.join(missed)}."
     if blocked is None:
         return words
