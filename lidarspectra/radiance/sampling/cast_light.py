@@ -10,6 +10,7 @@ left to the engine, which adds the lamps' images to its answer.
                   heuristic): f/(N (p₁ + p₂)), p₁ = cos θ/π, p₂ = d²/(A cos θ'), f = (L/Φ) cos θ V
     sphere        directions even over the cone that it fills, of solid angle 2π (1 - √(1 - r²/d²))
     once          S(x) = 1/N Σ ρ(y) E(y) over the first hits y of rays in proportion to the cosine at x
+    receptors     of another response R(θ) than cos θ: direct light with the factor R(θ)/cos θ
 
 V is the share that arrives: 0 behind the room's surfaces and other lamps, T of every pane of glass passed.
 
@@ -30,7 +31,7 @@ import numpy as np
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.lamps.surfaces import Circle, Rectangle, Sphere
 from lidarspectra.radiance.sampling.arrivals import Surfaces
-from lidarspectra.radiance.sampling.receptors import cosine_directions, tangents
+from lidarspectra.radiance.sampling.receptors import Receptor, cosine_directions, tangents
 from lidarspectra.radiance.sampling.sensor_rays import SENSOR_OFFSET_M, Sensors
 from lidarspectra.radiance.scene.scene_record import RadianceScene, ScenePass
 from lidarspectra.radiance.scene.shining import ShiningSurface
@@ -130,7 +131,10 @@ class CastLight:
             part = points[first : first + chunk]
             places, normals = np.tile(sensors.positions[part], (sets, 1)), np.tile(sensors.normals[part], (sets, 1))
             for each in self.shining:
-                light = self._direct(each, places, normals, rays=rays, near_rays=NEAR_RAYS * size, generator=generator)
+                light = self._direct(
+                    each, places, normals, rays=rays, near_rays=NEAR_RAYS * size, generator=generator,
+                    receptor=sensors.receptor,
+                )  # fmt: skip
                 found[:, self.lamps.index(each.lamp), first : first + chunk] += light.reshape(sets, -1)
         return found[:, self.rows]
 
@@ -185,13 +189,16 @@ class CastLight:
         rays: int,
         near_rays: int,
         generator: np.random.Generator,
+        receptor: Receptor | None = None,
     ) -> FloatArray:
-        """(place,) light straight from one surface of a lamp, per unit of its flux [m⁻²]."""
+        """(place,) light straight from one surface of a lamp, as a receptor reads it, per unit of its flux [m⁻²]."""
         found = np.zeros(len(places))
         lift = SENSOR_OFFSET_M * normals  # clear of the sensor's own surface
         for where, ways, values in light_samples(
             shining, places, normals, rays=rays, near_rays=near_rays, near=NEAR, generator=generator
         ):
+            if receptor is not None and not receptor.is_cosine:
+                values[:] *= receptor.over_cosine(np.einsum("prk,pk->pr", _unit(ways)[0], normals[where]))
             lit = np.nonzero(values > 0)
             here = where[lit[0]]
             values[lit] *= self.surfaces.light_through(

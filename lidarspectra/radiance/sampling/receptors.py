@@ -69,6 +69,12 @@ class Receptor:
         angles, cumulative, _ = self._curve
         return np.interp(share, cumulative, angles)
 
+    def over_cosine(self, cosine: FloatArray) -> FloatArray:
+        """R(θ)/cos θ [1] for some cosines; 0 behind the sensor and beyond the last angle."""
+        angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        response = np.interp(angle, self.angles_deg, self.response, right=0.0)
+        return np.where(cosine > 0, response / np.where(cosine > 0, cosine, 1.0), 0.0)
+
     @cached_property
     def _curve(self) -> tuple[FloatArray, FloatArray, float]:
         """Angles [rad], the share of ∫R dω within each, and ∫R dω [sr]."""

@@ -51,10 +51,9 @@ class Request:
     direct_mean: FloatArray | None = None
     keeps_batches: bool = True
 
-    @property
-    def samplers(self) -> tuple[Sampler, ...]:
-        """Those whose light is traced."""
-        every = samplers_of(self.receptor)
+    def samplers(self, *, all_cast: bool) -> tuple[Sampler, ...]:
+        """Those whose light is traced of a pass, all lamps of which can be cast, or not."""
+        every = samplers_of(self.receptor, all_cast=all_cast)
         return every if self.direct_mean is None else tuple(each for each in every if each is not DIRECT)
 
     @property

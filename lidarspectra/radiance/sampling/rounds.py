@@ -177,9 +177,10 @@ def _components(
     scene: RadianceScene, request: Request, sensors: Sensors, surveyed: Survey | None = None
 ) -> list[Component]:
     return [
-        _component(scene, scene_pass, sampler, request, len(sensors.positions), surveyed)
+        _component(scene, scene_pass, sampler, cast, request, len(sensors.positions), surveyed)
         for scene_pass in scene.passes
-        for sampler in request.samplers
+        for cast in (CastLight.of(scene, scene_pass, request.surfaces),)
+        for sampler in request.samplers(all_cast=cast is not None and cast.has_all_lamps)
     ]
 
 
@@ -187,13 +188,14 @@ def _component(
     scene: RadianceScene,
     scene_pass: ScenePass,
     sampler: Sampler,
+    cast: CastLight | None,
     request: Request,
     count: int,
     surveyed: Survey | None,
 ) -> Component:
     """Without samples, for so many points."""
     keep, shares = Batches if request.keeps_batches else Moments, sampler.is_shared
-    cast = CastLight.of(scene, scene_pass, request.surfaces) if sampler in (DIRECT, ONCE) else None
+    cast = cast if sampler in (DIRECT, ONCE) else None
     is_grey = sampler is DIRECT and cast is not None and cast.has_all_lamps
     return Component(
         sampler=sampler,

@@ -1,8 +1,10 @@
 """The trace's samplers: each knows one part of a sensor's light, and how the engine is asked for it.
 
 A cosine receptor's light is the sum of three (see `options`): `DIRECT`, reflected `ONCE`, and reflected more `OFTEN`,
-whose paths all sensors share. Any other receptor takes all its light by one, `VIEW`. The first two are spared the
-engine where `cast_light` can do without it.
+whose paths all sensors share. Any other receptor takes what is reflected by `REFLECTED_VIEW`, and the light straight
+from lamps that can be cast by `DIRECT`: a small lamp that rays at random do not meet would be missing, and no spread
+would say so. Lamps that cannot be cast (windows, all lamps where there are panes) are met by the rays of `VIEW`. The
+first two are spared the engine where `cast_light` can do without it.
 """
 
 from dataclasses import dataclass
@@ -118,8 +120,11 @@ DIRECT = _Direct("direct")
 ONCE = _Once("once", glass="images")
 OFTEN = _Often("often", is_shared=True)
 VIEW = Sampler("view", lamps_visible=True)
+REFLECTED_VIEW = Sampler("view")
 
 
-def samplers_of(receptor: Receptor) -> tuple[Sampler, ...]:
-    """Those whose light adds up to a receptor's."""
-    return (DIRECT, ONCE, OFTEN) if receptor.is_cosine else (VIEW,)
+def samplers_of(receptor: Receptor, *, all_cast: bool) -> tuple[Sampler, ...]:
+    """Those whose light adds up to a receptor's, where all lamps of a pass can be cast, or not."""
+    if receptor.is_cosine:
+        return (DIRECT, ONCE, OFTEN)
+    return (DIRECT, REFLECTED_VIEW) if all_cast else (VIEW,)

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from lidarspectra.radiance.sampling.cast_light import CastLight
+from lidarspectra.radiance.sampling.receptors import Receptor, cone_receptor
 from lidarspectra.radiance.sampling.trace import trace
 from lidarspectra.spectra.spectrum import Spectrum
 
@@ -147,3 +149,35 @@ def test_two_colours_of_one_luminaire_each_send_what_it_would_alone(
         # Six points of 1 %. As two surfaces in one place, the first lacked a tenth of its light, and of bulbs four
         # fifths.
         np.testing.assert_allclose(means, 1.0, atol=0.03)
+
+
+@pytest.mark.parametrize(("shape", "size"), [("point", 0.01), ("disc", 0.05)])
+def test_a_sensor_of_restricted_view_has_the_light_of_small_lamps_within_it(
+    rooms, sensors, section, shape: str, size: float
+) -> None:
+    # Rays at random within the view met none of them, and all of these said 0 with an error of 0.
+    height, beside = 2.0, np.array([0.0, 0.3, 0.7, 0.8, 1.5])
+    scene = rooms.scene([rooms.lamp(shape, (0.0, 0.0, height), size)])
+    places = sensors(np.stack([beside, np.zeros(5), np.zeros(5)], axis=1), UP)
+    cosine = height / np.hypot(beside, height)
+    per_flux = 1.0 / (4 * np.pi) if shape == "point" else cosine / np.pi
+    full = per_flux * cosine / (beside**2 + height**2)
+    narrow = trace(scene, places, receptor=cone_receptor(20.5), **section(), seed=1)
+    within = np.degrees(np.arccos(cosine)) < 20.5
+    assert within.tolist() == [True, True, True, False, False]
+    np.testing.assert_allclose(narrow["coefficient"].to_numpy()[0], (full * within)[:, None] * np.ones(3), rtol=0.01)
+    flat = Receptor(angles_deg=np.array([0.0, 60.0]), response=np.array([2.0, 2.0]))
+    twice = trace(scene, places, receptor=flat, **section(), seed=1)
+    np.testing.assert_allclose(twice["coefficient"].to_numpy()[0, :, 0], 2.0 * full / cosine, rtol=0.01)
+
+
+@pytest.mark.parametrize("receptor", [cone_receptor(20.5), cone_receptor(70.0)])
+def test_a_restricted_view_of_a_room_by_both_ways(rooms, sensors, section, monkeypatch, receptor: Receptor) -> None:
+    lamps = [rooms.lamp("panel", (0.9, 1.0, 1.9), (0.7, 0.7)), rooms.lamp("bulb", (1.6, 0.5, 1.2), 0.3, name="bulb")]
+    scene = rooms.scene(lamps, [(rooms.room(2.0), 0.6)])
+    places = sensors(np.array([[x, y, 0.3] for x in (0.6, 1.0, 1.5) for y in (0.5, 1.1)]), UP)
+    aimed = trace(scene, places, receptor=receptor, **section(), seed=1)["coefficient"].to_numpy()
+    monkeypatch.setattr(CastLight, "has_all_lamps", property(lambda self: False))
+    met = trace(scene, places, receptor=receptor, **section(), seed=2)["coefficient"].to_numpy()
+    # both lamps are large: rays at random meet them. Six points of 1 to 2 % of the light.
+    np.testing.assert_allclose(aimed.mean(axis=1), met.mean(axis=1), rtol=0.02)

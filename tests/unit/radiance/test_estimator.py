@@ -29,7 +29,7 @@ from lidarspectra.radiance.sampling.receptors import FIBONACCI, cone_receptor, c
 from lidarspectra.radiance.sampling.request import Log, Request
 from lidarspectra.radiance.sampling.rounds import share_done
 from lidarspectra.radiance.sampling.running_means import Batches, Weights
-from lidarspectra.radiance.sampling.samplers import DIRECT, OFTEN, ONCE, VIEW, Kind, samplers_of
+from lidarspectra.radiance.sampling.samplers import DIRECT, OFTEN, ONCE, REFLECTED_VIEW, VIEW, Kind, samplers_of
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
 SAMPLERS = {sampler.kind: sampler for sampler in (DIRECT, ONCE, OFTEN, VIEW)}
@@ -286,8 +286,11 @@ def test_where_many_passes_add_up_a_single_direction_of_each_may_do() -> None:
 
 def test_the_samplers_of_a_receptor_make_up_its_light() -> None:
     options = component(1).options
-    assert [sampler.bounces(options) for sampler in samplers_of(cosine_receptor())] == [3, 1, 3]
-    assert samplers_of(cone_receptor(20.0)) == (VIEW,)
+    for all_cast in (True, False):
+        samplers = samplers_of(cosine_receptor(), all_cast=all_cast)
+        assert [sampler.bounces(options) for sampler in samplers] == [3, 1, 3]
+    assert samplers_of(cone_receptor(20.0), all_cast=False) == (VIEW,)
+    assert samplers_of(cone_receptor(20.0), all_cast=True) == (DIRECT, REFLECTED_VIEW)
     assert [sampler.kind for sampler in SAMPLERS.values() if sampler.lamps_visible] == ["view"]
     assert DIRECT.measure_sr(cosine_receptor()) == 1.0  # the engine's answer is irradiance
     assert ONCE.measure_sr(cosine_receptor()) == pytest.approx(np.pi)  # a mean radiance
