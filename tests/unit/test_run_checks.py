@@ -10,6 +10,9 @@ import trimesh
 
 import lidarspectra as ls
 from lidarspectra.errors import LidarSpectraError
+from lidarspectra.lamps.lamp_spectra import cct_spectrum, luminous_flux_lm
+from lidarspectra.spectra.databases import lamp_spectrum
+from lidarspectra.workflow.checks.input_checks import WHITE_LEDS_K
 from lidarspectra.workflow.checks.plausible_numbers import LUMINOUS_FLUX
 from lidarspectra.workflow.checks.scan_checks import extent_of_stage
 from lidarspectra.workflow.run_folder.workspace import STAGES
@@ -358,6 +361,27 @@ def test_a_fault_that_many_lamps_have_is_one(write: Write) -> None:
     run_file = write(("LED-B3", "LED-B33"), ('spectrum = "A"', 'spectrum = "LED-B33"'))
     (fault,) = ls.check(run_file).faults
     assert fault.where == "room.toml, lamps.1.spectrum, lamps.2.spectrum"
+
+
+def test_a_colour_temperature_is_asked_about_since_an_led_sends_another_spectrum(write: Write) -> None:
+    (note,) = ls.check(write(('spectrum = "LED-B3"', "cct_k = 4000"))).notes
+    assert "lamps.1.cct_k: 4000 K stands for a thermal lamp's spectrum" in note
+    assert 'spectrum = "LED-B3" (4103 K)' in note
+    (by_day,) = ls.check(write(('spectrum = "LED-B3"', "cct_k = 6500"))).notes
+    assert "daylight's" in by_day
+    assert '"LED-B5"' in by_day
+    assert ls.check(write(('spectrum = "LED-B3"', 'spectrum = "A"'))).notes == ()
+
+
+@pytest.mark.parametrize("name", WHITE_LEDS_K)
+def test_a_white_led_sends_as_little_at_both_ends_as_is_said(name: str) -> None:
+    wavelengths = np.array([410.0, 680.0, 730.0])
+    led, thermal = lamp_spectrum(name).spectrum, cct_spectrum(WHITE_LEDS_K[name])
+    per_lm = [each.at(wavelengths, outside="zero") / luminous_flux_lm(each) for each in (led, thermal)]
+    ratio = per_lm[0] / per_lm[1]
+    assert ratio[1] == pytest.approx(1 / 3, abs=0.05)
+    assert ratio[0] < 0.1
+    assert ratio[2] < 0.105
 
 
 @pytest.mark.parametrize(

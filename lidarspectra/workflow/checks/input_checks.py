@@ -16,7 +16,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.decimation import load_decimation
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.lamps.ies import CandelaTable
-from lidarspectra.lamps.lamp_spectra import cct_spectrum, luminous_flux_lm
+from lidarspectra.lamps.lamp_spectra import DAYLIGHT_FROM_K, cct_spectrum, luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.lamps.shapes import Luminaire
 from lidarspectra.material.assignments import check_assignments, read_assignments
@@ -41,6 +41,8 @@ from lidarspectra.workflow.run_folder.inputs import Inputs
 from lidarspectra.workflow.run_folder.lamps_of_run import resolve_lamps
 from lidarspectra.workflow.run_folder.sensing_of_run import receptor_of_run
 
+WHITE_LEDS_K = {"LED-B1": 2733.0, "LED-B2": 2998.0, "LED-B3": 4103.0, "LED-B4": 5109.0, "LED-B5": 6598.0}
+"""[K] of the built-in white LEDs with blue chip and phosphor (CIE 15:2018, Table 12)."""
 MAX_PER_CORE = 4  # processes per core, above which the user is asked
 
 
@@ -138,6 +140,8 @@ def _lamp(key: str, section: LampSection, bands: BandSet | None, base: Path, fin
     light = "cct_k" if section.spectrum is None else "spectrum"
     with findings.at(f"{key}.{light}"):
         _require_seen(_spectrum(section.spectrum, section.cct_k, base), bands)
+    if section.cct_k is not None and section.shape != "window":
+        _ask_about_color(f"{key}.cct_k", section.cct_k, findings)
     if findings.is_faulty(key):
         return None
     with findings.at(key if section.file is None else f"{key}.file"):
@@ -145,6 +149,19 @@ def _lamp(key: str, section: LampSection, bands: BandSet | None, base: Path, fin
         _check_flux(key, section, lamp, findings)
         return next(iter(resolve_lamps([section], base)), None)
     return None
+
+
+def _ask_about_color(key: str, cct_k: float, findings: Findings) -> None:
+    """Tell what a colour temperature stands for, since most lamps are LEDs and an LED sends another spectrum."""
+    led, led_k = min(WHITE_LEDS_K.items(), key=lambda each: abs(1.0 / each[1] - 1.0 / cct_k))  # as the eye tells them
+    kind = "a thermal lamp's" if cct_k < DAYLIGHT_FROM_K else "daylight's"
+    findings.ask(
+        key,
+        f"{cct_k:g} K stands for {kind} spectrum. A white LED of that colour and flux sends a third of what this does "
+        "at 680 nm, and about a tenth or less at 410 and 730 nm. For an LED give in its place "
+        f'spectrum = "{led}" ({led_k:.0f} K), or the lamp\'s own; for a halogen lamp spectrum = "A", which is not '
+        "asked about.",
+    )
 
 
 def _check_flux(key: str, section: LampSection, lamp: Lamp, findings: Findings) -> None:
@@ -185,6 +202,8 @@ def _check_light(inputs: Inputs, scan: Scan | None, bands: BandSet | None, findi
         findings.number("lamps_from_scan.luminous_exitance_lm_m2", found.luminous_exitance_lm_m2, plausible.EXITANCE)
         with findings.at("lamps_from_scan.spectrum" if found.spectrum is not None else "lamps_from_scan.cct_k"):
             _require_seen(_spectrum(found.spectrum, found.cct_k, inputs.base), bands)
+        if found.cct_k is not None:
+            _ask_about_color("lamps_from_scan.cct_k", found.cct_k, findings)
         if scan is not None and not scan.appearance.known:
             findings.refuse(
                 "lamps_from_scan",
