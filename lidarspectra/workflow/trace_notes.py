@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import xarray as xr
 
 from lidarspectra.radiance.sampling.stated_error import opening_in_words
+from lidarspectra.radiance.sampling.transport import MET_BY_CHANCE
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.words import two_digits
 
@@ -47,6 +48,13 @@ def trace_warnings(
         warnings.append(
             f"No light of {', '.join(dark)} reaches any sensor point: it may lie inside a wall or furniture, or behind "
             "one. Look at the floor plan in the report, and correct its place."
+        )
+    if met := str(transport.attrs.get(MET_BY_CHANCE, "")):
+        names = ", ".join(f"'{name}'" for name in met.split("\n"))
+        warnings.append(
+            f"Sensors of a restricted view have the light straight from {names} as far as rays at random meet it: "
+            "where one of these is small and in view, as the sun is, its light may be missing, and the standard error "
+            "does not tell. Look at such places with the cosine receptor as well."
         )
     achieved, target = transport.attrs["achieved_relative_se"], transport.attrs["target_relative_se"]
     if achieved > target:

@@ -255,6 +255,17 @@ def test_a_lamp_that_lights_no_point_is_named() -> None:
     assert "'seen'" not in warning
 
 
+def test_lamps_that_rays_of_a_restricted_view_must_meet_are_named() -> None:
+    transport = xr.Dataset(
+        {"coefficient": (("lamp", "point", "band"), np.ones((2, 1, 1)))},
+        coords={"lamp": ["sun", "panel"]},
+        attrs={"achieved_relative_se": 0.0, "target_relative_se": 0.01, "lamps_met_by_chance": "sun"},
+    )
+    points = SensorPoints(positions=[[0, 0, 0]], normals=[[0, 0, 1]], buried=[False])
+    (warning,) = trace_notes.trace_warnings(transport, points)
+    assert "straight from 'sun' as far as rays at random meet it" in warning
+
+
 def test_points_that_missed_a_target_of_their_own_are_counted() -> None:
     transport = xr.Dataset(
         {

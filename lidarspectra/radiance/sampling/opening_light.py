@@ -112,7 +112,8 @@ def opening_light(
         closed=closed,
     )
     number, openings = around.openings()
-    if share[~points.buried].mean() < MIN_SHARE or not number.size:
+    counted = ~points.buried if not points.buried.all() else points.buried
+    if share[counted].mean() < MIN_SHARE or not number.size:
         return nothing
     chosen = np.random.default_rng(seed).choice(
         number.size, size=min(SAMPLES, number.size), replace=False, p=openings.rays / openings.rays.sum()

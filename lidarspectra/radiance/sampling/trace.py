@@ -25,6 +25,7 @@ from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.radiance.engine.engine import Engine, find_engine
 from lidarspectra.radiance.engine.options import NOISES_OF, Accuracy, Noise, NoiseOf, bounces_of, noise_level
 from lidarspectra.radiance.sampling.arrivals import load_surfaces
+from lidarspectra.radiance.sampling.cast_light import CastLight
 from lidarspectra.radiance.sampling.estimator import BATCHES
 from lidarspectra.radiance.sampling.receptors import Receptor, cosine_receptor
 from lidarspectra.radiance.sampling.request import Log, Request
@@ -33,7 +34,7 @@ from lidarspectra.radiance.sampling.running_means import Batches, Moments
 from lidarspectra.radiance.sampling.sensor_rays import Sensors
 from lidarspectra.radiance.sampling.stated_error import stated_error
 from lidarspectra.radiance.sampling.survey import Survey, survey
-from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, make_transport
+from lidarspectra.radiance.sampling.transport import KEPT_BATCH_VALUES, MET_BY_CHANCE, make_transport
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.threads import cores_for
@@ -83,7 +84,8 @@ def trace(
         Parallel processes; one per core by default.
     receptor : Receptor, optional
         Angular response of the sensor; by default the cosine receptor, which reads irradiance. With another one
-        'irradiance' is ∫ L R dω.
+        'irradiance' is ∫ L R dω. The sun, windows, and in rooms with panes of glass or mirrors all lamps are then seen
+        as far as rays at random meet them: the attribute 'lamps_met_by_chance' names them, a line each.
     engine : Engine, optional
         Default: the one that pyradiance brings.
     progress : Progress, optional
@@ -303,9 +305,19 @@ def _trace(
             "seconds": time.perf_counter() - start,
             "rays": log.rays,
             "seed": seed,
+            **_met_by_chance(scene, request),
             "commands": "\n".join(sorted(log.commands)),
         },
     )
+
+
+def _met_by_chance(scene: RadianceScene, request: Request) -> dict[str, str]:
+    """Lamps that a receptor's rays must meet to have their light (`samplers`), a line each, as an attribute if any."""
+    if request.receptor.is_cosine:
+        return {}
+    casts = [(each, CastLight.of(scene, each, request.surfaces)) for each in scene.passes]
+    lamps = sorted({lamp for each, cast in casts if cast is None or not cast.has_all_lamps for lamp in each.lamps})
+    return {MET_BY_CHANCE: "\n".join(scene.lamp_names[lamp] for lamp in lamps)} if lamps else {}
 
 
 def _blocks(scene: RadianceScene, count: int, *, keeps_batches: bool) -> list[slice]:

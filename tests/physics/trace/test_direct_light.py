@@ -7,6 +7,7 @@ import trimesh
 from lidarspectra.radiance.sampling.cast_light import CastLight
 from lidarspectra.radiance.sampling.receptors import Receptor, cone_receptor
 from lidarspectra.radiance.sampling.trace import trace
+from lidarspectra.radiance.sampling.transport import MET_BY_CHANCE
 from lidarspectra.spectra.spectrum import Spectrum
 
 BY_ITS_ERROR = pytest.mark.chance(
@@ -176,8 +177,11 @@ def test_a_restricted_view_of_a_room_by_both_ways(rooms, sensors, section, monke
     lamps = [rooms.lamp("panel", (0.9, 1.0, 1.9), (0.7, 0.7)), rooms.lamp("bulb", (1.6, 0.5, 1.2), 0.3, name="bulb")]
     scene = rooms.scene(lamps, [(rooms.room(2.0), 0.6)])
     places = sensors(np.array([[x, y, 0.3] for x in (0.6, 1.0, 1.5) for y in (0.5, 1.1)]), UP)
-    aimed = trace(scene, places, receptor=receptor, **section(), seed=1)["coefficient"].to_numpy()
+    by_aim = trace(scene, places, receptor=receptor, **section(), seed=1)
     monkeypatch.setattr(CastLight, "has_all_lamps", property(lambda self: False))
-    met = trace(scene, places, receptor=receptor, **section(), seed=2)["coefficient"].to_numpy()
+    by_chance = trace(scene, places, receptor=receptor, **section(), seed=2)
+    assert MET_BY_CHANCE not in by_aim.attrs
+    assert by_chance.attrs[MET_BY_CHANCE] == "lamp\nbulb"
+    aimed, met = (each["coefficient"].to_numpy() for each in (by_aim, by_chance))
     # both lamps are large: rays at random meet them. Six points of 1 to 2 % of the light.
     np.testing.assert_allclose(aimed.mean(axis=1), met.mean(axis=1), rtol=0.02)
