@@ -9,9 +9,10 @@ import re
 import struct
 import warnings
 import zlib
+from functools import lru_cache
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageCms
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray, SmallFloatArray
 from lidarspectra.errors import ScanError
@@ -37,7 +38,7 @@ _DECODER_FAULTS = (
 _LINEAR_OF_BYTE = decode_srgb(np.arange(256) / 255.0).astype(np.float32)
 
 
-def decode_image(data: bytes, *, name: str, least_px: int | None = None) -> ByteArray:
+def decode_image(data: bytes, *, name: str, least_px: int | None = None, by_profile: bool = False) -> ByteArray:
     """Decode an image file to sRGB bytes.
 
     Grayscale, 16 bit, palette, CMYK and transparent images become plain RGB; transparency is dropped, not blended.
@@ -50,6 +51,9 @@ def decode_image(data: bytes, *, name: str, least_px: int | None = None) -> Byte
         Where it is, for the error.
     least_px : int, optional
         A JPEG may be decoded at a half, a quarter or an eighth of its size, but no narrower than this. [px]
+    by_profile : bool
+        Whether what the file's own ICC profile says of its values counts. It does in a picture; that of a texture
+        is ignored, as glTF 2.0 asks for.
 
     Returns
     -------
@@ -69,7 +73,7 @@ def decode_image(data: bytes, *, name: str, least_px: int | None = None) -> Byte
                 _check_pixels(image.width * image.height, limit=MAX_IMAGE_PIXELS, name=name)
                 if least_px is not None and image.width > least_px:
                     image.draft("RGB", (least_px, max(1, least_px * image.height // image.width)))
-                return _to_rgb_bytes(image)
+                return _to_rgb_bytes(_to_srgb(image) if by_profile else image)
     except Image.DecompressionBombError as cause:
         found = f"{size[1]} pixels" if (size := re.search(r"(\d+) pixels", str(cause))) else str(cause)
         raise _too_large(found, limit=MAX_IMAGE_PIXELS, name=name) from cause
@@ -100,6 +104,24 @@ def _too_large(found: str, *, limit: int, name: str) -> ScanError:
         where=name,
         todo="Export the scan with a smaller texture; 4096 x 4096 is plenty for a room.",
     )
+
+
+def _to_srgb(image: Image.Image) -> Image.Image:
+    """A picture by its ICC profile, relative to its own white; as it is without one, or with one that is damaged."""
+    profile = image.info.get("icc_profile")
+    if image.mode != "RGB" or not isinstance(profile, bytes):
+        return image
+    try:
+        return ImageCms.applyTransform(image, _from_profile(profile)) or image
+    except (ImageCms.PyCMSError, OSError, ValueError, TypeError):
+        return image
+
+
+@lru_cache(maxsize=4)
+def _from_profile(profile: bytes) -> ImageCms.ImageCmsTransform:
+    own = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+    intent = ImageCms.Intent.RELATIVE_COLORIMETRIC
+    return ImageCms.buildTransform(own, ImageCms.createProfile("sRGB"), "RGB", "RGB", intent)
 
 
 def _to_rgb_bytes(image: Image.Image) -> ByteArray:

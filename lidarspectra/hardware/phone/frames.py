@@ -301,7 +301,7 @@ def decode_picture(data: bytes, size_px: tuple[int, int], least_px: int) -> Byte
     Returns
     -------
     picture : (height, width, 3) uint8
-        sRGB.
+        sRGB, by the picture's ICC profile where it has one.
 
     Raises
     ------
@@ -309,7 +309,7 @@ def decode_picture(data: bytes, size_px: tuple[int, int], least_px: int) -> Byte
         If it is damaged, or has another shape than its header says.
     """
     try:
-        picture = decode_image(data, name="picture", least_px=least_px)
+        picture = decode_image(data, name="picture", least_px=least_px, by_profile=True)
     except ScanError as cause:
         raise FrameFault("its picture is cut off or damaged") from cause
     height, width = picture.shape[:2]

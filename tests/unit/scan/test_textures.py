@@ -119,6 +119,60 @@ def png_of_claimed_size(width: int, height: int) -> bytes:
     )
 
 
+SRGB_PRIMARIES = ((0.4360, 0.2225, 0.0139), (0.3851, 0.7169, 0.0971), (0.1431, 0.0606, 0.7141))  # XYZ under D50
+GREEN_AND_RED_SWAPPED = (SRGB_PRIMARIES[1], SRGB_PRIMARIES[0], SRGB_PRIMARIES[2])
+
+
+def icc_profile(gamma: float, primaries=SRGB_PRIMARIES) -> bytes:
+    """A display profile of three primaries and a power, as phones embed them in their pictures (ICC.1:2010)."""
+
+    def fixed(values) -> bytes:
+        return b"".join(struct.pack(">i", round(65536 * value)) for value in values)
+
+    curve = b"curv" + bytes(4) + struct.pack(">IH", 1, round(256 * gamma)) + bytes(2)
+    tags = {b"wtpt": b"XYZ " + bytes(4) + fixed((0.9642, 1.0, 0.8249))}
+    for name, primary in zip((b"r", b"g", b"b"), primaries, strict=True):
+        tags[name + b"XYZ"] = b"XYZ " + bytes(4) + fixed(primary)
+        tags[name + b"TRC"] = curve
+    start = 128 + 4 + 12 * len(tags)
+    table, body = struct.pack(">I", len(tags)), b""
+    for name, content in tags.items():
+        table += name + struct.pack(">II", start + len(body), len(content))
+        body += content
+    head = struct.pack(">I4sI", start + len(body), b"test", 0x02100000) + b"mntrRGB XYZ " + bytes(12) + b"acsp"
+    head += bytes(28) + fixed((0.9642, 1.0, 0.8249))
+    return head.ljust(128, b"\0") + table + body
+
+
+def with_profile(image: Image.Image, profile: bytes) -> bytes:
+    stream = io.BytesIO()
+    image.save(stream, format="PNG", icc_profile=profile)
+    return stream.getvalue()
+
+
+def test_a_picture_is_read_by_its_own_profile_and_a_texture_is_not() -> None:
+    """Phones write frames of videos with the power of 1.961: a grey of 100 of 255 is 16 % of the light, sRGB's 13 %."""
+    gray = Image.new("RGB", (4, 4), (100, 100, 100))
+    data = with_profile(gray, icc_profile(1.961))
+    np.testing.assert_array_equal(decode_image(data, name="t"), 100)
+    shown = decode_image(data, name="t", by_profile=True)
+    np.testing.assert_allclose(decode_srgb(shown / 255.0), (100 / 255) ** 1.961, rtol=0.02)
+    red = with_profile(Image.new("RGB", (4, 4), (255, 0, 0)), icc_profile(2.2, GREEN_AND_RED_SWAPPED))
+    np.testing.assert_allclose(decode_image(red, name="t", by_profile=True)[0, 0], [0, 255, 0], atol=2)
+
+
+@pytest.mark.parametrize("profile", [b"no profile", icc_profile(1.961)[:150], b"\0" * 200])
+def test_a_damaged_profile_is_as_none(profile: bytes) -> None:
+    gray = Image.new("RGB", (4, 4), (100, 100, 100))
+    for data in (encoded(gray), with_profile(gray, profile)):
+        np.testing.assert_array_equal(decode_image(data, name="t", by_profile=True), 100)
+
+
+def test_white_stays_white_by_any_profile() -> None:
+    white = with_profile(Image.new("RGB", (4, 4), (255, 255, 255)), icc_profile(1.961))
+    np.testing.assert_array_equal(decode_image(white, name="t", by_profile=True), 255)
+
+
 @pytest.mark.parametrize("side", [12_000, 60_000, 2_000_000])
 def test_an_image_bomb_is_refused_by_its_header(side: int) -> None:
     with pytest.raises(ScanError, match=f"at most {MAX_IMAGE_PIXELS} pixels"):
