@@ -19,8 +19,11 @@ from lidarspectra.arrays import ByteArray, FloatArray, IntArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.textures import check_texture_total, decode_image, tint_image
 from lidarspectra.hardware.phone.gltf_document import (
+    CLAMP,
     FAN,
     GLB_MAGIC,
+    MIRROR,
+    REPEAT,
     STRIP,
     TRIANGLES,
     Document,
@@ -42,6 +45,8 @@ MAX_NAMES = 4  # names above a mesh that may say what it is
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # 3.6.2.2
 
 Factor = tuple[float, float, float]
+_Mirrored = tuple[bool, bool]
+_ImageKey = tuple[int, Factor | None, _Mirrored]  # number in the file, tint, whether its image stands beside it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +97,7 @@ class _Reading:
     folder: FileFolder
     buffers: dict[int, bytes] = field(default_factory=dict)
     images: list[ByteArray] = field(default_factory=list)
-    image_numbers: dict[tuple[int, Factor | None], int] = field(default_factory=dict)
+    image_numbers: dict[_ImageKey, int] = field(default_factory=dict)
     notes: dict[str, None] = field(default_factory=dict)  # a set that keeps its order
 
     @property
@@ -201,7 +206,7 @@ def _primitive(reading: _Reading, primitive: Primitive) -> list[MeshPart]:
     if faces.size and faces.max() >= vertices.shape[0]:
         raise damaged(f"faces of {vertices.shape[0]} vertices", f"one that names {faces.max()}", reading.where)
     surface = _surface(reading, primitive.material)
-    corner_uv = _corner_uv(reading, primitive, surface.info, faces) if surface.image >= 0 else None
+    corner_uv = _corner_uv(reading, primitive, surface.info, faces, surface.image) if surface.image >= 0 else None
     if corner_uv is not None:
         if "COLOR_0" in primitive.attributes:
             reading.notes["Vertex colours were ignored where a surface also has a texture."] = None
@@ -226,7 +231,9 @@ def _triangles(numbers: IntArray, mode: int, where: str) -> IntArray:
     return faces
 
 
-def _corner_uv(reading: _Reading, primitive: Primitive, info: TextureInfo | None, faces: IntArray) -> FloatArray | None:
+def _corner_uv(
+    reading: _Reading, primitive: Primitive, info: TextureInfo | None, faces: IntArray, image: int
+) -> FloatArray | None:
     """(face, 3, 2) texture coordinates, v up; None where the primitive has none of the number its material names."""
     if info is None:
         return None
@@ -245,7 +252,32 @@ def _corner_uv(reading: _Reading, primitive: Primitive, info: TextureInfo | None
         # have it; the matrix printed in the extension's text, read as GLSL, turns the other way.
         cosine, sine = np.cos(transform.rotation), np.sin(transform.rotation)
         uv = (uv * transform.scale) @ np.array([[cosine, -sine], [sine, cosine]]) + transform.offset
+    uv = _outside(reading, info, uv, reading.images[image])
     return _at_corners(np.column_stack([uv[:, 0], 1.0 - uv[:, 1]]), faces, reading.where)
+
+
+def _outside(reading: _Reading, info: TextureInfo, uv: FloatArray, image: ByteArray) -> FloatArray:
+    """Coordinates, v down, in a picture that repeats: of one that does not, within its outermost pixels' centres."""
+    uv = uv * np.where(_mirrored(reading, info), 0.5, 1.0)  # the picture and its mirror image are one
+    height, width = image.shape[:2]
+    edge = 0.5 / np.array([width, height])
+    with np.errstate(invalid="ignore"):
+        return np.where(np.equal(_wraps(reading, info), CLAMP), np.clip(uv, edge, 1.0 - edge), uv)
+
+
+def _wraps(reading: _Reading, info: TextureInfo) -> tuple[int, int]:
+    """What a texture shows outside of its picture, across and down."""
+    texture = item(reading.document.textures, info.index, "texture", reading.where)
+    samplers = reading.document.samplers
+    if texture.sampler is None or texture.sampler >= len(samplers):
+        return REPEAT, REPEAT
+    sampler = samplers[texture.sampler]
+    return sampler.wrap_s, sampler.wrap_t
+
+
+def _mirrored(reading: _Reading, info: TextureInfo) -> _Mirrored:
+    across, down = _wraps(reading, info)
+    return across == MIRROR, down == MIRROR
 
 
 def _corner_color(reading: _Reading, primitive: Primitive, surface: _Surface, faces: IntArray) -> FloatArray | None:
@@ -298,19 +330,28 @@ def _image_number(reading: _Reading, info: TextureInfo, factor: Factor | None) -
         ] = None
         return -1
     tint = None if factor is None or all(value >= 1.0 for value in factor) else factor
-    for key in ((source, None), (source, tint)):
+    mirrored = _mirrored(reading, info)
+    for key in ((source, None, (False, False)), (source, tint, mirrored)):
         if key not in reading.image_numbers:
-            image = _plain_image(reading, source) if key[1] is None else _tinted(reading, source, key[1])
+            plain = reading.image_numbers.get((source, None, (False, False)))
+            image = _plain_image(reading, source) if plain is None else reading.images[plain]
             if image is None:
                 return -1
             reading.image_numbers[key] = len(reading.images)
-            reading.images.append(image)
+            reading.images.append(_with_mirror_image(_tinted(image, key[1]), key[2]))
             check_texture_total(tuple(reading.images), name=where)
-    return reading.image_numbers[(source, tint)]
+    return reading.image_numbers[(source, tint, mirrored)]
 
 
-def _tinted(reading: _Reading, source: int, factor: Factor) -> ByteArray:
-    return tint_image(reading.images[reading.image_numbers[(source, None)]], np.array(factor))
+def _tinted(image: ByteArray, factor: Factor | None) -> ByteArray:
+    return image if factor is None else tint_image(image, np.array(factor))
+
+
+def _with_mirror_image(image: ByteArray, mirrored: _Mirrored) -> ByteArray:
+    """A picture followed by its mirror image across, down or both, which repeats as the picture mirrors itself."""
+    across, down = mirrored
+    wide = np.concatenate([image, image[:, ::-1]], axis=1) if across else image
+    return np.concatenate([wide, wide[::-1]], axis=0) if down else wide
 
 
 def _plain_image(reading: _Reading, source: int) -> ByteArray | None:

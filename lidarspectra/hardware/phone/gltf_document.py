@@ -17,6 +17,7 @@ from lidarspectra.errors import ScanError
 
 GLB_MAGIC = b"glTF"
 TRIANGLES, STRIP, FAN = 4, 5, 6  # 5.24.4, mesh.primitive.mode
+REPEAT, CLAMP, MIRROR = 10497, 33071, 33648  # sampler.wrapS and wrapT
 _JSON_CHUNK = 0x4E4F534A  # "JSON"
 _BINARY_CHUNK = 0x004E4942  # "BIN"
 _UNDERSTOOD_EXTENSIONS = ("KHR_texture_transform", "KHR_mesh_quantization", "EXT_texture_webp", "KHR_lights_punctual")
@@ -124,9 +125,17 @@ class TextureExtensions(Part):
     webp: WebpSource | None = Field(default=None, alias="EXT_texture_webp")
 
 
+class Sampler(Part):
+    """What a texture shows outside of its picture (5.26)."""
+
+    wrap_s: int = REPEAT
+    wrap_t: int = REPEAT
+
+
 class Texture(Part):
     """A texture (5.29)."""
 
+    sampler: Index | None = None
     source: Index | None = None
     extensions: TextureExtensions = TextureExtensions()
 
@@ -191,6 +200,7 @@ class Document(Part):
     materials: tuple[Material, ...] = ()
     meshes: tuple[Mesh, ...] = ()
     nodes: tuple[Node, ...] = ()
+    samplers: tuple[Sampler, ...] = ()
     scene: Index | None = None
     scenes: tuple[Scene, ...] = ()
     textures: tuple[Texture, ...] = ()

@@ -314,6 +314,47 @@ def test_texture_transforms_and_further_coordinates(
     np.testing.assert_allclose(center_color(read_scan(path)), color, atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("wrap", "place", "expected"),
+    [
+        (10497, (1.2, 0.2), (0, 0)),
+        (33071, (1.2, 0.2), (1, 0)),
+        (33071, (-0.3, 1.4), (0, 1)),
+        (33071, (0.9, -7.0), (1, 0)),
+        (33648, (1.2, 0.2), (1, 0)),
+        (33648, (1.8, 0.2), (0, 0)),
+        (33648, (-0.2, 1.2), (0, 1)),
+        (33648, (2.2, -1.8), (0, 0)),
+        (33648, (0.2, 1.8), (0, 0)),
+        (None, (1.2, 1.2), (0, 0)),
+    ],
+)
+def test_a_texture_repeats_mirrors_or_ends_as_its_sampler_says(tmp_path: Path, wrap, place, expected) -> None:
+    """Of a picture of 2 x 2 colours, v down: red and green tell column and row."""
+    pixels = np.zeros((64, 64, 3), dtype=np.uint8)
+    pixels[:, 32:, 0], pixels[32:, :, 1] = 255, 255
+    document = textured_document(Image.fromarray(pixels), tmp_path)
+    if wrap is not None:
+        document["samplers"] = [{"wrapS": wrap, "wrapT": wrap}]
+        document["textures"] = [{"source": 0, "sampler": 0}]
+    uv = np.tile(np.array(place, dtype="<f4"), (3, 1))
+    scan = read_scan(write_gltf(tmp_path, document=document, primitive={"material": 0}, arrays={"TEXCOORD_0": uv}))
+    np.testing.assert_allclose(center_color(scan)[:2], expected, atol=1e-6)
+
+
+def test_a_mirrored_texture_is_tinted_and_its_plain_one_kept(tmp_path: Path) -> None:
+    document = textured_document(quadrants(), tmp_path)
+    document["samplers"] = [{"wrapS": 33648}, {}]
+    document["textures"] = [{"source": 0, "sampler": 0}, {"source": 0, "sampler": 1}]
+    for number in (0, 1):
+        document["materials"] = [
+            {"pbrMetallicRoughness": {"baseColorTexture": {"index": number}, "baseColorFactor": [0.5, 0.5, 0.5, 1]}}
+        ]
+        uv = np.tile(np.array([0.2, 0.2], dtype="<f4"), (3, 1))
+        scan = read_scan(write_gltf(tmp_path, document=document, primitive={"material": 0}, arrays={"TEXCOORD_0": uv}))
+        np.testing.assert_allclose(center_color(scan), [0.5, 0, 0], atol=5e-3)
+
+
 def test_quantized_positions_and_coordinates_are_scaled(tmp_path: Path) -> None:
     document = textured_document(quadrants(), tmp_path) | {"extensionsRequired": ["KHR_mesh_quantization"]}
     arrays = {
