@@ -158,6 +158,8 @@ def find_orientation(
     of_unit, of_axis = probability.sum(axis=1), probability.sum(axis=0)
     found_unit, found_up = UNITS[int(of_unit.argmax())], AXES[int(of_axis.argmax())]
     notes = _notes(found_unit, of_unit.max(), found_up, of_axis.max(), unit or declared_unit, up or declared_up)
+    if unit is None and declared_unit is None and found_unit != "m" and of_unit.max() >= SURE:
+        notes += (_unit_note(surface, found_unit, found_up),)
     levelling = _levelling(surface.normals @ upright_rotation(found_up).T, surface.weights) if level else None
     if levelling is not None:
         notes += (_leaning_note(levelling),)
@@ -291,6 +293,18 @@ def _notes(
             " plan, and set up in [scan] if it is wrong."
         )
     return tuple(notes)
+
+
+def _unit_note(surface: _Surface, unit: Unit, up: Axis) -> str:
+    """What a unit that the room's size alone tells makes of it: a hall in metres has the size of a room in feet."""
+    height = "xyz".index(up[1])
+    length, width = sorted(np.delete(surface.extents, height), reverse=True)
+    size = " x ".join(f"{METRES_PER_UNIT[unit] * side:.1f}" for side in (length, width, surface.extents[height]))
+    meant = " x ".join(f"{side:.3g}" for side in (length, width, surface.extents[height]))
+    return (
+        f"The file does not say its unit. By the room's size {unit} was assumed, by which it is {size} m; in metres it"
+        f" would be {meant} m. All lengths scale with it. If that is wrong, set unit in [scan]."
+    )
 
 
 def _levelling(normals: FloatArray, weights: FloatArray) -> FloatArray | None:

@@ -6,7 +6,10 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from lidarspectra.arguments import path_of
+from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.scan import Scan, ScanRecord
 from lidarspectra.geometry.triangles import triangle_areas
@@ -27,6 +30,7 @@ from lidarspectra.hardware.phone.raw_mesh import (
 from lidarspectra.progress import Progress, part_of, silent
 
 _POINT_CLOUDS = (".las", ".laz", ".e57", ".pcd", ".pts", ".ptx", ".xyz")
+FAR_M, DIGITS = 1e5, 9  # [m] from the origin, and digits of positions in the simulation, which are 1 mm there
 _ZIP_MAGIC = b"PK\x03\x04"
 
 UnitChoice = Literal["auto", "m", "cm", "mm", "in", "ft"]
@@ -187,10 +191,10 @@ def _read_usd(path: Path) -> RawMesh:
 
 
 def _oriented(mesh: JoinedMesh, orientation: Orientation, *, where: str) -> Scan:
-    notes = mesh.notes + orientation.notes
+    vertices = orientation.apply(mesh.vertices)
+    notes = mesh.notes + orientation.notes + _far_note(vertices)
     for note in notes:
         _log.info("%s: %s", where, note)
-    vertices = orientation.apply(mesh.vertices)
     faces = mesh.faces
     record = ScanRecord(
         file=where,
@@ -204,3 +208,16 @@ def _oriented(mesh: JoinedMesh, orientation: Orientation, *, where: str) -> Scan
         notes=notes,
     )
     return Scan(vertices=vertices, faces=faces, appearance=mesh.appearance, record=record)
+
+
+def _far_note(vertices: FloatArray) -> tuple[str, ...]:
+    """What becomes of a scan in the coordinates of a map."""
+    farthest = float(np.abs(vertices).max())
+    if farthest < FAR_M:
+        return ()
+    step_mm = 1000.0 * 10.0 ** (np.floor(np.log10(farthest)) - DIGITS + 1)
+    return (
+        f"The scan lies {farthest / 1000:.0f} km from the origin of its coordinates, as on a map. The simulation has"
+        f" positions to {DIGITS} digits, there to {step_mm:.0f} mm, and files for viewers have 7. Move the scan to its"
+        " origin in a mesh editor for the best results.",
+    )

@@ -78,6 +78,30 @@ def test_a_glb_in_millimetres_is_found_out_and_said(
     np.testing.assert_allclose(np.ptp(scan.bounds, axis=0), [4.0, 3.0, 2.6], atol=1e-5)
 
 
+@pytest.mark.parametrize("size_m", [(15, 12, 8.5), (20, 15, 6), (30, 20, 9)])
+def test_a_hall_in_metres_is_not_taken_for_a_room_in_feet_without_a_word(size_m) -> None:
+    """By their sizes nothing tells them apart: where no unit is declared, what was assumed is said."""
+    hall = trimesh.creation.box(extents=size_m)
+    found = find_orientation(hall.vertices, hall.faces, up="+z")
+    assert found.unit == "ft"
+    (note,) = found.notes
+    assert "ft was assumed" in note
+    assert f"in metres it would be {size_m[0]} x {size_m[1]} x {size_m[2]} m" in note
+    for more in ({"declared_unit": "m"}, {"unit": "m"}, {"unit": "ft"}):
+        notes = find_orientation(hall.vertices, hall.faces, up="+z", **more).notes
+        assert not any("does not say its unit" in note for note in notes)
+
+
+def test_a_scan_in_the_coordinates_of_a_map_is_said(tmp_path: Path, furnished_room: trimesh.Trimesh) -> None:
+    path = tmp_path / "room.obj"
+    for shift, said in (((9e4, 0.0, 0.0), False), ((5e5, 4.5e6, 300.0), True)):
+        lines = [f"v {x} {y} {z}\n" for x, y, z in (furnished_room.vertices + shift).tolist()]
+        path.write_text("".join(lines + [f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in furnished_room.faces]))
+        scan = read_scan(path)
+        np.testing.assert_allclose(np.ptp(scan.bounds, axis=0), [4.0, 3.0, 2.6], atol=1e-6)
+        assert any("4500 km" in note and "10 mm" in note for note in scan.record.notes) == said
+
+
 def test_an_empty_box_leaves_doubt_and_the_doubt_is_said() -> None:
     cube = trimesh.creation.box(extents=(2.6, 2.6, 2.6))
     found = find_orientation(cube.vertices, cube.faces)
