@@ -23,6 +23,7 @@ ROTATION_TOLERANCE = 1e-2  # [1] of R^T R from the identity; poses are written a
 MAX_SPEED_M_S = 6.0  # [m/s] nobody walks faster with a phone before them; a pose that jumped back and forth has it
 MIN_STEP_S = 1e-3  # [s] two frames are not nearer in time
 FOCAL_RANGE = (0.2, 10.0)  # [1] of the focal length over the picture's width: 5° to 136° of view
+OFF_CENTER, UNEVEN_PIXELS = 0.1, 0.1  # [1] of the principal point, over the size; between the focal lengths
 MAX_NAMED = 5  # frames named in a note
 FEW_FRAMES, MAX_FRAMES = 400, 600  # up to which all are used; of a video
 KEY_STEP_M, KEY_STEP_DEG = 0.08, 6.0  # [m], [deg] from one frame of a video to the next that is used
@@ -215,8 +216,10 @@ def checked_frame(
     width, height = size_px
     focal, center = np.array([matrix[0, 0], matrix[1, 1]]), matrix[:2, 2]
     low, high = FOCAL_RANGE
-    inside = (center > 0).all() and center[0] < width and center[1] < height
-    if not (inside and (focal > low * width).all() and (focal < high * width).all()):
+    # Those of a picture of half the size, or held upright, have their middle elsewhere; pixels are square.
+    central = (np.abs(center / (width, height) - 0.5) < OFF_CENTER).all()
+    square = focal.min() > (1.0 - UNEVEN_PIXELS) * focal.max()
+    if not (central and square and (focal > low * width).all() and (focal < high * width).all()):
         raise FrameFault("its intrinsics do not belong to a picture of its size")
     return Frame(
         name=name,

@@ -201,6 +201,21 @@ def test_broken_frames_are_left_out_by_name_and_the_others_stay(copied: Path) ->
     assert "pose" in reasons(capture)["00002"]
 
 
+@pytest.mark.parametrize(
+    ("across", "down", "swap"), [(0.5, 0.5, False), (2.0, 2.0, False), (1.0, 1.3, False), (1.0, 1.0, True)]
+)
+def test_intrinsics_of_another_picture_are_a_fault_of_their_frame(copied: Path, across, down, swap) -> None:
+    about = json.loads((copied / "frame_00002.json").read_text())
+    matrix = np.diag([across, down, 1.0]) @ np.reshape(about["intrinsics"], (3, 3))
+    if swap:  # of the picture held upright
+        matrix[0, 2], matrix[1, 2] = matrix[1, 2], matrix[0, 2]
+    about["intrinsics"] = matrix.ravel().tolist()
+    (copied / "frame_00002.json").write_text(json.dumps(about))
+    capture = read_capture(copied)
+    assert "intrinsics" in reasons(capture)["00002"]
+    assert len(capture.frames) == 5
+
+
 def test_a_cut_picture_and_a_depth_of_another_shape_are_faults_of_their_frames(copied: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (SIZE_PX[1], SIZE_PX[0], 3), dtype=np.uint8)
     data = jpeg(noise)
