@@ -215,3 +215,13 @@ def test_other_files_are_refused_in_words(run: Path, tmp_path: Path, text: str, 
     (tmp_path / "other.csv").write_text(text, encoding="utf-8")
     with pytest.raises(MapError, match=words):
         evaluate_run(run, tmp_path / "other.csv")
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_a_number_sign_begins_a_comment_at_the_start_of_a_line_alone(tmp_path: Path, delimiter: str) -> None:
+    rows = ["# by hand", "name,x,y,z,lux", "desk #1,1,2,0.8,300", "#desk #2,9,9,9,9", "shelf,3,2,1,100", ""]
+    (tmp_path / "typed.csv").write_text("\n".join(rows).replace(",", delimiter), encoding="utf-8")
+    found = read_readings(tmp_path / "typed.csv")
+    assert found["name"].tolist() == ["desk #1", "shelf"]
+    assert found["lux"].tolist() == [300, 100]
+    assert found["z"].tolist() == [0.8, 1.0]

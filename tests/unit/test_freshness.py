@@ -16,7 +16,15 @@ from lidarspectra.workflow.kept_light import same_picture_light, same_room, with
 from lidarspectra.workflow.pipeline import walk
 from lidarspectra.workflow.run_folder.declared import FILES, declare
 from lidarspectra.workflow.run_folder.inputs import Inputs
-from lidarspectra.workflow.run_folder.workspace import STAGES, Stage, StageName, StageRecord, StageResult, stage_key
+from lidarspectra.workflow.run_folder.workspace import (
+    MARKER_FILE,
+    STAGES,
+    Stage,
+    StageName,
+    StageRecord,
+    StageResult,
+    stage_key,
+)
 
 LAMP = {
     "name": "one",
@@ -323,6 +331,36 @@ def test_a_changed_file_counts_as_the_key_that_names_it(
     before = keys_of(run_file, tmp_path)
     (tmp_path / file).write_text("after", encoding="utf-8")
     assert changed(before, keys_of(run_file, tmp_path)) == stale
+
+
+@pytest.mark.parametrize(
+    ("scan", "text", "named", "further"),
+    [
+        ("room.obj", "mtllib room.mtl", "room.mtl", "map_Kd textures\\wall.png"),
+        ("room.gltf", '{"images": [{"uri": "my%20pictures/wall.png"}]}', "", ""),
+        ("room.usda", "@./layers/walls.usda@", "layers/walls.usda", "@textures/wall.png@"),
+        ("room.ply", "comment TextureFile textures/wall.png", "", ""),
+    ],
+)
+def test_a_texture_in_a_folder_that_the_scan_names_is_one_of_its_files(
+    tmp_path: Path, scan: str, text: str, named: str, further: str
+) -> None:
+    run_file = RunFile.model_validate(ROOMS["lamps"] | {"scan": {"file": f"scans/{scan}"}})
+    folders = ("textures", "my pictures", "layers", "other", "textures.run")
+    for folder in folders:
+        (tmp_path / "scans" / folder).mkdir(parents=True)
+        (tmp_path / "scans" / folder / "wall.png").write_text("before", encoding="utf-8")
+    (tmp_path / "scans" / "textures.run" / MARKER_FILE).write_text("{}", encoding="utf-8")
+    (tmp_path / "scans" / scan).write_text(text, encoding="utf-8")
+    if named:
+        (tmp_path / "scans" / named).write_text(further, encoding="utf-8")
+    before = keys_of(run_file, tmp_path)
+    for folder in ("other", "textures.run"):
+        (tmp_path / "scans" / folder / "wall.png").write_text("after", encoding="utf-8")
+    assert changed(before, keys_of(run_file, tmp_path)) == ()
+    folder = "my pictures" if "%20" in text else "textures"
+    (tmp_path / "scans" / folder / "wall.png").write_text("after", encoding="utf-8")
+    assert changed(before, keys_of(run_file, tmp_path)) == STAGES
 
 
 def test_views_depend_on_a_file_of_assignments_by_whether_it_gives_all_surfaces_one_reflectance(tmp_path: Path) -> None:

@@ -94,7 +94,8 @@ def _table_of(text: str) -> pd.DataFrame:
     lines = [line for line in text.split("\n") if line.strip() and not line.startswith("#")]
     delimiter = max(DELIMITERS, key=lines[0].count) if lines else ","
     has_commas = delimiter != "," and any(re.search(r"\d,\d", line) for line in lines)
-    return pd.read_csv(io.StringIO(text), comment="#", sep=delimiter, decimal="," if has_commas else ".")
+    # A '#' further on is no comment: pandas would cut the row of 'desk #2' there, and lose its numbers.
+    return pd.read_csv(io.StringIO("\n".join(lines)), sep=delimiter, decimal="," if has_commas else ".")
 
 
 def _require_numbers(table: pd.DataFrame, columns: Sequence[str], measured: Path) -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any, cast
+from urllib.parse import quote
 
 from lidarspectra.config import LampSection, LampsFromScanSection, RunFile
 from lidarspectra.errors import UndeclaredError
@@ -22,12 +23,13 @@ from lidarspectra.material.assignments import spectrum_files
 from lidarspectra.material.segmentation.model_card import CARD_SUFFIX
 from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL
 from lidarspectra.spectra.databases import list_databases
-from lidarspectra.workflow.run_folder.workspace import StageResult
+from lidarspectra.workflow.run_folder.workspace import MARKER_FILE, StageResult
 
 MULTI_FILE_FORMATS = (".obj", ".gltf", ".ply", ".usda", ".usd")
 COMPANION_SUFFIXES = (
-    ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".usd", ".usda", ".usdc",
+    ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", ".gif", ".tga", ".tif", ".tiff", ".webp", ".usd", ".usda", ".usdc",
 )  # fmt: skip
+NAMING_SUFFIXES = (*MULTI_FILE_FORMATS, ".usdc", ".mtl")  # files that name others
 ASSUMED = "assumed"  # key of sections
 
 
@@ -185,8 +187,32 @@ def _scan_files(name: str, base: Path) -> Iterable[str]:
         return sorted((Path(name) / each).as_posix() for each in open_capture(file).names)
     if not file.is_file() or file.suffix.lower() not in MULTI_FILE_FORMATS:
         return (name,)
-    beside = sorted(path.name for path in file.parent.iterdir() if path.suffix.lower() in COMPANION_SUFFIXES)
+    beside = sorted(path.relative_to(file.parent) for path in _companions(file))
     return (name, *((Path(name).parent / each).as_posix() for each in beside))
+
+
+def _companions(file: Path) -> list[Path]:
+    """Files that a scan of several files may read: those beside it, and those in folders that it or they name."""
+    around = list(file.parent.iterdir())
+    found = [path for path in around if path.suffix.lower() in COMPANION_SUFFIXES and path.is_file()]
+    folders = [path for path in around if path.is_dir() and not (path / MARKER_FILE).exists()]
+    waiting = [file, *found]
+    while waiting and folders:
+        path = waiting.pop()
+        if path.suffix.lower() not in NAMING_SUFFIXES:
+            continue
+        text = path.read_bytes().replace(b"\\", b"/")
+        named = [folder for folder in folders if any(f"{word}/".encode() in text for word in _spellings(folder.name))]
+        more = [each for folder in named for each in folder.rglob("*") if each.is_file()]
+        folders = [folder for folder in folders if folder not in named]
+        found += more
+        waiting += more
+    return found
+
+
+def _spellings(name: str) -> tuple[str, ...]:
+    """A folder's name as files write it: plainly, or in percent codes."""
+    return (name, quote(name))
 
 
 def _assignment_files(name: str, base: Path) -> Iterable[str]:
