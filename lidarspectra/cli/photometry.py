@@ -52,7 +52,7 @@ def photometry(
     from lidarspectra.mapping.maps.point_values import save_points
     from lidarspectra.mapping.photometry.figures import quantities_figure
     from lidarspectra.mapping.photometry.people_and_plants import light_at_points, summary_table
-    from lidarspectra.workflow.run_folder.assumed import notes_of_light
+    from lidarspectra.workflow.run_folder.assumed import assumptions_of_run, notes_of_light, result_notes
     from lidarspectra.workflow.run_folder.light_of_run import light_of_run, light_of_table
     from lidarspectra.workflow.run_folder.workspace import made_folder
     from lidarspectra.workflow.scenarios.scenarios import new_scenario
@@ -71,7 +71,8 @@ def photometry(
     found = light_of_run(run, parse_factors(dim or []))
     readings = None if measured is None else light_of_table(measured, found.bands)
     light, places = (found.light, found.places) if readings is None else (readings.light, readings.places)
-    notes = readings.notes if readings else notes_of_light(run)
+    of_run = result_notes(assumptions_of_run(run)) if dim else notes_of_light(run)  # known as it was traced
+    notes = readings.notes if readings else of_run
     quantities = light_at_points(light, places, found.bands)
     table = summary_table(quantities, before=light_of_run(run).light if dim else None)
     folder = run / "people-and-plants"
