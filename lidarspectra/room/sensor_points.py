@@ -1,6 +1,7 @@
 """Sensor points: positions and directions at which light is computed, and whether they lie inside an object."""
 
 import csv
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from os import PathLike
@@ -19,6 +20,7 @@ from lidarspectra.room.sensor_grid import MIN_SPACING_M, GridPlane, plan_of_coun
 
 SHALLOW_M = 0.05  # [m] a sensor whose rays meet the back of faces within this lies just under a noisy surface
 HEMISPHERE_DIRECTIONS = sphere_directions(64)  # half of them lie in the sensor's hemisphere
+DECIMAL_COMMA = re.compile(r"^(\s*[+-]?\d+),(\d+\s*)$")  # of a cell between semicolons or tabs
 UP = (0.0, 0.0, 1.0)
 OUTSIDE_SHARE = 0.97  # share of a point's rays that meet nothing, above which it lies outside the scan
 
@@ -175,7 +177,7 @@ def read_points(path: str | PathLike[str]) -> tuple[FloatArray, FloatArray]:
     """Read sensor points from a CSV with a header.
 
     Columns go by name, in any order: x, y, z [m], and optionally nx, ny, nz (straight up where absent). Further columns
-    are left alone. Comma, semicolon and tab separate.
+    are left alone. Comma, semicolon and tab separate; between the latter two decimals may have commas.
 
     Parameters
     ----------
@@ -230,11 +232,20 @@ def _numbered_rows(stream: Iterator[str]) -> Iterator[tuple[int, list[str]]]:
         if line == 1:
             separator = max(",;\t", key=text.count)
         cells = next(csv.reader([text], delimiter=separator), [])
+        if separator != ",":
+            cells = [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]
         if any(cell.strip() for cell in cells):
             yield line, cells
 
 
 def _numbers(row: list[str], line: int, header: list[str], wanted: list[str], path: Path) -> list[float]:
+    if any(cell.strip() for cell in row[len(header) :]):
+        raise SensorError(
+            expected=f"{len(header)} cells, as the header has",
+            found=f"{len(row)}",
+            where=f"{path}, line {line}",
+            todo="Write decimals with a point, or put semicolons between the cells.",
+        )
     numbers = []
     for name in wanted:
         column = header.index(name)

@@ -176,6 +176,11 @@ def test_points_of_a_file_go_by_the_names_of_their_columns(tmp_path) -> None:
     np.testing.assert_allclose(normals, [[0, 0, 1.0], [0, 0, 1.0]])
 
 
+def test_points_as_a_german_spreadsheet_writes_them_are_read(tmp_path) -> None:
+    (tmp_path / "points.csv").write_text("Name;X;Y;Z;\nTisch, links;1,5;-0,25;0,8;\n", encoding="utf-8-sig")
+    np.testing.assert_allclose(read_points(tmp_path / "points.csv")[0], [[1.5, -0.25, 0.8]])
+
+
 def test_directions_of_a_file_are_read(tmp_path, office) -> None:
     (tmp_path / "points.csv").write_text("x,y,z,nx,ny,nz\n2,2,1,0,3,0\n2,2.5,1,1,0,0\n", encoding="utf-8")
     scan, room = office
@@ -196,7 +201,8 @@ def test_directions_of_a_file_are_read(tmp_path, office) -> None:
         ("x,y,z\n1,2\n", "column z"),
         ("x,y,z\n1,2,nan\n", "column z"),
         ("x,y,z\n1,inf,3\n", "column y"),
-        ("x;y;z\n1,5;2;3\n", "point"),
+        ("x;y;z\n1.234,5;2;3\n", "point"),
+        ("x,y,z\n1,5,2,0,0,8\n", "line 2: expected 3 cells, as the header has, found 6.*with a point"),
     ],
 )
 def test_a_file_that_holds_no_points_is_refused_with_the_place_named(tmp_path, text, words) -> None:
