@@ -426,12 +426,11 @@ def _floor_or_bottom_of_walls(floor: Level | None, faces: FaceGeometry) -> Level
     bottom = weighted_quantile(upright.bottoms, upright.areas, WALL_END_SHARE)
     if floor is None:
         return Level(z=bottom, area_m2=0.0)
-    if floor.area_m2 < SCRAP_SHARE * _plan_box_m2(upright):
-        return Level(z=floor.z, area_m2=0.0)
+    is_scrap = floor.area_m2 < SCRAP_SHARE * _plan_box_m2(upright)
     below = float(upright.areas[upright.tops < floor.z].sum() / upright.areas.sum())
-    if below > BELOW_FLOOR_SHARE and TABLE_M[0] < floor.z - bottom < TABLE_M[1]:
+    if (is_scrap or below > BELOW_FLOOR_SHARE) and TABLE_M[0] < floor.z - bottom < TABLE_M[1]:
         return Level(z=bottom, area_m2=0.0)
-    return floor
+    return Level(z=floor.z, area_m2=0.0) if is_scrap else floor
 
 
 def _without_shelves(ceilings: tuple[Level, ...], faces: FaceGeometry) -> tuple[Level, ...]:

@@ -135,6 +135,19 @@ def test_without_a_ceiling_the_walls_tell_the_height_and_the_confidence_is_none(
     assert found.area_m2 == pytest.approx(12.0, rel=0.08)
 
 
+@pytest.mark.parametrize("size_m", [(5, 4), (8, 6)])
+@pytest.mark.parametrize("seat_m", [(1.4, 0.8, 0.74), (0.6, 0.5, 0.45), (2.0, 0.9, 0.74)])
+@pytest.mark.parametrize("leave_out", [("bottom",), ("bottom", "top")])
+def test_without_a_floor_the_walls_tell_it_and_not_a_table(builder, size_m, seat_m, leave_out) -> None:
+    room = builder(step_m=0.12, noise_m=0.004)
+    room.box([0, 0, 0], [*size_m, 2.6], inward=True, leave_out=leave_out)
+    room.box([1, 1, 0], [1 + seat_m[0], 1 + seat_m[1], seat_m[2]], leave_out=("bottom",))
+    found = find_room(room.scan())
+    assert found.floor_z == pytest.approx(0.0, abs=0.03)
+    assert found.floor_confidence == 0.0
+    assert found.area_m2 == pytest.approx(size_m[0] * size_m[1], rel=0.05)
+
+
 def test_holes_in_floor_and_ceiling_leave_the_plan_whole(builder) -> None:
     room = builder(step_m=0.05, noise_m=NOISE_M)
     spot = {"top": (0.45, 0.52, 0.45, 0.52), "bottom": (0.2, 0.4, 0.2, 0.4)}
