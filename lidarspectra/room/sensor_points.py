@@ -1,7 +1,6 @@
 """Sensor points: positions and directions at which light is computed, and whether they lie inside an object."""
 
 import csv
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from os import PathLike
@@ -14,13 +13,13 @@ from lidarspectra.arguments import number_of, path_of
 from lidarspectra.arrays import BoolArray, FloatArray, float_array
 from lidarspectra.errors import ArrayError, SensorError
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.io.csv_cells import csv_rows
 from lidarspectra.room.free_space import BURIED_SHARE, FreeSpace, sphere_directions
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_grid import MIN_SPACING_M, GridPlane, plan_of_count
 
 SHALLOW_M = 0.05  # [m] a sensor whose rays meet the back of faces within this lies just under a noisy surface
 HEMISPHERE_DIRECTIONS = sphere_directions(64)  # half of them lie in the sensor's hemisphere
-DECIMAL_COMMA = re.compile(r"^(\s*[+-]?\d+),(\d+\s*)$")  # of a cell between semicolons or tabs
 UP = (0.0, 0.0, 1.0)
 OUTSIDE_SHARE = 0.97  # share of a point's rays that meet nothing, above which it lies outside the scan
 
@@ -226,14 +225,8 @@ def read_points(path: str | PathLike[str]) -> tuple[FloatArray, FloatArray]:
 
 
 def _numbered_rows(stream: Iterator[str]) -> Iterator[tuple[int, list[str]]]:
-    """Lines that are not blank, with their number and their cells; the first line determines the separator."""
-    separator = ","
-    for line, text in enumerate(stream, start=1):
-        if line == 1:
-            separator = max(",;\t", key=text.count)
-        cells = next(csv.reader([text], delimiter=separator), [])
-        if separator != ",":
-            cells = [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]
+    """Lines that are not blank, with their number and their cells."""
+    for line, cells in enumerate(csv_rows(stream), start=1):
         if any(cell.strip() for cell in cells):
             yield line, cells
 

@@ -5,14 +5,13 @@ center_nm,fwhm_nm            wavelength_nm,blue,green,red
 525,30                       405,0.05,0,0
 """
 
-import csv
-import io
 from pathlib import Path
 
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import ArrayError, DatabaseError
+from lidarspectra.io.csv_cells import csv_rows
 from lidarspectra.spectra.spectrum import BandSet, gaussian_bands, sensor_bands, uniform_bands
 from lidarspectra.spectra.spectrum_files import LONGEST_NM, SHORTEST_NM, finite_number, read_text
 
@@ -115,8 +114,7 @@ def _check_channels(centers: FloatArray, widths: FloatArray, *, name: str) -> No
 
 def _numbers(path: Path) -> tuple[list[str], FloatArray]:
     """Header and numbers of a CSV file; '#' starts a comment."""
-    text = "\n".join(line for line in read_text(path).splitlines() if line.strip() and not line.startswith("#"))
-    rows = list(csv.reader(io.StringIO(text)))
+    rows = list(csv_rows(line for line in read_text(path).splitlines() if line.strip() and not line.startswith("#")))
     if len(rows) < 2:
         raise DatabaseError(expected="a header and at least one row", found=f"{len(rows)} rows", where=str(path))
     header = [cell.strip() for cell in rows[0]]

@@ -12,7 +12,6 @@ on Numerical Analysis 13(6), 904-914. Sloan I H, Joe S (1994), Lattice methods f
 lattices, Section 4).
 """
 
-import csv
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +20,7 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray, float_array
 from lidarspectra.errors import ArrayError, SensorError
+from lidarspectra.io.csv_cells import csv_rows
 
 FIBONACCI = (5, 8, 13, 21, 34, 55, 89, 144, 233, 377, 610, 987, 1597, 2584, 4181, 6765)
 """Directions in a set: the numbers for which a two-dimensional lattice is best."""
@@ -202,7 +202,7 @@ def read_receptor(path: Path) -> Receptor:
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.reader(line for line in file if line.strip() and not line.startswith("#")))
+            rows = list(csv_rows(line for line in file if line.strip() and not line.startswith("#")))
         if not rows or [name.strip() for name in rows[0]] != ["angle_deg", "response"]:
             raise ValueError(f"a header '{','.join(rows[0]) if rows else ''}'")
         numbers = np.array([(float(angle), float(response)) for angle, response in rows[1:]]).reshape(-1, 2)
