@@ -13,6 +13,7 @@ from typing import IO
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.incoming.arrivals import LUX, STATE, Arrival
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
+from lidarspectra.hardware.sensor.log_text import cell_count
 from lidarspectra.io.files import writing
 
 COLUMNS = ("utc", "unix_s", "device_s", "sensor", STATE, LUX, *(f"E_{label}" for label in CHANNEL_LABELS))
@@ -108,10 +109,9 @@ def newest_time(folder: Path) -> float | None:
         file.seek(-min(LAST_BYTES, file.seek(0, os.SEEK_END)), os.SEEK_END)
         rows = file.read().decode("utf-8", errors="replace").split("\n")[:-1]  # what follows the last end was cut
     for row in reversed(rows):
-        cells = row.split(",")
         try:
-            if len(cells) == len(COLUMNS):
-                return float(cells[1])
+            if cell_count(row) == len(COLUMNS):
+                return float(row.split(",", 2)[1])  # no quoted cell comes before it
         except ValueError:  # a header, or a row that a power cut damaged
             continue
     return None

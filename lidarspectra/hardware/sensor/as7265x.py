@@ -43,6 +43,7 @@ DIE_INDEX = np.array(
 CHANNEL_LABELS = tuple(f"{center:.0f}" for center in AS7265X_CENTERS_NM)
 
 GAIN_FACTORS = (1.0, 3.7, 16.0, 64.0)  # gain codes 0 to 3 (data sheet)
+GAIN_ROUNDING = 0.01  # [1] of a gain that is written down
 INTEGRATION_STEP_MS = 2.8  # [ms] one step of the integration time (data sheet)
 SATURATED_COUNT = 65535  # [count] what a saturated channel reads (data sheet)
 SATURATED_MODULE_VALUE = 2.0**32  # the module's own corrected value of a saturated channel (seen in logs)
@@ -219,7 +220,7 @@ def settings_for(gain: float, integration_ms: float) -> SensorSettings:
     ReadingError
         If the device has no such gain, or the time is outside 2.8 to 714 ms.
     """
-    codes = [code for code, factor in enumerate(GAIN_FACTORS) if abs(factor - gain) < 0.01]
+    codes = [code for code, factor in enumerate(GAIN_FACTORS) if abs(factor - gain) < GAIN_ROUNDING]
     steps = round(integration_ms / INTEGRATION_STEP_MS)
     if not codes or not 1 <= steps <= 255:
         raise ReadingError(
@@ -229,6 +230,33 @@ def settings_for(gain: float, integration_ms: float) -> SensorSettings:
             todo="Choose one of these.",
         )
     return SensorSettings(gain_code=codes[0], integration_steps=steps)
+
+
+def require_gains(gains: ArrayLike, *, where: str) -> None:
+    """Refuse gains that the device does not have; NaN, where none is known, is none.
+
+    Parameters
+    ----------
+    gains : (reading,) float
+        [1]
+    where : str
+        For the error.
+
+    Raises
+    ------
+    ReadingError
+        If one is not 1, 3.7, 16 or 64: the device's codes 0 to 3, taken as gains, are wrong by factors of up to 21.
+    """
+    given = np.asarray(gains, dtype=np.float64)
+    known = np.isclose(given[..., None], GAIN_FACTORS, atol=GAIN_ROUNDING).any(axis=-1) | np.isnan(given)
+    if not known.all():
+        found = np.unique(given[~known])
+        raise ReadingError(
+            expected="gains of 1, 3.7, 16 or 64",
+            found=", ".join(f"{value:g}" for value in found[:4]),
+            where=where,
+            todo="If these are the device's codes, write 1 for 0, 3.7 for 1, 16 for 2 and 64 for 3.",
+        )
 
 
 def basic_counts(counts: ArrayLike, gain: ArrayLike, integration_ms: ArrayLike) -> FloatArray:

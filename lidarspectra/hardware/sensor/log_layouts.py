@@ -36,7 +36,7 @@ from lidarspectra.hardware.sensor.log_series import value_rows
 from lidarspectra.hardware.sensor.log_tables import columns_seen, headed_table, how_to_name
 from lidarspectra.hardware.sensor.log_text import log_text, plain_rows, take_stamps
 from lidarspectra.hardware.sensor.log_times import NO_ZONE, parse_time, parse_times
-from lidarspectra.hardware.sensor.reading_log import CELLS, COUNT_COLUMNS, FORMAT_LINE, MODULE_COLUMNS, read_rows
+from lidarspectra.hardware.sensor.reading_log import CELLS, COUNT_COLUMNS, FORMAT_LINE, MODULE_COLUMNS, rows_of_text
 from lidarspectra.hardware.sensor.readings import SensorLog, make_readings
 from lidarspectra.hardware.sensor.sensor_records import Moment, Reading, Trouble
 from lidarspectra.hardware.sensor.sketch_text import SketchTextDriver, split_row
@@ -240,7 +240,7 @@ def _float(text: str) -> float:
 def _own_log(text: str, path: Path) -> SensorLog | None:
     if not text.startswith(FORMAT_LINE):
         return None
-    rows, description, broken = read_rows(path)
+    rows, description, broken = rows_of_text(text)
     spectra = [row for row in rows if row["kind"] == "reading"]
     cells = [row for row in rows if row["kind"] == "cells"]
     used = spectra or cells

@@ -13,6 +13,7 @@ import xarray as xr
 
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS
+from lidarspectra.hardware.sensor.log_text import cell_count
 from lidarspectra.hardware.sensor.log_times import MIN_UNIX_S
 from lidarspectra.hardware.sensor.readings import make_readings, with_irradiance
 from lidarspectra.words import were
@@ -37,10 +38,10 @@ def recording(path: Path) -> xr.Dataset | None:
             header = file.readline()
             if not set(COLUMNS) <= set(header.rstrip("\r\n").split(",")):
                 return None
-            commas, cut = header.count(","), 0
+            width, cut = cell_count(header), 0
             parts: list[pd.DataFrame] = []
             while lines := list(itertools.islice(file, PART_ROWS)):
-                whole = [line for line in lines if line.count(",") == commas and line.endswith("\n") and line != header]
+                whole = [line for line in lines if line != header and line.endswith("\n") and cell_count(line) == width]
                 cut += sum(line != header for line in lines) - len(whole)
                 parts.append(_numbers(header, whole))
     except OSError as cause:

@@ -16,6 +16,7 @@ from lidarspectra.hardware.sensor.as7265x import (
     CHANNEL_LABELS,
     mask_counts,
     mask_module_values,
+    require_gains,
 )
 from lidarspectra.hardware.sensor.log_columns import (
     CLOCK_NAMES,
@@ -165,7 +166,7 @@ class _Columns:
             counts=values["counts"],
             module_value=values["module"],
             flag=values["flag"],
-            gain=np.repeat(self._optional("gain"), count),
+            gain=np.repeat(self._gains(), count),
             integration_ms=np.repeat(self._optional("integration_ms", "integration"), count),
             temperature_c=np.repeat(
                 np.stack([self._optional(f"temperature_{i}_c") for i in (1, 2, 3)], axis=1), count, axis=0
@@ -223,6 +224,11 @@ class _Columns:
         names = {name.lower(): name for name in reversed(self._table.names)}
         name = next((names[word] for word in wanted if word in names), None)
         return np.full(len(self._table.rows), np.nan) if name is None else self._numbers(name)
+
+    def _gains(self) -> FloatArray:
+        gains = self._optional("gain")
+        require_gains(gains, where=f"{self._about['source']}, column 'gain'")
+        return gains
 
     def _words(self, name: str) -> list[str]:
         self._used.add(name)

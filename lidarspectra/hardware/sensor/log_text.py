@@ -253,6 +253,16 @@ def require_no_points_for_thousands(table: LogTable, names: Sequence[str]) -> No
         )
 
 
+def cell_count(line: str) -> int:
+    """How many cells a line between commas has, some of them quoted ('"desk, left"'); 0 where a quote has no end."""
+    if '"' not in line:
+        return line.count(",") + 1
+    try:
+        return len(next(csv.reader([line], strict=True)))
+    except csv.Error:
+        return 0
+
+
 def _is_header_again(row: Sequence[str], names: Sequence[str], line: int) -> bool:
     """Whether a row is the header once more, whole or damaged.
 

@@ -20,6 +20,7 @@ from lidarspectra.hardware.sensor.as7265x import (
     channel_letter,
     mask_counts,
     nominal_responsivity,
+    require_gains,
 )
 from lidarspectra.hardware.sensor.log_text import log_text
 
@@ -155,6 +156,8 @@ def irradiance_of(table: pd.DataFrame, columns: Sequence[str], unit: Unit, scale
     ------
     MapError
         If counts have no settings to be compared by, and no scale is fitted.
+    ReadingError
+        If a gain is none of the device.
     """
     _require_numbers(table, columns, where)
     values = table[list(columns)].to_numpy(dtype=np.float64)
@@ -164,6 +167,7 @@ def irradiance_of(table: pd.DataFrame, columns: Sequence[str], unit: Unit, scale
         return np.asarray(values * UW_CM2_TO_W_M2 / GAUSSIAN_WIDTH_NM, dtype=np.float64)
     counts, _ = mask_counts(values)
     if all(name in table.columns for name in SETTINGS):
+        require_gains(table["gain"].to_numpy(dtype=np.float64), where=f"{where}, column 'gain'")
         counts = basic_counts(counts, table["gain"].to_numpy(), table["integration_ms"].to_numpy())
     elif scale == "none":
         raise MapError(

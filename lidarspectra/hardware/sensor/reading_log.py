@@ -230,7 +230,12 @@ def read_rows(path: Path) -> tuple[list[dict[str, str]], dict[str, str], int]:
         raise ReadingError(expected="a readable log", found=str(cause), where=str(path)) from cause
     if not data.startswith(FORMAT_LINE.encode("utf-8")):
         raise ReadingError(expected=f"a log that starts with '{FORMAT_LINE}'", found="another file", where=str(path))
-    *lines, rest = data.decode("utf-8", errors="replace").split("\n")
+    return rows_of_text(data.decode("utf-8", errors="replace"))
+
+
+def rows_of_text(text: str) -> tuple[list[dict[str, str]], dict[str, str], int]:
+    """Rows, description and broken lines of a log's text, as `read_rows` gives them."""
+    *lines, rest = text.split("\n")
     rows: list[dict[str, str]] = []
     description: dict[str, str] = {}
     columns: tuple[str, ...] = ()

@@ -204,3 +204,20 @@ def test_the_recording_is_read_and_drawn_and_says_where_the_counts_are(tmp_path:
     assert "irradiance" in log_figure(one).axes[0].get_ylabel()
     with pytest.raises(ReadingError, match="recorder"):
         spectral_irradiance(one)
+
+
+def test_a_sensor_whose_name_has_commas_and_quotes_keeps_its_rows(tmp_path: Path) -> None:
+    names = ("desk, left", 'the "big" one', "shelf")
+    log = ArrivalLog(tmp_path)
+    for second in range(3):
+        values = dict.fromkeys(CHANNEL_LABELS, 0.01)
+        log.write([Arrival(sensor=name, values=values, unix_s=1.7e9 + second) for name in reversed(names)])
+    log.close()
+    (path,) = tmp_path.glob("*.csv")
+    assert newest_time(tmp_path) == 1.7e9 + 2
+    path.write_bytes(path.read_bytes() + b'2023-11-14T22:13:26.000Z,1700000006,,"desk, le\n')  # a power cut, and on
+    path.write_bytes(path.read_bytes() + path.read_bytes().split(b"\n")[1] + b"\n")
+    readings = read_sensor_log(path).readings
+    assert sorted(sensors_of(readings)) == sorted(names)
+    assert readings.sizes["reading"] == 10
+    assert readings.attrs["notes"].startswith("1 row was left out: cut")

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from lidarspectra.errors import ReadingError
@@ -13,6 +14,7 @@ from lidarspectra.hardware.sensor.identify import order_by_user
 from lidarspectra.hardware.sensor.log_columns import channel_column, columns_by_user
 from lidarspectra.hardware.sensor.log_layouts import one_sensor, read_sensor_log, readings_from_csv, sensors_of
 from lidarspectra.hardware.sensor.log_times import OF_DAY, SINCE_START, parse_times
+from lidarspectra.hardware.sensor.measured_readings import irradiance_of
 from lidarspectra.hardware.sensor.readings import write_readings
 
 BY_WAVELENGTH = 10.0 + np.arange(18)
@@ -419,3 +421,17 @@ def test_channels_of_another_sensor_are_not_to_be_named_as_an_as7265x_s(tmp_path
     ) as refused:
         readings_from_csv(saved(tmp_path, f"{names}\n1700000000,1,2,3,4,5,6,7,8\n"))
     assert "--columns" not in str(refused.value)
+
+
+@pytest.mark.parametrize("code", [0, 2, 3])
+def test_codes_of_gains_are_refused_as_gains(tmp_path: Path, code: int) -> None:
+    header = ",".join(["unix_s", "gain", "integration_ms", *CHANNEL_LABELS])
+    rows = [",".join(["1700000000", str(gain), "165.2", *["1000"] * 18]) for gain in (1, code)]
+    (tmp_path / "log.csv").write_text("\n".join([header, *rows, ""]), encoding="utf-8")
+    with pytest.raises(ReadingError, match=rf"found {code}\. .*16 for 2"):
+        read_sensor_log(tmp_path / "log.csv")
+    table = pd.DataFrame({"A": [1000.0, 900.0], "gain": [1, code], "integration_ms": 165.2})
+    with pytest.raises(ReadingError, match="gains of 1, 3.7, 16 or 64"):
+        irradiance_of(table, ["A"], "counts", "none", tmp_path)
+    known = table.assign(gain=[3.7, np.nan])  # a row without
+    assert np.isfinite(irradiance_of(known, ["A"], "counts", "none", tmp_path)).tolist() == [[True], [False]]

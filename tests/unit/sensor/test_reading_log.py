@@ -1,5 +1,6 @@
 """The log: whole rows whatever happens, and nothing of others is overwritten."""
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -126,3 +127,14 @@ def test_what_is_no_log_is_refused(tmp_path: Path) -> None:
         read_rows(path)
     with pytest.raises(ReadingError):
         read_rows(tmp_path / "none.csv")
+
+
+def test_a_log_that_was_packed_or_saved_by_an_editor_is_the_same(tmp_path: Path) -> None:
+    data = written(tmp_path / "log.csv")
+    whole = read_sensor_log(tmp_path / "log.csv")
+    forms = (gzip.compress(data), b"\xef\xbb\xbf" + data, data.decode().encode("utf-16"), data.replace(b"\n", b"\r\n"))
+    for form in forms:
+        (tmp_path / "other.csv").write_bytes(form)
+        other = read_sensor_log(tmp_path / "other.csv")
+        assert other.readings.drop_attrs().identical(whole.readings.drop_attrs())
+        assert other.gaps.equals(whole.gaps)
