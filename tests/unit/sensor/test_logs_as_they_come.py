@@ -431,7 +431,7 @@ def test_codes_of_gains_are_refused_as_gains(tmp_path: Path, code: int) -> None:
     with pytest.raises(ReadingError, match=rf"found {code}\. .*16 for 2"):
         read_sensor_log(tmp_path / "log.csv")
     table = pd.DataFrame({"A": [1000.0, 900.0], "gain": [1, code], "integration_ms": 165.2})
-    with pytest.raises(ReadingError, match="gains of 1, 3.7, 16 or 64"):
+    with pytest.raises(ReadingError, match="16 or 64"):
         irradiance_of(table, ["A"], "counts", "none", tmp_path)
     known = table.assign(gain=[3.7, np.nan])  # a row without
     assert np.isfinite(irradiance_of(known, ["A"], "counts", "none", tmp_path)).tolist() == [[True], [False]]
