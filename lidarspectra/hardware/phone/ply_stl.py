@@ -5,6 +5,7 @@ import logging
 import re
 import warnings
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -12,6 +13,8 @@ from trimesh.visual.color import ColorVisuals
 from trimesh.visual.texture import TextureVisuals
 
 from lidarspectra.arrays import ByteArray, FloatArray, IntArray
+from lidarspectra.errors import ScanError
+from lidarspectra.hardware.phone.polygons import polygon_triangles
 from lidarspectra.hardware.phone.raw_mesh import (
     PARSER_FAULTS,
     FileFolder,
@@ -86,8 +89,15 @@ def read_ply_or_stl(data: bytes, kind: str, folder: FileFolder) -> RawMesh:
             warnings.filterwarnings("error", message=".*(could not be read to its end|invalid value).*")
             loaded = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=resolver, process=False)
             meshes = [item for item in loaded.geometry.values() if isinstance(item, trimesh.Trimesh)]
-            found = tuple((_part(mesh), _picture_numbers(mesh)) for mesh in meshes)
+            found = tuple(_of_polygons(mesh) or (_part(mesh), _picture_numbers(mesh)) for mesh in meshes)
     except (*PARSER_FAULTS, ImportError, Warning) as cause:  # it imports decoders for odd text when it meets it
+        if "unexpected length" in str(cause):  # trimesh takes all lists of a binary file to be as long as the first
+            raise ScanError(
+                expected="a binary PLY of triangles alone",
+                found="one that is cut off, or has polygons of different sizes",
+                where=folder.where,
+                todo="Make all its faces triangles in the program that wrote it, or export it as text or GLB.",
+            ) from cause
         raise malformed(cause, kind=kind.upper(), where=folder.where) from cause
     finally:
         trimesh_log.removeHandler(kept)
@@ -113,11 +123,72 @@ def _texture_names(data: bytes) -> list[str]:
 
 def _picture_numbers(mesh: trimesh.Trimesh) -> IntArray | None:
     """(face,) which of a PLY's pictures each face is from ('texnumber'); None where it does not say."""
-    try:
-        numbers = np.asarray(mesh.metadata["_ply_raw"]["face"]["data"]["texnumber"], dtype=np.int64).ravel()
-    except (KeyError, ValueError, TypeError, IndexError):
+    numbers = _column(mesh, "face", "texnumber")
+    if numbers is None or numbers.size != len(mesh.faces):
         return None
-    return numbers if numbers.size == len(mesh.faces) else None
+    return np.asarray(numbers, dtype=np.int64).ravel()
+
+
+def _column(mesh: trimesh.Trimesh, element: str, *names: str) -> Any:
+    """The first of a PLY's properties of these names, a row each; None where it has none."""
+    data = mesh.metadata.get("_ply_raw", {}).get(element, {}).get("data")
+    for name in names:
+        try:
+            column = data[name]
+        except (KeyError, ValueError, TypeError, IndexError):
+            continue
+        return column["f1"] if column.dtype.names else column  # of a list of a fixed length: its length, and it
+    return None
+
+
+def _of_polygons(mesh: trimesh.Trimesh) -> tuple[MeshPart, IntArray | None] | None:
+    """A PLY some of whose faces have more than three corners, and the pictures that they name; None for others.
+
+    trimesh makes fans of them, which cover more than a hollow polygon, and leaves their colours as they are.
+    """
+    rows = _column(mesh, "face", "vertex_indices", "vertex_index")
+    if rows is None or rows.shape[1:] == (3,) or all(len(row) == 3 for row in rows):
+        return None
+    sizes = np.array([len(row) for row in rows], dtype=np.int64)
+    numbers = np.concatenate(list(rows)).astype(np.int64)
+    vertices = np.column_stack([_column(mesh, "vertex", axis) for axis in "xyz"]).astype(np.float64)
+    if numbers.size and (numbers.min() < 0 or numbers.max() >= len(vertices)):
+        raise ValueError(f"a corner number {numbers.max()} among {len(vertices)} vertices")
+    places, polygon = polygon_triangles(vertices, numbers, sizes)
+    faces = numbers[places]
+    uv = _polygon_uv(mesh, faces, places)
+    pictures = _column(mesh, "face", "texnumber")
+    told = None if pictures is None else np.asarray(pictures, dtype=np.int64).ravel()[polygon]
+    return MeshPart(
+        vertices=vertices,
+        faces=faces,
+        image=-1 if uv is None else 0,
+        corner_uv=uv,
+        corner_color=_polygon_colors(mesh, faces, polygon) if uv is None else None,
+    ), told
+
+
+def _polygon_uv(mesh: trimesh.Trimesh, faces: IntArray, places: IntArray) -> FloatArray | None:
+    """(triangle, 3, 2) texture coordinates of corners, or of vertices."""
+    rows = _column(mesh, "face", "texcoord")
+    if rows is not None:
+        return np.asarray(np.concatenate([np.asarray(row) for row in rows]).reshape(-1, 2)[places], dtype=np.float64)
+    for names in (("texture_u", "texture_v"), ("u", "v"), ("s", "t")):
+        across, up = (_column(mesh, "vertex", name) for name in names)
+        if across is not None and up is not None:
+            return np.asarray(np.column_stack([across, up])[faces], dtype=np.float64)
+    return None
+
+
+def _polygon_colors(mesh: trimesh.Trimesh, faces: IntArray, polygon: IntArray) -> FloatArray | None:
+    """(triangle, 3, 3) sRGB-encoded colours, of vertices or of polygons."""
+    for element, at in (("vertex", faces), ("face", polygon[:, np.newaxis].repeat(3, axis=1))):
+        columns = [_column(mesh, element, name) for name in ("red", "green", "blue")]
+        if all(column is not None for column in columns):
+            values = np.column_stack(columns)
+            full = 1.0 if values.dtype.kind == "f" else 255.0 if values.max() <= 255 else float(np.iinfo("u2").max)
+            return np.asarray(values[at] / full, dtype=np.float64)
+    return None
 
 
 def _with_images(

@@ -870,6 +870,56 @@ def test_faces_of_a_ply_have_the_picture_that_they_name(tmp_path: Path, extra, r
     assert any("which of them" in note for note in scan.record.notes) == noted
 
 
+def write_ply(path: Path, vertices: list[str], faces: list[str], of_vertex: str = "", of_face: str = "") -> Path:
+    properties = "property float x\nproperty float y\nproperty float z\n" + of_vertex
+    head = f"ply\nformat ascii 1.0\ncomment TextureFile t.png\nelement vertex {len(vertices)}\n{properties}"
+    head += f"element face {len(faces)}\nproperty list uchar int vertex_indices\n{of_face}end_header\n"
+    path.write_text(head + "\n".join([*vertices, *faces]) + "\n", encoding="utf-8")
+    return path
+
+
+FACE_RGB = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+
+
+@pytest.mark.parametrize(("corners", "area_m2"), [(HOLLOW, 14.0), (DART, 2.0)])
+@pytest.mark.parametrize("first", [0, 1, 3])
+@pytest.mark.parametrize("beside", [(), ("3 0 1 2",)])
+def test_a_hollow_polygon_of_a_ply_is_covered_and_nothing_beside_it(
+    tmp_path: Path, corners, area_m2, first, beside
+) -> None:
+    rolled = np.roll(corners, -first, axis=0)
+    polygon = " ".join(str(each) for each in (len(rolled), *range(len(rolled))))
+    path = write_ply(tmp_path / "a.ply", [f"{x} {y} 0" for x, y in rolled], [polygon, *beside])
+    more = 0.5 * abs(float(np.linalg.det([rolled[1] - rolled[0], rolled[2] - rolled[0]]))) if beside else 0.0
+    assert read_scan(path, up="+z", unit="m").areas.sum() == pytest.approx(area_m2 + more)
+
+
+def test_colours_and_pictures_of_polygons_of_a_ply_stay_with_them(tmp_path: Path) -> None:
+    corners = ["0 0 0", "3 0 0", "3 3 0", "0 3 0", "6 0 0", "6 3 0", "9 0 0"]
+    faces = ["4 0 1 2 3 255 0 0", "3 4 6 5 0 255 0", "4 1 4 5 2 0 0 255"]
+    scan = read_scan(write_ply(tmp_path / "a.ply", corners, faces, of_face=FACE_RGB), up="+z", unit="m")
+    place = scan.centers[:, 0]
+    for color, here in zip(np.eye(3), (place < 3, place > 6, (place > 3) & (place < 6)), strict=True):
+        np.testing.assert_allclose(scan.face_colors()[here], np.tile(color, (here.sum(), 1)), atol=1e-6)
+    quadrants().save(tmp_path / "t.png")
+    rows = ["4 0 1 2 3 8 0.2 0.8 0.3 0.8 0.3 0.9 0.2 0.9", "4 1 4 5 2 8 0.2 0.2 0.3 0.2 0.3 0.3 0.2 0.3"]
+    listed = "property list uchar float texcoord\n"
+    scan = read_scan(write_ply(tmp_path / "a.ply", corners, rows, of_face=listed), up="+z", unit="m")
+    left = scan.centers[:, 0] < 3
+    np.testing.assert_allclose(scan.face_colors()[left], [[1, 0, 0], [1, 0, 0]], atol=1e-5)
+    np.testing.assert_allclose(scan.face_colors()[~left], [[0, 0, 1], [0, 0, 1]], atol=1e-5)
+
+
+def test_a_binary_ply_of_polygons_of_different_sizes_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    head = write_ply(tmp_path / "a.ply", ["0 0 0"] * 4, ["", ""]).read_bytes().split(b"end_header\n")[0]
+    corners = np.array([[0, 0, 0], [3, 0, 0], [3, 3, 0], [0, 3, 0]], dtype="<f4").tobytes()
+    faces = struct.pack("<B3i", 3, 0, 1, 2) + struct.pack("<B4i", 4, 0, 1, 2, 3)
+    head = head.replace(b"ascii", b"binary_little_endian") + b"end_header\n"
+    (tmp_path / "a.ply").write_bytes(head + corners + faces)
+    with pytest.raises(ScanError, match="polygons of different sizes"):
+        read_scan(tmp_path / "a.ply")
+
+
 # --- USD
 
 
