@@ -11,17 +11,24 @@ import numpy as np
 import xarray as xr
 
 from lidarspectra.errors import ReadingError
-from lidarspectra.hardware.sensor.as7265x import ASCENDING_LETTERS, CHANNEL_COUNT, mask_counts, mask_module_values
+from lidarspectra.hardware.sensor.as7265x import (
+    ASCENDING_LETTERS,
+    CHANNEL_COUNT,
+    FLAG_MISSING,
+    mask_counts,
+    mask_module_values,
+)
 from lidarspectra.hardware.sensor.log_columns import (
     MIN_CHANNELS,
     ChannelColumn,
+    Family,
     channel_column,
     channels_of,
     sensor_column,
     time_column,
 )
 from lidarspectra.hardware.sensor.log_text import LogTable, numbers, table_of
-from lidarspectra.hardware.sensor.log_times import parse_times
+from lidarspectra.hardware.sensor.log_times import NO_ZONE, lacks_zone, parse_times
 from lidarspectra.hardware.sensor.readings import make_readings
 from lidarspectra.words import were
 
@@ -57,6 +64,7 @@ def value_rows(text: str, path: Path, *, renamed: dict[str, str] | None = None) 
             todo="Export the series of the sensor's channels; their names must end in the wavelength or the letter.",
         )
     times, notes = parse_times(table.column(time[0]), name=time[0], unit=time[1])
+    lost = sum(not np.isfinite(times[number]) for number in channels)
     values, words = numbers(table.column(value), name=value, delimiter=table.delimiter)
     about = {
         "source": path.name,
@@ -68,6 +76,10 @@ def value_rows(text: str, path: Path, *, renamed: dict[str, str] | None = None) 
         raise ReadingError(
             expected=f"{MIN_CHANNELS} channels of a sensor or more", found=", ".join(few), where=str(path)
         )
+    if lacks_zone(table.column(time[0])):
+        about["time_zone"] = NO_ZONE
+    if lost:
+        notes = (*notes, f"{were(lost, 'row')} left out, whose time is not understood.")
     notes = (*table.notes, *notes, *_notes(left_out, words, few, keeps_state=keeps_state))
     readings.attrs |= {**about, "notes": "\n".join(notes)}
     return readings
@@ -87,6 +99,11 @@ def _rows_of_channels(table: LogTable, series: str) -> tuple[dict[int, ChannelCo
             continue
         sensor = "/".join(filter(None, (ids[number] if ids is not None else "", column.sensor)))
         channels[number] = ChannelColumn(sensor=sensor, family=column.family, letter=column.letter)
+    told = {column.sensor for column in channels.values() if column.family != "plain"}
+    names = table.column(series)
+    for number in [number for number, each in channels.items() if each.family == "plain" and each.sensor in told]:
+        left_out[names[number]] = left_out.get(names[number], 0) + 1  # its counts or module values are called so
+        del channels[number]
     return channels, left_out
 
 
@@ -103,27 +120,35 @@ def _readings(
     for number, column in channels.items():
         if np.isfinite(times[number]):
             rows_of.setdefault(column.sensor, []).append(number)
+    plain = values[[number for number, column in channels.items() if column.family == "plain"]]
+    known = plain[np.isfinite(plain)]
+    are_whole = np.array_equal(known, np.rint(known))  # where names do not say, whole numbers are counts
+    of_module: tuple[Family, ...] = ("module",) if are_whole else ("module", "plain")
     parts, few = [], []
     for sensor, rows in rows_of.items():
         if len({channels[number].letter for number in rows}) < MIN_CHANNELS:
             few.append(sensor or "(no name)")
             continue
         rows.sort(key=lambda number: times[number])
-        moments, table = _grouped([(times[row], channels[row].letter, values[row]) for row in rows], keeps_state)
+        events = [
+            (times[row], ASCENDING_LETTERS.index(letter) + CHANNEL_COUNT * (family in of_module), values[row])
+            for row, letter, family in ((row, channels[row].letter, channels[row].family) for row in rows)
+        ]
+        moments, table = _grouped(events, keeps_state)
         parts.append((sensor, moments, table))
     if not parts:
         return None, few
     together = np.concatenate([table for _, _, table in parts])
-    known = together[np.isfinite(together)]
-    families = {column.family for column in channels.values()}
-    are_counts = families == {"count"} or (families == {"plain"} and np.array_equal(known, np.rint(known)))
-    masked, flags = mask_counts(together) if are_counts else mask_module_values(together)
+    counts, flags = mask_counts(together[:, :CHANNEL_COUNT])
+    module, module_flags = mask_module_values(together[:, CHANNEL_COUNT:])
+    is_counted = (flags != FLAG_MISSING).any(axis=1, keepdims=True)
+    flags = np.where(is_counted, flags, module_flags)
     moments = np.concatenate([moments for _, moments, _ in parts])
     order = np.argsort(moments, kind="stable")
     readings = make_readings(
         unix_s=moments[order],
-        counts=masked[order] if are_counts else None,
-        module_value=None if are_counts else masked[order],
+        counts=counts[order],
+        module_value=module[order],
         flag=flags[order],
     )
     if len(parts) > 1 or parts[0][0]:
@@ -132,21 +157,21 @@ def _readings(
     return readings, few
 
 
-def _grouped(events: list[tuple[float, str, float]], keeps_state: bool) -> tuple[np.ndarray, np.ndarray]:
-    """(reading,) times and (reading, 18) values of rows in order of time [s]."""
+def _grouped(events: list[tuple[float, int, float]], keeps_state: bool) -> tuple[np.ndarray, np.ndarray]:
+    """(reading,) times [s] and (reading, 36) counts and module values of rows (time, place, value) in order of time."""
     moments: list[float] = []
     rows: list[np.ndarray] = []
-    state = np.full(CHANNEL_COUNT, np.nan)
+    state = np.full(2 * CHANNEL_COUNT, np.nan)
     begun, before = -np.inf, -np.inf
-    for time, letter, value in events:
+    for time, place, value in events:
         if time - begun > TOGETHER_S and time - before > TOGETHER_S / 10:
             if np.isfinite(begun):
                 moments.append(begun)
                 rows.append(state.copy())
             begun = time
             if not keeps_state:
-                state = np.full(CHANNEL_COUNT, np.nan)
-        state[ASCENDING_LETTERS.index(letter)] = value
+                state = np.full(2 * CHANNEL_COUNT, np.nan)
+        state[place] = value
         before = time
     moments.append(begun)
     rows.append(state)

@@ -22,6 +22,7 @@ NO_UNIT = (
 
 _OF_DAY = re.compile(r"(\d\d?):(\d\d):(\d\d)(?:[.,:](\d{1,6}))?")
 _ZONE = re.compile(r"(?:Z|UTC|[+-]\d\d(?::?\d\d)?)$", re.IGNORECASE)
+_COMPACT = re.compile(r"(?:19|20)\d{12}")  # a date and time of 14 digits; a number of ms so large is after 2570
 _NUMERIC_DATE = re.compile(r"(\d\d?)([./-])(\d\d?)\2(\d{4}|\d\d)[ ,T]+(.*)")
 
 
@@ -54,7 +55,7 @@ def parse_times(cells: Sequence[str], *, name: str, unit: str | None = None) -> 
     Parameters
     ----------
     cells : sequence of str
-        ISO 8601, '20.04.2023 14:36:08', '4/20/2023 14:36:08', '14:36:08.123', or numbers.
+        ISO 8601, '20230420143608', '20.04.2023 14:36:08', '4/20/2023 14:36:08', '14:36:08.123', or numbers.
     name : str
         Of the column, for errors and notes.
     unit : str, optional
@@ -72,11 +73,14 @@ def parse_times(cells: Sequence[str], *, name: str, unit: str | None = None) -> 
     ReadingError
         If day and month cannot be distinguished.
     """
+    if sum(_COMPACT.fullmatch(cell.strip()) is not None for cell in cells) > 0.5 * len(cells):
+        return np.array([_compact(cell.strip()) for cell in cells]), ()
     values = np.array([_number(cell) for cell in cells])
     known = values[np.isfinite(values)]
     if known.size and known.size >= 0.5 * len(cells):
         if np.median(known) >= MIN_UNIX_S * PER_SECOND.get(unit or "s", 1.0):
-            return np.array([_of_epoch(value) for value in values]), ()
+            times = np.array([_of_epoch(value) for value in values])
+            return np.where(times >= MIN_UNIX_S, times, np.nan), ()  # before a board asked for the time it counts anew
         notes = (SINCE_START,) if unit is not None else (SINCE_START, NO_UNIT.format(name=name))
         return values / PER_SECOND.get(unit or "s", 1.0), notes
     if sum(_OF_DAY.fullmatch(cell.strip()) is not None for cell in cells) > 0.5 * len(cells):
@@ -88,6 +92,8 @@ def parse_times(cells: Sequence[str], *, name: str, unit: str | None = None) -> 
 
 def lacks_zone(cells: Sequence[str]) -> bool:
     """Whether some of the dates in a column state no zone; numbers since 1970 need none."""
+    if any(_COMPACT.fullmatch(cell.strip()) for cell in cells):
+        return True
     dates = (cell.strip() for cell in cells if cell.count(":") >= 1)
     return any(len(date) > len("14:36:08.123456") and not _ZONE.search(date.partition(":")[2]) for date in dates)
 
@@ -105,6 +111,11 @@ def times_of_day(cells: Sequence[str]) -> FloatArray:
             day += DAY_S
         seconds[number], before = day + of_day, of_day
     return seconds
+
+
+def _compact(cell: str) -> float:
+    """Time of '20230420143608' [s since 1970], or NaN."""
+    return parse_time(f"{cell[:8]}T{cell[8:]}") if _COMPACT.fullmatch(cell) else float("nan")
 
 
 def _number(cell: str) -> float:

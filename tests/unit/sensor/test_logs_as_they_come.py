@@ -13,7 +13,7 @@ from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
 from lidarspectra.hardware.sensor.identify import order_by_user
 from lidarspectra.hardware.sensor.log_columns import channel_column, columns_by_user
 from lidarspectra.hardware.sensor.log_layouts import one_sensor, read_sensor_log, readings_from_csv, sensors_of
-from lidarspectra.hardware.sensor.log_times import OF_DAY, SINCE_START, parse_times
+from lidarspectra.hardware.sensor.log_times import OF_DAY, SINCE_START, lacks_zone, parse_times
 from lidarspectra.hardware.sensor.measured_readings import irradiance_of
 from lidarspectra.hardware.sensor.readings import write_readings
 
@@ -435,3 +435,42 @@ def test_codes_of_gains_are_refused_as_gains(tmp_path: Path, code: int) -> None:
         irradiance_of(table, ["A"], "counts", "none", tmp_path)
     known = table.assign(gain=[3.7, np.nan])  # a row without
     assert np.isfinite(irradiance_of(known, ["A"], "counts", "none", tmp_path)).tolist() == [[True], [False]]
+
+
+@pytest.mark.parametrize("first", ["count", "cal"])
+def test_counts_and_module_values_of_one_sensor_by_series_are_kept_apart(tmp_path: Path, first: str) -> None:
+    second = {"count": "cal", "cal": "count"}[first]
+    lines = ["entity_id,state,last_changed"]
+    for minute in range(2):
+        for place, family in enumerate((first, second)):
+            for label, value in zip(CHANNEL_LABELS, BY_WAVELENGTH, strict=True):
+                state = value + minute if family == "count" else 0.5 * value + 0.25
+                lines.append(f"sensor.desk_{family}_{label}nm,{state:g},2024-01-01T10:0{minute}:00.{place}00Z")
+    lines += [f"sensor.desk_{label}nm,77,2024-01-01T10:01:00.000Z" for label in CHANNEL_LABELS]  # whatever it is
+    lines += [f"sensor.shelf_{label}nm,{value}.5,2024-01-01T10:01:30Z" for label, value in zip(
+        CHANNEL_LABELS, range(18), strict=True)]  # fmt: skip
+    readings = read_sensor_log(saved(tmp_path, "\n".join(lines))).readings
+    desk, shelf = (one_sensor(readings, name) for name in ("desk", "shelf"))
+    assert np.array_equal(desk["counts"].to_numpy(), [BY_WAVELENGTH, BY_WAVELENGTH + 1])
+    assert np.array_equal(desk["module_value"].to_numpy(), np.tile(0.5 * BY_WAVELENGTH + 0.25, (2, 1)))
+    assert "18 rows were left out" in readings.attrs["notes"]
+    assert np.array_equal(shelf["module_value"].to_numpy()[0], np.arange(18) + 0.5)
+    assert not readings["flag"].to_numpy().any()
+
+
+def test_rows_by_series_tell_a_zone_that_is_not_stated_and_times_that_are_none(tmp_path: Path) -> None:
+    lines = ["Time,series,value"]
+    lines += [f"2024-03-31 02:30:0{second},{label}nm,5.5" for second in (1, 2) for label in CHANNEL_LABELS]
+    readings = read_sensor_log(saved(tmp_path, "\n".join([*lines, "soon,410nm,5.5"]))).readings
+    assert "UTC" in readings.attrs["time_zone"]
+    assert "1 row was left out, whose time" in readings.attrs["notes"]
+
+
+def test_dates_of_fourteen_digits_are_dates_and_times_before_a_clock_was_set_are_none() -> None:
+    times, _ = parse_times(["20230420143608", "20231029023001"], name="time")
+    assert times.tolist() == [1682001368.0, 1698546601.0]
+    assert lacks_zone(["20230420143608"])
+    times, _ = parse_times(["12", "1700000000", "1700000001"], name="time")  # a board that then asked for the time
+    assert np.isnan(times).tolist() == [True, False, False]
+    times, _ = parse_times(["12000", "1700000000000", "1700000001000"], name="time", unit="ms")
+    assert np.isnan(times).tolist() == [True, False, False]
