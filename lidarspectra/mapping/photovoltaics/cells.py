@@ -5,6 +5,7 @@ References
 The paper, Eq. 10 and 11, and Figure 18. De Soto, Klein, Beckman 2006, Solar Energy 80, 78-88 (the circuit).
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,8 +29,15 @@ Quantity = Literal["efficiency", "relative"]
 
 AMPERE_PER_WATT_NM = float(constants.e / (constants.h * constants.c) * 1e-9)
 """q/hc: current per watt and nm of wavelength at a quantum efficiency of 1. [A/(W nm)]"""
+MILLI = 1e-3
+OF_PHOTONS = ("efficiency", "quantum", "eqe", "iqe", "ipce", "absor")  # in a heading: values are of photons, not of watts
 STEP_NM = 1.0  # [nm] of the grid: λ x a(λ) is not linear between the samples of a
 PERCENT_ABOVE = 1.5  # [1] a curve of efficiencies that exceeds it is taken as per cent
+
+_PER_WATT = re.compile(
+    r"(?<![a-z])(?P<milli>m?)a(?:\s*/\s*|_|\s+per\s+|[\s·*.]*(?=w\s*\^?\(?[-−⁻]\s*[1¹]))w(?:att)?(?![a-z])"
+)
+"""A/W, mA/W, A_W, A per W, A W^-1, in small letters."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,14 +170,15 @@ def find_cell(name_or_file: str | PathLike[str], base_folder: str | PathLike[str
         'silicon', 'organic-green' ...; a name that ends in .csv, .txt, .tsv or .dat is a file, one that ends in .json a
         fit of `cells fit`. A file whose values
         exceed 1.5 is taken as per cent. A file whose heading contains 'relative' or 'absorption' has no absolute scale;
-        one that contains 'A/W' holds responsivities.
+        one that contains 'A/W' or 'mA/W' holds responsivities.
     base_folder : str or path, optional
         Where relative file names start.
 
     Raises
     ------
     DatabaseError
-        If there is neither such a name nor such a file, or it is malformed or an absorbance, which is a logarithm.
+        If there is neither such a name nor such a file, or it is malformed, an absorbance, which is a logarithm, or a
+        response of which the heading does not say whether it is per watt or per photon.
     """
     known = {cell.name.casefold(): cell for cell in list_cells()}
     meaning = "a cell's name, or the name of a file"
@@ -207,8 +216,16 @@ def _cell_of_file(path: Path) -> Cell:
     read = read_spectrum_file(path)
     heading = _heading(path)
     grid, values = read.spectrum.wavelengths_nm, read.spectrum.values
-    if "a/w" in heading.replace(" ", ""):
-        values = values / (AMPERE_PER_WATT_NM * grid)
+    per_watt = _PER_WATT.search(heading)
+    if per_watt is not None:
+        values = values / (AMPERE_PER_WATT_NM * grid) * (MILLI if per_watt["milli"] else 1.0)
+    elif "respons" in heading and not any(word in heading for word in OF_PHOTONS):
+        raise DatabaseError(
+            expected="a heading that says whether a response is in A/W or a quantum efficiency",
+            found=f"'{heading[:60]}'",
+            where=str(path),
+            todo="Write A/W into it, with 'relative' if the curve has no absolute scale; or efficiency, if it is that.",
+        )
     elif "%" in heading or "percent" in heading or values.max() > PERCENT_ABOVE:
         values = values / 100.0
     if "absorbance" in heading:

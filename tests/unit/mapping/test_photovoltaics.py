@@ -112,6 +112,13 @@ def test_a_cell_held_at_a_voltage_gives_the_diode_s_current_there_and_nothing_ab
         ("wavelength_nm,eqe %\n400,50\n700,80\n", 0.5, "efficiency"),
         ("400;50\n700;80\n", 0.5, "efficiency"),
         ("wavelength_nm,responsivity A/W\n400,0.16131\n700,0.45\n", 0.5, "efficiency"),
+        ("wavelength_nm,responsivity [mA/W]\n400,161.31\n700,450\n", 0.5, "efficiency"),
+        ("wavelength_nm,responsivity_A_W\n400,0.16131\n700,0.45\n", 0.5, "efficiency"),
+        ("wavelength_nm,spectral response (A W^-1)\n400,0.16131\n700,0.45\n", 0.5, "efficiency"),
+        ("wavelength_nm,SR / A·W⁻¹\n400,0.16131\n700,0.45\n", 0.5, "efficiency"),
+        ("wavelength_nm,relative responsivity in A per W\n400,0.16131\n700,0.45\n", 0.5, "relative"),
+        ("wavelength_nm,spectral response (EQE)\n400,0.5\n700,0.8\n", 0.5, "efficiency"),
+        ("data/wavelength,efficiency\n400,0.5\n700,0.8\n", 0.5, "efficiency"),
         ("wavelength_nm,absorption\n400,0.5\n700,1.05\n", 0.5, "relative"),
     ],
 )
@@ -128,6 +135,10 @@ def test_what_is_no_cell_is_refused(tmp_path: Path):
     (tmp_path / "bad.csv").write_text("wavelength_nm,eqe\n400,0.5\n700,1.2\n", encoding="utf-8")
     with pytest.raises(DatabaseError, match="quantum efficiencies from 0 to 1"):
         find_cell("bad.csv", tmp_path)
+    for heading in ("responsivity", "spectral response", "relative spectral response"):
+        (tmp_path / "bad.csv").write_text(f"wavelength_nm,{heading}\n400,0.2\n700,0.45\n", encoding="utf-8")
+        with pytest.raises(DatabaseError, match="A/W"):
+            find_cell("bad.csv", tmp_path)
     with pytest.raises(DatabaseError, match="positive saturation current"):
         Circuit(saturation_current_A_m2=0.0, ideality=1.0)
 
