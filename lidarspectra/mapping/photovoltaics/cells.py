@@ -224,7 +224,7 @@ def _cell_of_file(path: Path) -> Cell:
             expected="a heading that says whether a response is in A/W or a quantum efficiency",
             found=f"'{heading[:60]}'",
             where=str(path),
-            todo="Write A/W into it, with 'relative' if the curve has no absolute scale; or efficiency, if it is that.",
+            todo="Write A/W there, with 'relative' if the curve has no absolute scale; or efficiency, if it is that.",
         )
     elif "%" in heading or "percent" in heading or values.max() > PERCENT_ABOVE:
         values = values / 100.0
