@@ -30,7 +30,7 @@ Quantity = Literal["efficiency", "relative"]
 AMPERE_PER_WATT_NM = float(constants.e / (constants.h * constants.c) * 1e-9)
 """q/hc: current per watt and nm of wavelength at a quantum efficiency of 1. [A/(W nm)]"""
 MILLI = 1e-3
-OF_PHOTONS = ("efficiency", "quantum", "eqe", "iqe", "ipce", "absor")  # in a heading: values are of photons, not of watts
+OF_PHOTONS = ("efficiency", "quantum", "eqe", "iqe", "ipce", "absor")  # in a heading: of photons, not of watts
 STEP_NM = 1.0  # [nm] of the grid: λ x a(λ) is not linear between the samples of a
 PERCENT_ABOVE = 1.5  # [1] a curve of efficiencies that exceeds it is taken as per cent
 
