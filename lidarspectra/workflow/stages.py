@@ -44,6 +44,7 @@ from lidarspectra.radiance.scene.scene import LAMPS_PER_PASS, RadianceScene, loa
 from lidarspectra.room.room import load_room, save_room
 from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.words import counted, were
+from lidarspectra.workflow.calibration.results import REPORTED, SUMMARY, found_by_calibration
 from lidarspectra.workflow.calibration.unknowns_of_run import lost_calibration_note, unknowns_of_map
 from lidarspectra.workflow.kept_light import (
     lamp_names,
@@ -468,10 +469,12 @@ def map_stage(
 
     Its folder has the lamps as they are now: of a scene that was kept they may differ from those that were traced.
     """
+    calibration = inputs.declare("calibration").run_file.calibration
     given = inputs.declare(
         *(*LAMP_KEYS, "lamps.assumed", "daylight.windows", "calibration", "scan.assumed", "panes", "panes.assumed"),
         databases=("lamps",),
         stages=(scan, materials, scene, transport),
+        others=found_by_calibration(calibration, scan.folder.parent, (SUMMARY,)),
     )
     run_file = given.run_file
 
@@ -533,7 +536,8 @@ def report_stage(
     light_map: StageResult[xr.Dataset],
 ) -> Stage[Path]:
     """Stage 7: figures, tables and one page about all the others."""
-    cells = inputs.declare("cells").run_file.cells
+    asked = inputs.declare("cells", "calibration").run_file
+    cells, calibration = asked.cells, asked.calibration
     given = inputs.declare(
         "people_and_plants",
         "cells",
@@ -544,8 +548,9 @@ def report_stage(
         stages=(scan, views, materials, scene, transport, light_map),
         others={
             "title": inputs.name,
-            "run_file_text": inputs.text,
-        },  # shown verbatim, so any change makes the page stale
+            "run_file_text": inputs.text,  # shown verbatim, so any change makes the page stale
+            **found_by_calibration(calibration, scan.folder.parent, (SUMMARY, *REPORTED)),
+        },
     )
 
     def make(folder: Path, progress: Progress) -> Notes:

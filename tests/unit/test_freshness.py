@@ -363,6 +363,24 @@ def test_a_texture_in_a_folder_that_the_scan_names_is_one_of_its_files(
     assert changed(before, keys_of(run_file, tmp_path)) == STAGES
 
 
+def test_what_a_calibration_found_belongs_to_the_map_and_its_tables_to_the_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # where a `Walk` has its run folder
+    (tmp_path / "calibration").mkdir()
+
+    def stale_by(room: str, file: str) -> tuple[StageName, ...]:
+        run_file = RunFile.model_validate(ROOMS[room])
+        before = keys_of(run_file, tmp_path)
+        (tmp_path / "calibration" / file).write_text(f"{room}: of more readings, the same factors", encoding="utf-8")
+        return changed(before, keys_of(run_file, tmp_path))
+
+    assert stale_by("lamps", "calibration.json") == STAGES[5:]
+    assert stale_by("lamps", "readings.csv") == STAGES[6:]
+    assert stale_by("lamps", "plan.csv") == ()
+    assert stale_by("lamps in the scan", "calibration.json") == ()  # of a run file without [calibration]
+
+
 def test_views_depend_on_a_file_of_assignments_by_whether_it_gives_all_surfaces_one_reflectance(tmp_path: Path) -> None:
     def keys(rows: str) -> dict[StageName, str]:
         (tmp_path / "materials.csv").write_text(f"group,reflectance\n{rows}\n", encoding="utf-8")

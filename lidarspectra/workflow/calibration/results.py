@@ -1,6 +1,6 @@
 """What a calibration gives: the run file with its factors, and tables of unknowns and readings."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +8,7 @@ import pandas as pd
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.config import CalibrationSection, LampSection, RunFile
+from lidarspectra.io.files import hash_file
 from lidarspectra.io.toml_text import toml_value
 from lidarspectra.mapping.calibration.model import LightModel
 from lidarspectra.mapping.calibration.posterior import Posterior
@@ -18,7 +19,21 @@ from lidarspectra.workflow.calibration.light import RunRoom
 from lidarspectra.workflow.calibration.readings import Readings, unit_of
 
 SUMMARY = "calibration.json"  # beside the tables, for the report
+REPORTED = ("unknowns.csv", "readings.csv", "points.csv")  # tables that the report shows
 MAX_SHARE_OF_PRIOR = 0.9  # [1] of the prior's deviation that is left, up to which the readings determined an unknown
+
+
+def found_by_calibration(
+    section: CalibrationSection | None, run: Path, names: Sequence[str]
+) -> dict[str, dict[str, str]]:
+    """What a stage depends on of the calibration in its run folder: SHA-256 of its files, if there are any.
+
+    They are none where the run file has no `[calibration]`.
+    """
+    folder = run / "calibration"
+    found = {} if section is None else {name: folder / name for name in names}
+    hashes = {name: hash_file(path) for name, path in found.items() if path.is_file()}
+    return {"calibration": hashes} if hashes else {}
 
 
 def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path, spectra: Mapping[str, str]) -> RunFile:
