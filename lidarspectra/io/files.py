@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lidarspectra.errors import LidarSpectraError, WorkspaceError
 
+OF_FILE_MANAGERS = frozenset((".ds_store", ".localized", ".directory", "thumbs.db", "ehthumbs.db", "desktop.ini"))
 UNFINISHED = ".part"  # ends the name of a file that is being written
 
 
@@ -62,6 +63,12 @@ def write_whole(path: Path, content: str | bytes | memoryview) -> None:
         unfinished.replace(path)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def is_of_file_manager(name: str) -> bool:
+    """Whether a file is what Finder, Explorer or others leave in the folders that they show or copy."""
+    last = name.rpartition("/")[2].lower()
+    return last in OF_FILE_MANAGERS or last.startswith("._")
 
 
 def hash_text(text: str) -> str:

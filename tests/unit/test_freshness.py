@@ -363,6 +363,21 @@ def test_a_texture_in_a_folder_that_the_scan_names_is_one_of_its_files(
     assert changed(before, keys_of(run_file, tmp_path)) == STAGES
 
 
+def test_what_a_file_manager_leaves_beside_a_scan_or_in_a_capture_is_none_of_its_files(tmp_path: Path) -> None:
+    capture = tmp_path / "capture"
+    capture.mkdir()
+    for path in (capture / "info.json", tmp_path / "room.obj"):
+        path.write_text("{}", encoding="utf-8")
+    rooms = [RunFile.model_validate(ROOMS["lamps"] | {"scan": {"file": file}}) for file in ("capture", "room.obj")]
+    before = [keys_of(room, tmp_path) for room in rooms]
+    for path in (capture / ".DS_Store", capture / "Thumbs.db", tmp_path / "._wall.png"):
+        path.write_bytes(b"icons")
+    assert [keys_of(room, tmp_path) for room in rooms] == before
+    for path in (capture / "frame.jpg", tmp_path / "wall.png"):
+        path.write_bytes(b"picture")
+    assert all(changed(old, keys_of(room, tmp_path)) == STAGES for old, room in zip(before, rooms, strict=True))
+
+
 def test_what_a_calibration_found_belongs_to_the_map_and_its_tables_to_the_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -165,6 +165,20 @@ def test_an_edited_file_is_kept_and_changes_what_later_stages_see(tmp_path: Path
     assert second.contents() != before
 
 
+@pytest.mark.parametrize("name", [".DS_Store", "sky/._picture.png", "Thumbs.db", "Desktop.ini"])
+def test_looking_into_a_folder_with_a_file_manager_changes_nothing(tmp_path: Path, name: str) -> None:
+    empty = tmp_path / "run"
+    empty.mkdir()
+    (empty / Path(name).name).write_bytes(b"icons")
+    first = run_scan(empty, Maker())
+    before = first.contents()
+    (first.folder / name).parent.mkdir(exist_ok=True)
+    (first.folder / name).write_bytes(b"icons")
+    assert run_scan(empty, Maker()).contents() == before
+    (first.folder / "mine.txt").write_text("added", encoding="utf-8")
+    assert run_scan(empty, Maker()).contents() != before
+
+
 def test_a_folder_with_other_things_in_it_is_refused_and_kept(tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("mine", encoding="utf-8")
     with pytest.raises(WorkspaceError, match=r"thesis\.txt"), Workspace(tmp_path):

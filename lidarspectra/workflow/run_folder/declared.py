@@ -17,7 +17,7 @@ from urllib.parse import quote
 from lidarspectra.config import LampSection, LampsFromScanSection, RunFile
 from lidarspectra.errors import UndeclaredError
 from lidarspectra.hardware.phone.capture_files import open_capture
-from lidarspectra.io.files import hash_file
+from lidarspectra.io.files import hash_file, is_of_file_manager
 from lidarspectra.io.toml_sections import Section
 from lidarspectra.material.assignments import spectrum_files
 from lidarspectra.material.segmentation.model_card import CARD_SUFFIX
@@ -184,10 +184,11 @@ def _scan_files(name: str, base: Path) -> Iterable[str]:
     """
     file = base / name
     if file.is_dir():
-        return sorted((Path(name) / each).as_posix() for each in open_capture(file).names)
+        names = (each for each in open_capture(file).names if not is_of_file_manager(each))
+        return sorted((Path(name) / each).as_posix() for each in names)
     if not file.is_file() or file.suffix.lower() not in MULTI_FILE_FORMATS:
         return (name,)
-    beside = sorted(path.relative_to(file.parent) for path in _companions(file))
+    beside = sorted(path.relative_to(file.parent) for path in _companions(file) if not is_of_file_manager(path.name))
     return (name, *((Path(name).parent / each).as_posix() for each in beside))
 
 

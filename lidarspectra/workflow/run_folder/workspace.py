@@ -25,7 +25,7 @@ from typing import Any, Generic, Literal, Self, TypeVar, get_args
 
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.io.file_lock import FileLock
-from lidarspectra.io.files import hash_file, write_whole, writing
+from lidarspectra.io.files import hash_file, is_of_file_manager, write_whole, writing
 from lidarspectra.progress import Pace, Paced, Progress, is_pace
 from lidarspectra.workflow.run_folder.code_version import CODE, code_hash
 from lidarspectra.workflow.run_folder.peak_memory import peak_memory
@@ -357,7 +357,8 @@ def refuse_other_folder(folder: Path) -> None:
     """Raise a WorkspaceError if a folder holds files, and is no run."""
     if not folder.is_dir() or (folder / MARKER_FILE).exists():
         return
-    strangers = sorted(path.name for path in folder.iterdir() if path.name != LOCK_FILE)
+    names = sorted(path.name for path in folder.iterdir())
+    strangers = [name for name in names if name != LOCK_FILE and not is_of_file_manager(name)]
     if strangers:
         raise WorkspaceError(
             expected="an empty folder or an earlier run",
@@ -444,9 +445,13 @@ def require_stage(run: Path, stage: StageName) -> Path:
 
 
 def hash_files(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file under a folder except its stage record, by its path with forward slashes."""
+    """SHA-256 of every file under a folder, by its path with forward slashes.
+
+    Not of its stage record, nor of what a file manager left there: who looks into a folder changes no result.
+    """
     names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    return {name: hash_file(folder / name) for name in names if name != RECORD_FILE}
+    kept = [name for name in names if name != RECORD_FILE and not is_of_file_manager(name)]
+    return {name: hash_file(folder / name) for name in kept}
 
 
 def write_json(path: Path, value: object) -> None:
