@@ -35,7 +35,7 @@ class LampOrder:
     Parameters
     ----------
     lamp : str
-        Its name in the run file. 'panel *' is each lamp whose name fits and that has no order of its own.
+        Its name in the run file. ``panel *`` is each lamp whose name fits and that has no order of its own.
     spectrum : str or None
         Database name or file; None keeps the spectrum.
     luminous_flux_lm : float or None
