@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from lidarspectra.errors import ReadingError
@@ -29,6 +29,10 @@ _FAMILIES: dict[str, Family] = {
     "flag": "flag", "e": "irradiance", "se": "derived", "sd": "derived", "u": "derived", "su": "derived",
     "basic": "derived", "basic_se": "derived", "channel": "plain", "ch": "plain", "wavelength": "plain",
 }  # fmt: skip
+_OF_UNIT: dict[str, Family] = {
+    "count": "count", "counts": "count", "uW/cm2": "module", "W/m2/nm": "irradiance",
+}  # fmt: skip
+_PLAIN_LETTERS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "^": None, " ": None})
 _SERIES = re.compile(r"(?P<field>[^{]*?)\s*\{(?P<labels>.*)\}")
 _LABEL = re.compile(r"\s*\"?(?P<key>[\w.]+)\"?\s*[=:]\s*\"?(?P<value>[^\",]*)\"?\s*(?:,|$)")
 _OF_SENSOR = re.compile(r"(?P<sensor>.*[^\s_.:/-])[\s_.:/-]+(?P<channel>w\d{1,2}|[A-LR-W]|[4-9]\d\d)(?:\s*_?nm)?", re.I)
@@ -61,11 +65,16 @@ def channel_column(name: str) -> ChannelColumn | None:
     """The channel that a column's name means, and the sensor if it says one.
 
     Known are 410, '410 nm', A, wavelength1 (the shortest), count_410, s1_410, s1_w1, 's1 A', 'desk_count_410nm', and
-    names with labels as Grafana writes them: '410nm {sensor="desk"}', 'value {channel="A", node="3"}'. None for any
-    other, and for names of times: 'unix_s' is no channel S of a sensor 'unix'.
+    names with labels as Grafana writes them: '410nm {sensor="desk"}', 'value {channel="A", node="3"}'. A unit behind a
+    name says what it holds: (counts), (µW/cm²), which are module values, or (W/m²/nm). None for any other, and for
+    names of times: 'unix_s' is no channel S of a sensor 'unix'.
     """
     if name.strip().lower() in TIME_NAMES:
         return None
+    bare, family = _without_unit(name.strip())
+    if family is not None:
+        column = channel_column(bare)
+        return column if column is None or column.family != "plain" else replace(column, family=family)
     labelled = _SERIES.fullmatch(name.strip())
     if labelled is not None:
         return _of_labels(labelled["field"], labelled["labels"])
@@ -90,6 +99,14 @@ def channel_column(name: str) -> ChannelColumn | None:
     if last_word is not None:
         return ChannelColumn(sensor=last_word["sensor"], family=_FAMILIES[last_word["family"].lower()], letter=letter)
     return ChannelColumn(sensor=sensor, family="plain", letter=letter)
+
+
+def _without_unit(name: str) -> tuple[str, Family | None]:
+    """A channel's name without the unit behind it, and what the unit says; None where it ends in none."""
+    start = max(name.rfind("("), name.rfind("["))
+    if start < 0 or name[-1] not in ")]" or any(mark in name[:start] for mark in "()[]"):
+        return name, None
+    return name[:start].strip(), _OF_UNIT.get(name[start + 1 : -1].translate(_PLAIN_LETTERS))
 
 
 def _of_labels(field: str, text: str) -> ChannelColumn | None:

@@ -474,3 +474,20 @@ def test_dates_of_fourteen_digits_are_dates_and_times_before_a_clock_was_set_are
     assert np.isnan(times).tolist() == [True, False, False]
     times, _ = parse_times(["12000", "1700000000000", "1700000001000"], name="time", unit="ms")
     assert np.isnan(times).tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("unit", "name"),
+    [("uW/cm2", "module_value"), ("µW/cm²", "module_value"), ("W/m²/nm", "irradiance"), ("W/m^2/nm", "irradiance"),
+     ("counts", "counts")],
+)  # fmt: skip
+def test_a_unit_behind_a_channel_is_no_sensor_and_says_what_the_numbers_are(
+    tmp_path: Path, unit: str, name: str
+) -> None:
+    for form in (f"{{}}nm ({unit})", f"{{}} nm [{unit}]", f"{{}} ({unit})", f"desk_{{}}nm ({unit})"):
+        header = ",".join(["time", *(form.format(label) for label in CHANNEL_LABELS)])
+        readings = read_sensor_log(saved(tmp_path, f"{header}\n2024-01-01T10:00:01Z,{row()}\n")).readings
+        assert sensors_of(readings) == (("desk",) if "desk" in form else ())
+        assert np.array_equal(readings[name].to_numpy()[0], BY_WAVELENGTH)
+        others = {"counts", "module_value"} - {name}
+        assert all(np.isnan(readings[other].to_numpy()).all() for other in others)
