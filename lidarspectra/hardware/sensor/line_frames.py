@@ -8,11 +8,16 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.sensor.sensor_records import Moment
 
 PROTOCOL_VERSION = "1"
-CLOCK_DRIFT = 2e-4  # largest relative drift of a board's clock (ceramic resonator of an Uno: 0.5 % off, drift far less)
+CLOCK_ROUND_MS = 2**32  # [ms] a board counts so far, and begins again from 0
+CLOCK_RATE = 6e-3  # [1] largest error of a board's clock rate (ceramic resonator of an Uno: 0.5 %)
+CLOCK_DRIFT = 2e-4  # [1] largest change of that error once it is learned
+RATE_STRETCH_S = 60.0  # [s] of which the shortest delay is kept, to learn the rate by
 LATE_S = 0.02  # [s] a line later than this by the board's clock is dated back
 
 _FRAME = re.compile(rb"\$([ -#%-)+-~]{1,1000})\*([0-9A-Fa-f]{4})")
@@ -99,20 +104,46 @@ def parse_header(fields: Sequence[str]) -> StreamHeader:
 
 
 class DeviceClock:
-    """Offset of the board's clock from the computer's, from the line with the shortest delay so far."""
+    """Offset of the board's clock from the computer's, from the line with the shortest delay so far.
+
+    The delay t_i - τ_i, with t_i the time of arrival and τ_i the board's clock, grows by its rate error where the board
+    is slow: without the rate, every line of a slow board would seem later than the one before. It is learned from the
+    shortest delays of the first and of the latest minute; until then a delay may grow as the worst board's.
+    """
 
     def __init__(self) -> None:
         self._least_s: float | None = None
         self._at_s = 0.0
+        self._last_ms = self._begun_ms = 0
+        self._growth = CLOCK_RATE
+        self._first: tuple[float, float] | None = None  # shortest delay of the first stretch, and when it was
+        self._shortest = (np.inf, 0.0)
+        self._stretch_begun_s = 0.0
 
     def date(self, device_ms: int, arrival: Moment) -> Moment:
         """When a line with `device_ms` that arrives now was measured."""
-        delay_s = arrival.monotonic_s - device_ms * 1e-3
+        if self._last_ms - device_ms > CLOCK_ROUND_MS // 2:
+            self._begun_ms += CLOCK_ROUND_MS  # it went on from 0, after 49.7 days
+        self._last_ms = device_ms
+        device_s = (self._begun_ms + device_ms) * 1e-3  # in which the delay grows: a held-up line was measured before
+        delay_s = arrival.monotonic_s - device_s
+        self._learn_rate(delay_s, device_s)
         if self._least_s is None:
             self._least_s = delay_s
         else:
-            allowed_s = self._least_s + CLOCK_DRIFT * (arrival.monotonic_s - self._at_s)
-            self._least_s = min(delay_s, allowed_s)
-        self._at_s = arrival.monotonic_s
+            self._least_s = min(delay_s, self._least_s + self._growth * (device_s - self._at_s))
+        self._at_s = device_s
         late_s = delay_s - self._least_s
         return arrival.earlier(late_s) if late_s > LATE_S else arrival
+
+    def _learn_rate(self, delay_s: float, device_s: float) -> None:
+        if not np.isfinite(self._shortest[0]):
+            self._stretch_begun_s = device_s
+        if device_s - self._stretch_begun_s >= RATE_STRETCH_S:
+            if self._first is None:
+                self._first = self._shortest
+            else:
+                rate = (self._shortest[0] - self._first[0]) / (self._shortest[1] - self._first[1])
+                self._growth = float(np.clip(rate, -CLOCK_RATE, CLOCK_RATE)) + CLOCK_DRIFT
+            self._shortest, self._stretch_begun_s = (delay_s, device_s), device_s
+        self._shortest = min(self._shortest, (delay_s, device_s))

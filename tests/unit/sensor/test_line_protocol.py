@@ -1,6 +1,7 @@
 """The line protocol of our sketches: frames, headers, sequence numbers."""
 
 import numpy as np
+import pytest
 
 from lidarspectra.hardware.sensor.as7265x import ASCENDING_LETTERS, SensorSettings
 from lidarspectra.hardware.sensor.line_frames import DeviceClock, checksum, frame, frames_in
@@ -130,7 +131,31 @@ def test_a_line_that_was_held_up_is_dated_back() -> None:
     for second in range(10):
         assert clock.date(1000 * second, at(second + 0.010)).monotonic_s == second + 0.010
     late = clock.date(10000, at(14.0))
-    assert abs(late.monotonic_s - 10.0) < 0.02  # 0.01 s of the way, and the drift that is allowed
+    assert abs(late.monotonic_s - 10.0) < 0.02  # 0.01 s of the way, and the rate of a clock that is not known yet
+
+
+@pytest.mark.parametrize("rate", [5e-3, 1e-3, 0.0, -5e-3])
+def test_a_board_whose_clock_is_slow_or_fast_is_not_dated_back_and_a_line_that_was_held_up_is(rate: float) -> None:
+    clock, ways = DeviceClock(), np.random.default_rng(0).exponential(0.005, 7200)
+    for second in range(7200):
+        arrived = second + 0.01 + float(ways[second])
+        measured = clock.date(round(1000 * (1.0 - rate) * second), at(arrived)).monotonic_s
+        assert second - 0.001 <= measured <= arrived, second
+    late = clock.date(round(1000 * (1.0 - rate) * 7200), at(7210.0))
+    assert abs(late.monotonic_s - 7200.0) < 0.03
+
+
+@pytest.mark.parametrize("is_late", [False, True])
+def test_a_board_that_counts_milliseconds_from_0_again_goes_on_in_time(is_late: bool) -> None:
+    talk, begin = driver(), 2**32 - 5000
+    talk.receive(frame(HEADER), at(0.5))
+    readings = []
+    for second in range(1, 11):
+        line = data(second, ms=(begin + 1000 * second) % 2**32)
+        arrived = second + 3.0 if is_late and second == 10 else second + 0.01
+        readings += [item for item in talk.receive(line, at(arrived)) if isinstance(item, Reading)]
+    assert [reading.sequence for reading in readings] == list(range(1, 11))
+    assert [reading.moment.unix_s - 1e9 for reading in readings] == pytest.approx(range(1, 11), abs=0.05)
 
 
 def test_cells_and_spectrum_come_over_one_wire() -> None:
