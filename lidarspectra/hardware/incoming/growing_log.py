@@ -224,7 +224,7 @@ class LogRows:
 
     def read(self, line: bytes) -> list[Arrival | Notice]:
         """The reading that a line holds, if it is one; a notice once for lines that are none."""
-        text = line.decode("utf-8", errors="replace").strip("\r\n\0 ")
+        text = line.decode("utf-8-sig", errors="replace").strip("\r\n\0 ")  # with the mark that Windows begins it with
         if not text or text.startswith("#"):
             return []
         try:

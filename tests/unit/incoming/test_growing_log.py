@@ -10,7 +10,7 @@ from lidarspectra.errors import ReadingError
 from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
 from lidarspectra.hardware.incoming.arrivals import Arrival, Notice
 from lidarspectra.hardware.incoming.channel_light import ChannelLight
-from lidarspectra.hardware.incoming.growing_log import GrowingLog
+from lidarspectra.hardware.incoming.growing_log import GrowingLog, names_sensors
 from lidarspectra.hardware.sensor.as7265x import settings_for
 from lidarspectra.hardware.sensor.calibrated_light import spectral_irradiance
 from lidarspectra.hardware.sensor.log_layouts import readings_from_csv
@@ -84,6 +84,13 @@ def test_a_long_log_begins_with_its_last_reading(tmp_path: Path, running) -> Non
         assert heard.until(lambda heard: heard.arrivals).lux() == [19999.0]
         add(log, "1,desk,5\n")
         assert heard.until(lambda heard: len(heard.arrivals) >= 2).lux() == [19999.0, 5.0]
+
+
+def test_a_mark_of_utf_8_before_the_header_hides_no_column(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("sensor,unix_s,lux\nshelf,1,5\nhall,2,6\n", encoding="utf-8-sig")
+    assert [each.sensor for each in all_of(log)] == ["shelf", "hall"]
+    assert names_sensors(log)
 
 
 def test_lines_that_are_no_rows_are_left_out_and_that_is_said_once(tmp_path: Path, running) -> None:
