@@ -87,6 +87,7 @@ def test_glass_before_a_window_is_told_and_the_windows_own_pane_is_not() -> None
     ("change", "name"),
     [
         ({"daylight": {"windows": [{**WINDOW, "size": [2, 1]}]}}, "windows or sky"),
+        ({"trace": {"accuracy": "low"}}, "number of reflections"),
         ({"sensors": {"grid": {"count": 16}}}, "points"),
         ({"daylight": {"time": "2026-12-21T12:00:00+02:00", "cloud_cover": 1.0}}, None),
         ({"rules": {"glare": False}}, None),

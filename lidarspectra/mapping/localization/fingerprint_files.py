@@ -13,6 +13,7 @@ coordinates in metres.
 """
 
 import gzip
+import io
 import re
 import zlib
 from collections.abc import Mapping
@@ -376,11 +377,10 @@ def _csv(path: Path) -> pd.DataFrame:
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise ValueError(f"{path.stat().st_size // 1_000_000} MB, more than {MAX_FILE_BYTES // 1_000_000} MB")
-        delimiter = _delimiter(path)
+        table = _without_comments(path)
+        delimiter = _delimiter(table)
         decimal = "." if delimiter == "," else ","
-        frame = pd.read_csv(
-            path, comment="#", encoding="utf-8-sig", skipinitialspace=True, sep=delimiter, decimal=decimal
-        )
+        frame = pd.read_csv(io.StringIO(table), skipinitialspace=True, sep=delimiter, decimal=decimal)
     except (OSError, EOFError, ValueError, zlib.error) as cause:  # pandas' parser errors are ValueErrors
         raise MapError(expected="a readable CSV", found=str(cause), where=str(path)) from cause
     if frame.empty:
@@ -392,11 +392,16 @@ def _csv(path: Path) -> pd.DataFrame:
     return frame
 
 
-def _delimiter(path: Path) -> str:
-    """What stands between the names of a table's header."""
+def _without_comments(path: Path) -> str:
+    """A table's lines but those that begin with '#'; further on it is none: pandas would cut the row of 'desk #2'."""
     opened = gzip.open if path.suffix == ".gz" else open
-    with opened(path, "rt", encoding="utf-8-sig", errors="replace") as file:
-        header = next((line for line in file if line.strip() and not line.startswith("#")), "")
+    with opened(path, "rt", encoding="utf-8-sig") as file:
+        return "".join(line for line in file if not line.lstrip().startswith("#"))
+
+
+def _delimiter(table: str) -> str:
+    """What stands between the names of a table's header."""
+    header = next((line for line in table.splitlines() if line.strip()), "")
     return max(",;\t", key=header.count)
 
 

@@ -32,6 +32,7 @@ KEYS: Mapping[str, tuple[str, ...]] = {  # what a user calls it: keys of the run
     "points": ("sensors",),
     "lamps in the room": ("lamps.shape", "lamps.center", "lamps.size", "lamps.normal", "lamps.rotation_deg"),
     "calibration": ("calibration",),
+    "number of reflections": ("trace.accuracy",),
 }
 
 

@@ -46,6 +46,13 @@ def test_semicolons_and_tabs_stand_between_channels_too(tmp_path: Path) -> None:
         assert read_fingerprints(other)["counts"].equals(commas["counts"])
 
 
+def test_a_number_sign_begins_a_comment_only_where_a_line_does(tmp_path: Path) -> None:
+    table = read_fingerprints(written(tmp_path, "# by the window", "8,153,9,216,desk #2", "  # done"))
+    assert table["label"].item() == "desk #2"
+    first = written(tmp_path, "desk #2,8,153,9,216", header="loc,s1_w1,s1_w9,s2_w1,s2_w9", name="first.csv")
+    assert read_fingerprints(first)["counts"].equals(table["counts"])
+
+
 def test_all_that_localization_reads_is_shown_and_drawn(make_table: Maker, tmp_path: Path) -> None:
     save_fingerprints(make_table(), tmp_path / "prints.nc")
     few = written(tmp_path, *(f"{8 + i},153,9,216,p{i}" for i in range(4)))  # two channels a sensor
