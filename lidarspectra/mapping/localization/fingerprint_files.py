@@ -401,7 +401,7 @@ def _without_comments(path: Path) -> str:
 
 def _delimiter(table: str) -> str:
     """What stands between the names of a table's header."""
-    header = next((line for line in table.splitlines() if line.strip()), "")
+    header = next((line for line in io.StringIO(table) if line.strip()), "")
     return max(",;\t", key=header.count)
 
 

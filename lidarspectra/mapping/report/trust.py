@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from lidarspectra.lamps.lamps import is_daylight
 from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2
 from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, counted_lamps
@@ -17,7 +18,6 @@ from lidarspectra.material.pane_materials import OF_PANE
 
 Known = Literal["measured", "estimated", "given", "computed", "assumed"]
 WORTH_SAYING = 0.01  # [1] of all directions that leave the scan: less is cracks of the mesh
-DAYLIGHT = ("window", "sun")  # shapes of lamps that the run file does not give a flux
 REFERENCE_NM = 555.0  # [nm] where the reflectances' deviation is taken: the eye is most sensitive there
 
 
@@ -240,7 +240,7 @@ def _lamp_rows(report: ReportInput, assumed: Assumptions) -> Iterator[TrustRow]:
     traced = tuple(str(name) for name in report.transport["lamp"].to_numpy())
     given = tuple(name for name in traced if not assumed.of_lamp(name))
     both = "it scales with the flux, and has the colours of the spectrum"
-    has_sky = any(lamp.shape.word in DAYLIGHT for lamp in report.lamps)
+    has_sky = any(is_daylight(lamp) for lamp in report.lamps)
     lit = f"marked so in the run file, or {EXITANCE_LM_M2:,.0f} lm for each m² of a lamp lit in the scan"
     groups: tuple[tuple[tuple[str, ...], str, Known, str, str], ...] = (
         (given, "flux and spectrum", "given", f"by the run file{'; daylight by a model of the sky' * has_sky}", both),

@@ -214,7 +214,8 @@ def levels_covariance(materials: MaterialMap, part: IntArray, areas: FloatArray)
 
     Of each material's deviation a share c is common to all, since one picture made them; the rest is its own, and
     averages out over the materials of a part, weighed by what they reflect. A material that is on two parts errs alike
-    on both. With the weights w of the materials m in the parts i and j,
+    on both (.95 of that counts, so that the covariance can be inverted). With the weights w of the materials m in the
+    parts i and j,
 
         C_ij = c² σ_i σ_j + (1 - c²) Σ_m w_im w_jm σ_m²,    σ_i = Σ_m w_im σ_m.
 

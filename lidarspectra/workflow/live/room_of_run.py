@@ -9,7 +9,7 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError, WorkspaceError
-from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.lamps import Lamp, is_daylight
 from lidarspectra.mapping.calibration.model import READING_SD
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.maps.response_weights import lamp_weights
@@ -29,7 +29,6 @@ from lidarspectra.workflow.run_folder.light_of_run import present_lamps_of_run, 
 
 QUANTITIES = ("illuminance_lx", "melanopic_edi_lx", "ppfd_umol_m2_s")
 UNKNOWNS = Path("calibration") / "unknowns.csv"  # of a calibrated run; `lidarspectra calibrate` writes it
-DAYLIGHT = ("window", "sun")
 
 
 def lit_room(run: Path, sensors: SensorsFile, *, workers: int | None = None, progress: Progress = silent) -> LitRoom:
@@ -187,7 +186,7 @@ def _knowledge(run: Path, lamps: Sequence[Lamp]) -> LampKnowledge:
     return LampKnowledge(
         flux_sd=np.array([determined.get(lamp.name, sd) for lamp, sd in zip(lamps, usual, strict=True)]),
         full=np.array([1.0 / dims.get(lamp.name, 1.0) for lamp in lamps]),
-        is_daylight=np.array([lamp.shape.word in DAYLIGHT for lamp in lamps]),
+        is_daylight=np.array([is_daylight(lamp) for lamp in lamps]),
         flux_correlation=priors.flux_correlation[np.ix_(order, order)],
     )
 

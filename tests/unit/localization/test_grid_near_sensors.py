@@ -1,8 +1,11 @@
 """A grid of positions has none inside of which a sensor would lie, whoever is drawn there."""
 
+import inspect
+
 import numpy as np
 import pytest
 
+from lidarspectra.cli.fingerprints import fingerprints
 from lidarspectra.errors import SensorError
 from lidarspectra.mapping.localization.person import Positions
 from lidarspectra.mapping.localization.traced_fingerprints import person_obstacle
@@ -45,3 +48,8 @@ def test_a_grid_far_from_all_sensors_stays_as_it_is() -> None:
 def test_a_grid_of_which_nothing_is_left_is_refused() -> None:
     with pytest.raises(SensorError, match="none of the grid's 1"):
         clear_of_sensors(grid(1, 1), ORDER, sensors((0.0, 0.0, 1.1)))
+
+
+def test_the_command_line_draws_as_many_people_as_the_program() -> None:
+    """It repeats the number, so that its help loads nothing."""
+    assert inspect.signature(fingerprints).parameters["draws"].default == FingerprintOrder().draws
