@@ -1,7 +1,7 @@
 """Rays to the lamps that a view shows, finer than its pixels: a downlight across the room has a few pixels, or none.
 
 Of a fisheye of 360 pixels a side one pixel is a fifth of a spot of 8 cm at 3 m, or more. Counted by the pixels'
-middles, one in five such spots in a ceiling was not seen at all, and the glare of the others scattered by 1.4 of UGR.
+middles, such a spot may not be seen at all, and its glare hangs on where the pixels lie.
 So pixels where a lamp may be are cut into smaller ones, each with a ray of its own.
 """
 
