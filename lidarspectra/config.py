@@ -390,7 +390,7 @@ class CellSection(Section):
     scale: Positive = 1.0
     """On the cell's curve, from a calibration."""
     hours: str | None = None
-    """'8:30-17': all lamps lit so, for charge and energy of a day."""
+    """'8:30-17': all electric lamps lit so, for charge and energy of a day."""
     volt: Positive | None = None
     """At which a converter holds the cell; None is its maximum power point. [V]"""
 

@@ -39,7 +39,8 @@ def photocurrent(
     area: AreaOption = None,
     scale: ScaleOption = 1.0,
     hours: Annotated[
-        str | None, typer.Option("--hours", metavar="8:30-17", help="All lamps are on at these hours, every day.")
+        str | None,
+        typer.Option("--hours", metavar="8:30-17", help="Electric lamps are on at these hours, every day."),
     ] = None,
     schedule: Annotated[
         Path | None, typer.Option("--schedule", metavar="FILE.csv", help="lamp,from,to[,dim], one row per shift.")

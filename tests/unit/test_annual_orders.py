@@ -1,5 +1,6 @@
 """What `annual` is asked for: its weather, its sensors, and the hours whose maps it writes."""
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,9 +11,10 @@ import pytest
 import xarray as xr
 
 from lidarspectra.config import RunFile
-from lidarspectra.errors import LampError, RunFileError
+from lidarspectra.errors import LampError, RunFileError, WorkspaceError
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.radiance.scene.daylight import Window
+from lidarspectra.workflow.applications import week_of_run
 from lidarspectra.workflow.applications.annual import _glass_notes, _hour_at, annual_daylight
 from lidarspectra.workflow.run_folder.annual_inputs import changed_since, with_inputs, year_inputs
 
@@ -109,3 +111,26 @@ def test_a_year_tells_what_changed_since_it_was_made(
     (tmp_path / "1-scan" / "made.npz").write_bytes(b"2")
     assert "scan" in changed_since(year, year_inputs(first, tmp_path, tmp_path))
     assert changed_since(xr.Dataset(), inputs) == tuple(inputs)  # of a version that kept nothing
+
+
+def test_a_week_takes_no_year_of_another_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # points are the same; the window is twice as wide as when the year was made
+    for stage in ("1-scan", "3-materials", "annual"):
+        (tmp_path / stage).mkdir()
+        (tmp_path / stage / "annual.nc").write_bytes(b"1")
+    given = run_file("synthetic")
+    places = xr.Dataset(coords={axis: ("point", [0.5, 1.5]) for axis in "xyz"})
+    year = with_inputs(places, year_inputs(given, tmp_path, tmp_path))
+    monkeypatch.setattr(week_of_run, "load_year", lambda _: year)
+    for run, changed in ((given, None), (wider(given), "windows or sky")):
+        request = {"name": "room.toml", "folder": ".", "sha256": "", "text": run.to_toml(), "seed": 0}
+        (tmp_path / "lidarspectra-run.json").write_text(json.dumps({"run_file": request}), encoding="utf-8")
+        if changed is None:
+            assert week_of_run._year_of_run(tmp_path, places) is year
+        else:
+            with pytest.raises(WorkspaceError, match=changed):
+                week_of_run._year_of_run(tmp_path, places)
+
+
+def wider(given: RunFile) -> RunFile:
+    return given.changed(daylight={"windows": [{**WINDOW, "size": [2, 1]}]})

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,7 +15,7 @@ from lidarspectra.spectra.spectrum_files import read_text
 
 DAY_H = 24.0  # [h]
 SECONDS_PER_HOUR = 3600.0  # [s]
-EVERY_LAMP = "*"
+EVERY_LAMP = "*"  # that is switched: electric ones
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class Shift:
     Parameters
     ----------
     lamp : str
-        Its name, or '*' for all.
+        Its name, or '*' for all electric ones.
     start_h, end_h : float
         0 to 24; where the end is before the start, over midnight. [h]
     dim : float
@@ -59,10 +59,20 @@ class Shift:
         return hour >= self.start_h or hour < self.end_h
 
 
-def day_parts(shifts: Sequence[Shift], lamps: Sequence[str]) -> list[tuple[float, dict[str, float]]]:
+def day_parts(
+    shifts: Sequence[Shift], lamps: Sequence[str], *, daylight: Collection[str] = ()
+) -> list[tuple[float, dict[str, float]]]:
     """Parts of the day in which no lamp changes: their hours, and every lamp's dim factor.
 
     A lamp that no shift names is off; where several name it at once, their factors add.
+
+    Parameters
+    ----------
+    shifts : sequence of Shift
+    lamps : sequence of str
+        Their names, windows and the sun among them.
+    daylight : collection of str
+        Those that are windows or the sun: '*' does not stand for them, for nobody switches them.
 
     Raises
     ------
@@ -77,13 +87,17 @@ def day_parts(shifts: Sequence[Shift], lamps: Sequence[str]) -> list[tuple[float
     for first, last in pairwise(edges):
         middle = 0.5 * (first + last)
         lit = [shift for shift in shifts if shift.is_lit(middle)]
-        dims = {lamp: sum(s.dim for s in lit if s.lamp in (lamp, EVERY_LAMP)) for lamp in lamps}
+        dims = {lamp: sum(s.dim for s in lit if s.lamp == lamp or _is_for_all(s, lamp, daylight)) for lamp in lamps}
         same = next((number for number, (_, known) in enumerate(parts) if known == dims), None)
         if same is None:
             parts.append((last - first, dims))
         else:
             parts[same] = (parts[same][0] + last - first, dims)
     return parts
+
+
+def _is_for_all(shift: Shift, lamp: str, daylight: Collection[str]) -> bool:
+    return shift.lamp == EVERY_LAMP and lamp not in daylight
 
 
 def gathered(
@@ -152,7 +166,7 @@ def _shift(names: Sequence[str], row: Sequence[str], *, where: str) -> Shift:
 
 
 def parse_hours(text: str) -> Shift:
-    """All lamps lit from one hour to another: '8:30-17'."""
+    """All electric lamps lit from one hour to another: '8:30-17'."""
     start, dash, end = text.partition("-")
     if not dash:
         raise MapError(expected="hours as 8:30-17", found=f"'{text}'", where="hours")

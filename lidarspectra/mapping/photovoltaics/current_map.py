@@ -1,6 +1,6 @@
 """A solar cell's current, and its charge and energy per day, at every point of a map."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,13 @@ from lidarspectra.mapping.maps.point_values import places_of
 from lidarspectra.mapping.photometry.point_light import light_of_lamps
 from lidarspectra.mapping.photometry.schedule import Shift, day_parts, gathered
 from lidarspectra.mapping.photovoltaics.cells import Cell
-from lidarspectra.mapping.photovoltaics.currents import cell_current_density, cut_lamps, maximum_power, power_held
+from lidarspectra.mapping.photovoltaics.currents import (
+    DARK_PER_M2,
+    cell_current_density,
+    cut_lamps,
+    maximum_power,
+    power_held,
+)
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.words import counted
 
@@ -30,6 +36,7 @@ def current_map(
     area_m2: float | None = None,
     scale: float = 1.0,
     shifts: Sequence[Shift] = (),
+    daylight: Collection[str] = (),
     volt: float | None = None,
 ) -> xr.Dataset:
     """Current of a cell at every point and, with a schedule, charge and energy per day.
@@ -47,6 +54,9 @@ def current_map(
         Factor on the cell's curve, from a calibration. [1]
     shifts : sequence of Shift
         When each lamp is lit; without any there is no charge and energy.
+    daylight : collection of str
+        Lamps that are windows or the sun. Their light is that of one moment: a day's charge and energy have it only for
+        the hours of shifts that name them.
     volt : float, optional
         Fixed operating voltage, set by the converter, instead of the maximum power point; without a circuit the current
         there is taken as the short-circuit current. [V]
@@ -72,9 +82,11 @@ def current_map(
         "current_A": (area * density, "current", "A"),
     }
 
+    notes = [*_notes(cell, scale, fluxes), *_daylight_notes(shifts, daylight)]
     power = _power_of(cell, volt)
     if power is not None:
         variables["power_W"] = (area * power(density), "power", "W")
+    notes += _power_notes(cell, volt, density, None if power is None else power(density))
     if shifts:
         names = [str(name) for name in transport["lamp"].to_numpy()]
         alone = {
@@ -85,7 +97,7 @@ def current_map(
         def under(dims: Mapping[str, float]) -> FloatArray:
             return np.asarray(np.sum([dims[name] * alone[name] for name in names], axis=0), dtype=np.float64)
 
-        charge, energy = gathered(day_parts(shifts, names), under, power)
+        charge, energy = gathered(day_parts(shifts, names, daylight=daylight), under, power)
         variables["charge_mAh_day"] = (area * charge / COULOMB_PER_MAH, "charge of a day", "mAh")
         if energy is not None:
             variables["energy_mWh_day"] = (area * energy / JOULE_PER_MWH, "energy of a day", "mWh")
@@ -99,7 +111,7 @@ def current_map(
             "cell": cell.name,
             "area_m2": area,
             "scale": scale,
-            "notes": "\n".join(_notes(cell, scale, fluxes, power is None)),
+            "notes": "\n".join(notes),
         },
     )
 
@@ -117,7 +129,7 @@ def area_of(cell: Cell, area_m2: float | None) -> float:
     return area
 
 
-def _notes(cell: Cell, scale: float, fluxes: Mapping[str, Spectrum], powerless: bool) -> list[str]:
+def _notes(cell: Cell, scale: float, fluxes: Mapping[str, Spectrum]) -> list[str]:
     """Caveats on these currents, as full sentences."""
     notes = list(cell.notes(scale))
     cut = cut_lamps(fluxes, cell)
@@ -126,12 +138,37 @@ def _notes(cell: Cell, scale: float, fluxes: Mapping[str, Spectrum], powerless: 
             f"The spectrum of {', '.join(cut)} ends where it is still bright and '{cell.name}' still responds, so that "
             "the current is underestimated. Give a spectrum that covers the cell's whole range."
         )
-    if powerless:
-        notes.append(
-            f"There is no power and energy, since the voltage of '{cell.name}' is not known. Give the voltage at which "
-            "it is operated with --volt, or as volt in the run file."
-        )
     return notes
+
+
+def _power_notes(cell: Cell, volt: float | None, density: FloatArray, power: FloatArray | None) -> tuple[str, ...]:
+    """A note where there is no power for want of a voltage, or because the voltage is more than a cell has."""
+    if power is None:
+        return (
+            f"There is no power and energy, since the voltage of '{cell.name}' is not known. Give the voltage at which "
+            "it is operated with --volt, or as volt in the run file.",
+        )
+    lit = density > DARK_PER_M2
+    unfed = int((lit & (power <= 0)).sum())
+    if not unfed:
+        return ()
+    return (
+        f"At {unfed} of {counted(int(lit.sum()), 'point')} in light '{cell.name}' does not reach the {volt:g} V at "
+        "which it is held, and gives no power there. The voltage is that of one cell: of cells in series give their "
+        "voltage over their number.",
+    )
+
+
+def _daylight_notes(shifts: Sequence[Shift], daylight: Collection[str]) -> tuple[str, ...]:
+    """A note on windows and the sun that no shift names."""
+    left_out = [name for name in daylight if name not in {shift.lamp for shift in shifts}]
+    if not shifts or not left_out:
+        return ()
+    return (
+        f"Charge and energy of a day are without {', '.join(left_out)}, whose light is that of the run's one moment, "
+        "not of all these hours; current and power have it. To count it, name it in a schedule (photocurrent "
+        "--schedule), with the hours, and the dim, for which that moment shall stand.",
+    )
 
 
 def _power_of(cell: Cell, volt: float | None) -> Callable[[FloatArray], FloatArray] | None:

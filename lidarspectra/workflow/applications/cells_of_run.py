@@ -12,6 +12,7 @@ from lidarspectra.geometry.scan import load_scan
 from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
 from lidarspectra.io.csv_text import csv_text
 from lidarspectra.io.files import write_whole, writing
+from lidarspectra.lamps.lamps import is_daylight
 from lidarspectra.mapping.figures.figure_style import save_figure
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.figures.tables import Table, save_table
@@ -56,7 +57,7 @@ class CurrentOrder:
     scale : float
         On its curve. [1]
     hours : str or None
-        '8:30-17', all lamps.
+        '8:30-17', all electric lamps.
     schedule : Path or None
         See `read_schedule`.
     volt : float or None
@@ -136,14 +137,15 @@ def current_of_run(run: Path, order: CurrentOrder) -> tuple[xr.Dataset, FloorPla
     shifts = read_schedule(order.base / order.schedule) if order.schedule else ()
     if order.hours:
         shifts = (parse_hours(order.hours),)
-    transport = transport_of_run(run)
+    lamps = present_lamps_of_run(run)
     currents = current_map(
-        transport,
-        {lamp.name: lamp.flux for lamp in present_lamps_of_run(run)},
+        transport_of_run(run),
+        {lamp.name: lamp.flux for lamp in lamps},
         cell,
         area_m2=None if order.area_cm2 is None else order.area_cm2 * M2_PER_CM2,
         scale=order.scale,
         shifts=shifts,
+        daylight=[lamp.name for lamp in lamps if is_daylight(lamp)],
         volt=order.volt,
     )
     return currents, plan_of_run(run), cell

@@ -11,7 +11,7 @@ from lidarspectra.errors import MapError, WorkspaceError
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry.annual_light import YEAR_FILE, load_year
 from lidarspectra.mapping.photometry.week import daylight_of_week, read_week, week_of_light
-from lidarspectra.workflow.run_folder.annual_inputs import FOLDER
+from lidarspectra.workflow.run_folder.annual_inputs import FOLDER, changed_in_run
 from lidarspectra.workflow.run_folder.assumed import notes_of_light
 from lidarspectra.workflow.run_folder.light_of_run import light_of_run, present_lamps_of_run
 
@@ -53,7 +53,7 @@ def week_of_run(run: Path, schedule: Path, *, daylight_from: str | None = None) 
     Raises
     ------
     WorkspaceError
-        If the run is not finished, or has no year of daylight.
+        If the run is not finished, or has no year of daylight of its present room.
     MapError
         If the schedule cannot be understood, or the year is of other points.
     """
@@ -82,7 +82,7 @@ def week_of_run(run: Path, schedule: Path, *, daylight_from: str | None = None) 
 
 
 def _year_of_run(run: Path, places: xr.Dataset) -> xr.Dataset:
-    """The year of daylight at the run's points."""
+    """The year of daylight of the run's present room, at its points."""
     path = run / FOLDER / YEAR_FILE
     if not path.is_file():
         raise WorkspaceError(
@@ -99,5 +99,12 @@ def _year_of_run(run: Path, places: xr.Dataset) -> xr.Dataset:
             found=f"one at {len(other)} points, or elsewhere",
             where=str(path),
             todo="Make it again with 'lidarspectra annual' from the run file of this run.",
+        )
+    if changed := changed_in_run(year, run):
+        raise WorkspaceError(
+            expected="a year of daylight of the run as it is now",
+            found=f"one of before these were changed: {', '.join(changed)}",
+            where=str(path),
+            todo="Make it again with 'lidarspectra annual', then give this command again.",
         )
     return year

@@ -9,6 +9,7 @@ import xarray as xr
 
 from lidarspectra.config import CellSection, PeopleAndPlantsSection, RunFile
 from lidarspectra.hardware.sensor.photocell import M2_PER_CM2
+from lidarspectra.lamps.lamps import Lamp, is_daylight
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
 from lidarspectra.mapping.photometry.figures import quantities_figure
 from lidarspectra.mapping.photometry.people_and_plants import light_at_points, summary_table
@@ -46,7 +47,7 @@ def check_cell(section: CellSection, *, base: Path) -> None:
 def report_applications(
     room: RunFile,
     transport: xr.Dataset,
-    fluxes: Mapping[str, Spectrum],
+    lamps: Sequence[Lamp],
     bands: BandSet,
     plan: FloorPlan,
     *,
@@ -60,8 +61,8 @@ def report_applications(
     room : RunFile
     transport : xarray.Dataset
         Traced coefficients.
-    fluxes : mapping of str to Spectrum
-        Spectral flux of every lamp. [W/nm]
+    lamps : sequence of Lamp
+        That were traced.
     bands : BandSet
         The run's channels.
     plan : FloorPlan
@@ -76,10 +77,11 @@ def report_applications(
         If a cell is unknown or its hours are none.
     """
     sections = []
+    fluxes = {lamp.name: lamp.flux for lamp in lamps}
     if room.people_and_plants is not None:
         sections.append(_people_and_plants(room.people_and_plants, transport, fluxes, bands, plan, progress))
     sections += [
-        _cell(number, section, transport, fluxes, plan, base) for number, section in enumerate(room.cells, start=1)
+        _cell(number, section, transport, lamps, plan, base) for number, section in enumerate(room.cells, start=1)
     ]
     return tuple(sections)
 
@@ -108,18 +110,19 @@ def _cell(
     number: int,
     section: CellSection,
     transport: xr.Dataset,
-    fluxes: Mapping[str, Spectrum],
+    lamps: Sequence[Lamp],
     plan: FloorPlan,
     base: Path,
 ) -> Application:
     cell = find_cell(section.cell, base)
     currents = current_map(
         transport,
-        fluxes,
+        {lamp.name: lamp.flux for lamp in lamps},
         cell,
         area_m2=_area_m2(section),
         scale=section.scale,
         shifts=_shifts(section),
+        daylight=[lamp.name for lamp in lamps if is_daylight(lamp)],
         volt=section.volt,
     )
     name = f"cell-{number}-" + (re.sub(r"[^a-z0-9]+", "-", cell.name.lower()).strip("-") or "own")

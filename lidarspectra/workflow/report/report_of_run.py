@@ -101,7 +101,7 @@ def report_of_run(
             *report_applications(
                 given.run_file,
                 transport,
-                {lamp.name: lamp.flux for lamp in lamps},
+                lamps,
                 before.scene.value.bands,
                 plan,
                 base=given.base,

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import xarray as xr
 
-from lidarspectra.config import RunFile
+from lidarspectra.config import RunFile, parse_run_file
 from lidarspectra.io.files import hash_file
 from lidarspectra.workflow.run_folder.declared import declare
-from lidarspectra.workflow.run_folder.workspace import StageName, hash_files, stage_folder
+from lidarspectra.workflow.run_folder.workspace import StageName, hash_files, read_request, stage_folder
 
 FOLDER = "annual"  # of the year, in a run folder
 MADE_OF = "made_of"  # attribute of a year
@@ -69,6 +69,15 @@ def changed_since(year: xr.Dataset, inputs: Mapping[str, str]) -> tuple[str, ...
     except (TypeError, ValueError):
         made = {}
     return tuple(name for name in dict.fromkeys((*inputs, *made)) if made.get(name) != inputs.get(name))
+
+
+def changed_in_run(year: xr.Dataset, run: Path) -> tuple[str, ...]:
+    """As `changed_since`, by the run file that a run folder keeps; raises WorkspaceError if it is no run folder."""
+    request = read_request(run)
+    if request is None:
+        return changed_since(year, {})
+    run_file = parse_run_file(request.text, where=request.name)
+    return changed_since(year, year_inputs(run_file, (run / request.folder).resolve(), run))
 
 
 def _digest(content: object) -> str:

@@ -190,6 +190,35 @@ def test_a_day_s_charge_is_current_times_time(make_transport, lamps):
     assert "energy per day [mWh]" in [axes.get_title() for axes in currents_figure(held, plan).axes]
 
 
+def test_a_day_s_charge_has_no_daylight_of_one_moment_unless_its_hours_are_given(make_transport, lamps):
+    transport = make_transport(points=4)
+    fluxes = {lamp.name: lamp.flux for lamp in lamps}
+    window, cell = "panel 2", find_cell("silicon")  # panel 2 stands for a window at noon
+    every = Shift(lamp="*", start_h=0.0, end_h=24.0)
+    given = {"area_m2": 1e-2, "daylight": [window]}
+    by_lamp = current_map(transport, {**fluxes, window: fluxes[window].scaled(0.0)}, cell, area_m2=1e-2)
+    night = current_map(transport, fluxes, cell, shifts=(every,), **given)
+    np.testing.assert_allclose(night["charge_mAh_day"], 24e3 * by_lamp["current_A"], rtol=1e-9)
+    assert (night["current_A"] > by_lamp["current_A"]).all()  # that of the moment
+    assert f"without {window}" in night.attrs["notes"]
+    for_two = (every, Shift(lamp=window, start_h=11.0, end_h=13.0))
+    named = current_map(transport, fluxes, cell, shifts=for_two, **given)
+    more = named["charge_mAh_day"] - night["charge_mAh_day"]
+    np.testing.assert_allclose(more, 2e3 * (named["current_A"] - by_lamp["current_A"]), rtol=1e-6)
+    assert "without" not in named.attrs["notes"]
+
+
+def test_a_voltage_that_no_single_cell_reaches_is_told(make_transport, lamps):
+    transport, fluxes = make_transport(points=4), {lamp.name: lamp.flux for lamp in lamps}
+    string = current_map(transport, fluxes, find_cell("silicon"), area_m2=1e-2, volt=2.4)  # six cells in series
+    assert not string["power_W"].any()
+    assert "does not reach the 2.4 V" in string.attrs["notes"]
+    assert "At 4 of 4 points" in string.attrs["notes"]
+    one = current_map(transport, fluxes, find_cell("silicon"), area_m2=1e-2, volt=0.3)
+    assert (one["power_W"] > 0).all()
+    assert "does not reach" not in one.attrs["notes"]
+
+
 def test_apart_lamps_give_less_power_than_together():
     circuit = Circuit(saturation_current_A_m2=1e-9, ideality=1.0)
     ones = np.ones(1)
