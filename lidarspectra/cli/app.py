@@ -369,7 +369,7 @@ def evaluate(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A finished run folder.", show_default=False)],
     measured: Annotated[
         Path,
-        typer.Option("--measured", metavar="FILE.csv", help="Columns x, y, z, E_410 ..., as 'sensor join' writes."),
+        typer.Option("--measured", metavar="FILE.csv", help="Columns x, y, z, and E_410 ... or lux."),
     ],
     within: Annotated[
         float, typer.Option("--within", metavar="M", min=0.0, help="Largest distance of a reading from its point.")
@@ -378,21 +378,21 @@ def evaluate(
         Literal["none", "one", "die", "channel"], typer.Option("--scale", help="Fit factors to the readings first.")
     ] = "none",
     unit: Annotated[
-        Literal["W/m2/nm", "uW/cm2", "counts"], typer.Option("--unit", help="Unit of the readings.")
+        Literal["W/m2/nm", "uW/cm2", "counts"], typer.Option("--unit", help="Unit of channels.")
     ] = "W/m2/nm",
 ) -> None:
-    """Compare a run's map with measured readings: NRMSE and MAPE as in the paper, by map and by channel."""
+    """Compare a run's map with measured readings, channels or lux: NRMSE and MAPE as in the paper."""
     from lidarspectra.workflow.applications.evaluation import draw_evaluation, evaluate_run, save_evaluation
 
     evaluation = evaluate_run(run, measured, within_m=within, scale=scale, unit=unit)
     for note in evaluation.notes:
         print_note(note)
-    for table in (evaluation.table, evaluation.bands):
+    for table in evaluation.tables:
         console.print(shown(table))
         console.print()
     folder = save_evaluation(evaluation, run / "evaluation")
     draw_evaluation(evaluation, run, folder)
-    say(f"Tables and maps: {folder}")
+    say(f"Tables and figures: {folder}")
 
 
 @app.command()

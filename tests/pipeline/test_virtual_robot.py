@@ -153,6 +153,12 @@ def test_the_traced_office_is_measured_and_evaluated(
     result = CliRunner().invoke(whole_app, ["evaluate", str(run), "--measured", str(measured)])
     assert result.exit_code == 0, (result.output, result.exception)
     assert "NRMSE" in result.output
+    result = CliRunner().invoke(whole_app, ["evaluate", str(run), "--measured", str(table)])  # its own channels and lux
+    assert result.exit_code == 0, (result.output, result.exception)
+    assert "within 2 SD" in result.output
+    (own,) = pd.read_csv(run / "evaluation" / "evaluation-illuminance.csv").to_dict("records")
+    assert (own["APE median [%]"], own["within 1 SD [%]"]) == (pytest.approx(0.0, abs=1e-4), 100.0)
+    assert (run / "evaluation" / "evaluation-illuminance.png").stat().st_size > 10_000
 
 
 def test_cells_ride_with_the_robot_and_are_in_its_log(office_map: Path, tmp_path: Path) -> None:

@@ -16,22 +16,19 @@ from lidarspectra.hardware.sensor.as7265x import (
     nominal_responsivity,
 )
 from lidarspectra.hardware.sensor.measured_readings import fitted_factors, read_readings
+from lidarspectra.mapping.maps.metrics import Comparison
+from lidarspectra.mapping.maps.readings_on_map import ComparedReadings
 from lidarspectra.workflow.applications import evaluation as comparison
-from lidarspectra.workflow.applications.evaluation import evaluate_run, save_evaluation
+from lidarspectra.workflow.applications.evaluation import Evaluation, evaluate_run, save_evaluation
 
 LABELS = ("410", "435", "460")
 LEVELS = np.array([1.0, 2.0, 3.0])
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """A run whose map has 12 points on a line, brighter along it."""
-
-    class Scene:
-        class bands:  # noqa: N801
-            labels = LABELS
-
-    light = xr.Dataset(
+def light() -> xr.Dataset:
+    """A map of 12 points on a line, brighter along it."""
+    return xr.Dataset(
         {"irradiance": (("point", "band"), np.linspace(1.0, 2.0, 12)[:, None] * LEVELS)},
         coords={
             "band": [float(label) for label in LABELS],
@@ -42,6 +39,16 @@ def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
             "buried": ("point", np.arange(12) == 11),
         },
     )
+
+
+@pytest.fixture
+def run(light: xr.Dataset, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A run with that map."""
+
+    class Scene:
+        class bands:  # noqa: N801
+            labels = LABELS
+
     monkeypatch.setattr(comparison, "load_map", lambda path: light)
     monkeypatch.setattr(comparison, "load_scene", lambda folder: Scene)
     monkeypatch.setattr(comparison, "require_stage", lambda folder, stage: folder)
@@ -57,10 +64,19 @@ def readings(folder: Path, factor: float | np.ndarray = 1.0, shift_m: float = 0.
     return folder / "measured.csv"
 
 
+def spectra(found: Evaluation) -> ComparedReadings:
+    assert found.spectra is not None
+    return found.spectra
+
+
+def absolute(found: Evaluation) -> Comparison:
+    return spectra(found).comparisons[0]
+
+
 def test_the_same_values_have_no_error_and_buried_points_are_left_out(run: Path, tmp_path: Path) -> None:
     found = evaluate_run(run, readings(tmp_path))
-    assert found.comparisons[0].points == 11
-    assert found.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
+    assert absolute(found).points == 11
+    assert absolute(found).nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
     assert "1 of 12 readings" in found.notes[0]
     assert (save_evaluation(found, tmp_path / "out") / "evaluation.csv").is_file()
 
@@ -72,7 +88,7 @@ def test_a_reading_without_light_in_a_channel_is_left_out_and_said(run: Path, tm
     table.loc[5, f"E_{LABELS[1]}"] = -1e-6
     table.to_csv(path, index=False)
     found = evaluate_run(run, path)
-    assert found.comparisons[0].points == 9
+    assert absolute(found).points == 9
     assert "2 readings are left out, since a channel read zero" in found.notes[1]
 
 
@@ -93,21 +109,21 @@ def test_a_channel_that_the_map_lacks_is_told_and_a_word_is_named_where_it_stand
 
 def test_a_tenth_more_is_a_tenth_off_until_it_is_fitted(run: Path, tmp_path: Path) -> None:
     path = readings(tmp_path, factor=1.0 / 1.1)
-    assert evaluate_run(run, path).comparisons[0].bias_percent == pytest.approx(10.0)
+    assert absolute(evaluate_run(run, path)).bias_percent == pytest.approx(10.0)
     fitted = evaluate_run(run, path, scale="one")
-    assert fitted.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)
+    assert absolute(fitted).nrmse_mean == pytest.approx(0.0, abs=1e-9)
     assert "1.1" in fitted.notes[-1]
 
 
 def test_channels_of_three_dies_are_fitted_apart(run: Path, tmp_path: Path) -> None:
     path = readings(tmp_path, factor=np.array([1.0, 2.0, 4.0]))
-    np.testing.assert_allclose(evaluate_run(run, path, scale="channel").scale, [1.0, 0.5, 0.25], rtol=1e-12)
+    np.testing.assert_allclose(spectra(evaluate_run(run, path, scale="channel")).scale, [1.0, 0.5, 0.25], rtol=1e-12)
 
 
 def test_each_die_gets_one_factor(run: Path, tmp_path: Path) -> None:
     path = readings(tmp_path, factor=np.array([1.0, 2.0, 4.0]))  # 410, 435 and 460 nm sit on one die
     found = evaluate_run(run, path, scale="die")
-    assert np.unique(found.scale).size == 1
+    assert np.unique(spectra(found).scale).size == 1
     assert "each die" in found.notes[-1]
     with pytest.raises(MapError, match="three dies"):
         fitted_factors(np.ones((3, 1)), np.ones((3, 1)), "die", ["412.5"])
@@ -120,7 +136,7 @@ def test_uw_per_cm2_and_counts_are_the_same_light_in_other_words(run: Path, tmp_
         table[["x", "y", "z"]]
     ).to_csv(tmp_path / "uw.csv", index=False)
     found = evaluate_run(run, tmp_path / "uw.csv", unit="uW/cm2")
-    assert found.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
+    assert absolute(found).nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
     counts = table.rename(
         columns={f"E_{label}": f"{letter}_{label}:count" for label, letter in zip(LABELS, "ABC", strict=True)}
     )
@@ -130,8 +146,8 @@ def test_uw_per_cm2_and_counts_are_the_same_light_in_other_words(run: Path, tmp_
     counts.loc[3, names[0]] = SATURATED_COUNT
     counts.to_csv(tmp_path / "counts.csv", index=False)
     found = evaluate_run(run, tmp_path / "counts.csv", unit="counts")
-    assert found.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
-    assert found.comparisons[0].points == 10  # one buried, one saturated
+    assert absolute(found).nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
+    assert absolute(found).points == 10  # one buried, one saturated
 
 
 def test_counts_without_settings_are_refused_until_a_scale_is_fitted(run: Path, tmp_path: Path) -> None:
@@ -141,7 +157,7 @@ def test_counts_without_settings_are_refused_until_a_scale_is_fitted(run: Path, 
     with pytest.raises(MapError, match="integration_ms"):
         evaluate_run(run, tmp_path / "counts.csv", unit="counts")
     fitted = evaluate_run(run, tmp_path / "counts.csv", unit="counts", scale="one")
-    assert fitted.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
+    assert absolute(fitted).nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
 
 
 @pytest.mark.parametrize(
@@ -156,13 +172,13 @@ def test_tables_as_spreadsheets_write_them_are_read(run: Path, tmp_path: Path, f
     table = pd.read_csv(readings(tmp_path)).assign(place="über dem Tisch")
     table.to_csv(tmp_path / "sheet.csv", index=False, **form)
     found = evaluate_run(run, tmp_path / "sheet.csv")
-    assert found.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
+    assert absolute(found).nrmse_mean == pytest.approx(0.0, abs=1e-9)  # rounding
 
 
 def test_headings_in_capitals_and_behind_blanks_are_known(run: Path, tmp_path: Path) -> None:
     table = pd.read_csv(readings(tmp_path)).rename(columns={"x": "X", "y": " Y", "z": "Z "})
     table.to_csv(tmp_path / "typed.csv", index=False)
-    assert evaluate_run(run, tmp_path / "typed.csv").comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)
+    assert absolute(evaluate_run(run, tmp_path / "typed.csv")).nrmse_mean == pytest.approx(0.0, abs=1e-9)
     (tmp_path / "typed.csv").write_text("x, y, z, Lux, lux , X\n1, 2, 3, 4, 5, 6\n", encoding="utf-8")
     found = read_readings(tmp_path / "typed.csv")  # a word that is there already is not given twice
     assert found.columns.tolist() == ["x", "y", "z", "Lux", "lux", "X"]
@@ -171,7 +187,7 @@ def test_headings_in_capitals_and_behind_blanks_are_known(run: Path, tmp_path: P
 def test_a_comma_in_a_comment_makes_no_decimal_commas(run: Path, tmp_path: Path) -> None:
     text = pd.read_csv(readings(tmp_path)).to_csv(index=False, sep=";")
     (tmp_path / "sheet.csv").write_text(f"# desks, 0,75 m high\n{text}", encoding="utf-8")
-    assert evaluate_run(run, tmp_path / "sheet.csv").comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)
+    assert absolute(evaluate_run(run, tmp_path / "sheet.csv")).nrmse_mean == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_reading_that_looks_another_way_than_its_point_is_left_out_and_said(run: Path, tmp_path: Path) -> None:
@@ -180,8 +196,8 @@ def test_a_reading_that_looks_another_way_than_its_point_is_left_out_and_said(ru
     table.loc[[1, 4], "E_410"] = 0.01
     table.to_csv(tmp_path / "measured.csv", index=False)
     found = evaluate_run(run, tmp_path / "measured.csv")
-    assert found.comparisons[0].points == 9
-    assert found.comparisons[0].nrmse_mean == pytest.approx(0.0, abs=1e-9)
+    assert absolute(found).points == 9
+    assert absolute(found).nrmse_mean == pytest.approx(0.0, abs=1e-9)
     assert "2 readings are left out, since the map's points beside them look another way" in found.notes[0]
     table.assign(nz=-1.0).to_csv(tmp_path / "measured.csv", index=False)
     with pytest.raises(MapError, match="11 more look another way"):
@@ -193,6 +209,82 @@ def test_readings_in_another_unit_than_was_said_are_pointed_out(run: Path, tmp_p
     assert "The readings are 2000 times the map in the median, taken as W/m2/nm" in evaluate_run(run, path).notes[-1]
     assert not any("times the map" in note for note in evaluate_run(run, path, scale="one").notes)
     assert not any("times the map" in note for note in evaluate_run(run, readings(tmp_path, factor=2.0)).notes)
+
+
+def with_illuminance(light: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    lux = np.linspace(100.0, 210.0, 12)
+    lit = light.assign(
+        illuminance=("point", lux),
+        illuminance_se=("point", 0.0 * lux),
+        illuminance_sd=("point", 0.1 * lux),
+        irradiance_sd=light["irradiance"] * np.array([0.2, 0.08, 0.02]),
+    )
+    monkeypatch.setattr(comparison, "load_map", lambda path: lit)
+
+
+def lux_readings(folder: Path, factor: float = 1.0) -> Path:
+    table = pd.DataFrame({"x": np.arange(12.0), "y": 0.0, "z": 1.0, "lux": np.linspace(100.0, 210.0, 12) * factor})
+    table.to_csv(folder / "lux.csv", index=False)
+    return folder / "lux.csv"
+
+
+def test_a_lux_meters_readings_are_compared_with_the_maps_illuminance(
+    run: Path, light: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(MapError, match="channels cover what the eye sees"):
+        evaluate_run(run, lux_readings(tmp_path))  # a map of three channels has no illuminance
+    with_illuminance(light, monkeypatch)
+    found = evaluate_run(run, lux_readings(tmp_path, factor=1.0 / 1.12))
+    assert found.spectra is None
+    assert found.illuminance is not None
+    assert found.illuminance.comparisons[0].bias_percent == pytest.approx(12.0)
+    assert found.illuminance.comparisons[0].points == 11
+    assert "illuminance: 11 points" in repr(found)
+    (row,) = found.tables[0].frame.to_dict("records")
+    assert (row["APE median [%]"], row["measured mean [lx]"]) == pytest.approx((12.0, 150.0 / 1.12))
+    # 12 % of the reading is 10.7 % of the map, whose standard uncertainty is a tenth
+    assert (row["within 1 SD [%]"], row["within 2 SD [%]"]) == (0.0, 100.0)
+    fitted = evaluate_run(run, lux_readings(tmp_path, factor=1.0 / 1.12), scale="die")  # a meter has one factor
+    assert fitted.illuminance is not None
+    assert fitted.illuminance.scale == pytest.approx([1.12])
+    assert fitted.illuminance.uncertainty is None
+    assert "fitted factor of 1.12" in fitted.notes[-1]
+    assert (
+        "100 times the map in the median, taken as lx. Check the meter"
+        in (evaluate_run(run, lux_readings(tmp_path, factor=100.0)).notes[-1])
+    )
+
+
+def test_channels_and_lux_of_one_file_are_compared_both_and_the_uncertainty_is_held_to_them(
+    run: Path, light: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with_illuminance(light, monkeypatch)
+    table = pd.read_csv(readings(tmp_path, factor=1.0 / 1.1)).assign(lux=np.linspace(100.0, 210.0, 12))
+    table.loc[4, "lux"] = np.nan
+    table.to_csv(tmp_path / "both.csv", index=False)
+    found = evaluate_run(run, tmp_path / "both.csv")
+    assert [table.name for table in found.tables] == ["evaluation", "evaluation-bands", "evaluation-illuminance"]
+    assert found.illuminance is not None
+    assert (absolute(found).points, found.illuminance.comparisons[0].points) == (11, 10)
+    assert "Illuminance: 1 reading is left out for lack of a channel." in found.notes
+    # a tenth of the reading is 9.1 % of the map, with uncertainties of 20, 8 and 2 %
+    assert found.tables[1].frame["within 1 SD [%]"].tolist() == [100.0, 0.0, 0.0]
+    assert found.tables[1].frame["within 2 SD [%]"].tolist() == [100.0, 100.0, 0.0]
+    monkeypatch.setattr(comparison, "load_map", lambda path: light)
+    without = evaluate_run(run, tmp_path / "both.csv")
+    assert without.illuminance is None
+    assert without.notes[-1].startswith("Lux are not compared")
+
+
+def test_nothing_of_an_earlier_evaluation_stays_beside_the_next(
+    run: Path, light: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_evaluation(evaluate_run(run, readings(tmp_path)), tmp_path / "out")
+    (tmp_path / "out" / "mine.csv").write_text("kept", encoding="utf-8")
+    with_illuminance(light, monkeypatch)
+    save_evaluation(evaluate_run(run, lux_readings(tmp_path)), tmp_path / "out")
+    left = {path.name for path in (tmp_path / "out").iterdir()}
+    assert left == {"mine.csv", *(f"evaluation-illuminance.{kind}" for kind in ("csv", "md", "html"))}
 
 
 def test_readings_in_another_frame_are_refused(run: Path, tmp_path: Path) -> None:

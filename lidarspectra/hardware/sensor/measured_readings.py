@@ -29,7 +29,8 @@ Scale = Literal["none", "one", "die", "channel"]
 SETTINGS = ("gain", "integration_ms")  # columns that make the counts of different rows comparable
 NUMBERS = ("x", "y", "z", "nx", "ny", "nz", "buried", *SETTINGS)  # columns that must be numeric
 DELIMITERS = (",", ";", "\t")  # between cells
-WORDS = (*NUMBERS, "name", "lux", "lx", "illuminance", "illuminance_lx", "current_mA")  # known in any case of letters
+LUX_COLUMNS = ("lux", "lx", "illuminance", "illuminance_lx")  # the first of them that a table has
+WORDS = (*NUMBERS, "name", *LUX_COLUMNS, "current_mA")  # known in any case of letters
 CHANNELS = ("E_", "SE_")  # how columns of channels and of their uncertainties begin
 
 
@@ -131,6 +132,25 @@ def channel_columns(table: pd.DataFrame, labels: Sequence[str], unit: Unit) -> d
     letters = {channel_letter(str(name).split(":")[0]): str(name) for name in table.columns}
     wanted = [channel_letter(label) for label in labels]
     return {index: letters[letter] for index, letter in enumerate(wanted) if letter is not None and letter in letters}
+
+
+def lux_column(table: pd.DataFrame) -> str | None:
+    """The column of illuminances [lx], if a table of readings has one."""
+    return next((name for name in LUX_COLUMNS if name in table.columns), None)
+
+
+def numbers_of(table: pd.DataFrame, column: str, where: Path) -> FloatArray:
+    """(reading,) A column's numbers, NaN where a field is empty; raises MapError at a word."""
+    values = pd.to_numeric(table[column], errors="coerce")
+    broken = values.isna() & table[column].notna()
+    if broken.any():
+        raise MapError(
+            expected="a number",
+            found=f"'{table[column][broken].iloc[0]}'",
+            where=f"{where}, column '{column}', row {int(np.flatnonzero(broken)[0]) + 1}",
+            todo="Write the reading as a plain number, with a point, or leave the field empty.",
+        )
+    return np.asarray(values, dtype=np.float64)
 
 
 def irradiance_of(table: pd.DataFrame, columns: Sequence[str], unit: Unit, scale: Scale, where: Path) -> FloatArray:

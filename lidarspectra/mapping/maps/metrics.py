@@ -142,6 +142,29 @@ def mape(synthetic: ArrayLike, real: ArrayLike) -> float:
     return float(absolute_percentage_error(synthetic, real).mean())
 
 
+def covered_percent(synthetic: ArrayLike, real: ArrayLike, deviation: ArrayLike) -> FloatArray:
+    """Share of points whose truth lies within a deviation of the synthetic map.
+
+    Parameters
+    ----------
+    synthetic, real, deviation : (point, band) float
+        In one unit.
+
+    Returns
+    -------
+    share : (band,) float
+        [%]
+
+    Raises
+    ------
+    MapError
+        If shapes differ, or a number is NaN or infinite.
+    """
+    a, b = _pair(synthetic, real)
+    width, _ = _pair(deviation, real)
+    return np.asarray(100.0 * (np.abs(a - b) <= width).mean(axis=0), dtype=np.float64)
+
+
 def spectral_angle_deg(synthetic: ArrayLike, real: ArrayLike) -> FloatArray:
     """Angle between two spectra as vectors, arccos(a·b / |a||b|), one a point.
 

@@ -9,12 +9,19 @@ import pandas as pd
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.as7265x import CHANNEL_LABELS, DIE_INDEX
-from lidarspectra.hardware.sensor.measured_readings import Scale, Unit, channel_columns, irradiance_of, read_readings
+from lidarspectra.hardware.sensor.measured_readings import (
+    Scale,
+    Unit,
+    channel_columns,
+    irradiance_of,
+    lux_column,
+    numbers_of,
+    read_readings,
+)
 from lidarspectra.mapping.calibration.model import UNKNOWN_METER_SD, Observations
 
 LUX = "illuminance"  # a quantity; the others are channels, by number, and the current of a cell
 CURRENT = "current"
-LUX_COLUMNS = ("lux", "lx", "illuminance", "illuminance_lx")
 CURRENT_COLUMN = "current_mA"
 NAME_COLUMN = "name"
 CALIBRATED_SD = 0.03  # [1] of a meter's factor where it is calibrated
@@ -90,9 +97,9 @@ def calibration_readings(
     """
     table = read_readings(path)
     columns: dict[Quantity, FloatArray] = {}
-    lux = next((name for name in LUX_COLUMNS if name in table.columns), None)
+    lux = lux_column(table)
     if lux is not None:
-        columns[LUX] = _numbers(table, lux, path)
+        columns[LUX] = numbers_of(table, lux, path)
     channels = channel_columns(table, labels, unit)
     if channels:
         light = irradiance_of(table, list(channels.values()), unit, "one" if scale == "none" else scale, path)
@@ -170,19 +177,6 @@ def _meter(quantity: Quantity, labels: tuple[str, ...], scale: Scale) -> tuple[s
     return f"channel {label}", CHANNEL_SD if scale == "none" else UNKNOWN_METER_SD
 
 
-def _numbers(table: pd.DataFrame, column: str, path: Path) -> FloatArray:
-    values = pd.to_numeric(table[column], errors="coerce")
-    broken = values.isna() & table[column].notna()
-    if broken.any():
-        raise MapError(
-            expected="a number",
-            found=f"'{table[column][broken].iloc[0]}'",
-            where=f"{path}, column '{column}', row {int(np.flatnonzero(broken)[0]) + 1}",
-            todo="Write the reading as a plain number, with a point, or leave the field empty.",
-        )
-    return np.asarray(values, dtype=np.float64)
-
-
 def _cell_currents(table: pd.DataFrame, path: Path, has_cell: bool) -> FloatArray:
     if not has_cell:
         raise MapError(
@@ -191,7 +185,7 @@ def _cell_currents(table: pd.DataFrame, path: Path, has_cell: bool) -> FloatArra
             where=f"{path}, column '{CURRENT_COLUMN}'",
             todo="Name it: --cell NAME, and --area in cm² where the database has none.",
         )
-    return _numbers(table, CURRENT_COLUMN, path) / 1000.0
+    return numbers_of(table, CURRENT_COLUMN, path) / 1000.0
 
 
 def _directions(table: pd.DataFrame, path: Path) -> FloatArray:
@@ -203,7 +197,7 @@ def _directions(table: pd.DataFrame, path: Path) -> FloatArray:
             expected="all of nx, ny and nz, or none", found=", ".join(given), where=str(path),
             todo="They are the direction that the sensor looks in: 0, 0, 1 is up.",
         )  # fmt: skip
-    normals = np.stack([_numbers(table, name, path) for name in given], axis=1)
+    normals = np.stack([numbers_of(table, name, path) for name in given], axis=1)
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     if not np.all(lengths > 0):
         row = int(np.flatnonzero(~(lengths[:, 0] > 0))[0])

@@ -1,0 +1,229 @@
+"""Readings on a map: the nearest point that looks the way of each, and how far the map is from what was read."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy.spatial import cKDTree
+
+from lidarspectra.arrays import FloatArray, IntArray
+from lidarspectra.errors import MapError
+from lidarspectra.hardware.sensor.measured_readings import Scale, fitted_factors
+from lidarspectra.mapping.maps.metrics import Comparison, Normalisation, compare_maps
+from lidarspectra.words import were
+
+MIN_POINTS = 3  # fewer do not characterise a map
+MAX_TURN_DEG = 20.0  # [deg] between a reading's direction and its point's; more is other light
+DIRECTION = ("nx", "ny", "nz")
+NORMALISATIONS: tuple[Normalisation, ...] = ("absolute", "band", "all")
+NOWHERE_M = 1e9  # [m] stands for a place that is not known: far from everything
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MatchedReadings:
+    """Readings on a map.
+
+    Parameters
+    ----------
+    points : (reading,) int
+        The map's point for each of them.
+    rows : (reading,) int
+        Their rows in the table.
+    turned : int
+        How many more are near a point, and look another way than all that are near.
+    notes : tuple of str
+        What was left out, as full sentences.
+    """
+
+    points: IntArray
+    rows: IntArray
+    turned: int
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ComparedReadings:
+    """Readings of one quantity beside what the map has there.
+
+    Parameters
+    ----------
+    comparisons : tuple of Comparison
+        Absolute, and with the 0-1 normalisation by band and by map.
+    scale : (band,) float
+        What the readings were multiplied by before comparing. [1]
+    places : (point, 2) float
+        Of the points that were compared, from above. [m]
+    synthetic, real : (point, band) float
+        [W/m²/nm]; of an illuminance one band. [lx]
+    uncertainty : (point, band) float or None
+        The map's standard uncertainty, where it states one and no factor was fitted. [as synthetic]
+    """
+
+    comparisons: tuple[Comparison, ...]
+    scale: FloatArray
+    places: FloatArray
+    synthetic: FloatArray
+    real: FloatArray
+    uncertainty: FloatArray | None
+
+
+def match_readings(light: xr.Dataset, table: pd.DataFrame, within_m: float, where: Path) -> MatchedReadings:
+    """For each reading on the map the nearest of its points that look its way.
+
+    Buried points do not count. Readings without nx, ny, nz are taken to look the way of the nearest point.
+
+    Parameters
+    ----------
+    light : xarray.Dataset
+        A spectral map.
+    table : pandas.DataFrame
+        Readings, with x, y, z [m], and nx, ny, nz where they are known.
+    within_m : float
+        Largest distance of a reading from its point. [m]
+    where : Path
+        The readings' file, for errors.
+
+    Raises
+    ------
+    MapError
+        If fewer than `MIN_POINTS` readings lie on the map.
+    """
+    usable = np.flatnonzero(~light["buried"].to_numpy())
+    places = np.stack([light[axis].to_numpy() for axis in "xyz"], axis=1)[usable]
+    readings = table[["x", "y", "z"]].to_numpy(dtype=np.float64)
+    placed = np.isfinite(readings).all(axis=1)
+    tree = cKDTree(places)
+    distance, nearest = tree.query(np.where(placed[:, None], readings, NOWHERE_M))
+    near = placed & (distance <= within_m)
+    agrees = near.copy()
+    if set(DIRECTION) <= set(table.columns):
+        looks, wanted = _directions(light, usable), table[list(DIRECTION)].to_numpy(dtype=np.float64)
+        wanted = wanted / np.maximum(np.linalg.norm(wanted, axis=1, keepdims=True), 1e-12)
+        for row in np.flatnonzero(near & np.isfinite(wanted).all(axis=1)):
+            about = np.array(tree.query_ball_point(readings[row], within_m), dtype=np.int64)
+            about = about[looks[about] @ wanted[row] >= np.cos(np.radians(MAX_TURN_DEG))]
+            agrees[row] = about.size > 0
+            if about.size:
+                nearest[row] = about[np.argmin(np.linalg.norm(places[about] - readings[row], axis=1))]
+    rows = np.flatnonzero(agrees)
+    turned = int(near.sum() - rows.size)
+    if rows.size < MIN_POINTS:
+        closest = f"{float(distance[placed].min()):.2f} m" if placed.any() else "no reading has a place"
+        also = f"; {turned} more look another way than its points" if turned else ""
+        todo = "Measure at more of its points, looking as they do"
+        if not near.any():
+            todo = "Bring the readings into the scan's coordinates with 'lidarspectra sensor join --align'"
+        raise MapError(
+            expected=f"{MIN_POINTS} or more readings within {within_m:g} m of the map's points",
+            found=f"{rows.size}; the nearest is at {closest}{also}",
+            where=str(where),
+            todo=f"{todo}.",
+        )
+    return MatchedReadings(
+        points=usable[nearest[rows]].astype(np.int64),
+        rows=rows.astype(np.int64),
+        turned=turned,
+        notes=_notes(len(table) - turned, rows.size, turned, within_m),
+    )
+
+
+def compare_readings(
+    light: xr.Dataset,
+    quantity: str,
+    readings: FloatArray,
+    matched: MatchedReadings,
+    names: Sequence[str],
+    scale: Scale,
+    where: Path,
+) -> tuple[ComparedReadings, tuple[str, ...]]:
+    """One quantity of a map beside the readings of it that are complete and above zero.
+
+    Parameters
+    ----------
+    light : xarray.Dataset
+        A spectral map, of the bands that were read.
+    quantity : 'irradiance' or 'illuminance'
+    readings : (row, band) float
+        Of the whole table; of an illuminance one band. [as the map]
+    matched : MatchedReadings
+    names : sequence of str
+        Of the bands.
+    scale : 'none', 'one', 'die' or 'channel'
+        Factors that are fitted to the readings first.
+    where : Path
+        The readings' file, for errors.
+
+    Returns
+    -------
+    compared : ComparedReadings
+    notes : tuple of str
+        On readings that were left out.
+
+    Raises
+    ------
+    MapError
+        If fewer than `MIN_POINTS` readings are complete.
+    """
+    real = readings[matched.rows]
+    complete = np.isfinite(real).all(axis=1)
+    whole = complete & (np.nan_to_num(real) > 0).all(axis=1)  # Eq. 9 divides by what was read
+    if whole.sum() < MIN_POINTS:
+        raise MapError(
+            expected=f"{MIN_POINTS} or more readings with light in all channels",
+            found=f"{int(whole.sum())}",
+            where=str(where),
+            todo="Readings with saturated, missing or dark channels are left out; measure again with another gain.",
+        )
+    points, real = matched.points[whole], real[whole]
+
+    def of_map(name: str) -> FloatArray:
+        return np.asarray(light[name].to_numpy()[points].reshape(real.shape), dtype=np.float64)
+
+    synthetic = of_map(quantity)
+    factors = fitted_factors(synthetic, real, scale, names)
+    real = real * factors
+    compared = ComparedReadings(
+        comparisons=tuple(compare_maps(synthetic, real, normalisation=each) for each in NORMALISATIONS),
+        scale=factors,
+        places=np.stack([light[axis].to_numpy() for axis in "xy"], axis=1)[points],
+        synthetic=synthetic,
+        real=real,
+        uncertainty=of_map(f"{quantity}_sd") if scale == "none" and f"{quantity}_sd" in light else None,
+    )
+    return compared, _incomplete_notes(int((~complete).sum()), int(complete.sum() - whole.sum()))
+
+
+def _directions(light: xr.Dataset, points: IntArray) -> FloatArray:
+    """(point, 3) where some of the map's points look."""
+    return np.stack([light[axis].to_numpy() for axis in DIRECTION], axis=1)[points].astype(np.float64)
+
+
+def _notes(read: int, near: int, turned: int, within_m: float) -> tuple[str, ...]:
+    notes = []
+    if turned:
+        notes.append(
+            f"{were(turned, 'reading', ('is', 'are'))} left out, since the map's points beside them look another way, "
+            f"by more than {MAX_TURN_DEG:g}°. Give their directions nx, ny, nz as the sensor looked, or map those "
+            "directions too."
+        )
+    if near < read:
+        notes.append(
+            f"{read - near} of {read} readings are left out, since they are farther than {within_m:g} m from the map's "
+            "points. Check that they are in the scan's coordinates, or give a larger --within."
+        )
+    return tuple(notes)
+
+
+def _incomplete_notes(incomplete: int, dark: int) -> tuple[str, ...]:
+    notes = []
+    if incomplete:
+        notes.append(f"{were(incomplete, 'reading', ('is', 'are'))} left out for lack of a channel.")
+    if dark:
+        notes.append(
+            f"{were(dark, 'reading', ('is', 'are'))} left out, since a channel read zero or less, where a percentage "
+            "is undefined. Measure there with a higher gain if they matter."
+        )
+    return tuple(notes)
