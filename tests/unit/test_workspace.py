@@ -22,8 +22,10 @@ from lidarspectra.workflow.run_folder.workspace import (
     Stage,
     StageResult,
     Workspace,
+    current_stage,
     read_record,
     require_stage,
+    stage_folder,
 )
 
 
@@ -71,6 +73,16 @@ def test_a_result_that_was_just_made_is_not_read_and_one_of_an_earlier_run_is(tm
 
     assert run_scan(tmp_path / "run", Giving()).value == "as it was made"
     assert run_scan(tmp_path / "run", Giving()).value == "answer"
+
+
+def test_a_result_that_a_later_run_replaced_is_refused_and_one_that_was_read_before_it_stays(tmp_path: Path) -> None:
+    first = run_scan(tmp_path / "run", Maker("first"), {"flux": 1})
+    late = run_scan(tmp_path / "run", Maker("first"), {"flux": 1})
+    assert first.value == "first"
+    second = run_scan(tmp_path / "run", Maker("second"), {"flux": 2})
+    assert (first.value, second.value) == ("first", "second")
+    with pytest.raises(WorkspaceError, match="that of a later run"):
+        _ = late.value
 
 
 def test_a_result_goes_to_another_process(tmp_path: Path) -> None:
@@ -250,6 +262,34 @@ def test_a_record_of_an_older_package_or_with_another_pace_is_read_without_one(t
     record = read_record(result.folder)
     assert record is not None
     assert record.pace == ()
+
+
+def test_a_stage_of_other_stages_before_it_than_are_there_is_refused(tmp_path: Path) -> None:
+    def run_both(text: str, *, as_far_as_views: bool) -> None:
+        with Workspace(tmp_path) as work:
+            scan = Stage(name="scan", settings={"text": text}, make=Maker(text), load=load)
+            made = work.run_stage(scan, progress=silent)
+            views = Stage(name="views", settings={"stages": {"scan": made.contents()}}, make=Maker(), load=load)
+            if as_far_as_views:
+                work.run_stage(views, progress=silent)
+
+    run_both("before", as_far_as_views=True)
+    folder = require_stage(tmp_path, "views")
+    assert current_stage(tmp_path, "views") == folder
+    run_both("after", as_far_as_views=False)  # as where the run was interrupted
+    with pytest.raises(WorkspaceError, match="earlier stages were made again since"):
+        require_stage(tmp_path, "views")
+    assert current_stage(tmp_path, "views") is None
+    run_both("after", as_far_as_views=True)
+    assert require_stage(tmp_path, "views") == folder
+
+    edited = stage_folder(tmp_path, "scan") / "result.txt"  # by hand: the record still has what views were made from
+    edited.write_text("edited", encoding="utf-8")
+    assert require_stage(tmp_path, "views") == folder
+    run_both("after", as_far_as_views=True)  # and now they are made from the edited file
+    assert require_stage(tmp_path, "views") == folder
+    edited.write_text("edited again", encoding="utf-8")
+    assert current_stage(tmp_path, "views") is None
 
 
 def test_a_run_file_in_place_of_its_run_names_the_run(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from lidarspectra.config import RunFile, ScanSection
 from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.lamps.make_lamp import EXITANCE_LM_M2
 from lidarspectra.mapping.maps.assumptions import Assumptions, assumptions_of, counted_lamps, named_lamps
-from lidarspectra.workflow.run_folder.workspace import read_record, stage_folder
+from lidarspectra.workflow.run_folder.workspace import current_stage
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -141,8 +141,8 @@ def notes_of_light(light: "Path | xr.Dataset") -> tuple[str, ...]:
 
 
 def _map_of(run: Path) -> "xr.Dataset | None":
-    folder = stage_folder(run, "map")
-    if read_record(folder) is None:
+    folder = current_stage(run, "map")
+    if folder is None:
         return None
     from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map  # loads slowly, and `init` has no map
 

@@ -195,8 +195,22 @@ class StageResult(Generic[Made_co]):
 
     @property
     def value(self) -> Made_co:
-        """The stage's result, as its folder holds it."""
+        """The stage's result, as its folder holds it.
+
+        Raises
+        ------
+        WorkspaceError
+            If the folder was made anew from other inputs, or removed, before the result was read.
+        """
         if self._value is None:
+            now = parse_record(self.folder)
+            if now is None or now.key != self.record.key:
+                raise WorkspaceError(
+                    expected=f"stage '{self.record.stage}' as this run left it",
+                    found="no finished one" if now is None else "that of a later run, of other inputs",
+                    where=str(self.folder),
+                    todo="Read each run's results before the next one, or give each a folder: run(run_file, folder).",
+                )
             self._value = self._load(self.folder)
         return self._value
 
@@ -423,16 +437,45 @@ def read_request(run: Path) -> RunRequest | None:
         return None
 
 
+def is_of_stages_before(run: Path, record: StageRecord) -> bool:
+    """Whether a stage was made from the stages before it as they are now.
+
+    It was not where the run file was changed and the run ended before this stage: at Ctrl-C, at an error, or since
+    it was asked for no more ('lidarspectra scene'). Records of early versions do not tell, and are trusted.
+    """
+    made_from = record.settings.get("stages")
+    for name, used in made_from.items() if isinstance(made_from, dict) else ():
+        source = parse_record(stage_folder(run, name))
+        if source is None or used not in (source.outputs, hash_files(stage_folder(run, name))):
+            return False
+    return True
+
+
+def current_stage(run: Path, stage: StageName) -> Path | None:
+    """The folder of a stage that is finished and made from the stages before it as they are now; None without one."""
+    folder = stage_folder(run, stage)
+    record = read_record(folder)
+    return folder if record is not None and is_of_stages_before(run, record) else None
+
+
 def require_stage(run: Path, stage: StageName) -> Path:
     """The folder of a finished stage of an existing run.
 
     Raises
     ------
     WorkspaceError
-        If the run has no such stage, or it was interrupted.
+        If the run has no such stage, it was interrupted, or it was made from other stages before it than are there.
     """
     folder = stage_folder(run, stage)
-    if read_record(folder) is None:
+    record = read_record(folder)
+    if record is not None and not is_of_stages_before(run, record):
+        raise WorkspaceError(
+            expected=f"a run that is finished as far as its stage '{stage}'",
+            found="one whose earlier stages were made again since, for another run file or from other inputs",
+            where=str(run),
+            todo="Finish it first: give 'lidarspectra run' with its run file, which makes what is missing.",
+        )
+    if record is None:
         beside = run.with_name(f"{run.name.removesuffix('.toml')}.run")  # of a run file, or a name without its ending
         known = read_record(stage_folder(beside, stage)) is not None
         raise WorkspaceError(

@@ -23,7 +23,7 @@ from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.spectra.spectrum import BandSet, Spectrum
 from lidarspectra.workflow.run_folder.assumed import assumptions_of_run
 from lidarspectra.workflow.run_folder.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
-from lidarspectra.workflow.run_folder.workspace import require_stage, stage_folder, writing_run
+from lidarspectra.workflow.run_folder.workspace import current_stage, require_stage, writing_run
 
 OFF = 1e-9  # [1] of its flux that a lamp sends which is off: a lamp without any is none
 
@@ -115,12 +115,13 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
     lamps = {lamp.name: lamp for lamp in present_lamps_of_run(run)}
     orders = orders_by_lamp(orders, tuple(lamps))
     changes = _changes(lamps, orders, base)
+    map_folder = current_stage(run, "map")
     light = relight(
         transport,
         changes,
         bands=bands,
         lamps=tuple(lamps.values()),
-        unknowns=load_unknowns(stage_folder(run, "map")),
+        unknowns=None if map_folder is None else load_unknowns(map_folder),
     )
     assumed = assumptions_of_run(run).without(
         fluxes=[order.lamp for order in orders if order.luminous_flux_lm is not None or _is_absolute(order, base)],
