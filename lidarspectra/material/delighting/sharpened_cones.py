@@ -33,7 +33,7 @@ def srgb_of_cones(cones: FloatArray) -> FloatArray:
 
 
 def cones_of_light(light: Spectrum, daylight: Spectrum, wavelengths_nm: FloatArray, weights: FloatArray) -> FloatArray:
-    """Sharpened cone responses of a light, over those of D65 of the same unit.
+    """Sharpened cone responses of a light, over those of D65 of the same unit; lines finer than the grid are among it.
 
     Parameters
     ----------
@@ -51,5 +51,5 @@ def cones_of_light(light: Spectrum, daylight: Spectrum, wavelengths_nm: FloatArr
     cones : (3,) float
         [unit of the light over unit of D65]
     """
-    ratio = light.at(wavelengths_nm, outside="zero") / daylight.at(wavelengths_nm, outside="nearest")
+    ratio = light.means(wavelengths_nm) / daylight.at(wavelengths_nm, outside="nearest")
     return np.asarray(CONES_FROM_XYZ @ (ratio @ weights), dtype=np.float64)
