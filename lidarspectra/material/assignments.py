@@ -14,6 +14,7 @@ single faces of the scan after repair.
 
 import csv
 import io
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,6 +30,9 @@ from lidarspectra.spectra.spectrum_files import finite_number, read_spectrum_fil
 
 ALL_GROUPS = "*"
 AS_ESTIMATED = "recovered"  # a reflectance that starts so, or an empty one, leaves the group as it was estimated
+OF_PERCENT = re.compile(r"%|percent", re.IGNORECASE)  # in the heading of a spectrum file
+PERCENT = 100.0
+VISIBLE_NM = (380.0, 780.0)  # [nm] in some of which a reflectance must be known
 SURFACE_COLUMNS = ("specularity", "roughness", "transmittance")
 
 
@@ -292,7 +296,15 @@ def database_material(
 
 
 def _file_material(path: Path, name: str) -> Material:
-    spectrum = read_spectrum_file(path, black_allowed=True).spectrum
+    read = read_spectrum_file(path, black_allowed=True)
+    spectrum = read.spectrum.scaled(1.0 / PERCENT) if OF_PERCENT.search(read.unit) else read.spectrum
+    if spectrum.range_nm[0] > VISIBLE_NM[1] or spectrum.range_nm[1] < VISIBLE_NM[0]:
+        raise DatabaseError(
+            expected=f"a reflectance of visible light, {VISIBLE_NM[0]:g} to {VISIBLE_NM[1]:g} nm",
+            found=f"{spectrum.range_nm[0]:g} to {spectrum.range_nm[1]:g} nm",
+            where=str(path),
+            todo="Its first column is the wavelength in nm; divide ångström by 10.",
+        )
     if spectrum.values.max() > MAX_REFLECTANCE:
         raise DatabaseError(
             expected=f"a reflectance of at most {MAX_REFLECTANCE}, as a fraction",

@@ -31,6 +31,11 @@ MAX_FILE_BYTES = 50_000_000  # a spectrum or table larger than this is something
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _NUMBERS = re.compile(rf"{_NUMBER.pattern}(,{_NUMBER.pattern})*")
 _FLUX_DENSITY = re.compile(r"(?P<prefix>[mkuµμ]?)W(?:\s*/\s*|\s*[·*.]?\s*)nm(?:\^?-1|⁻¹)?(?![\w²])", re.ASCII)
+_PHOTONS = re.compile(r"mol\b|ppfd|photons?\s*(/|per\b|flux)|quanta\b", re.IGNORECASE)  # no cell's efficiency
+_OTHER_WAVELENGTH = re.compile(
+    r"wave ?number|1\s*/\s*cm|cm\s*(\^?-|⁻)\s*[1¹]|Å|Å|[aå]ngstr|[\[(]A[\])]|(?<![a-z])[uµμ]m(?![a-z])|micro(n|m)",
+    re.IGNORECASE,
+)
 _OTHER_UNIT = re.compile(r"W\s*[/·*. ]\s*(m|cm|sr)|lm|cd|lx|%|percent", re.IGNORECASE)
 _PREFIX_SCALE = {"": 1.0, "k": 1e3, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6}
 
@@ -182,16 +187,18 @@ def write_table(path: Path, rows: Sequence[TableRow]) -> None:
     path : Path
         Written whole or not at all; its folder must be there.
     rows : sequence of TableRow
-        Their values are written with six significant digits.
+        Their values are written with six significant digits, their wavelengths with ten.
     """
     extra = list(dict.fromkeys(name for row in rows for name in row.properties))
-    grid = sorted({float(wavelength) for row in rows for wavelength in row.spectrum.wavelengths_nm})
+    # By their text: 380.3 and the 380.30000000000001 of another row are one column.
+    labels = [[f"{wavelength:.10g}" for wavelength in row.spectrum.wavelengths_nm.tolist()] for row in rows]
+    grid = sorted({label for each in labels for label in each}, key=float)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*WORD_COLUMNS, *extra, *(f"{wavelength:g}" for wavelength in grid)])
-    for row in rows:
-        values = dict(zip(row.spectrum.wavelengths_nm.tolist(), row.spectrum.values.tolist(), strict=True))
-        numbers = (f"{values[wavelength]:.6g}" if wavelength in values else "" for wavelength in grid)
+    writer.writerow([*WORD_COLUMNS, *extra, *grid])
+    for row, own in zip(rows, labels, strict=True):
+        values = dict(zip(own, row.spectrum.values.tolist(), strict=True))
+        numbers = (f"{values[label]:.6g}" if label in values else "" for label in grid)
         writer.writerow([row.id, row.name, row.category, *(row.properties.get(name, "") for name in extra), *numbers])
     write_whole(path, text.getvalue())
 
@@ -220,7 +227,9 @@ def read_spectrum_file(path: Path, *, black_allowed: bool = False) -> SpectrumFi
     """Read a user's spectrum: two columns, wavelength [nm] and value.
 
     Delimiter (comma, semicolon, tab, spaces) and header are found out; lines that start with '#' are skipped; a
-    decimal comma is understood where the delimiter is none. The value is absolute where its heading names W/nm.
+    decimal comma is understood where the delimiter is none. The value is the column after the wavelength's, before it
+    where that is the last. It is absolute where its heading names W/nm; of photons (a heading with µmol or photon
+    flux) it is divided by the wavelength.
 
     Parameters
     ----------
@@ -257,9 +266,23 @@ def read_spectrum_file(path: Path, *, black_allowed: bool = False) -> SpectrumFi
             todo="Write a header 'wavelength_nm,value' and a line for each wavelength.",
         )
     x, y = _columns(header)
+    if header and (unit := _OTHER_WAVELENGTH.search(header[x])):
+        raise DatabaseError(
+            expected="wavelengths in nm",
+            found=f"'{unit[0].strip()}' in the heading '{header[x].strip()[:40]}'",
+            where=str(path),
+            todo="Convert them: 1 nm is 10 ångström and 0.001 micrometres, and 10,000,000 over a wavenumber in 1/cm.",
+        )
     points = []
     for number, cells in table:
         where = f"{path}, line {number}"
+        if split.delimiter == "," and _has_decimal_commas(cells, header):
+            raise DatabaseError(
+                expected="decimal points, or semicolons between cells",
+                found=f"{len(cells)} cells, as decimal commas between commas make them",
+                where=where,
+                todo="Save the table with semicolons or tabs between its cells, or with decimal points.",
+            )
         if len(cells) <= max(x, y):
             raise DatabaseError(expected="a wavelength and a value", found=f"{len(cells)} cell(s)", where=where)
         points.append((finite_number(cells[x], where=where), finite_number(cells[y], where=where), number))
@@ -304,6 +327,9 @@ def _checked(points: list[tuple[float, float, int]], *, heading: str, path: Path
         )
         values = np.maximum(values, 0.0)
     scale, absolute, unit = _unit(heading)
+    if _PHOTONS.search(heading):
+        values = values / wavelengths
+        notes.append("The heading says that values count photons: they were divided by the wavelength, for power.")
     return SpectrumFile(
         spectrum=Spectrum(wavelengths_nm=wavelengths, values=values * scale, name=path.stem),
         absolute=absolute,
@@ -322,12 +348,18 @@ def _unit(heading: str) -> tuple[float, bool, str]:
 
 
 def _columns(header: list[str]) -> tuple[int, int]:
-    """Which columns hold wavelength and value: by their headings, else the first two."""
+    """Which columns hold wavelength and value: by their headings, else the first two; before both may be a number."""
     for index, name in enumerate(header):
         words = name.strip().lower()
-        if words.startswith(("wavelength", "lambda", "wl", "λ")) or words in ("nm", "[nm]"):
-            return index, 1 if index == 0 else 0
+        if words.startswith(("wavelength", "lambda", "wl", "λ")) or words in ("nm", "[nm]", "(nm)"):
+            return index, index + 1 if index + 1 < len(header) else max(index - 1, 0)
     return 0, 1
+
+
+def _has_decimal_commas(cells: list[str], header: list[str]) -> bool:
+    """Whether a line between commas has more cells than columns, which decimal commas make ('400,0,05')."""
+    filled = [cell for cell in cells if cell]
+    return len(filled) > max(2, len(header)) and (bool(header) or all(cell.isdecimal() for cell in filled))
 
 
 class _Splitter:

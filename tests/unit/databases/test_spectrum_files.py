@@ -30,6 +30,9 @@ def written(folder: Path, text: str | bytes, name: str = "lamp.csv") -> Path:
         "\ufeffWavelength (nm), Relative power\n400, 1\n410, 2.5e0\n",
         "value,wavelength\n1,400\n2.5,410\n",
         '"wavelength","power"\n"400","1"\n"410","2.5"\n',
+        "nr,wavelength_nm,value\n1,400,1\n2,410,2.5\n",
+        "nr;nm;value;deviation\n1;400;1,0;0,1\n2;410;2,5;0,1\n",
+        "wavelength,value\n400,1,\n410,2.5,\n",
     ],
 )
 def test_two_columns_are_read_whatever_the_delimiter_and_header(tmp_path, text):
@@ -53,6 +56,20 @@ def test_a_heading_in_watts_per_nanometre_makes_it_absolute(tmp_path, heading, s
 @pytest.mark.parametrize("heading", ["irradiance W/m²/nm", "W/m2/nm", "W/sr/nm", "value", "lm/nm", "new value"])
 def test_other_units_are_not_taken_for_flux(tmp_path, heading):
     assert not read_spectrum_file(written(tmp_path, f"wavelength,{heading}\n400,1\n410,2\n")).absolute
+
+
+@pytest.mark.parametrize("heading", ["µmol/s/nm", "photon flux", "photons / s nm", "PPFD per nm"])
+def test_values_that_count_photons_are_made_power(tmp_path, heading):
+    found = read_spectrum_file(written(tmp_path, f"wavelength,{heading}\n400,2\n800,2\n"))
+    first, last = found.spectrum.values
+    assert first / last == pytest.approx(2.0)
+    assert "photons" in found.notes[0]
+
+
+@pytest.mark.parametrize("heading", ["incident photon to current efficiency", "spectrum", "flux [W/nm]"])
+def test_other_values_are_as_they_are(tmp_path, heading):
+    found = read_spectrum_file(written(tmp_path, f"wavelength,{heading}\n400,2\n800,2\n"))
+    assert found.spectrum.values.tolist() == [2, 2]
 
 
 def test_lines_out_of_order_are_sorted_and_said(tmp_path):
@@ -79,6 +96,12 @@ def test_noise_just_below_zero_is_set_to_zero_and_said(tmp_path):
         ("400,-1\n410,2\n", "line 1"),
         ("400,0\n410,0\n", "somewhere positive"),
         ("0.4,1\n0.41,2\n", "nm"),
+        ("wavelength [Å],value\n4000,1\n4100,2\n", "ångström"),
+        ("Wavelength (A),value\n4000,1\n4100,2\n", "ångström"),
+        ("wavelength_um;value\n400;1\n410;2\n", "micrometres"),
+        ("wavenumber [cm-1],value\n10000,1\n12000,2\n", "wavenumber"),
+        ("wavelength_nm,reflectance\n400,0,05\n410,0,06\n", "line 2.*decimal"),
+        ("400,0,05\n410,0,06\n", "line 1.*decimal"),
         (b"\xff\xfe\x00400", "UTF-8"),
     ],
 )
@@ -126,6 +149,16 @@ def test_a_table_keeps_rows_of_different_grids_apart(tmp_path):
     assert found[1].spectrum.range_nm == (405, 410)
     # six digits are written
     assert np.allclose(found[1].spectrum.values, [0.25, 1 / 3], rtol=5e-6)
+
+
+def test_a_table_of_grids_that_hardly_differ_can_be_read_again(tmp_path):
+    """Wavelengths of two files that round alike made two columns of one name: no run with both got beyond it."""
+    rows = [row("a", [380, 380.3, 390], [0.1, 0.2, 0.3]), row("b", [380.0001, 380.1 + 0.2, 390], [0.4, 0.5, 0.6])]
+    write_table(tmp_path / "t.csv", rows)
+    first, second = read_table(tmp_path / "t.csv")
+    assert first.spectrum.values.tolist() == [0.1, 0.2, 0.3]
+    assert second.spectrum.wavelengths_nm.tolist() == [380.0001, 380.3, 390]
+    assert second.spectrum.values.tolist() == [0.4, 0.5, 0.6]
 
 
 @pytest.mark.parametrize(

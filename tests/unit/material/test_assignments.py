@@ -129,6 +129,19 @@ def test_percent_in_a_spectrum_file_is_refused(estimated, tmp_path):
         done(estimated, tmp_path, "group,reflectance\n0,carpet.csv\n")
 
 
+def test_percent_in_a_heading_makes_fractions(estimated, tmp_path):
+    """Black velvet of half a percent was taken for a surface that reflects half."""
+    (tmp_path / "velvet.csv").write_text("wavelength_nm,reflectance [%]\n400,0.5\n700,0.8\n", encoding="utf-8")
+    found = done(estimated, tmp_path, "group,reflectance\n0,velvet.csv\n")
+    assert found.materials[0].reflectance.values == pytest.approx([0.005, 0.008])
+
+
+def test_a_spectrum_file_beside_visible_light_is_refused(estimated, tmp_path):
+    (tmp_path / "carpet.csv").write_text("4000,0.1\n7000,0.3\n", encoding="utf-8")
+    with pytest.raises(MaterialError, match="visible"):
+        done(estimated, tmp_path, "group,reflectance\n0,carpet.csv\n")
+
+
 def test_a_missing_file_of_assignments_is_our_error(room, tmp_path):
     section = MaterialsSection(method="file", file="nothing.csv")
     with pytest.raises(MaterialError, match=r"nothing\.csv"):
