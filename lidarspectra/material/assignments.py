@@ -8,8 +8,12 @@ estimated, and name the file in the run file:
     0,builtin:white-wall
     3,carpet.csv
 
-`group` may be '*' for all groups that have no row of their own. With a column `face` in place of `group`, rows are
-single faces of the scan after repair.
+`group` may be '*' for all groups that have no row of their own, panes of the run file apart. With a column `face` in
+place of `group`, rows are single faces of the scan after repair; those in panes keep the pane's.
+
+A row that is left as a run wrote it stays as estimated. Groups are numbered by their area, so that other light or
+another scan may give other surfaces their numbers: a row that has the cell `color` of the run must still be of a group
+of that colour.
 """
 
 import csv
@@ -23,16 +27,23 @@ from typing import Literal, cast, get_args
 import numpy as np
 
 from lidarspectra.errors import DatabaseError, MaterialError
+from lidarspectra.material.colors import color_difference
+from lidarspectra.material.matching import FAR_COLOR
 from lidarspectra.material.material_map import Material, MaterialMap, Provenance, SurfaceKind
+from lidarspectra.material.pane_materials import OF_PANE
+from lidarspectra.material.part_materials import SOURCE
+from lidarspectra.spectra.colorimetry import decode_srgb, hex_color, linear_srgb_to_lab
 from lidarspectra.spectra.reflectance_library import MAX_REFLECTANCE, Reflectance, ReflectanceLibrary
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import finite_number, read_spectrum_file, read_text
 
 ALL_GROUPS = "*"
-AS_ESTIMATED = "recovered"  # a reflectance that starts so, or an empty one, leaves the group as it was estimated
+# a reflectance that starts so, or an empty one, leaves the group as it was estimated: runs write them
+AS_ESTIMATED = ("recovered", f"{SOURCE}:", OF_PANE)
 OF_PERCENT = re.compile(r"%|percent", re.IGNORECASE)  # in the heading of a spectrum file
 PERCENT = 100.0
 VISIBLE_NM = (380.0, 780.0)  # [nm] in some of which a reflectance must be known
+_COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 SURFACE_COLUMNS = ("specularity", "roughness", "transmittance")
 
 
@@ -47,15 +58,19 @@ class Assignment:
     reflectance : str
         Database ID or spectrum file; empty to keep the estimate.
     surface : dict of str to str
-        The cells of kind, name, specularity, roughness and transmittance that are not empty.
+        The cells of kind, specularity, roughness and transmittance that are not empty.
     line : int
         In the file, for errors.
+    provenance, color : str
+        The cells that a run wrote of the group; empty where there are none.
     """
 
     target: str
     reflectance: str
     surface: Mapping[str, str]
     line: int
+    provenance: str = ""
+    color: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,11 +115,18 @@ def read_assignments(path: Path) -> Assignments:
             target = texts[by]
             if not target.isdecimal() and not (by == "group" and target == ALL_GROUPS):
                 raise _fault(path, line, expected=f"the number of a {by}", found=f"'{target}'")
+            target = target if target == ALL_GROUPS else str(int(target))
             if target in rows:
                 raise _fault(path, line, expected=f"each {by} once", found=f"{target} again")
-            kept = ("name", "kind", *SURFACE_COLUMNS)
-            surface = {name: texts[name] for name in kept if texts.get(name)}
-            rows[target] = Assignment(target=target, reflectance=texts["reflectance"], surface=surface, line=line)
+            surface = {name: texts[name] for name in ("kind", *SURFACE_COLUMNS) if texts.get(name)}
+            rows[target] = Assignment(
+                target=target,
+                reflectance=texts["reflectance"],
+                surface=surface,
+                line=line,
+                provenance=texts.get("provenance", ""),
+                color=texts.get("color", ""),
+            )
     except (DatabaseError, csv.Error) as cause:
         raise MaterialError(
             expected="a readable CSV of assignments", found=str(cause), where=str(path), todo="See docs/run-file.md."
@@ -144,6 +166,31 @@ def _is_given(reflectance: str) -> bool:
     return bool(reflectance) and not reflectance.lower().startswith(AS_ESTIMATED)
 
 
+def _is_as_written(row: Assignment, before: Material) -> bool:
+    """Whether a row says of a group what a run wrote: the nearest surface's name, say, whose spectrum was scaled."""
+    written = row.provenance in get_args(Provenance) and row.provenance == before.provenance
+    return not _is_given(row.reflectance) or (written and row.reflectance == before.source)
+
+
+def _is_pane(material: Material) -> bool:
+    return material.source.startswith(OF_PANE)
+
+
+def _refuse_another(row: Assignment, before: Material, where: Path) -> None:
+    """Refuse a reflectance for a group that is plainly of another colour than the one the row was written of."""
+    if row.target == ALL_GROUPS or not _COLOR.fullmatch(row.color) or _is_as_written(row, before):
+        return
+    wanted = decode_srgb([int(row.color[first : first + 2], 16) / 255 for first in (1, 3, 5)])
+    if float(color_difference(linear_srgb_to_lab(wanted), linear_srgb_to_lab(before.color))) > FAR_COLOR:
+        raise MaterialError(
+            expected=f"the group of color {row.color} that this row was written of",
+            found=f"group {row.target} is '{before.name}' of {hex_color(before.color)}",
+            where=f"{where}, line {row.line}",
+            todo="The groups are others now. Copy the materials.csv of a run without this file once more, or delete "
+            "the column color where the numbers are right.",
+        )
+
+
 def _is_file(reflectance: str) -> bool:
     return reflectance.lower().endswith(".csv")
 
@@ -178,12 +225,13 @@ def assign(
     named = {row.target for row in assignments.rows}
     for row in assignments.rows:
         if row.target == ALL_GROUPS:
-            groups = [group for group in range(len(materials)) if str(group) not in named]
+            groups = [n for n, each in enumerate(materials) if str(n) not in named and not _is_pane(each)]
         else:
             groups = [int(row.target)]
         for group in groups:
             if group >= len(materials):
                 raise _fault(where, row.line, expected=f"a group from 0 to {len(materials) - 1}", found=str(group))
+            _refuse_another(row, materials[group], where)
             materials[group] = _assigned(row, materials[group], library, where)
     return replace(estimated, materials=tuple(materials))
 
@@ -209,16 +257,19 @@ def check_assignments(assignments: Assignments, library: ReflectanceLibrary, *, 
 def _assign_faces(
     estimated: MaterialMap, assignments: Assignments, library: ReflectanceLibrary, where: Path
 ) -> MaterialMap:
-    """Give single faces their materials; faces of equal rows share one."""
+    """Give single faces their materials; faces of one group and of equal rows share one."""
     materials = list(estimated.materials)
     face_material = estimated.face_material.copy()
-    made: dict[tuple[str, ...], int] = {}
+    made: dict[tuple[int, tuple[str, ...]], int] = {}
     for row in assignments.rows:
         face = int(row.target)
         if face >= face_material.size:
             raise _fault(where, row.line, expected=f"a face from 0 to {face_material.size - 1}", found=str(face))
-        before = estimated.materials[estimated.face_material[face]]
-        key = (row.reflectance, *(f"{name}={value}" for name, value in row.surface.items()))
+        group = int(estimated.face_material[face])
+        before = estimated.materials[group]
+        if _is_pane(before):
+            continue
+        key = (group, (row.reflectance, *(f"{name}={value}" for name, value in row.surface.items())))
         if key not in made:
             made[key] = len(materials)
             materials.append(_assigned(row, before, library, where))
@@ -230,7 +281,7 @@ def _assign_faces(
 def _assigned(row: Assignment, before: Material, library: ReflectanceLibrary, where: Path) -> Material:
     """Material of a row, over the one that was estimated."""
     material = before
-    if _is_given(row.reflectance):
+    if not _is_as_written(row, before):
         try:
             if _is_file(row.reflectance):
                 material = _file_material(where.parent / row.reflectance, row.reflectance)

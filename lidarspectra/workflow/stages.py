@@ -58,7 +58,12 @@ from lidarspectra.workflow.kept_light import (
 from lidarspectra.workflow.materials.delighting import Delighting, take_light_out
 from lidarspectra.workflow.materials.gloss_of_run import gloss_in_words, gloss_of_materials, save_gloss, with_gloss
 from lidarspectra.workflow.materials.light_uncertainty import with_light_uncertainty
-from lidarspectra.workflow.materials.materials_of_run import all_given, materials_of_run, model_of_run
+from lidarspectra.workflow.materials.materials_of_run import (
+    all_given,
+    materials_of_run,
+    model_of_run,
+    with_assignments_of_run,
+)
 from lidarspectra.workflow.materials.votes_ahead import votes_beside
 from lidarspectra.workflow.run_folder.assumed import assumed_lamps, assumed_of_scan, lamp_notes, lit_notes, scan_notes
 from lidarspectra.workflow.run_folder.calibration_of_run import (
@@ -286,6 +291,8 @@ def materials_stage(inputs: Inputs, scan: StageResult[ScannedRoom], views: Stage
         save_gloss(materials, gloss, folder)
         materials = with_gloss(materials, gloss)
         materials = with_panes_of_run(materials, mesh, given.run_file.panes)
+        # At last, since the groups that it names are those that a run writes.
+        materials = with_assignments_of_run(materials, section, folder=given.base)
         save_materials(materials, folder, face_areas=mesh.areas)
         save_lamp_fluxes(unlit.lamp_fluxes if unlit else (), folder)
         save_material_mesh(mesh, materials, folder)

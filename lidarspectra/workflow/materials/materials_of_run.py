@@ -35,9 +35,9 @@ def materials_of_run(
     votes: CountVotes | None = None,
     progress: Progress = silent,
 ) -> MaterialMap:
-    """Estimate the materials and apply a file of assignments, or give all faces one material.
+    """Estimate the materials, or give all faces one.
 
-    Nothing is estimated where the file gives all surfaces one reflectance: only the colour in pictures is the scan's.
+    Nothing is estimated where a file gives all surfaces one reflectance: only the colour in pictures is the scan's.
 
     Parameters
     ----------
@@ -58,30 +58,52 @@ def materials_of_run(
     Raises
     ------
     MaterialError, DatabaseError
-        As `estimate_materials`, and if the file of assignments is invalid or a database is missing.
+        As `estimate_materials`, and if a database is missing.
     """
     library = load_reflectances(section.databases, folder)
     if section.method == "default":
         return one_material(scan, section.default, library=library, views=views)
     if all_given(section, folder):
-        estimated = _in_mean_color(one_material(scan, section.default, library=library, views=views), scan)
-    else:
-        estimated = estimate_from_votes(
-            scan,
-            views,
-            votes or votes_of(model_of_run(section.model, folder), scan, views),
-            room=room,
-            face_color=face_color,
-            library=library,
-            fallback=default_material(section.default, library),
-            matching=section.matching,
-            colors=section.colors,
-            progress=progress,
-        )
+        return _in_mean_color(one_material(scan, section.default, library=library, views=views), scan)
+    return estimate_from_votes(
+        scan,
+        views,
+        votes or votes_of(model_of_run(section.model, folder), scan, views),
+        room=room,
+        face_color=face_color,
+        library=library,
+        fallback=default_material(section.default, library),
+        matching=section.matching,
+        colors=section.colors,
+        progress=progress,
+    )
+
+
+def with_assignments_of_run(materials: MaterialMap, section: MaterialsSection, *, folder: Path) -> MaterialMap:
+    """Materials with what the run's file of assignments says; the same where it has none.
+
+    Parameters
+    ----------
+    materials : MaterialMap
+        As they are written but for the file, with gloss and panes: so are the groups numbered that the file names.
+    section : MaterialsSection
+        `[materials]` of the run file.
+    folder : Path
+        Where relative file names start; the run file's folder.
+
+    Returns
+    -------
+    materials : MaterialMap
+
+    Raises
+    ------
+    MaterialError, DatabaseError
+        If the file of assignments is invalid, or a database is missing.
+    """
     if section.file is None:
-        return estimated
+        return materials
     path = folder / section.file
-    return assign(estimated, read_assignments(path), library, where=path)
+    return assign(materials, read_assignments(path), load_reflectances(section.databases, folder), where=path)
 
 
 def all_given(section: MaterialsSection, folder: Path) -> bool:

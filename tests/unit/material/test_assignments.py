@@ -12,10 +12,13 @@ from lidarspectra.errors import MaterialError
 from lidarspectra.material.assignments import assign, give_all, read_assignments, spectrum_files
 from lidarspectra.material.estimate import estimate_materials
 from lidarspectra.material.material_map import MaterialMap, save_materials
+from lidarspectra.material.pane_materials import pane_material, with_pane_materials
 from lidarspectra.material.views.viewpoints import ViewSettings, render_views
 from lidarspectra.material.views.views import no_views
+from lidarspectra.room.panes.pane import Pane
+from lidarspectra.spectra.colorimetry import hex_color
 from lidarspectra.spectra.databases import load_reflectances
-from lidarspectra.workflow.materials.materials_of_run import materials_of_run
+from lidarspectra.workflow.materials.materials_of_run import materials_of_run, with_assignments_of_run
 
 from .conftest import box_scan
 
@@ -84,10 +87,77 @@ def test_single_faces_can_be_assigned(estimated, tmp_path):
     assert sources[1] == estimated.materials[estimated.face_material[1]].source
 
 
+def test_faces_that_only_become_shiny_keep_their_own_reflectances(estimated, tmp_path):
+    """They all got the reflectance of the first of them."""
+    faces = [int(np.flatnonzero(estimated.face_material == group)[0]) for group in (0, 1)]
+    rows = "".join(f"{face},,0.3\n" for face in faces)
+    found = done(estimated, tmp_path, f"face,reflectance,specularity\n{rows}")
+    for group, face in enumerate(faces):
+        material = found.materials[found.face_material[face]]
+        assert material.specularity == 0.3
+        assert material.reflectance is estimated.materials[group].reflectance
+
+
+def of_one_source(estimated: MaterialMap, group: int, **changes: object) -> MaterialMap:
+    materials = list(estimated.materials)
+    materials[group] = replace(materials[group], **changes)
+    return replace(estimated, materials=tuple(materials))
+
+
+@pytest.mark.parametrize(
+    ("source", "provenance"),
+    [
+        ("recovered (wiener), near builtin:white-wall", "recovered"),
+        ("builtin:white-wall", "measured"),  # the nearest surface, scaled to what was seen
+        ("builtin:white-plastic", "default"),
+        ("typical:wall", "default"),
+    ],
+)
+def test_rows_as_a_run_wrote_them_stay_as_they_were(estimated, tmp_path, source, provenance):
+    """Names of databases were looked up, and their spectra taken as they are; other words ended the run."""
+    before = of_one_source(estimated, 1, source=source, provenance=provenance)
+    save_materials(before, tmp_path)
+    found = done(before, tmp_path, (tmp_path / "materials.csv").read_text(encoding="utf-8"))
+    assert found.materials[1].reflectance is before.materials[1].reflectance
+    assert found.materials[1].provenance == provenance
+
+
+def test_a_row_of_ones_own_is_followed_where_the_estimate_names_the_same_surface(estimated, tmp_path):
+    before = of_one_source(estimated, 1, source="builtin:white-wall", provenance="measured")
+    found = done(before, tmp_path, "group,reflectance\n1,builtin:white-wall\n")
+    assert found.materials[1].provenance == "assigned"
+
+
+def test_panes_keep_their_materials_where_all_else_is_given(estimated, room, tmp_path):
+    scan, _ = room
+    face = int(np.flatnonzero(estimated.face_material == 0)[0])
+    pane = Pane(kind="mirror", center=scan.centers[face], size_m=(0.2, 0.2), normal=scan.normals[face])
+    with_pane = with_pane_materials(estimated, scan, [(pane, pane_material("mirror", name="mirror 1"))])
+    found = done(with_pane, tmp_path, "group,reflectance\n*,white-wall\n")
+    assert found.materials[found.face_material[face]].source == "pane:mirror"
+    found = done(with_pane, tmp_path, f"face,reflectance\n{face},white-wall\n")
+    assert found.materials[found.face_material[face]].source == "pane:mirror"
+    save_materials(with_pane, tmp_path)
+    found = done(with_pane, tmp_path, (tmp_path / "materials.csv").read_text(encoding="utf-8"))
+    assert found.materials[-1].source == "pane:mirror"
+
+
+def test_a_row_of_a_group_that_is_another_surface_now_is_refused(estimated, tmp_path):
+    """Numbers are by area: of another scan they are other surfaces, which got the material in silence."""
+    orange = hex_color(estimated.materials[1].color)
+    text = "group,reflectance,color\n{},builtin:cc-blue,{}\n"
+    assert done(estimated, tmp_path, text.format(1, orange)).materials[1].source == "builtin:cc-blue"
+    with pytest.raises(MaterialError, match=f"color {orange}"):
+        done(estimated, tmp_path, text.format(0, orange))
+    left = done(estimated, tmp_path, f"group,reflectance,color\n0,recovered,{orange}\n")
+    assert left.materials[0].reflectance is estimated.materials[0].reflectance
+
+
 def test_the_file_that_a_run_writes_changes_nothing_as_it_is_and_can_be_edited(room, estimated, tmp_path):
     save_materials(estimated, tmp_path, face_areas=room[0].areas)
     section = MaterialsSection(method="file", file="materials.csv", model="none")
-    same = materials_of_run(room[0], room[1], section, folder=tmp_path)
+    alone = materials_of_run(room[0], room[1], section, folder=tmp_path)
+    same = with_assignments_of_run(alone, section, folder=tmp_path)
     for one, other in zip(same.materials, estimated.materials, strict=True):
         assert np.array_equal(one.reflectance.values, other.reflectance.values)
     with (tmp_path / "materials.csv").open(encoding="utf-8", newline="") as file:
@@ -95,7 +165,7 @@ def test_the_file_that_a_run_writes_changes_nothing_as_it_is_and_can_be_edited(r
     rows[1][rows[0].index("reflectance")] = "builtin:wooden-cabinet"
     with (tmp_path / "materials.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerows(rows)
-    edited = materials_of_run(room[0], room[1], section, folder=tmp_path)
+    edited = with_assignments_of_run(alone, section, folder=tmp_path)
     assert edited.materials[0].source == "builtin:wooden-cabinet"
     assert edited.materials[1].provenance == "recovered"
 
@@ -145,7 +215,7 @@ def test_a_spectrum_file_beside_visible_light_is_refused(estimated, tmp_path):
 def test_a_missing_file_of_assignments_is_our_error(room, tmp_path):
     section = MaterialsSection(method="file", file="nothing.csv")
     with pytest.raises(MaterialError, match=r"nothing\.csv"):
-        materials_of_run(room[0], room[1], section, folder=tmp_path)
+        with_assignments_of_run(materials_of_run(room[0], room[1], section, folder=tmp_path), section, folder=tmp_path)
 
 
 def test_one_surface_for_all_keeps_the_groups(estimated, tmp_path):
@@ -180,7 +250,8 @@ def test_where_one_reflectance_is_given_to_all_nobody_asks_what_surfaces_look_li
     def ask(progress):
         raise AssertionError("the network was asked")
 
-    (material,) = materials_of_run(scan, unseen, section, folder=tmp_path, votes=ask).materials
+    alone = materials_of_run(scan, unseen, section, folder=tmp_path, votes=ask)
+    (material,) = with_assignments_of_run(alone, section, folder=tmp_path).materials
     assert (material.source, material.provenance) == ("builtin:white-wall", "assigned")
     estimated = done(estimate_materials(scan, seen, model=None), tmp_path, "group,reflectance\n*,white-wall\n")
     for each in estimated.materials:
