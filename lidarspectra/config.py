@@ -462,6 +462,17 @@ class ReportSection(Section):
     """Kinds of files that every figure of the page is written as."""
 
 
+def require_no_run_file(path: Path) -> None:
+    """Raise a RunFileError if there is a file where a run file is to be written."""
+    if path.exists():
+        raise RunFileError(
+            expected="no file there yet",
+            found="one, which may hold your edits",
+            where=str(path),
+            todo="Rename it to keep it, or overwrite it: --force (force=True in Python).",
+        )
+
+
 class RunFile(Section):
     """The whole run file.
 
@@ -603,13 +614,8 @@ class RunFile(Section):
             If there is a file already, or it cannot be written.
         """
         target = path_of(path, name="path of the run file")
-        if target.exists() and not force:
-            raise RunFileError(
-                expected="no file there yet",
-                found="one, which may hold your edits",
-                where=str(target),
-                todo="Rename it to keep it, or overwrite it: --force (force=True in Python).",
-            )
+        if not force:
+            require_no_run_file(target)
         text = self.text
         if target.parent.resolve() != self.folder.resolve():
             names = self._file_names(target.parent)

@@ -29,9 +29,10 @@ def calibrate(
     ] = "none",
     cell: Annotated[str | None, typer.Option("--cell", metavar="NAME", help="Whose current_mA was read.")] = None,
     area: Annotated[float | None, typer.Option("--area", metavar="CM2", min=0.0, help="Area of the cell.")] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Go on with strange readings; overwrite a calibrated run file.")
+    despite_doubts: Annotated[
+        bool, typer.Option("--despite-doubts", help="Go on with readings that contradict the room.")
     ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a calibrated run file.")] = False,
     workers: WorkersOption = None,
 ) -> None:
     """Fit lamp fluxes and reflectances to a few readings, and run the room again with them."""
@@ -49,6 +50,11 @@ def calibrate(
         return
     assert measured is not None
     from lidarspectra.workflow.calibration.calibrating import calibrate_run, save_calibration
+    from lidarspectra.workflow.calibration.light import require_no_run_file_beside
+    from lidarspectra.workflow.calibration.results import SUFFIX
+
+    if not force:
+        require_no_run_file_beside(run, SUFFIX)
 
     with progress_bar("tracing the readings' places") as progress:
         found = calibrate_run(
@@ -58,7 +64,7 @@ def calibrate(
             scale=scale,
             cell=cell,
             area_cm2=area,
-            force=force,
+            despite_doubts=despite_doubts,
             workers=workers,
             progress=progress,
         )

@@ -25,7 +25,12 @@ def design(
     Exit status 1 where the targets cannot all be met; the least violated design is written all the same.
     """
     from lidarspectra.mapping.figures.tables import save_table
+    from lidarspectra.workflow.calibration.light import require_no_run_file_beside
+    from lidarspectra.workflow.design.designed_run_file import SUFFIX
     from lidarspectra.workflow.design.designing import check_design, design_lighting, save_design
+
+    if not force:
+        require_no_run_file_beside(run, SUFFIX)
 
     with progress_bar("light of the lamps") as progress:
         found = design_lighting(run, target, workers=workers, progress=progress)

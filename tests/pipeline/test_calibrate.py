@@ -68,8 +68,11 @@ def test_the_command_finds_what_was_wrong_and_the_run_goes_on_from_there(
 ) -> None:
     file = tmp_path / "readings.csv"
     readings.to_csv(file, index=False)
-    answer = command_line("calibrate", run, "--measured", file, "--force")
+    answer = command_line("calibrate", run, "--measured", file, "--despite-doubts")
     assert answer.status == 0, answer.stderr
+    refused = command_line("calibrate", run, "--measured", tmp_path / "not looked at.csv", "--despite-doubts")
+    assert refused.status == 1
+    assert "room.calibrated.toml: expected no file there yet" in " ".join(refused.stderr.split())
     run_file = ls.read_run_file(run.parent / "room.calibrated.toml")
     assert run_file.calibration is not None
     factors = np.array([run_file.calibration.lamps[name] for name in ('lamp "one" !rm', "warm")])
@@ -155,7 +158,7 @@ def test_channels_tell_the_spectrum_of_a_lamp(run: Path, readings: pd.DataFrame,
     assert first.loc['lamp "one" !rm', "probability [1]"] > 0.95
     assert told.run_file.lamps[0].spectrum == "LED-BH1"
     assert told.run_file.lamps[1].spectrum == "A"
-    every = ls.calibrate_run(run, file, scale="channel", force=True)
+    every = ls.calibrate_run(run, file, scale="channel", despite_doubts=True)
     assert every.spectra is None  # where each channel has a factor of its own, nothing tells a spectrum
     assert every.run_file.lamps[0].spectrum == "LED-B3"
 

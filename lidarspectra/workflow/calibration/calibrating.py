@@ -128,7 +128,7 @@ def calibrate_run(
     scale: Scale = "none",
     cell: str | None = None,
     area_cm2: float | None = None,
-    force: bool = False,
+    despite_doubts: bool = False,
     workers: int | None = None,
     progress: Progress = silent,
 ) -> Calibration:
@@ -148,7 +148,7 @@ def calibrate_run(
         Database name or file of the cell whose current_mA was read.
     area_cm2 : float, optional
         Its area; the database's by default. [cm²]
-    force : bool
+    despite_doubts : bool
         Go on with readings that look swapped, turned over, in another unit or of another room.
     workers : int, optional
         Processes; one a core by default.
@@ -180,7 +180,7 @@ def calibrate_run(
     first_point = 2 * len(readings.names)
     readings = replace(readings, numbers=_with_model_error(readings, model, light, weights, first_point))
     reverse = light.model(weights, readings.numbers.row + len(readings.names))
-    said = doubts(model, reverse, readings, priors, measured, force=force)
+    said = doubts(model, reverse, readings, priors, measured, despite=despite_doubts)
     first = fit_with_model_error(model, readings.numbers, priors)
     first_light = light
     light = _about(first, room, points, light, workers=workers, progress=part_of(progress, FIRST_SHARE, 1.0))

@@ -15,7 +15,7 @@ from lidarspectra.workflow.calibration.readings import CALIBRATED_SD, CHANNEL_SD
 UNIT_FACTOR = 6.0  # [1] readings that are all off by more are in another unit, or of another room
 HOPELESS = 1e-9  # [1] so unlikely a fit, with half of the rows strange, is of another room
 MAX_SHOWN = 5  # readings beside the run's light, the least probable first
-FORCE = "Give --force to calibrate by them all the same."
+DESPITE = "Give --despite-doubts (despite_doubts=True in Python) to calibrate by them all the same."
 
 
 def require_inside(readings: Readings, room: RunRoom, where: Path) -> None:
@@ -47,7 +47,7 @@ def require_light(model: LightModel, readings: Readings, where: Path) -> None:
 
 
 def doubts(
-    model: LightModel, reverse: LightModel, readings: Readings, priors: Priors, where: Path, *, force: bool
+    model: LightModel, reverse: LightModel, readings: Readings, priors: Priors, where: Path, *, despite: bool
 ) -> tuple[str, ...]:
     """What is strange about readings, as notes; a MapError for what cannot be.
 
@@ -59,13 +59,13 @@ def doubts(
     priors : Priors
     where : Path
         Their file.
-    force : bool
+    despite : bool
         Tell everything in notes.
 
     Raises
     ------
     MapError
-        Unless `force`: if units, rows or directions are wrong in a way that can be named, or most of the readings
+        Unless `despite`: if units, rows or directions are wrong in a way that can be named, or most of the readings
         contradict one another.
     """
     found = [_wrong_unit(model, readings, priors)]
@@ -73,12 +73,12 @@ def doubts(
         found = _strange_rows(model, reverse, readings, priors)
     faults = [each for each in found if each is not None]
     for sentence, is_fault in faults:
-        if is_fault and not force:
+        if is_fault and not despite:
             raise MapError(
                 expected="readings that this room can have",
                 found=sentence,
                 where=str(where),
-                todo=f"Mend them. {FORCE}",
+                todo=f"Mend them. {DESPITE}",
             )
     return tuple(f"{sentence[0].upper()}{sentence[1:]}." for sentence, _ in faults)
 

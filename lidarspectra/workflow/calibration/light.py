@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.config import RunFile, parse_run_file
+from lidarspectra.config import RunFile, parse_run_file, require_no_run_file
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.scan import Scan, load_scan
 from lidarspectra.lamps.lamps import Lamp
@@ -113,6 +113,16 @@ def run_room(run: Path) -> RunRoom:
         bands=load_scene(folders["scene"]).bands,
         part=part,
     )
+
+
+def require_no_run_file_beside(run: Path, suffix: str) -> None:
+    """Raise a RunFileError if the run file that is to be made of a run's, NAME + suffix, is there already.
+
+    It is for commands that compute for long before they write it.
+    """
+    request = read_request(run)
+    if request is not None:
+        require_no_run_file((run / request.folder).resolve() / f"{Path(request.name).stem}{suffix}.toml")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,6 +18,7 @@ from lidarspectra.room.surface_parts import PARTS
 from lidarspectra.workflow.calibration.light import RunRoom
 from lidarspectra.workflow.calibration.readings import Readings, unit_of
 
+SUFFIX = ".calibrated"  # of the run file's name
 SUMMARY = "calibration.json"  # beside the tables, for the report
 REPORTED = ("unknowns.csv", "readings.csv", "points.csv")  # tables that the report shows
 MAX_SHARE_OF_PRIOR = 0.9  # [1] of the prior's deviation that is left, up to which the readings determined an unknown
@@ -62,7 +63,7 @@ def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path, spe
         "reflectance": part_factors,
     }
     lamps = [_lamp_table(lamp, spectra.get(lamp.name)) for lamp in room.run_file.lamps]
-    origin = room.run_file.with_origin(folder=room.base, name=f"{room.name}.calibrated")
+    origin = room.run_file.with_origin(folder=room.base, name=f"{room.name}{SUFFIX}")
     changed = origin.changed(calibration=section, **({"lamps": lamps} if spectra else {}))
     if spectra or room.run_file.calibration is not None:
         return changed
@@ -72,7 +73,7 @@ def calibrated_run_file(room: RunRoom, posterior: Posterior, measured: Path, spe
         "\n".join(["[calibration.reflectance]", *(f"{part} = {each}" for part, each in part_factors.items())]),
     ]
     text = room.run_file.text.rstrip() + "\n\n" + "\n\n".join(tables) + "\n"
-    return changed.with_origin(folder=room.base, name=f"{room.name}.calibrated", text=text)
+    return changed.with_origin(folder=room.base, name=f"{room.name}{SUFFIX}", text=text)
 
 
 def _lamp_table(lamp: LampSection, spectrum: str | None) -> dict[str, object]:

@@ -109,8 +109,8 @@ def test_readings_of_another_room_are_refused_beside_what_the_run_has(tmp_path: 
     )  # fmt: skip
     run = light.light.sum(axis=1)[0]
     with pytest.raises(MapError, match=f"'desk' {2.5 * run:.3g} lx where the run has {run:.3g}"):
-        doubts(light, light, readings, known, tmp_path / "readings.csv", force=False)
-    assert len(doubts(light, light, readings, known, tmp_path / "readings.csv", force=True)) == 1
+        doubts(light, light, readings, known, tmp_path / "readings.csv", despite=False)
+    assert len(doubts(light, light, readings, known, tmp_path / "readings.csv", despite=True)) == 1
 
 
 def test_an_unknown_meter_still_tells_the_pattern() -> None:
