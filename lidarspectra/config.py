@@ -433,6 +433,7 @@ FILE_OR_NAME_KEYS = (
     "cell",
     "weather",
 )  # a file's name, or one of a database
+RUN_FILE_SUFFIX = ".toml"
 _NAMED: _Named = {"kind": "run file", "error": RunFileError, "page": "docs/run-file.md"}
 
 
@@ -691,7 +692,7 @@ def read_run_file(path: str | PathLike[str]) -> RunFile:
     """
     path = path_of(path, name="run file")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # editors of Windows may begin a text with a mark
     except (OSError, UnicodeDecodeError) as cause:
         raise RunFileError(
             expected="a readable run file (TOML, UTF-8)",
@@ -708,6 +709,8 @@ def _run_file_instead(path: Path) -> str:
     beside = path.with_suffix(".toml") if path.suffix else path.with_name(f"{path.name}.toml")
     if beside != path and path.name and beside.is_file():
         return f"Give the run file, {beside}."
+    if path.suffix.lower() == RUN_FILE_SUFFIX and path.is_file():
+        return "Save it as UTF-8, which is an encoding that editors offer where they save a text."
     return f"Make one with 'lidarspectra init {shlex.quote(str(path)) if path.is_file() else 'SCAN'}'."
 
 

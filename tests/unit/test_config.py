@@ -129,9 +129,16 @@ def test_a_missing_run_file_is_one_clear_error(tmp_path: Path) -> None:
 
 def test_a_run_file_that_is_no_text_is_one_clear_error(tmp_path: Path) -> None:
     path = tmp_path / "room.toml"
-    path.write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(RunFileError, match="UTF-8"):
-        read_run_file(path)
+    for content in (b"\xff\xfe\x00\x01", MINIMAL.encode("utf-16"), f"# Büro{MINIMAL}".encode("cp1252")):
+        path.write_bytes(content)
+        with pytest.raises(RunFileError, match="Save it as UTF-8"):
+            read_run_file(path)
+
+
+def test_a_run_file_as_windows_editors_save_it_is_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "room.toml"
+    path.write_bytes(MINIMAL.replace("\n", "\r\n").encode("utf-8-sig"))
+    assert read_run_file(path) == parse(MINIMAL)
 
 
 AREA = "[[rules.areas]]\nname = 'desk'\npolygon = [[0, 0], [1, 0], [1, 1]]\n"

@@ -41,7 +41,7 @@ FAULTS = {
 @pytest.mark.parametrize(("text", "words"), FAULTS.items(), ids=range(len(FAULTS)))
 def test_a_fault_is_said_with_the_file_and_what_to_do(text: str, words: str, tmp_path: Path) -> None:
     file = tmp_path / "target.toml"
-    file.write_text(text, encoding="utf-8")
+    file.write_text(text, encoding="utf-8-sig")  # as editors of Windows save it
     with pytest.raises(RunFileError, match=re.escape(words)) as caught:
         read_target(file)
     assert "target.toml" in str(caught.value)

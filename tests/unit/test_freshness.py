@@ -2,6 +2,8 @@
 
 import ast
 import inspect
+import json
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -361,6 +363,30 @@ def test_a_texture_in_a_folder_that_the_scan_names_is_one_of_its_files(
     folder = "my pictures" if "%20" in text else "textures"
     (tmp_path / "scans" / folder / "wall.png").write_text("after", encoding="utf-8")
     assert changed(before, keys_of(run_file, tmp_path)) == STAGES
+
+
+def test_a_glb_s_files_are_those_that_it_names(tmp_path: Path) -> None:
+    document = json.dumps({"images": [{"uri": "wände/a.png"}, {"uri": "floor.jfif"}]}).encode()  # escaped: w\\u00e4nde
+    chunk = struct.pack("<II", len(document), 0x4E4F534A) + document
+    (tmp_path / "wände").mkdir()
+    names = ("wände/a.png", "floor.jfif", "other.png")
+    for name in names:
+        (tmp_path / name).write_text("before", encoding="utf-8")
+    rest = b"other.png, in the second chunk"
+    (tmp_path / "room.glb").write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunk + rest)) + chunk + rest)
+    run_file = RunFile.model_validate(ROOMS["lamps"])
+    for name in names:
+        before = keys_of(run_file, tmp_path)
+        (tmp_path / name).write_text("after", encoding="utf-8")
+        assert changed(before, keys_of(run_file, tmp_path)) == (() if name == "other.png" else STAGES), name
+
+
+def test_the_plan_that_init_draws_beside_a_scan_is_none_of_its_files(tmp_path: Path) -> None:
+    (tmp_path / "room.obj").write_text("mtllib room.mtl", encoding="utf-8")
+    run_file = RunFile.model_validate(ROOMS["lamps"] | {"scan": {"file": "room.obj"}})
+    before = keys_of(run_file, tmp_path)
+    (tmp_path / "room.plan.png").write_bytes(b"picture")
+    assert keys_of(run_file, tmp_path) == before
 
 
 def test_what_a_file_manager_leaves_beside_a_scan_or_in_a_capture_is_none_of_its_files(tmp_path: Path) -> None:

@@ -190,7 +190,7 @@ def read_target(target: str | PathLike[str] | Mapping[str, Any]) -> tuple[Target
         return check_sections(Target, dict(target), **_NAMED, where=MADE_IN_PYTHON), MADE_IN_PYTHON, Path()
     path = path_of(target, name="target", meaning="the name of a target file, or its tables as a dict")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # editors of Windows may begin a text with a mark
     except (OSError, UnicodeDecodeError) as cause:
         raise RunFileError(
             expected="a readable target file (TOML, UTF-8)",

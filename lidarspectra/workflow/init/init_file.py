@@ -32,12 +32,12 @@ from lidarspectra.workflow.init.proposed_lamps import propose_panels
 from lidarspectra.workflow.init.summary import InitSummary
 from lidarspectra.workflow.init.text import bare_text, run_file_text
 from lidarspectra.workflow.run_folder.assumed import uncertain_of_scan
+from lidarspectra.workflow.run_folder.declared import PLAN_SUFFIX
 from lidarspectra.workflow.run_folder.frames_of_run import frame_colors, frame_notes, frames_of_app, panes_seen_in
 from lidarspectra.workflow.whole_room import whole_room
 
 SENSOR_COUNTS = (176, 100, 50, 25, 10, 5, 1)  # the paper's count, then what smaller rooms hold
 NEAR_M = 0.3  # [m] of a lamp's middle: what shines there is the lamp
-PICTURE_SUFFIX = ".plan.png"  # of the run file's name
 DRAWS = "lidarspectra.mapping.figures.places_figure"
 
 
@@ -290,7 +290,7 @@ def _draw(looked: _Looked, run_file: RunFile, out_path: Path) -> Path:
         f"(unit {scan.record.unit}, {looked.summary.sureness('unit')}; "
         f"up {scan.record.up_axis}, {looked.summary.sureness('up')})",
     )
-    return save_picture(figure, out_path.with_suffix(PICTURE_SUFFIX))
+    return save_picture(figure, out_path.with_suffix(PLAN_SUFFIX))
 
 
 def _with_run_file(cause: LidarSpectraError, out_path: Path, again: str) -> LidarSpectraError:

@@ -183,7 +183,7 @@ def read_sensors(sources: list[str], *, need_places: bool = True) -> tuple[Senso
         return _placed(_checked(sections, "--source"), "--source", need_places), Path()
     path = Path(files[0])
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # editors of Windows may begin a text with a mark
     except (OSError, UnicodeDecodeError) as cause:
         raise ReadingError(
             expected=f"a file of sensors (TOML), or {name}=PORT or {name}=LOG.csv",

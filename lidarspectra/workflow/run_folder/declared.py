@@ -7,6 +7,8 @@ The key `assumed` of a section says which of its values are guesses and changes 
 cover it: a stage that tells it declares it by its own name ("lamps.assumed"); others see nothing marked.
 """
 
+import json
+import struct
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -17,6 +19,7 @@ from urllib.parse import quote
 from lidarspectra.config import LampSection, LampsFromScanSection, RunFile
 from lidarspectra.errors import UndeclaredError
 from lidarspectra.hardware.phone.capture_files import open_capture
+from lidarspectra.hardware.phone.gltf_document import GLB_MAGIC
 from lidarspectra.io.files import hash_file, is_of_file_manager
 from lidarspectra.io.toml_sections import Section
 from lidarspectra.material.assignments import spectrum_files
@@ -25,11 +28,14 @@ from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL
 from lidarspectra.spectra.databases import list_databases
 from lidarspectra.workflow.run_folder.workspace import MARKER_FILE, StageResult
 
-MULTI_FILE_FORMATS = (".obj", ".gltf", ".ply", ".usda", ".usd")
+GLB = ".glb"
+MULTI_FILE_FORMATS = (".obj", GLB, ".gltf", ".ply", ".usda", ".usd")
 COMPANION_SUFFIXES = (
     ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", ".gif", ".tga", ".tif", ".tiff", ".webp", ".usd", ".usda", ".usdc",
 )  # fmt: skip
 NAMING_SUFFIXES = (*MULTI_FILE_FORMATS, ".usdc", ".mtl")  # files that name others
+PLAN_SUFFIX = ".plan.png"  # of the plan that `init` draws, beside the run file and so often beside the scan
+GLB_HEADER = struct.Struct("<4s8xI4x")  # glTF 2.0, 4.4: magic, version, length; length and kind of the JSON chunk
 ASSUMED = "assumed"  # key of sections
 
 
@@ -193,27 +199,46 @@ def _scan_files(name: str, base: Path) -> Iterable[str]:
 
 
 def _companions(file: Path) -> list[Path]:
-    """Files that a scan of several files may read: those beside it, and those in folders that it or they name."""
-    around = list(file.parent.iterdir())
-    found = [path for path in around if path.suffix.lower() in COMPANION_SUFFIXES and path.is_file()]
-    folders = [path for path in around if path.is_dir() and not (path / MARKER_FILE).exists()]
+    """Files that a scan of several files may read: what it or they name, beside it or in folders, and what may be such.
+
+    A GLB seldom needs another file, so that only what it names is one of its files.
+    """
+    around = [path for path in file.parent.iterdir() if path != file]
+    found = [path for path in around if _may_belong(path)] if file.suffix.lower() != GLB else []
+    unnamed = [path for path in around if path not in found and not (path / MARKER_FILE).exists()]
     waiting = [file, *found]
-    while waiting and folders:
+    while waiting and unnamed:
         path = waiting.pop()
         if path.suffix.lower() not in NAMING_SUFFIXES:
             continue
-        text = path.read_bytes().replace(b"\\", b"/")
-        named = [folder for folder in folders if any(f"{word}/".encode() in text for word in _spellings(folder.name))]
-        more = [each for folder in named for each in folder.rglob("*") if each.is_file()]
-        folders = [folder for folder in folders if folder not in named]
+        text = _text_with_names(path)
+        named = [each for each in unnamed if any(word in text for word in _spellings(each))]
+        files = (each.rglob("*") if each.is_dir() else [each] for each in named)
+        more = [each for group in files for each in group if each.is_file()]
+        unnamed = [each for each in unnamed if each not in named]
         found += more
         waiting += more
     return found
 
 
-def _spellings(name: str) -> tuple[str, ...]:
-    """A folder's name as files write it: plainly, or in percent codes."""
-    return (name, quote(name))
+def _may_belong(path: Path) -> bool:
+    """Whether a file beside a scan is of a kind that scans name; the plan that `init` draws is none."""
+    return path.suffix.lower() in COMPANION_SUFFIXES and path.is_file() and not path.name.endswith(PLAN_SUFFIX)
+
+
+def _text_with_names(path: Path) -> bytes:
+    """The part of a file that names others, with forward slashes: all of it, or the first chunk of a GLB (4.4)."""
+    with path.open("rb") as file:
+        header = file.read(GLB_HEADER.size)
+        length = GLB_HEADER.unpack(header)[1] if header[:4] == GLB_MAGIC and len(header) == GLB_HEADER.size else -1
+        text = file.read(length)
+    return (text if length >= 0 else header + text).replace(b"\\", b"/")
+
+
+def _spellings(path: Path) -> tuple[bytes, ...]:
+    """A file's or folder's name as files write it: plainly, in percent codes, or in JSON's escapes."""
+    words = {path.name, quote(path.name), json.dumps(path.name)[1:-1].replace("\\", "/")}
+    return tuple(f"{word}/".encode() if path.is_dir() else word.encode() for word in words)
 
 
 def _assignment_files(name: str, base: Path) -> Iterable[str]:

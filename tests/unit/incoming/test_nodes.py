@@ -161,7 +161,7 @@ def test_a_nodes_own_clock_comes_in_its_payload(tmp_path: Path) -> None:
     path.write_text(
         '[broker]\nhost = "x"\n[[sensors]]\nname = "a"\ntopic = "t"\nvalue = "{{ value_json.lux }}"\n'
         'time = "{{ value_json.uptime_ms / 1000 }}"\n',
-        encoding="utf-8",
+        encoding="utf-8-sig",  # as editors of Windows save it
     )
     sensors, base = read_sensors([str(path)], need_places=False)
     (source,) = sources_of(sensors, ("410",), base=base, logs=tmp_path, run_name="x")
