@@ -56,6 +56,7 @@ def photometry(
     from lidarspectra.workflow.run_folder.light_of_run import light_of_run, light_of_table
     from lidarspectra.workflow.run_folder.workspace import made_folder
     from lidarspectra.workflow.scenarios.scenarios import new_scenario
+    from lidarspectra.workflow.trace_notes import receptor_notes
 
     if measured is not None and dim:
         raise typer.BadParameter("a lamp cannot be dimmed in what was measured: give --measured or --dim, not both")
@@ -72,7 +73,7 @@ def photometry(
     readings = None if measured is None else light_of_table(measured, found.bands)
     light, places = (found.light, found.places) if readings is None else (readings.light, readings.places)
     of_run = result_notes(assumptions_of_run(run)) if dim else notes_of_light(run)  # known as it was traced
-    notes = readings.notes if readings else of_run
+    notes = readings.notes if readings else (*receptor_notes(found.places.attrs), *of_run)
     quantities = light_at_points(light, places, found.bands)
     table = summary_table(quantities, before=light_of_run(run).light if dim else None)
     folder = run / "people-and-plants"

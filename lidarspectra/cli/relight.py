@@ -57,6 +57,7 @@ def _print_notes(light: "xr.Dataset") -> None:
     from lidarspectra.mapping.maps.spectral_map import SPECTRUM_ERROR
     from lidarspectra.radiance.sampling.folding import MAX_SPECTRUM_ERROR
     from lidarspectra.workflow.run_folder.assumed import notes_of_light
+    from lidarspectra.workflow.trace_notes import receptor_notes
 
     predicted = float(light.attrs[SPECTRUM_ERROR])
     if predicted > MAX_SPECTRUM_ERROR:
@@ -66,7 +67,7 @@ def _print_notes(light: "xr.Dataset") -> None:
             "change there. For the exact map give the lamp this spectrum in the run file; or, if it had another one "
             "during the scan, dim = 0, and a lamp beside it with this spectrum and dim_in_scan = 0. Then run it again."
         )
-    for note in notes_of_light(light):
+    for note in (*receptor_notes(light.attrs), *notes_of_light(light)):
         print_note(note)
 
 

@@ -289,3 +289,11 @@ def signed_area(polygon: FloatArray) -> float:
     """Area of a polygon (corner, 2) [m²]; negative where its corners run clockwise (shoelace formula)."""
     x, y = polygon[:, 0], polygon[:, 1]
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def edge_distance(places: FloatArray, polygon: FloatArray) -> FloatArray:
+    """(place,) distance of (place, 2) positions from the nearest edge of a polygon (corner, 2) [m]."""
+    edge = np.roll(polygon, -1, axis=0) - polygon
+    away = places[:, None] - polygon
+    share = np.clip((away * edge).sum(axis=2) / np.maximum((edge**2).sum(axis=1), 1e-12), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(away - share[:, :, None] * edge, axis=2).min(axis=1), dtype=np.float64)

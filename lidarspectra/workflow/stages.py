@@ -35,7 +35,13 @@ from lidarspectra.radiance.sampling.opening_light import opening_light
 from lidarspectra.radiance.sampling.plain_rtrace import trace_plain
 from lidarspectra.radiance.sampling.relit_transport import relit_transport
 from lidarspectra.radiance.sampling.trace import trace
-from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport, save_transport, with_opening
+from lidarspectra.radiance.sampling.transport import (
+    SEEN_BY,
+    TRANSPORT_FILE,
+    load_transport,
+    save_transport,
+    with_opening,
+)
 from lidarspectra.radiance.scene.clearance import clear_lamps
 from lidarspectra.radiance.scene.exported_model import write_workflow
 from lidarspectra.radiance.scene.placement import placement_notes
@@ -91,7 +97,7 @@ from lidarspectra.workflow.run_folder.lamps_of_run import (
     without_names,
 )
 from lidarspectra.workflow.run_folder.panes_of_run import assumed_notes, panes_of_run, with_panes_of_run
-from lidarspectra.workflow.run_folder.sensing_of_run import receptor_of_run, sensor_points, trace_engine
+from lidarspectra.workflow.run_folder.sensing_of_run import receptor_of_run, seen_by, sensor_points, trace_engine
 from lidarspectra.workflow.run_folder.workspace import (
     Notes,
     Stage,
@@ -443,6 +449,8 @@ def trace_stage(
                 progress=opening,
             )
         transport = with_opening(transport, share=light.share, coefficient=light.coefficient, closed=light.closed)
+        if words := seen_by(sensors, receptor):
+            transport.attrs[SEEN_BY] = words
         saving(0.0, "saving")
         save_transport(transport, folder / TRANSPORT_FILE)
         write_workflow(scene.value, points, folder / MODEL_FOLDER, accuracy=section.accuracy, noise=section.noise)

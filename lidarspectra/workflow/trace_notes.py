@@ -1,11 +1,12 @@
 """What the trace stage says of its result: how much is missing, and what the user should look at."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import xarray as xr
 
 from lidarspectra.radiance.sampling.stated_error import opening_in_words
-from lidarspectra.radiance.sampling.transport import MET_BY_CHANCE
+from lidarspectra.radiance.sampling.transport import MET_BY_CHANCE, SEEN_BY
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.words import two_digits
 
@@ -28,12 +29,23 @@ def glass_notes(left_out_m2: Mapping[str, float]) -> tuple[str, ...]:
     )
 
 
+def receptor_notes(attributes: Mapping[str, Any]) -> tuple[str, ...]:
+    """A note where the sensors of a transport or map have another response than the cosine: they read no irradiance."""
+    if SEEN_BY not in attributes:
+        return ()
+    return (
+        f"The sensors see by {attributes[SEEN_BY]}. Irradiance, lx and all that is computed from them are what such "
+        "sensors read, not the light that falls there, on a desk, an eye or a solar cell. For that, run the room "
+        "without field_of_view_deg and receptor in [sensors].",
+    )
+
+
 def trace_warnings(
     transport: xr.Dataset, points: SensorPoints, left_out_m2: Mapping[str, float] | None = None
 ) -> tuple[str, ...]:
     """Caveats on a trace, as full sentences; `left_out_m2` as of the scene, if known."""
     said = opening_in_words(transport.attrs)
-    warnings = [said] if said else []
+    warnings = [*receptor_notes(transport.attrs), *([said] if said else [])]
     buried = int(points.buried.sum())
     if buried:
         warnings.append(

@@ -266,6 +266,19 @@ def test_lamps_that_rays_of_a_restricted_view_must_meet_are_named() -> None:
     assert "straight from 'sun' as far as rays at random meet it" in warning
 
 
+def test_sensors_that_read_no_irradiance_are_told_of_map_and_transport() -> None:
+    transport = xr.Dataset(
+        {"coefficient": (("lamp", "point", "band"), np.ones((1, 1, 1)))},
+        coords={"lamp": ["panel"]},
+        attrs={"achieved_relative_se": 0.0, "target_relative_se": 0.01, "seen_by": "a slit, which reads 5 %"},
+    )
+    points = SensorPoints(positions=[[0, 0, 0]], normals=[[0, 0, 1]], buried=[False])
+    (warning,) = trace_notes.trace_warnings(transport, points)
+    assert warning.startswith("The sensors see by a slit, which reads 5 %. Irradiance, lx and all that is computed")
+    assert trace_notes.receptor_notes(transport.attrs) == (warning,)
+    assert trace_notes.receptor_notes({}) == ()
+
+
 def test_points_that_missed_a_target_of_their_own_are_counted() -> None:
     transport = xr.Dataset(
         {

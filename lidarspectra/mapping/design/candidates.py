@@ -5,6 +5,7 @@ from matplotlib.path import Path as Polygon
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
+from lidarspectra.room.plan_cells import edge_distance
 
 
 def candidate_grid(outline: FloatArray, angle_deg: float, *, spacing: float, margin: float) -> FloatArray:
@@ -40,7 +41,7 @@ def candidate_grid(outline: FloatArray, angle_deg: float, *, spacing: float, mar
     axes = [middle[axis] + spacing * (np.arange(counts[axis]) - (counts[axis] - 1) / 2) for axis in (0, 1)]
     places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     inside = Polygon(np.vstack([corners, corners[:1]])).contains_points(places)
-    kept = places[inside & (_distance(places, corners) >= margin - 1e-9)]
+    kept = places[inside & (edge_distance(places, corners) >= margin - 1e-9)]
     if len(kept) == 0:
         raise MapError(
             expected=f"places {margin:g} m or more from the walls",
@@ -49,11 +50,3 @@ def candidate_grid(outline: FloatArray, angle_deg: float, *, spacing: float, mar
             todo="Give a smaller margin, or centers.",
         )
     return np.asarray(kept @ along, dtype=np.float64)
-
-
-def _distance(places: FloatArray, corners: FloatArray) -> FloatArray:
-    """(place,) distance from the nearest edge of a polygon [m]."""
-    edge = np.roll(corners, -1, axis=0) - corners
-    away = places[:, None] - corners
-    share = np.clip((away * edge).sum(axis=2) / np.maximum((edge**2).sum(axis=1), 1e-12), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(away - share[:, :, None] * edge, axis=2).min(axis=1), dtype=np.float64)

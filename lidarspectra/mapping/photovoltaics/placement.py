@@ -17,6 +17,7 @@ from lidarspectra.mapping.maps.response_weights import band_weights
 from lidarspectra.mapping.photometry.point_light import light_of_lamps
 from lidarspectra.mapping.photovoltaics.cells import Cell
 from lidarspectra.progress import Progress, part_of, silent
+from lidarspectra.radiance.engine.options import Accuracy
 from lidarspectra.radiance.sampling.trace import trace, trace_irradiance
 from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.free_space import FreeSpace
@@ -199,6 +200,7 @@ def best_mounts(
     size_m: tuple[float, float],
     *,
     count: int = 5,
+    accuracy: Accuracy = "high",
     seed: int = 0,
     workers: int | None = None,
     free: FreeSpace | None = None,
@@ -220,7 +222,7 @@ def best_mounts(
         Width and height of the cell. [m]
     count : int
         Places to return, each with its best direction.
-    seed, workers, progress
+    accuracy, seed, workers, progress
         See `radiance.trace.trace`.
     free : FreeSpace, optional
         The scan's free space, if the caller has it.
@@ -247,6 +249,7 @@ def best_mounts(
         open_mounts.positions,
         open_mounts.normals,
         relative_se=ROUGH_SE,
+        accuracy=accuracy,
         seed=seed,
         workers=workers,
         progress=part_of(progress, 0.0, 0.5),
@@ -257,6 +260,7 @@ def best_mounts(
     transport = trace(
         scene,
         SensorPoints(positions=positions, normals=normals, buried=np.zeros(len(positions), dtype=np.bool_)),
+        accuracy=accuracy,
         seed=seed + 1,
         workers=workers,
         progress=part_of(progress, 0.5, 1.0),

@@ -75,6 +75,11 @@ class Receptor:
         response = np.interp(angle, self.angles_deg, self.response, right=0.0)
         return np.where(cosine > 0, response / np.where(cosine > 0, cosine, 1.0), 0.0)
 
+    @property
+    def share_of_even_light(self) -> float:
+        """What it reads of light that comes evenly from all sides, over its irradiance: ∫R dω / π [1]."""
+        return self._curve[2] / float(np.pi)
+
     @cached_property
     def _curve(self) -> tuple[FloatArray, FloatArray, float]:
         """Angles [rad], the share of ∫R dω within each, and ∫R dω [sr]."""

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "lidarspectra transport 1"
 MET_BY_CHANCE = "lamps_met_by_chance"  # attribute: names, a line each
+SEEN_BY = "seen_by"  # attribute: the sensors' response in words, where it is not the cosine
 TRANSPORT_FILE = "transport.nc"  # in the folder of a run's trace stage
 KEPT_BATCH_VALUES = 8_000_000  # batches of more values (32 MB) than this are not kept
 _VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {  # name: (dims, unit, long name)

@@ -38,6 +38,7 @@ from lidarspectra.workflow.run_folder.light_of_run import (
     transport_of_run,
 )
 from lidarspectra.workflow.run_folder.workspace import made_folder, require_stage
+from lidarspectra.workflow.trace_notes import receptor_notes
 
 CM = 1e-2  # [m]
 MICRO = 1e6
@@ -137,9 +138,9 @@ def current_of_run(run: Path, order: CurrentOrder) -> tuple[xr.Dataset, FloorPla
     shifts = read_schedule(order.base / order.schedule) if order.schedule else ()
     if order.hours:
         shifts = (parse_hours(order.hours),)
-    lamps = present_lamps_of_run(run)
+    lamps, transport = present_lamps_of_run(run), transport_of_run(run)
     currents = current_map(
-        transport_of_run(run),
+        transport,
         {lamp.name: lamp.flux for lamp in lamps},
         cell,
         area_m2=None if order.area_cm2 is None else order.area_cm2 * M2_PER_CM2,
@@ -148,7 +149,8 @@ def current_of_run(run: Path, order: CurrentOrder) -> tuple[xr.Dataset, FloorPla
         daylight=[lamp.name for lamp in lamps if is_daylight(lamp)],
         volt=order.volt,
     )
-    return currents, plan_of_run(run), cell
+    notes = [*receptor_notes(transport.attrs), *str(currents.attrs["notes"]).splitlines()]
+    return currents.assign_attrs(notes="\n".join(notes)), plan_of_run(run), cell
 
 
 def save_currents(currents: xr.Dataset, plan: FloorPlan, folder: Path) -> Path:
@@ -183,6 +185,7 @@ def places_in_run(run: Path, order: PlaceOrder) -> tuple[Table, tuple[str, ...]]
         cell,
         (order.size_cm[0] * CM, order.size_cm[1] * CM),
         count=order.count,
+        accuracy=transport.attrs["accuracy"],
         workers=order.workers,
         free=FreeSpace(scan, room),
     )

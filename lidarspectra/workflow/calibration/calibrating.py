@@ -42,7 +42,7 @@ from lidarspectra.workflow.calibration.light import (
     traced_light,
     weights_of,
 )
-from lidarspectra.workflow.calibration.readings import LUX, Quantity, Readings, calibration_readings
+from lidarspectra.workflow.calibration.readings import CURRENT, LUX, Quantity, Readings, calibration_readings
 from lidarspectra.workflow.calibration.results import (
     SUMMARY,
     calibrated_run_file,
@@ -209,7 +209,13 @@ def calibrate_run(
         chi_square=posterior.chi_square,
         numbers=readings.numbers.value.size,
         spectra=spectra.table,
-        notes=(*readings.notes, *spectra.notes, *said, *undetermined_note(room, posterior)),
+        notes=(
+            *readings.notes,
+            *_receptor_notes(room, readings),
+            *spectra.notes,
+            *said,
+            *undetermined_note(room, posterior),
+        ),
     )
 
 
@@ -249,6 +255,18 @@ def save_calibration(calibration: Calibration, run: str | PathLike[str], *, forc
         if table is not None:
             save_table(table, folder)
     return path, folder
+
+
+def _receptor_notes(room: RunRoom, readings: Readings) -> tuple[str, ...]:
+    """A note where channels were read whose sensor, by the run file, has another response than the cosine."""
+    sensors = room.run_file.sensors
+    read = {quantity for quantity in readings.quantities if quantity not in (LUX, CURRENT)}
+    if not read or (sensors.receptor is None and sensors.field_of_view_deg is None):
+        return ()
+    return (
+        "Readings are taken as those of a sensor that sees by the cosine, with a diffuser: field_of_view_deg and "
+        "receptor in [sensors] have no say here, and channels that were read without one mislead the calibration.",
+    )
 
 
 def summary_text(calibration: Calibration) -> str:

@@ -82,8 +82,8 @@ def looks_of_run(room: RunRoom, light: RuleLight, *, workers: int | None, progre
 
 
 def ugr_criteria(points: AreaPoints, light: RuleLight, looks: Sequence[Look]) -> Iterator[Criterion]:
-    """UGR of the look that is worst; none where a look has luminaires before no background."""
-    pairs = list(zip(looks, points.eyes, strict=True)) if looks else []
+    """UGR of the look that is worst; none where no lamp is lit, or a look has luminaires before no background."""
+    pairs = list(zip(looks, points.eyes, strict=True)) if looks and light.electric.any() else []
     if not pairs or any(without_background(light, look, eye) for look, eye in pairs):
         return
     drawn, reflected = np.stack([_ugr_draws(light, look, eye) for look, eye in pairs], axis=-1)

@@ -12,6 +12,7 @@ from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.geometry.surface_samples import surface_samples
 from lidarspectra.room.free_space import FreeSpace
+from lidarspectra.room.plan_cells import edge_distance
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, place_points
 from lidarspectra.room.surface_parts import PARTS, Part
@@ -90,7 +91,7 @@ def rule_points(room: RunRoom, areas: Sequence[AreaSection]) -> RulePoints:
     ----------
     room : RunRoom
     areas : sequence of AreaSection
-        One within 0.5 m of the walls if there are none.
+        The largest room's plan without 0.5 m along its walls if there are none.
 
     Raises
     ------
@@ -99,7 +100,11 @@ def rule_points(room: RunRoom, areas: Sequence[AreaSection]) -> RulePoints:
     """
     free = FreeSpace(room.scan)
     gathered = _Gathered()
-    found = tuple(_area_points(area, room, free, gathered) for area in areas or (whole_plan(room.room),))
+    pairs = [(area, _in_area(area, room.room)) for area in areas]
+    if not pairs:
+        whole = whole_plan(room.room)
+        pairs = [(whole, off_walls(_in_area(whole, room.room), room.room.outline))]
+    found = tuple(_area_points(area, plan, room, free, gathered) for area, plan in pairs)
     surfaces = {part: _on_surface(part, room, free, gathered) for part in ("walls", "ceiling")}
     points = SensorPoints(positions=np.concatenate(gathered.positions), normals=np.concatenate(gathered.normals))
     kept: dict[Part, IntArray] = {part: index for part, index in surfaces.items() if index.size}  # type: ignore[misc]
@@ -107,7 +112,7 @@ def rule_points(room: RunRoom, areas: Sequence[AreaSection]) -> RulePoints:
 
 
 def whole_plan(room: Room) -> AreaSection:
-    """The area that is taken where none is given: the plan's box along the walls, 0.5 m within them."""
+    """The area that is taken where none is given: the box along the largest room's walls, 0.5 m within it."""
     turn = _turn(room)
     turned = room.outline @ turn
     low, high = turned.min(axis=0), turned.max(axis=0)
@@ -122,8 +127,19 @@ def _turn(room: Room) -> FloatArray:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def _area_points(area: AreaSection, room: RunRoom, free: FreeSpace, gathered: _Gathered) -> AreaPoints:
-    plan = _in_area(area, room.room)
+def off_walls(plan: FloatArray, outline: FloatArray) -> FloatArray:
+    """The (point, 2) places in a room's outline that are 0.5 m or more from its walls; in a slit its middle."""
+    from matplotlib.path import Path as Polygon  # loads slowly
+
+    inside = plan[Polygon(outline).contains_points(plan)]
+    distance = edge_distance(inside, outline)
+    kept = distance >= min(WALL_MARGIN_M, 0.5 * float(distance.max(initial=0.0)))
+    return np.asarray(inside[kept], dtype=np.float64)
+
+
+def _area_points(
+    area: AreaSection, plan: FloatArray, room: RunRoom, free: FreeSpace, gathered: _Gathered
+) -> AreaPoints:
     task = _free(plan, area.height, UP, room, free)
     faces = _free(plan, area.eye_height, UP, room, free, lift_m=0.0)
     if not len(task) or not len(faces):

@@ -111,7 +111,7 @@ def rules_run(run: str | PathLike[str], *, workers: int | None = None, progress:
         criteria += plant_criteria(section, area, light)
     of_year, year_notes = year_criteria(run, light)
     criteria += of_year
-    absent = not_judged(section, points, criteria)
+    absent = not_judged(section, points, criteria, lit=bool(light.electric.any()))
     return RuleCheck(
         section=section,
         areas=tuple(each.area for each in points.areas),
@@ -123,7 +123,9 @@ def rules_run(run: str | PathLike[str], *, workers: int | None = None, progress:
     )
 
 
-def not_judged(section: RulesSection, points: RulePoints, criteria: Sequence[Criterion]) -> dict[str, tuple[str, ...]]:
+def not_judged(
+    section: RulesSection, points: RulePoints, criteria: Sequence[Criterion], *, lit: bool = True
+) -> dict[str, tuple[str, ...]]:
     """By rule, what it asks of such areas and was not judged, each with the reason in brackets.
 
     Parameters
@@ -132,6 +134,8 @@ def not_judged(section: RulesSection, points: RulePoints, criteria: Sequence[Cri
     points : RulePoints
     criteria : sequence of Criterion
         What was judged.
+    lit : bool
+        Whether any lamp is.
     """
     areas = [each.area for each in points.areas]
     wanted = wanted_of_surfaces(section, areas)
@@ -141,7 +145,8 @@ def not_judged(section: RulesSection, points: RulePoints, criteria: Sequence[Cri
     if work and not section.glare:
         found.append("UGR (glare = false in [rules])")
     elif missing := [name for name in work if name not in judged]:
-        found.append(f"UGR in {', '.join(missing)} (no reflected light behind the luminaires)")
+        reason = "no reflected light behind the luminaires" if lit else "no lamp is lit"
+        found.append(f"UGR in {', '.join(missing)} ({reason})")
     return {EN: tuple(found)} if found else {}
 
 

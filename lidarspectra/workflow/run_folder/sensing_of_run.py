@@ -11,6 +11,7 @@ from lidarspectra.radiance.sampling.receptors import Receptor, cone_receptor, co
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, grid_points, place_points, read_points
+from lidarspectra.words import two_digits
 
 
 def sensor_points(
@@ -53,6 +54,14 @@ def receptor_of_run(sensors: SensorsSection, base: Path) -> Receptor:
     if sensors.receptor is not None:
         return read_receptor(base / sensors.receptor)
     return cosine_receptor() if sensors.field_of_view_deg is None else cone_receptor(sensors.field_of_view_deg)
+
+
+def seen_by(sensors: SensorsSection, receptor: Receptor) -> str:
+    """The sensors' response in words; empty for the cosine, which reads irradiance."""
+    if receptor.is_cosine:
+        return ""
+    given = f"field_of_view_deg = {sensors.field_of_view_deg:g}" if sensors.receptor is None else "its receptor's table"
+    return f"{given}, which reads {two_digits(100 * receptor.share_of_even_light)} % of even light"
 
 
 def trace_engine(cluster: str | None) -> AbstractContextManager[Engine]:

@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
+from lidarspectra.config import GridSection, SensorsSection
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.calibration.model import (
     UNKNOWN_METER_SD,
@@ -20,6 +22,7 @@ from lidarspectra.mapping.calibration.planning import choose_readings
 from lidarspectra.mapping.calibration.posterior import disagreement, fit, swapped, turned_over
 from lidarspectra.mapping.calibration.promised import stated_after, stated_of
 from lidarspectra.mapping.maps.light_unknowns import error_scale
+from lidarspectra.workflow.calibration.calibrating import _receptor_notes
 from lidarspectra.workflow.calibration.doubts import doubts
 from lidarspectra.workflow.calibration.readings import LUX, Readings
 
@@ -321,3 +324,19 @@ def test_guesses_of_one_rule_err_alike_and_do_not_average_out() -> None:
     assert own[1, 3] == pytest.approx(0.85 * 0.16)
     own[1, 3] = own[3, 1] = 0.0
     assert own == pytest.approx(np.diag(mixed.flux_sd**2))
+
+
+@pytest.mark.parametrize(
+    ("sensors", "quantities", "told"),
+    [
+        ({"field_of_view_deg": 20.5}, (0, LUX), True),
+        ({"field_of_view_deg": 20.5}, (LUX, LUX), False),  # a lux meter sees by the cosine
+        ({}, (0, 1), False),
+    ],
+)
+def test_channels_of_a_sensor_without_a_diffuser_are_told(sensors, quantities, told) -> None:
+    section = SensorsSection(grid=GridSection(count=4), **sensors)
+    room = SimpleNamespace(run_file=SimpleNamespace(sensors=section))
+    notes = _receptor_notes(room, SimpleNamespace(quantities=quantities))
+    assert bool(notes) == told
+    assert all("the cosine" in note for note in notes)

@@ -27,9 +27,10 @@ from lidarspectra.mapping.photovoltaics.currents import (
 from lidarspectra.mapping.photovoltaics.figures import agreement_figure, currents_figure, curves_figure
 from lidarspectra.mapping.photovoltaics.fit_ahead import predict_ahead
 from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
-from lidarspectra.mapping.photovoltaics.placement import face_points, joined, tilted_mounts
+from lidarspectra.mapping.photovoltaics.placement import RankedMounts, face_points, joined, tilted_mounts
 from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, Spectrum, sensor_bands
+from lidarspectra.workflow.applications import cells_of_run
 
 GRID = np.arange(400.0, 701.0)
 WAVELENGTHS = np.array(AS7265X_CENTERS_NM)
@@ -217,6 +218,34 @@ def test_a_voltage_that_no_single_cell_reaches_is_told(make_transport, lamps):
     one = current_map(transport, fluxes, find_cell("silicon"), area_m2=1e-2, volt=0.3)
     assert (one["power_W"] > 0).all()
     assert "does not reach" not in one.attrs["notes"]
+
+
+def test_a_cell_in_a_run_is_lit_as_the_run_is_and_says_what_its_sensors_read(
+    make_transport, lamps, monkeypatch, tmp_path: Path
+):
+    transport = make_transport(points=4).assign_attrs(accuracy="low", seen_by="a slit, which reads 5 %")
+    asked = {}
+
+    def found(_scene, _scan, _lamps, mounts, *_, accuracy, **__):
+        asked["accuracy"] = accuracy
+        one = np.ones(1)
+        return RankedMounts(mounts=mounts.only(np.array([0])), density=one, standard_error=one, evenness=one, tried=1)
+
+    stands = {
+        "transport_of_run": transport, "present_lamps_of_run": lamps, "best_mounts": None, "plan_of_run": None,
+        "require_stage": tmp_path, "load_scan": None, "load_room": None, "scene_of_run": None, "FreeSpace": None,
+        "notes_of_light": (),
+    }  # fmt: skip
+    for name, value in stands.items():
+        monkeypatch.setattr(cells_of_run, name, lambda *_, value=value: value)
+    monkeypatch.setattr(cells_of_run, "best_mounts", found)
+    here = {"cell": "silicon", "scale": 1.0, "base": tmp_path}
+    place = {"size_cm": (6.0, 6.0), "tilts_deg": (0.0,), "azimuths_deg": (0.0,), "wall_heights_m": (), "count": 1}
+    _, notes = cells_of_run.places_in_run(tmp_path, cells_of_run.PlaceOrder(**here, **place, workers=1))
+    assert asked == {"accuracy": "low"}
+    assert not any("slit" in note for note in notes)  # light is traced there, by the cosine
+    order = cells_of_run.CurrentOrder(**here, area_cm2=36.0, hours=None, schedule=None, volt=None)
+    assert "a slit" in cells_of_run.current_of_run(tmp_path, order)[0].attrs["notes"]
 
 
 def test_apart_lamps_give_less_power_than_together():

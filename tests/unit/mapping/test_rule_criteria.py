@@ -19,7 +19,7 @@ from lidarspectra.spectra.spectrum import uniform_bands
 from lidarspectra.workflow.rules.criteria import EN, area_criteria, eye_criteria, plant_criteria, surface_criteria
 from lidarspectra.workflow.rules.light import EDI, LUX, PPFD, RuleLight, effects_at
 from lidarspectra.workflow.rules.looks import Look, ugr_criteria
-from lidarspectra.workflow.rules.points import SURFACE_POINTS, AreaPoints, RulePoints, spread_over
+from lidarspectra.workflow.rules.points import SURFACE_POINTS, AreaPoints, RulePoints, off_walls, spread_over
 from lidarspectra.workflow.rules.rules_of_run import not_judged
 from lidarspectra.workflow.rules.year import daylight_factors, plane_notes
 
@@ -165,6 +165,24 @@ def test_the_colours_of_one_luminaire_glare_together() -> None:
 def test_ugr_is_left_out_where_all_light_comes_straight_from_the_luminaires() -> None:
     light, points = flat_light([Panel(0.6, 0.6)], [1e-4], slope=0.1, reflectance=0.2)
     assert list(ugr_criteria(points, light, look_at(light, points, 1.01))) == []
+
+
+def test_a_room_without_a_lit_lamp_has_no_ugr() -> None:
+    light, points = flat_light([Window(1.0, 1.0)], [1e-4])
+    assert list(ugr_criteria(points, light, look_at(light, points, 0.0))) == []
+    judged = [*surface_criteria(RulesSection(), light), *area_criteria(RulesSection(), points, light)]
+    assert not_judged(RulesSection(), light.points, judged, lit=False)[EN][-1] == "UGR in desk (no lamp is lit)"
+
+
+def test_the_whole_plan_keeps_off_the_walls_of_an_l_and_out_of_what_its_box_holds_besides() -> None:
+    outline = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 2.0], [3.0, 2.0], [3.0, 5.0], [0.0, 5.0]])
+    plan = np.stack(np.meshgrid(np.arange(0.05, 6.0, 0.2), np.arange(0.05, 5.0, 0.2)), axis=-1).reshape(-1, 2)
+    x, y = plan.T
+    from_corner = np.hypot(np.maximum(3.0 - x, 0.0), np.maximum(2.0 - y, 0.0))  # of the L, the one that juts in
+    in_box = (np.minimum(x, 6.0 - x) >= 0.5) & (np.minimum(y, 5.0 - y) >= 0.5)
+    np.testing.assert_array_equal(off_walls(plan, outline), plan[in_box & (from_corner >= 0.5)])
+    slit = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 0.8], [0.0, 0.8]])
+    assert set(off_walls(plan, slit)[:, 1].round(2)) == {0.25, 0.45}
 
 
 def test_a_year_of_daylight_is_as_uncertain_as_the_run_s_windows_are() -> None:

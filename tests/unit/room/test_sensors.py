@@ -6,10 +6,11 @@ import pytest
 from lidarspectra.config import GridSection, SensorsSection
 from lidarspectra.errors import ArrayError, SensorError
 from lidarspectra.geometry.rays import RayCaster
+from lidarspectra.radiance.sampling.receptors import Receptor
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import find_room
 from lidarspectra.room.sensor_points import SensorPoints, grid_points, place_points, read_points
-from lidarspectra.workflow.run_folder.sensing_of_run import sensor_points
+from lidarspectra.workflow.run_folder.sensing_of_run import receptor_of_run, seen_by, sensor_points
 
 CABINET = ([3.4, 0.8, 0.0], [4.0, 2.4, 1.1])
 
@@ -229,3 +230,17 @@ def test_a_direction_of_length_zero_is_refused(office) -> None:
 @pytest.mark.slow
 def test_a_large_grid_is_laid_in_bounded_steps(office) -> None:
     assert len(grid_points(*office, count=20_000)) == 20_000
+
+
+def test_how_sensors_see_is_told_where_they_read_no_irradiance(tmp_path) -> None:
+    grid = GridSection(count=4)
+    cosine = SensorsSection(grid=grid)
+    assert seen_by(cosine, receptor_of_run(cosine, tmp_path)) == ""
+    narrow = SensorsSection(grid=grid, field_of_view_deg=30.0)  # sin² of the half angle: a quarter
+    assert (
+        seen_by(narrow, receptor_of_run(narrow, tmp_path)) == "field_of_view_deg = 30, which reads 25 % of even light"
+    )
+    (tmp_path / "dome.csv").write_text("angle_deg,response\n0,1\n90,1\n", encoding="utf-8")
+    dome = SensorsSection(grid=grid, receptor="dome.csv")  # ∫ dω / π over the half space
+    assert seen_by(dome, receptor_of_run(dome, tmp_path)) == "its receptor's table, which reads 200 % of even light"
+    assert Receptor(angles_deg=[0.0, 90.0], response=[0.5, 0.5]).share_of_even_light == pytest.approx(1.0, rel=1e-4)
