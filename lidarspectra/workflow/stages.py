@@ -88,6 +88,7 @@ from lidarspectra.workflow.run_folder.frames_of_run import (
 )
 from lidarspectra.workflow.run_folder.inputs import Inputs
 from lidarspectra.workflow.run_folder.lamps_of_run import (
+    LAMP_KEYS,
     MOMENT_KEYS,
     ScannedRoom,
     daylight_of_run,
@@ -126,7 +127,6 @@ MATERIALS_KEYS = (
     "materials.delight",
     "materials.cards",
 )
-LAMP_KEYS = ("lamps", "lamps_from_scan")
 DAYLIGHT_KEYS = tuple(f"daylight.{key}" for key in (*MOMENT_KEYS, "windows"))  # of the moment: not the year's weather
 SENSOR_KEYS = ("sensors.grid", "sensors.points", "sensors.field_of_view_deg", "sensors.receptor", "sensors.lift")
 # Shares of a stage's time, on a first run; `workspace` corrects them by what the last run took.

@@ -1,6 +1,7 @@
 """`lidarspectra calibrate`: readings of a room whose truth is known, by file and by program."""
 
 import re
+import shutil
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -59,6 +60,31 @@ def test_surfaces_that_reflect_half_send_less_than_half_of_the_light(run: Path) 
         coefficients(room, points, factor * np.ones(len(PARTS)), noise="draft").sum() for factor in (1.0, 0.5)
     )
     assert 0.25 < darker / as_found < 0.55
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("luminous_flux_lm = 2000", "luminous_flux_lm = 4000"), "a map of other lamps"),  # its scene and trace stay
+        (
+            ("coverage = 0.5", "coverage = 0.5\n[calibration.reflectance]\nwalls = 0.9"),
+            "earlier stages were made again",
+        ),
+    ],
+)
+def test_a_run_that_ended_before_it_had_the_light_of_its_run_file_is_not_calibrated(
+    run: Path, tmp_path: Path, change: tuple[str, str], words: str
+) -> None:
+    """Factors found for the lamps as they were would stand in a run file beside those as they are."""
+    shutil.copytree(run.parent, tmp_path / "room")
+    run_file = tmp_path / "room" / f"{run.stem}.toml"
+    text = run_file.read_text(encoding="utf-8")
+    assert text.count(change[0]) == 1
+    run_file.write_text(text.replace(*change), encoding="utf-8")
+    ls.run(run_file, last="scene")
+    with pytest.raises(ls.LidarSpectraError, match=words):
+        run_room(run_file.with_suffix(".run"))
+    assert run_room(run).lamps  # that of the first run file
 
 
 @pytest.mark.usefixtures("undrawn_figures")

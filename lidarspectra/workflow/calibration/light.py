@@ -33,9 +33,16 @@ from lidarspectra.room.surface_parts import PARTS, surface_parts
 from lidarspectra.spectra.spectrum import BandSet
 from lidarspectra.workflow.calibration.readings import LUX, Quantity
 from lidarspectra.workflow.run_folder.calibration_of_run import calibrated_materials
-from lidarspectra.workflow.run_folder.lamps_of_run import ScannedRoom
+from lidarspectra.workflow.run_folder.declared import changed_keys
+from lidarspectra.workflow.run_folder.lamps_of_run import LAMP_KEYS, ScannedRoom
 from lidarspectra.workflow.run_folder.light_of_run import present_lamps_of_run
-from lidarspectra.workflow.run_folder.workspace import read_request, require_stage
+from lidarspectra.workflow.run_folder.workspace import (
+    StageName,
+    parse_record,
+    read_request,
+    require_stage,
+    stage_folder,
+)
 
 STEP = 0.2  # [1] of the logarithm of a reflectance, between the traces of a derivative; downwards, as white is near 1
 SEED = 20240513
@@ -85,7 +92,8 @@ def run_room(run: Path) -> RunRoom:
     Raises
     ------
     WorkspaceError
-        If a stage up to the trace is not finished, or the folder is of a version that keeps no run file.
+        If a stage up to the trace is not finished, or made for another run file than the folder keeps, or the folder
+        is of a version that keeps none.
     """
     folders = {stage: require_stage(run, stage) for stage in ("scan", "materials", "scene", "trace")}
     request = read_request(run)
@@ -97,6 +105,7 @@ def run_room(run: Path) -> RunRoom:
             todo="Give 'lidarspectra run ROOM.toml' once more, then this command.",
         )
     run_file = parse_run_file(request.text, where=request.name)
+    _require_made_for(run_file, run, name=request.name)
     scan, room = load_scan(folders["scan"]), load_room(folders["scan"])
     part = surface_parts(scan, room)
     clear = clear_lamps(present_lamps_of_run(run), scan)  # as the scene stage did
@@ -113,6 +122,25 @@ def run_room(run: Path) -> RunRoom:
         bands=load_scene(folders["scene"]).bands,
         part=part,
     )
+
+
+def _require_made_for(run_file: RunFile, run: Path, *, name: str) -> None:
+    """Raise a WorkspaceError where the run file asks for other light than the run has: it ended before that was made.
+
+    The map knows the lamps as they are; its scene may stand in for other fluxes and spectra (`kept_light`).
+    """
+    of_lamps = (*LAMP_KEYS, "calibration") if parse_record(stage_folder(run, "map")) else ()
+    compared: tuple[tuple[StageName, tuple[str, ...]], ...] = (("scene", of_lamps), ("trace", ()), ("map", ()))
+    for stage, but in compared:
+        record = parse_record(stage_folder(run, stage))
+        changed = () if record is None else changed_keys(run_file, record, but=but)
+        if changed:
+            raise WorkspaceError(
+                expected=f"a run that is finished for its run file, {name}",
+                found=f"a {stage} of other {' and '.join(changed)} than it has now",
+                where=str(run),
+                todo="Finish it first: give 'lidarspectra run' with its run file, which makes what is missing.",
+            )
 
 
 def require_no_run_file_beside(run: Path, suffix: str) -> None:

@@ -26,7 +26,7 @@ from lidarspectra.material.assignments import spectrum_files
 from lidarspectra.material.segmentation.model_card import CARD_SUFFIX
 from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL
 from lidarspectra.spectra.databases import list_databases
-from lidarspectra.workflow.run_folder.workspace import MARKER_FILE, StageResult
+from lidarspectra.workflow.run_folder.workspace import MARKER_FILE, StageRecord, StageResult, is_of_this_version
 
 GLB = ".glb"
 MULTI_FILE_FORMATS = (".obj", GLB, ".gltf", ".ply", ".usda", ".usd")
@@ -145,6 +145,21 @@ def declare(
 def database_hashes(kind: str) -> dict[str, str]:
     """SHA-256 of every database file of a kind, computed from the file rather than taken from the manifest."""
     return {f"{file.database}/{file.path.name}": hash_file(file.path) for file in list_databases() if file.kind == kind}
+
+
+def changed_keys(run_file: RunFile, record: StageRecord, *, but: Iterable[str] = ()) -> tuple[str, ...]:
+    """Keys of the run file that a stage was made with other values of; none of another version's record.
+
+    Parameters
+    ----------
+    run_file : RunFile
+    record : StageRecord
+    but : iterable of str
+        Keys that are not compared.
+    """
+    made_with = record.settings.get("run_file", {}) if is_of_this_version(record) else {}
+    now = {key: _json(_value(run_file, key)) for key in made_with if key not in tuple(but)}
+    return tuple(key for key, value in json.loads(json.dumps(now)).items() if value != made_with[key])
 
 
 def _covers(keys: Iterable[str], name: str) -> bool:

@@ -21,6 +21,7 @@ from lidarspectra.room.room import Room
 from lidarspectra.spectra.databases import lamp_spectrum
 
 SKY_FOLDER = "sky"
+LAMP_KEYS = ("lamps", "lamps_from_scan")  # of the run file
 MOMENT_KEYS = tuple(field.name for field in fields(Daylight))  # of [daylight]: all but the windows and the year
 
 
