@@ -20,8 +20,9 @@ from lidarspectra.hardware.phone.raw_mesh import PARSER_FAULTS, RawMesh
 
 MAX_DEPTH_PIXELS = 2048 * 2048  # [px] phones write 256 x 192
 ROTATION_TOLERANCE = 1e-2  # [1] of R^T R from the identity; poses are written as 32-bit floats or better
-MAX_SPEED_M_S = 6.0  # [m/s] nobody walks faster with a phone before them; a pose that jumped back and forth has it
-MIN_STEP_S = 1e-3  # [s] two frames are not nearer in time
+MAX_SPEED_M_S = 2.5  # [m/s] away and back again; stills are half a second apart, in which no arm goes further
+MIN_JUMP_M = 0.1  # [m] between neighbours in a video, whose poses tremble; poses are mended by less than that
+MAX_JUMPED = 5  # frames in a row that jumped away together
 FOCAL_RANGE = (0.2, 10.0)  # [1] of the focal length over the picture's width: 5° to 136° of view
 OFF_CENTER, UNEVEN_PIXELS = 0.1, 0.1  # [1] of the principal point, over the size; between the focal lengths
 MAX_NAMED = 5  # frames named in a note
@@ -421,16 +422,28 @@ def gathered(names: Iterable[str], read: Callable[[str], Frame]) -> tuple[tuple[
 
 def without_jumps(frames: Sequence[Frame]) -> tuple[tuple[Frame, ...], tuple[LeftOut, ...]]:
     """Leave out frames whose pose jumped away from those before and after, which lie near each other."""
-    kept, out = [], []
-    for number, frame in enumerate(frames):
-        neighbours = [frames[each] for each in (number - 1, number + 1) if 0 <= each < len(frames)]
-        fast = [_speed(frame, each) > MAX_SPEED_M_S for each in neighbours]
-        steady = len(neighbours) == 2 and _speed(*neighbours) <= MAX_SPEED_M_S
-        if steady and all(fast):
-            out.append(LeftOut(name=frame.name, reason="its pose jumps away from its neighbours'"))
-        else:
-            kept.append(frame)
-    return tuple(kept), tuple(out)
+    jumped: set[int] = set()
+    number = 1
+    while number < len(frames) - 1:
+        count = _jumped_together(frames, number)
+        jumped |= set(range(number, number + count))
+        number += count + 1
+    out = [
+        LeftOut(name=frames[each].name, reason="its pose jumps away from its neighbours'") for each in sorted(jumped)
+    ]
+    return tuple(frame for each, frame in enumerate(frames) if each not in jumped), tuple(out)
+
+
+def _jumped_together(frames: Sequence[Frame], first: int) -> int:
+    """How many frames from this one on jumped away from the one before them and back to the one after them."""
+    before = frames[first - 1]
+    if not _jumps(before, frames[first]):
+        return 0
+    for count in range(1, min(MAX_JUMPED, len(frames) - first - 1) + 1):
+        after = frames[first + count]
+        if _jumps(frames[first + count - 1], after) and not _jumps(before, after):
+            return count
+    return 0
 
 
 def key_frames(frames: Sequence[Frame]) -> tuple[Frame, ...]:
@@ -462,11 +475,12 @@ def key_frames(frames: Sequence[Frame]) -> tuple[Frame, ...]:
         shift_m, turn = 1.3 * shift_m, min(1.3 * turn, np.pi)
 
 
-def _speed(one: Frame, other: Frame) -> float:
-    """Of the way between two frames [m/s]; 0 where their times are not known."""
+def _jumps(one: Frame, other: Frame) -> bool:
+    """Whether nobody can have walked from one to the other in the time between; not where that is not known."""
     if one.time_s is None or other.time_s is None:
-        return 0.0
-    return float(np.linalg.norm(one.position - other.position)) / max(abs(one.time_s - other.time_s), MIN_STEP_S)
+        return False
+    way_m, took_s = float(np.linalg.norm(one.position - other.position)), abs(one.time_s - other.time_s)
+    return way_m > max(MIN_JUMP_M, MAX_SPEED_M_S * took_s)
 
 
 def left_out_note(left_out: Sequence[LeftOut], total: int, *, then: str = FEW_LEFT_OUT) -> tuple[str, ...]:

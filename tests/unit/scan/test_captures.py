@@ -15,7 +15,7 @@ from PIL import Image
 
 from lidarspectra.errors import ScanError
 from lidarspectra.hardware.phone.captures import read_capture
-from lidarspectra.hardware.phone.frames import Capture, FrameFault
+from lidarspectra.hardware.phone.frames import Capture, Frame, FrameFault, without_jumps
 from lidarspectra.hardware.phone.readers import read_scan, read_scan_and_frames
 
 from .capture_layouts import SIZE_PX, box_room, gray_shots, jpeg, png, turning_pose, write_3dscanner, write_polycam
@@ -235,6 +235,43 @@ def test_a_pose_that_jumps_away_and_back_is_left_out(copied: Path) -> None:
     capture = read_capture(copied)
     assert "jumps" in reasons(capture)["00003"]
     assert len(capture.frames) == 5
+
+
+def walked(*positions_m: float, step_s: float = 0.5) -> list[Frame]:
+    """Frames along a line."""
+    frames = []
+    for number, x in enumerate(positions_m):
+        pose = np.eye(4)
+        pose[0, 3] = x
+        frames.append(
+            Frame(
+                name=str(number), camera_to_world=pose, intrinsics=np.eye(3), size_px=(4, 3), time_s=number * step_s,
+                read_image=lambda _: np.zeros((3, 4, 3), dtype=np.uint8), read_depth=lambda: None,
+            )
+        )  # fmt: skip
+    return frames
+
+
+@pytest.mark.parametrize(
+    ("positions_m", "jumped"),
+    [
+        ((0.0, 0.1, 1.7, 0.3, 0.4), ["2"]),  # 3 m/s, which a floor that is looked down upon does not tell by its depth
+        ((0.0, 0.1, 1.7, 1.8, 0.4, 0.5), ["2", "3"]),  # two that were shifted alike
+        ((0.0, 0.1, 1.7, 0.3, 0.4, 1.9, 0.6), ["2", "5"]),
+        ((0.0, 0.6, 1.2, 0.6, 0.0), []),  # quick steps, and an arm that swings back
+        ((0.0, 0.1, 3.0, 3.1, 3.2), []),  # somebody who began anew there: the mesh says which of them are wrong
+    ],
+)
+def test_poses_that_no_walk_has_are_left_out_and_quick_ones_kept(
+    positions_m: tuple[float, ...], jumped: list[str]
+) -> None:
+    kept, out = without_jumps(walked(*positions_m))
+    assert [each.name for each in out] == jumped
+    assert len(kept) + len(out) == len(positions_m)
+
+
+def test_a_hand_that_trembles_in_a_video_is_no_jump() -> None:
+    assert not without_jumps(walked(0.0, 0.05, 0.0, 0.05, 0.0, step_s=1 / 60))[1]
 
 
 def test_a_folder_of_something_else_is_refused_and_says_what_it_should_be(tmp_path: Path) -> None:
