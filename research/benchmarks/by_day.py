@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from lidarspectra.arrays import BoolArray
 from lidarspectra.config import read_run_file
 from lidarspectra.mapping.maps.light_unknowns import CAUSES, OF_CAUSE
 from lidarspectra.mapping.maps.metrics import compare_maps
@@ -68,8 +69,8 @@ def reflectance_bias(found: MaterialMap, case: Case) -> float:
     return float(np.average(apart, weights=case.scan.areas * known))
 
 
-def coverage(found: MaterialMap, case: Case) -> tuple[float, float]:
-    """Shares of area and wavelengths whose truth lies within one and two stated deviations."""
+def coverage(found: MaterialMap, case: Case, chosen: BoolArray | None = None) -> tuple[float, float]:
+    """Shares of area, of some faces or all, and wavelengths whose truth lies within one and two stated deviations."""
     estimate, truth = on_color_grid(found.materials), on_color_grid(case.truth)
     deviation = np.zeros_like(estimate)
     for row, material in enumerate(found.materials):
@@ -77,7 +78,7 @@ def coverage(found: MaterialMap, case: Case) -> tuple[float, float]:
             deviation[row] = material.uncertainty.at(COLOR_GRID_NM, outside="nearest")
     apart = np.abs(estimate[found.face_material] - truth[case.face_truth])[:, VISIBLE]
     stated = deviation[found.face_material][:, VISIBLE]
-    areas = case.scan.areas * surface_colors(case.scan)[1]
+    areas = case.scan.areas * (surface_colors(case.scan)[1] if chosen is None else chosen)
     one, two = (float(np.average((apart <= times * stated).mean(axis=1), weights=areas)) for times in (1, 2))
     return one, two
 

@@ -6,13 +6,16 @@
     python -m research.benchmarks.frames FOLDER --only office-night-1 --plan docs/pictures/frames.png
     python -m research.benchmarks.frames --capture RAW_DATA     a real capture: held-out observations alone
 
-Of each scan in the folder, by its texture and by its frames: area-weighted mean of the absolute reflectance error
-(linear sRGB), of all faces and of those that some frame saw, and of the signed one of these; the map by the lamps alone
-against the true room's; how many surfaces (by area, over 400 to 700 nm) lie within one and two stated deviations.
-Of the frames, how far the gains are from the true ones, what held-out observations differ by as they are shown and
-after the solve, and the processor time. `--rivals` adds the textures that an app would blend from these very frames,
-whose exposure moves, as they are ("blended") and with their gains compensated before ("evened"), and the true radiance
-of every face ("true"): what is left there is not the frames'.
+Of each scan in the folder, by its texture and by its frames: area-weighted mean of the absolute and of the signed
+reflectance error (linear sRGB) of the faces that some frame saw; how many of these (by area, over 400 to 700 nm) lie
+within one and two stated deviations; the map by the lamps alone against the true room's; the lamps' fluxes over one
+another if they are not stated, against the true ones. Of the frames, how far the gains are from the true ones, what
+held-out observations differ by as they are shown and after the solve, and the processor time. `--rivals` adds the
+textures that an app would blend from these very frames, whose exposure moves, as they are ("blended") and with their
+gains compensated before ("evened"), and the true radiance of every face ("true"): what is left there is not the
+frames'. What no frame saw has no colour by all of these, as by an app that has no other pictures, and the material of
+the nearest surface; the phone's texture of one exposure shows it. Rows are kept in each scan's folder:
+`research.benchmarks.frames_table` makes the table of them.
 
 `--lamps`: reflectance error and bias of the faces' colours after the light is taken out, where frames saw, and the
 lamps' relative fluxes if they are not stated (truly 1), each with and without what frames show of the lamps' own
@@ -23,7 +26,7 @@ poses of two of them shifted by a metre so that they are left out.
 import argparse
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +36,7 @@ from unittest.mock import patch
 import numpy as np
 
 from lidarspectra.arrays import BoolArray, FloatArray, SmallFloatArray
-from lidarspectra.geometry.appearance import NEUTRAL_COLOR, PHOTOGRAPHED, Appearance, LinearLight
+from lidarspectra.geometry.appearance import NEUTRAL_COLOR, NO_COLOR, PHOTOGRAPHED, Appearance, LinearLight
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.captures import read_capture
 from lidarspectra.hardware.phone.orientation import upright_rotation
@@ -66,10 +69,10 @@ from research.benchmarks.delighting import (
     light,
     on_color_grid,
     read_case,
-    reflectance_errors,
     true_colors,
     true_light,
 )
+from research.benchmarks.frames_table import Measured, save_rows
 from research.benchmarks.true_faces import nearest_faces
 from research.scenes.by_day import GLASS
 from research.scenes.frames import FACE_LIGHT, FRAMES, GAINS
@@ -78,29 +81,45 @@ SURE = 0.9  # [1] of white, below which frames' colours are surfaces'
 SPOILED, SPOILED_M = (24, 66), 1.0  # frames whose pose is shifted along their axis for the picture [m]
 NO_BELIEF = 100.0  # [1] of the log: a deviation that tells nothing
 HEADER = (
-    f"{'scan':18s} {'':8s} {'error':>6s} {'seen':>6s} {'bias':>7s} {'NRMSE':>6s} {'bias':>8s} {'one':>6s} {'two':>6s}"
+    f"{'scan':18s} {'':8s} {'error':>6s} {'bias':>7s} {'one':>6s} {'two':>6s} {'NRMSE':>6s} {'bias':>8s} "
+    f"{'fluxes':>8s} {'off by':>7s}"
 )
 
 
 def run(folder: Path, *, with_map: bool, with_rivals: bool) -> None:
-    """Print a scan's rows."""
+    """Print a scan's rows, and keep them in its folder."""
     case = read_case(folder)
     reference = true_light(case) if with_map else None
     capture = read_capture(folder / FRAMES)
     frames = tuple(frame.moved(upright_rotation("+y")) for frame in capture.frames)
     start = time.process_time()
-    colors = color_from_frames(case.scan, frames)
+    # Without the phone's texture of one exposure, which no app can make of these frames.
+    colors = color_from_frames(without_colors(case.scan), frames)
     took = time.process_time() - start
-    # Errors are weighed over the faces whose texture shows a surface, of both alike.
+    # Errors are weighed over the faces whose texture shows a surface, of all alike.
     seen = surface_colors(case.scan)[1] & colors.face_seen
-    _row(folder.name, "texture", case, case.scan, seen, reference)
-    _row(folder.name, "frames", case, colors.scan, seen, reference, colors.records)
+    kinds: dict[str, Callable[[], Scan]] = {"texture": lambda: case.scan, "frames": lambda: colors.scan}
     if with_rivals:
-        # Without the map: what no frame saw has no colour in them, which would be what the map tells.
-        _row(folder.name, "blended", case, blended(case.scan, colors.frames), seen)
-        _row(folder.name, "evened", case, compensated(case.scan, colors.frames), seen)
-        _row(folder.name, "true", case, with_true_radiance(case, colors), seen)
+        kinds["blended"] = lambda: blended(case.scan, colors.frames)
+        kinds["evened"] = lambda: compensated(case.scan, colors.frames)
+        kinds["true"] = lambda: with_true_radiance(case, colors)
+    rows = []
+    for kind, scan_of in kinds.items():
+        records = colors.records if kind == "frames" else None
+        rows.append(_row(kind, case, scan_of(), seen, reference if kind != "true" else None, records))
+        print(f"{folder.name:18s} {_cells(rows[-1][0])}\n{rows[-1][1]}", end="", flush=True)
+    save_rows([row for row, _ in rows], folder)
     print(f"  {capture.app}: {radiometry_words(colors)}, gains off by {gain_error(folder, colors):.3f}; {took:.0f} s")
+
+
+def without_colors(scan: Scan) -> Scan:
+    """The scan as if its app had exported no texture."""
+    count = len(scan.faces)
+    appearance = replace(
+        scan.appearance, images=(), face_image=np.full(count, -1), color_source=np.full(count, NO_COLOR),
+        corner_color=np.full((count, 3, 3), NEUTRAL_COLOR),
+    )  # fmt: skip
+    return replace(scan, appearance=appearance)
 
 
 def with_true_radiance(case: Case, colors: FrameColors) -> Scan:
@@ -148,33 +167,41 @@ def error_where(found: MaterialMap, case: Case, chosen: BoolArray) -> tuple[floa
 
 
 def _row(
-    name: str,
     kind: str,
     case: Case,
     scan: Scan,
     seen: BoolArray,
-    reference: Light | None = None,
-    records: FrameRecords | None = None,
-) -> None:
+    reference: Light | None,
+    records: FrameRecords | None,
+) -> tuple[Measured, str]:
+    """What is made of a scan, and what taking the light out says of itself."""
     views = render_views(scan, settings=ViewSettings(width=128, height=128))
-    delit = take_light_out(scan, find_room(scan), case.lamps, records=records)
+    room = find_room(scan)
+    delit = take_light_out(scan, room, case.lamps, records=records)
+    free = take_light_out(scan, room, case.lamps, records=records, fluxes_stated=False).lamp_fluxes
+    logs = np.log([flux.factor for flux in free if flux.identifiable])
     found = estimate_materials(scan, views, library=load_reflectances(), face_color=delit.face_color)
     materials = with_light_uncertainty(found, delit, scan.areas)
-    of_map = ""
+    nrmse = bias_percent = float("nan")
     if reference is not None:
         errors = compare_maps(light(scan, materials, replace(case, scan=scan)).irradiance, reference.irradiance)
-        of_map = f"{errors.nrmse_all:6.3f} {errors.bias_percent:+6.1f} %"
-    one, two = coverage(materials, case)
-    of_seen = error_where(materials, case, seen)
-    print(
-        f"{name:18s} {kind:8s} {reflectance_errors(materials, case)[0]:6.3f} {of_seen[0]:6.3f} {of_seen[1]:+7.3f} "
-        f"{of_map:15s} {100 * one:4.0f} % {100 * two:4.0f} %",
-        flush=True,
-    )
-    print(
-        f"  {delit.words or 'light left in'}\n" + "".join(f"  {warning}\n" for warning in delit.warnings),
-        end="",
-        flush=True,
+        nrmse, bias_percent = errors.nrmse_all, errors.bias_percent
+    absolute, signed = error_where(materials, case, seen)
+    one, two = coverage(materials, case, seen)
+    measured = Measured(
+        kind=kind, error=absolute, bias=signed, within_one=one, within_two=two, nrmse=nrmse,
+        map_bias_percent=bias_percent, flux_error=float(np.sqrt((logs**2).mean())) if logs.size else float("nan"),
+        fluxes=logs.size, lamps=len(case.lamps),
+    )  # fmt: skip
+    words = f"  {delit.words or 'light left in'}\n" + "".join(f"  {warning}\n" for warning in delit.warnings)
+    return measured, words
+
+
+def _cells(row: Measured) -> str:
+    """A row of the printed table."""
+    return (
+        f"{row.kind:8s} {row.error:6.4f} {row.bias:+7.4f} {100 * row.within_one:4.0f} % {100 * row.within_two:4.0f} % "
+        f"{row.nrmse:6.3f} {row.map_bias_percent:+6.1f} % {row.fluxes:3d} of {row.lamps} {100 * row.flux_error:5.1f} %"
     )
 
 
