@@ -349,6 +349,13 @@ def init(
     ceiling: Annotated[
         float | None, typer.Option("--ceiling", metavar="Z", help="Height of the ceiling in the scan's axes (m).")
     ] = None,
+    spectrum: Annotated[
+        str | None,
+        typer.Option("--spectrum", metavar="NAME", help="Of all lamps: a database name or a CSV file; else assumed."),
+    ] = None,
+    lumens: Annotated[
+        float | None, typer.Option("--lumens", metavar="LM", help="Luminous flux of each lamp; else assumed.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing run file.")] = False,
 ) -> None:
     """Write a run file for a scan, for you to check and edit: unit, axes, lamps and a sensor grid; and draw the plan.
@@ -358,7 +365,16 @@ def init(
     from lidarspectra.workflow.init.choices import InitChoices
     from lidarspectra.workflow.init.init_file import run_file_of, write_init
 
-    choices = InitChoices(unit=unit, up=up, level=not as_it_leans, height=height, floor=floor, ceiling=ceiling)
+    choices = InitChoices(
+        unit=unit,
+        up=up,
+        level=not as_it_leans,
+        height=height,
+        floor=floor,
+        ceiling=ceiling,
+        spectrum=spectrum,
+        luminous_flux_lm=lumens,
+    )
     summary = write_init(scan, out or run_file_of(scan), choices=choices, force=force)
     for line in summary.lines():
         say(line)

@@ -25,6 +25,10 @@ class InitChoices:
         Of the sensors above the floor. [m]
     floor, ceiling : float or None
         Heights z in the scan's axes; None finds them. [m]
+    spectrum : str or None
+        Of every lamp: a database name or a file; None assumes a common LED.
+    luminous_flux_lm : float or None
+        Of each lamp; None assumes it. [lm]
     """
 
     unit: UnitChoice = "auto"
@@ -33,6 +37,8 @@ class InitChoices:
     height: float = SENSOR_HEIGHT_M
     floor: float | None = None
     ceiling: float | None = None
+    spectrum: str | None = None
+    luminous_flux_lm: float | None = None
 
     def __post_init__(self) -> None:
         one_of(self.unit, get_args(UnitChoice), name="unit")
@@ -50,6 +56,14 @@ class InitChoices:
                 where="ceiling",
                 todo="Give both as heights z in the scan's axes, in metres.",
             )
+
+        if self.spectrum is not None and not (isinstance(self.spectrum, str) and self.spectrum.strip()):
+            raise ArgumentError(
+                expected="a lamp's spectrum, as a database name or a file", found=f"{self.spectrum!r}", where="spectrum"
+            )
+        flux = self.luminous_flux_lm
+        if flux is not None and not (isinstance(flux, float | int) and 0 < flux < float("inf")):
+            raise ArgumentError(expected="a flux above 0 lm", found=f"{flux}", where="luminous_flux_lm")
 
     @property
     def given(self) -> tuple[str, ...]:

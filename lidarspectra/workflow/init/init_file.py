@@ -18,6 +18,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.raw_mesh import FORMATS
 from lidarspectra.hardware.phone.readers import UnitChoice, UpChoice, read_scan_and_frames
 from lidarspectra.hardware.phone.repair import repair_scan
+from lidarspectra.io.file_names import from_folder
 from lidarspectra.io.files import write_whole, writing
 from lidarspectra.io.toml_sections import check_sections
 from lidarspectra.material.colors import surface_colors
@@ -27,6 +28,7 @@ from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, grid_points
+from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.workflow.init.choices import SENSOR_HEIGHT_M, InitChoices
 from lidarspectra.workflow.init.proposed_lamps import propose_panels
 from lidarspectra.workflow.init.summary import InitSummary
@@ -67,6 +69,8 @@ def init(
     height: float = SENSOR_HEIGHT_M,
     floor: float | None = None,
     ceiling: float | None = None,
+    spectrum: str | None = None,
+    luminous_flux_lm: float | None = None,
     progress: Progress = silent,
 ) -> RunFile:
     """Propose a run file for a scan: unit, axes, room, lamps, and a sensor grid.
@@ -90,6 +94,10 @@ def init(
         Heights z in the scan's axes, after it was turned z up, where they are found wrongly: the level surface within
         10 cm of it is the floor, or the main ceiling; where the scan shows none there, one is closed at that height.
         [m]
+    spectrum : str, optional
+        Of every lamp, where all have the same: a database name or a file; a common LED's is assumed by default.
+    luminous_flux_lm : float, optional
+        Of each lamp; assumed by default. [lm]
     progress : callable
         Receives the share that is done.
 
@@ -102,14 +110,28 @@ def init(
     Raises
     ------
     ArgumentError
-        If unit, axis or a height are none of these.
+        If unit, axis, a height or a flux are none of these.
+    DatabaseError
+        If there is no such spectrum.
     ScanError
         If the scan cannot be read, or shows no room.
     SensorError
         If not one sensor point fits into the room.
     """
     path = path_of(scan, name="scan", meaning="the name of a scan's file, as a str or a Path")
-    choices = InitChoices(unit=unit, up=up, level=level, height=height, floor=floor, ceiling=ceiling)
+    choices = _with_spectrum(
+        InitChoices(
+            unit=unit,
+            up=up,
+            level=level,
+            height=height,
+            floor=floor,
+            ceiling=ceiling,
+            spectrum=spectrum,
+            luminous_flux_lm=luminous_flux_lm,
+        ),
+        path.parent,
+    )
     try:
         summary = _look(path, run_file_of(path), choices, progress).summary
     except _NoRoom as found:
@@ -167,7 +189,7 @@ def write_init(
     WorkspaceError
         If the run file cannot be written.
     """
-    choices = choices or InitChoices()
+    choices = _with_spectrum(choices or InitChoices(), out_path.parent)
     _check_place(scan_path, out_path, force=force)
     file = _file_name(scan_path, out_path)
     try:
@@ -246,8 +268,20 @@ def _look(scan_path: Path, out_path: Path, choices: InitChoices, progress: Progr
         has_color=scan.appearance.known,
         level=choices.level,
         frames=frames_of_app(colors, capture),
+        spectrum=choices.spectrum,
+        luminous_flux_lm=choices.luminous_flux_lm,
     )
     return _Looked(summary=summary, scan=scan, points=points)
+
+
+def _with_spectrum(choices: InitChoices, folder: Path) -> InitChoices:
+    """The same with a spectrum's file, where one is given, as a run file in a folder names it; raises DatabaseError."""
+    if choices.spectrum is None:
+        return choices
+    file = Path(choices.spectrum)
+    name = from_folder(file, folder) if file.suffix and file.is_file() else choices.spectrum
+    lamp_spectrum(name, folder)
+    return replace(choices, spectrum=name)
 
 
 def _panes(scan: Scan, lamps: LampSearch) -> tuple[UnknownSource, ...]:

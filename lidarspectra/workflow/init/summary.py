@@ -57,6 +57,10 @@ class InitSummary:
         Of the plan, with lamps and points, if it was drawn.
     level : bool
         Whether a scan that leans is set upright.
+    spectrum : str or None
+        Of every lamp, where the user gave it.
+    luminous_flux_lm : float or None
+        Of each lamp, where the user gave it. [lm]
     """
 
     run_file: Path
@@ -74,6 +78,14 @@ class InitSummary:
     frames: str = ""
     picture: Path | None = None
     level: bool = True
+    spectrum: str | None = None
+    luminous_flux_lm: float | None = None
+
+    @property
+    def assumed_of_lamps(self) -> tuple[str, ...]:
+        """Of 'flux' and 'spectrum' what the user did not give."""
+        given = {"flux": self.luminous_flux_lm, "spectrum": self.spectrum}
+        return tuple(name for name, value in given.items() if value is None)
 
     @property
     def assumed_of_scan(self) -> tuple[str, ...]:
@@ -133,7 +145,9 @@ class InitSummary:
         """The lamps by shape, or the panels in their place."""
         if self.panels is not None:
             return f"none lit; {counted(len(self.panels), 'panel')} proposed (assumed)"
-        return f"{lamps_in_words(self.lamps.lamps)} (flux and spectrum assumed)"
+        guesses = " and ".join(self.assumed_of_lamps)
+        known = f"{guesses} assumed" if guesses else "flux and spectrum given"
+        return f"{lamps_in_words(self.lamps.lamps)} ({known})"
 
     def panes_in_words(self) -> str:
         """Where what may shine and is no lamp is: 'a window, screen or white wall of 1.2 m² at (3.1, 2.2, 1.5) m'."""
@@ -181,10 +195,14 @@ class InitSummary:
             yield f"{unit}: {sides} m"
 
     def _lamp_advice(self) -> str:
+        if self.panels is None and not self.assumed_of_lamps:
+            return "All lamps have the flux and the spectrum that were given: edit the run file where one has others."
         if self.panels is None:
+            words = {"flux": "fluxes (--lumens)", "spectrum": "spectrum (--spectrum)"}
+            edited = " and ".join(words[name] for name in self.assumed_of_lamps)
             return (
-                "Edit the lamps' fluxes and spectrum, and delete 'assumed' there: a picture shows where a lamp is, but "
-                "not its luminous flux, which is assumed."
+                f"Edit the lamps' {edited}, and delete 'assumed' there, or give what all have alike to this command, "
+                "with --force: a picture shows where a lamp is, but neither its luminous flux nor its spectrum."
             )
         why = "No lamp is lit in the scan" if self.has_color else "The scan has no colour in which a lamp could be lit"
         return (

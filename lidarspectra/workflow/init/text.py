@@ -19,7 +19,6 @@ from lidarspectra.workflow.whole_room import closing_lines
 
 SPECTRUM = "LED-B3"  # a white LED of 4100 K, common in offices (CIE 015:2018, illuminant LED-B3)
 SIGNIFICANT_DIGITS = 3  # of an assumed flux, which is not known better
-ASSUMED = 'assumed = ["flux", "spectrum"]  # guesses; delete what you have given'
 
 
 def run_file_text(summary: InitSummary, file: str) -> str:
@@ -158,12 +157,16 @@ def _found(summary: InitSummary, name: str) -> str:
 def _lamp_lines(summary: InitSummary) -> Iterator[str]:
     yield ""
     if summary.panels is not None:
-        yield from _panel_lines(summary.panels, has_color=summary.has_color, by_day=bool(summary.panes))
+        yield from _panel_lines(summary, summary.panels)
         return
-    lamps = summary.lamps.lamps
-    yield f"# Lit in the scan's texture: {lamps_in_words(lamps)}. What a picture cannot show is ASSUMED; please edit:"
-    yield f"#   luminous_flux_lm   {EXITANCE_LM_M2:,.0f} lm for each m² of lamp, a common panel's; look on its label"
-    yield f'#   spectrum           "{SPECTRUM}", a white LED of about 4100 K; see: lidarspectra databases list'
+    lamps, guesses = summary.lamps.lamps, summary.assumed_of_lamps
+    what = "What a picture cannot show is ASSUMED; please edit:" if guesses else "Flux and spectrum were given to init."
+    yield f"# Lit in the scan's texture: {lamps_in_words(lamps)}. {what}"
+    if "flux" in guesses:
+        flux = f"{EXITANCE_LM_M2:,.0f} lm for each m² of lamp, a common panel's; look on its label"
+        yield f"#   luminous_flux_lm   {flux}"
+    if "spectrum" in guesses:
+        yield f'#   spectrum           "{SPECTRUM}", a white LED of about 4100 K; see: lidarspectra databases list'
     yield "# Centres are moved 5.5 cm off the mesh, whose noise would shade a lamp. Remove what is no lamp, and add"
     yield "# what is missing: lamps that were off when you scanned are not here."
     yield "# The scan's colours are read by the light of these lamps. To try another one, or another place, let this"
@@ -179,16 +182,31 @@ def _lamp_lines(summary: InitSummary) -> Iterator[str]:
         if len(size) > 1:
             yield f"rotation_deg = {lamp.rotation_deg:.1f}  # of the length, about the direction it shines in"
         yield f"normal = {toml_vector(lamp.normal.tolist())}  # the direction it shines in"
-        yield f"spectrum = {toml_value(SPECTRUM)}  # assumed"
         area = lamp.shape.area
-        yield f"luminous_flux_lm = {_significant(EXITANCE_LM_M2 * area)}  # assumed, {area:.3f} m² of lamp"
-        yield ASSUMED
+        yield from _light_of_lamp(summary, EXITANCE_LM_M2 * area, f"assumed, {area:.3f} m² of lamp")
 
 
-def _panel_lines(panels: ProposedPanels, *, has_color: bool, by_day: bool) -> Iterator[str]:
-    why = "No lamp is lit in the scan's texture" if has_color else "The scan has no colour to find lamps by"
-    yield f"# {why}, so these panels are ASSUMED: places, sizes, fluxes and spectrum. Replace"
+def _light_of_lamp(summary: InitSummary, guess_lm: float, words: str) -> Iterator[str]:
+    """Spectrum and flux [lm] of a lamp, as given to init or as guessed, and what of them is assumed."""
+    given = "given to init"
+    said = given if summary.spectrum else "assumed"
+    yield f"spectrum = {toml_value(summary.spectrum or SPECTRUM)}  # {said}"
+    if summary.luminous_flux_lm is None:
+        yield f"luminous_flux_lm = {_significant(guess_lm)}  # {words}"
+    else:
+        yield f"luminous_flux_lm = {summary.luminous_flux_lm:g}  # {given}"
+    if guesses := summary.assumed_of_lamps:
+        yield f"assumed = {toml_value(list(guesses))}  # guesses; delete what you have given"
+
+
+def _panel_lines(summary: InitSummary, panels: ProposedPanels) -> Iterator[str]:
+    why = "No lamp is lit in the scan's texture" if summary.has_color else "The scan has no colour to find lamps by"
+    guessed = {"flux": "fluxes", "spectrum": "spectrum"}
+    what = ["places", "sizes", *(guessed[name] for name in summary.assumed_of_lamps)]
+    yield f"# {why}, so these panels are ASSUMED: {', '.join(what[:-1])} and {what[-1]}. Replace"
     yield "# them by the lamps that hang in the room: panel, disc, strip, bulb, spot, point, ies or window."
+    if "spectrum" in summary.assumed_of_lamps:
+        yield "# The spectrum is a common white LED's; see: lidarspectra databases list"
     for number, center in enumerate(panels.centers.tolist(), start=1):
         yield ""
         yield "[[lamps]]"
@@ -197,11 +215,9 @@ def _panel_lines(panels: ProposedPanels, *, has_color: bool, by_day: bool) -> It
         yield f"center = {toml_vector(center)}  # [m], assumed"
         yield f"size = [{PANEL_M}, {PANEL_M}]  # length, width [m], assumed"
         yield f"rotation_deg = {panels.rotation_deg:.1f}"
-        yield f"spectrum = {toml_value(SPECTRUM)}  # assumed, a white LED; see: lidarspectra databases list"
-        yield f"luminous_flux_lm = {_significant(panels.luminous_flux_lm)}  # assumed; on the lamp's label"
-        if by_day:
+        if summary.panes:
             yield "dim_in_scan = 0.0  # no lamp was lit when the room was scanned: by day"
-        yield ASSUMED
+        yield from _light_of_lamp(summary, panels.luminous_flux_lm, "assumed; on the lamp's label")
 
 
 def _other_lines(summary: InitSummary) -> Iterator[str]:

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from lidarspectra.config import parse_run_file, read_run_file
-from lidarspectra.errors import ArgumentError, RunFileError, ScanError, SensorError, WorkspaceError
+from lidarspectra.errors import ArgumentError, DatabaseError, RunFileError, ScanError, SensorError, WorkspaceError
 from lidarspectra.hardware.phone.readers import read_scan
 from lidarspectra.workflow.init import init_file
 from lidarspectra.workflow.init.choices import InitChoices
@@ -270,6 +270,42 @@ def test_what_the_user_gives_is_taken_and_not_assumed(odd_room, tmp_path) -> Non
     assert "up        +z (given)" in text
     assert "points 0.8 m above the floor" in text
     assert "may be wrong" not in text
+
+
+def test_what_all_lamps_have_alike_is_given_once_and_not_assumed(lit_room, dark_room, tmp_path, monkeypatch) -> None:
+    (tmp_path / "here").mkdir()
+    (tmp_path / "runs").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    Path("ours.csv").write_text("nm,power\n400,1\n500,2\n600,2\n700,1\n", encoding="utf-8")
+    path = tmp_path / "runs" / "room.toml"
+    summary = write_init(lit_room, path, choices=InitChoices(spectrum="ours.csv", luminous_flux_lm=700.0))
+    run_file = read_run_file(path)
+    assert len(run_file.lamps) == 3
+    # the file lies where the command was given, and a run file names what lies beside itself
+    assert all((lamp.spectrum, lamp.luminous_flux_lm) == ("../here/ours.csv", 700.0) for lamp in run_file.lamps)
+    assert not any(lamp.guesses for lamp in run_file.lamps)
+    assert "assumed" not in path.read_text(encoding="utf-8").split("[[lamps]]", 1)[1]
+    assert "1 disc, 1 panel, 1 strip (flux and spectrum given)" in "\n".join(summary.lines())
+    assert not any("delete 'assumed'" in line for line in summary.lines())
+
+    summary = write_init(lit_room, path, choices=InitChoices(spectrum="fl11"), force=True)
+    assert all(lamp.guesses == {"flux"} for lamp in read_run_file(path).lamps)
+    assert any("(flux assumed)" in line for line in summary.lines())
+    assert any("Edit the lamps' fluxes (--lumens), and delete" in line for line in summary.lines())
+    write_init(dark_room, path, choices=InitChoices(luminous_flux_lm=2000.0), force=True)  # panels that are proposed
+    panels = read_run_file(path).lamps
+    assert all(lamp.luminous_flux_lm == 2000.0 and lamp.guesses == {"spectrum"} for lamp in panels)
+    assert "ASSUMED: places, sizes and spectrum." in path.read_text(encoding="utf-8")
+
+
+def test_a_spectrum_that_is_not_there_is_refused_before_the_scan_is_looked_at(tmp_path) -> None:
+    with pytest.raises(DatabaseError, match="LED-B33"):
+        write_init(tmp_path / "none.glb", tmp_path / "room.toml", choices=InitChoices(spectrum="LED-B33"))
+    for wrong in (0.0, -5.0, float("nan"), "700"):
+        with pytest.raises(ArgumentError, match="lm"):
+            InitChoices(luminous_flux_lm=wrong)  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="spectrum"):
+        InitChoices(spectrum=" ")
 
 
 def test_a_wrong_choice_is_refused_with_what_may_stand_there() -> None:
