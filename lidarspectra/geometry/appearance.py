@@ -228,7 +228,18 @@ class Appearance:
     @property
     def photographed(self) -> BoolArray:
         """(face,) whether a face's colour shows light on a real surface."""
-        return np.asarray(self.sources == PHOTOGRAPHED, dtype=np.bool_)
+        return np.asarray((self.sources == PHOTOGRAPHED) & ~self.unpictured, dtype=np.bool_)
+
+    @property
+    def unpictured(self) -> BoolArray:
+        """(face,) which faces of a picture are black all over, to the last level of 8 bits.
+
+        Apps fill so what no picture shows; black paint that is lit at all shows some levels, and noise.
+        """
+        pictured = self.sources == PHOTOGRAPHED
+        if self.linear is not None or not pictured.any():
+            return np.zeros(pictured.size, dtype=np.bool_)
+        return np.asarray(pictured & (self.face_colors() == 0.0).all(axis=1), dtype=np.bool_)
 
     @property
     def is_drawn(self) -> bool:

@@ -78,8 +78,8 @@ def surface_colors(scan: Scan) -> tuple[FloatArray, BoolArray]:
     colors : (face, 3) float
         Linear sRGB. [0-1]
     known : (face,) bool
-        False where more than `MAX_SATURATED` of the face is, or its colour is no photograph's. Such faces get the mean
-        of the photographed ones, as if they were as bright as the rest.
+        False where more than `MAX_SATURATED` of the face is, or its colour is no photograph's, or black where an app
+        had no picture. Such faces get the mean of the photographed ones, as if they were as bright as the rest.
     """
     colors = np.clip(scan.face_colors(), 0.0, 1.0)
     photographed = scan.appearance.photographed

@@ -24,6 +24,7 @@ from lidarspectra.errors import DatabaseError, MaterialError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.assignments import database_material
 from lidarspectra.material.colors import color_words, mean_color, primary_colors, saturated, surface_colors
+from lidarspectra.material.delighting.linear_evidence import unseen_faces
 from lidarspectra.material.matching import Match, MatchMethod, match_color
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.material.part_materials import named_prior, typical_materials
@@ -155,7 +156,7 @@ def estimate_from_votes(
     """
     grouping, looking, finding = shares(progress, SHARES)
     grouping(0.0, "reading colours")
-    shown, usable = surface_colors(scan) if face_color is None else _given_colors(scan, face_color)
+    shown, usable = _shown_colors(scan) if face_color is None else _given_colors(scan, face_color)
     if views.face_seen.size != len(scan.faces):
         raise MaterialError(
             expected=f"views of this scan ({len(scan.faces)} faces)",
@@ -350,6 +351,14 @@ def find_groups(
     renamed = np.full(len(centers) + 1, -1, dtype=np.int64)
     renamed[by_area] = np.arange(by_area.size)
     return renamed[label], int(by_area.size)
+
+
+def _shown_colors(scan: Scan) -> tuple[FloatArray, BoolArray]:
+    """Linear colours of a scan, what no picture shows as what it is taken for, and which of them show a surface."""
+    shown, usable = surface_colors(scan)
+    unseen = unseen_faces(scan, usable)
+    usable[unseen.faces] = True
+    return unseen.filled(shown), usable
 
 
 def _given_colors(scan: Scan, given: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -109,7 +109,7 @@ class UnseenFaces:
 
 
 def unseen_faces(scan: Scan, known: BoolArray) -> UnseenFaces:
-    """Faces that no frame saw; none in a scan of another kind, or if they have a name.
+    """Faces that no frame saw, or that an app left black; none of those that have a name.
 
     Parameters
     ----------
@@ -122,9 +122,11 @@ def unseen_faces(scan: Scan, known: BoolArray) -> UnseenFaces:
     unseen : UnseenFaces
     """
     nowhere = np.zeros(0, dtype=np.int64)
-    if scan.appearance.linear is None or not known.any():
+    if not known.any():
         return UnseenFaces(faces=nowhere, like=nowhere)
-    faces = np.flatnonzero(~scan.appearance.photographed & (scan.appearance.face_kinds < 0))
+    appearance = scan.appearance
+    unseen = appearance.unpictured if appearance.linear is None else ~appearance.photographed
+    faces = np.flatnonzero(unseen & (appearance.face_kinds < 0))
     seen = np.flatnonzero(known)
     place = np.hstack([scan.centers, NORMAL_WEIGHT_M * scan.normals])
     like = seen[cKDTree(place[seen]).query(place[faces])[1]] if faces.size else nowhere

@@ -56,6 +56,7 @@ from lidarspectra.workflow.materials.delighting_notes import (
     sun_note,
     tone_note,
     unlit_note,
+    unpictured_note,
     unsettled_note,
     whiter_than_paint_note,
 )
@@ -324,6 +325,7 @@ def _notes(picture: PictureEvidence, fitted: _Fitted, paints: Paints) -> tuple[s
     painted = known & ~picture.screen
     return (
         *picture.card_notes,
+        *unpictured_note(scan),
         *unlit_note(picture.lights.unlit),
         *source_note(fitted.sources, fit),
         *sun_note(picture.patches),

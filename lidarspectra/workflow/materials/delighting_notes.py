@@ -26,6 +26,7 @@ FLUX_FACTOR, SURE_DEVIATIONS = 1.25, 2.5  # [1] a lamp whose flux differs by mor
 STATED_SHARE = 0.8
 ABOUT_EVEN_PERCENT = 10  # [%] by which a probability may be off one half
 SURE_FAMILY = 0.9  # [1] probability of a tone curve's family, up to which the user is warned
+UNPICTURED_SHARE = 0.02  # [1] of the scan's area without a picture, above which the user is told
 OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area, above which light of unknown lamps draws a warning
 
 
@@ -94,6 +95,18 @@ def unlit_note(names: Sequence[str]) -> tuple[str, ...]:
         f"{len(names)} of the run file's lamps look dark in the scan's picture and were taken to be off when it was "
         f"made: {which}. So reflectances do not count their light, and the map does. If they were lit, their places "
         "are wrong: check them.",
+    )
+
+
+def unpictured_note(scan: Scan) -> tuple[str, ...]:
+    """A note on what an app left black for want of a picture."""
+    share = float(scan.areas[scan.appearance.unpictured].sum() / scan.areas.sum())
+    if share <= UNPICTURED_SHARE:
+        return ()
+    return (
+        f"{100 * share:.0f} % of the area is black in the scan to the last level, as apps fill what no picture shows: "
+        "it is taken to be of the material beside it. Scan those places again if they matter; if they are black, "
+        'assign materials there (method = "file" under [materials]).',
     )
 
 
