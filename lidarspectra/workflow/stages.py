@@ -520,7 +520,7 @@ def map_stage(
         save_map_table(light_map, folder / MAP_TABLE_FILE)
         mean = light_map["irradiance"].mean("point")
         return Notes(
-            summary=f"{light_map.sizes['band']} channels x {light_map.sizes['point']} points; "
+            summary=f"{light_map.sizes['band']} channels x {counted(light_map.sizes['point'], 'point')}; "
             f"mean {float(mean.min()):.3g} to {float(mean.max()):.3g} W/m²/nm"
             + (f", {float(light_map['illuminance'].mean()):.0f} lx" if "illuminance" in light_map else "")
             + (f" {words}" if (words := uncertainty_in_words(light_map.attrs)) else "")

@@ -15,7 +15,7 @@ from lidarspectra.errors import LampError, RunFileError, WorkspaceError
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.radiance.scene.daylight import Window
 from lidarspectra.workflow.applications import week_of_run
-from lidarspectra.workflow.applications.annual import _glass_notes, _hour_at, annual_daylight
+from lidarspectra.workflow.applications.annual import _calibration_notes, _glass_notes, _hour_at, annual_daylight
 from lidarspectra.workflow.run_folder.annual_inputs import changed_since, with_inputs, year_inputs
 
 WINDOW = {"name": "south", "center": [0, 0, 1], "size": [1, 1], "normal": [0, 1, 0]}
@@ -134,3 +134,11 @@ def test_a_week_takes_no_year_of_another_room(tmp_path: Path, monkeypatch: pytes
 
 def wider(given: RunFile) -> RunFile:
     return given.changed(daylight={"windows": [{**WINDOW, "size": [2, 1]}]})
+
+
+def test_a_window_s_factor_from_one_moment_is_told_of_a_year() -> None:
+    given = run_file("synthetic")
+    assert _calibration_notes(given) == ()
+    assert _calibration_notes(given.changed(calibration={"lamps": {"south": 1.05}})) == ()
+    (note,) = _calibration_notes(given.changed(calibration={"lamps": {"south": 0.2, "panel": 3.0}}))
+    assert "'south' x 0.2. Its readings" in note

@@ -25,6 +25,7 @@ from lidarspectra.mapping.figures.plan_drawing import (
     draw_panes,
 )  # fmt: skip
 from lidarspectra.room.panes.pane import Pane
+from lidarspectra.words import counted
 
 MAX_TITLE = 110  # characters over a plan
 
@@ -94,7 +95,7 @@ def _draw_sensors(axes: Axes, positions: FloatArray, buried: BoolArray | None) -
     many = dots.size > MAX_VECTOR_POINTS
     axes.plot(x[dots], y[dots], ".", color=BLUE, markersize=2.0 if many else 3.5, rasterized=many)
     axes.plot(x[buried], y[buried], "x", color=VERMILION, markersize=5.0)
-    label = f"{free.size} sensor points" + (f",\none in {step} drawn" if step > 1 else "")
+    label = counted(free.size, "sensor point") + (f",\none in {step} drawn" if step > 1 else "")
     handles: list[Line2D | Patch] = [Line2D([], [], marker=".", color=BLUE, linestyle="none", label=label)]
     if buried.any():
         words = f"{int(buried.sum())} buried points"

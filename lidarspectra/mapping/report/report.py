@@ -21,6 +21,7 @@ from lidarspectra.mapping.report.report_tables import StageRow
 from lidarspectra.mapping.report.report_writer import ReportWriter
 from lidarspectra.mapping.report.room_view import room_view_data, shown_points
 from lidarspectra.progress import Progress, shares, silent
+from lidarspectra.words import counted
 
 ROOM = "Room in 3D"
 MAPS = "Spectral maps"
@@ -173,7 +174,7 @@ def _lead(report: ReportInput) -> str:
     dataset = report.spectral_map
     centers = dataset["band"].to_numpy()
     return (
-        f"Spectral irradiance at {dataset.sizes['point']} points in {dataset.sizes['band']} bands from "
+        f"Spectral irradiance at {counted(dataset.sizes['point'], 'point')} in {dataset.sizes['band']} bands from "
         f"{centers[0]:g} to {centers[-1]:g} nm, computed from the scan {report.scan.file}."
     )
 

@@ -1,5 +1,6 @@
 """A year of daylight in a run's room: the patches of the sky traced once, then every hour by arithmetic."""
 
+import math
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -46,6 +47,7 @@ TRANSPORT_FILE = "sky-transport.nc"
 SHARES = (0.03, 0.05, 0.8, 0.07, 0.05)  # of the time: weather, scene, trace, hours, page
 SEED = 20240513
 SUBDIVISION = 2  # of the sky, 577 patches: with 145 the sun that reaches deep rooms is smeared twice as much
+CALIBRATED_CHANGE = 0.1  # [1] of the logarithm of a window's light, above which its factor is noted
 NEAR_DEG = 2.0  # [deg] of latitude or longitude between the run file and its weather, above which that is noted
 
 
@@ -144,7 +146,11 @@ def annual_daylight(
         transport, year = _traced(inputs, summary, weather, bands, lamps, engine, progress)
     year = with_inputs(year, year_inputs(inputs.run_file, inputs.base, summary.folder))
     points, room = point_metrics(year), room_metrics(year)
-    notes = (*_notes(transport, weather, section), *_glass_notes(summary, transport, windows_of_run(inputs.run_file)))
+    notes = (
+        *_notes(transport, weather, section),
+        *_calibration_notes(inputs.run_file),
+        *_glass_notes(summary, transport, windows_of_run(inputs.run_file)),
+    )
     with writing_run(out):
         save_transport(_for_file(transport), out / TRANSPORT_FILE)
         save_year(year, out / YEAR_FILE)
@@ -218,6 +224,23 @@ def _calibrated_windows(run_file: RunFile) -> tuple[Window, ...]:
     return tuple(
         replace(window, transmittance=window.transmittance * factors.get(window.name, 1.0))
         for window in windows_of_run(run_file)
+    )
+
+
+def _calibration_notes(run_file: RunFile) -> tuple[str, ...]:
+    """A note where a calibration changes the windows by much: its readings saw glass and sky of one moment together."""
+    factors = {} if run_file.calibration is None else run_file.calibration.lamps
+    changed = [
+        f"'{window.name}' x {factors[window.name]:.2g}"
+        for window in windows_of_run(run_file)
+        if abs(math.log(factors.get(window.name, 1.0))) > CALIBRATED_CHANGE
+    ]
+    if not changed:
+        return ()
+    return (
+        f"The windows have the factors of [calibration] in all hours: {', '.join(changed)}. Its readings tell glass "
+        "and sky of their moment together, so that a cloud which the run file did not know of is taken for dark glass. "
+        "Leave the factor out, or give the glass its transmittance, if the sky was another one.",
     )
 
 

@@ -11,6 +11,7 @@ from lidarspectra.errors import RunFileError
 from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.geometry.surface_samples import surface_samples
+from lidarspectra.mapping.rules.limits import WORK_PLACES
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.plan_cells import edge_distance
 from lidarspectra.room.room import Room
@@ -43,12 +44,15 @@ class AreaPoints:
         Looking to all sides.
     eyes : (look,) int
         One place, looking where people look.
+    beneath : int
+        Places of the task that were left out, since something is over them below the height of people's eyes.
     """
 
     area: AreaSection
     task: IntArray
     cylinder: IntArray
     eyes: IntArray
+    beneath: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -141,14 +145,17 @@ def _area_points(
     area: AreaSection, plan: FloatArray, room: RunRoom, free: FreeSpace, gathered: _Gathered
 ) -> AreaPoints:
     task = _free(plan, area.height, UP, room, free)
+    beneath = _beneath(task, area, room)
+    task = task[~beneath]
     faces = _free(plan, area.eye_height, UP, room, free, lift_m=0.0)
     if not len(task) or not len(faces):
         raise RunFileError(
             expected="an area in the room's air",
-            found="no point of it that is in the room and not inside furniture"
+            found="no point of it that is in the room, and neither inside furniture nor beneath a table top,"
             f" at {area.height:g} and {area.eye_height:g} m",
             where=f"[[rules.areas]] '{area.name}'",
-            todo="Check its corners against the room's plan (metres, the scan's axes), and its heights.",
+            todo="Check its corners against the room's plan (metres, the scan's axes), and its heights: that of the "
+            "task is that of the desk's top.",
         )
     index = gathered.add(task, UP)
     chosen = faces[np.unique(np.linspace(0, len(faces) - 1, CYLINDER_PLACES).round().astype(int))]
@@ -160,7 +167,13 @@ def _area_points(
     looks = np.radians(room.room.wall_angle_deg + 90.0 * np.arange(4) if given is None else np.array(given))
     ahead = np.stack([np.cos(looks), np.sin(looks), np.zeros(looks.size)], axis=1)
     eyes = gathered.add(np.tile(middle, (looks.size, 1)), ahead)
-    return AreaPoints(area=area, task=index, cylinder=around.reshape(len(chosen), CYLINDER_SIDES), eyes=eyes)
+    return AreaPoints(
+        area=area,
+        task=index,
+        cylinder=around.reshape(len(chosen), CYLINDER_SIDES),
+        eyes=eyes,
+        beneath=int(beneath.sum()),
+    )
 
 
 def _in_area(area: AreaSection, room: Room) -> FloatArray:
@@ -189,6 +202,14 @@ def _free(
     places = np.column_stack([plan, room.room.floor_at(plan) + height_m])
     lifted = places + lift_m * normal
     return lifted[~_buried(lifted, np.broadcast_to(normal, places.shape), room, free)]
+
+
+def _beneath(task: FloatArray, area: AreaSection, room: RunRoom) -> BoolArray:
+    """(point,) whether something over a place of work leaves no air up to people's eyes: it lies under a table top."""
+    air_m = area.eye_height - area.height - LIFT_M
+    if area.activity not in WORK_PLACES or air_m <= 0 or not len(task):
+        return np.zeros(len(task), dtype=np.bool_)
+    return caster_of(room.scan).blocked(task, np.broadcast_to(UP, task.shape), max_distance=air_m)
 
 
 def _buried(places: FloatArray, normals: FloatArray, room: RunRoom, free: FreeSpace) -> BoolArray:

@@ -172,6 +172,12 @@ def _notes(run: Path, section: RulesSection, light: RuleLight) -> tuple[str, ...
             "what you know into the run file, or calibrate the run by readings ('lidarspectra calibrate'), and give "
             "this command again."
         )
+    beneath = [f"{each.beneath} of '{each.area.name}'" for each in light.points.areas if each.beneath]
+    if beneath:
+        notes.append(
+            f"Points of the task that something is over below people's eyes are left out, as under a table top: "
+            f"{', '.join(beneath)}. If people work on top of it, give that area its height ([[rules.areas]] height)."
+        )
     if not light.electric.all():
         notes.append(
             "The run has daylight, of one moment. What EN 12464-1, UL DG 24480 and CIE S 026 ask is judged with it; "

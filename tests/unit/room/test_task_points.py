@@ -1,0 +1,46 @@
+"""Where the rules look at the light of a task: on what people work on, not beneath it."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lidarspectra.config import AreaSection
+from lidarspectra.errors import RunFileError
+from lidarspectra.room.room import find_room
+from lidarspectra.workflow.rules.points import rule_points
+
+DESK = ((1.05, 1.05), (2.55, 1.05), (2.55, 1.75), (1.05, 1.75))
+ROOM = ((0.3, 0.3), (3.7, 0.3), (3.7, 2.7), (0.3, 2.7))
+
+
+def with_a_table(builder: Any, top: float) -> Any:
+    room = builder(step_m=0.05, noise_m=0.005)
+    room.box([0, 0, 0], [4, 3, 2.5], inward=True)
+    room.box([1, 1, top - 0.03], [2.6, 1.8, top])
+    scan = room.scan()
+    lamp = SimpleNamespace(distance=lambda places: np.full(len(places), np.inf))
+    return SimpleNamespace(scan=scan, room=find_room(scan), part=np.full(len(scan.faces), -1), lamps=(lamp,))
+
+
+@pytest.mark.parametrize("top", [0.85, 1.1])
+def test_a_place_beneath_a_table_top_is_no_task(builder, top: float) -> None:
+    room = with_a_table(builder, top)
+    with pytest.raises(RunFileError, match="beneath a table top"):
+        rule_points(room, [AreaSection(name="bench", polygon=DESK)])
+    (whole,) = rule_points(room, [AreaSection(name="room", polygon=ROOM)]).areas
+    assert whole.beneath >= 4
+    found = rule_points(room, [AreaSection(name="bench", polygon=DESK, height=top, eye_height=1.6)])
+    assert found.areas[0].beneath == 0
+    np.testing.assert_allclose(found.points.positions[found.areas[0].task][:, 2], top + 0.02, atol=0.02)
+
+
+def test_a_desk_s_top_and_a_shelf_of_plants_are_where_they_were(builder) -> None:
+    (desk,) = rule_points(with_a_table(builder, 0.74), [AreaSection(name="desk", polygon=DESK)]).areas
+    assert desk.beneath == 0
+    assert desk.task.size == 18
+    shelf = AreaSection(name="shelf", polygon=DESK, activity="plants", dli_mol_m2=10.0)
+    (plants,) = rule_points(with_a_table(builder, 1.1), [shelf]).areas
+    assert plants.beneath == 0
+    assert plants.task.size == 18
