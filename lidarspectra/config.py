@@ -530,7 +530,7 @@ class RunFile(Section):
         return isinstance(other, RunFile) and self.__dict__ == other.__dict__
 
     def __hash__(self) -> int:
-        return hash(tuple(self.__dict__.values()))
+        return hash(self.to_toml())  # its values may hold tables, which have no hash
 
     @property
     def folder(self) -> Path:
@@ -576,6 +576,8 @@ class RunFile(Section):
             present = content.get(name)
             both = isinstance(given, Mapping) and isinstance(present, Mapping)
             content[name] = {**present, **given} if both else given  # type: ignore[dict-item]
+            if given is None and name in RunFile.model_fields:
+                del content[name]
         checked = check_sections(RunFile, content, **_NAMED, where="changed run file")
         return checked.with_origin(folder=self.folder, name=self.name)
 
@@ -706,8 +708,10 @@ def read_run_file(path: str | PathLike[str]) -> RunFile:
 
 def _run_file_instead(path: Path) -> str:
     """What to give in place of a path that is no run file: one of its name, where it lies, or the scan to `init`."""
+    if not path.name:  # "." and "/" have none
+        return "Name a run file in it, ROOM.toml, or make one with 'lidarspectra init SCAN'."
     beside = path.with_suffix(".toml") if path.suffix else path.with_name(f"{path.name}.toml")
-    if beside != path and path.name and beside.is_file():
+    if beside != path and beside.is_file():
         return f"Give the run file, {beside}."
     if path.suffix.lower() == RUN_FILE_SUFFIX and path.is_file():
         return "Save it as UTF-8, which is an encoding that editors offer where they save a text."

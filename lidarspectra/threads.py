@@ -8,6 +8,7 @@ by spinning: where other work runs on the same cores, an inversion of a 2 x 2 ma
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from numbers import Integral
 
 from lidarspectra.errors import ArgumentError
 
@@ -33,13 +34,14 @@ def cores_for(workers: int | None) -> int:
     Raises
     ------
     ArgumentError
-        If fewer than one is asked for.
+        If it is no whole number, or fewer than one is asked for.
     """
     if workers is None:
         return available_cores()
-    if workers < 1:
-        raise ArgumentError(expected="1 or more, or None for all cores", found=str(workers), where="workers")
-    return workers
+    if not isinstance(workers, Integral) or workers < 1:
+        expected = "a whole number of 1 or more, or None for all cores"
+        raise ArgumentError(expected=expected, found=repr(workers), where="workers")
+    return int(workers)
 
 
 @contextmanager

@@ -379,7 +379,8 @@ def default_folder(run_file: str | PathLike[str] | RunFile) -> Path:
     """NAME.run beside NAME.toml, or beside the scan for a run file that was made in Python."""
     if isinstance(run_file, RunFile):
         return run_file.folder / f"{run_file.name}.run"
-    return path_of(run_file, name="run_file", meaning=RUN_FILE_MEANT).with_suffix(".run")
+    path = path_of(run_file, name="run_file", meaning=RUN_FILE_MEANT)
+    return path.with_suffix(".run") if path.name else path  # "." and "/" have none, and are refused when they are read
 
 
 def folder_of_run(run_file: str | PathLike[str] | RunFile, folder: str | PathLike[str] | None) -> Path:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lidarspectra as ls
-from lidarspectra.config import parse_run_file
+from lidarspectra.config import TraceSection, parse_run_file
 from lidarspectra.material.views.views import ViewSet
 from lidarspectra.workflow.run_folder.workspace import StageRecord
 
@@ -30,6 +30,10 @@ def test_a_change_is_checked_and_leaves_the_other_keys(box: ls.RunFile) -> None:
         box.changed(trace={"noise": "loud"})
     with pytest.raises(ls.LidarSpectraError, match=r"unknown key \(did you mean 'trace'\?\)"):
         box.changed(trase={"noise": "draft"})
+    assert box.changed(trace=None, sensors=None).trace == TraceSection()
+    assert box.changed(cells=[{"cell": "silicon"}]).changed(cells=None) == box
+    with pytest.raises(ls.LidarSpectraError, match="trase: unknown key"):
+        box.changed(trase=None)
 
 
 def test_run_files_that_say_the_same_are_equal_wherever_they_come_from(box: ls.RunFile) -> None:
@@ -38,6 +42,8 @@ def test_run_files_that_say_the_same_are_equal_wherever_they_come_from(box: ls.R
     assert copy == box
     assert hash(copy) == hash(box)
     assert copy != box.changed(trace={"noise": "draft"})
+    calibrated = [each.changed(calibration={"lamps": {"bulb": 1.1}}) for each in (box, copy)]  # a table within a table
+    assert len({box, *calibrated}) == 2
     assert box != "box"
 
 
@@ -122,6 +128,25 @@ def test_a_wrong_run_file_is_told_with_what_was_meant() -> None:
         ls.init(None)  # type: ignore[arg-type]
     with pytest.raises(ls.LidarSpectraError, match=r"nowhere\.toml"):
         ls.run("nowhere.toml")
+
+
+@pytest.mark.parametrize("workers", ["2", 1.5, 0])
+def test_workers_are_a_whole_number(box: ls.RunFile, workers: int) -> None:
+    with pytest.raises(ls.ArgumentError, match="workers: expected a whole number of 1 or more"):
+        ls.run(box, workers=workers)
+
+
+@pytest.mark.parametrize("place", [".", "/"])
+def test_a_place_without_a_name_is_no_run_file_and_no_run(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ls.LidarSpectraError, match="Name a run file in it"):
+        ls.run(place)
+    (fault,) = ls.check(place).faults
+    assert "Name a run file in it" in str(fault)
+    with pytest.raises(ls.LidarSpectraError, match="a run with a finished stage"):
+        ls.light_of_run(place)
 
 
 def test_the_package_is_a_program_too() -> None:

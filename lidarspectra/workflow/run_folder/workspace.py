@@ -476,7 +476,8 @@ def require_stage(run: Path, stage: StageName) -> Path:
             todo="Finish it first: give 'lidarspectra run' with its run file, which makes what is missing.",
         )
     if record is None:
-        beside = run.with_name(f"{run.name.removesuffix('.toml')}.run")  # of a run file, or a name without its ending
+        name = f"{run.name.removesuffix('.toml')}.run"  # of a run file, or a name without its ending
+        beside = run.with_name(name) if run.name else run  # "." and "/" have no name
         known = read_record(stage_folder(beside, stage)) is not None
         raise WorkspaceError(
             expected=f"a run with a finished stage '{stage}'",
