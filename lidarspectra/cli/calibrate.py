@@ -1,5 +1,6 @@
 """`lidarspectra calibrate RUN --measured readings.csv`, or `--plan N`: a few readings make the map true."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -83,4 +84,5 @@ def calibrate(
     )
     run_file, tables = save_calibration(found, run, force=force)
     say(f"Tables: {tables}")
-    say(f"Calibrated run file: {run_file}. 'lidarspectra run {run_file.name}' makes its maps and report.")
+    say(f"Calibrated run file: {run_file}")
+    say(f"Its maps and report: lidarspectra run {shlex.quote(str(run_file))}")

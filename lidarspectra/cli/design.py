@@ -1,5 +1,6 @@
 """`lidarspectra design RUN --target FILE.toml`: from targets of light to the lamps that give it."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -49,6 +50,7 @@ def design(
         console.print(shown(checked))
         console.print()
     say(f"Tables and figure: {folder}")
-    say(f"Designed run file: {run_file}. 'lidarspectra run {run_file.name}' makes its maps and report.")
+    say(f"Designed run file: {run_file}")
+    say(f"Its maps and report: lidarspectra run {shlex.quote(str(run_file))}")
     if not found.is_met:
         raise typer.Exit(1)

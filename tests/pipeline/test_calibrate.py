@@ -1,6 +1,7 @@
 """`lidarspectra calibrate`: readings of a room whose truth is known, by file and by program."""
 
 import re
+import shlex
 import shutil
 from dataclasses import replace
 from functools import partial
@@ -107,7 +108,8 @@ def test_the_command_finds_what_was_wrong_and_the_run_goes_on_from_there(
     assert set(run_file.calibration.determined) == {'lamp "one" !rm', "warm"}
     table = pd.read_csv(run.parent / "room.calibrated.run" / "calibration" / "readings.csv")
     assert np.abs(table["off after [%]"]).max() < 0.4 * np.abs(table["off before [%]"]).max()
-    again = command_line("run", run.parent / "room.calibrated.toml")
+    said = shlex.split(answer.stdout.splitlines()[-1].partition("lidarspectra ")[2])  # as it is to be typed, anywhere
+    again = command_line(*said)
     assert again.status == 0, again.stderr
     assert re.findall(r"^\d (\w+) +kept", again.stdout, re.MULTILINE) == ["scan", "views", "materials"]
     assert "calibrated by readings.csv" in again.stdout

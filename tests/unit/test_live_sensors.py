@@ -55,6 +55,20 @@ def written(folder: Path, text: str) -> list[str]:
     return [str(path)]
 
 
+def test_sensors_whose_logs_would_be_one_file_are_refused(tmp_path: Path) -> None:
+    def make(other: str) -> int:
+        sensors, base = read_sensors(["desk 1@1=/dev/ttyUSB0", f"{other}@2=/dev/ttyUSB1"])
+        return len(sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room"))
+
+    assert make("desk 2") == 2
+    for other in ("Desk 1", "DESK 1"):
+        with pytest.raises(ReadingError, match="would be recorded in one file"):
+            make(other)
+    sensors, base = read_sensors(["desk/1@1=/dev/ttyUSB0", "desk:1@2=/dev/ttyUSB1"])
+    with pytest.raises(ReadingError, match="'desk/1' and 'desk:1'"):
+        sources_of(sensors, LABELS, base=base, logs=tmp_path, run_name="room")
+
+
 def test_a_file_of_sensors_gives_its_sources(tmp_path: Path) -> None:
     pytest.importorskip("paho.mqtt.client", reason="paho-mqtt, of the extra 'mqtt', is not installed")
     sensors, base = read_sensors(written(tmp_path, WHOLE))

@@ -43,7 +43,7 @@ def blender_room(run: Path) -> BlenderRoom:
     dims = _dims(run)
     names = dict.fromkeys(file.database for file in list_databases() if file.kind == "reflectance")
     return BlenderRoom(
-        run=run.name,
+        run=run.resolve().name,
         version=version("lidarspectra"),
         vertices=scan.vertices,
         faces=scan.faces,

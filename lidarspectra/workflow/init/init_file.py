@@ -1,6 +1,7 @@
 """The run file that `lidarspectra init` writes for a scan: what was found in it, how surely, and what to edit."""
 
 import os
+import shlex
 import tomllib
 from dataclasses import dataclass, replace
 from functools import partial
@@ -202,15 +203,17 @@ def write_init(
             raise cause from None
         _write(out_path, bare_text(cause, file, scan, choices))
         unsure = scan is not None and bool({*uncertain_of_scan(scan.record), *choices.given})
-        again = "" if scan is None else f"lidarspectra init {scan_path} --floor 0 --ceiling 2.5 --force"
-        again = f"lidarspectra init {scan_path} --unit m --up +y --force" if unsure else again
+        again = (
+            "" if scan is None else f"lidarspectra init {shlex.quote(str(scan_path))} --floor 0 --ceiling 2.5 --force"
+        )
+        again = f"lidarspectra init {shlex.quote(str(scan_path))} --unit m --up +y --force" if unsure else again
         raise _with_run_file(cause, out_path, again) from None
     text = run_file_text(looked.summary, file)
     _write(out_path, text)
     progress(0.9, "drawing the plan")
     picture = _draw(looked, _checked(text, out_path.name), out_path)
     if looked.summary.no_sensor is not None:
-        again = f"lidarspectra init {scan_path} --height 0.3 --force"
+        again = f"lidarspectra init {shlex.quote(str(scan_path))} --height 0.3 --force"
         raise _with_run_file(looked.summary.no_sensor, out_path, again)
     progress(1.0, "run file written")
     return replace(looked.summary, picture=picture)

@@ -71,6 +71,7 @@ def sources_of(
     topics: list[Topic] = []
     names = {sensor.name for sensor in sensors.sensors}
     followed: dict[Path, str] = {}
+    recorded: dict[str, str] = {}
     for sensor in sensors.sensors:
         if replay and sensor.log is None:
             raise ReadingError(
@@ -81,6 +82,14 @@ def sources_of(
             )
         if sensor.port is not None:
             log = logs / f"{_file_name(sensor.name)}.recorder.csv"
+            other = recorded.setdefault(log.name.casefold(), sensor.name)  # one file, where capitals do not count
+            if other != sensor.name:
+                raise ReadingError(
+                    expected="sensors whose names differ in more than capitals and signs, as those of their logs do",
+                    found=f"'{other}' and '{sensor.name}', which would be recorded in one file, {log.name}",
+                    where="sensors",
+                    todo="Give one of them another name.",
+                )
             wishes = Wishes(period_s=1.0 / sensor.rate, settings=_settings(sensor))
             port = SerialPort(sensor.port)
             found.append(

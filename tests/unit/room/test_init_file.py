@@ -363,8 +363,10 @@ def test_a_name_with_a_blank_stands_in_quotes_where_it_is_to_be_typed(lit_init) 
 
 
 def test_sensors_that_fit_nowhere_leave_a_run_file_with_all_else(dark_room, tmp_path) -> None:
-    with pytest.raises(SensorError, match=r"was written: .*--height"):
-        write_init(dark_room, tmp_path / "room.toml", choices=InitChoices(height=3.0))
+    scan = tmp_path / "my room.glb"
+    scan.write_bytes(dark_room.read_bytes())
+    with pytest.raises(SensorError, match=r"was written: .*lidarspectra init '\S*my room\.glb' --height"):
+        write_init(scan, tmp_path / "room.toml", choices=InitChoices(height=3.0))
     run_file = read_run_file(tmp_path / "room.toml")
     assert len(run_file.lamps) == 2
     assert "no sensor fits at this height" in (tmp_path / "room.toml").read_text(encoding="utf-8")
