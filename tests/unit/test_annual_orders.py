@@ -17,6 +17,7 @@ from lidarspectra.radiance.scene.daylight import Window
 from lidarspectra.workflow.applications import week_of_run
 from lidarspectra.workflow.applications.annual import _calibration_notes, _glass_notes, _hour_at, annual_daylight
 from lidarspectra.workflow.run_folder.annual_inputs import changed_since, with_inputs, year_inputs
+from lidarspectra.workflow.run_folder.light_of_run import dimmed_notes
 
 WINDOW = {"name": "south", "center": [0, 0, 1], "size": [1, 1], "normal": [0, 1, 0]}
 DAYLIGHT = {"latitude_deg": 48, "longitude_deg": 9, "time": "2026-06-21T12:00:00+02:00", "windows": [WINDOW]}
@@ -142,3 +143,15 @@ def test_a_window_s_factor_from_one_moment_is_told_of_a_year() -> None:
     assert _calibration_notes(given.changed(calibration={"lamps": {"south": 1.05}})) == ()
     (note,) = _calibration_notes(given.changed(calibration={"lamps": {"south": 0.2, "panel": 3.0}}))
     assert "'south' x 0.2. Its readings" in note
+
+
+def test_a_schedule_of_lamps_that_the_run_dims_says_what_1_is(tmp_path: Path) -> None:
+    lamp = {"name": "a", "shape": "panel", "center": [0, 0, 2], "size": [1, 1], "cct_k": 3000, "luminous_flux_lm": 100}
+    for dims, told in (((1.0, 0.0), False), ((0.4, 1.0), True)):
+        lamps = [{**lamp, "dim": dims[0]}, {**lamp, "name": "b", "dim": dims[1]}]
+        text = run_file(None).changed(lamps=lamps).to_toml()
+        request = {"name": "room.toml", "folder": ".", "sha256": "", "text": text, "seed": 0}
+        (tmp_path / "lidarspectra-run.json").write_text(json.dumps({"run_file": request}), encoding="utf-8")
+        notes = dimmed_notes(tmp_path)
+        assert bool(notes) == told
+        assert all("dims 'a' to 0.4, and" in note for note in notes)

@@ -31,6 +31,7 @@ from lidarspectra.room.room import load_room
 from lidarspectra.spectra.sensor_files import find_bands
 from lidarspectra.workflow.run_folder.assumed import notes_of_light
 from lidarspectra.workflow.run_folder.light_of_run import (
+    dimmed_notes,
     light_of_table,
     plan_of_run,
     present_lamps_of_run,
@@ -149,7 +150,8 @@ def current_of_run(run: Path, order: CurrentOrder) -> tuple[xr.Dataset, FloorPla
         daylight=[lamp.name for lamp in lamps if is_daylight(lamp)],
         volt=order.volt,
     )
-    notes = [*receptor_notes(transport.attrs), *str(currents.attrs["notes"]).splitlines()]
+    dimmed = dimmed_notes(run) if shifts else ()
+    notes = [*receptor_notes(transport.attrs), *dimmed, *str(currents.attrs["notes"]).splitlines()]
     return currents.assign_attrs(notes="\n".join(notes)), plan_of_run(run), cell
 
 

@@ -13,7 +13,7 @@ from lidarspectra.mapping.photometry.annual_light import YEAR_FILE, load_year
 from lidarspectra.mapping.photometry.week import daylight_of_week, read_week, week_of_light
 from lidarspectra.workflow.run_folder.annual_inputs import FOLDER, changed_in_run
 from lidarspectra.workflow.run_folder.assumed import notes_of_light
-from lidarspectra.workflow.run_folder.light_of_run import light_of_run, present_lamps_of_run
+from lidarspectra.workflow.run_folder.light_of_run import dimmed_notes, light_of_run, present_lamps_of_run
 from lidarspectra.workflow.trace_notes import receptor_notes
 
 SAME_PLACE_M = 1e-3  # [m] between the run's points and the year's
@@ -63,7 +63,7 @@ def week_of_run(run: Path, schedule: Path, *, daylight_from: str | None = None) 
     electric = [number for number, name in enumerate(found.lamp_names) if name not in of_sky]
     light = replace(found.light, lamps=tuple(found.light.lamps[number] for number in electric))
     names = [found.lamp_names[number] for number in electric]
-    notes = (*receptor_notes(found.places.attrs), *notes_of_light(run))
+    notes = (*receptor_notes(found.places.attrs), *dimmed_notes(run), *notes_of_light(run))
     daylight: dict[str, FloatArray] | None = None
     if daylight_from is not None:
         daylight = daylight_of_week(_year_of_run(run, found.places), daylight_from)

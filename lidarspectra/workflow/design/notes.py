@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lidarspectra.lamps.lamps import is_daylight
 from lidarspectra.mapping.design.conditions import Condition
 from lidarspectra.mapping.design.solving import Obstacles
 from lidarspectra.mapping.photometry.channel_estimate import channel_estimate
@@ -75,6 +76,12 @@ def design_notes(
             f"The power of {_listed(lamps.assumed)} is assumed: {ASSUMED_EFFICACY_LM_W:g} lm/W, as of common LED "
             "luminaires. With equal efficacies the design is the same at any value; where they differ, give power_W or "
             "efficacy_lm_W under [lamps] of the target file."
+        )
+    if daylight := [f"'{lamp.name}'" for lamp in lamps.fixed if is_daylight(lamp)]:
+        notes.append(
+            f"{', '.join(daylight)} {'sends' if len(daylight) == 1 else 'send'} the light of the run's moment, and the "
+            "lamps add what is missing then: by another sky, or by night, the targets do not hold with this dimming. "
+            "For lamps that do without it, design in a run without [daylight]."
         )
     off = [section.name for section in room.run_file.lamps if section.dim == 0]
     if off:

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from lidarspectra.arguments import path_of
+from lidarspectra.config import parse_run_file
 from lidarspectra.errors import MapError
 from lidarspectra.hardware.sensor.measured_readings import read_readings
 from lidarspectra.lamps.lamp_file import LAMPS_RECORD, load_lamps
@@ -21,7 +22,13 @@ from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transp
 from lidarspectra.radiance.scene.relit_scene import relit_scene
 from lidarspectra.radiance.scene.scene import RadianceScene, load_scene
 from lidarspectra.spectra.spectrum import BandSet
-from lidarspectra.workflow.run_folder.workspace import hash_files, read_record, require_stage, stage_folder
+from lidarspectra.workflow.run_folder.workspace import (
+    hash_files,
+    read_record,
+    read_request,
+    require_stage,
+    stage_folder,
+)
 
 if TYPE_CHECKING:
     from lidarspectra.mapping.figures.floor_plan import FloorPlan
@@ -118,6 +125,19 @@ def present_lamps_of_run(run: Path) -> tuple[Lamp, ...]:
     source = made.settings["stages"]["scene"]
     is_of_scene = source == traced.outputs or source == hash_files(scene)  # which the user may have edited
     return load_lamps(map_folder if is_of_scene else scene)
+
+
+def dimmed_notes(run: Path) -> tuple[str, ...]:
+    """A note where the run file dims lamps that a schedule dims again; none where the folder keeps no run file."""
+    request = read_request(run)
+    sections = () if request is None else parse_run_file(request.text, where=request.name).lamps
+    dimmed = [f"'{lamp.name}' to {lamp.dim:g}" for lamp in sections if 0 < lamp.dim < 1]
+    if not dimmed:
+        return ()
+    return (
+        f"The run file dims {', '.join(dimmed)}, and a schedule's dim is a factor on that light: 1 is the lamp as it "
+        "was run. For its full flux write 1 over the run file's dim.",
+    )
 
 
 def plan_of_run(run: Path) -> "FloorPlan":

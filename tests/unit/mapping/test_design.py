@@ -1,13 +1,17 @@
 """Inverse lighting on plain numbers: against exhaustive search, and where targets cannot be met."""
 
 from itertools import combinations, product
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.optimize import OptimizeResult, milp
 
 from lidarspectra.errors import MapError
+from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.shapes import Panel, Window
 from lidarspectra.mapping.design import solving
 from lidarspectra.mapping.design.figures import ShownLight, design_figure
 from lidarspectra.mapping.design.problem import (
@@ -22,6 +26,8 @@ from lidarspectra.mapping.design.problem import (
 )
 from lidarspectra.mapping.design.solving import obstacles, solve
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
+from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.workflow.design.notes import design_notes
 
 POINTS = np.stack(np.meshgrid(np.arange(0.5, 4.0, 0.5), np.arange(0.5, 3.0, 0.5)), axis=-1).reshape(-1, 2)
 DARK = np.zeros(len(POINTS))
@@ -280,3 +286,19 @@ def test_the_figure_says_the_unit_of_its_means(make_transport: Any) -> None:
     figure = design_figure([light], places, plan, ())
     assert [axes.get_title() for axes in figure.axes[:2]] == ["before: mean 235 lx", "after: mean 150 lx"]
     assert figure.axes[2].get_ylabel() == "illuminance [lx]"
+
+
+def test_a_design_by_day_says_that_it_is_of_the_run_s_moment() -> None:
+    white = Spectrum(wavelengths_nm=[380.0, 780.0], values=[1.0, 1.0])
+    window = Lamp(name="south", shape=Window(1.0, 1.0), center=np.zeros(3), flux=white)
+    panel = Lamp(name="panel", shape=Panel(0.6, 0.6), center=np.zeros(3), flux=white)
+    places = xr.Dataset({"buried": ("point", np.zeros(1, dtype=bool))})
+    room = SimpleNamespace(run_file=SimpleNamespace(lamps=()))
+
+    def notes(*fixed: Lamp) -> tuple[str, ...]:
+        lamps = SimpleNamespace(assumed=(), fixed=fixed)
+        return design_notes((), lamps, SimpleNamespace(places=places), (), room, 0.0)  # type: ignore[arg-type]
+
+    assert notes(panel) == ()
+    (note,) = notes(panel, window)
+    assert note.startswith("'south' sends the light of the run's moment")
