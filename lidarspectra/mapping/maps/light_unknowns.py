@@ -8,14 +8,14 @@ of a lamp, or of the walls, is the same error at all points. To it are added wha
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 import xarray as xr
 
-from lidarspectra.arrays import BoolArray, FloatArray, float_array
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError
 from lidarspectra.io.netcdf import read_netcdf, write_netcdf
 from lidarspectra.words import two_digits
@@ -69,6 +69,22 @@ class LightUnknowns:
     def lamps(self) -> int:
         """Number of lamps."""
         return len(self.covariance) - len(self.slope)
+
+    def with_given_fluxes(self, lamps: IntArray, deviation: float) -> "LightUnknowns":
+        """The same where the fluxes of some lamps are given anew, whatever guess or readings told of the former ones.
+
+        Parameters
+        ----------
+        lamps : (some,) int
+            Rows of the covariance.
+        deviation : float
+            Of each one's logarithm; they err each by itself. [1]
+        """
+        covariance = self.covariance.copy()
+        covariance[lamps] = 0.0
+        covariance[:, lamps] = 0.0
+        covariance[lamps, lamps] = deviation**2
+        return replace(self, covariance=covariance)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,6 +13,7 @@ from lidarspectra.arguments import all_of, number_of, path_of
 from lidarspectra.errors import LampError
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.mapping.calibration.model import FLUX_SD
 from lidarspectra.mapping.maps.assumptions import mark_assumed
 from lidarspectra.mapping.maps.light_unknowns import load_unknowns
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, save_map, save_map_table
@@ -115,17 +116,15 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
     lamps = {lamp.name: lamp for lamp in present_lamps_of_run(run)}
     orders = orders_by_lamp(orders, tuple(lamps))
     changes = _changes(lamps, orders, base)
+    given = [order.lamp for order in orders if order.luminous_flux_lm is not None or _is_absolute(order, base)]
     map_folder = current_stage(run, "map")
-    light = relight(
-        transport,
-        changes,
-        bands=bands,
-        lamps=tuple(lamps.values()),
-        unknowns=None if map_folder is None else load_unknowns(map_folder),
-    )
+    unknowns = None if map_folder is None else load_unknowns(map_folder)
+    if unknowns is not None:
+        rows = np.flatnonzero(np.isin(transport["lamp"].to_numpy().astype(str), given))
+        unknowns = unknowns.with_given_fluxes(rows, FLUX_SD)
+    light = relight(transport, changes, bands=bands, lamps=tuple(lamps.values()), unknowns=unknowns)
     assumed = assumptions_of_run(run).without(
-        fluxes=[order.lamp for order in orders if order.luminous_flux_lm is not None or _is_absolute(order, base)],
-        spectra=[order.lamp for order in orders if order.spectrum is not None],
+        fluxes=given, spectra=[order.lamp for order in orders if order.spectrum is not None]
     )
     before = {name: lamp.flux for name, lamp in lamps.items()}
     now = before | {name: change.flux for name, change in changes.items() if isinstance(change.flux, Spectrum)}

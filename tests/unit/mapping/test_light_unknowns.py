@@ -1,11 +1,13 @@
 """The uncertainty of a map: lamps, reflectances, openings, what the scan lacks, and the simulation."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from lidarspectra.errors import MapError
+from lidarspectra.mapping.maps.assumptions import Assumptions
 from lidarspectra.mapping.maps.light_unknowns import (
     ALL_CAUSES,
     CAUSES,
@@ -20,6 +22,8 @@ from lidarspectra.mapping.maps.light_unknowns import (
 from lidarspectra.mapping.maps.map_files import load_map, map_table, read_map_table, save_map, save_map_table
 from lidarspectra.mapping.maps.spectral_map import LampChange, relight, spectral_map
 from lidarspectra.spectra.spectrum import sensor_bands
+from lidarspectra.workflow.scenarios import relighting
+from lidarspectra.workflow.scenarios.relighting import LampOrder
 
 LAMPS, PARTS, POINTS, BANDS = 2, 4, 176, 14
 
@@ -127,6 +131,33 @@ def test_a_relit_map_has_the_uncertainty_of_its_lamps(exact):
     assert relight(exact, {"panel 1": LampChange(dim=0.0)}, unknowns=state)["irradiance_sd"].max() == 0
     assert relight(exact, {"panel 2": LampChange(dim=0.0)}, unknowns=state)["irradiance_sd"].max() > 0
     assert "irradiance_sd" not in relight(exact, {})
+
+
+@pytest.mark.parametrize(("before", "after"), [(0.4, 0.15), (0.02, 0.15)])  # guessed; told by readings
+def test_lumens_that_are_given_anew_are_known_as_those_of_a_data_sheet(exact, lamps, monkeypatch, before, after):
+    alike = known_but(u0=before, u1=before)
+    alike[0, 1] = alike[1, 0] = 0.85 * before**2
+    stands = {
+        "transport_of_run": exact, "present_lamps_of_run": lamps, "current_stage": "map",
+        "scene_of_run": SimpleNamespace(bands=sensor_bands("as7265x-14")), "load_unknowns": unknowns(alike, slope=0.0),
+        "assumptions_of_run": Assumptions(),
+    }  # fmt: skip
+    for name, value in stands.items():
+        monkeypatch.setattr(relighting, name, lambda *_, value=value: value)
+    off = LampOrder(lamp="panel 2", dim=0.0)
+    for order, wanted in (
+        (LampOrder(lamp="panel 1", luminous_flux_lm=1e3), after),
+        (LampOrder(lamp="panel 1"), before),
+    ):
+        light = relighting.relight_run("run", [order, off])
+        np.testing.assert_allclose(light["irradiance_sd"] / light["irradiance"], wanted, rtol=1e-6)
+    both = relighting.relight_run("run", [LampOrder(lamp="*", luminous_flux_lm=1e3)])
+    alone = [
+        relighting.relight_run("run", [LampOrder(lamp=lamp.name, luminous_flux_lm=1e3), LampOrder(lamp="*", dim=0.0)])
+        for lamp in lamps
+    ]
+    apart = np.sqrt(alone[0]["irradiance_sd"] ** 2 + alone[1]["irradiance_sd"] ** 2)
+    np.testing.assert_allclose(both["irradiance_sd"], apart, rtol=1e-6)
 
 
 def test_error_bars_are_the_uncertainty_where_a_map_has_it(exact, make_transport):
