@@ -18,6 +18,7 @@ LOCAL_SD = 0.03  # [1] of the model at one place and direction: things that the 
 ERROR_REACH_M = 1.0  # [m] of the model's own error: furniture's shadows and the light of one lamp reach about so far
 FLUX_SD = 0.15  # [1] of a lamp's flux that a data sheet states (ageing, dirt, driver)
 ASSUMED_FLUX_SD = 0.4  # [1] of one that was guessed
+SHEET_ALIKE = 0.5  # [1] correlation of lamps of one data sheet: its own error, ageing and dirt they have in common
 GUESSED_ALIKE = 0.85  # [1] correlation of guesses by one rule: what is left, 15 %, are the lamps' areas
 REFLECTANCE_SD = 0.07  # [1] of a part's level, where the materials state no deviation
 STEEPEST = (
@@ -131,6 +132,9 @@ class Priors:
         Of each meter factor: small for a calibrated meter. [1]
     guess : (lamp,) int, optional
         By which guess the lamps got their flux, -1 for none: those of one err alike. By default none was guessed.
+    sheet : (lamp,) int, optional
+        By which data sheet the lamps have their flux, -1 for none: half of the error's variance is common to those of
+        one. By default all are different lamps.
     reading_sd : float
         Of a single number. [1]
     local_sd : float
@@ -141,6 +145,7 @@ class Priors:
     levels_covariance: FloatArray
     meter_sd: FloatArray = field(default_factory=lambda: np.zeros(0))
     guess: IntArray | None = None
+    sheet: IntArray | None = None
     reading_sd: float = READING_SD
     local_sd: float = LOCAL_SD
 
@@ -153,9 +158,10 @@ class Priors:
     def flux_correlation(self) -> FloatArray:
         """(lamp, lamp) correlation of the fluxes' errors [1]."""
         alike = np.eye(self.flux_sd.size)
-        if self.guess is not None:
-            same = (self.guess[:, None] == self.guess[None, :]) & (self.guess[:, None] >= 0)
-            alike = np.maximum(alike, GUESSED_ALIKE * same)
+        for group, correlation in ((self.guess, GUESSED_ALIKE), (self.sheet, SHEET_ALIKE)):
+            if group is not None:
+                same = (group[:, None] == group[None, :]) & (group[:, None] >= 0)
+                alike = np.maximum(alike, correlation * same)
         return alike
 
     def covariance(self) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.config import CalibrationSection, RunFile
+from lidarspectra.config import CalibrationSection, LampSection, RunFile
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
@@ -50,7 +50,8 @@ def priors_of_room(
     """How well a run knows its lamps and reflectances.
 
     Unless the run file states it, fluxes that were guessed, of lamps found in the scan and of windows are known worst;
-    those of lamps of one shape err alike, since one rule gave them, and so do those of all windows.
+    those of lamps of one shape err alike, since one rule gave them, and so do those of all windows. Lamps that the run
+    file describes alike are of one data sheet and one age, so that half of their error's variance is common.
     The levels of the parts' reflectances are known as well as `levels_covariance` says.
 
     Parameters
@@ -65,18 +66,32 @@ def priors_of_room(
     areas : (face,) float
         [m²]
     """
+    determined = set(run_file.calibration.determined if run_file.calibration else ())
     stated = {lamp.name: lamp.flux_deviation for lamp in run_file.lamps if lamp.flux_deviation is not None}
     known = {lamp.name for lamp in run_file.lamps if "flux" not in lamp.guesses}
-    known |= set(run_file.calibration.determined if run_file.calibration else ())
+    known |= determined
     usual = {name: FLUX_SD if name in known else ASSUMED_FLUX_SD for name in lamps}
     shape = {lamp.name: lamp.shape for lamp in run_file.lamps}
+    of_sheet = {lamp.name: _data_sheet(lamp) for lamp in run_file.lamps if lamp.name not in {*stated, *determined}}
     guessed = [None if name in known or name in stated else shape.get(name, FOUND) for name in lamps]
-    rules = sorted({rule for rule in guessed if rule is not None})
     return Priors(
-        guess=np.array([-1 if rule is None else rules.index(rule) for rule in guessed], dtype=np.int64),
+        guess=_numbered(guessed),
+        sheet=_numbered([of_sheet.get(name) if name in known else None for name in lamps]),
         flux_sd=np.array([stated.get(name, usual[name]) for name in lamps]),
         levels_covariance=levels_covariance(materials, part, areas),
     )
+
+
+def _data_sheet(lamp: LampSection) -> str:
+    """What the run file says of a lamp's light: lamps of which it says the same are of one data sheet."""
+    said = (lamp.shape, lamp.beam_angle_deg, lamp.spectrum, lamp.cct_k, lamp.file, lamp.luminous_flux_lm)
+    return repr((*said, lamp.radiant_flux_W))
+
+
+def _numbered(groups: Sequence[str | None]) -> IntArray:
+    """Each group of names by a number, -1 for none."""
+    names = sorted({group for group in groups if group is not None})
+    return np.array([-1 if group is None else names.index(group) for group in groups], dtype=np.int64)
 
 
 def unknowns_of_map(

@@ -326,6 +326,17 @@ def test_guesses_of_one_rule_err_alike_and_do_not_average_out() -> None:
     assert own == pytest.approx(np.diag(mixed.flux_sd**2))
 
 
+def test_lamps_of_one_data_sheet_age_alike_and_average_out_by_half() -> None:
+    """Twelve strips of one product are all off by their data sheet, their age and the dirt of the room."""
+    sheet = np.array([*[0] * 12, 1, -1, -1])
+    known = Priors(flux_sd=np.full(15, 0.15), levels_covariance=LEVELS, sheet=sheet)
+    share = np.concatenate([np.full(12, 1 / 12), np.zeros(3 + len(LEVELS))])
+    assert np.sqrt(share @ known.covariance() @ share) == pytest.approx(0.15 * np.sqrt(0.5 + 0.5 / 12))
+    others = known.covariance()[12:15, :15]
+    assert others == pytest.approx(0.15**2 * np.eye(15)[12:])  # other products, and lamps of which nothing is said
+    assert np.linalg.eigvalsh(known.covariance()).min() > 0
+
+
 @pytest.mark.parametrize(
     ("sensors", "quantities", "told"),
     [

@@ -2,11 +2,12 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from lidarspectra.config import CalibrationSection
+from lidarspectra.config import CalibrationSection, RunFile
 from lidarspectra.errors import WorkspaceError
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.room.surface_parts import PARTS
@@ -16,6 +17,7 @@ from lidarspectra.workflow.calibration.unknowns_of_run import (
     calibrated_covariance,
     levels_covariance,
     lost_calibration_note,
+    priors_of_room,
 )
 
 SECTION = CalibrationSection(lamps={"known": 1.1, "unknown": 0.9})
@@ -102,3 +104,24 @@ def test_one_paint_on_walls_and_ceiling_errs_alike_on_both() -> None:
     np.testing.assert_allclose(half[0, 0], common + own / 2.0)
     for found in (apart, one, half):
         np.linalg.cholesky(found)
+
+
+def test_which_lamps_are_of_one_data_sheet_the_run_file_tells() -> None:
+    strip: dict[str, Any] = {"shape": "strip", "center": [0.0, 0.0, 2.5], "size": [0.5, 0.1], "spectrum": "FL11"}
+    lamps = [
+        {**strip, "name": "one", "luminous_flux_lm": 700.0},
+        {**strip, "name": "two", "luminous_flux_lm": 700.0, "size": [0.4, 0.1], "dim": 0.5},
+        {**strip, "name": "brighter", "luminous_flux_lm": 900.0},
+        {**strip, "name": "measured", "luminous_flux_lm": 700.0, "flux_deviation": 0.05},
+        {**strip, "name": "guessed", "luminous_flux_lm": 700.0, "assumed": ["flux"]},
+        {**strip, "name": "read", "luminous_flux_lm": 700.0},
+    ]
+    run_file = RunFile.model_validate(
+        {"scan": {"file": "scan.glb"}, "lamps": lamps, "calibration": {"determined": ["read"]}}
+    )
+    names = [*(lamp.name for lamp in run_file.lamps), "sun"]
+    known = priors_of_room(run_file, names, paints([0, 1, 2, 3]), np.arange(4), np.ones(4))
+    correlation = known.flux_correlation
+    assert correlation[0, 1] == 0.5
+    assert np.count_nonzero(correlation - np.eye(7)) == 2
+    assert known.flux_sd == pytest.approx([0.15, 0.15, 0.15, 0.05, 0.4, 0.15, 0.4])
