@@ -1,5 +1,7 @@
 """Parts of figures over the floor plan: fields of values that are interpolated between points."""
 
+from dataclasses import replace
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
@@ -9,16 +11,16 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
-from lidarspectra.mapping.figures.plan_drawing import HALO, UNKNOWN
-from lidarspectra.mapping.maps.interpolation import Grid, Method, grid_values, inside_polygon
+from lidarspectra.mapping.figures.plan_drawing import HALO, UNKNOWN, closed_lines
+from lidarspectra.mapping.maps.interpolation import Grid, Method, grid_values
 
 
 def field_grid(
     places: FloatArray, values: FloatArray, plan: FloorPlan, *, cells_across: int, method: Method = "linear"
 ) -> Grid | None:
-    """Grid that `draw_field` draws, over the bounding box of the room.
+    """Grid that `draw_field` draws, over the bounding box of the rooms, each interpolated from its own points.
 
-    None for too few points, or points on one line: only the points are drawn then.
+    None for too few points, or points on one line: only the points are drawn then. A room with too few stays empty.
 
     Parameters
     ----------
@@ -27,20 +29,28 @@ def field_grid(
     values : (n, value) float
         In any unit.
     plan : FloorPlan
-        Its outline clips the picture, so that a slanted wall has no steps; what is solid has no value.
+        Its outlines clip the picture, so that a slanted wall has no steps; what is solid has no value.
     cells_across, method
         See `grid_values`.
     """
-    (x0, y0), (x1, y1) = plan.outline.min(axis=0), plan.outline.max(axis=0)
+    corners = np.concatenate(plan.outlines)
+    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
     box = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-    try:
-        grid = grid_values(places, values, box, method=method, cells_across=cells_across)
-    except MapError:
-        return None
-    if plan.air is not None:
-        solid = ~plan.air.at(_centers(grid)) & inside_polygon(plan.outline, _centers(grid))
-        grid.cells[:, solid.reshape(grid.cells.shape[1:])] = np.nan
-    return grid
+    whole, room = None, plan.room_of(places)
+    for number in np.unique(room):
+        own = room == number
+        try:
+            grid = grid_values(places[own], values[own], box, method=method, cells_across=cells_across)
+        except MapError:
+            continue
+        if whole is None:
+            whole = replace(grid, cells=np.full_like(grid.cells, np.nan))
+            of_cell = plan.room_of(_centers(grid)).reshape(grid.cells.shape[1:])
+        whole.cells[:, of_cell == number] = grid.cells[:, of_cell == number]
+    if whole is not None and plan.air is not None:
+        solid = ~plan.air.at(_centers(whole)) & plan.is_inside(_centers(whole))
+        whole.cells[:, solid.reshape(whole.cells.shape[1:])] = np.nan
+    return whole
 
 
 def _centers(grid: Grid) -> FloatArray:
@@ -54,26 +64,27 @@ def draw_field(
     """The interpolated map on a hatched ground, which shows where no point is near."""
     if grid is None:
         return
-    axes.add_artist(PolygonPatch(plan.outline, zorder=-1, **UNKNOWN))
+    for outline in plan.outlines:
+        axes.add_artist(PolygonPatch(outline, zorder=-1, **UNKNOWN))
     half = 0.5 * (float(grid.x[1] - grid.x[0]) if grid.x.size > 1 else 1.0)
     extent = (grid.x[0] - half, grid.x[-1] + half, grid.y[0] - half, grid.y[-1] + half)
     cells = np.ma.masked_invalid(grid.cells[layer] * factor)
     image = axes.imshow(cells, origin="lower", extent=extent, norm=norm, cmap=colors, interpolation="nearest")
-    image.set_clip_path(PolygonPatch(plan.outline, transform=axes.transData))
+    image.set_clip_path(closed_lines(plan.outlines), transform=axes.transData)
 
 
 def has_unknown(grid: Grid | None, plan: FloorPlan) -> bool:
-    """Whether a part of the room has no value on the map."""
+    """Whether a part of the rooms has no value on the map."""
     if grid is None:
         return False
-    return bool(np.isnan(grid.cells[0]).ravel()[inside_polygon(plan.outline, _centers(grid))].any())
+    return bool(np.isnan(grid.cells[0]).ravel()[plan.is_inside(_centers(grid))].any())
 
 
 def draw_isolines(axes: Axes, grid: Grid | None, plan: FloorPlan) -> None:
     """Isolux lines with their values, within the walls; dark with a light halo so that they show on any ground."""
     if grid is None:
         return
-    outside = ~inside_polygon(plan.outline, _centers(grid)).reshape(grid.cells.shape[1:])
+    outside = ~plan.is_inside(_centers(grid)).reshape(grid.cells.shape[1:])
     cells = np.ma.masked_invalid(np.where(outside, np.nan, grid.cells[0]))
     if cells.count() == 0 or not cells.max() > cells.min():
         return

@@ -2,17 +2,19 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from lidarspectra.arrays import BoolArray, FloatArray, float_array
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.mapping.figures.figure_style import PAGE_WIDTH_IN, new_figure
+from lidarspectra.mapping.maps.interpolation import inside_polygon
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.furniture import furniture_outlines
+from lidarspectra.room.plan_cells import edge_distance
 from lidarspectra.room.room import Room
 
 AIR_ACROSS = 100  # cells on the longer side in which air and solids are distinguished
@@ -78,6 +80,30 @@ class FloorPlan:
         others = [float_array(shape, name="FloorPlan.other_outlines", shape=(None, 2)) for shape in self.other_outlines]
         object.__setattr__(self, "other_outlines", tuple(shape for shape in others if shape.shape[0] >= 3))
 
+    @classmethod
+    def of_walls(cls, room: Room) -> Self:
+        """The walls of a room's plan alone."""
+        return cls(outline=room.outline, other_outlines=room.other_outlines)
+
+    @property
+    def outlines(self) -> tuple[FloatArray, ...]:
+        """Walls of all rooms, the main one's first [m]."""
+        return (self.outline, *self.other_outlines)
+
+    def room_of(self, places: FloatArray) -> IntArray:
+        """(place,) number of the outline around each of (place, 2) positions [m], or else of the nearest."""
+        if not self.other_outlines:
+            return np.zeros(len(places), dtype=np.int64)
+        away = np.stack([edge_distance(places, outline) for outline in self.outlines])
+        away[[inside_polygon(outline, places) for outline in self.outlines]] = 0.0
+        return np.asarray(away.argmin(axis=0), dtype=np.int64)
+
+    def is_inside(self, places: FloatArray) -> BoolArray:
+        """(place,) whether each of (place, 2) positions [m] lies in a room."""
+        return np.asarray(
+            np.any([inside_polygon(outline, places) for outline in self.outlines], axis=0), dtype=np.bool_
+        )
+
 
 def floor_plan(scan: Scan, room: Room, *, level_m: float | None = None) -> FloorPlan:
     """A scanned room from above, with what stands in it.
@@ -99,7 +125,8 @@ def floor_plan(scan: Scan, room: Room, *, level_m: float | None = None) -> Floor
 
 def air_on_level(scan: Scan, room: Room, level_m: float) -> AirOnLevel:
     """Where a level of a room [m, in the scan's coordinates] is air; see `FreeSpace.inside`."""
-    low, high = room.outline.min(axis=0), room.outline.max(axis=0)
+    corners = np.concatenate(room.outlines)
+    low, high = corners.min(axis=0), corners.max(axis=0)
     cell_m = float((high - low).max()) / AIR_ACROSS
     x, y = (np.arange(first + 0.5 * cell_m, last, cell_m) for first, last in zip(low, high, strict=True))
     places = np.stack(np.meshgrid(x, y), axis=-1)
@@ -195,7 +222,7 @@ def single_plan(
 
 def plan_extent(plan: FloorPlan) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest (2,) corner of what a plan shows, walls and a narrow rim [m]."""
-    corners = np.concatenate([plan.outline, *plan.other_outlines])
+    corners = np.concatenate(plan.outlines)
     low, high = corners.min(axis=0), corners.max(axis=0)
     pad = 0.02 * float((high - low).max())
     return low - pad, high + pad

@@ -96,14 +96,14 @@ def _draw_buried(axes: Axes, dataset: "xr.Dataset") -> None:
 def draw_frame(axes: Axes, plan: FloorPlan, *, left: bool, bottom: bool) -> None:
     """Walls and furniture in one scale for both axes, with labels on the left and at the bottom where asked for."""
     if plan.furniture:
-        shapes = _closed_lines(plan.furniture)
+        shapes = closed_lines(plan.furniture)
         axes.add_artist(PathPatch(shapes, fill=False, edgecolor="white", linewidth=1.3, alpha=0.65, zorder=2.4))
         dashed: dict[str, Any] = {"edgecolor": FURNITURE_COLOR, "linewidth": 0.9, "linestyle": "--"}
         axes.add_artist(PathPatch(shapes, fill=False, zorder=2.5, **dashed))
-    walls = _closed_lines([plan.outline])
+    walls = closed_lines([plan.outline])
     axes.add_artist(PathPatch(walls, fill=False, edgecolor=INK, linewidth=1.4, zorder=5, joinstyle="miter"))
     if plan.other_outlines:
-        others = _closed_lines(plan.other_outlines)
+        others = closed_lines(plan.other_outlines)
         axes.add_artist(PathPatch(others, fill=False, edgecolor=MUTED, linewidth=1.0, zorder=2.3))
     low, high = plan_extent(plan)
     axes.set_xlim(low[0], high[0])
@@ -119,7 +119,7 @@ def draw_frame(axes: Axes, plan: FloorPlan, *, left: bool, bottom: bool) -> None
     axes.set_ylabel("y [m]" if left else "", labelpad=1.5)
 
 
-def _closed_lines(shapes: Sequence[FloatArray]) -> Path:
+def closed_lines(shapes: Sequence[FloatArray]) -> Path:
     """Polygons of (corner, 2) places [m] as one path."""
     return Path.make_compound_path(*(Path(np.vstack([shape, shape[:1]]), closed=True) for shape in shapes))
 

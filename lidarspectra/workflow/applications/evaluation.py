@@ -179,7 +179,7 @@ def save_evaluation(evaluation: Evaluation, folder: Path) -> Path:
 
 def draw_evaluation(evaluation: Evaluation, run: Path, folder: Path) -> tuple[Path, ...]:
     """Draw measured and simulated light side by side, as PNG and SVG, in a folder that exists; raises MapError."""
-    plan = FloorPlan(outline=load_room(require_stage(run, "scan")).outline)
+    plan = FloorPlan.of_walls(load_room(require_stage(run, "scan")))
     files: tuple[Path, ...] = ()
     if evaluation.spectra is not None:
         maps = {"measured": evaluation.spectra.real, "simulated": evaluation.spectra.synthetic}

@@ -288,6 +288,6 @@ def draw_relit(light: xr.Dataset, folder: Path, run: Path) -> tuple[Path, ...]:
     from lidarspectra.mapping.figures.map_figures import maps_figure
     from lidarspectra.room.room import load_room
 
-    plan = FloorPlan(outline=load_room(require_stage(run, "scan")).outline)
+    plan = FloorPlan.of_walls(load_room(require_stage(run, "scan")))
     with writing_run(folder):
         return save_figure(maps_figure(light, plan), folder, "maps", kinds=("png",))

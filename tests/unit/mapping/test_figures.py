@@ -39,6 +39,7 @@ from lidarspectra.mapping.figures.map_figures import (
     plan_figure,
     relative_error,
 )
+from lidarspectra.mapping.maps.interpolation import inside_polygon
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.material.material_map import Material
 from lidarspectra.spectra.spectrum import Spectrum
@@ -145,6 +146,22 @@ def test_no_map_is_drawn_inside_what_is_solid_and_the_height_is_said(make_transp
         assert any("0.30 m above the floor" in each for each in words), name
         shown = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
         assert {"walls", "furniture", "solid or unknown"} <= set(shown), name
+
+
+def test_every_room_of_a_scan_has_its_map_from_its_own_points(make_transport):
+    one_map = spectral_map(make_transport())  # from .15 to 2.85 m
+    left, right = (np.array([[x, 0.0], [x + 1.4, 0.0], [x + 1.4, 3.0], [x, 3.0]]) for x in (0.0, 1.6))
+    lux = np.where(one_map["x"].to_numpy() < 1.5, 400.0, 5.0)
+    figure = illuminance_figure(one_map, FloorPlan(outline=left, other_outlines=(right,)), lux)
+    field = next(axes.images[0] for axes in figure.axes if axes.images)
+    first, last, bottom, top = field.get_extent()
+    down, across = field.get_array().shape
+    x, y = np.meshgrid(_cell_centers(first, last, across), _cell_centers(bottom, top, down))
+    for walls, level in ((left, 400.0), (right, 5.0)):
+        within = inside_polygon(walls, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+        values = field.get_array()[within]
+        assert not np.ma.getmaskarray(values).any()
+        np.testing.assert_allclose(values, level, rtol=1e-6)  # up to the wall between them, too
 
 
 def test_isolux_lines_end_at_the_walls(make_transport):
