@@ -399,6 +399,15 @@ def test_what_is_unlikely_is_asked_about_and_does_not_end_a_run(write: Write, ch
     assert any(words in note for note in found.notes), found.notes
 
 
+@pytest.mark.parametrize(
+    ("normal", "asked"),
+    [("[0, 1, 0]", False), ("[0, -1, 0]", True), ("[0, -2.0, 0.1]", True), ("[1, 0, 0]", False), ("[0, 0, 0]", False)],
+)
+def test_a_window_that_shines_out_of_the_scan_is_asked_about(write: Write, normal: str, asked: bool) -> None:
+    found = ls.check(write(("[materials]", DAYLIGHT.replace("[0, 1, 0]", normal) + "[materials]")))
+    assert any("'south' shines out of the scan" in note for note in found.notes) == asked, found.notes
+
+
 @pytest.mark.parametrize(("lumens", "asked"), [("-1", False), ("500", True), ("1000", False), ("9000", True)])
 def test_candela_that_contradict_the_lamps_lumens_are_asked_about(write: Write, lumens: str, asked: bool) -> None:
     found = ls.check(write(lamp_ies=IES.replace("1 1000 1 ", f"1 {lumens} 1 ", 1)))

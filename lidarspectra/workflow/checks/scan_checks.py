@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.config import GridSection, RunFile, Vector
+from lidarspectra.config import GridSection, LampSection, RunFile, Vector, WindowSection
 from lidarspectra.geometry.scan import load_bounds
 from lidarspectra.room.room import Room, check_height, load_room
 from lidarspectra.room.sensor_grid import MIN_SPACING_M
@@ -22,6 +22,7 @@ from lidarspectra.workflow.checks.plausible_numbers import GRID_POINTS
 
 OUTSIDE_M = 0.05  # [m] tolerance beyond the scan's bounds, for the roughness of the mesh
 FAR_OUTSIDE_M = 0.5  # [m] beyond which a point is refused; one nearer may be in a wall, and is only asked about
+AHEAD_M = 0.5  # [m] before a window there is room
 POINTS_TODO = "Give them in metres, in the scan's axes: 'lidarspectra scan' prints its extent, the report shows it."
 
 
@@ -104,6 +105,7 @@ def check_in_scan(findings: Findings, run_file: RunFile, extent: ScanExtent, poi
             check_height(extent.bounds, getattr(run_file.scan, name), name=name)
     extent = extent.reaching(run_file.scan.floor, run_file.scan.ceiling)
     _check_centers(findings, run_file, extent)
+    _check_windows(findings, run_file, extent)
     for key, size_m in _sizes(run_file):
         longest_m = float(np.linalg.norm(extent.sides_m))
         if size_m > longest_m:
@@ -134,6 +136,28 @@ def _check_centers(findings: Findings, run_file: RunFile, extent: ScanExtent) ->
             found=f"outside of it: {listed(named)}",
             todo="Correct 'center' in the run file; it is in metres, in the scan's axes: see 'lidarspectra scan'.",
         )
+
+
+def _check_windows(findings: Findings, run_file: RunFile, extent: ScanExtent) -> None:
+    """Ask about windows that look out of the scan: their light would go there, and the room would be dark."""
+    windows: list[tuple[str, LampSection | WindowSection]] = [
+        (f"lamps.{number}.normal", lamp)
+        for number, lamp in enumerate(run_file.lamps, start=1)
+        if lamp.shape == "window"
+    ]
+    outside = run_file.daylight.windows if run_file.daylight else ()
+    windows += [(f"daylight.windows.{number}.normal", window) for number, window in enumerate(outside, start=1)]
+    for key, window in windows:
+        center, normal = np.array(window.center), np.array(window.normal)
+        step = AHEAD_M * normal / max(float(np.linalg.norm(normal)), 1e-12)
+        ahead, behind = extent.beyond_m(np.stack([center + step, center - step]))
+        if ahead > OUTSIDE_M and behind <= OUTSIDE_M:
+            turned = ", ".join(f"{-value + 0.0:g}" for value in normal)
+            findings.ask(
+                key,
+                f"'{window.name}' shines out of the scan: the normal of a window is the direction into the room, here "
+                f"probably [{turned}].",
+            )
 
 
 def _centers(run_file: RunFile) -> Iterator[tuple[str, str, Vector]]:
