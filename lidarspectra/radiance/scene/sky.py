@@ -21,6 +21,7 @@ import shutil
 import tempfile
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -250,19 +251,32 @@ def _run_genssky(daylight: Daylight, folder: Path, engine: Engine, atmosphere: P
     beside the folder of its tables.
     """
     tables = atmosphere / TABLES_FOLDER
-    tables.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=atmosphere, prefix="unfinished-", ignore_cleanup_errors=True) as name:
+    unfinished, is_kept = _unfinished_folder(atmosphere)
+    with unfinished as name:
         own = Path(name).resolve() / TABLES_FOLDER
         own.mkdir()
-        for table in tables.iterdir():
+        for table in tables.iterdir() if tables.is_dir() else ():
             _link(table, own / table.name)
         run = engine.run("genssky", _arguments(daylight, own.parent), folder=folder)
         if (own.parent / PICTURE_FILE).is_file():
             shutil.move(own.parent / PICTURE_FILE, folder / PICTURE_FILE)
-        for table in own.iterdir():
+        for table in own.iterdir() if is_kept else ():
             if not (tables / table.name).exists():
                 table.replace(tables / table.name)
     return run
+
+
+def _unfinished_folder(atmosphere: Path) -> tuple["tempfile.TemporaryDirectory[str]", bool]:
+    """A folder for tables that are being made, and whether they can be kept.
+
+    They cannot where the user's folders are read-only, as in containers and on the nodes of clusters.
+    """
+    make = partial(tempfile.TemporaryDirectory, prefix="unfinished-", ignore_cleanup_errors=True)
+    try:
+        (atmosphere / TABLES_FOLDER).mkdir(parents=True, exist_ok=True)
+        return make(dir=atmosphere), True
+    except OSError:
+        return make(), False
 
 
 def _link(source: Path, target: Path) -> None:

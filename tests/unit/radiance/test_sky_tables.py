@@ -47,3 +47,13 @@ def test_a_table_that_was_cut_is_not_kept_and_a_whole_one_is(tmp_path: Path, mon
             compute_sky(NOON, tmp_path / "sky", engine, atmosphere=atmosphere)
         assert genssky.seen == seen
         assert names(atmosphere) == [f"{TABLES_FOLDER}/whole.dat"]
+
+
+def test_a_sky_is_asked_for_where_no_table_can_be_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    genssky = Genssky(monkeypatch)
+    genssky.cut = False
+    (tmp_path / "home").write_text("a file, where no folder can be made", encoding="utf-8")
+    for _ in range(2):
+        with pytest.raises(EngineError, match="a sky from genssky"):  # which was asked, and is the stand-in's fault
+            compute_sky(NOON, tmp_path / "sky", find_engine(), atmosphere=tmp_path / "home" / "air")
+        assert genssky.seen == []
