@@ -118,8 +118,18 @@ def test_the_command_finds_what_was_wrong_and_the_run_goes_on_from_there(
     for words in ("Calibration", "Chi-square is", "place 2 down", "determined by the readings", "calibration.svg"):
         assert words in page
     kept = ls.load_map(run / "6-map" / "map.nc")
-    made = ls.load_map(run.parent / "room.calibrated.run" / "6-map" / "map.nc")
+    calibrated = run.parent / "room.calibrated.run"
+    made = ls.load_map(calibrated / "6-map" / "map.nc")
     assert made.sizes == kept.sizes
+
+    # A run kept live knows its lamps as the readings told, until somebody changes their factors by hand.
+    told = pd.read_csv(calibrated / "calibration" / "unknowns.csv").set_index("name")["deviation after [%]"]
+    knowledge = ls.present_light(calibrated, ["a@1=a.csv"]).room.knowledge
+    assert 100.0 * knowledge.flux_sd == pytest.approx(told[['lamp "one" !rm', "warm"]].to_numpy(), rel=1e-3)
+    by_hand = run_file.changed(calibration={"lamps": {'lamp "one" !rm': 1.0, "warm": 1.0}})
+    ls.run(by_hand, calibrated, last="map")
+    knowledge = ls.present_light(calibrated, ["a@1=a.csv"]).room.knowledge
+    np.testing.assert_array_equal(knowledge.flux_sd, ls.present_light(run, ["a@1=a.csv"]).room.knowledge.flux_sd)
 
 
 @pytest.fixture(scope="module")

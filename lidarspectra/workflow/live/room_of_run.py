@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.errors import MapError, WorkspaceError
+from lidarspectra.errors import MapError
 from lidarspectra.lamps.lamps import Lamp, is_daylight
 from lidarspectra.mapping.calibration.model import READING_SD
 from lidarspectra.mapping.maps.map_schema import kept_points
@@ -24,11 +23,11 @@ from lidarspectra.spectra.spectrum import BandSet, Spectrum
 from lidarspectra.workflow.calibration.calibrating import priors_of
 from lidarspectra.workflow.calibration.light import coefficients, run_room
 from lidarspectra.workflow.calibration.readings import CHANNEL_SD
+from lidarspectra.workflow.calibration.unknowns_of_run import calibrated_covariance
 from lidarspectra.workflow.live.sensors_file import SensorSection, SensorsFile
 from lidarspectra.workflow.run_folder.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
 
 QUANTITIES = ("illuminance_lx", "melanopic_edi_lx", "ppfd_umol_m2_s")
-UNKNOWNS = Path("calibration") / "unknowns.csv"  # of a calibrated run; `lidarspectra calibrate` writes it
 
 
 def lit_room(run: Path, sensors: SensorsFile, *, workers: int | None = None, progress: Progress = silent) -> LitRoom:
@@ -176,33 +175,22 @@ def _weights(response: Spectrum, lamps: Sequence[Lamp], bands: BandSet) -> Float
 
 
 def _knowledge(run: Path, lamps: Sequence[Lamp]) -> LampKnowledge:
-    room = run_room(run)
-    determined = _determined_deviations(run / UNKNOWNS)
-    priors = priors_of(room, np.zeros(0))
-    place = {lamp.name: index for index, lamp in enumerate(room.lamps)}
-    order = [place[lamp.name] for lamp in lamps]
-    usual = priors.flux_sd[order]
+    """How well the lamps are known: by a calibration on which the run's map rests too, or else beforehand."""
+    room, names = run_room(run), [lamp.name for lamp in lamps]
+    calibrated = calibrated_covariance(room.run_file.calibration, run, names)
+    if isinstance(calibrated, tuple):
+        covariance = calibrated[0][: len(names), : len(names)]
+        flux_sd = np.sqrt(np.diag(covariance))
+        correlation = covariance / np.outer(flux_sd, flux_sd)
+    else:
+        priors = priors_of(room, np.zeros(0))
+        place = {lamp.name: index for index, lamp in enumerate(room.lamps)}
+        order = [place[name] for name in names]
+        flux_sd, correlation = priors.flux_sd[order], priors.flux_correlation[np.ix_(order, order)]
     dims = {lamp.name: lamp.dim for lamp in room.run_file.lamps}
     return LampKnowledge(
-        flux_sd=np.array([determined.get(lamp.name, sd) for lamp, sd in zip(lamps, usual, strict=True)]),
-        full=np.array([1.0 / dims.get(lamp.name, 1.0) for lamp in lamps]),
+        flux_sd=flux_sd,
+        full=np.array([1.0 / dims.get(name, 1.0) for name in names]),
         is_daylight=np.array([is_daylight(lamp) for lamp in lamps]),
-        flux_correlation=priors.flux_correlation[np.ix_(order, order)],
+        flux_correlation=correlation,
     )
-
-
-def _determined_deviations(table: Path) -> dict[str, float]:
-    """Relative deviation of each lamp's flux after a calibration, where the run has one."""
-    if not table.is_file():
-        return {}
-    try:
-        rows = pd.read_csv(table)
-        lamps = rows[rows["factor on"] == "lamp flux"]
-        return dict(zip(lamps["name"].astype(str), lamps["deviation after [%]"] / 100.0, strict=True))
-    except (OSError, ValueError, KeyError) as cause:
-        raise WorkspaceError(
-            expected="the table of a calibration, with each factor's deviation",
-            found=str(cause),
-            where=str(table),
-            todo="Calibrate again, or remove that table.",
-        ) from cause
