@@ -38,13 +38,16 @@ def scaled_materials(materials: MaterialMap, face_part: IntArray, factors: Float
         )
     pairs, face_material = np.unique(materials.face_material * factors.size + face_part, return_inverse=True)
     whole = tuple(
-        _scaled(materials.materials[pair // factors.size], float(factors[pair % factors.size])) for pair in pairs
+        scaled_material(materials.materials[pair // factors.size], float(factors[pair % factors.size]))
+        for pair in pairs
     )
     return replace(materials, materials=whole, face_material=face_material.reshape(-1))
 
 
-def _scaled(material: Material, factor: float) -> Material:
+def scaled_material(material: Material, factor: float) -> Material:
+    """A material that reflects so many times as much, `MAX_REFLECTANCE` at most, with the same relative deviation."""
     if factor == 1.0:
         return material
     values = np.minimum(material.reflectance.values * factor, MAX_REFLECTANCE)
-    return replace(material, reflectance=replace(material.reflectance, values=values))
+    known = None if material.uncertainty is None else material.uncertainty.scaled(factor)
+    return replace(material, reflectance=replace(material.reflectance, values=values), uncertainty=known)

@@ -6,15 +6,14 @@ from pathlib import Path
 import numpy as np
 
 from lidarspectra.arrays import FloatArray
-from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.scan import load_scan
 from lidarspectra.mapping.export.blender import BlenderRoom, Layer
 from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.mapping.maps.visible_bands import covers_vision
 from lidarspectra.mapping.photometry.quantities import light_quantity
 from lidarspectra.mapping.report.room_view import point_triangles
-from lidarspectra.material.material_map import load_materials
 from lidarspectra.spectra.databases import list_databases, list_lamps, load_reflectances
+from lidarspectra.workflow.run_folder.calibration_of_run import materials_of_run
 from lidarspectra.workflow.run_folder.light_of_run import RunLight, light_of_run, present_lamps_of_run
 from lidarspectra.workflow.run_folder.workspace import read_record, require_stage
 
@@ -31,11 +30,8 @@ def blender_room(run: Path) -> BlenderRoom:
         If the run is not finished, or its materials belong to another scan.
     """
     folder = require_stage(run, "scan")
-    scan, materials = load_scan(folder), load_materials(require_stage(run, "materials"))
-    if materials.face_material.size != scan.faces.shape[0]:
-        raise WorkspaceError(
-            expected="materials of the run's scan", found="those of another", where=str(run), todo="Run it again."
-        )
+    scan = load_scan(folder)
+    _, materials = materials_of_run(run, scan)
     light_map = load_map(require_stage(run, "map") / MAP_FILE)
     lit = light_of_run(run)
     layers, shares, error = lamp_layers(lit)

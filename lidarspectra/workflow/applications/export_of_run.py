@@ -22,9 +22,10 @@ from lidarspectra.mapping.maps.map_files import MAP_FILE, load_map
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry.quantities import light_quantities
 from lidarspectra.mapping.report.room_view import point_triangles
-from lidarspectra.material.material_map import MaterialMap, load_materials
+from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.room.room import load_room
 from lidarspectra.workflow.applications.blender_of_run import blender_room
+from lidarspectra.workflow.run_folder.calibration_of_run import materials_of_run
 from lidarspectra.workflow.run_folder.light_of_run import light_of_run
 from lidarspectra.workflow.run_folder.workspace import made_folder, require_stage
 
@@ -146,12 +147,8 @@ def _require_usd() -> None:
 def _read(run: Path) -> _RunToShow:
     folder = require_stage(run, "scan")
     scan = load_scan(folder)
-    materials = load_materials(require_stage(run, "materials"))
+    materials, _ = materials_of_run(run, scan)
     light_map = load_map(require_stage(run, "map") / MAP_FILE)
-    if materials.face_material.size != scan.faces.shape[0]:
-        raise WorkspaceError(
-            expected="materials of the run's scan", found="those of another", where=str(run), todo="Run it again."
-        )
     values: dict[str, FloatArray] = {}
     words: dict[str, str] = {}
     light = light_of_run(run).light

@@ -67,6 +67,7 @@ def _section(
         f"No reading determines {', '.join(undetermined)}: the prior stays."
         if undetermined.size
         else "The readings determine every factor.",
+        "Reflectances on this page and in exported files have these factors.",
         *(str(note) for note in summary["notes"]),  # type: ignore[attr-defined]
     )
     headings = [name for name in points.columns if name.startswith(("before [", "after ["))]

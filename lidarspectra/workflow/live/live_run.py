@@ -12,7 +12,6 @@ import numpy as np
 
 from lidarspectra.arguments import all_of, path_of
 from lidarspectra.arrays import FloatArray
-from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.scan import load_scan
 from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
 from lidarspectra.hardware.incoming.arrivals import Arrival, Notice, Stop
@@ -22,7 +21,6 @@ from lidarspectra.mapping.present_light.now import LitRoom, PresentAnswer, Prese
 from lidarspectra.mapping.present_light.watch import PATIENCE
 from lidarspectra.mapping.report.live_page import LiveView, trend_json
 from lidarspectra.mapping.report.room_view import RoomSurfaces, room_view_data, shown_points
-from lidarspectra.material.material_map import load_materials
 from lidarspectra.progress import Progress, silent
 from lidarspectra.workflow.live.board import Board
 from lidarspectra.workflow.live.cells_beside import CellsBeside
@@ -31,6 +29,7 @@ from lidarspectra.workflow.live.sensors_file import SensorsFile, read_sensors
 from lidarspectra.workflow.live.server import LiveServer
 from lidarspectra.workflow.live.session import LiveSession, replay
 from lidarspectra.workflow.live.sources import sources_of
+from lidarspectra.workflow.run_folder.calibration_of_run import materials_of_run
 from lidarspectra.workflow.run_folder.light_of_run import present_lamps_of_run, scene_of_run, transport_of_run
 from lidarspectra.workflow.run_folder.workspace import require_stage, writing_run
 
@@ -241,11 +240,8 @@ def _places(places: Sequence[object]) -> FloatArray:
 
 
 def _room_data(run: Path) -> str:
-    scan, materials = load_scan(require_stage(run, "scan")), load_materials(require_stage(run, "materials"))
-    if materials.face_material.size != scan.faces.shape[0]:
-        raise WorkspaceError(
-            expected="materials of the run's scan", found="those of another", where=str(run), todo="Run it again."
-        )
+    scan = load_scan(require_stage(run, "scan"))
+    _, materials = materials_of_run(run, scan)
     surfaces = RoomSurfaces(
         vertices=scan.vertices,
         faces=scan.faces,

@@ -26,6 +26,7 @@ from lidarspectra.workflow.calibration.report import calibration_sections
 from lidarspectra.workflow.report.report_applications import report_applications, shown_cells
 from lidarspectra.workflow.report.report_frames import frames_section
 from lidarspectra.workflow.rules.report import rules_sections
+from lidarspectra.workflow.run_folder.calibration_of_run import shown_materials
 from lidarspectra.workflow.run_folder.declared import Declared
 from lidarspectra.workflow.run_folder.lamps_of_run import ScannedRoom
 from lidarspectra.workflow.run_folder.workspace import StageResult, versions
@@ -80,7 +81,8 @@ def report_of_run(
     report : ReportInput
     """
     mesh, found_room = before.scan.value.scan, before.scan.value.room
-    views, materials, transport = before.views.value, before.materials.value, before.transport.value
+    views, transport = before.views.value, before.transport.value
+    materials = shown_materials(before.materials.value, before.scan.value, given.run_file.calibration)
     lamps = load_lamps(before.spectral_map.folder)
     planes = map_planes(before.spectral_map.value)
     level_m = float(np.median(before.spectral_map.value["z"].to_numpy()[planes[0]])) if planes else None

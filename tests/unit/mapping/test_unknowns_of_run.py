@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+import lidarspectra as ls
 from lidarspectra.config import CalibrationSection, RunFile
 from lidarspectra.errors import WorkspaceError
-from lidarspectra.material.material_map import Material, MaterialMap
-from lidarspectra.room.surface_parts import PARTS
+from lidarspectra.material.material_map import Material, MaterialMap, save_materials
+from lidarspectra.room.room import find_room, save_room
+from lidarspectra.room.surface_parts import PARTS, surface_parts
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.workflow.calibration.unknowns_of_run import (
     COMMON_SHARE,
@@ -19,6 +21,9 @@ from lidarspectra.workflow.calibration.unknowns_of_run import (
     lost_calibration_note,
     priors_of_room,
 )
+from lidarspectra.workflow.run_folder import calibration_of_run
+from lidarspectra.workflow.run_folder.calibration_of_run import materials_of_run, shown_materials
+from lidarspectra.workflow.run_folder.lamps_of_run import ScannedRoom
 
 SECTION = CalibrationSection(lamps={"known": 1.1, "unknown": 0.9})
 VARIANCE = [0.01, 0.4, *(0.07 + 0.01 * number for number in range(len(PARTS)))]
@@ -125,3 +130,30 @@ def test_which_lamps_are_of_one_data_sheet_the_run_file_tells() -> None:
     assert correlation[0, 1] == 0.5
     assert np.count_nonzero(correlation - np.eye(7)) == 2
     assert known.flux_sd == pytest.approx([0.15, 0.15, 0.15, 0.05, 0.4, 0.15, 0.4])
+
+
+def test_a_calibrated_run_shows_the_reflectances_of_its_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scan = ls.RoomModel.from_box(4.0, 3.0, 2.5).scan
+    scanned = ScannedRoom(scan=scan, room=find_room(scan))
+    part = surface_parts(scan, scanned.room)
+    floor, ceiling = (part == PARTS.index(name) for name in ("floor", "ceiling"))
+    assert scan.areas[floor].sum() == pytest.approx(12.0)
+    estimated = paints(np.where(floor | ceiling, 0, 1).tolist())  # floor and ceiling of one paint
+    section = CalibrationSection(reflectance={"floor": 0.5, "ceiling": 1.2, "walls": 0.8})
+    shown = shown_materials(estimated, scanned, section)
+    assert [each.reflectance.values[0] for each in shown.materials] == pytest.approx([0.5 * 0.85, 0.5 * 0.8])
+    assert shown.materials[0].uncertainty is not None
+    assert shown.materials[0].uncertainty.values[0] == pytest.approx(0.05 * 0.85)  # a tenth of it, as before
+    assert shown_materials(estimated, scanned, None) is estimated
+
+    save_room(scanned.room, tmp_path)
+    save_materials(estimated, tmp_path)
+    monkeypatch.setattr(calibration_of_run, "require_stage", lambda run, _: run)
+    text = '[scan]\nfile = "a.glb"\n[lamps_from_scan]\ncct_k = 3000\n[sensors.grid]\ncount = 4\n'
+    text += "[calibration.reflectance]\nfloor = 0.5\nceiling = 1.2\nwalls = 0.8\n"
+    request = {"name": "room.toml", "folder": ".", "sha256": "", "text": text, "seed": 0}
+    (tmp_path / "lidarspectra-run.json").write_text(json.dumps({"run_file": request}), encoding="utf-8")
+    traced, told = materials_of_run(tmp_path, scan)
+    of_face = np.array([each.reflectance.values[0] for each in traced.materials])[traced.face_material]
+    np.testing.assert_allclose(of_face, 0.5 * np.where(floor, 0.5, np.where(ceiling, 1.2, 0.8)))
+    assert [each.reflectance.values[0] for each in told.materials] == pytest.approx([0.425, 0.4])
