@@ -24,7 +24,6 @@ from lidarspectra.errors import DatabaseError, MaterialError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.assignments import database_material
 from lidarspectra.material.colors import color_words, mean_color, primary_colors, saturated, surface_colors
-from lidarspectra.material.delighting.linear_evidence import unseen_faces
 from lidarspectra.material.matching import Match, MatchMethod, match_color
 from lidarspectra.material.material_map import Material, MaterialMap
 from lidarspectra.material.part_materials import named_prior, typical_materials
@@ -39,6 +38,7 @@ from lidarspectra.material.segmentation.fusion import FaceClasses, fuse, split_b
 from lidarspectra.material.segmentation.place_priors import class_prior, find_places
 from lidarspectra.material.segmentation.segmentation import SHIPPED_MODEL, Classifier
 from lidarspectra.material.segmentation.surface_classes import favored_surfaces
+from lidarspectra.material.unseen_faces import unseen_faces
 from lidarspectra.material.views.views import ViewSet
 from lidarspectra.progress import Progress, shares, silent
 from lidarspectra.room.room import Room

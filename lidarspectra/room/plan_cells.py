@@ -291,6 +291,15 @@ def signed_area(polygon: FloatArray) -> float:
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
+def within_polygon(places: FloatArray, polygon: FloatArray) -> BoolArray:
+    """(place,) whether (place, 2) positions lie within a polygon of (corner, 2) [m]."""
+    from matplotlib.path import Path as Polygon  # loads slowly
+
+    within = np.all((places >= polygon.min(axis=0)) & (places <= polygon.max(axis=0)), axis=1)
+    within[within] = Polygon(np.vstack([polygon, polygon[:1]]), closed=True).contains_points(places[within])
+    return np.asarray(within, dtype=np.bool_)
+
+
 def edge_distance(places: FloatArray, polygon: FloatArray) -> FloatArray:
     """(place,) distance of (place, 2) positions from the nearest edge of a polygon (corner, 2) [m]."""
     edge = np.roll(polygon, -1, axis=0) - polygon

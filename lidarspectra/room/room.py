@@ -13,7 +13,7 @@ from lidarspectra.errors import ArrayError, ScanError
 from lidarspectra.geometry.rays import RayCaster, caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.room.floor_levels import MIN_LEVEL_SHARE, OtherFloors
-from lidarspectra.room.plan_cells import MIN_ROOM_M2, outlines, plan_mask, signed_area
+from lidarspectra.room.plan_cells import MIN_ROOM_M2, outlines, plan_mask, signed_area, within_polygon
 from lidarspectra.room.polished_floor import SLAB_M, mirroring_floor
 from lidarspectra.room.room_planes import (
     GIVEN_REACH_M,
@@ -159,7 +159,7 @@ class Room:
         plan = np.asarray(positions, dtype=np.float64)[:, :2]
         within = np.zeros(len(plan), dtype=np.bool_)
         for polygon in self.outlines:
-            within |= _within(polygon, plan)
+            within |= within_polygon(plan, polygon)
         return within
 
     def floor_at(self, positions: FloatArray) -> FloatArray:
@@ -168,17 +168,8 @@ class Room:
         floor_z = np.full(len(plan), self.floor_z)
         for polygon, z in zip(self.other_outlines, self.other_floor_z, strict=True):
             if z != self.floor_z:
-                floor_z[_within(polygon, plan)] = z
+                floor_z[within_polygon(plan, polygon)] = z
         return floor_z
-
-
-def _within(polygon: FloatArray, plan: FloatArray) -> BoolArray:
-    """(point,) whether (point, 2) positions lie within a polygon (corner, 2)."""
-    from matplotlib.path import Path as Polygon  # loads slowly
-
-    within = np.all((plan >= polygon.min(axis=0)) & (plan <= polygon.max(axis=0)), axis=1)
-    within[within] = Polygon(np.vstack([polygon, polygon[:1]]), closed=True).contains_points(plan[within])
-    return np.asarray(within, dtype=np.bool_)
 
 
 def find_room(

@@ -1,11 +1,10 @@
 """A grid of places where lamps might hang."""
 
 import numpy as np
-from matplotlib.path import Path as Polygon
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import MapError
-from lidarspectra.room.plan_cells import edge_distance
+from lidarspectra.room.plan_cells import edge_distance, within_polygon
 
 
 def candidate_grid(outline: FloatArray, angle_deg: float, *, spacing: float, margin: float) -> FloatArray:
@@ -40,7 +39,7 @@ def candidate_grid(outline: FloatArray, angle_deg: float, *, spacing: float, mar
     middle = (low + high) / 2
     axes = [middle[axis] + spacing * (np.arange(counts[axis]) - (counts[axis] - 1) / 2) for axis in (0, 1)]
     places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    inside = Polygon(np.vstack([corners, corners[:1]])).contains_points(places)
+    inside = within_polygon(places, corners)
     kept = places[inside & (edge_distance(places, corners) >= margin - 1e-9)]
     if len(kept) == 0:
         raise MapError(

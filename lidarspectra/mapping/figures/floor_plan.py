@@ -11,10 +11,9 @@ from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.mapping.figures.figure_style import PAGE_WIDTH_IN, new_figure
-from lidarspectra.mapping.maps.interpolation import inside_polygon
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.furniture import furniture_outlines
-from lidarspectra.room.plan_cells import edge_distance
+from lidarspectra.room.plan_cells import edge_distance, within_polygon
 from lidarspectra.room.room import Room
 
 AIR_ACROSS = 100  # cells on the longer side in which air and solids are distinguished
@@ -95,13 +94,13 @@ class FloorPlan:
         if not self.other_outlines:
             return np.zeros(len(places), dtype=np.int64)
         away = np.stack([edge_distance(places, outline) for outline in self.outlines])
-        away[[inside_polygon(outline, places) for outline in self.outlines]] = 0.0
+        away[[within_polygon(places, outline) for outline in self.outlines]] = 0.0
         return np.asarray(away.argmin(axis=0), dtype=np.int64)
 
     def is_inside(self, places: FloatArray) -> BoolArray:
         """(place,) whether each of (place, 2) positions [m] lies in a room."""
         return np.asarray(
-            np.any([inside_polygon(outline, places) for outline in self.outlines], axis=0), dtype=np.bool_
+            np.any([within_polygon(places, outline) for outline in self.outlines], axis=0), dtype=np.bool_
         )
 
 

@@ -14,7 +14,7 @@ from matplotlib.path import Path as Polygon
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, Delaunay, QhullError, cKDTree
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array
+from lidarspectra.arrays import FloatArray, IntArray, float_array
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.maps.map_schema import DIRECTION, IRRADIANCE_UNIT, check_map
 
@@ -454,8 +454,3 @@ def _grid_dataset(source: xr.Dataset, grid: Grid, method: Method, chosen: IntArr
             "height_m": float(np.median(source["z"].to_numpy()[chosen])),
         },
     )
-
-
-def inside_polygon(corners: FloatArray, targets: FloatArray) -> BoolArray:
-    """(n,) whether each of (n, 2) positions lies inside a polygon of (corner, 2) [m]."""
-    return np.asarray(Polygon(_polygon(corners)).contains_points(targets), dtype=np.bool_)

@@ -1,16 +1,10 @@
-"""What colours from frames add to the evidence for light: a known tone curve, and the radiance of what shines.
-
-And what they lack: faces that no frame saw. An app's texture invents colours there; here such a face is taken to be of
-the material of the nearest face that looks the same way, and to send what that material would in the light there.
-"""
+"""What colours from frames add to the evidence for light: a known tone curve, and the radiance of what shines."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import FloatArray
 from lidarspectra.geometry.appearance import LinearLight
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
@@ -19,8 +13,6 @@ from lidarspectra.material.delighting.tone_curve import FILMIC_TONE, USUAL_TONE,
 
 MIN_DEVIATION = 0.02  # [1] of log g and log(1 + s): no curve has just two parameters
 MAX_CUT = 0.2  # [1] of a face, cut at white in all frames
-NORMAL_WEIGHT_M = 0.15  # [m] distance equivalent to a turn of one radian: a board's underside is like its top
-MIN_SHOWN = 1e-3  # [1] of white, floor of what is divided by
 AT_LAMP_M = 0.12  # [m] between a lamp's surface and the middle of a face that shows it, as of `near_lamps`
 TOLD_POWER = 0.1  # [1] deviation of log g below which exposures were told: overlaps alone never tell a power
 BRIGHT_SHARE = 0.9  # [1] of the faces at a lamp, by number, that are no brighter than what counts as its brightness
@@ -80,54 +72,3 @@ def shown_of_lamps(scan: Scan, lamps: Sequence[Lamp]) -> FloatArray | None:
         if areas[told].sum() > MIN_TOLD * areas[at].sum():
             shown[row] = weighted_median(colors[told], areas[told])
     return shown
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class UnseenFaces:
-    """Faces without a colour, and those whose material they are taken to have.
-
-    Parameters
-    ----------
-    faces, like : (unseen,) int
-        Of the scan.
-    """
-
-    faces: IntArray
-    like: IntArray
-
-    def filled(self, values: FloatArray) -> FloatArray:
-        """(face, 3) values, those of unseen faces being the ones of the faces that they are like."""
-        result = values.copy()
-        result[self.faces] = values[self.like]
-        return result
-
-    def excess(self, excess: FloatArray, shown: FloatArray, reflectance: FloatArray, light: FloatArray) -> FloatArray:
-        """(face, 3) factors on what faces show, so that unseen ones send their reflectance times the light there."""
-        result = excess.copy()
-        result[self.faces] = reflectance[self.like] * light[self.faces] / np.maximum(shown[self.faces], MIN_SHOWN)
-        return result
-
-
-def unseen_faces(scan: Scan, known: BoolArray) -> UnseenFaces:
-    """Faces that no frame saw, or that an app left black; none of those that have a name.
-
-    Parameters
-    ----------
-    scan : Scan
-    known : (face,) bool
-        Whose colour is a surface's.
-
-    Returns
-    -------
-    unseen : UnseenFaces
-    """
-    nowhere = np.zeros(0, dtype=np.int64)
-    if not known.any():
-        return UnseenFaces(faces=nowhere, like=nowhere)
-    appearance = scan.appearance
-    unseen = appearance.unpictured if appearance.linear is None else ~appearance.photographed
-    faces = np.flatnonzero(unseen & (appearance.face_kinds < 0))
-    seen = np.flatnonzero(known)
-    place = np.hstack([scan.centers, NORMAL_WEIGHT_M * scan.normals])
-    like = seen[cKDTree(place[seen]).query(place[faces])[1]] if faces.size else nowhere
-    return UnseenFaces(faces=faces, like=np.asarray(like, dtype=np.int64))

@@ -10,7 +10,7 @@ import xarray as xr
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.config import Vector
 from lidarspectra.errors import RunFileError, SensorError
-from lidarspectra.mapping.maps.interpolation import inside_polygon
+from lidarspectra.room.plan_cells import within_polygon
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.workflow.calibration.light import RunRoom
 from lidarspectra.workflow.design.target import TargetSection
@@ -99,7 +99,7 @@ def _of_run(target: TargetSection, room: RunRoom, places: xr.Dataset, at: str) -
     inside = ~buried
     if target.polygon is not None:
         plan = np.stack([places["x"].to_numpy(), places["y"].to_numpy()], axis=1)
-        inside &= inside_polygon(np.array(target.polygon), plan)
+        inside &= within_polygon(plan, np.array(target.polygon))
     if not inside.any():
         low, high = (np.array([float(getattr(places[axis], end)()) for axis in "xy"]) for end in ("min", "max"))
         raise RunFileError(

@@ -29,7 +29,6 @@ from lidarspectra.progress import Progress, part_of, silent
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, grid_points
-from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.workflow.init.choices import SENSOR_HEIGHT_M, InitChoices
 from lidarspectra.workflow.init.proposed_lamps import propose_panels
 from lidarspectra.workflow.init.summary import InitSummary
@@ -281,6 +280,8 @@ def _with_spectrum(choices: InitChoices, folder: Path) -> InitChoices:
     """The same with a spectrum's file, where one is given, as a run file in a folder names it; raises DatabaseError."""
     if choices.spectrum is None:
         return choices
+    from lidarspectra.spectra.databases import lamp_spectrum  # loads tables, which most rooms need not
+
     file = Path(choices.spectrum)
     name = from_folder(file, folder) if file.suffix and file.is_file() else choices.spectrum
     lamp_spectrum(name, folder)

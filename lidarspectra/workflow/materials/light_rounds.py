@@ -15,10 +15,10 @@ from lidarspectra.material.delighting.clipped_light import beyond_white
 from lidarspectra.material.delighting.colored_light import BANDS, Exchange, apparent_ratio
 from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.light_objective import BRIGHTEST_REFLECTANCE, OF_SOURCE
-from lidarspectra.material.delighting.linear_evidence import UnseenFaces
 from lidarspectra.material.delighting.sharpened_cones import cones_of_srgb, srgb_of_cones
 from lidarspectra.material.delighting.tone_curve import TonePrior
 from lidarspectra.material.delighting.tone_families import fit_other_families, mean_log, probabilities, with_others
+from lidarspectra.material.unseen_faces import UnseenFaces
 from lidarspectra.progress import Progress, shares
 from lidarspectra.room.light_samples import Samples
 from lidarspectra.room.room import Room

@@ -26,7 +26,6 @@ from lidarspectra.material.delighting.linear_evidence import (
     shown_of_lamps,
     spread_of_views,
     tone_priors_of,
-    unseen_faces,
 )
 from lidarspectra.material.delighting.plane_pieces import plane_pieces
 from lidarspectra.material.delighting.sharpened_cones import cones_of_light
@@ -42,6 +41,7 @@ from lidarspectra.material.delighting.unknown_light import (
 )
 from lidarspectra.material.frames.records import FrameRecords
 from lidarspectra.material.frames.seen_sources import sightings_of_sources
+from lidarspectra.material.unseen_faces import unseen_faces
 from lidarspectra.progress import Progress, shares
 from lidarspectra.radiance.engine.engine import Engine
 from lidarspectra.radiance.sampling.direct_light import direct_coefficients

@@ -39,9 +39,9 @@ from lidarspectra.mapping.figures.map_figures import (
     plan_figure,
     relative_error,
 )
-from lidarspectra.mapping.maps.interpolation import inside_polygon
 from lidarspectra.mapping.maps.spectral_map import spectral_map
 from lidarspectra.material.material_map import Material
+from lidarspectra.room.plan_cells import within_polygon
 from lidarspectra.spectra.spectrum import Spectrum
 
 SQUARE = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]])
@@ -158,7 +158,7 @@ def test_every_room_of_a_scan_has_its_map_from_its_own_points(make_transport):
     down, across = field.get_array().shape
     x, y = np.meshgrid(_cell_centers(first, last, across), _cell_centers(bottom, top, down))
     for walls, level in ((left, 400.0), (right, 5.0)):
-        within = inside_polygon(walls, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+        within = within_polygon(np.stack([x.ravel(), y.ravel()], axis=1), walls).reshape(x.shape)
         values = field.get_array()[within]
         assert not np.ma.getmaskarray(values).any()
         np.testing.assert_allclose(values, level, rtol=1e-6)  # up to the wall between them, too

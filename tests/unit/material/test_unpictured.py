@@ -7,8 +7,8 @@ import pytest
 
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.colors import surface_colors
-from lidarspectra.material.delighting.linear_evidence import unseen_faces
 from lidarspectra.material.estimate import estimate_materials
+from lidarspectra.material.unseen_faces import unseen_faces
 from lidarspectra.material.views.views import no_views
 
 from .conftest import box_scan
