@@ -1,4 +1,4 @@
-"""Large level surfaces that are not the floor of the plan where they lie: podiums, other storeys, rooms left out."""
+"""Large level surfaces that are not the floor of the plan where they lie: podiums, galleries, storeys."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,13 +8,14 @@ import numpy as np
 
 from lidarspectra.arrays import FloatArray
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.room.floor_levels import LEVEL_TOLERANCE_M
+from lidarspectra.room.floor_levels import LEVEL_TOLERANCE_M, STANDING_M
 from lidarspectra.room.room import Room
 from lidarspectra.room.room_planes import LEVEL_COSINE, FaceGeometry, face_geometry, levels_of, of_kinds
 
 MIN_OUTSIDE_M2 = 3.0  # [m²] less beside a room is furniture behind glass
 MIN_PODIUM_M2 = 5.0  # [m²] in one piece: larger than any bed
 MAX_PODIUM_M = 0.6  # [m] above or below the floor: lower than any table top
+MIN_UPPER_M2 = 8.0  # [m²] in one piece, higher up: larger than any table
 PIXEL_M = 0.05  # [m] of the picture in which such a surface is one piece
 
 
@@ -52,8 +53,8 @@ def other_levels(scan: Scan, room: Room) -> tuple[OtherLevel, ...]:
     Returns
     -------
     levels : tuple of OtherLevel
-        In the plan in pieces of `MIN_PODIUM_M2` at most `MAX_PODIUM_M` off the floor; outside of it `MIN_OUTSIDE_M2`
-        or more.
+        In the plan in pieces of `MIN_PODIUM_M2` at most `MAX_PODIUM_M` off the floor, and of `MIN_UPPER_M2` higher up
+        where one can stand below the ceiling, as on a gallery; outside of it `MIN_OUTSIDE_M2` or more.
     """
     faces = of_kinds(scan, face_geometry(scan), "floor")
     faces = faces.some(faces.normals[:, 2] > LEVEL_COSINE)
@@ -64,7 +65,8 @@ def other_levels(scan: Scan, room: Room) -> tuple[OtherLevel, ...]:
     in_room = room.in_plan(faces.centers) & (height > floor_z - MAX_PODIUM_M) & (height < room.ceiling_z)
     near = np.abs(height - floor_z) < MAX_PODIUM_M
     found = [
-        *_podiums(faces.some(off_floor & in_room & near), room),
+        *_pieces(faces.some(off_floor & in_room & near), room, MIN_PODIUM_M2),
+        *_pieces(faces.some(in_room & ~near & (room.ceiling_z - height >= STANDING_M)), room, MIN_UPPER_M2),
         *_outside(faces.some(off_floor & ~in_room & ~top_of_walls), room),
     ]
     return tuple(sorted(found, key=lambda level: level.z))
@@ -75,11 +77,12 @@ def _outside(faces: FaceGeometry, room: Room) -> Iterator[OtherLevel]:
         yield OtherLevel(z=level.z, above_floor_m=level.z - room.floor_z, area_m2=level.area_m2, in_plan=False)
 
 
-def _podiums(faces: FaceGeometry, room: Room) -> Iterator[OtherLevel]:
-    for level in levels_of(faces, share=0.0, least_m2=MIN_PODIUM_M2):
+def _pieces(faces: FaceGeometry, room: Room, least_m2: float) -> Iterator[OtherLevel]:
+    """Levels in the plan that have a piece of so much."""
+    for level in levels_of(faces, share=0.0, least_m2=least_m2):
         at_level = np.abs(faces.centers[:, 2] - level.z) < LEVEL_TOLERANCE_M
         area_m2, place = _largest_piece(faces.centers[at_level, :2], faces.areas[at_level])
-        if area_m2 >= MIN_PODIUM_M2:
+        if area_m2 >= least_m2:
             floor_z = float(room.floor_at(place[None])[0])
             yield OtherLevel(z=level.z, above_floor_m=level.z - floor_z, area_m2=area_m2, in_plan=True)
 

@@ -203,8 +203,9 @@ def _floor_notes(room: Room, scan: Scan) -> Iterator[str]:
         where = f"A level surface of {level.area_m2:.1f} m² at z = {level.z:.2f} m, {_step_in_words(level)}, lies"
         if level.in_plan:
             yield (
-                f"{where} in the room: if it is a podium or a part of the floor one or more steps up or down, points "
-                "there have another height above it than is asked for. Give such points in a file, with their z."
+                f"{where} in the room: if it is a podium, a gallery or a part of the floor some steps up or down, "
+                "points of the grid have another height above it than is asked for, or none lie there. Give such "
+                "points in a file, with their z."
             )
         else:
             yield (

@@ -245,8 +245,10 @@ def _lamp_or_not(
         return BrightPatch(center=center, area_m2=lit.area_m2, reason=reason)
     around = grown(patch, 1.2 * CLEARANCE_M / picture.pixel_m) & picture.seen
     heights = picture.height[around]
-    # The clearance counts from the highest bump of the mesh beside the lamp, so that none of them shades it.
-    highest = min(float(heights.max()), float(np.median(heights)) + BUMP_M)
+    # The clearance counts from the highest bump of the mesh beside the lamp, so that none of them shades it. Around a
+    # small pendant most of what is seen is the ceiling above it.
+    level = max(float(np.median(heights)), lit.height_m)
+    highest = min(float(heights.max()), level + BUMP_M)
     return LitLamp(
         shape=shape_of(fit.shape, tuple(picture.pixel_m * side for side in fit.size)),
         center=survey.frame.to_room(middle, highest + CLEARANCE_M)[0],

@@ -85,6 +85,7 @@ def test_sensors_and_surfaces_count_from_their_own_rooms_floor(builder) -> None:
         ([0, 1, 0], [2, 3, 0.5]),  # a bed for two
         ([1, 1, 0.7], [4, 3.2, 0.74]),  # a conference table
         ([0, 0, 0], [3, 0.6, 0.9]),  # a kitchen's worktop
+        ([0.5, 1, 0.7], [4.5, 2.8, 0.74]),  # a table for sixteen
     ],
 )
 def test_neither_beds_nor_tables_are_floors_nor_told_as_such(builder, low: list[float], high: list[float]) -> None:
@@ -132,6 +133,20 @@ def test_a_part_of_a_room_up_or_down_steps_is_told(builder, step_m: float) -> No
     assert abs(level.above_floor_m) == pytest.approx(0.3, abs=0.02)
     notes = whole_room(scan, close_ceiling=True, close_floor=True, close=False).scan.record.notes
     assert any("in the room: if it is a podium" in note for note in notes)
+
+
+@pytest.mark.parametrize(("step_m", "under"), [(0.9, True), (2.6, False)])  # half a storey up, and a gallery
+def test_half_levels_and_galleries_are_told(builder, step_m: float, under: bool) -> None:
+    room = builder(step_m=MESH_M, noise_m=NOISE_M)
+    room.box([0, 0, 0], [6, 4, 5], inward=True)
+    room.box([3, 0, 0.0 if under else 2.3], [6, 4, step_m], leave_out=("bottom",) if under else ())
+    scan = room.scan()
+    found = find_room(scan)
+    (level,) = other_levels(scan, found)
+    assert level.in_plan
+    assert level.above_floor_m == pytest.approx(step_m, abs=0.02)
+    notes = whole_room(scan, close_ceiling=True, close_floor=True, close=False).scan.record.notes
+    assert any("a gallery or a part of the floor some steps up" in note for note in notes)
 
 
 def test_another_storey_is_told_with_what_to_do(builder) -> None:
