@@ -8,6 +8,7 @@ it. Its log reflectance becomes the mean over what it may be of (a mixture of no
 
 where m_q are those of the paints q, d_q m away, with s_q 1 in the plane of the face and `OUT_OF_PLANE` elsewhere; g is
 the lightness (green), and h the hue, the two other logarithms over it, which light does not change and an edge mixes.
+L² and H² grow by the variance of the picture's noise, so that what it shows dark is of what is beside it.
 The other candidate is what is of no paint about the face, by the same law its mean, weighed with how much of the
 surroundings it covers: so a thing that is too small for a paint stays what it is, and a rim of mixed colours does not.
 
@@ -96,7 +97,8 @@ def _alike(apart: FloatArray, noise: FloatArray) -> FloatArray:
     """(n,) how likely (n, 3) logarithms so far apart are of one surface, 1 for none; (n, 3) variances of noise."""
     hue = np.delete(apart - apart[:, [GREEN]], GREEN, axis=1)
     variance = HUE_APART**2 + np.delete(noise, GREEN, axis=1) + noise[:, [GREEN]]
-    return np.asarray(np.exp(-0.5 * ((apart[:, GREEN] / LIGHTNESS_APART) ** 2 + (hue**2 / variance).sum(axis=1))))
+    lightness = apart[:, GREEN] ** 2 / (LIGHTNESS_APART**2 + noise[:, GREEN])
+    return np.asarray(np.exp(-0.5 * (lightness + (hue**2 / variance).sum(axis=1))))
 
 
 def _in_reach(scan: Scan, faces: IntArray, members: IntArray) -> tuple[IntArray, IntArray, FloatArray]:

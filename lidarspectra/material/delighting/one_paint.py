@@ -90,6 +90,7 @@ def one_paint(
     turn_deg: float,
     piece: IntArray | None = None,
     shown: FloatArray | None = None,
+    clarity: FloatArray | None = None,
 ) -> Paints:
     """Give each paint the mean of its faces' reflectances.
 
@@ -106,6 +107,8 @@ def one_paint(
         Of its plane (`plane_pieces`); planes are one piece if left out.
     shown : (face, 3) float, optional
         Linear sRGB that the picture shows, by which dark channels are told; none is dark if left out. [0-1]
+    clarity : (face,) float, optional
+        Weight of a face in the mean of its paint beside its area; 1 if left out. [1]
 
     Returns
     -------
@@ -114,11 +117,12 @@ def one_paint(
     pieces = np.zeros(len(color), dtype=np.int64) if piece is None else piece
     group = surface_groups(color, scan.centers, scan.normals, usable, turn_deg=turn_deg, piece=pieces)
     logs = np.log(np.maximum(color, FLOOR))
+    weights = scan.areas if clarity is None else scan.areas * clarity
     evened, paint = color.copy(), np.full(len(color), -1, dtype=np.int64)
     spread: list[float] = []
     means: list[FloatArray] = []
     for member in _one_plane_one_hue(scan, logs, group, pieces):
-        means.append(np.average(logs[member], axis=0, weights=scan.areas[member]))
+        means.append(np.average(logs[member], axis=0, weights=weights[member]))
         paint[member] = len(means) - 1
     paint = _without_beyond_white(scan, logs, usable, paint, means)
     if shown is not None:

@@ -21,6 +21,7 @@ from lidarspectra.material.delighting.albedo import LightFit
 from lidarspectra.material.delighting.beside_paints import settle_beside_paints
 from lidarspectra.material.delighting.cards import Card
 from lidarspectra.material.delighting.clipped_light import cut_paint
+from lidarspectra.material.delighting.dark_places import DarkPlaces, black_error, clarity, dark_places
 from lidarspectra.material.delighting.light_evidence import LightEvidence
 from lidarspectra.material.delighting.light_objective import (
     CELL_M,
@@ -47,6 +48,7 @@ from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.room import Room
 from lidarspectra.workflow.materials.delighting_notes import (
     beam_note,
+    dark_note,
     doubt,
     fit_in_words,
     flux_warnings,
@@ -233,7 +235,7 @@ def _out_of(
     if (why := doubt(fitted.fit)) is not None:
         return _left_in(why, fitted.fit)
     fitted = replace(fitted, sources=_shines(fitted.sources, fitted.fit, lights.scan, fitted.face_light(picture)))
-    color, deviation, paints = _of_faces(picture, fitted)
+    color, deviation, paints, dark = _of_faces(picture, fitted)
     progress(1.0, "light taken out")
     fluxes = () if fluxes_stated else fitted.fluxes(lights.lamps)
     return Delighting(
@@ -244,7 +246,7 @@ def _out_of(
         face_painted=paints.paint >= 0,
         warnings=(
             *(flux_warnings(fitted.fit, lights.lamps) if fluxes_stated else flux_notes(fluxes)),
-            *_notes(picture, fitted, paints),
+            *_notes(picture, fitted, paints, dark),
         ),
         lamp_fluxes=fluxes,
         lit=lights.lamps,
@@ -319,7 +321,7 @@ def _without_sources(evidence: LightEvidence, face_lamp: BoolArray) -> LightEvid
     )  # fmt: skip
 
 
-def _notes(picture: PictureEvidence, fitted: _Fitted, paints: Paints) -> tuple[str, ...]:
+def _notes(picture: PictureEvidence, fitted: _Fitted, paints: Paints, dark: DarkPlaces) -> tuple[str, ...]:
     """What a user should know of the result beside the lamps' fluxes, as full sentences."""
     scan, known, fit = picture.lights.scan, picture.lights.known, fitted.fit
     painted = known & ~picture.screen
@@ -334,11 +336,12 @@ def _notes(picture: PictureEvidence, fitted: _Fitted, paints: Paints) -> tuple[s
         *unsettled_note(fit),
         *other_light_note(scan, known | ~scan.appearance.photographed, fitted.evidence, fitted.face_light(picture)),
         *whiter_than_paint_note(paints.color[painted], scan.areas[painted]),
+        *dark_note(dark.told[painted], scan.areas[painted]),
     )
 
 
-def _of_faces(picture: PictureEvidence, fitted: _Fitted) -> tuple[FloatArray, FloatArray, Paints]:
-    """(face, 3) reflectances and deviations of their logarithms: of paints, panes, and what lies in the sun.
+def _of_faces(picture: PictureEvidence, fitted: _Fitted) -> tuple[FloatArray, FloatArray, Paints, DarkPlaces]:
+    """(face, 3) reflectances and deviations of their logarithms: of paints, panes, what lies in sun or dark.
 
     What a screen shows counts in no paint.
     """
@@ -346,6 +349,7 @@ def _of_faces(picture: PictureEvidence, fitted: _Fitted) -> tuple[FloatArray, Fl
     scan, known, spread = surfaces.scan, surfaces.known, surfaces.spread
     aside = patches.member(scan) | picture.screen
     # What scatters about a paint's mean is limited after the mean is taken: before, it would darken white ones.
+    error = black_error(evidence.face_shown, fitted.fit.tone)
     paints = one_paint(
         scan,
         mean_face_reflectance(evidence, fitted.fit, spread, limits=SCATTERED_RANGE),
@@ -353,7 +357,10 @@ def _of_faces(picture: PictureEvidence, fitted: _Fitted) -> tuple[FloatArray, Fl
         turn_deg=surfaces.room.wall_angle_deg,
         piece=surfaces.piece[nearest_of(spread)],
         shown=evidence.face_shown,
+        clarity=clarity(error),
     )
+    dark = dark_places(scan, paints, known & ~aside, error)
+    paints = replace(paints, color=dark.color)
     cut = ~known & scan.appearance.photographed & ~faces_of(sources, scan) & ~aside
     cut &= scan.appearance.linear is None  # radiance of frames does not end at white
     white = cut_paint(scan, cut, fitted.face_light(picture), paints)
@@ -363,10 +370,11 @@ def _of_faces(picture: PictureEvidence, fitted: _Fitted) -> tuple[FloatArray, Fl
     told[white.face] = True
     color = surfaces.unseen.filled(np.where(told[:, None], np.clip(paints.color, *REFLECTANCE_RANGE), 1.0))
     deviation = np.hypot(spread @ stated_light(fitted.fit), paints.deviation(CELL_M)[:, None])
+    deviation = np.hypot(deviation, dark.deviation)
     deviation[white.face] = np.hypot(deviation[white.face], white.deviation[:, None])
     for pane in (source.faces for source in sources if source.is_pane):
         color[pane], deviation[pane] = PANE_REFLECTANCE, PANE_DEVIATION
-    return patches.filled(color), patches.widened(deviation), paints
+    return patches.filled(color), patches.widened(deviation), paints, dark
 
 
 def _shines(

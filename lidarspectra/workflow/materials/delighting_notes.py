@@ -27,6 +27,8 @@ STATED_SHARE = 0.8
 ABOUT_EVEN_PERCENT = 10  # [%] by which a probability may be off one half
 SURE_FAMILY = 0.9  # [1] probability of a tone curve's family, up to which the user is warned
 UNPICTURED_SHARE = 0.02  # [1] of the scan's area without a picture, above which the user is told
+DARK_SHARE = 0.02  # [1] of the scan's area too dark in the picture to tell, above which the user is warned
+HARDLY_TOLD = 0.5  # [1] weight of what the picture tells of a reflectance, below which what is usual counts more
 OTHER_LIGHT_SHARE = 0.005  # [1] of the scan's area, above which light of unknown lamps draws a warning
 
 
@@ -194,6 +196,27 @@ def other_light_note(scan: Scan, known: BoolArray, evidence: LightEvidence, ligh
         f"{area:.1f} m² of the scan are as bright as lamps but belong to no known lamp (windows, screens, other "
         "lamps). Their brightness is clipped in the picture, so that their light is underestimated and surfaces near "
         "them may come out too bright. Add lamps that were lit to the run file, or scan with windows and screens dark.",
+    )
+
+
+def dark_note(told: FloatArray, areas_m2: FloatArray) -> tuple[str, ...]:
+    """A note on surfaces so dark in the picture that it hardly tells what they reflect.
+
+    Parameters
+    ----------
+    told : (face,) float
+        Weight of the picture in each reflectance. [0-1]
+    areas_m2 : (face,) float
+        [m²]
+    """
+    dark = told < HARDLY_TOLD
+    area, whole = float(areas_m2[dark].sum()), float(areas_m2.sum())
+    if area < DARK_SHARE * whole:
+        return ()
+    return (
+        f"{area:.1f} m² ({100 * area / whole:.0f} %) of the surfaces got so little light in the scan that the picture "
+        "hardly tells what they reflect: they are taken to be much like the rest of the room, and their stated "
+        "uncertainty is wide. Scan again with lamps lit there, or assign their materials, if they matter.",
     )
 
 

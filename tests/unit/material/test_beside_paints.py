@@ -9,6 +9,7 @@ import pytest
 from lidarspectra.geometry.scan import Scan, bare_scan
 from lidarspectra.material.delighting import beside_paints
 from lidarspectra.material.delighting.beside_paints import settle_beside_paints
+from lidarspectra.material.delighting.light_objective import PICTURE_NOISE
 from lidarspectra.material.delighting.one_paint import Paints
 
 SIDE_M, STEP_M = 1.2, 0.03
@@ -125,6 +126,17 @@ def gray_strip(wall: Scan, paints: Paints, first_m: float, last_m: float) -> tup
     return strip, single(two, strip, np.full(3, 0.4))
 
 
+def test_what_shows_dark_is_of_the_paint_beside_it_however_light_it_came_out(wall: Scan, paints: Paints) -> None:
+    rim = np.abs(wall.centers[:, 2] - 0.3) < 0.02
+    lighter = single(paints, rim, 6.0 * paints.color[rim])
+    everywhere, shown = np.ones(len(wall.faces), dtype=np.bool_), np.full((len(wall.faces), 3), 0.3)
+    bright = settle_beside_paints(wall, lighter, everywhere, shown).color[rim]
+    shown[rim] = 0.003
+    dark = settle_beside_paints(wall, lighter, everywhere, shown).color[rim]
+    assert np.median(bright / paints.color[rim]) > 4.0
+    assert np.median(dark / paints.color[rim]) < 2.0
+
+
 def test_of_two_paints_that_are_as_likely_a_face_is_of_the_nearer(wall: Scan, paints: Paints) -> None:
     strip, between = gray_strip(wall, paints, 0.51, 0.69)
     color, height = settled(wall, between)[strip, 1], wall.centers[strip, 2]
@@ -143,7 +155,8 @@ def test_one_large_face_beside_one_of_a_paint_has_the_mean_of_equation_1() -> No
     )
     found = settled(square, two)
     own = 0.2 * 0.045 / (np.pi * 0.2**2)  # with how much it covers of what is in reach
-    paint = np.exp(-0.1 * np.sqrt(2) / 0.1 - (np.log(2) / 0.5) ** 2 / 2)
+    noise = PICTURE_NOISE / 0.3
+    paint = np.exp(-0.1 * np.sqrt(2) / 0.1 - np.log(2) ** 2 / (0.5**2 + noise**2) / 2)
     np.testing.assert_allclose(found, [0.5 ** (own / (own + paint)) * WHITE, WHITE])
 
 
