@@ -404,6 +404,20 @@ def test_what_a_file_manager_leaves_beside_a_scan_or_in_a_capture_is_none_of_its
     assert all(changed(old, keys_of(room, tmp_path)) == STAGES for old, room in zip(before, rooms, strict=True))
 
 
+def test_a_run_and_its_run_file_in_the_folder_of_a_capture_are_none_of_its_files(tmp_path: Path) -> None:
+    run_file = RunFile.model_validate(ROOMS["lamps"] | {"scan": {"file": "."}})
+    (tmp_path / "info.json").write_text("{}", encoding="utf-8")
+    before = keys_of(run_file, tmp_path)
+    (tmp_path / "room.run" / "1-scan").mkdir(parents=True)
+    names = ("room.toml", "room.plan.png", f"room.run/{MARKER_FILE}", "room.run/1-scan/scan.npz")
+    for name in names:
+        (tmp_path / name).write_text("{}", encoding="utf-8")
+    assert keys_of(run_file, tmp_path) == before
+    (tmp_path / "keyframes").mkdir()
+    (tmp_path / "keyframes" / "1.jpg").write_bytes(b"picture")
+    assert changed(before, keys_of(run_file, tmp_path)) == STAGES
+
+
 def test_what_a_calibration_found_belongs_to_the_map_and_its_tables_to_the_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

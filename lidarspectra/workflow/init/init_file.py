@@ -118,7 +118,7 @@ def init(
     SensorError
         If not one sensor point fits into the room.
     """
-    path = path_of(scan, name="scan", meaning="the name of a scan's file, as a str or a Path")
+    path = _with_name(path_of(scan, name="scan", meaning="the name of a scan's file, as a str or a Path"))
     choices = _with_spectrum(
         InitChoices(
             unit=unit,
@@ -145,7 +145,13 @@ def init(
 
 def run_file_of(scan_path: Path) -> Path:
     """Where a scan's run file is written by default: beside it, under its name."""
+    scan_path = _with_name(scan_path)
     return scan_path.parent / f"{scan_path.name}.toml" if scan_path.is_dir() else scan_path.with_suffix(".toml")
+
+
+def _with_name(path: Path) -> Path:
+    """A path that ends in the scan's name; a folder of frames may be given as "." from within."""
+    return path.resolve() if path.name in ("", "..") else path
 
 
 def write_init(
@@ -189,6 +195,7 @@ def write_init(
     WorkspaceError
         If the run file cannot be written.
     """
+    scan_path = _with_name(scan_path)
     choices = _with_spectrum(choices or InitChoices(), out_path.parent)
     _check_place(scan_path, out_path, force=force)
     file = _file_name(scan_path, out_path)

@@ -9,14 +9,14 @@ cover it: a stage that tells it declares it by its own name ("lamps.assumed"); o
 
 import json
 import struct
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any, cast
 from urllib.parse import quote
 
-from lidarspectra.config import LampSection, LampsFromScanSection, RunFile
+from lidarspectra.config import RUN_FILE_SUFFIX, LampSection, LampsFromScanSection, RunFile
 from lidarspectra.errors import UndeclaredError
 from lidarspectra.hardware.phone.capture_files import open_capture
 from lidarspectra.hardware.phone.gltf_document import GLB_MAGIC
@@ -205,12 +205,21 @@ def _scan_files(name: str, base: Path) -> Iterable[str]:
     """
     file = base / name
     if file.is_dir():
-        names = (each for each in open_capture(file).names if not is_of_file_manager(each))
-        return sorted((Path(name) / each).as_posix() for each in names)
+        return sorted((Path(name) / each).as_posix() for each in _of_capture(file, open_capture(file).names))
     if not file.is_file() or file.suffix.lower() not in MULTI_FILE_FORMATS:
         return (name,)
     beside = sorted(path.relative_to(file.parent) for path in _companions(file) if not is_of_file_manager(path.name))
     return (name, *((Path(name).parent / each).as_posix() for each in beside))
+
+
+def _of_capture(folder: Path, names: Iterable[str]) -> Iterator[str]:
+    """Files in a capture's folder without runs, run files and plans of ours, nor what a file manager left there."""
+    names = tuple(names)
+    runs = tuple(name.removesuffix(MARKER_FILE) for name in names if name.endswith(f"/{MARKER_FILE}"))
+    for name in names:
+        is_ours = name.startswith(runs) or name.endswith((RUN_FILE_SUFFIX, PLAN_SUFFIX))
+        if not is_ours and not is_of_file_manager(name):
+            yield name
 
 
 def _companions(file: Path) -> list[Path]:

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lidarspectra.config import read_run_file
 from lidarspectra.hardware.phone.readers import read_scan_and_frames
 from lidarspectra.material.frames import frame_colors as coloring
 from lidarspectra.material.frames.frame_colors import color_from_frames
-from lidarspectra.workflow.init.init_file import write_init
+from lidarspectra.workflow.init.init_file import run_file_of, write_init
 from lidarspectra.workflow.run_folder.declared import FILES
 from lidarspectra.workflow.run_folder.frames_of_run import (
     FRAMES_FILE,
@@ -91,3 +92,14 @@ def test_init_says_whose_frames_it_uses_and_which_it_leaves_out(
     assert any(each.startswith("note: 1 of 6 frames") for each in lines)
     assert line.removeprefix("frames    ") in text
     assert "1 of 6 frames" in text
+
+
+def test_a_folder_of_frames_may_be_named_from_within(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(coloring, "ATLAS_PX", (256, 256))
+    room = box_room()
+    monkeypatch.chdir(write_3dscanner(tmp_path / "my scan", room, gray_shots(room, 2)))
+    assert run_file_of(Path()) == tmp_path / "my scan.toml"
+    write_init(Path(), run_file_of(Path()))
+    assert read_run_file(tmp_path / "my scan.toml").scan.file == "my scan"
+    write_init(Path(), Path("room.toml"))
+    assert read_run_file("room.toml").scan.file == "."
