@@ -3,8 +3,9 @@
 The light at a point is Σ_l s_l A_l exp(Σ_k g_k r_k) with lamp fluxes s and the logarithms r of factors on the
 reflectances of the room's parts, as in `mapping.calibration.model`. To first order the variance of its logarithm is
 J C Jᵀ, with the covariance C of what is not known and J the share of each lamp and the slope g of each part: an error
-of a lamp, or of the walls, is the same error at all points. To it are added what openings may hide, what the scan lacks
-(furniture, gloss, edges: an error of its own at each place), and the simulation's own error.
+of a lamp, or of the walls, is the same error at all points. To it are added by how much usual lamps differ from a
+spectrum that is a guess, what openings may hide, what the scan lacks (furniture, gloss, edges: an error of its own at
+each place), and the simulation's own error.
 """
 
 from collections.abc import Mapping
@@ -21,7 +22,7 @@ from lidarspectra.io.netcdf import read_netcdf, write_netcdf
 from lidarspectra.words import two_digits
 
 UNKNOWNS_FILE = "uncertainty.nc"  # beside the map
-Cause = Literal["lamps", "reflectances", "openings", "scan", "simulation"]
+Cause = Literal["lamps", "reflectances", "spectra", "openings", "scan", "simulation"]
 CAUSES: tuple[Cause, ...] = get_args(Cause)
 OF_CAUSE = "uncertainty_of_"  # attributes of a map, one a cause
 ALL_CAUSES = "uncertainty"  # attribute of a map
@@ -45,12 +46,16 @@ class LightUnknowns:
         Deviation of a part's reflectance in each band over that in `covariance`. [1]
     local_sd : float
         Of the light at a place of usual light for what the scan lacks, relative. [1]
+    spectrum_sd : (lamp, band) float, optional
+        Deviation of the logarithm of each lamp's light in a band for a spectrum that is a guess, at its luminous flux;
+        0 for one that is known, as all are by default. All guesses err alike. [1]
     """
 
     covariance: FloatArray
     slope: FloatArray
     spread: FloatArray
     local_sd: float
+    spectrum_sd: FloatArray | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "slope", float_array(self.slope, name="slope", shape=(None, None, None)))
@@ -64,6 +69,9 @@ class LightUnknowns:
                 where="LightUnknowns.covariance",
             )
         object.__setattr__(self, "covariance", covariance)
+        guesses = np.zeros((len(covariance) - parts, bands)) if self.spectrum_sd is None else self.spectrum_sd
+        shape = (len(covariance) - parts, bands)
+        object.__setattr__(self, "spectrum_sd", float_array(guesses, name="spectrum_sd", shape=shape))
 
     @property
     def lamps(self) -> int:
@@ -85,6 +93,18 @@ class LightUnknowns:
         covariance[:, lamps] = 0.0
         covariance[lamps, lamps] = deviation**2
         return replace(self, covariance=covariance)
+
+    def off_by_spectra(self, by_lamp: FloatArray) -> FloatArray:
+        """(point, band) deviation for guessed spectra, in the unit of each lamp's light (lamp, point, band)."""
+        assert self.spectrum_sd is not None  # since it was checked
+        return np.asarray(np.einsum("lpb,lb->pb", by_lamp, self.spectrum_sd), dtype=np.float64)
+
+    def with_given_spectra(self, lamps: IntArray) -> "LightUnknowns":
+        """The same where the spectra of some lamps, by their number, are given."""
+        assert self.spectrum_sd is not None  # since it was checked
+        spectrum_sd = self.spectrum_sd.copy()
+        spectrum_sd[lamps] = 0.0
+        return replace(self, spectrum_sd=spectrum_sd)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,6 +128,7 @@ def deviations(
     by_lamp: FloatArray,
     slope: FloatArray,
     *,
+    spectra: FloatArray,
     opening: FloatArray,
     simulation: FloatArray,
     counted: BoolArray,
@@ -121,6 +142,8 @@ def deviations(
         Light of every lamp, in one or more quantities.
     slope : (part, point, number) float
         Of the sum over lamps, in these quantities. [1]
+    spectra : (point, number) float
+        Deviation for spectra that are guesses, in the light's unit.
     opening : (point, number) float
         What openings may hide at most, in the light's unit.
     simulation : (point, number) float
@@ -138,6 +161,7 @@ def deviations(
     by_cause: dict[Cause, FloatArray] = {
         "lamps": lamps,
         "reflectances": surfaces,
+        "spectra": np.abs(spectra),
         "openings": UNIFORM * np.abs(opening),
         "scan": np.abs(own),
         "simulation": np.abs(simulation),
@@ -211,7 +235,7 @@ def uncertainty_in_words(attributes: Mapping[str, Any]) -> str:
     """What a map states of its uncertainty: '± 14 % at a point (lamps 13 %, reflectances 5 %)'; empty if nothing."""
     if ALL_CAUSES not in attributes:
         return ""
-    of = {cause: float(attributes[f"{OF_CAUSE}{cause}"]) for cause in CAUSES}
+    of = {cause: float(attributes.get(f"{OF_CAUSE}{cause}", 0.0)) for cause in CAUSES}  # an earlier map has fewer
     largest = sorted((cause for cause in CAUSES if of[cause] > 0), key=lambda cause: -of[cause])[:NAMED_CAUSES]
     words = ", ".join(f"{cause} {two_digits(100 * of[cause])} %" for cause in largest)
     return f"± {two_digits(100 * float(attributes[ALL_CAUSES]))} % at a point ({words})"
@@ -224,6 +248,7 @@ def save_unknowns(unknowns: LightUnknowns, folder: Path) -> Path:
             "covariance": (("unknown", "other"), unknowns.covariance),
             "slope": (("part", "point", "band"), unknowns.slope.astype(np.float32)),
             "spread": (("part", "band"), unknowns.spread),
+            "spectrum_sd": (("lamp", "band"), unknowns.spectrum_sd),
         },
         attrs={"local_sd": unknowns.local_sd},
     )
@@ -260,6 +285,7 @@ def load_unknowns(folder: Path) -> LightUnknowns | None:
             slope=dataset["slope"].to_numpy(),
             spread=dataset["spread"].to_numpy(),
             local_sd=float(dataset.attrs["local_sd"]),
+            spectrum_sd=dataset["spectrum_sd"].to_numpy() if "spectrum_sd" in dataset else None,  # an earlier map
         )
     except (KeyError, TypeError, ValueError, OSError) as cause:
         raise MapError(

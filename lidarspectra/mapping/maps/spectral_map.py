@@ -152,10 +152,12 @@ def _uncertainty(
     slots = transport["slot_error"].to_numpy() * irradiance if "slot_error" in transport else none
     own = np.sqrt(values["irradiance_se"] ** 2 + values.get("truncation", none) ** 2 + slots**2)
     opening = values.get("opening", none)
+    by_lamp = coefficient * flux[:, None]
     found = deviations(
         unknowns,
-        coefficient * flux[:, None],
+        by_lamp,
         unknowns.slope * unknowns.spread[:, None],
+        spectra=unknowns.off_by_spectra(by_lamp),
         opening=opening,
         simulation=own,
         counted=counted,
@@ -173,6 +175,7 @@ def _uncertainty(
         unknowns,
         np.einsum("lpb,lb->lp", coefficient, weights)[..., None],
         slope / np.where(lux > 0, lux, np.inf),
+        spectra=np.zeros_like(lux),  # lumens are what is given or guessed
         opening=(opening * share).sum(axis=1, keepdims=True),
         simulation=(own * np.abs(share)).sum(axis=1, keepdims=True),
         counted=counted,

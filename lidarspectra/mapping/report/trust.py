@@ -287,7 +287,8 @@ def _total_rows(report: ReportInput) -> Iterator[TrustRow]:
     attrs = report.spectral_map.attrs
     if ALL_CAUSES not in attrs:
         return
-    parts = [f"{cause} {_percent(float(attrs[f'{OF_CAUSE}{cause}']), digits=1)}" for cause in CAUSES]
+    shares = {cause: float(attrs.get(f"{OF_CAUSE}{cause}", 0.0)) for cause in CAUSES}
+    parts = [f"{cause} {_percent(share, digits=1)}" for cause, share in shares.items() if share > 0]
     yield TrustRow(
         what="all together",
         known="computed",

@@ -14,6 +14,7 @@ from lidarspectra.errors import WorkspaceError
 from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.usual_spectra import spread_of_usual_lamps
 from lidarspectra.mapping.calibration.model import (
     ASSUMED_FLUX_SD,
     FLUX_SD,
@@ -32,6 +33,7 @@ from lidarspectra.room.light_samples import samples_of
 from lidarspectra.room.surface_parts import PARTS, surface_parts
 from lidarspectra.spectra.spectrum import BandSet
 from lidarspectra.workflow.calibration.results import SUMMARY
+from lidarspectra.workflow.run_folder.assumed import assumed_lamps
 from lidarspectra.workflow.run_folder.lamps_of_run import ScannedRoom
 
 CERTAIN_SD = 0.03  # [1] of reflectances that the user assigned
@@ -149,7 +151,15 @@ def unknowns_of_map(
         slope=np.clip(slope, 0.0, STEEPEST),
         spread=in_bands / own,
         local_sd=local_sd,
+        spectrum_sd=guessed_spectra(run_file, lamps, bands),
     )
+
+
+def guessed_spectra(run_file: RunFile, lamps: Sequence[Lamp], bands: BandSet) -> FloatArray:
+    """(lamp, band) deviation of the logarithm of each lamp's light for a spectrum that is a guess, 0 for others [1]."""
+    guesses = assumed_lamps(run_file, [lamp.name for lamp in lamps]).of_spectrum
+    known = np.zeros(len(bands.centers_nm))
+    return np.stack([spread_of_usual_lamps(lamp.flux, bands) if lamp.name in guesses else known for lamp in lamps])
 
 
 def reflected_effects(

@@ -155,7 +155,7 @@ def result_notes(assumptions: Assumptions) -> tuple[str, ...]:
         return ()
     return (
         f"These values rest on guesses: {assumptions.in_words()}. They change with what is true of them. "
-        "Standard errors do not know of it; the map's uncertainty counts 40 % for a guessed flux, and nothing for a "
-        "guessed spectrum. Write what you know into the run file, delete 'assumed' there, and run it "
-        "again.",
+        "Standard errors do not know of it; the map's uncertainty counts 40 % for a guessed flux and, channel by "
+        "channel, by how much usual lamps differ from a guessed spectrum. Write what you know into the run file, "
+        "delete 'assumed' there, and run it again.",
     )

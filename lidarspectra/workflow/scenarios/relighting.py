@@ -122,6 +122,10 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
     if unknowns is not None:
         rows = np.flatnonzero(np.isin(transport["lamp"].to_numpy().astype(str), given))
         unknowns = unknowns.with_given_fluxes(rows, FLUX_SD)
+        recoloured = [order.lamp for order in orders if order.spectrum is not None]
+        unknowns = unknowns.with_given_spectra(
+            np.flatnonzero(np.isin(transport["lamp"].to_numpy().astype(str), recoloured))
+        )
     light = relight(transport, changes, bands=bands, lamps=tuple(lamps.values()), unknowns=unknowns)
     assumed = assumptions_of_run(run).without(
         fluxes=given, spectra=[order.lamp for order in orders if order.spectrum is not None]

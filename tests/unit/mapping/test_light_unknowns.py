@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from lidarspectra.errors import MapError
 from lidarspectra.mapping.maps.assumptions import Assumptions
@@ -106,6 +107,35 @@ def test_openings_and_the_simulation_count_too(make_transport):
     np.testing.assert_allclose(wider["irradiance_sd"], expected, rtol=1e-9)
 
 
+def test_spectra_that_are_guesses_err_alike_in_each_channel_and_not_in_lux(exact):
+    guesses = np.zeros((LAMPS, BANDS))
+    guesses[0, 3], guesses[1, 3], guesses[1, 9] = 0.5, 0.4, 0.8
+    state = replace(unknowns(known_but()), spectrum_sd=guesses)
+    found = spectral_map(exact, unknowns=state)
+    first, second = (exact["coefficient"] * exact["flux"]).transpose("lamp", "point", "band").to_numpy()
+    deviation = found["irradiance_sd"].to_numpy()
+    np.testing.assert_allclose(deviation[:, 3], 0.5 * first[:, 3] + 0.4 * second[:, 3], rtol=1e-9)
+    np.testing.assert_allclose(deviation[:, 9], 0.8 * second[:, 9], rtol=1e-9)
+    np.testing.assert_allclose(np.delete(deviation, (3, 9), axis=1), 0.0, atol=1e-12)
+    np.testing.assert_allclose(found["illuminance_sd"], 0.0, atol=1e-12)  # lumens are what is given
+    one = spectral_map(exact, unknowns=state.with_given_spectra(np.array([1])))["irradiance_sd"].to_numpy()
+    np.testing.assert_allclose(one[:, 3], 0.5 * first[:, 3], rtol=1e-9)
+    np.testing.assert_allclose(one[:, 9], 0.0, atol=1e-12)
+
+
+def test_a_map_of_an_earlier_version_that_knows_no_spectra_is_told_in_words_and_read(exact, tmp_path):
+    attributes = spectral_map(exact, unknowns=unknowns(known_but(u0=0.1))).attrs
+    del attributes[f"{OF_CAUSE}spectra"]
+    assert "lamps" in uncertainty_in_words(attributes)
+    save_unknowns(unknowns(known_but(u0=0.1)), tmp_path)
+    with xr.open_dataset(tmp_path / UNKNOWNS_FILE) as stored:
+        earlier = stored.load().drop_vars("spectrum_sd")
+    earlier.to_netcdf(tmp_path / UNKNOWNS_FILE, engine="h5netcdf")
+    back = load_unknowns(tmp_path)
+    assert back is not None
+    np.testing.assert_array_equal(back.spectrum_sd, np.zeros((LAMPS, BANDS)))
+
+
 def test_illuminance_has_an_uncertainty_of_its_own(exact):
     found = spectral_map(exact, unknowns=unknowns(known_but(u0=0.1, u1=0.1, u2=0.05)))
     relative = (found["illuminance_sd"] / found["illuminance"]).to_numpy()
@@ -160,18 +190,35 @@ def test_lumens_that_are_given_anew_are_known_as_those_of_a_data_sheet(exact, la
     np.testing.assert_allclose(both["irradiance_sd"], apart, rtol=1e-6)
 
 
+def test_a_spectrum_that_is_given_anew_is_no_guess_any_more(exact, lamps, monkeypatch):
+    guessed = replace(unknowns(known_but()), spectrum_sd=np.full((LAMPS, BANDS), 0.5))
+    stands = {
+        "transport_of_run": exact, "present_lamps_of_run": lamps, "current_stage": "map",
+        "scene_of_run": SimpleNamespace(bands=sensor_bands("as7265x-14")), "load_unknowns": guessed,
+        "assumptions_of_run": Assumptions(),
+    }  # fmt: skip
+    for name, value in stands.items():
+        monkeypatch.setattr(relighting, name, lambda *_, value=value: value)
+    off = LampOrder(lamp="panel 2", dim=0.0)
+    for order, wanted in ((LampOrder(lamp="panel 1", spectrum="A"), 0.0), (LampOrder(lamp="panel 1", dim=0.7), 0.5)):
+        light = relighting.relight_run("run", [order, off])
+        np.testing.assert_allclose(light["irradiance_sd"] / light["irradiance"], wanted, atol=1e-9)
+
+
 def test_error_bars_are_the_uncertainty_where_a_map_has_it(exact, make_transport):
     assert error_bars(spectral_map(exact, unknowns=unknowns(known_but(u0=0.1))))[1] == "standard uncertainties"
     assert error_bars(spectral_map(make_transport()))[1] == "standard errors of the simulation"
 
 
 def test_files_keep_it(exact, tmp_path):
-    state = unknowns(known_but(u0=0.1, u3=0.2), slope=0.25, local_sd=0.03)
+    guesses = np.linspace(0.0, 1.0, LAMPS * BANDS).reshape(LAMPS, BANDS)
+    state = replace(unknowns(known_but(u0=0.1, u3=0.2), slope=0.25, local_sd=0.03), spectrum_sd=guesses)
     save_unknowns(state, tmp_path)
     back = load_unknowns(tmp_path)
     assert back is not None
     np.testing.assert_array_equal(back.covariance, state.covariance)
     np.testing.assert_array_equal(back.slope, state.slope)
+    np.testing.assert_array_equal(back.spectrum_sd, guesses)
     assert back.local_sd == state.local_sd
     assert load_unknowns(tmp_path / "elsewhere") is None
     found = spectral_map(exact, unknowns=state)

@@ -10,13 +10,18 @@ import pytest
 import lidarspectra as ls
 from lidarspectra.config import CalibrationSection, RunFile
 from lidarspectra.errors import WorkspaceError
+from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
+from lidarspectra.lamps.make_lamp import make_lamp
+from lidarspectra.lamps.usual_spectra import USUAL, spread_of_usual_lamps
 from lidarspectra.material.material_map import Material, MaterialMap, save_materials
 from lidarspectra.room.room import find_room, save_room
 from lidarspectra.room.surface_parts import PARTS, surface_parts
-from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.spectra.databases import lamp_spectrum
+from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 from lidarspectra.workflow.calibration.unknowns_of_run import (
     COMMON_SHARE,
     calibrated_covariance,
+    guessed_spectra,
     levels_covariance,
     lost_calibration_note,
     priors_of_room,
@@ -157,3 +162,38 @@ def test_a_calibrated_run_shows_the_reflectances_of_its_light(tmp_path: Path, mo
     of_face = np.array([each.reflectance.values[0] for each in traced.materials])[traced.face_material]
     np.testing.assert_allclose(of_face, 0.5 * np.where(floor, 0.5, np.where(ceiling, 1.2, 0.8)))
     assert [each.reflectance.values[0] for each in told.materials] == pytest.approx([0.425, 0.4])
+
+
+def test_a_guessed_spectrum_is_off_by_what_usual_lamps_differ_from_it_at_one_flux() -> None:
+    bands = sensor_bands("as7265x-14")
+    led = lamp_spectrum("LED-B3").spectrum
+    spread = dict(zip(bands.labels, spread_of_usual_lamps(led, bands), strict=True))
+    np.testing.assert_allclose(list(spread.values()), spread_of_usual_lamps(led.scaled(7.0), bands))
+    # where V(λ) is large, lumens fix the light; at both ends lamps of one flux differ by factors
+    assert spread["410"] == pytest.approx(1.51, abs=0.01)  # as docs/concepts.md has them
+    assert max(spread["535"], spread["560"]) == pytest.approx(0.19, abs=0.005)
+    assert max(spread["585"], spread["610"]) == pytest.approx(0.26, abs=0.005)
+    others = [spread[label] for label in spread if label not in ("410", "535", "560", "585", "610")]
+    assert (min(others), max(others)) == pytest.approx((0.46, 0.71), abs=0.01)
+    usual = [bands.band_values(lamp_spectrum(name).spectrum, outside="zero") for name in USUAL]
+    lumens = [luminous_flux_lm(lamp_spectrum(name).spectrum) for name in USUAL]
+    green = np.log([values[6] / lumen for values, lumen in zip(usual, lumens, strict=True)])
+    own = np.log(bands.band_values(led, outside="zero")[6] / luminous_flux_lm(led))
+    assert spread["560"] == pytest.approx(np.sqrt(((green - own) ** 2).mean()))
+    line = Spectrum(wavelengths_nm=np.array([559.0, 560.0, 561.0]), values=np.array([0.0, 1.0, 0.0]))
+    lone = spread_of_usual_lamps(line, bands)
+    assert lone[0] == 0.0  # where the guess sends nothing, there is nothing to be off
+    assert lone.max() <= np.log(10.0)
+
+
+def test_which_spectra_are_guesses_the_run_file_tells() -> None:
+    bands = sensor_bands("as7265x-14")
+    strip: dict[str, Any] = {"shape": "strip", "center": [0.0, 0.0, 2.5], "spectrum": "FL11", "luminous_flux_lm": 700.0}
+    told: dict[str, Any] = {"both": ["flux", "spectrum"], "flux": ["flux"], "spectrum": ["spectrum"], "none": False}
+    tables = [{**strip, "name": name, "assumed": assumed} for name, assumed in told.items()]
+    run_file = RunFile.model_validate({"scan": {"file": "scan.glb"}, "lamps": tables})
+    light: dict[str, Any] = {"size": (1.0, 0.1), "spectrum": "FL11", "luminous_flux_lm": 700.0}
+    lamps = [make_lamp(name=name, shape="strip", center=(0.0, 0.0, 2.5), **light) for name in told]
+    found = guessed_spectra(run_file, lamps, bands)
+    assert found.any(axis=1).tolist() == [True, False, True, False]
+    np.testing.assert_allclose(found[0], spread_of_usual_lamps(lamps[0].flux, bands))
