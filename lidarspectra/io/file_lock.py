@@ -2,11 +2,15 @@
 
 import errno
 import json
+import logging
 import os
 import sys
 from pathlib import Path
 from typing import TextIO
 
+logger = logging.getLogger(__name__)
+WITHOUT_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
+"""What file systems answer that know no locks: shares of a NAS, some of clusters, folders over ssh."""
 LOCK_BYTE = 1 << 20  # the byte of the lock file that is locked where a lock is of bytes
 
 
@@ -65,7 +69,8 @@ def _taken(lock: TextIO) -> bool:
     """Lock an open file for this process alone; return False if another holds it.
 
     This uses the operating system's lock and not a process number in the file, because the number of a killed run may
-    belong to another program by now, and its start time moves when the clock is set.
+    belong to another program by now, and its start time moves when the clock is set. A file system without locks cannot
+    tell whether another process writes there: the work goes on, as the user is not to be kept from it.
     """
     try:
         if sys.platform == "win32":
@@ -80,7 +85,9 @@ def _taken(lock: TextIO) -> bool:
     except OSError as cause:
         if cause.errno in (errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK):
             return False
-        raise
+        if cause.errno not in WITHOUT_LOCKS:
+            raise
+        logger.warning("%s: no locks in this file system, so that two runs in one folder are not kept apart", lock.name)
     return True
 
 

@@ -1,5 +1,6 @@
 """A stage is whole or absent, and made again only when something that it depends on changed."""
 
+import errno
 import json
 import os
 import pickle
@@ -196,6 +197,20 @@ def test_a_folder_with_other_things_in_it_is_refused_and_kept(tmp_path: Path) ->
     with pytest.raises(WorkspaceError, match=r"thesis\.txt"), Workspace(tmp_path):
         pass
     assert (tmp_path / "thesis.txt").read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="other locks there")
+@pytest.mark.parametrize("code", [errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK])
+def test_a_run_goes_on_where_the_file_system_knows_no_locks_and_that_is_logged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, code: int
+) -> None:
+    def refuse(file: object, operation: int) -> None:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr("fcntl.flock", refuse)
+    assert run_scan(tmp_path / "run", Maker()).value == "answer"
+    assert "no locks in this file system" in caplog.text
+    assert not (tmp_path / "run" / LOCK_FILE).exists()
 
 
 def test_two_runs_do_not_write_one_folder(tmp_path: Path) -> None:
