@@ -15,6 +15,7 @@ from lidarspectra.spectra.spectrum_files import read_text
 
 DAY_H = 24.0  # [h]
 SECONDS_PER_HOUR = 3600.0  # [s]
+ROUNDING = 1e-9  # [1] of factors that were added
 EVERY_LAMP = "*"  # that is switched: electric ones
 
 
@@ -29,7 +30,7 @@ class Shift:
     start_h, end_h : float
         0 to 24; where the end is before the start, over midnight. [h]
     dim : float
-        Factor on its flux. [1]
+        Factor on its flux. [0-1]
     """
 
     lamp: str
@@ -38,11 +39,12 @@ class Shift:
     dim: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (0 <= self.start_h <= DAY_H and 0 <= self.end_h <= DAY_H and 0 <= self.dim < np.inf):
+        if not (0 <= self.start_h <= DAY_H and 0 <= self.end_h <= DAY_H and 0 <= self.dim <= 1):
             raise MapError(
-                expected="hours from 0 to 24 and a dim factor of 0 or more",
+                expected="hours from 0 to 24 and a dim factor from 0 to 1",
                 found=f"{self.start_h:g} to {self.end_h:g}, {self.dim:g}",
                 where=f"schedule of lamp '{self.lamp}'",
+                todo="Give a fraction: 0.4 for 40 %.",
             )
         if self.start_h % DAY_H == self.end_h % DAY_H and self.end_h - self.start_h != DAY_H:
             raise MapError(
@@ -64,7 +66,7 @@ def day_parts(
 ) -> list[tuple[float, dict[str, float]]]:
     """Parts of the day in which no lamp changes: their hours, and every lamp's dim factor.
 
-    A lamp that no shift names is off; where several name it at once, their factors add.
+    A lamp that no shift names is off; where several name it at once, their factors add, up to 1.
 
     Parameters
     ----------
@@ -77,23 +79,40 @@ def day_parts(
     Raises
     ------
     MapError
-        If a shift names a lamp that is not there.
+        If a shift names a lamp that is not there, or several light one by more than 1.
     """
     for shift in shifts:
         if shift.lamp != EVERY_LAMP and shift.lamp not in lamps:
-            raise MapError(expected=f"one of the lamps {', '.join(lamps)}", found=f"'{shift.lamp}'", where="schedule")
+            raise MapError(
+                expected=f"one of the lamps {', '.join(lamps) or '(none is lit)'}",
+                found=f"'{shift.lamp}'",
+                where="schedule",
+            )
     edges = sorted({0.0, DAY_H, *(edge for shift in shifts for edge in (shift.start_h, shift.end_h))})
     parts: list[tuple[float, dict[str, float]]] = []
     for first, last in pairwise(edges):
         middle = 0.5 * (first + last)
         lit = [shift for shift in shifts if shift.is_lit(middle)]
         dims = {lamp: sum(s.dim for s in lit if s.lamp == lamp or _is_for_all(s, lamp, daylight)) for lamp in lamps}
+        require_full_at_most(dims)
         same = next((number for number, (_, known) in enumerate(parts) if known == dims), None)
         if same is None:
             parts.append((last - first, dims))
         else:
             parts[same] = (parts[same][0] + last - first, dims)
     return parts
+
+
+def require_full_at_most(dims: Mapping[str, float]) -> None:
+    """Raise MapError if shifts that overlap give a lamp more than its full flux."""
+    for lamp, dim in dims.items():
+        if dim > 1.0 + ROUNDING:
+            raise MapError(
+                expected="shifts that light a lamp by 1 at most at any time",
+                found=f"'{lamp}' by {dim:g}, since the factors of shifts at one time add",
+                where="schedule",
+                todo="A row for '*' is for that lamp too: give each lamp rows of its own where one differs.",
+            )
 
 
 def _is_for_all(shift: Shift, lamp: str, daylight: Collection[str]) -> bool:
@@ -144,6 +163,7 @@ def read_schedule(path: Path) -> tuple[Shift, ...]:
         names, *rows = ([cell.strip() for cell in row] for row in csv.reader(io.StringIO(read_text(path))) if row)
     except (csv.Error, ValueError) as cause:  # a ValueError if there is no row
         raise MapError(expected="a table of shifts (CSV)", found=str(cause), where=str(path)) from cause
+    names = [name.lower() for name in names]
     for name in ("lamp", "from", "to"):
         if name not in names:
             raise MapError(expected=f"a column '{name}'", found=", ".join(names) or "nothing", where=str(path))

@@ -28,7 +28,14 @@ from lidarspectra.mapping.figures.figure_style import BLUE, MUTED, PAGE_WIDTH_IN
 from lidarspectra.mapping.figures.tables import Table
 from lidarspectra.mapping.photometry.point_light import PointLight
 from lidarspectra.mapping.photometry.quantities import light_quantity
-from lidarspectra.mapping.photometry.schedule import DAY_H, EVERY_LAMP, SECONDS_PER_HOUR, Shift, read_schedule
+from lidarspectra.mapping.photometry.schedule import (
+    DAY_H,
+    EVERY_LAMP,
+    SECONDS_PER_HOUR,
+    Shift,
+    read_schedule,
+    require_full_at_most,
+)
 from lidarspectra.spectra.spectrum_files import read_text
 from lidarspectra.words import counted
 
@@ -67,6 +74,7 @@ def read_week(path: Path) -> tuple[WeekShift, ...]:
     """
     shifts = read_schedule(path)
     names, *rows = ([cell.strip() for cell in row] for row in csv.reader(io.StringIO(read_text(path))) if row)
+    names = [name.lower() for name in names]
     if "days" not in names:
         return tuple(WeekShift(days=tuple(range(len(DAYS))), shift=shift) for shift in shifts)
     column = names.index("days")
@@ -91,25 +99,30 @@ def _days(text: str, *, where: str) -> tuple[int, ...]:
 def hourly_dims(week: Sequence[WeekShift], lamps: Sequence[str]) -> FloatArray:
     """(lamp, hour) mean dim factor within each hour of the week from Monday, 0 h [1].
 
-    A lamp that no shift names is off; where several name it at once, their factors add. A shift over midnight
+    A lamp that no shift names is off; where several name it at once, their factors add, up to 1. A shift over midnight
     belongs to the day on which it begins.
 
     Raises
     ------
     MapError
-        If a shift names a lamp that is not there.
+        If a shift names a lamp that is not there, or several light one by more than 1.
     """
     dims = np.zeros((len(lamps), HOURS * STEPS))
     for each in week:
         shift = each.shift
         if shift.lamp != EVERY_LAMP and shift.lamp not in lamps:
-            raise MapError(expected=f"one of the lamps {', '.join(lamps)}", found=f"'{shift.lamp}'", where="schedule")
-        chosen = np.array([shift.lamp in (EVERY_LAMP, lamp) for lamp in lamps])
+            raise MapError(
+                expected=f"one of the lamps {', '.join(lamps) or '(none is lit)'}",
+                found=f"'{shift.lamp}'",
+                where="schedule",
+            )
+        chosen = np.array([shift.lamp in (EVERY_LAMP, lamp) for lamp in lamps], dtype=np.bool_)
         end = shift.end_h if shift.end_h > shift.start_h else shift.end_h + DAY_H
         for day in each.days:
             first, last = (round((DAY_H * day + hour) * STEPS) for hour in (shift.start_h, end))
             steps = np.arange(first, last) % dims.shape[1]
             dims[np.ix_(chosen, steps)] += shift.dim
+    require_full_at_most(dict(zip(lamps, dims.max(axis=1, initial=0.0).tolist(), strict=True)))
     return np.asarray(dims.reshape(len(lamps), HOURS, STEPS).mean(axis=2), dtype=np.float64)
 
 

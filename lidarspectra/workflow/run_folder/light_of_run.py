@@ -136,7 +136,7 @@ def dimmed_notes(run: Path) -> tuple[str, ...]:
         return ()
     return (
         f"The run file dims {', '.join(dimmed)}, and a schedule's dim is a factor on that light: 1 is the lamp as it "
-        "was run. For its full flux write 1 over the run file's dim.",
+        "was run. For its full flux set dim = 1 in the run file and run it again, which takes the trace as it is.",
     )
 
 

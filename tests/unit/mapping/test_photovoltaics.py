@@ -273,6 +273,8 @@ def test_a_schedule_is_cut_where_a_lamp_changes(tmp_path: Path):
         (8.5, 1.0, 0.0),
     ]
     assert parse_hours("9-17:15") == Shift(lamp="*", start_h=9.0, end_h=17.25)
+    with pytest.raises(MapError, match=r"'a' by 1\.5"):
+        day_parts([Shift(lamp="*", start_h=1.0, end_h=3.0), Shift(lamp="a", start_h=2.0, end_h=4.0, dim=0.5)], ["a"])
     with pytest.raises(MapError, match="'c'"):
         day_parts([Shift(lamp="c", start_h=1.0, end_h=2.0)], ["a"])
     for text in ("9", "9-25", "9-17:75", "x-17", "8.5:30-17", "8-8"):

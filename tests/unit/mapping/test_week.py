@@ -72,9 +72,14 @@ def test_a_shift_over_midnight_and_over_the_end_of_the_week(tmp_path: Path) -> N
     dims = hourly_dims(read_week(schedule(tmp_path, "lamp,from,to,days\n*,22,2,sun\n")), LAMPS)
     lit = np.flatnonzero(dims[0])
     assert lit.tolist() == [0, 1, 166, 167]
+    capitals = hourly_dims(read_week(schedule(tmp_path, "Lamp,From,To,Days\n*,22,2,Sun\n")), LAMPS)
+    assert np.flatnonzero(capitals[0]).tolist() == lit.tolist()
     both = hourly_dims(read_week(schedule(tmp_path, "lamp,from,to,dim\n*,8,9,.3\nshelf,8,9,.5\n")), LAMPS)
     assert both[:, 8] == pytest.approx([0.8, 0.3])
     assert both[:, 8 + 24 * 6] == pytest.approx([0.8, 0.3])  # without days: every day
+    for text, says in (("*,8,9,1\nshelf,8,9,.4", "'shelf' by 1.4"), ("shelf,8,9,50", "from 0 to 1")):
+        with pytest.raises(MapError, match=says):
+            hourly_dims(read_week(schedule(tmp_path, f"lamp,from,to,dim\n{text}\n")), LAMPS)
     with pytest.raises(MapError, match="mon-fri"):
         read_week(schedule(tmp_path, "lamp,from,to,days\n*,8,9,friday\n"))
     with pytest.raises(MapError, match="'attic'"):
@@ -119,6 +124,18 @@ def test_daylight_adds_its_own_hours(light: PointLight, tmp_path: Path) -> None:
     assert 0.0 < table.frame["DLI [mol/m²], by daylight [%]"].iloc[0] < 100.0
     assert "daylight" in table.caption
     assert any(axes.get_legend() is not None for axes in week_figure(both, np.array([0, 1])).axes)
+
+
+def test_a_room_of_windows_alone_has_a_week_of_daylight(light: PointLight, tmp_path: Path) -> None:
+    by_sky = PointLight(
+        centers_nm=light.centers_nm, irradiance=light.irradiance, irradiance_se=light.irradiance_se, lamps=()
+    )
+    week = read_week(schedule(tmp_path, "lamp,from,to\n*,6,22\n"))
+    found = week_of_light(by_sky, (), week, daylight_of_week(year_of_daylight(), "03-01"))
+    assert found["melanopic_dose_lx_h"].to_numpy()[0, 0] == pytest.approx(80.0 * 60 * 8)
+    np.testing.assert_array_equal(found["dli_mol_m2"], found["daylight_dli_mol_m2"])
+    with pytest.raises(MapError, match="none is lit"):
+        week_of_light(by_sky, (), read_week(schedule(tmp_path, "lamp,from,to\nshelf,6,22\n")))
 
 
 def test_a_week_over_new_year_goes_on_with_january() -> None:
