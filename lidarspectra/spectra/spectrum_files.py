@@ -217,10 +217,15 @@ def write_spectrum_file(path: Path, spectrum: Spectrum) -> Path:
     -------
     path : Path
     """
+    write_whole(path, spectrum_text(spectrum))
+    return path
+
+
+def spectrum_text(spectrum: Spectrum) -> str:
+    """A lamp's spectral flux [W/nm] as the text of a file."""
     pairs = zip(spectrum.wavelengths_nm.tolist(), spectrum.values.tolist(), strict=True)
     lines = ["wavelength [nm],flux [W/nm]", *(f"{wavelength:.10g},{value:.9g}" for wavelength, value in pairs)]
-    write_whole(path, "\n".join(lines) + "\n")
-    return path
+    return "\n".join(lines) + "\n"
 
 
 def read_spectrum_file(path: Path, *, black_allowed: bool = False) -> SpectrumFile:

@@ -2,6 +2,8 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from lidarspectra.mapping.design.candidates import candidate_grid
 from lidarspectra.spectra.spectrum import Spectrum
 from lidarspectra.spectra.spectrum_files import read_spectrum_file, write_spectrum_file
 from lidarspectra.workflow.design import target as design_target
+from lidarspectra.workflow.design.designed_run_file import mixtures_of
 from lidarspectra.workflow.design.lamps import mixture
 from lidarspectra.workflow.design.target import read_target
 
@@ -97,3 +100,18 @@ def test_a_mixture_is_the_sum_of_its_parts_and_comes_back_from_its_file(tmp_path
     assert read.spectrum.at([420.0, 480.0, 600.0], outside="zero") == pytest.approx(
         both.at([420.0, 480.0, 600.0], outside="zero")
     )
+
+
+def test_a_mixture_s_file_is_named_for_its_content_so_that_a_later_design_overwrites_no_other() -> None:
+    room: Any = SimpleNamespace(run_file=SimpleNamespace(calibration=None))
+
+    def lit(name: str, *shares: float) -> Any:
+        parts = [(Spectrum(wavelengths_nm=[400.0, 700.0], values=[1.0, 2.0 + n]), dim) for n, dim in enumerate(shares)]
+        return SimpleNamespace(of=SimpleNamespace(lamp=SimpleNamespace(name=name)), shares=parts, flux=mixture(parts))
+
+    evening = mixtures_of([lit("a", 0.5, 0.2), lit("b", 0.5, 0.2), lit("c", 0.7)], room)
+    day = mixtures_of([lit("a", 0.2, 0.5)], room)
+    assert evening.keys() == {"a", "b"}
+    assert evening["a"][0] == evening["b"][0] == mixtures_of([lit("z", 0.5, 0.2)], room)["z"][0]
+    assert day["a"][0] != evening["a"][0]
+    assert re.fullmatch(r"mixture-[0-9a-f]{8}\.csv", day["a"][0])

@@ -10,15 +10,18 @@ from typing import Any
 
 from lidarspectra.config import RunFile
 from lidarspectra.io.file_names import from_folder
+from lidarspectra.io.files import hash_text
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
 from lidarspectra.spectra.databases import FILE_SUFFIXES
 from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.spectra.spectrum_files import spectrum_text
 from lidarspectra.workflow.calibration.light import RunRoom
 from lidarspectra.workflow.design.lamps import DesignedLamp, DesignLamps
 
 FOLDER = "design"  # in the run folder
 SUFFIX = ".designed"  # of the run file's name
+DIGITS = 8  # of the hash in a mixture's file name
 FLUX_KEYS = ("spectrum", "cct_k", "luminous_flux_lm", "radiant_flux_W")
 Table = dict[str, Any]
 
@@ -44,7 +47,7 @@ def designed_run_file(
         Named NAME.designed, in the run file's folder.
     """
     by_name = {each.of.lamp.name: each for each in designed}
-    mixtures = mixture_files(designed)
+    mixtures = {name: file for name, (file, _) in mixtures_of(designed, room).items()}
     rows: list[Table] = []
     for table in _present_tables(room):
         each = by_name.get(table["name"])
@@ -68,10 +71,18 @@ def designed_run_file(
     return origin.changed(**changes)
 
 
-def mixture_files(designed: Sequence[DesignedLamp]) -> dict[str, str]:
-    """Files of the spectra of lamps that are lit with several, by lamp."""
-    mixed = [each for each in designed if len(each.shares) > 1]
-    return {each.of.lamp.name: f"mixture-{number}.csv" for number, each in enumerate(mixed, start=1)}
+def mixtures_of(designed: Sequence[DesignedLamp], room: RunRoom) -> dict[str, tuple[str, Spectrum]]:
+    """File name and spectrum of every lamp that is lit with several, by lamp.
+
+    A file is named for its content: a run file of an earlier design, which the user kept, goes on to mean its own.
+    """
+    found = {}
+    for each in designed:
+        if len(each.shares) > 1:
+            name = each.of.lamp.name
+            flux = nominal_flux(name, each.flux, room)
+            found[name] = f"mixture-{hash_text(spectrum_text(flux))[:DIGITS]}.csv", flux
+    return found
 
 
 def same_trace(designed: Sequence[DesignedLamp], lamps: DesignLamps) -> bool:

@@ -26,8 +26,7 @@ from lidarspectra.workflow.calibration.light import RunRoom, run_room
 from lidarspectra.workflow.design.designed_run_file import (
     FOLDER,
     designed_run_file,
-    mixture_files,
-    nominal_flux,
+    mixtures_of,
     same_trace,
 )
 from lidarspectra.workflow.design.lamps import DesignedLamp, DesignLamps, design_lamps
@@ -289,11 +288,8 @@ def save_design(design: Design, run: str | PathLike[str], *, force: bool = False
                 shutil.copytree(require_stage(run, stage), stage_folder(target, stage))
     with writing_run(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        files = mixture_files(work.designed)
-        for each in work.designed:
-            name = each.of.lamp.name
-            if name in files:
-                write_spectrum_file(folder / files[name], nominal_flux(name, each.flux, work.room))
+        for file, flux in mixtures_of(work.designed, work.room).values():
+            write_spectrum_file(folder / file, flux)
     for table in (design.lamps, design.targets):
         save_table(table, folder)
     save_figure(_figure(work), folder, FIGURE)
