@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+import xarray as xr
 
 from lidarspectra.lamps.lamps import is_daylight
 from lidarspectra.mapping.design.conditions import Condition
@@ -19,6 +20,7 @@ from lidarspectra.workflow.design.points import TargetPoints
 MAX_CHANNEL_ERROR = 0.05  # [1] 95th percentile; above it the channels do not tell a quantity well enough for a target
 SHOWN_GAP = 1e-3  # [1]
 MAX_NAMED = 6
+UPWARD = 0.7  # [1] cosine from which a sensor looks up, within 45 degrees
 
 
 def shortfall_words(
@@ -99,6 +101,7 @@ def design_notes(
                     "another spectrum. --check, or a run of the new run file, traces it as it is."
                 )
     notes += _channel_notes(conditions, room)
+    notes += _direction_notes(conditions, light.places)
     if gap > SHOWN_GAP:
         notes.append(
             f"The solver ran out of time: the targets hold, but a design of up to {100 * gap:.1f} % less power may "
@@ -166,6 +169,21 @@ def _channel_notes(conditions: Sequence[tuple[Condition, TargetPoints]], room: R
                 f"The run's {len(room.bands)} channels tell {quantity.words} to {100 * error:.0f} % only (95 % of "
                 "indoor spectra). For a target on it, run the room with a device of more channels, such as "
                 "'as7265x-14' or 'full-spectrum'."
+            )
+    return notes
+
+
+def _direction_notes(conditions: Sequence[tuple[Condition, TargetPoints]], places: xr.Dataset) -> list[str]:
+    """Targets at points of the run that look different ways: a desk's is then asked of sensors that look elsewhere."""
+    notes = []
+    for name, index in {condition.target: points.index for condition, points in conditions if not points.own}.items():
+        up = places["nz"].to_numpy()[index]
+        counts = {"up": up > UPWARD, "down": up < -UPWARD, "to a side": np.abs(up) <= UPWARD}
+        words = [f"{int(chosen.sum())} {way}" for way, chosen in counts.items() if chosen.any()]
+        if len(words) > 1:
+            notes.append(
+                f"The points of '{name}' look different ways ({', '.join(words)}), and the target is asked of each. "
+                "Name those that are meant by points = [...], rows of map.csv from 0."
             )
     return notes
 

@@ -26,8 +26,10 @@ from lidarspectra.mapping.design.problem import (
 )
 from lidarspectra.mapping.design.solving import obstacles, solve
 from lidarspectra.mapping.figures.floor_plan import FloorPlan
-from lidarspectra.spectra.spectrum import Spectrum
+from lidarspectra.mapping.photometry.quantities import light_quantity
+from lidarspectra.spectra.spectrum import Spectrum, sensor_bands
 from lidarspectra.workflow.design.notes import design_notes
+from lidarspectra.workflow.design.points import TargetPoints
 
 POINTS = np.stack(np.meshgrid(np.arange(0.5, 4.0, 0.5), np.arange(0.5, 3.0, 0.5)), axis=-1).reshape(-1, 2)
 DARK = np.zeros(len(POINTS))
@@ -302,3 +304,19 @@ def test_a_design_by_day_says_that_it_is_of_the_run_s_moment() -> None:
     assert notes(panel) == ()
     (note,) = notes(panel, window)
     assert note.startswith("'south' sends the light of the run's moment")
+
+
+def test_a_target_at_points_that_look_different_ways_is_told() -> None:
+    places = xr.Dataset({"buried": ("point", np.zeros(4, dtype=bool)), "nz": ("point", [1.0, 1.0, 0.0, -1.0])})
+    level = SimpleNamespace(target="desk", quantity=light_quantity("illuminance_lx"))
+    room = SimpleNamespace(run_file=SimpleNamespace(lamps=()), bands=sensor_bands("as7265x-14"))
+    lamps = SimpleNamespace(assumed=(), fixed=())
+
+    def notes(index: list[int], *, own: bool = False) -> tuple[str, ...]:
+        points = TargetPoints(own=own, index=np.array(index))
+        light = SimpleNamespace(places=places)
+        return design_notes((), lamps, light, [(level, points)], room, 0.0)  # type: ignore[list-item, arg-type]
+
+    (note,) = notes([0, 1, 2, 3])
+    assert note.startswith("The points of 'desk' look different ways (2 up, 1 down, 1 to a side)")
+    assert notes([0, 1]) == notes([2]) == notes([0, 3], own=True) == ()
