@@ -24,6 +24,9 @@ CEILING_DOUBT = 2.0  # [1] scale of the robust loss on the ceiling's prior, in s
 CARD_DEVIATION = 0.02  # [1] of the logarithm of a card's reflectance: paper yellows, cards soil
 MIN_BESIDE = 4  # points of one surface beside a card, from which they tell by how much the light errs there
 BALANCE_DEVIATION = 0.2  # [1] of log k between cones, about white half-way between the lamps and all light in the room
+# [1] of the lamps' hue, about daylight, that a camera leaves in its picture: eyes in a room adapt by .7 to .9 (CIE
+# 159:2004, degree of adaptation D), phones keep the warmth of warm lamps, and some lock their balance.
+KEPT_HUE = 0.4
 BEAM_DEVIATION = 0.4  # [1] of the beam exponent about that of matt lamps
 STATED_FLUX_DEVIATION = 0.15  # [1] of the log of a lamp's flux over the others', where fluxes are stated
 BRIGHTEST_REFLECTANCE = 0.90  # [1] fresh white paint, top of EN 12464-1; a brighter result suggests unmodelled light
@@ -94,6 +97,8 @@ class LightObjective:
         self.shown = evidence.shown[self.rows]
         # Mean direct light of 1 in every cone: exposure then starts near the mean of the picture.
         self.mean_direct = np.maximum(evidence.direct.sum(axis=0).mean(axis=0), 1e-30)
+        hue = np.log(self.mean_direct)
+        self.balance_deviation = np.hypot(BALANCE_DEVIATION, KEPT_HUE * (hue - hue.mean()))
         self.mean_other = np.ones(0) if evidence.other is None else evidence.other.sum(axis=1).mean(axis=1) + 1e-30
         self.some_light = LightAt(evidence, self.rows, self.mean_direct)
         _, self.group = np.unique(evidence.group[self.rows], return_inverse=True)
@@ -272,7 +277,7 @@ class LightObjective:
         parts = [
             [(parameters[0] - tone.power) / tone.power_deviation],
             [(parameters[1] - tone.shoulder) / tone.shoulder_deviation],
-            balance / BALANCE_DEVIATION,
+            balance / self.balance_deviation,
             [parameters[5] / BEAM_DEVIATION],
             self.flux_logs(parameters) / self.flux_deviation if self.fit_fluxes else [],
             *self._source_beliefs(parameters),
