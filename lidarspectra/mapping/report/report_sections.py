@@ -174,8 +174,13 @@ def illuminance_section(report: ReportInput, light: ReportLight, writer: ReportW
     """The illuminance map, or why there is none."""
     if light.illuminance_lx is None:
         return html.paragraph(light.route)
-    lux = light.illuminance_lx[kept_points(report.spectral_map)]
-    even = f" Its uniformity U0, the minimum over the mean, is {lux.min() / lux.mean():.2f}." if lux.mean() > 0 else ""
+    planes = map_planes(report.spectral_map)
+    drawn = planes[0] if planes else kept_points(report.spectral_map)
+    lux = light.illuminance_lx[drawn]
+    of = f" at the {counted(drawn.size, 'point')} of this level and direction" if len(planes) > 1 else ""
+    even = (
+        f" Its uniformity U0, the minimum over the mean{of}, is {lux.min() / lux.mean():.2f}." if lux.mean() > 0 else ""
+    )
     figure = illuminance_figure(report.spectral_map, report.plan, light.illuminance_lx)
     return writer.figure("illuminance", figure, f"Illuminance. {light.route}{even}")
 

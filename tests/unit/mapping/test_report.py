@@ -329,3 +329,19 @@ def test_a_drawing_of_an_earlier_stage_that_is_missing_damaged_or_saved_by_anoth
     svg = measured.format("72pt")
     path.write_text(svg, encoding="utf-8")
     assert kept_svg(path) == svg
+
+
+def test_the_illuminance_map_s_uniformity_is_of_the_points_that_it_shows(make_transport, make_report, tmp_path) -> None:
+    transport = make_transport()
+    normals = np.tile([0.0, 0.0, 1.0], (176, 1))
+    normals[:3] = [0.0, 0.0, -1.0]  # three look down, in the dark
+    dark = transport["coefficient"].copy()
+    dark.loc[{"point": slice(0, 2)}] = 1e-6
+    mixed = transport.assign(coefficient=dark).assign_coords(
+        {name: ("point", normals[:, axis]) for axis, name in enumerate(("nx", "ny", "nz"))}
+    )
+    text = write_report(tmp_path, make_report(mixed)).read_text(encoding="utf-8")
+    lux = make_report(mixed).spectral_map["illuminance"].to_numpy()[3:]
+    said = re.search(r"the minimum over the mean at the 173 points of this level and direction, is (0\.\d+)", text)
+    assert said is not None
+    assert float(said.group(1)) == pytest.approx(lux.min() / lux.mean(), abs=0.05)  # from bands alone
