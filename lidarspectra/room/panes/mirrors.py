@@ -2,8 +2,9 @@
 
 What lies behind a wall's plane is reflected about it, and held against what lies before it. Floor, ceiling and side
 walls match their image about any such plane, and tell nothing. So the plane is moved to and fro: what matches about
-the wall and not about the moved planes is an image. The next room may be as deep as this one; so an image must have
-furniture as well as the opposite wall.
+the wall and not about the moved planes is an image. The next room, or the other half of one
+with a partition, may be as deep as this one; so an image must have furniture as well as the opposite wall, and most of
+the furniture there must be of the image.
 """
 
 import numpy as np
@@ -22,6 +23,7 @@ SHIFTS_M = (-0.45, 0.45)  # [m] by which the plane is moved; images move by twic
 IMAGE_SHARE = 0.6  # [1] of what can tell that must be an image
 MIN_IMAGE_M2 = 1.0  # [m²] of images that tell
 MIN_FURNITURE_M2 = 0.3  # [m²] of them that stand before the opposite wall
+FURNITURE_SHARE = 0.4  # [1] of what can tell before the opposite wall, that must be an image; rough ones fail
 MIN_PANE_M2 = 0.2  # [m²] of the wall through which images are seen
 
 
@@ -83,10 +85,12 @@ def _shows_images(pane: Pane, faces: FaceGeometry) -> bool:
     tells = ~np.any(moved, axis=0)
     image = tells & _matches(pane, behind, before, tree, 0.0)
     deep = -pane.heights(behind.centers)
-    furniture = image & (deep < deep[image].max(initial=0.0) - COARSE_M)
-    area, furniture_m2 = float(behind.areas[image].sum()), float(behind.areas[furniture].sum())
-    enough = area >= MIN_IMAGE_M2 and furniture_m2 >= MIN_FURNITURE_M2
-    return enough and area >= IMAGE_SHARE * float(behind.areas[tells].sum())
+    furniture = tells & (deep < deep[image].max(initial=0.0) - COARSE_M)
+    area, of_all, of_furniture, furniture_m2 = (
+        float(behind.areas[part].sum()) for part in (image, tells, image & furniture, furniture)
+    )
+    enough = area >= MIN_IMAGE_M2 and of_furniture >= MIN_FURNITURE_M2
+    return enough and area >= IMAGE_SHARE * of_all and of_furniture >= FURNITURE_SHARE * furniture_m2
 
 
 def _matches(pane: Pane, behind: FaceGeometry, before: FaceGeometry, tree: cKDTree, shift_m: float) -> BoolArray:

@@ -20,11 +20,12 @@ from lidarspectra.material.material_map import MaterialMap
 from lidarspectra.material.pane_materials import GLASS_TRANSMITTANCE, pane_material, with_pane_materials
 from lidarspectra.material.part_materials import typical_material
 from lidarspectra.room.panes.glass import glass_of_wall
-from lidarspectra.room.panes.mirrors import images_behind
+from lidarspectra.room.panes.mirrors import images_behind, mirror_of_wall
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.panes.placing import with_panes
 from lidarspectra.room.panes.search import views_of_room
 from lidarspectra.room.room import find_room
+from lidarspectra.room.room_planes import face_geometry
 from lidarspectra.workflow.init import init_file
 from lidarspectra.workflow.init.init_file import write_init
 from lidarspectra.workflow.run_folder.panes_of_run import assumed_notes
@@ -283,6 +284,21 @@ def test_a_pane_of_the_run_file_that_cannot_be_is_refused(keys: dict[str, object
     pane = {"name": "one", "center": [0, 0, 1], "size": [1, 1], "normal": [1, 0, 0], **keys}
     with pytest.raises(ValueError, match=words):
         PaneSection.model_validate(pane)
+
+
+def test_the_other_half_of_a_room_behind_a_partition_is_no_image(builder) -> None:
+    room = builder(step_m=0.08, noise_m=0.004)
+    room.box([0, 0, 0], [7, 5, 2.9], inward=True)
+    room.box([3.45, -0.05, -0.05], [3.55, 3.2, 1.8])  # in the middle, and not up to the ceiling
+    for low, high in (([0.7, 0.6, 0.7], [2.3, 1.4, 0.74]), ([4.8, 3.6, 0.7], [6.4, 4.4, 0.74])):
+        room.box(low, high)
+    for x in (0.6, 6.2):  # alike in both halves
+        room.box([x, 4.4, -0.05], [x + 0.2, 4.7, 0.6])
+    room.box([4.78, 0.98, -0.05], [5.22, 1.42, 2.95])  # a column in one half
+    room.box([6.4, 0.5, -0.05], [7.05, 2.0, 1.9])
+    scan = room.scan()
+    faces = face_geometry(scan)
+    assert [view for view in views_of_room(scan, find_room(scan)) if mirror_of_wall(view, faces) is not None] == []
 
 
 def test_the_space_between_a_worktop_and_wall_cupboards_is_no_glass(builder) -> None:
