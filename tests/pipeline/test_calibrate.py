@@ -206,13 +206,22 @@ def test_a_plan_of_readings_is_a_file_to_fill_in(
 ) -> None:
     monkeypatch.setattr(plan, "MAX_PLACES", 5)  # that are traced
     monkeypatch.setattr(plan, "traced_light", partial(traced_light, noise="draft"))
+    file = run / "calibration" / "readings-to-take.csv"
+    file.parent.mkdir(exist_ok=True)
+    for rows, taken in (("1 up,1,1,1,0,0,1,\n", False), ("1 up,1,1,1,0,0,1,\n2 up,1,2,1,0,0,1,340\n", True)):
+        file.write_bytes(f"name,x,y,z,nx,ny,nz,lux\n{rows}".replace("\n", "\r\n").encode("utf-8-sig"))  # as by Excel
+        assert plan._free_name(file.parent) == ("readings-to-take-2" if taken else "readings-to-take")
+    filled_in = file.read_bytes()
     answer = command_line("calibrate", run, "--plan", "4")
     assert answer.status == 0, answer.stderr
-    told = pd.read_csv(run / "calibration" / "readings-to-take.csv")
+    assert file.read_bytes() == filled_in  # of an earlier plan: an hour's work
+    file.unlink()
+    assert "readings-to-take-2.csv" in answer.stdout
+    told = pd.read_csv(run / "calibration" / "readings-to-take-2.csv")
     assert list(told.columns) == ["name", "x", "y", "z", "nx", "ny", "nz", "lux"]
     assert len(told) == 4
     assert len(told[["x", "y", "z", "nx", "ny", "nz"]].drop_duplicates()) == 4
     assert len(told[["x", "y", "z"]].drop_duplicates()) >= 2
     assert told["z"].between(0.1, 2.0).all()
     assert len({name.split()[1] for name in told["name"]}) >= 2  # what is told by one direction is not told twice
-    assert (run / "calibration" / "readings-to-take.png").is_file()
+    assert (run / "calibration" / "readings-to-take-2.png").is_file()

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
 from os import PathLike
 from pathlib import Path
 
@@ -160,6 +161,8 @@ def plan_readings(
 def save_plan(plan: ReadingPlan, run: str | PathLike[str]) -> tuple[Path, Path]:
     """Write the readings as a CSV to be filled in (column lux), and as a picture on the plan.
 
+    A file of an earlier plan that was filled in is kept; the new one then has a number behind its name.
+
     Parameters
     ----------
     plan : ReadingPlan
@@ -187,13 +190,29 @@ def save_plan(plan: ReadingPlan, run: str | PathLike[str]) -> tuple[Path, Path]:
     for index, axis in enumerate("xyz"):
         frame[f"n{axis}"] = plan.normals[:, index]
     frame["lux"] = ""
-    target = folder / f"{NAME}.csv"
+    name = _free_name(folder)
+    target = folder / f"{name}.csv"
     with writing(target, error=MapError):
         folder.mkdir(parents=True, exist_ok=True)
         write_whole(target, frame.to_csv(index=False, lineterminator="\n"))
     plan_view = floor_plan(room.scan, room.room)
-    pictures = save_figure(readings_figure(plan.positions, plan.normals, plan_view, room.lamps), folder, NAME)
+    pictures = save_figure(readings_figure(plan.positions, plan.normals, plan_view, room.lamps), folder, name)
     return target, next(path for path in pictures if path.suffix == ".png")
+
+
+def _free_name(folder: Path) -> str:
+    """The first name of a plan's files that holds no readings yet."""
+    names = (NAME if number == 1 else f"{NAME}-{number}" for number in count(1))
+    return next(name for name in names if not _is_filled_in(folder / f"{name}.csv"))
+
+
+def _is_filled_in(path: Path) -> bool:
+    """Whether somebody wrote into a plan's file: as it is made, every row ends with an empty cell."""
+    if not path.is_file():
+        return False
+    with writing(path, error=MapError):
+        rows = path.read_text(encoding="utf-8-sig", errors="replace").split("\n")[1:]
+    return any(row.strip() and not row.rstrip().endswith(",") for row in rows)
 
 
 def reachable_places(scan: Scan, room: Room, lamps: Sequence[Lamp], own: FloatArray) -> FloatArray:

@@ -338,6 +338,12 @@ def calibrated_covariance(
 def lost_calibration_note(section: CalibrationSection | None, run: Path, lamps: Sequence[str]) -> tuple[str, ...]:
     """A note where a calibration no longer holds for a map's uncertainty; parameters as of `calibrated_covariance`."""
     reason = calibrated_covariance(section, run, lamps)
+    if reason is None and section is not None and section.measured is not None:
+        return (
+            f"The map's uncertainty is stated as if the run had no readings, since {run.resolve().name} has no folder "
+            "'calibration' with what they told. The factors of [calibration] hold all the same. Where the run file was "
+            "renamed, copy that folder from the run of its former name, NAME.calibrated.run, and run it again.",
+        )
     if not isinstance(reason, str):
         return ()
     return (

@@ -69,7 +69,10 @@ def test_factors_changed_by_hand_and_files_of_earlier_versions_are_told(tmp_path
     assert lost_calibration_note(None, run, ["known"]) == ()
     (run / "calibration" / "calibration.json").unlink()
     (run / "calibration").rmdir()
-    assert lost_calibration_note(SECTION, run, ["known", "unknown"]) == ()
+    assert lost_calibration_note(SECTION, run, ["known", "unknown"]) == ()  # factors that somebody wrote
+    written = SECTION.model_copy(update={"measured": "lux.csv"})
+    (note,) = lost_calibration_note(written, run, ["known", "unknown"])
+    assert "copy that folder" in note
     assert (
         "earlier version" in lost_calibration_note(SECTION, run_folder(tmp_path, lamps=None), ["known", "unknown"])[0]
     )
