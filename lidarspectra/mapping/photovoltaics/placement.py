@@ -120,7 +120,7 @@ def tilted_mounts(positions: FloatArray, tilts_deg: Sequence[float], azimuths_de
 
 
 def wall_mounts(room: Room, heights_m: Sequence[float]) -> Mounts:
-    """Places on the room's walls, `WALL_SPACING_M` apart and facing into it; shorter walls have none.
+    """Places on the walls of all rooms, `WALL_SPACING_M` apart and facing into them; shorter walls have none.
 
     Parameters
     ----------
@@ -141,15 +141,16 @@ def wall_mounts(room: Room, heights_m: Sequence[float]) -> Mounts:
             where="walls",
         )
     positions, normals = [], []
-    for start, end in zip(room.outline, np.roll(room.outline, -1, axis=0), strict=True):
-        along = end - start
-        length = float(np.hypot(*along))
-        inward = np.array([-along[1], along[0], 0.0]) / max(length, 1e-9)  # the outline is counter-clockwise
-        count = int(length // WALL_SPACING_M)
-        for share in (np.arange(count) + 0.5) / max(count, 1):
-            for height in heights_m:
-                positions.append((*(start + share * along + OFF_WALL_M * inward[:2]), room.floor_z + height))
-                normals.append(inward)
+    for outline, floor_z in zip(room.outlines, (room.floor_z, *room.other_floor_z), strict=True):
+        for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+            along = end - start
+            length = float(np.hypot(*along))
+            inward = np.array([-along[1], along[0], 0.0]) / max(length, 1e-9)  # an outline is counter-clockwise
+            count = int(length // WALL_SPACING_M)
+            for share in (np.arange(count) + 0.5) / max(count, 1):
+                for height in heights_m:
+                    positions.append((*(start + share * along + OFF_WALL_M * inward[:2]), floor_z + height))
+                    normals.append(inward)
     if not positions:
         raise MapError(expected=f"a wall of {WALL_SPACING_M:g} m or more", found="none", where="walls of the room")
     found = np.array(positions)

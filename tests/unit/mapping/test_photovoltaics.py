@@ -27,7 +27,8 @@ from lidarspectra.mapping.photovoltaics.currents import (
 from lidarspectra.mapping.photovoltaics.figures import agreement_figure, currents_figure, curves_figure
 from lidarspectra.mapping.photovoltaics.fit_ahead import predict_ahead
 from lidarspectra.mapping.photovoltaics.from_sensor import current_from_channels
-from lidarspectra.mapping.photovoltaics.placement import RankedMounts, face_points, joined, tilted_mounts
+from lidarspectra.mapping.photovoltaics.placement import RankedMounts, face_points, joined, tilted_mounts, wall_mounts
+from lidarspectra.room.room import Room
 from lidarspectra.spectra.databases import lamp_spectrum
 from lidarspectra.spectra.spectrum import AS7265X_CENTERS_NM, Spectrum, sensor_bands
 from lidarspectra.workflow.applications import cells_of_run
@@ -246,6 +247,22 @@ def test_a_cell_in_a_run_is_lit_as_the_run_is_and_says_what_its_sensors_read(
     assert not any("slit" in note for note in notes)  # light is traced there, by the cosine
     order = cells_of_run.CurrentOrder(**here, area_cm2=36.0, hours=None, schedule=None, volt=None)
     assert "a slit" in cells_of_run.current_of_run(tmp_path, order)[0].attrs["notes"]
+
+
+def test_the_walls_of_every_room_are_tried_from_its_own_floor():
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    room = Room(
+        floor_z=0.0, ceiling_z=2.5, floor_area_m2=2.0, ceiling_area_m2=2.0, floor_confidence=1.0,
+        ceiling_confidence=1.0, wall_angle_deg=0.0, wall_confidence=1.0, walls=(), outline=square,
+        other_outlines=(square + [2.0, 0.0],), other_floor_z=(0.4,),
+    )  # fmt: skip
+    found = wall_mounts(room, (1.5,))
+    assert len(found) == 2 * 4 * 4
+    second = found.positions[:, 0] > 1.5
+    assert set(found.positions[second, 2].round(6)) == {1.9}
+    assert set(found.positions[~second, 2].round(6)) == {1.5}
+    into = np.where(second[:, None], [2.5, 0.5], [0.5, 0.5]) - found.positions[:, :2]
+    assert (np.einsum("md,md->m", into, found.normals[:, :2]) > 0).all()
 
 
 def test_apart_lamps_give_less_power_than_together():
