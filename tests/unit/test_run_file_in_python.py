@@ -200,3 +200,18 @@ def test_scenes_and_records_of_stages_tell_what_they_hold_and_a_scene_takes_a_fo
         versions={},
     )
     assert repr(record) == "<StageRecord 'scan', finished 2026-01-02T03:04:05+00:00 in 4.5 s: 54 triangles>"
+
+
+def test_a_room_is_copied_over_no_file_of_the_user_s(tmp_path: Path) -> None:
+    run_file = ls.copy_scene("box", tmp_path / "new")
+    assert ls.copy_scene("box", tmp_path / "new") == run_file
+    run_file.write_text("# mine\n", encoding="utf-8")
+    (tmp_path / "new" / "walls.csv").unlink()
+    with pytest.raises(ls.LidarSpectraError, match=r"room\.toml\), which may be yours"):
+        ls.copy_scene("box", tmp_path / "new")
+    assert run_file.read_text(encoding="utf-8") == "# mine\n"
+    assert not (tmp_path / "new" / "walls.csv").exists()
+    (tmp_path / "scan.ply").write_bytes(b"my scan")
+    with pytest.raises(ls.LidarSpectraError, match=r"scan\.ply"):
+        ls.copy_scene("box", tmp_path)
+    assert [path.name for path in sorted(tmp_path.iterdir())] == ["new", "scan.ply"]

@@ -1,6 +1,5 @@
 """The user's inputs: a run file, and the options of the call."""
 
-import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from os import PathLike
@@ -10,12 +9,13 @@ from typing import Any
 from lidarspectra.arguments import path_of
 from lidarspectra.config import RunFile, read_run_file, require_light
 from lidarspectra.errors import WorkspaceError
-from lidarspectra.io.files import writing
+from lidarspectra.io.files import hash_file, write_whole, writing
 from lidarspectra.spectra.databases import scenes_folder
 from lidarspectra.threads import cores_for
 from lidarspectra.workflow.run_folder.declared import Declared, declare
 from lidarspectra.workflow.run_folder.workspace import StageResult
 
+RUN_FILE = "room.toml"  # of every room that comes with the package
 RUN_FILE_MEANT = "a run file: the name of a TOML file as a str or a Path, or a RunFile"
 
 
@@ -110,7 +110,7 @@ def copy_scene(name: str, folder: str | PathLike[str]) -> Path:
     Raises
     ------
     WorkspaceError
-        If there is no such room, or the folder cannot be written.
+        If there is no such room, the folder cannot be written, or has another file of a name that the room needs.
     """
     folder = path_of(folder, name="folder")
     source = scenes_folder() / name
@@ -122,9 +122,23 @@ def copy_scene(name: str, folder: str | PathLike[str]) -> Path:
             where="copy_scene",
             todo="Take one of those, or run this from a checkout of the repository, which has more rooms in scenes/.",
         )
+    files = sorted(path for path in source.iterdir() if path.is_file())
     with writing(folder, todo="Name another one: lidarspectra demo DIR."):
         folder.mkdir(parents=True, exist_ok=True)
-        for path in sorted(source.iterdir()):
-            if path.is_file():
-                shutil.copyfile(path, folder / path.name)
-    return folder / "room.toml"
+        others = [path.name for path in files if _is_other(folder / path.name, path)]
+        if others:
+            raise WorkspaceError(
+                expected=f"a folder for the room '{name}', new or as it was copied",
+                found=f"another file of a name that it needs ({', '.join(others)}), which may be yours",
+                where=str(folder),
+                todo="Name another folder: lidarspectra demo DIR. A run file that you changed there is run by "
+                f"'lidarspectra run {folder / RUN_FILE}'.",
+            )
+        for path in files:
+            write_whole(folder / path.name, path.read_bytes())
+    return folder / RUN_FILE
+
+
+def _is_other(target: Path, source: Path) -> bool:
+    """Whether there is a file of another content."""
+    return target.exists() and (not target.is_file() or hash_file(target) != hash_file(source))
