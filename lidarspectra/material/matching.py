@@ -152,7 +152,8 @@ def _nearest(
     chosen = int((differences - CLASS_BONUS * likely).argmin())
     row = int(allowed[chosen])
     surface = library.rows[row]
-    scale = min(wanted[1] / library.xyz[row, 1], MAX_REFLECTANCE / surface.spectrum.values.max())
+    brightest = max(float(surface.spectrum.values.max()), DARKEST_Y)
+    scale = min(wanted[1] / max(float(library.xyz[row, 1]), DARKEST_Y), MAX_REFLECTANCE / brightest)
     near = allowed[np.argsort(differences, kind="stable")[:NEIGHBORS]]
     spread = np.std(library.values[near[:5]], axis=0) if near.size > 1 else np.zeros(COLOR_GRID_NM.size)
     return Match(

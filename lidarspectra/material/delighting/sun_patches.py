@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray
 from lidarspectra.geometry.rays import RayCaster
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.material.colors import saturated
 from lidarspectra.room.light_samples import LIFT_M, Samples
 
 HEIGHTS_DEG = np.arange(4.0, 76.0, 4.0)  # [deg] of the sun that are tried; higher ones light window sills only
@@ -67,9 +68,14 @@ class SunPatches:
         return np.isin(np.arange(len(scan.faces)), self.faces)
 
     def filled(self, values: FloatArray) -> FloatArray:
-        """(face, 3) positive values, those in the sun being the geometric mean of the same surface's out of it."""
+        """(face, 3) reflectances, those in the sun being the geometric mean of the same surface's out of it.
+
+        What shows no surface, as a highlight on the floor beside the sun, is no part of the mean.
+        """
         result = values.copy()
-        result[self.faces] = np.exp(np.log(values[self.like]).mean(axis=1))
+        shows = ~saturated(values)[self.like]
+        sums = (np.log(values[self.like]) * shows[:, :, None]).sum(axis=1)
+        result[self.faces] = np.exp(sums / np.maximum(shows.sum(axis=1), 1)[:, None])
         return result
 
     def widened(self, deviation: FloatArray) -> FloatArray:

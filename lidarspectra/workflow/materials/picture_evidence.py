@@ -376,7 +376,8 @@ def _lamp_cones(lamps: Sequence[Lamp]) -> FloatArray:
 def _sun_patches(lights: SeenLights, caster: RayCaster, places: _Places, screen: BoolArray) -> SunPatches:
     """Where the sun shines through windows, which what lies in a (face,) screen for the most part is not."""
     scan = lights.scan
-    brightness = np.where(lights.known, lights.shown.max(axis=1), 1.0)
+    cut = ~lights.known & scan.appearance.photographed
+    brightness = np.where(cut, 1.0, lights.shown.max(axis=1))
     panes = [
         source
         for source in places.sources

@@ -231,3 +231,13 @@ def test_the_stated_uncertainty_holds_and_is_not_idle_of_greys(library):
     assert within(2, rows[::8]) > 0.85
     # 68 % likewise; the covariance of surfaces near in colour holds 92 %
     assert 0.6 < within(1, rows[grey]) < 0.85
+
+
+def test_a_black_surface_of_the_users_is_the_nearest_of_black_and_is_not_scaled(library):
+    """There is nothing to scale: its spectrum became NaN, and the run ended in an error about arrays."""
+    black = replace(library.rows[0], id="black", matchable=True)
+    flat = Spectrum(wavelengths_nm=np.array([400.0, 700.0]), values=np.zeros(2))
+    rows = (replace(black, spectrum=flat), replace(library.find("cc-neutral-5"), matchable=True))
+    match = match_color(1e-3 * linear_srgb_to_xyz(np.ones(3)), replace(library, rows=rows), method="nearest")
+    assert match.nearest.id == "black"
+    assert match.spectrum.values.tolist() == [0.0, 0.0]

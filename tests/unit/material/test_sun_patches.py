@@ -78,6 +78,16 @@ def test_the_suns_direction_is_found_and_its_patch_gets_the_surface_around_it(
     assert patches.filled(reflectance)[got] == pytest.approx(0.3)
 
 
+def test_what_shows_no_surface_beside_the_sun_makes_its_patch_no_lighter(room: Scan, window: BoolArray) -> None:
+    """It is marked by a reflectance of 1, which counted in the mean of what lies around."""
+    way = toward(*SUN_DEG)
+    truth = sunlit(room, window, way)
+    patches = found(room, np.minimum(uneven(room) + SUN * truth, 1.0), window)
+    reflectance = np.where(np.arange(len(truth)) % 5 == 0, 1.0, 0.3)[:, None] * np.ones(3)
+    assert patches.faces.size
+    assert patches.filled(reflectance)[patches.faces] == pytest.approx(0.3)
+
+
 def test_a_hole_where_the_window_was_serves_as_well(room: Scan, window: BoolArray) -> None:
     way = toward(*SUN_DEG)
     truth = sunlit(room, window, way)[~window]
