@@ -441,12 +441,14 @@ def is_of_stages_before(run: Path, record: StageRecord) -> bool:
     """Whether a stage was made from the stages before it as they are now.
 
     It was not where the run file was changed and the run ended before this stage: at Ctrl-C, at an error, or since
-    it was asked for no more ('lidarspectra scene'). Records of early versions do not tell, and are trusted.
+    it was asked for no more ('lidarspectra scene'). Records of early versions do not tell, and are trusted; a stage
+    before it that is not there, as of a user who needed the space, contradicts nothing.
     """
-    made_from = record.settings.get("stages")
-    for name, used in made_from.items() if isinstance(made_from, dict) else ():
-        source = parse_record(stage_folder(run, name))
-        if source is None or used not in (source.outputs, hash_files(stage_folder(run, name))):
+    found = record.settings.get("stages")
+    made_from = found if isinstance(found, dict) else {}
+    for stage in STAGES:
+        source = parse_record(stage_folder(run, stage)) if stage in made_from else None
+        if source is not None and made_from[stage] not in (source.outputs, hash_files(stage_folder(run, stage))):
             return False
     return True
 
