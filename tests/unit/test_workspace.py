@@ -20,6 +20,7 @@ from lidarspectra.workflow.run_folder import code_version
 from lidarspectra.workflow.run_folder.code_version import CODE
 from lidarspectra.workflow.run_folder.workspace import (
     LOCK_FILE,
+    MARKER_FILE,
     Notes,
     Stage,
     StageResult,
@@ -85,6 +86,26 @@ def test_a_result_that_a_later_run_replaced_is_refused_and_one_that_was_read_bef
     assert (first.value, second.value) == ("first", "second")
     with pytest.raises(WorkspaceError, match="that of a later run"):
         _ = late.value
+
+
+def test_a_new_result_takes_its_place_where_the_old_one_cannot_be_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on NFS while a notebook has a file of the old one open; the next run removes what was left."""
+    run_scan(tmp_path / "run", Maker("first"), {"flux": 1})
+    remove = shutil.rmtree
+
+    def refuse(folder: Path, *, ignore_errors: bool = False) -> None:
+        if not ignore_errors:
+            raise OSError(errno.ENOTEMPTY, os.strerror(errno.ENOTEMPTY), str(folder))
+
+    monkeypatch.setattr(shutil, "rmtree", refuse)
+    for number, text in ((2, "second"), (3, "third")):
+        assert run_scan(tmp_path / "run", Maker(text), {"flux": number}).value == text
+    monkeypatch.setattr(shutil, "rmtree", remove)
+    last = run_scan(tmp_path / "run", Maker("another"), {"flux": 3})
+    assert (last.was_fresh, last.value) == (True, "third")
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["1-scan", MARKER_FILE]
 
 
 def test_a_result_goes_to_another_process(tmp_path: Path) -> None:

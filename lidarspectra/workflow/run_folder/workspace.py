@@ -19,6 +19,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from itertools import count
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Any, Generic, Literal, Self, TypeVar, get_args
@@ -35,6 +36,7 @@ STAGES: tuple[StageName, ...] = get_args(StageName)
 RECORD_FILE = "stage.json"
 LOCK_FILE = "run.lock"
 MARKER_FILE = "lidarspectra-run.json"
+REPLACED = ".replaced"  # behind the name of a stage's folder, while a new one takes its place
 FORMAT = 1  # version of the run folder; changing it makes every stage stale
 
 Result = TypeVar("Result")
@@ -331,8 +333,7 @@ class Workspace:
                     pace=paced.pace(),
                 )
                 write_json(partial / RECORD_FILE, asdict(record))
-                _remove(folder)
-                partial.rename(folder)
+                _replace(folder, partial)
         except MemoryError as cause:
             raise WorkspaceError(
                 expected=f"enough memory for the stage '{stage.name}'",
@@ -365,6 +366,8 @@ class Workspace:
         for stage in STAGES:
             folder = self.stage_folder(stage)
             _remove(folder.with_name(f"{folder.name}.partial"))
+            for replaced in self.folder.glob(f"{folder.name}{REPLACED}-*"):
+                shutil.rmtree(replaced, ignore_errors=True)
 
 
 def refuse_other_folder(folder: Path) -> None:
@@ -557,6 +560,20 @@ def _marker() -> dict[str, Any]:
 def _remove(folder: Path) -> None:
     if folder.exists():
         shutil.rmtree(folder)
+
+
+def _replace(folder: Path, new: Path) -> None:
+    """Put a new folder in the place of one that may be there.
+
+    The old one is moved away first: where somebody has a file in it open, NFS does not let it be removed, and what took
+    an hour to make would be lost for that.
+    """
+    names = (folder.with_name(f"{folder.name}{REPLACED}-{number}") for number in count(1))
+    old = next(name for name in names if not name.exists())
+    if folder.exists():
+        folder.rename(old)
+    new.rename(folder)
+    shutil.rmtree(old, ignore_errors=True)  # leftovers are removed by a later run
 
 
 def made_folder(folder: Path) -> Path:
