@@ -20,9 +20,10 @@ from lidarspectra.mapping.photovoltaics.currents import (
     cut_lamps,
     maximum_power,
     power_held,
+    response_beyond,
 )
 from lidarspectra.spectra.spectrum import Spectrum
-from lidarspectra.words import counted
+from lidarspectra.words import counted, two_digits
 
 COULOMB_PER_MAH = 3.6  # [C/mAh]
 JOULE_PER_MWH = 3.6  # [J/mWh]
@@ -134,9 +135,11 @@ def _notes(cell: Cell, scale: float, fluxes: Mapping[str, Spectrum]) -> list[str
     notes = list(cell.notes(scale))
     cut = cut_lamps(fluxes, cell)
     if cut:
+        missed = 100.0 * max(response_beyond(cell, fluxes[name].range_nm[1]) for name in cut)
         notes.append(
             f"The spectrum of {', '.join(cut)} ends where it is still bright and '{cell.name}' still responds, so that "
-            "the current is underestimated. Give a spectrum that covers the cell's whole range."
+            f"the current is underestimated: {two_digits(missed)} % of the cell's response lies beyond. Give a "
+            "spectrum that covers the cell's whole range."
         )
     return notes
 

@@ -112,6 +112,13 @@ def cut_lamps(fluxes: Mapping[str, Spectrum], cell: Cell) -> tuple[str, ...]:
     )
 
 
+def response_beyond(cell: Cell, wavelength_nm: float) -> float:
+    """Share of a cell's response, ∫ S dλ, at wavelengths longer than this [1]."""
+    grid, response = cell.responsivity.wavelengths_nm, cell.responsivity.values
+    whole = float(np.trapezoid(response, grid))
+    return float(np.trapezoid(np.where(grid > wavelength_nm, response, 0.0), grid)) / whole
+
+
 def maximum_power(density: ArrayLike, circuit: Circuit) -> FloatArray:
     """Power at the maximum power point of a single-diode cell, by pvlib.
 

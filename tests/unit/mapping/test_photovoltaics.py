@@ -22,6 +22,7 @@ from lidarspectra.mapping.photovoltaics.currents import (
     photocurrent,
     photocurrent_density,
     power_held,
+    response_beyond,
     unknown_share,
 )
 from lidarspectra.mapping.photovoltaics.figures import agreement_figure, currents_figure, curves_figure
@@ -170,6 +171,10 @@ def test_a_lamp_that_ends_in_full_light_is_named():
     short = Cell(name="short", words="", category="", provenance="assigned", quantity="efficiency",
                  efficiency=Spectrum(wavelengths_nm=[400.0, 700.0], values=[0.5, 0.5]))  # fmt: skip
     assert cut_lamps(lamps, short) == ()
+    even = Cell(name="even", words="", category="", provenance="assigned", quantity="efficiency",
+                efficiency=Spectrum(wavelengths_nm=[400.0, 1000.0], values=[0.5, 0.5]))  # fmt: skip
+    assert response_beyond(even, 800.0) == pytest.approx((1000**2 - 800**2) / (1000**2 - 400**2), abs=2e-3)  # ∫λ dλ
+    assert response_beyond(even, 1000.0) == 0.0
 
 
 def test_a_day_s_charge_is_current_times_time(make_transport, lamps):
