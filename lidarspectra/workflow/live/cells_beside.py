@@ -1,5 +1,6 @@
 """Fitted cells beside the sensors of a run kept live: their counts and currents of now, in a file that grows."""
 
+import csv
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO
@@ -104,7 +105,7 @@ class CellsBeside:
                 dark, each = saved.circuit.dark_count, saved.circuit.ampere_per_count
                 ampere = [f"{(count - dark) * each:.6g}", f"{spread * each:.6g}"]
             cells = [f"{arrival.unix_s:.3f}", arrival.sensor, saved.name, f"{count:.6g}", f"{spread:.6g}", *ampere]
-            self._write(",".join([*cells, str(int(outside))]))
+            self._write([*cells, str(int(outside))])
             if outside:
                 self._say_once(
                     f"{saved.name}@{arrival.sensor}",
@@ -124,13 +125,16 @@ class CellsBeside:
         if self._file is not None:
             self._file.close()
 
-    def _write(self, line: str) -> None:
+    def _write(self, cells: Sequence[str]) -> None:
+        """Add a row; names may have commas."""
         with writing(self._path, error=ReadingError):
             if self._file is None:
                 self._path.parent.mkdir(parents=True, exist_ok=True)
-                is_new = self._is_recording or not self._path.exists()
-                self._file = self._path.open("w" if is_new else "a", encoding="utf-8", newline="\n")
-                if is_new:
+                before = b"" if self._is_recording or not self._path.exists() else self._path.read_bytes()[-1:]
+                self._file = self._path.open("a" if before else "w", encoding="utf-8", newline="\n")
+                if not before:
                     self._file.write(",".join(COLUMNS) + "\n")
-            self._file.write(line + "\n")
+                elif before != b"\n":  # what a power cut left of a row stays a broken row of its own
+                    self._file.write("\n")
+            csv.writer(self._file, lineterminator="\n").writerow(cells)
             self._file.flush()

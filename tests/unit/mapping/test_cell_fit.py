@@ -254,21 +254,28 @@ def test_a_live_cell_is_kept_reading_by_reading(tmp_path: Path) -> None:
     path = tmp_path / "fit.json"
     save_fit(SavedFit(fit=fit, name="mine", signal="irradiance", calibration="desk", circuit=CIRCUIT), path)
     told: list[Notice] = []
-    beside = CellsBeside([f"{path}@desk"], ["desk", "door"], tmp_path)
+    beside = CellsBeside([f"{path}@desk, left"], ["desk, left", "door"], tmp_path)
     for row in (light[0], light[1], 9.0 * light[2] + 5.0 * (np.arange(18) == 3)):
         values = dict(zip(CHANNEL_LABELS, row.tolist(), strict=True))
-        beside.take(Arrival(sensor="desk", values=values, unix_s=1.7e9), told.append)
+        beside.take(Arrival(sensor="desk, left", values=values, unix_s=1.7e9), told.append)
         beside.take(Arrival(sensor="door", values=values, unix_s=1.7e9), told.append)
     beside.close()
     kept = pd.read_csv(tmp_path / "cells.csv")
+    assert kept["sensor"].tolist() == ["desk, left"] * 3
     np.testing.assert_allclose(kept["count"][:2], fit.counts(light[:2])[0], rtol=1e-4)
     assert kept["outside"].tolist() == [0, 0, 1]
     assert len(told) == 1
     few = dict.fromkeys(CHANNEL_LABELS[:14], 1.0)
     for _ in range(2):  # a run of 14 channels may ask no more of its sensors
-        beside.take(Arrival(sensor="desk", values=few, unix_s=1.7e9), told.append)
+        beside.take(Arrival(sensor="desk, left", values=few, unix_s=1.7e9), told.append)
     assert len(told) == 2
     assert "810, 860, 900, 940" in told[1].text
+    with (tmp_path / "cells.csv").open("a", encoding="utf-8") as file:
+        file.write("1700000000.0,de")  # cut by a power failure
+    later = CellsBeside([f"{path}@door"], ["door"], tmp_path)
+    later.take(Arrival(sensor="door", values=values, unix_s=1.7e9 + 60.0), told.append)
+    later.close()
+    assert (tmp_path / "cells.csv").read_text(encoding="utf-8").splitlines()[-1].startswith("1700000060.000,door,mine,")
     with pytest.raises(LidarSpectraError, match="desk"):
         CellsBeside([f"{path}@lamp"], ["desk"], tmp_path)
 
