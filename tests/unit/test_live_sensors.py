@@ -11,6 +11,7 @@ import pytest
 from lidarspectra.errors import LidarSpectraError, ReadingError
 from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
 from lidarspectra.hardware.incoming.arrivals import Arrival, Notice
+from lidarspectra.hardware.incoming.gathering import gather
 from lidarspectra.hardware.incoming.growing_log import GrowingLog
 from lidarspectra.mapping.present_light.model import LampKnowledge, SensorModel
 from lidarspectra.mapping.present_light.now import LitRoom, PresentAnswer, PresentLight
@@ -202,6 +203,25 @@ class Given:
             put(item)
         while not stop():
             time.sleep(0.01)
+
+
+def test_a_source_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None:
+    class Failing(Given):
+        def run(self, put: object, stop: object) -> None:
+            raise PermissionError(13, "Permission denied", "desk.recorder.csv")
+
+    heard: list[Arrival] = []
+    told: list[Notice] = []
+    gather(
+        [Failing([]), Given([Arrival(sensor="a", values={"lux": 1.0})])],
+        ArrivalLog(tmp_path),
+        stop=lambda: bool(heard and told),
+        on_arrival=heard.append,
+        on_notice=told.append,
+    )
+    assert [arrival.sensor for arrival in heard] == ["a"]
+    (notice,) = told
+    assert "Permission denied: 'desk.recorder.csv'. It gives no readings any more" in notice.text
 
 
 def test_a_session_logs_every_reading_and_answers_with_the_latest(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Sequence
 
+from lidarspectra.errors import LidarSpectraError
 from lidarspectra.hardware.incoming.arrival_log import ArrivalLog
 from lidarspectra.hardware.incoming.arrivals import Arrival, Inbox, Notice, Source, Stop
 
@@ -41,7 +42,17 @@ def gather(
         If readings cannot be written to disk.
     """
     inbox, ended = Inbox(), threading.Event()
-    threads = [threading.Thread(target=source.run, args=(inbox.put, ended.is_set), daemon=True) for source in sources]
+
+    def run(source: Source) -> None:
+        try:
+            source.run(inbox.put, ended.is_set)
+        except Exception as fault:  # noqa: BLE001 - whatever ends one source ends no recording of the others
+            words = str(fault) if isinstance(fault, LidarSpectraError) else f"{type(fault).__name__}: {fault}"
+            inbox.put(
+                Notice(source=source.name, text=f"{words} It gives no readings any more: mend that, and begin anew.")
+            )
+
+    threads = [threading.Thread(target=run, args=(source,), daemon=True) for source in sources]
     for thread in threads:
         thread.start()
     try:
