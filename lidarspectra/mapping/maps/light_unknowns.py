@@ -78,20 +78,20 @@ class LightUnknowns:
         """Number of lamps."""
         return len(self.covariance) - len(self.slope)
 
-    def with_given_fluxes(self, lamps: IntArray, deviation: float) -> "LightUnknowns":
+    def with_given_fluxes(self, lamps: IntArray, given: FloatArray) -> "LightUnknowns":
         """The same where the fluxes of some lamps are given anew, whatever guess or readings told of the former ones.
 
         Parameters
         ----------
         lamps : (some,) int
             Rows of the covariance.
-        deviation : float
-            Of each one's logarithm; they err each by itself. [1]
+        given : (some, some) float
+            Covariance of their logarithms; with all else they have none in common. [1]
         """
         covariance = self.covariance.copy()
         covariance[lamps] = 0.0
         covariance[:, lamps] = 0.0
-        covariance[lamps, lamps] = deviation**2
+        covariance[np.ix_(lamps, lamps)] = given
         return replace(self, covariance=covariance)
 
     def off_by_spectra(self, by_lamp: FloatArray) -> FloatArray:

@@ -10,10 +10,11 @@ import numpy as np
 import xarray as xr
 
 from lidarspectra.arguments import all_of, number_of, path_of
+from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LampError
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.mapping.calibration.model import FLUX_SD
+from lidarspectra.mapping.calibration.model import FLUX_SD, SHEET_ALIKE
 from lidarspectra.mapping.maps.assumptions import mark_assumed
 from lidarspectra.mapping.maps.light_unknowns import load_unknowns
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, save_map, save_map_table
@@ -120,8 +121,9 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
     map_folder = current_stage(run, "map")
     unknowns = None if map_folder is None else load_unknowns(map_folder)
     if unknowns is not None:
-        rows = np.flatnonzero(np.isin(transport["lamp"].to_numpy().astype(str), given))
-        unknowns = unknowns.with_given_fluxes(rows, FLUX_SD)
+        traced = [str(name) for name in transport["lamp"].to_numpy()]
+        rows = np.array([traced.index(order.lamp) for order in orders if order.lamp in given], dtype=np.int64)
+        unknowns = unknowns.with_given_fluxes(rows, _covariance([order for order in orders if order.lamp in given]))
         recoloured = [order.lamp for order in orders if order.spectrum is not None]
         unknowns = unknowns.with_given_spectra(
             np.flatnonzero(np.isin(transport["lamp"].to_numpy().astype(str), recoloured))
@@ -140,6 +142,14 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
         lamps=tuple(lamps.values()),
         lamps_now=tuple((now[name].name, luminous_flux_lm(now[name]), dims[name]) for name in lamps),
     )
+
+
+def _covariance(orders: Sequence[LampOrder]) -> FloatArray:
+    """(order, order) of the logarithms of fluxes that are given: those of one data sheet err in part alike."""
+    sheets = [(order.luminous_flux_lm, order.spectrum) for order in orders]
+    alike = np.array([[SHEET_ALIKE * (one == other) for other in sheets] for one in sheets]).reshape(2 * [len(sheets)])
+    np.fill_diagonal(alike, 1.0)
+    return np.asarray(FLUX_SD**2 * alike, dtype=np.float64)
 
 
 def orders_by_lamp(orders: Sequence[LampOrder], names: Sequence[str]) -> tuple[LampOrder, ...]:

@@ -181,13 +181,18 @@ def test_lumens_that_are_given_anew_are_known_as_those_of_a_data_sheet(exact, la
     ):
         light = relighting.relight_run("run", [order, off])
         np.testing.assert_allclose(light["irradiance_sd"] / light["irradiance"], wanted, rtol=1e-6)
-    both = relighting.relight_run("run", [LampOrder(lamp="*", luminous_flux_lm=1e3)])
+    as_one = relighting.relight_run("run", [LampOrder(lamp="*", luminous_flux_lm=1e3)])  # by one data sheet
+    both = relighting.relight_run(
+        "run", [LampOrder(lamp=lamp.name, luminous_flux_lm=lm) for lamp, lm in zip(lamps, (1e3, 1.0001e3), strict=True)]
+    )
     alone = [
         relighting.relight_run("run", [LampOrder(lamp=lamp.name, luminous_flux_lm=1e3), LampOrder(lamp="*", dim=0.0)])
         for lamp in lamps
     ]
     apart = np.sqrt(alone[0]["irradiance_sd"] ** 2 + alone[1]["irradiance_sd"] ** 2)
-    np.testing.assert_allclose(both["irradiance_sd"], apart, rtol=1e-6)
+    np.testing.assert_allclose(both["irradiance_sd"], apart, rtol=1e-3)
+    in_common = 2.0 * 0.5 * alone[0]["irradiance_sd"] * alone[1]["irradiance_sd"]
+    np.testing.assert_allclose(as_one["irradiance_sd"], np.sqrt(apart**2 + in_common), rtol=1e-6)
 
 
 def test_a_spectrum_that_is_given_anew_is_no_guess_any_more(exact, lamps, monkeypatch):
