@@ -48,9 +48,8 @@ def gather(
             source.run(inbox.put, ended.is_set)
         except Exception as fault:  # noqa: BLE001 - whatever ends one source ends no recording of the others
             words = str(fault) if isinstance(fault, LidarSpectraError) else f"{type(fault).__name__}: {fault}"
-            inbox.put(
-                Notice(source=source.name, text=f"{words} It gives no readings any more: mend that, and begin anew.")
-            )
+            todo = "It gives no readings any more: mend that, and begin anew."
+            inbox.put(Notice(source=source.name, text=f"{words.rstrip('.')}. {todo}"))
 
     threads = [threading.Thread(target=run, args=(source,), daemon=True) for source in sources]
     for thread in threads:
