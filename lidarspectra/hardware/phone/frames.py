@@ -421,8 +421,14 @@ def gathered(names: Iterable[str], read: Callable[[str], Frame]) -> tuple[tuple[
 
 
 def without_jumps(frames: Sequence[Frame]) -> tuple[tuple[Frame, ...], tuple[LeftOut, ...]]:
-    """Leave out frames whose pose jumped away from those before and after, which lie near each other."""
+    """Leave out frames whose pose jumped away from those before and after, which lie near each other.
+
+    The first and the last, if alone, are left out as well: of more, nothing but the mesh says which are wrong.
+    """
     jumped: set[int] = set()
+    for end, next_one, third in ((0, 1, 2), (-1, -2, -3)) if len(frames) > 2 else ():
+        if _jumps(frames[end], frames[next_one]) and not _jumps(frames[next_one], frames[third]):
+            jumped.add(end % len(frames))
     number = 1
     while number < len(frames) - 1:
         count = _jumped_together(frames, number)

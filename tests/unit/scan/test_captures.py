@@ -258,6 +258,9 @@ def walked(*positions_m: float, step_s: float = 0.5) -> list[Frame]:
         ((0.0, 0.1, 1.7, 0.3, 0.4), ["2"]),  # 3 m/s, which a floor that is looked down upon does not tell by its depth
         ((0.0, 0.1, 1.7, 1.8, 0.4, 0.5), ["2", "3"]),  # two that were shifted alike
         ((0.0, 0.1, 1.7, 0.3, 0.4, 1.9, 0.6), ["2", "5"]),
+        ((1.7, 0.0, 0.1, 0.2, 0.3), ["0"]),
+        ((0.0, 0.1, 0.2, 0.3, 1.9), ["4"]),
+        ((0.0, 1.7), []),  # which of two is wrong, nothing tells
         ((0.0, 0.6, 1.2, 0.6, 0.0), []),  # quick steps, and an arm that swings back
         ((0.0, 0.1, 3.0, 3.1, 3.2), []),  # somebody who began anew there: the mesh says which of them are wrong
     ],
