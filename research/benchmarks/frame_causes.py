@@ -33,7 +33,7 @@ from lidarspectra.workflow.materials import picture_evidence
 from lidarspectra.workflow.materials.delighting import take_light_out
 from research.benchmarks.blended_texture import blended, compensated
 from research.benchmarks.delighting import Case, read_case, true_colors
-from research.benchmarks.frames import with_true_radiance
+from research.benchmarks.frames import with_true_radiance, without_colors
 from research.scenes.frames import FRAMES
 
 LARGE_M2 = 0.5  # [m²] a window is larger; paper on a desk that all frames show cut at white is not
@@ -76,7 +76,7 @@ def causes(folder: Path, *, surfaces: bool) -> None:
     """Print a scan's rows."""
     case = read_case(folder)
     frames = tuple(frame.moved(upright_rotation("+y")) for frame in read_capture(folder / FRAMES).frames)
-    colors = color_from_frames(case.scan, frames)
+    colors = color_from_frames(without_colors(case.scan), frames)
     seen = surface_colors(case.scan)[1] & colors.face_seen
     print(f"{folder.name:18s} {radiance_words(case, colors, seen)}", flush=True)
     _row(case, case.scan, seen, "texture", surfaces=surfaces)

@@ -125,7 +125,9 @@ def mean_line(group: str, scans: Sequence[dict[str, Measured]]) -> str:
         words = []
         for kind in SHOWN:
             values = [column.of(rows[kind]) for rows in scans if kind in rows]
-            if values:
+            if np.isnan(values).any():
+                words.append("-")
+            elif values:
                 deviation = float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
                 spread = in_words(deviation, column.form.replace("+", ""))
                 words.append(f"{in_words(float(np.mean(values)), column.form)} ± {spread}")

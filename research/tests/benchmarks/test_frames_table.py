@@ -34,6 +34,7 @@ def test_the_goal_is_held_by_every_seed_and_the_ratio_is_each_scans_own() -> Non
     assert cells(mean_line("office-night", scans))[:3] == [
         "**office-night**", ".020 ± .014, .010 ± .000", "+.000 ± .000, -.001 ± .021",
     ]  # fmt: skip
+    assert cells(mean_line("office-night", scans))[3] == "-, -"  # no map was made
     assert cells(goal_line("office-night", scans)) == [
         "office-night",
         "-.016: missed",
