@@ -23,6 +23,9 @@ OUTLIER_DEVIATIONS = 3.0  # [1] robust standard deviations from the segment's me
 MIN_DEVIATION = 2.0  # [1] L*a*b* units, floor of the robust deviation: differences below it are not seen
 MAD_TO_SIGMA = 1.4826  # [1] standard deviation of a normal law over its median absolute deviation
 GOOD_RESIDUAL = 1.5  # [1] L*a*b* units, rms: enough primary colours (a difference hardly noticed side by side)
+# [1] L*a*b* units from its primary colour, that more than this share of the area may not be: a ceiling of a few m² is
+# hidden in the rms of a room of white tiles
+FAR, MAX_FAR_SHARE = 2.5, 0.1
 CLUSTER_POINTS = 8_000  # points that K-means is run on; more change its centres by less than that difference
 CLUSTER_STARTS = 2  # K-means restarts; the best is kept
 CLUSTER_TOLERANCE = 1e-3  # [1] of the points' variance, the shift of centres at which K-means stops
@@ -138,8 +141,8 @@ def weighted_median(values: FloatArray, weights: FloatArray) -> FloatArray:
 def primary_colors(lab: FloatArray, weights: FloatArray, *, most: int, random: np.random.Generator) -> PrimaryColors:
     """Primary colours by weighted K-means, J(C) = sum over k, i in C_k of w_i |p_i - mu_k|² (paper, Eq. 1).
 
-    The number of colours is the data's: K grows until the rms distance to the centres is below `GOOD_RESIDUAL`, or K
-    reaches `most`.
+    The number of colours is the data's: K grows until the rms distance to the centres is below `GOOD_RESIDUAL` and
+    hardly anything is farther than `FAR` off, or K reaches `most`.
 
     Parameters
     ----------
@@ -169,7 +172,8 @@ def primary_colors(lab: FloatArray, weights: FloatArray, *, most: int, random: n
         ).centers
         distance = np.linalg.norm(points[:, None] - centers[None], axis=2).min(axis=1)
         residual = float(np.sqrt(np.average(distance**2, weights=mass)))
-        if residual <= GOOD_RESIDUAL or count >= min(most, distinct):
+        good = residual <= GOOD_RESIDUAL and np.average(distance > FAR, weights=mass) <= MAX_FAR_SHARE
+        if good or count >= min(most, distinct):
             break
         count = min(int(np.ceil(count * GROWTH)), most)
     nearest = np.linalg.norm(lab[:, None] - centers[None], axis=2).argmin(axis=1)

@@ -92,6 +92,14 @@ def test_two_whites_that_differ_as_walls_and_ceilings_do_are_two():
     assert np.allclose(found.lab, whites)
 
 
+def test_a_white_ceiling_is_not_hidden_among_white_tiles_of_six_times_its_area():
+    generator = np.random.default_rng(0)
+    lightness = np.where(np.arange(700) < 600, 90.7, 94.2) + 0.3 * generator.standard_normal(700)
+    lab = np.column_stack([lightness, np.full(700, -0.3), np.full(700, 1.6)])
+    found = primary_colors(lab, np.ones(700), most=24, random=np.random.default_rng(0))
+    assert sorted(found.lab[:, 0]) == pytest.approx([90.7, 94.2], abs=0.2)  # one at 91.2 has an rms of 1.26
+
+
 def test_k_stops_at_the_users_limit_and_at_the_number_of_distinct_colors():
     lab = np.random.default_rng(1).uniform(0, 100, (500, 3))
     assert len(primary_colors(lab, np.ones(500), most=5, random=np.random.default_rng(0)).lab) == 5
