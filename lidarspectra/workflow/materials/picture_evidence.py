@@ -310,7 +310,7 @@ def _evidence(
     """The evidence, with surfaces grouped by place and (sample, 3) colour as they are shown."""
     scan, lamps, samples, sources = lights.scan, lights.lamps, places.samples, places.sources
     unsure = np.hypot(shadow_edges_of(samples, places.coefficients), spread_of_views(scan)[samples.face])
-    cones = _lamp_cones(lamps)
+    cones = lamp_cones(lamps)
     return LightEvidence(
         shown=colors,
         direct=places.coefficients[:, :, None] * cones[:, None, :],
@@ -366,7 +366,7 @@ def _closed(exchange: csr_array) -> csr_array:
     return csr_array((inside.data, inside.indices, inside.indptr), shape=exchange.shape)
 
 
-def _lamp_cones(lamps: Sequence[Lamp]) -> FloatArray:
+def lamp_cones(lamps: Sequence[Lamp]) -> FloatArray:
     """(lamp, 3) flux in cones."""
     daylight, weights = lamp_spectrum("D65").spectrum, tristimulus_table()
     cones = [cones_of_light(lamp.flux, daylight, COLOR_GRID_NM, weights) for lamp in lamps]
