@@ -76,11 +76,15 @@ from lidarspectra.workflow.materials.picture_evidence import (
     SeenLights,
     faces_of,
     gather_evidence,
+    lamp_cones,
 )
 
 LONGEST_EDGE_M = 0.45  # [m] of a face, up to which its mean colour is taken for what its middle shows
 SCATTERED_RANGE = (REFLECTANCE_RANGE[0], 2.0)  # [1] of single faces, whose light is uncertain
 MIN_PHOTOGRAPHED = 0.2  # [1] least share of the area whose colour shows light; the rest was drawn by a program
+# [1] of the cone that the lamps light most, that they must light each with; high-pressure sodium lamps have .07.
+# Sharpened cones of one wavelength alone may even be below 0.
+MIN_OF_CONES = 0.02
 MIN_WITNESSES = 16  # least independent places, over twice the number of unknowns
 MAX_PAINT_SHARE = 0.05  # [1] of the area: what paint sends that is cut is known to half, so that others err by 2.5 %
 HALF = 0.5  # [1] of a large face's parts, that are of a paint for it to be
@@ -223,6 +227,12 @@ def _out_of(
     lights = SeenLights.of(scan, lamps)
     if not lights.lamps and not lights.sources:
         return _left_in("no lamps are known. Give the lamps that were lit as [[lamps]] in the run file.")
+    cones = lamp_cones(lights.lamps).sum(axis=0)
+    if not lights.sources and cones.min() < MIN_OF_CONES * cones.max():
+        return _left_in(
+            "the lamps' light is of nearly one colour, so that the picture does not tell what surfaces reflect of the "
+            "others. Scan again in white light, or assign materials by hand."
+        )
     picture = gather_evidence(
         lights, room, cards=cards, screens=screens, records=records,
         engine=engine, workers=workers, progress=gathering,

@@ -9,10 +9,12 @@ import pytest
 from lidarspectra.geometry.scan import bare_scan
 from lidarspectra.geometry.small_faces import small_faces
 from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.make_lamp import make_lamp
 from lidarspectra.lamps.shapes import Strip
 from lidarspectra.material.delighting.albedo import MAX_STEPS, fit_light
+from lidarspectra.room.room import find_room
 from lidarspectra.spectra.spectrum import Spectrum
-from lidarspectra.workflow.materials import light_rounds
+from lidarspectra.workflow.materials import delighting, light_rounds
 from lidarspectra.workflow.materials.delighting import Delighting
 from lidarspectra.workflow.materials.delighting_notes import (
     fit_in_words,
@@ -23,6 +25,7 @@ from lidarspectra.workflow.materials.delighting_notes import (
 from lidarspectra.workflow.materials.delighting_samples import near_lamps
 from lidarspectra.workflow.materials.light_rounds import STRAY_LIGHT, _neutral, _unsure, _whites, fit_in_rounds
 
+from .conftest import box_scan
 from .lit_walls import evidence
 
 STRIP = Lamp(
@@ -124,3 +127,24 @@ def test_what_is_stated_of_the_light_is_wider_where_the_fit_is_less_sure() -> No
     unsure = replace(fit, log_deviation=3.0 * fit.log_deviation)
     assert stated_light(unsure) == pytest.approx(3.0 * stated_light(fit))
     assert f"uncertain by {100 * np.median(stated_light(unsure)):.0f} %" in fit_in_words(unsure)
+
+
+@pytest.mark.parametrize(("spectrum", "told"), [("LPS", False), ("HPS", True)])
+def test_light_of_one_colour_alone_tells_no_reflectances(
+    spectrum: str, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A low-pressure sodium lamp has a response below 0 in one cone, of which no exposure can be told."""
+    scan, _ = box_scan(cells=4)
+    lamp = make_lamp("panel", (2.0, 1.5, 2.3), name="lamp", size=0.5, spectrum=spectrum, luminous_flux_lm=2000)
+
+    def gather(*_: object, **__: object) -> None:
+        raise InterruptedError
+
+    monkeypatch.setattr(delighting, "gather_evidence", gather)
+    if told:
+        with pytest.raises(InterruptedError):
+            delighting.take_light_out(scan, find_room(scan), [lamp])
+    else:
+        found = delighting.take_light_out(scan, find_room(scan), [lamp])
+        assert found.face_color is None
+        assert "nearly one colour" in found.warnings[0]
