@@ -105,11 +105,15 @@ class BrightPatch:
         [m²]
     reason : str
         Why it is none.
+    may_be_lamp : bool
+        Whether it hangs below the ceiling and lacks contrast alone, which a picture cut at white cannot show before a
+        bright ceiling.
     """
 
     center: FloatArray
     area_m2: float
     reason: str
+    may_be_lamp: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -242,7 +246,11 @@ def _lamp_or_not(
     reason = lit.fault(demands)
     if reason is not None:
         center = survey.frame.to_room(middle, lit.height_m)[0]
-        return BrightPatch(center=center, area_m2=lit.area_m2, reason=reason)
+        hangs = survey.kind == "ceiling" and lit.height_m > FLUSH_M
+        but_contrast = replace(demands, contrast=IN_BRIGHT_PAINT.contrast)
+        return BrightPatch(
+            center=center, area_m2=lit.area_m2, reason=reason, may_be_lamp=hangs and lit.fault(but_contrast) is None
+        )
     around = grown(patch, 1.2 * CLEARANCE_M / picture.pixel_m) & picture.seen
     heights = picture.height[around]
     # The clearance counts from the highest bump of the mesh beside the lamp, so that none of them shades it. Around a

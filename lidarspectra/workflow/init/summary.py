@@ -2,7 +2,7 @@
 
 import shlex
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from lidarspectra.errors import SensorError
 from lidarspectra.geometry.scan import ScanRecord
 from lidarspectra.hardware.phone.orientation import AXIS_UNCERTAIN, METRES_PER_UNIT, UNIT_UNCERTAIN
 from lidarspectra.material.delighting.unknown_light import UnknownSource
-from lidarspectra.material.lit_lamps.lit_lamps import LampSearch, LitLamp
+from lidarspectra.material.lit_lamps.lit_lamps import BrightPatch, LampSearch, LitLamp
 from lidarspectra.room.panes.pane import Pane
 from lidarspectra.room.room import Room
 from lidarspectra.words import counted
@@ -185,6 +185,7 @@ class InitSummary:
                 "What has signs of glass, mirrors or screens stands in the run file as [[panes]], and is drawn on the "
                 "plan: look whether it is there, correct its place and size or remove it, and delete 'assumed' there."
             )
+        yield from bright_places_advice(self.lamps.left_out)
         yield self._lamp_advice()
 
     def _sizes(self) -> Iterator[str]:
@@ -224,3 +225,17 @@ def lamps_in_words(lamps: tuple[LitLamp, ...]) -> str:
 def percent(share: float) -> str:
     """A share of 1 as '93 %'."""
     return f"{100 * share:.0f} %"
+
+
+def bright_places_advice(left_out: Sequence[BrightPatch]) -> Iterator[str]:
+    """What to do about hanging things that may be lamps, but are hardly brighter than the ceiling; none without any."""
+    places = [
+        f"{patch.area_m2:.2f} m² at ({', '.join(f'{value + 0.0:.1f}' for value in patch.center)}) m"
+        for patch in left_out
+        if patch.may_be_lamp
+    ]
+    if places:
+        yield (
+            f"Hanging below the ceiling and cut at white, but hardly brighter than the ceiling in the picture: "
+            f"{'; '.join(places)}. If that is lamps, add them to the run file under [[lamps]]."
+        )

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from lidarspectra.lamps.surfaces import Place
-from lidarspectra.material.lit_lamps.lit_lamps import find_lit_lamps, search_lit_lamps
+from lidarspectra.material.lit_lamps.lit_lamps import BrightPatch, find_lit_lamps, search_lit_lamps
 from lidarspectra.material.lit_lamps.outline_fit import fit_outline
 from lidarspectra.material.lit_lamps.plane_picture import PlaneFrame
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.room import find_room
+from lidarspectra.workflow.init.summary import bright_places_advice
 
 NOISE_M = 0.005  # [m] of the mesh
 PLACE_M = 0.01  # [m] two pixels of the painted texture
@@ -184,6 +185,17 @@ def test_a_pendant_over_a_table_is_found_where_it_hangs(builder, plain, half_m: 
     table = ([1.4, 1.2, 0.7], [2.6, 2.0, 0.74], (255, 255, 255))
     (lamp,) = lamps_in(room_with(builder, plain, noise_m=0.002, boxes=[pendant, table]))
     np.testing.assert_allclose(lamp.center, [2.0, 1.7, 1.35 - 0.055], atol=0.015)
+
+
+def test_what_hangs_before_a_ceiling_nearly_as_bright_is_told_as_a_possible_lamp(builder, ceiling) -> None:
+    bright = ceiling((0.0, 0.0), (4.0, 3.0), base=(178, 178, 178))  # .45 of white: by day, near a window
+    strip = ([1.3, 1.4, 2.0], [2.7, 1.55, 2.04], (255, 255, 255))
+    scan = room_with(builder, bright, noise_m=0.002, boxes=[strip])
+    search = search_lit_lamps(scan, find_room(scan))
+    assert search.lamps == ()
+    (advice,) = bright_places_advice(search.left_out)
+    assert "at (2.0, 1.5, 2.0) m. If that is lamps, add them" in advice
+    assert list(bright_places_advice([BrightPatch(center=np.zeros(3), area_m2=1.0, reason="too large")])) == []
 
 
 def test_a_bright_table_top_is_no_lamp(builder, plain) -> None:
