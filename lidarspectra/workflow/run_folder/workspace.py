@@ -451,7 +451,9 @@ def is_of_stages_before(run: Path, record: StageRecord) -> bool:
     made_from = found if isinstance(found, dict) else {}
     for stage in STAGES:
         source = parse_record(stage_folder(run, stage)) if stage in made_from else None
-        if source is not None and made_from[stage] not in (source.outputs, hash_files(stage_folder(run, stage))):
+        if source is None or made_from[stage] == source.outputs:
+            continue
+        if made_from[stage] != hash_files(stage_folder(run, stage)):  # a file was edited before the next stage read it
             return False
     return True
 
