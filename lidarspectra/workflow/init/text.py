@@ -194,7 +194,7 @@ def _light_of_lamp(summary: InitSummary, guess_lm: float, words: str) -> Iterato
     if summary.luminous_flux_lm is None:
         yield f"luminous_flux_lm = {_significant(guess_lm)}  # {words}"
     else:
-        yield f"luminous_flux_lm = {summary.luminous_flux_lm:g}  # {given}"
+        yield f"luminous_flux_lm = {toml_value(summary.luminous_flux_lm)}  # {given}"
     if guesses := summary.assumed_of_lamps:
         yield f"assumed = {toml_value(list(guesses))}  # guesses; delete what you have given"
 
