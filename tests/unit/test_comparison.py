@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from lidarspectra.errors import MapError
+from lidarspectra.errors import MapError, WorkspaceError
 from lidarspectra.hardware.sensor.as7265x import (
     GAUSSIAN_WIDTH_NM,
     SATURATED_COUNT,
@@ -89,7 +89,7 @@ def test_a_reading_without_light_in_a_channel_is_left_out_and_said(run: Path, tm
     table.to_csv(path, index=False)
     found = evaluate_run(run, path)
     assert absolute(found).points == 9
-    assert "2 readings are left out, since a channel read zero" in found.notes[1]
+    assert "2 readings are left out, since a channel is zero" in found.notes[1]
 
 
 def test_a_channel_that_the_map_lacks_is_told_and_a_word_is_named_where_it_stands(run: Path, tmp_path: Path) -> None:
@@ -249,10 +249,11 @@ def test_a_lux_meters_readings_are_compared_with_the_maps_illuminance(
     assert fitted.illuminance.scale == pytest.approx([1.12])
     assert fitted.illuminance.uncertainty is None
     assert "fitted factor of 1.12" in fitted.notes[-1]
-    assert (
-        "100 times the map in the median, taken as lx. Check the meter"
-        in (evaluate_run(run, lux_readings(tmp_path, factor=100.0)).notes[-1])
-    )
+    doubt = evaluate_run(run, lux_readings(tmp_path, factor=100.0)).notes[-1]
+    assert "100 times the map in the median, taken as lx. Check the meter" in doubt
+    assert doubt.endswith("the errors in lux say nothing until then.")
+    with pytest.raises(MapError, match=r"of the illuminance that are complete and above zero.*a finer range"):
+        evaluate_run(run, lux_readings(tmp_path, factor=0.0))
 
 
 def test_channels_and_lux_of_one_file_are_compared_both_and_the_uncertainty_is_held_to_them(
@@ -260,13 +261,14 @@ def test_channels_and_lux_of_one_file_are_compared_both_and_the_uncertainty_is_h
 ) -> None:
     with_illuminance(light, monkeypatch)
     table = pd.read_csv(readings(tmp_path, factor=1.0 / 1.1)).assign(lux=np.linspace(100.0, 210.0, 12))
-    table.loc[4, "lux"] = np.nan
+    table.loc[4, "lux"], table.loc[6, "lux"] = np.nan, 0.0
     table.to_csv(tmp_path / "both.csv", index=False)
     found = evaluate_run(run, tmp_path / "both.csv")
     assert [table.name for table in found.tables] == ["evaluation", "evaluation-bands", "evaluation-illuminance"]
     assert found.illuminance is not None
-    assert (absolute(found).points, found.illuminance.comparisons[0].points) == (11, 10)
-    assert "Illuminance: 1 reading is left out for lack of a channel." in found.notes
+    assert (absolute(found).points, found.illuminance.comparisons[0].points) == (11, 9)
+    assert "Illuminance: 1 reading is left out for lack of its lux." in found.notes
+    assert any(note.startswith("Illuminance: 1 reading is left out, since its lux is zero") for note in found.notes)
     # a tenth of the reading is 9.1 % of the map, with uncertainties of 20, 8 and 2 %
     assert found.tables[1].frame["within 1 SD [%]"].tolist() == [100.0, 0.0, 0.0]
     assert found.tables[1].frame["within 2 SD [%]"].tolist() == [100.0, 100.0, 0.0]
@@ -285,6 +287,9 @@ def test_nothing_of_an_earlier_evaluation_stays_beside_the_next(
     save_evaluation(evaluate_run(run, lux_readings(tmp_path)), tmp_path / "out")
     left = {path.name for path in (tmp_path / "out").iterdir()}
     assert left == {"mine.csv", *(f"evaluation-illuminance.{kind}" for kind in ("csv", "md", "html"))}
+    (tmp_path / "out" / "evaluation.md").mkdir()  # what cannot be removed is named
+    with pytest.raises(WorkspaceError, match=r"evaluation\.md"):
+        save_evaluation(evaluate_run(run, lux_readings(tmp_path)), tmp_path / "out")
 
 
 def test_readings_in_another_frame_are_refused(run: Path, tmp_path: Path) -> None:

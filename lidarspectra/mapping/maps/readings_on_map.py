@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,11 @@ MIN_POINTS = 3  # fewer do not characterise a map
 MAX_TURN_DEG = 20.0  # [deg] between a reading's direction and its point's; more is other light
 DIRECTION = ("nx", "ny", "nz")
 NORMALISATIONS: tuple[Normalisation, ...] = ("absolute", "band", "all")
+Quantity = Literal["irradiance", "illuminance"]
+READ: dict[Quantity, tuple[str, str]] = {
+    "irradiance": ("a channel", "a higher gain"),
+    "illuminance": ("its lux", "a meter of a finer range"),
+}  # what a reading may lack, and what helps where it is zero
 NOWHERE_M = 1e9  # [m] stands for a place that is not known: far from everything
 
 
@@ -32,15 +38,12 @@ class MatchedReadings:
         The map's point for each of them.
     rows : (reading,) int
         Their rows in the table.
-    turned : int
-        How many more are near a point, and look another way than all that are near.
     notes : tuple of str
         What was left out, as full sentences.
     """
 
     points: IntArray
     rows: IntArray
-    turned: int
     notes: tuple[str, ...]
 
 
@@ -125,14 +128,13 @@ def match_readings(light: xr.Dataset, table: pd.DataFrame, within_m: float, wher
     return MatchedReadings(
         points=usable[nearest[rows]].astype(np.int64),
         rows=rows.astype(np.int64),
-        turned=turned,
         notes=_notes(len(table) - turned, rows.size, turned, within_m),
     )
 
 
 def compare_readings(
     light: xr.Dataset,
-    quantity: str,
+    quantity: Quantity,
     readings: FloatArray,
     matched: MatchedReadings,
     names: Sequence[str],
@@ -167,15 +169,17 @@ def compare_readings(
     MapError
         If fewer than `MIN_POINTS` readings are complete.
     """
+    lacked, remedy = READ[quantity]
     real = readings[matched.rows]
     complete = np.isfinite(real).all(axis=1)
     whole = complete & (np.nan_to_num(real) > 0).all(axis=1)  # Eq. 9 divides by what was read
     if whole.sum() < MIN_POINTS:
         raise MapError(
-            expected=f"{MIN_POINTS} or more readings with light in all channels",
+            expected=f"{MIN_POINTS} or more readings of the {quantity} that are complete and above zero",
             found=f"{int(whole.sum())}",
             where=str(where),
-            todo="Readings with saturated, missing or dark channels are left out; measure again with another gain.",
+            todo=f"A reading counts where {lacked} is neither missing, saturated nor zero; where it is dark, {remedy} "
+            "helps.",
         )
     points, real = matched.points[whole], real[whole]
 
@@ -193,7 +197,7 @@ def compare_readings(
         real=real,
         uncertainty=of_map(f"{quantity}_sd") if scale == "none" and f"{quantity}_sd" in light else None,
     )
-    return compared, _incomplete_notes(int((~complete).sum()), int(complete.sum() - whole.sum()))
+    return compared, _incomplete_notes(quantity, int((~complete).sum()), int(complete.sum() - whole.sum()))
 
 
 def _directions(light: xr.Dataset, points: IntArray) -> FloatArray:
@@ -217,13 +221,14 @@ def _notes(read: int, near: int, turned: int, within_m: float) -> tuple[str, ...
     return tuple(notes)
 
 
-def _incomplete_notes(incomplete: int, dark: int) -> tuple[str, ...]:
+def _incomplete_notes(quantity: Quantity, incomplete: int, dark: int) -> tuple[str, ...]:
+    lacked, remedy = READ[quantity]
     notes = []
     if incomplete:
-        notes.append(f"{were(incomplete, 'reading', ('is', 'are'))} left out for lack of a channel.")
+        notes.append(f"{were(incomplete, 'reading', ('is', 'are'))} left out for lack of {lacked}.")
     if dark:
         notes.append(
-            f"{were(dark, 'reading', ('is', 'are'))} left out, since a channel read zero or less, where a percentage "
-            "is undefined. Measure there with a higher gain if they matter."
+            f"{were(dark, 'reading', ('is', 'are'))} left out, since {lacked} is zero or less, where a percentage is "
+            f"undefined. Measure there with {remedy} if they matter."
         )
     return tuple(notes)

@@ -33,7 +33,7 @@ from lidarspectra.room.room import load_room
 from lidarspectra.words import two_digits, were
 from lidarspectra.workflow.applications.evaluation_tables import TABLES, band_table, comparison_table, illuminance_table
 from lidarspectra.workflow.run_folder.assumed import result_notes
-from lidarspectra.workflow.run_folder.workspace import made_folder, require_stage
+from lidarspectra.workflow.run_folder.workspace import made_folder, require_stage, writing_run
 
 FIGURES = ("evaluation-maps", "evaluation-illuminance")
 KINDS = ("csv", "md", "html", "png", "svg")
@@ -169,9 +169,10 @@ def save_evaluation(evaluation: Evaluation, folder: Path) -> Path:
     What an earlier evaluation left there is removed: its tables and figures are of other readings.
     """
     made_folder(folder)
-    for name in (*TABLES, *FIGURES):
-        for kind in KINDS:
-            (folder / f"{name}.{kind}").unlink(missing_ok=True)
+    with writing_run(folder):
+        for name in (*TABLES, *FIGURES):
+            for kind in KINDS:
+                (folder / f"{name}.{kind}").unlink(missing_ok=True)
     for table in evaluation.tables:
         save_table(table, folder)
     return folder
@@ -221,8 +222,10 @@ def _level_note(compared: ComparedReadings, unit: str, scale: Scale) -> tuple[st
     ratio = float(np.median(compared.real / np.maximum(compared.synthetic, 1e-30)))
     if scale != "none" or 1.0 / UNLIKELY_RATIO < ratio < UNLIKELY_RATIO:
         return ()
-    doubt = "Check the meter's range" if unit == "lx" else "Check their unit (--unit: W/m2/nm, uW/cm2 or counts)"
+    doubt, errors = "Check their unit (--unit: W/m2/nm, uW/cm2 or counts)", "'absolute' below says nothing"
+    if unit == "lx":
+        doubt, errors = "Check the meter's range", "the errors in lux say nothing"
     return (
         f"The readings are {two_digits(ratio)} times the map in the median, taken as {unit}. {doubt}, and the lamps' "
-        "fluxes in the run file; 'absolute' below says nothing until then.",
+        f"fluxes in the run file; {errors} until then.",
     )
