@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from lidarspectra.arrays import FloatArray, IntArray
-from lidarspectra.mapping.calibration.model import LightModel, Observations, Priors
+from lidarspectra.mapping.calibration.model import LightModel, Observations, Priors, alike_in_groups
 from lidarspectra.mapping.calibration.posterior import fit
 from lidarspectra.mapping.figures.tables import Table, table_markdown
 from lidarspectra.radiance.sampling.transport import TRANSPORT_FILE, load_transport
@@ -53,8 +53,7 @@ def outcome(light: FloatArray, priors: Priors, sheet: IntArray, truth: Truth, ro
     generator = np.random.default_rng(SEED)
     slope = np.zeros((*light.shape, len(PARTS)))
     model = LightModel(light=light, slope=slope)
-    same = (sheet[:, None] == sheet[None, :]) & (sheet[:, None] >= 0)
-    alike = np.maximum(np.eye(sheet.size), truth.correlation * same)
+    alike = alike_in_groups(sheet, truth.correlation)
     root = truth.deviation * np.linalg.cholesky(alike + 1e-9 * np.eye(sheet.size))
     rows = []
     prior_share = light / light.sum(axis=1, keepdims=True)

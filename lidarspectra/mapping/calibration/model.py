@@ -160,8 +160,7 @@ class Priors:
         alike = np.eye(self.flux_sd.size)
         for group, correlation in ((self.guess, GUESSED_ALIKE), (self.sheet, SHEET_ALIKE)):
             if group is not None:
-                same = (group[:, None] == group[None, :]) & (group[:, None] >= 0)
-                alike = np.maximum(alike, correlation * same)
+                alike = np.maximum(alike, alike_in_groups(group, correlation))
         return alike
 
     def covariance(self) -> FloatArray:
@@ -175,6 +174,25 @@ class Priors:
         assert readings.model_error is not None  # since it was checked
         own = self.reading_sd**2 * np.eye(readings.value.size)
         return np.asarray(own + self.local_sd**2 * readings.model_error, dtype=np.float64)
+
+
+def alike_in_groups(group: IntArray, correlation: float) -> FloatArray:
+    """Correlation matrix of what errs alike in groups.
+
+    Parameters
+    ----------
+    group : (n,) int
+        Of each, -1 for none.
+    correlation : float
+        Between any two of one group. [0-1]
+
+    Returns
+    -------
+    alike : (n, n) float
+        [1]
+    """
+    same = (group[:, None] == group[None, :]) & (group[:, None] >= 0)
+    return np.where(np.eye(group.size, dtype=np.bool_), 1.0, correlation * same)
 
 
 def error_covariance(positions: FloatArray, normals: FloatArray, scale: FloatArray) -> FloatArray:

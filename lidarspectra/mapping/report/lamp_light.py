@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
-from lidarspectra.lamps.lamps import Lamp
+from lidarspectra.lamps.lamps import Lamp, is_daylight
 from lidarspectra.mapping.figures.printable import printable
 from lidarspectra.mapping.maps.response_weights import band_hats, band_weights, hats, lamp_weights
 from lidarspectra.mapping.maps.visible_bands import covers_vision
@@ -35,7 +35,6 @@ from lidarspectra.spectra.spectrum import BandSet, Spectrum
 MAX_COEFFICIENTS = 2_000_000  # in the page: 5.3 MB in base64
 CODES = 2**16 - 2  # of a coefficient above 0; 0 is none
 QUANTITIES = ("illuminance_lx", "melanopic_edi_lx", "ppfd_umol_m2_s")
-OF_SKY = ("window", "sun")  # shapes whose spectrum nobody chooses
 MICRO_PER_CM2 = 100.0  # [µA/cm² per A/m²]
 
 
@@ -199,7 +198,7 @@ class _Spectra:
         changeable = [
             (name, lamp)
             for name, lamp in zip(names, self.lamps, strict=True)
-            if lamp["lumens"] > 0 and known[name].shape.word not in OF_SKY
+            if lamp["lumens"] > 0 and not is_daylight(known[name])
         ]
         carried_of = {name: CarriedSpectra.of(self._transport, name) for name, _ in changeable if self._has_slots}
         for choice in list_lamps():

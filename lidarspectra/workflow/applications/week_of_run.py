@@ -8,6 +8,7 @@ import xarray as xr
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.errors import MapError, WorkspaceError
+from lidarspectra.lamps.lamps import is_daylight
 from lidarspectra.mapping.maps.map_schema import kept_points
 from lidarspectra.mapping.photometry.annual_light import YEAR_FILE, load_year
 from lidarspectra.mapping.photometry.week import daylight_of_week, read_week, week_of_light
@@ -17,7 +18,6 @@ from lidarspectra.workflow.run_folder.light_of_run import dimmed_notes, light_of
 from lidarspectra.workflow.trace_notes import receptor_notes
 
 SAME_PLACE_M = 1e-3  # [m] between the run's points and the year's
-OF_SKY = ("window", "sun")  # lamps' shapes that no schedule lights
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +59,7 @@ def week_of_run(run: Path, schedule: Path, *, daylight_from: str | None = None) 
         If the schedule cannot be understood, or the year is of other points.
     """
     found = light_of_run(run)
-    of_sky = {lamp.name for lamp in present_lamps_of_run(run) if lamp.shape.word in OF_SKY}
+    of_sky = {lamp.name for lamp in present_lamps_of_run(run) if is_daylight(lamp)}
     electric = [number for number, name in enumerate(found.lamp_names) if name not in of_sky]
     light = replace(found.light, lamps=tuple(found.light.lamps[number] for number in electric))
     names = [found.lamp_names[number] for number in electric]

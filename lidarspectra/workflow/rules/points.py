@@ -13,7 +13,7 @@ from lidarspectra.geometry.scan import Scan
 from lidarspectra.geometry.surface_samples import surface_samples
 from lidarspectra.mapping.rules.limits import WORK_PLACES
 from lidarspectra.room.free_space import FreeSpace
-from lidarspectra.room.plan_cells import edge_distance
+from lidarspectra.room.plan_cells import edge_distance, within_polygon
 from lidarspectra.room.room import Room
 from lidarspectra.room.sensor_points import SensorPoints, place_points
 from lidarspectra.room.surface_parts import PARTS, Part
@@ -133,9 +133,7 @@ def _turn(room: Room) -> FloatArray:
 
 def off_walls(plan: FloatArray, outline: FloatArray) -> FloatArray:
     """The (point, 2) places in a room's outline that are 0.5 m or more from its walls; in a slit its middle."""
-    from matplotlib.path import Path as Polygon  # loads slowly
-
-    inside = plan[Polygon(outline).contains_points(plan)]
+    inside = plan[within_polygon(plan, outline)]
     distance = edge_distance(inside, outline)
     kept = distance >= min(WALL_MARGIN_M, 0.5 * float(distance.max(initial=0.0)))
     return np.asarray(inside[kept], dtype=np.float64)
@@ -178,8 +176,6 @@ def _area_points(
 
 def _in_area(area: AreaSection, room: Room) -> FloatArray:
     """(point, 2) grid of EN 12464-1: spacing 0.2 · 5^(lg d) for the longer side d, points in the cells' middles."""
-    from matplotlib.path import Path as Polygon  # loads slowly
-
     turn = _turn(room)
     corners = np.array(area.polygon) @ turn
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -189,7 +185,7 @@ def _in_area(area: AreaSection, room: Room) -> FloatArray:
     counts = np.maximum(np.ceil(sides / spacing), 1).astype(int)
     axes = [low[axis] + (np.arange(counts[axis]) + 0.5) * sides[axis] / counts[axis] for axis in range(2)]
     grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    grid = grid[Polygon(corners).contains_points(grid)] @ turn.T
+    grid = grid[within_polygon(grid, corners)] @ turn.T
     return np.asarray(grid[room.in_plan(grid)], dtype=np.float64)
 
 

@@ -14,7 +14,7 @@ from lidarspectra.arrays import FloatArray
 from lidarspectra.errors import LampError
 from lidarspectra.lamps.lamp_spectra import luminous_flux_lm
 from lidarspectra.lamps.lamps import Lamp
-from lidarspectra.mapping.calibration.model import FLUX_SD, SHEET_ALIKE
+from lidarspectra.mapping.calibration.model import FLUX_SD, SHEET_ALIKE, alike_in_groups
 from lidarspectra.mapping.maps.assumptions import mark_assumed
 from lidarspectra.mapping.maps.light_unknowns import load_unknowns
 from lidarspectra.mapping.maps.map_files import MAP_FILE, MAP_TABLE_FILE, save_map, save_map_table
@@ -147,9 +147,8 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
 def _covariance(orders: Sequence[LampOrder]) -> FloatArray:
     """(order, order) of the logarithms of fluxes that are given: those of one data sheet err in part alike."""
     sheets = [(order.luminous_flux_lm, order.spectrum) for order in orders]
-    alike = np.array([[SHEET_ALIKE * (one == other) for other in sheets] for one in sheets]).reshape(2 * [len(sheets)])
-    np.fill_diagonal(alike, 1.0)
-    return np.asarray(FLUX_SD**2 * alike, dtype=np.float64)
+    sheet = np.array([sheets.index(each) for each in sheets], dtype=np.int64)
+    return FLUX_SD**2 * alike_in_groups(sheet, SHEET_ALIKE)
 
 
 def orders_by_lamp(orders: Sequence[LampOrder], names: Sequence[str]) -> tuple[LampOrder, ...]:
