@@ -408,6 +408,13 @@ def test_a_window_that_shines_out_of_the_scan_is_asked_about(write: Write, norma
     assert any("'south' shines out of the scan" in note for note in found.notes) == asked, found.notes
 
 
+@pytest.mark.parametrize(("normal", "asked"), [("[0, 1, 0]", False), ("[0, -1, 0]", True)])
+def test_a_lamp_in_the_shape_of_a_window_that_shines_out_is_asked_about(write: Write, normal: str, asked: bool) -> None:
+    placed = ('shape = "panel"\ncenter = [1.2, 1.0, 2.3]', 'shape = "window"\ncenter = [1.2, 0.05, 1.4]')
+    found = ls.check(write(placed, ("normal = [0, 0, -1]", f"normal = {normal}")))
+    assert any("'panel' shines out of the scan" in note for note in found.notes) == asked, found.notes
+
+
 @pytest.mark.parametrize(("lumens", "asked"), [("-1", False), ("500", True), ("1000", False), ("9000", True)])
 def test_candela_that_contradict_the_lamps_lumens_are_asked_about(write: Write, lumens: str, asked: bool) -> None:
     found = ls.check(write(lamp_ies=IES.replace("1 1000 1 ", f"1 {lumens} 1 ", 1)))

@@ -117,21 +117,17 @@ def relit_run(run: str | PathLike[str], orders: Sequence[LampOrder], *, base: st
     lamps = {lamp.name: lamp for lamp in present_lamps_of_run(run)}
     orders = orders_by_lamp(orders, tuple(lamps))
     changes = _changes(lamps, orders, base)
-    given = [order.lamp for order in orders if order.luminous_flux_lm is not None or _is_absolute(order, base)]
+    given = [order for order in orders if order.luminous_flux_lm is not None or _is_absolute(order, base)]
+    recoloured = [order.lamp for order in orders if order.spectrum is not None]
     map_folder = current_stage(run, "map")
     unknowns = None if map_folder is None else load_unknowns(map_folder)
     if unknowns is not None:
         traced = [str(name) for name in transport["lamp"].to_numpy()]
-        rows = np.array([traced.index(order.lamp) for order in orders if order.lamp in given], dtype=np.int64)
-        unknowns = unknowns.with_given_fluxes(rows, _covariance([order for order in orders if order.lamp in given]))
-        recoloured = [order.lamp for order in orders if order.spectrum is not None]
-        unknowns = unknowns.with_given_spectra(
-            np.flatnonzero(np.isin(transport["lamp"].to_numpy().astype(str), recoloured))
-        )
+        rows = np.array([traced.index(order.lamp) for order in given], dtype=np.int64)
+        unknowns = unknowns.with_given_fluxes(rows, _covariance(given))
+        unknowns = unknowns.with_given_spectra(np.flatnonzero(np.isin(traced, recoloured)))
     light = relight(transport, changes, bands=bands, lamps=tuple(lamps.values()), unknowns=unknowns)
-    assumed = assumptions_of_run(run).without(
-        fluxes=given, spectra=[order.lamp for order in orders if order.spectrum is not None]
-    )
+    assumed = assumptions_of_run(run).without(fluxes=[order.lamp for order in given], spectra=recoloured)
     before = {name: lamp.flux for name, lamp in lamps.items()}
     now = before | {name: change.flux for name, change in changes.items() if isinstance(change.flux, Spectrum)}
     dims = {name: changes[name].dim if name in changes else 1.0 for name in lamps}

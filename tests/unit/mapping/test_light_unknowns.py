@@ -96,6 +96,29 @@ def test_dark_places_are_known_less_well_for_what_the_scan_lacks(exact):
     assert (deviation[~bright] / light[~bright] > 0.03).all()
 
 
+def test_where_light_is_usual_is_told_by_the_points_that_are_not_buried(make_transport):
+    """Sensors within furniture see nothing: were they counted, a dark corner would seem to be in usual light."""
+    transport = make_transport()
+    transport = transport.assign(coefficient_se=transport["coefficient_se"] * 0)
+    points = transport.sizes["point"]
+    buried = np.arange(points) >= points // 2
+    shaded = xr.where(xr.DataArray(buried, dims="point"), 1e-6, 1.0)
+    dark = transport.assign(coefficient=transport["coefficient"] * shaded, buried=("point", buried))
+    state = unknowns(known_but(), local_sd=0.03)
+    relative = {}
+    for name, each in (("furnished", dark), ("bare", dark.isel(point=~buried))):
+        state_of = replace(state, slope=state.slope[:, : each.sizes["point"]])
+        found = spectral_map(each, unknowns=state_of)
+        relative[name] = (found["irradiance_sd"] / found["irradiance"]).to_numpy()
+    np.testing.assert_allclose(relative["furnished"][~buried], relative["bare"], rtol=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(LAMPS + PARTS, LAMPS + PARTS + 1), (PARTS - 1, PARTS - 1)])
+def test_a_covariance_that_is_not_of_the_lamps_and_parts_is_refused(shape):
+    with pytest.raises(MapError, match=f"a square covariance of the lamps and {PARTS} parts"):
+        unknowns(np.zeros(shape))
+
+
 def test_openings_and_the_simulation_count_too(make_transport):
     transport = make_transport()
     none = unknowns(known_but())

@@ -102,6 +102,13 @@ def test_a_thing_before_a_wall_is_not_of_its_paint_as_a_mark_on_it_is(wall: Scan
     assert np.median(before[:, 1]) < np.median(on_it[:, 1]) - 0.1
 
 
+def test_where_a_room_lies_among_its_axes_changes_nothing(wall: Scan, paints: Paints) -> None:
+    mark = np.abs(wall.centers[:, 0] - 0.9) < 0.016
+    single_faces = single(paints, mark, 0.5 * WHITE)
+    moved = bare_scan(wall.vertices + [3.0, -7.0, 2.0], wall.faces)
+    np.testing.assert_allclose(settled(moved, single_faces), settled(wall, single_faces), rtol=1e-6)
+
+
 @pytest.mark.parametrize("channel", [1, 2])
 def test_in_the_dark_no_hue_is_told(wall: Scan, paints: Paints, channel: int) -> None:
     rim = np.abs(wall.centers[:, 2] - 0.3) < 0.02

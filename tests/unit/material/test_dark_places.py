@@ -60,6 +60,28 @@ def test_what_shows_nothing_is_like_the_rest_and_what_is_dark_in_good_light_stay
     assert aside.told[3] == 1.0
 
 
+def test_a_dark_ceiling_is_like_the_ceiling_and_not_like_the_floor() -> None:
+    """Three faces each of ceiling (.8), floor (.2) and walls (.5); one more of each, dark, shows nothing."""
+    corners = {"down": "0 0 0  0 2 0  2 0 0", "up": "0 0 0  2 0 0  0 2 0", "aside": "0 0 0  2 0 0  0 0 2"}
+    one_way = {way: np.array(places.split(), np.float64).reshape(3, 3) for way, places in corners.items()}
+    of_way = {"down": 0.8, "up": 0.2, "aside": 0.5}
+    points = np.concatenate([one_way[way] for way in of_way for _ in range(4)])
+    room = bare_scan(points, np.arange(len(points)).reshape(-1, 3))
+    assert room.normals[:, 2] == pytest.approx(np.repeat([-1.0, 1.0, 0.0], 4))
+    dark = np.arange(12) % 4 == 3
+    color = np.where(dark, 0.9, np.repeat(list(of_way.values()), 4))
+    error = black_error(np.repeat(np.where(dark, 0.0, 0.4)[:, None], 3, axis=1), LINEAR)
+    found = dark_places(room, single(color), np.ones(12, np.bool_), error)
+    assert found.color[dark, 0] == pytest.approx([0.8, 0.2, 0.5], abs=0.05)  # .5 is the mean of all
+
+
+def test_a_curve_that_is_steep_in_shadows_makes_the_black_err_more() -> None:
+    shown = np.full((1, 3), 0.01)
+    steep = ToneCurve(power=0.5)  # shadows are lifted: twice the contrast of light for one of the picture
+    assert steep.slope(shown)[0, 0] == pytest.approx(2.0, rel=0.05)
+    assert black_error(shown, steep) == pytest.approx(2.0 * black_error(shown, LINEAR), rel=0.05)
+
+
 def test_a_paint_is_told_by_its_bright_faces() -> None:
     x, y = np.meshgrid(np.arange(40) * 0.1, np.arange(40) * 0.1)
     corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, 0]]]) * 0.1

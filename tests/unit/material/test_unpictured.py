@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lidarspectra.geometry.appearance import NO_COLOR, PHOTOGRAPHED, LinearLight
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.material.colors import surface_colors
 from lidarspectra.material.estimate import estimate_materials
-from lidarspectra.material.unseen_faces import unseen_faces
+from lidarspectra.material.unseen_faces import UnseenFaces, unseen_faces
 from lidarspectra.material.views.views import no_views
 
 from .conftest import box_scan
@@ -30,6 +31,33 @@ def test_black_to_the_last_level_is_no_photograph_and_takes_what_looks_the_same_
     unseen = unseen_faces(black, known)
     assert np.array_equal(unseen.faces, np.flatnonzero(holes))
     assert np.array_equal(part[unseen.like], part[holes])
+
+
+def test_of_a_scan_with_frames_what_no_frame_saw_is_unseen_and_what_is_black_is_not() -> None:
+    scan, part = box_scan(cells=6)
+    missed, dark = np.arange(len(part)) % 7 == 0, np.arange(len(part)) % 7 == 1
+    count = len(part)
+    frames = LinearLight(
+        power_deviation=0.1, shoulder_deviation=0.1, face_deviation=np.zeros(count), face_cut=np.zeros(count)
+    )
+    source = np.where(missed, NO_COLOR, PHOTOGRAPHED)
+    of_frames = replace(blackened(scan, dark).appearance, linear=frames, color_source=source)
+    unseen = unseen_faces(replace(scan, appearance=of_frames), ~missed)
+    assert np.array_equal(unseen.faces, np.flatnonzero(missed))
+    assert np.array_equal(part[unseen.like], part[missed])
+
+
+def test_it_sends_what_the_surface_that_it_is_like_would_in_the_light_there() -> None:
+    unseen = UnseenFaces(faces=np.array([2]), like=np.array([0]))
+    reflectance = np.array([[0.5, 0.4, 0.3], [0.1, 0.1, 0.1], [0.9, 0.9, 0.9]])
+    light = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 1.0], [0.2, 0.4, 0.8]])
+    shown = np.array([[0.5, 0.4, 0.3], [0.1, 0.1, 0.1], [0.05, 0.04, 0.0]])
+    excess = np.full((3, 3), 1.5)
+    factors = unseen.excess(excess, shown, reflectance, light)
+    np.testing.assert_array_equal(factors[:2], 1.5)
+    np.testing.assert_allclose(factors[2, :2] * shown[2, :2], [0.5 * 0.2, 0.4 * 0.4])
+    assert np.isfinite(factors[2, 2])  # of what shows nothing at all no factor makes light
+    np.testing.assert_array_equal(excess, 1.5)
 
 
 def test_the_darkest_level_of_a_picture_is_a_photograph() -> None:
