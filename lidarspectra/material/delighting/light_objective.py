@@ -197,7 +197,10 @@ class LightObjective:
         ratio = apart * self.clarity / self.scale
         robust = ratio / np.hypot(1.0, ratio) if self.redescending else np.sign(ratio) * np.sqrt(np.log1p(ratio**2))
         data = self.scale * self.weight / np.sqrt(3.0) * robust.ravel()
-        return np.concatenate([data, self._beliefs(parameters, values, center, light.mean(axis=0))])
+        believed = self._beliefs(
+            parameters, values[self.ceiling], self._beside_cards(values, center), center, light.mean(axis=0)
+        )
+        return np.concatenate([data, believed])
 
     def jacobian(self, parameters: FloatArray, residuals: FloatArray | None = None) -> FloatArray:
         """Slopes of the residuals: in closed form, but over the tone curve by differences, and those of the priors.
@@ -230,16 +233,19 @@ class LightObjective:
             bend = np.divide(np.abs(ratio), (1.0 + ratio**2) * root, out=np.ones_like(ratio), where=root > 0)
         bend *= self.weight / np.sqrt(3.0) * self.clarity / self._spread(parameters)
         of_data = bend[:, :, None] * (of_values - of_center[self.group])
-        of_mean = of_light.mean(axis=0)
+        mean, of_mean = light.mean(axis=0), of_light.mean(axis=0)
+        ceiling, of_ceiling = values[self.ceiling], of_values[self.ceiling]
+        beside, of_beside = self._beside_cards(values, center), self._beside_cards(of_values, of_center)
         of_beliefs = np.empty((beliefs.size, of_mean.shape[1]))
         for column in range(of_mean.shape[1]):
             moved = parameters.copy()
             moved[OF_TONE + column] += STEP
             there = self._beliefs(
                 moved,
-                values + STEP * of_values[:, :, column],
+                ceiling + STEP * of_ceiling[:, :, column],
+                beside + STEP * of_beside[:, :, column],
                 center + STEP * of_center[:, :, column],
-                light.mean(axis=0) + STEP * of_mean[:, column],
+                mean + STEP * of_mean[:, column],
             )
             of_beliefs[:, column] = (there - beliefs) / STEP
         return np.concatenate([of_data.reshape(-1, of_mean.shape[1]), of_beliefs])
@@ -267,9 +273,18 @@ class LightObjective:
         return slopes
 
     def _beliefs(
-        self, parameters: FloatArray, values: FloatArray, center: FloatArray, mean_light: FloatArray
+        self,
+        parameters: FloatArray,
+        ceiling: FloatArray,
+        beside_cards: FloatArray,
+        center: FloatArray,
+        mean_light: FloatArray,
     ) -> FloatArray:
-        """Residuals of the priors, given (row, 3) log ρ, the groups' centres and the (3,) mean light of parameters."""
+        """Residuals of the priors, given parameters and what follows from them.
+
+        That is log ρ of the (row, 3) points of the ceiling, how far off the (card, 3) surfaces beside cards are, log ρ
+        of the (group, 3) centres, and the (3,) mean light.
+        """
         lit = np.log(mean_light)
         balance = 0.5 * (parameters[2:5] + self.rough + lit)
         balance = balance - balance.mean()
@@ -288,11 +303,11 @@ class LightObjective:
         parts.append(share * np.maximum(bright, 0.0) / BRIGHTEST_DEVIATION)
         parts.append(np.sqrt(self.white)[:, None] * _from_white(center))
         if self.ceiling.size:
-            apart = (np.median(values[self.ceiling], axis=0) - np.log(CEILING_REFLECTANCE)) / CEILING_DEVIATION
+            apart = (np.median(ceiling, axis=0) - np.log(CEILING_REFLECTANCE)) / CEILING_DEVIATION
             doubt = CEILING_DOUBT
             loss = np.sign(apart) * doubt * np.sqrt(np.log1p((apart / doubt) ** 2))
             parts.append(np.sqrt(self.evidence.ceiling_weight / loss.size) * loss)  # three cones, but one ceiling
-        parts.append(self._card_beliefs(parameters, values, center))
+        parts.append(self._card_beliefs(parameters, beside_cards))
         return np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
 
     def _card_surroundings(self) -> tuple[csr_array, FloatArray]:
@@ -320,10 +335,18 @@ class LightObjective:
                 deviation[card] = LOG_SCATTER / np.sqrt(places[surface])
         return csr_array(shares), deviation
 
-    def _card_beliefs(self, parameters: FloatArray, values: FloatArray, center: FloatArray) -> FloatArray:
+    def _beside_cards(self, values: FloatArray, center: FloatArray) -> FloatArray:
+        """(card, 3, ...) how far (row, 3, ...) log ρ beside cards is from (group, 3, ...) centres; or slopes of it."""
+        shares, _ = self.card_surroundings
+        if not shares.shape[0]:
+            return np.empty((0, *values.shape[1:]))
+        apart = (values - center[self.group]).reshape(len(values), -1)
+        return np.asarray((shares @ apart).reshape(-1, *values.shape[1:]), dtype=np.float64)
+
+    def _card_beliefs(self, parameters: FloatArray, beside: FloatArray) -> FloatArray:
         """(card, 3) how far the cards' reflectances come out from what they are, in standard deviations.
 
-        What the (row, 3) log ρ beside a card is off from its surface's (group, 3) centre, the card is off as well.
+        What the surfaces beside cards are off by, (card, 3) `beside`, the cards are off as well.
         """
         if self.card_light is None or self.evidence.card is None or self.evidence.card_log is None:
             return np.empty((0, 3))
@@ -335,10 +358,9 @@ class LightObjective:
         means = np.stack([np.bincount(of_card, weights=column) for column in of_points.T], axis=1)
         noise = np.stack([np.bincount(of_card, weights=column) for column in (PICTURE_NOISE / seen).T], axis=1)
         count = np.bincount(of_card)[:, None]
-        shares, place_deviation = self.card_surroundings
-        local = (shares @ (values - center[self.group]))[which]
+        _, place_deviation = self.card_surroundings
         unsure = np.hypot(np.hypot(CARD_DEVIATION, place_deviation[which, None]), noise / count)
-        return np.asarray((means / count - local - self.evidence.card_log[which]) / unsure, dtype=np.float64)
+        return np.asarray((means / count - beside[which] - self.evidence.card_log[which]) / unsure, dtype=np.float64)
 
     def _source_beliefs(self, parameters: FloatArray) -> list[FloatArray]:
         """What is believed of unknown sources before the picture is looked at."""

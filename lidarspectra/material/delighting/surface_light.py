@@ -1,7 +1,7 @@
 """The light at points of a picture: what the tone curve makes of the picture, and light straight from its sources."""
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.material.delighting.light_evidence import LightEvidence
@@ -28,13 +28,12 @@ class LightAt:
         self._evidence = evidence
         self._shown = evidence.shown[samples]
         self._tint = 1.0 if evidence.tint is None else evidence.tint[samples]
-        exchange = csr_array(evidence.exchange[samples])
-        around = np.zeros(exchange.shape[1], dtype=np.bool_)
-        around[exchange.indices] = True
-        self._faces = np.flatnonzero(around[:-1])  # a large scan has many more than these points see
-        self._exchange = csr_array(exchange[:, self._faces])
+        # By columns, so that a product stays with the few sums at these points: half the time, the same to the bit.
+        exchange = csc_array(evidence.exchange[samples])
+        self._faces = np.flatnonzero(np.diff(exchange.indptr)[:-1])  # a large scan has many more than these points see
+        self._exchange = csc_array(exchange[:, self._faces])
         self._nothing = exchange[:, [-1]].toarray()
-        self._direct = evidence.direct[:, samples] / mean_direct
+        self._direct = np.ascontiguousarray(evidence.direct[:, samples] / mean_direct)  # or each product copies it
         self._emission = evidence.emission[:, samples]
         self._other = None if evidence.other is None else evidence.other[:, :, samples]
         self._picture: tuple[ToneCurve, FloatArray, FloatArray] | None = None

@@ -230,7 +230,7 @@ def test_a_card_errs_as_the_surface_beside_it_does_there() -> None:
         place = np.zeros(models[0].count)
         values = [model.log_reflectance(place) for model in models]
         beliefs = zip(models, values, strict=True)
-        return [float(m._card_beliefs(place, v, m.centers.of(v))[0, 1]) for m, v in beliefs]
+        return [float(m._card_beliefs(place, m._beside_cards(v, m.centers.of(v)))[0, 1]) for m, v in beliefs]
 
     plain = [replace(each, card_beside=None) for each in (data, darker)]
     even, uneven, even_alone, uneven_alone = levels(data, darker, *plain)
