@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from lidarspectra.errors import ArrayError, SceneError
+from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
+from lidarspectra.room.floor_levels import OtherFloors
 from lidarspectra.room.free_space import FreeSpace
 from lidarspectra.room.other_levels import other_levels
 from lidarspectra.room.room import ROOM_FILE, Room, find_room, load_room, save_room
+from lidarspectra.room.room_planes import Level, face_geometry
 from lidarspectra.room.sensor_points import grid_points
 from lidarspectra.room.surface_parts import PARTS, surface_parts
 from lidarspectra.workflow.calibration.plan import HAND_M, REACHED_M, reachable_places
@@ -210,3 +213,69 @@ def test_a_furnished_room_up_two_steps_behind_a_thin_wall_has_its_own_floor(buil
     found = find_room(room.scan())
     assert found.other_floor_z == pytest.approx((0.34,), abs=0.01)
     assert found.area_m2 == pytest.approx(20.0 + 2.9 * 2.8, rel=PLAN_TOLERANCE)
+
+
+CELL_M = 0.05
+RIM = 10  # cells around a patch
+
+
+def floor_of_patch(room: Any, levels: dict[float, float]) -> float | None:
+    """Floor of the patch of 3 m x 3 m from (0, 0) on, among levels of so many m²."""
+    scan = room.scan()
+    others = OtherFloors(
+        caster=caster_of(scan),
+        levels=tuple(Level(z=z, area_m2=area) for z, area in sorted(levels.items())),
+        upright=face_geometry(scan),
+        top_z=HEIGHT_M,
+    )
+    patch = np.pad(np.ones((round(3.0 / CELL_M),) * 2, np.bool_), RIM)
+    return others.floor_of(patch, np.full(2, (0.5 - RIM) * CELL_M), CELL_M)
+
+
+def walls_from(builder: Any, wall_z: float, away_m: float = 0.0) -> Any:
+    """The four walls around the patch, so far away from it, from a height on; and no floor."""
+    room = builder(step_m=MESH_M)
+    low, high = -away_m, 3.0 + away_m
+    room.box([low, low, wall_z], [high, high, HEIGHT_M], inward=True, leave_out=("bottom",))
+    return room
+
+
+def test_a_level_is_the_floor_of_the_patch_whose_walls_end_there(builder) -> None:
+    room = walls_from(builder, 0.4, away_m=0.02)
+    room.rectangle([0, 0, 0.4], [3, 0, 0], [0, 3, 0])
+    assert floor_of_patch(room, {0.0: 20.0, 0.4: 9.0}) == 0.4
+    assert floor_of_patch(room, {0.0: 20.0, 0.4: 1.5}) is None, "too little of it was seen in all"
+
+
+@pytest.mark.parametrize("away_m", [0.0, 0.04])  # walls stand on the rim of their room's plan, or a little outside
+def test_a_level_whose_walls_go_on_below_is_a_top(builder, away_m: float) -> None:
+    room = walls_from(builder, 0.0, away_m)
+    room.rectangle([0, 0, 0.4], [3, 0, 0], [0, 3, 0])
+    assert floor_of_patch(room, {0.4: 9.0}) is None
+
+
+def test_walls_behind_a_walls_thickness_are_a_neighbours(builder) -> None:
+    room = walls_from(builder, 0.4)
+    room.rectangle([0, 0, 0.4], [3, 0, 0], [0, 3, 0])
+    room.box([-0.25, -0.25, -1.0], [3.25, 3.25, HEIGHT_M])
+    assert floor_of_patch(room, {0.4: 9.0}) == 0.4
+
+
+def test_a_step_up_to_a_floor_and_noise_at_its_rim_are_no_walls_below(builder) -> None:
+    room = walls_from(builder, 0.35)  # the mesh rounds the rim by 5 cm
+    room.rectangle([0, 0, 0.4], [3, 0, 0], [0, 3, 0])
+    room.rectangle([0, 0, 0.1], [0.9, 0, 0], [0, 0, 0.3])
+    assert floor_of_patch(room, {0.4: 9.0}) == 0.4
+
+
+def test_where_something_lower_is_seen_a_level_is_a_table(builder) -> None:
+    room = walls_from(builder, 0.7)
+    room.rectangle([0, 0, 0.7], [3, 0, 0], [0, 2.4, 0])
+    room.rectangle([0, 2.4, 0], [3, 0, 0], [0, 0.6, 0])
+    assert floor_of_patch(room, {0.0: 1.8, 0.7: 7.2}) is None
+
+
+def test_a_level_above_which_nobody_stands_upright_is_no_floor(builder) -> None:
+    room = walls_from(builder, 1.0)
+    room.rectangle([0, 0, 1.0], [3, 0, 0], [0, 3, 0])
+    assert floor_of_patch(room, {1.0: 9.0}) is None

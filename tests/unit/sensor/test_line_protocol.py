@@ -134,14 +134,17 @@ def test_a_line_that_was_held_up_is_dated_back() -> None:
     assert abs(late.monotonic_s - 10.0) < 0.02  # 0.01 s of the way, and the rate of a clock that is not known yet
 
 
+@pytest.mark.parametrize("on_s", [0.0, 3e6])  # how long the board has been on
 @pytest.mark.parametrize("rate", [5e-3, 1e-3, 0.0, -5e-3])
-def test_a_board_whose_clock_is_slow_or_fast_is_not_dated_back_and_a_line_that_was_held_up_is(rate: float) -> None:
+def test_a_board_whose_clock_is_slow_or_fast_is_not_dated_back_and_a_line_that_was_held_up_is(
+    rate: float, on_s: float
+) -> None:
     clock, ways = DeviceClock(), np.random.default_rng(0).exponential(0.005, 7200)
     for second in range(7200):
         arrived = second + 0.01 + float(ways[second])
-        measured = clock.date(round(1000 * (1.0 - rate) * second), at(arrived)).monotonic_s
+        measured = clock.date(round(1000 * (on_s + (1.0 - rate) * second)), at(arrived)).monotonic_s
         assert second - 0.001 <= measured <= arrived, second
-    late = clock.date(round(1000 * (1.0 - rate) * 7200), at(7210.0))
+    late = clock.date(round(1000 * (on_s + (1.0 - rate) * 7200)), at(7210.0))
     assert abs(late.monotonic_s - 7200.0) < 0.03
 
 
