@@ -3,12 +3,8 @@
 import os
 import shutil
 import time
-from collections.abc import Callable, Generator, Sequence
-from datetime import UTC, datetime
-from importlib.metadata import version
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
-from typing import Any
-from unittest.mock import patch
 
 import pytest
 
@@ -20,7 +16,7 @@ from tools.slowest_tests import PROPERTY
 RERUNS = 2  # a defect fails every time; what fails once in 1,000 runs by chance fails thrice in a row once in 10^9
 start_with_one_thread()  # before numpy is loaded: the workers of pytest share the cores
 collect_rarely()  # as the command line does
-SCATTERING_ORDERS = 2  # of the tables of the air that tests make; genssky itself would go to 4, in twice the time
+FEW_VIEWPOINTS, FEW_SIGHT_LINES = 40, 200_000  # of a look for hidden layers; it has 200 and 1,000,000
 BEGAN_S = pytest.StashKey[float]()  # processor time when a test began
 PROJECT = Path(__file__).resolve().parent
 
@@ -102,44 +98,31 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callab
     return shared_folder
 
 
-@pytest.fixture(scope="session")
-def atmosphere(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of genssky's tables of the air: pytest's cache keeps them from run to run.
+@pytest.fixture(scope="module")
+def few_viewpoints() -> Iterator[None]:
+    """Layers of a scan that nobody sees are looked for in a fifth of the time.
 
-    It lies where a program whose cache is two folders above it looks for them. Who needs a clear sky asks for
-    `clear_air`, so that tables are in it.
+    For tests of what else is found in a room: tests/unit/room/test_hidden_layers.py holds that those layers are.
     """
-    cache = getattr(request.config, "cache", None)
-    programs = tmp_path_factory.mktemp("programs") if cache is None else cache.mkdir("programs")
-    made_by = f"pyradiance-{version('pyradiance')}-orders-{SCATTERING_ORDERS}"
-    folder = Path(programs) / made_by / "lidarspectra" / "atmosphere"
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
+    with pytest.MonkeyPatch.context() as patches:
+        patches.setattr("lidarspectra.room.hidden_layers.VIEWPOINTS", FEW_VIEWPOINTS)
+        patches.setattr("lidarspectra.room.hidden_layers.SIGHT_LINES", FEW_SIGHT_LINES)
+        yield
 
 
 @pytest.fixture(scope="session")
-def clear_air(atmosphere: Path, made_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
-    """Folder of genssky's tables of the air, with those of a summer's day: made by one worker, in half the usual time.
+def clear_air(made_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
+    """Folder of genssky's tables of the air, with those of a summer's day, written once by one worker.
 
-    Light that was scattered more often than SCATTERING_ORDERS is left out of them, which changes how a clear sky's
-    light is spread over it, by some per cent. How
-    much light there is follows from SPECTRL2 alone (`compute_sky`).
+    It lies where a program whose cache is two folders above it looks for them.
     """
-    # Here, since they load numpy.
-    from lidarspectra.radiance.engine.engine import Engine, EngineRun, find_engine
-    from lidarspectra.radiance.scene.sky import TABLES_FOLDER, Daylight, compute_sky
-
-    engine_run = Engine.run
-
-    def fewer_orders(engine: Engine, program: str, arguments: Sequence[str], **others: Any) -> EngineRun:
-        asked = ("-i", str(SCATTERING_ORDERS)) if program == "genssky" else ()
-        return engine_run(engine, program, [*arguments, *asked], **others)
 
     def make(folder: Path) -> None:
-        noon = Daylight(latitude_deg=48.0, longitude_deg=0.0, time=datetime(2024, 6, 21, 12, 0, tzinfo=UTC))
-        if not any((atmosphere / TABLES_FOLDER).glob("*.dat")):
-            with patch.object(Engine, "run", fewer_orders):
-                compute_sky(noon, folder, find_engine(), atmosphere=atmosphere)
+        from lidarspectra.radiance.scene.sky import TABLES_FOLDER  # loads numpy
+        from tests.clear_air import write_tables
 
-    made_once("clear-air", make)
-    return atmosphere
+        tables = folder / "lidarspectra" / "atmosphere" / TABLES_FOLDER
+        tables.mkdir(parents=True)
+        write_tables(tables)
+
+    return made_once("clear-air", make) / "lidarspectra" / "atmosphere"

@@ -5,7 +5,11 @@ import sys
 from importlib.metadata import version as installed_version
 from pathlib import Path
 
+from lidarspectra.garbage import collect_rarely
+
 SINGLE_BACKTICKS = re.compile(r"(?<![`:])`([^`]+)`(?![`_])")
+
+collect_rarely()  # Sphinx makes a million nodes of text, and drops few of them
 
 project = "LiDARSpectra"
 author = "The LiDARSpectra developers"

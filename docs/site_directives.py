@@ -1,11 +1,14 @@
 """What the site takes from the program when it is built: every command's help, every shipped file's licence."""
 
+import contextlib
+import io
+import os
 import tomllib
+from unittest.mock import patch
 
 from docutils import nodes
 from docutils.parsers.rst import Directive
 from typer.main import get_command
-from typer.testing import CliRunner
 
 from lidarspectra.cli.app import app
 from lidarspectra.spectra.databases import data_folder
@@ -17,7 +20,8 @@ class Commands(Directive):
     """A section for each command, and for each command of a group."""
 
     def run(self):
-        return [section(path) for path in every_command(get_command(app), ())]
+        whole = get_command(app)
+        return [section(whole, path) for path in every_command(whole, ())]
 
 
 def every_command(command, path):
@@ -30,10 +34,13 @@ def every_command(command, path):
         yield from every_command(inner[name], (*path, name))
 
 
-def section(path):
-    """The command's name as a heading, its help below."""
+def section(command, path):
+    """The name of a command within the whole one as a heading, its help below."""
     name = " ".join(path)
-    text = CliRunner(env=PLAIN).invoke(app, [*path, "--help"], prog_name="lidarspectra").output
+    told = io.StringIO()
+    with patch.dict(os.environ, PLAIN), contextlib.redirect_stdout(told):
+        command.main([*path, "--help"], prog_name="lidarspectra", standalone_mode=False)
+    text = told.getvalue()
     whole = nodes.section(ids=[nodes.make_id(f"command {name}")])
     whole += nodes.title(name, name)
     block = nodes.literal_block(text, "\n".join(line.rstrip() for line in text.strip("\n").splitlines()))

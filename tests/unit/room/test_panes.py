@@ -33,7 +33,9 @@ from lidarspectra.workflow.whole_room import WholeRoom, whole_room
 from research.virtual_rooms import damaged_rooms, rooms_with_panes
 from research.virtual_rooms.rooms_with_panes import GLASS_WALL, MIRROR, ROOMS, SCREEN, PaneRoom, bulging, mirrored
 
-STEP_M = 0.07  # [m] of most rooms' meshes: half of the triangles that 5 cm gives
+pytestmark = pytest.mark.usefixtures("few_viewpoints")
+
+STEP_M = 0.1  # [m] of most rooms' meshes: a quarter of the triangles that 5 cm gives
 FINE = {  # rooms whose panes' edges are told to a square of the mesh
     "window, a hole",
     "glass before a corridor, clean",
