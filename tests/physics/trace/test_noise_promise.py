@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,6 +27,8 @@ from lidarspectra.radiance.scene.scene import RadianceScene
 from lidarspectra.room.sensor_points import SensorPoints
 from lidarspectra.spectra.spectrum import Spectrum
 
+from .conftest import Rooms
+
 BY_ITS_ERROR = pytest.mark.chance(
     "held to a standard error that, known from eight batches, has the long tails of a t of seven degrees"
 )
@@ -34,9 +37,13 @@ UP = np.array([0.0, 0.0, 1.0])
 WHITE = Spectrum(wavelengths_nm=np.array([380.0, 780.0]), values=np.array([1.0, 1.0]))
 
 
-@pytest.fixture
-def office(rooms) -> Callable[..., RadianceScene]:
-    """A furnished room under two unlike panels, so that there are penumbras, bright and dark points and colour."""
+@pytest.fixture(scope="module")
+def office(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., RadianceScene]:
+    """A furnished room under two unlike panels, so that there are penumbras, bright and dark points and colour.
+
+    Each of its modes is written once, and nobody may change it; `office(own=folder)` writes another.
+    """
+    rooms = Rooms(tmp_path_factory.mktemp("office"))
     table = trimesh.creation.box(bounds=[[0.3, 0.4, 0.7], [1.5, 1.1, 0.74]])
     chair = trimesh.creation.box(bounds=[[1.9, 1.8, 0.4], [2.4, 2.3, 0.45]])
     wall = Spectrum(wavelengths_nm=np.array([380.0, 480.0, 620.0, 780.0]), values=np.array([0.2, 0.2, 0.75, 0.75]))
@@ -45,13 +52,26 @@ def office(rooms) -> Callable[..., RadianceScene]:
         rooms.lamp("panel", (2.2, 1.5, 2.9), (0.6, 0.3), name="two", flux=wall),
     ]
 
-    def make(**more: object) -> RadianceScene:
-        return rooms.scene(lamps, [(rooms.room(3.0), wall), (table, 0.5), (chair, 0.1)], **more)
+    surfaces = [(rooms.room(3.0), wall), (table, 0.5), (chair, 0.1)]
+    made: dict[str, RadianceScene] = {}
+
+    def make(mode: str = "native", *, own: Path | None = None) -> RadianceScene:
+        if own is not None:
+            return Rooms(own).scene(lamps, surfaces, mode=mode)
+        if mode not in made:
+            made[mode] = rooms.scene(lamps, surfaces, mode=mode)
+        return made[mode]
 
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
+def truth(office, places, section) -> xr.Dataset:
+    """The office's light to a third of a draft's error: its share in what drafts are off is a twentieth."""
+    return trace(office(), places, **section("medium", "standard"), seed=1)
+
+
+@pytest.fixture(scope="module")
 def places(sensors) -> SensorPoints:
     ticks = np.linspace(0.25, 2.75, 6)
     x, y = np.meshgrid(ticks, ticks)
@@ -68,9 +88,8 @@ def relative_rms(error: np.ndarray, light: np.ndarray) -> float:
 
 @BY_ITS_ERROR
 @pytest.mark.slow
-def test_two_standard_errors_cover_the_truth_for_95_percent_of_point_channels(office, places, section) -> None:
+def test_two_standard_errors_cover_the_truth_for_95_percent_of_point_channels(office, places, truth, section) -> None:
     scene = office()
-    truth = trace(scene, places, **section("medium", "fine"), seed=1)
     inside = []
     for seed in range(2, 14):
         drafted = trace(scene, places, **section("medium", "draft"), seed=seed)
@@ -98,18 +117,18 @@ def test_the_error_is_what_the_noise_setting_names(office, places, section, nois
 
 
 @BY_ITS_ERROR
-def test_batches_are_independent(office, places, section) -> None:
+def test_batches_are_independent(office, places, truth, section) -> None:
     # The sum over batches has as much variance as independent ones: correlations between the batches' deviations from
     # the truth, averaged over pairs and points, vanish. One point knows it to 0.2 by its 28 pairs; six runs of some
     # five points that do not err together, to 0.04; eight of that. If all batches were the same it would be 1.
-    scene = office()
-    truth = irradiance(trace(scene, places, **section("medium", "fine"), seed=1))
+    # What the truth is off itself adds its variance over a batch's, an eightieth.
+    scene, light = office(), irradiance(truth)
     found = []
     for seed in range(2, 8):
         transport = trace(scene, places, **section("medium", "draft"), seed=seed)
         flux = transport["flux"].to_numpy()
         batches = np.einsum("klpb,lb->kpb", transport["coefficient_batches"].to_numpy().astype(float), flux)
-        deviation = (batches - truth)[..., 0]
+        deviation = (batches - light)[..., 0]
         together = (deviation.sum(axis=0) ** 2 - (deviation**2).sum(axis=0)).sum() / 56.0
         found.append(together / (deviation**2).mean(axis=0).sum())
     assert abs(np.mean(found)) < 0.35
@@ -237,14 +256,29 @@ def test_a_block_of_one_round_fills_its_share_of_the_progress_once_one_was_seen(
     assert before_end[1:] == pytest.approx([rounds.SECOND_ROUND] * (blocks - 1))
 
 
+PANEL_CENTER, PANEL_SIZE_M = (0.8, 1.5, 2.9), (0.6, 0.6)
+TABLE = trimesh.creation.box(bounds=[[0.3, 0.4, 0.7], [1.5, 1.1, 0.74]])
+
+
+@pytest.fixture(scope="module")
+def under_a_panel(places, section, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    """A room's light under one panel."""
+    rooms = Rooms(tmp_path_factory.mktemp("panel"))
+    scene = rooms.scene(
+        [rooms.lamp("panel", PANEL_CENTER, PANEL_SIZE_M, flux=WHITE)], [(rooms.room(3.0), 0.6), (TABLE, 0.5)]
+    )
+    return trace(scene, places, **section("high", "fine"), seed=1)
+
+
 @BY_ITS_ERROR
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", ["draft", "standard"])
-def test_a_panel_cut_into_24_lamps_gives_the_light_of_the_whole(rooms, places, section, noise: str) -> None:
+def test_a_panel_cut_into_24_lamps_gives_the_light_of_the_whole(
+    rooms, places, under_a_panel, section, noise: str
+) -> None:
     """Six passes add up, each of which may send single rays where one pass alone sends sets of five."""
-    size, cuts = np.array([0.6, 0.6]), np.array([4, 6])
-    whole = rooms.lamp("panel", (0.8, 1.5, 2.9), tuple(size), flux=WHITE)
-    corner = whole.center[:2] - 0.5 * size
+    size, cuts, reference = np.array(PANEL_SIZE_M), np.array([4, 6]), under_a_panel
+    corner = PANEL_CENTER[:2] - 0.5 * size
     parts = [
         rooms.lamp(
             "panel", (*(corner + (np.array(place) + 0.5) * size / cuts), 2.9), tuple(size / cuts), name=f"part {place}",
@@ -252,9 +286,7 @@ def test_a_panel_cut_into_24_lamps_gives_the_light_of_the_whole(rooms, places, s
         )
         for place in np.ndindex(*cuts)
     ]  # fmt: skip
-    table = trimesh.creation.box(bounds=[[0.3, 0.4, 0.7], [1.5, 1.1, 0.74]])
-    surfaces = [(rooms.room(3.0), 0.6), (table, 0.5)]
-    reference = trace(rooms.scene([whole], surfaces), places, **section("high", "fine"), seed=1)
+    surfaces = [(rooms.room(3.0), 0.6), (TABLE, 0.5)]
     transport = trace(rooms.scene(parts, surfaces), places, **section("high", noise), seed=2)
     light, error = irradiance(transport), transport["irradiance_se"].to_numpy()
     difference = light - irradiance(reference)
@@ -315,8 +347,8 @@ def test_a_restricted_view_of_a_luminous_plane_reads_its_part(rooms, sensors, se
     assert np.all(error < 0.02 * expected)
 
 
-def test_a_damaged_octree_is_an_error_of_ours(office, places, section) -> None:
-    scene = office()
+def test_a_damaged_octree_is_an_error_of_ours(office, places, section, tmp_path: Path) -> None:
+    scene = office(own=tmp_path)
     (scene.folder / scene.passes[0].octree).write_bytes(b"#?RADIANCE\n\nnothing")
     with pytest.raises(EngineError, match="rcontrib"):
         trace(scene, places, **section("low", "draft"), seed=1, engine=find_engine())
