@@ -8,7 +8,7 @@ import numpy as np
 from lidarspectra.arrays import BoolArray, FloatArray, IntArray, float_array, int_array
 from lidarspectra.errors import ArrayError
 from lidarspectra.geometry.textures import SAMPLES_AT_ONCE, TextureArray, mean_texture_colors, sample_image
-from lidarspectra.spectra.colorimetry import decode_srgb
+from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 
 NEUTRAL_COLOR = 0.735  # sRGB-encoded; linear 0.5, of faces without colour
 PHOTOGRAPHED, DRAWN, NO_COLOR = 0, 1, 2  # where a face's colour is from: see `Appearance.color_source`
@@ -212,6 +212,29 @@ class Appearance:
         if self._has_face_colors:
             some._keep_face_colors(self._face_colors[faces])
         return some
+
+    def split(self, parent: IntArray, weights: FloatArray) -> "Appearance":
+        """The appearance of faces that are parts of these; a face that stays whole keeps its mean colour, if known.
+
+        Parameters
+        ----------
+        parent : (part,) int
+            Of which face each is a part.
+        weights : (part, 3, 3) float
+            Barycentric weights of that face's corners that make up each corner of the part. [1]
+        """
+        of_parent = self.select(parent)
+        parts = replace(
+            of_parent,
+            corner_uv=np.einsum("fkp,fpc->fkc", weights, of_parent.corner_uv),
+            corner_color=encode_srgb(np.einsum("fkp,fpc->fkc", weights, decode_srgb(of_parent.corner_color))),
+        )
+        if self._has_face_colors:
+            cut = np.flatnonzero(np.bincount(parent)[parent] > 1)
+            colors = self._face_colors[parent]
+            colors[cut] = parts.select(cut).face_colors()
+            parts._keep_face_colors(colors)
+        return parts
 
     @property
     def sources(self) -> IntArray:

@@ -1,12 +1,11 @@
 """A scan whose large triangles are split, where what a triangle shows has to be of one place."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from lidarspectra.arrays import FloatArray, IntArray
 from lidarspectra.geometry.scan import Scan
-from lidarspectra.spectra.colorimetry import decode_srgb, encode_srgb
 
 MOST_HALVINGS = 20  # of an edge: a kilometre becomes a millimetre
 PARTS_PER_SQUARE = 8.0  # triangles that halving may make of the square of the longest edge, about
@@ -69,19 +68,8 @@ def small_faces(scan: Scan, longest_m: float) -> SmallFaces:
     )
     order = np.argsort(parent, kind="stable")  # as the faces were, so that samples of what stays whole stay too
     faces, parent = np.asarray(faces, dtype=np.int64)[order], np.asarray(parent, dtype=np.int64)[order]
-    weights = _barycentric(vertices[faces], corners[parent])
-    appearance = scan.appearance
-    of_parent = appearance.select(parent)
-    fine = Scan(
-        vertices=vertices,
-        faces=faces,
-        appearance=replace(
-            of_parent,
-            corner_uv=np.einsum("fkp,fpc->fkc", weights, of_parent.corner_uv),
-            corner_color=encode_srgb(np.einsum("fkp,fpc->fkc", weights, decode_srgb(of_parent.corner_color))),
-        ),
-        record=scan.record,
-    )
+    appearance = scan.appearance.split(parent, _barycentric(vertices[faces], corners[parent]))
+    fine = Scan(vertices=vertices, faces=faces, appearance=appearance, record=scan.record)
     return SmallFaces(scan=fine, parent=parent)
 
 

@@ -58,6 +58,13 @@ def test_each_part_shows_its_own_place(scan: Scan) -> None:
         np.testing.assert_allclose(middle, expected, atol=2e-3)  # of a texture of 128 pixels
 
 
+def test_colours_that_are_known_already_are_those_that_the_texture_has(scan: Scan) -> None:
+    unknown = small_faces(scan, 0.3).scan.face_colors()
+    scan.face_colors()
+    known = small_faces(scan, 0.3)
+    np.testing.assert_allclose(known.scan.face_colors(), unknown, atol=1e-6)  # a texture is read in single precision
+
+
 def test_what_has_small_faces_is_left_as_it_is(scan: Scan) -> None:
     small = small_faces(scan, 5.0)
     assert small.scan is scan
