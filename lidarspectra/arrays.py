@@ -10,6 +10,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 ByteArray = NDArray[np.uint8]
 SmallFloatArray = NDArray[np.float32]
+SmallIntArray = NDArray[np.int32]
 
 
 def float_array(values: ArrayLike, *, name: str, shape: tuple[int | None, ...]) -> FloatArray:

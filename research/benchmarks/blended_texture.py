@@ -17,6 +17,7 @@ Brown, Lowe (2007) Automatic panoramic image stitching using invariant features,
 """
 
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +32,7 @@ from lidarspectra.hardware.phone.texture_atlas import unwrap
 from lidarspectra.material.delighting.tone_curve import ToneCurve
 from lidarspectra.material.frames.frame_views import DARK, MeshView, Picture, linear_table, pictures, sampled
 from lidarspectra.material.frames.gains import Radiometry
+from lidarspectra.material.frames.kept_pictures import KeptPictures
 from lidarspectra.material.frames.texels import Roll, Texels, fuse_frames
 from lidarspectra.progress import silent
 from lidarspectra.spectra.colorimetry import encode_srgb
@@ -109,8 +111,8 @@ class _Blender:
 
     def shown(self) -> FloatArray:
         """(frame, place, 3) what pictures show of some texels, in linear sRGB; NaN where dark, cut or not seen."""
-        step = max(1, len(self._texels.points) // OVERLAP_TEXELS)
-        points, normals = self._texels.points[::step], self._scan.normals[self._texels.face[::step]]
+        some = slice(None, None, max(1, len(self._texels.face) // OVERLAP_TEXELS))
+        points, normals = self._texels.points(some), self._scan.normals[self._texels.face[some]]
         shown = np.full((len(self._frames), len(points), 3), np.nan)
         for number, picture in enumerate(pictures(self._frames, linear_table())):
             if not isinstance(picture, Picture):
@@ -129,8 +131,9 @@ class _Blender:
             tone=ToneCurve(), shoulder_deviation=0.0, power_deviation=0.0, log_gain=log_gain,
             deviation=np.zeros(count), vignetting=np.zeros(2), before=0.0, after=0.0,
         )  # fmt: skip
-        roll = Roll(frames=self._frames, sharpness=np.ones(count), radiometry=as_shown)
-        fused = fuse_frames(texels, self._view, roll, silent)
+        with closing(KeptPictures(self._frames, linear_table(), silent)) as kept:
+            roll = Roll(frames=self._frames, sharpness=np.ones(count), radiometry=as_shown, pictures=kept)
+            fused = fuse_frames(texels, self._view, roll, silent)
         seen = np.isfinite(fused.light[:, 0])
         texture = np.zeros((TEXTURE_PX, TEXTURE_PX, 3))
         there = np.zeros(texture.shape[:2], dtype=np.bool_)

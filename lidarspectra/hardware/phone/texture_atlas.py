@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray, linked
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, SmallIntArray, linked
 from lidarspectra.errors import ScanError
 from lidarspectra.geometry.triangles import triangle_crosses
 
@@ -37,7 +38,7 @@ class Atlas:
         Unit vector along which each chart is seen.
     corner_px : (face, 3, 2) float
         Column and row of each corner, whole numbers at pixel centres, row 0 at the top. [px]
-    texel_face : (size_px, size_px) int
+    texel_face : (size_px, size_px) int32
         Triangle that a pixel shows; beyond the charts that of the nearest pixel.
     covered : (size_px, size_px) bool
         Whether the pixel lies inside a chart.
@@ -48,7 +49,7 @@ class Atlas:
     face_chart: IntArray
     chart_normal: FloatArray
     corner_px: FloatArray
-    texel_face: IntArray
+    texel_face: SmallIntArray
     covered: BoolArray
 
     @property
@@ -103,18 +104,33 @@ def unwrap(vertices: FloatArray, faces: IntArray, directions: FloatArray, size_p
     corner_px = corner[chart][:, None, :] + PADDING_PX + flat * scale
     texel_face = _drawn(corner_px, size_px)
     covered = texel_face >= 0
-    from scipy.ndimage import distance_transform_edt  # loads slowly
-
-    nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
+    fill_from_nearest(texel_face, covered)
     return Atlas(
         size_px=size_px,
         pixels_per_m=scale,
         face_chart=chart,
         chart_normal=normal,
         corner_px=corner_px,
-        texel_face=texel_face[tuple(nearest)],
+        texel_face=texel_face,
         covered=covered,
     )
+
+
+def fill_from_nearest(image: NDArray[np.generic], known: BoolArray) -> None:
+    """Give every pixel of an image that is not known the value of the nearest one that is.
+
+    Parameters
+    ----------
+    image : (row, column, ...) array
+        Changed in place.
+    known : (row, column) bool
+        One pixel or more.
+    """
+    from scipy.ndimage import distance_transform_edt  # loads slowly
+
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    for row, told in enumerate(known):  # row by row, so that the image need not be there twice
+        image[row, ~told] = image[nearest[0, row, ~told], nearest[1, row, ~told]]
 
 
 def split_at_charts(faces: IntArray, atlas: Atlas) -> tuple[IntArray, IntArray, FloatArray]:
@@ -243,10 +259,10 @@ def _shelves(extent: FloatArray, scale: float, size_px: int) -> FloatArray | Non
     return corner
 
 
-def _drawn(corner_px: FloatArray, size_px: int) -> IntArray:
+def _drawn(corner_px: FloatArray, size_px: int) -> SmallIntArray:
     """(size_px, size_px) triangle at each pixel, -1 between charts."""
     canvas = np.full((size_px, size_px), -1, dtype=np.int32)
     fixed = np.rint(corner_px * 2**SUBPIXEL_BITS).astype(np.int32)
     for face, corners in enumerate(fixed):
         cv2.fillConvexPoly(canvas, corners, float(face), lineType=cv2.LINE_8, shift=SUBPIXEL_BITS)
-    return canvas.astype(np.int64)
+    return canvas

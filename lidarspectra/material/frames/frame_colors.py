@@ -7,6 +7,7 @@ brought to the frames' scale (`frame_unseen`), if there is one.
 """
 
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,10 +19,11 @@ from lidarspectra.geometry.rays import caster_of
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.frames import Frame, FrameFault, LeftOut
 from lidarspectra.hardware.phone.raw_mesh import NO_COLOR_NOTE
-from lidarspectra.hardware.phone.texture_atlas import unwrap
+from lidarspectra.hardware.phone.texture_atlas import fill_from_nearest, unwrap
 from lidarspectra.material.frames.frame_views import DARK, MeshView, linear_table, pictures, sampled
 from lidarspectra.material.frames.fusion import Fused
 from lidarspectra.material.frames.gains import CELL_M, Observations, Radiometry, solve_radiometry
+from lidarspectra.material.frames.kept_pictures import KeptPictures
 from lidarspectra.material.frames.records import FrameRecords, Recorder
 from lidarspectra.material.frames.texels import Roll, Texels, fuse_frames, mend_poses
 from lidarspectra.material.frames.unseen import FromTexture, Places, light_of_texture
@@ -38,7 +40,8 @@ UNTIED = "no other frame shows, neither too dark nor cut at white, a surface tha
 PAINT_SHARE, PAINT_LEVEL = 0.95, 0.6  # the radiance that this share of the surface does not pass is this much of white
 TEXTURE_PLACES = 100_000  # that texture and frames are compared by, before dark and clipped ones are left out
 LAMP_LEVEL = 1.2  # [1] of white, at least, of what all frames show cut in all channels
-SHARES = (0.2, 0.12, 0.05, 0.22, 0.15, 0.22, 0.04)  # of the time: looking, solving, unwrapping, fusing ..., filling
+SHARES = (0.1, 0.06, 0.02, 0.08, 0.74)  # of the time: looking, solving, unwrapping, keeping pictures, colouring
+COLORING_SHARES = (0.33, 0.29, 0.35, 0.03)  # of that: combining frames, mending poses, combining again, filling
 SEED = 20240911  # of points and of what is held out
 
 
@@ -116,7 +119,7 @@ def color_from_frames(
     ScanError
         If no frame shows the mesh.
     """
-    looking, solving, unwrapping, fusing, mending, fusing_again, filling = shares(progress, SHARES)
+    looking, solving, unwrapping, keeping, coloring = shares(progress, SHARES)
     generator = np.random.default_rng(SEED)
     view = MeshView(caster_of(scan))
     seen = _observe(scan, view, frames, generator, looking)
@@ -139,13 +142,32 @@ def color_from_frames(
     size = int(np.clip(np.sqrt(scan.areas.sum() / ATLAS_FILL) / texel_m, *ATLAS_PX))
     atlas = unwrap(scan.vertices, scan.faces, scan.normals, size)
     texels = Texels.of(scan, atlas)
-    roll = Roll(frames=seen.frames, sharpness=seen.sharpness, radiometry=radiometry)
-    fused = fuse_frames(texels, view, roll, fusing)
-    roll = mend_poses(texels, view, roll, fused, mending)
-    recorder = Recorder(texels.points, scan.normals[texels.face], float(scan.areas.sum()), generator)
+    with closing(KeptPictures(seen.frames, radiometry.tone.light(linear_table()), keeping)) as kept:
+        roll = Roll(frames=seen.frames, sharpness=seen.sharpness, radiometry=radiometry, pictures=kept)
+        return _of_roll(texels, view, roll, seen.left_out, generator, coloring)
+
+
+def _of_roll(
+    texels: Texels,
+    view: MeshView,
+    roll: Roll,
+    left_out: tuple[LeftOut, ...],
+    generator: np.random.Generator,
+    progress: Progress,
+) -> FrameColors:
+    """The scan's colours by frames of one radiometry, whose poses are mended."""
+    fusing, mending, fusing_again, filling = shares(progress, COLORING_SHARES)
+    roll = mend_poses(texels, view, roll, fuse_frames(texels, view, roll, fusing), mending)
+    recorder = Recorder(len(texels.face), float(texels.scan.areas.sum()), generator)
     fused = fuse_frames(texels, view, roll, fusing_again, recorder)
     filling(0.0, "filling what no frame saw")
-    return _colored(texels, roll, seen.left_out, fused, recorder.records(), generator)
+    places = recorder.texels
+    records = recorder.records(
+        points=texels.points(places),
+        normals=texels.scan.normals[texels.face[places]],
+        camera=np.array([frame.position for frame in roll.frames]),
+    )
+    return _colored(texels, roll, left_out, fused, records, generator)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -260,7 +282,7 @@ def _colored(
     colored = np.bincount(face[shown], minlength=count) > 0
     total = np.bincount(face[shown], weights=deviation[shown].astype(np.float64), minlength=count)
     appearance = Appearance(
-        images=(_spread_out(atlas.size_px, texels.rows[shown], texels.columns[shown], light[shown]),),
+        images=(_spread_out(texels, light, shown),),
         face_image=np.where(colored, 0, -1),
         corner_uv=atlas.corner_uv,
         corner_color=np.full((count, 3, 3), NEUTRAL_COLOR),
@@ -305,27 +327,24 @@ def _of_texture(
         both = generator.choice(both, TEXTURE_PLACES, replace=False)
 
     def places(chosen: IntArray) -> Places:
-        weights = texels.atlas.barycentric(texels.rows[chosen], texels.columns[chosen])
         return Places(
-            points=texels.points[chosen],
+            points=texels.points(chosen),
             normals=texels.scan.normals[texels.face[chosen]],
-            texture=own.sample(texels.face[chosen], weights),
+            texture=own.sample(texels.face[chosen].astype(np.int64), texels.weights(chosen)),
         )
 
     found = light_of_texture(places(both), light[both].astype(np.float64), places(unseen), generator)
     return None if found is None else (unseen, found)
 
 
-def _spread_out(size_px: int, rows: IntArray, columns: IntArray, light: SmallFloatArray) -> SmallFloatArray:
-    """(size, size, 3) texture of some texels' (n, 3) light; the others have that of the nearest of them."""
-    texture = np.zeros((size_px, size_px, 3), dtype=np.float32)
-    shown = np.zeros(texture.shape[:2], dtype=np.bool_)
-    shown[rows, columns] = True
-    texture[rows, columns] = light
-    from scipy.ndimage import distance_transform_edt  # loads slowly
-
-    nearest = distance_transform_edt(~shown, return_distances=False, return_indices=True)
-    return np.asarray(texture[tuple(nearest)], dtype=np.float32)
+def _spread_out(texels: Texels, light: SmallFloatArray, shown: BoolArray) -> SmallFloatArray:
+    """(size, size, 3) texture of the texels' (texel, 3) light; where none is shown, it has that of the nearest one."""
+    texture = np.zeros((*texels.atlas.covered.shape, 3), dtype=np.float32)
+    there = np.zeros(texture.shape[:2], dtype=np.bool_)
+    texture[texels.rows, texels.columns] = light
+    there[texels.rows, texels.columns] = shown
+    fill_from_nearest(texture, there)
+    return texture
 
 
 def _scale(fused: Fused, area: FloatArray) -> float:

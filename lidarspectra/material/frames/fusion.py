@@ -13,18 +13,19 @@ References
 Geman, McClure (1987) Statistical methods for tomographic image reconstruction, Bull. ISI 52, 5 (redescending loss).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray, SmallFloatArray
+from lidarspectra.arrays import BoolArray, ByteArray, FloatArray, IntArray, SmallFloatArray
 
 VIEWS = 10  # that a texel keeps; more change its mean by less than their spread
 ROUNDS = 4  # re-weightings about the median
 ROBUST_SCALE = 1.5  # [1] of the redescending loss, in standard deviations
 MIN_SPREAD, SINGLE_SPREAD = 0.02, 0.15  # [1] of views of one texel; and where there is but one view
 DARKEST = 1e-4  # [1] of white, floor before logarithms
-BLOCK_TEXELS = 200_000  # combined at once, which bounds temporaries to about 100 MB
+BLOCK_TEXELS = 50_000  # averaged at once, which bounds temporaries to some 50 MB
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +38,7 @@ class Fused:
         Linear, over the white of a frame of mean gain; may be above 1. NaN where no frame saw it. [1]
     deviation : (texel,) float32
         Standard deviation of its logarithm, from the spread between views. [1]
-    views : (texel,) int
+    views : (texel,) uint8
         That agree on it.
     cut : (texel, 3) bool
         Which channels every frame shows cut at white, so that `light` is a lower bound in them.
@@ -45,8 +46,18 @@ class Fused:
 
     light: SmallFloatArray
     deviation: SmallFloatArray
-    views: IntArray
+    views: ByteArray
     cut: BoolArray
+
+    @staticmethod
+    def joined(parts: "Sequence[Fused]") -> "Fused":
+        """All texels of some tiles, in their order."""
+        return Fused(
+            light=np.concatenate([part.light for part in parts]),
+            deviation=np.concatenate([part.deviation for part in parts]),
+            views=np.concatenate([part.views for part in parts]),
+            cut=np.concatenate([part.cut for part in parts]),
+        )
 
     @property
     def at_least(self) -> BoolArray:
@@ -120,7 +131,7 @@ class BestViews:
         count = self._bound.shape[0]
         light = np.full((count, 3), np.nan, dtype=np.float32)
         deviation = np.full(count, SINGLE_SPREAD, dtype=np.float32)
-        views = np.zeros(count, dtype=np.int64)
+        views = np.zeros(count, dtype=np.uint8)
         for start in range(0, count, BLOCK_TEXELS):
             part = slice(start, start + BLOCK_TEXELS)
             noise = np.array([*self._noise, 0.0], dtype=np.float32)[self._frame[:, part]]
@@ -132,7 +143,7 @@ class BestViews:
 
 def _robust_mean(
     light: SmallFloatArray, weight: SmallFloatArray, noise: SmallFloatArray
-) -> tuple[SmallFloatArray, SmallFloatArray, IntArray]:
+) -> tuple[SmallFloatArray, SmallFloatArray, ByteArray]:
     """Mean, its relative deviation, and the number of views that agree, of (view, texel, 3) light.
 
     A channel's variance is that of the views' spread s and of the (view, texel) noise n over the light L there, so that
@@ -159,7 +170,7 @@ def _robust_mean(
     return (
         np.where(none[:, None], np.nan, np.exp(center)).astype(np.float32),
         deviation.astype(np.float32),
-        agree.astype(np.int64),
+        agree.astype(np.uint8),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray, SmallFloatArray, float_array, int_array
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, SmallFloatArray, SmallIntArray, float_array, int_array
 from lidarspectra.errors import ArrayError, ScanError, WorkspaceError
 from lidarspectra.io.array_files import read_arrays, write_arrays
 from lidarspectra.io.files import writing
@@ -109,36 +109,31 @@ class FrameRecords:
 
 
 class Recorder:
-    """Keeps what frames show of some of the texels, frame by frame.
+    """Keeps what frames show of some of the texels.
 
     Parameters
     ----------
-    points, normals : (texel, 3) float
-        Of all texels. [m], [1]
+    count : int
+        Of all texels.
     area_m2 : float
         Of the scan, which says how many of them are kept. [m²]
     generator : numpy.random.Generator
         Chooses them.
     """
 
-    def __init__(self, points: FloatArray, normals: FloatArray, area_m2: float, generator: np.random.Generator) -> None:
-        count = min(PLACES, round(area_m2 / PLACE_SPACING_M**2), len(points))
-        chosen = np.sort(generator.choice(len(points), count, replace=False))
-        self._points, self._normals = points[chosen], normals[chosen]
-        self._place = np.full(len(points), -1, dtype=np.int64)
-        self._place[chosen] = np.arange(count)
-        self._rows: list[tuple[IntArray, IntArray, SmallFloatArray, SmallFloatArray, BoolArray]] = []
-        self._camera: list[FloatArray] = []
+    def __init__(self, count: int, area_m2: float, generator: np.random.Generator) -> None:
+        places = min(PLACES, round(area_m2 / PLACE_SPACING_M**2), count)
+        self.texels = np.sort(generator.choice(count, places, replace=False))
+        self._place = np.full(count, -1, dtype=np.int32)
+        self._place[self.texels] = np.arange(places)
+        self._rows: list[tuple[SmallIntArray, SmallIntArray, SmallFloatArray, SmallFloatArray, BoolArray]] = []
 
-    def add(
-        self, camera: FloatArray, texel: IntArray, light: FloatArray, uneven: FloatArray, clipped: BoolArray
-    ) -> None:
-        """Add a frame.
+    def add(self, frame: int, texel: IntArray, light: FloatArray, uneven: FloatArray, clipped: BoolArray) -> None:
+        """Add what a frame shows of some texels; each of them once.
 
         Parameters
         ----------
-        camera : (3,) float
-            Where it was taken. [m]
+        frame : int
         texel : (seen,) int
         light : (seen, 3) float
         uneven : (seen,) float
@@ -146,15 +141,23 @@ class Recorder:
         """
         place = self._place[texel]
         kept = np.flatnonzero(place >= 0)
-        frame = np.full(kept.size, len(self._camera), dtype=np.int64)
         level = light[kept].mean(axis=1).astype(np.float32)
-        self._rows.append((place[kept], frame, level, uneven[kept].astype(np.float32), clipped[kept]))
-        self._camera.append(camera)
+        number = np.full(kept.size, frame, dtype=np.int32)
+        self._rows.append((number, place[kept], level, uneven[kept].astype(np.float32), clipped[kept]))
 
-    def records(self) -> FrameRecords:
-        """All that was added."""
-        place, frame, light, uneven, clipped = (np.concatenate(each) for each in zip(*self._rows, strict=True))
+    def records(self, *, points: FloatArray, normals: FloatArray, camera: FloatArray) -> FrameRecords:
+        """All that was added, frame by frame.
+
+        Parameters
+        ----------
+        points, normals : (place, 3) float
+            Of `texels`. [m], [1]
+        camera : (frame, 3) float
+            Where each frame was taken. [m]
+        """
+        frame, place, light, uneven, clipped = (np.concatenate(each) for each in zip(*self._rows, strict=True))
+        order = np.lexsort((place, frame))
         return FrameRecords(
-            points=self._points, normals=self._normals, camera=np.array(self._camera), place=place, frame=frame,
-            light=light, uneven=uneven, clipped=clipped,
+            points=points, normals=normals, camera=camera, place=place[order], frame=frame[order], light=light[order],
+            uneven=uneven[order], clipped=clipped[order],
         )  # fmt: skip

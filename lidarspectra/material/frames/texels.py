@@ -1,25 +1,32 @@
-"""The radiance of texels from all frames, and poses mended by it."""
+"""The radiance of texels from all frames, and poses mended by it.
 
+Texels are combined tile by tile, each tile by all frames, so that what is held at once of single views does not grow
+with the texture (`TILE_TEXELS`), and pictures come from a temporary file, so that it does not grow with the frames.
+"""
+
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
-from lidarspectra.arrays import BoolArray, FloatArray, IntArray
+from lidarspectra.arrays import BoolArray, FloatArray, IntArray, SmallFloatArray, SmallIntArray
+from lidarspectra.errors import ScanError
 from lidarspectra.geometry.scan import Scan
 from lidarspectra.hardware.phone.frames import Frame
 from lidarspectra.hardware.phone.texture_atlas import Atlas
+from lidarspectra.io.scratch import ScratchFile
 from lidarspectra.material.frames.frame_views import (
     CLIPPED_BYTE,
     DARK,
     MeshView,
-    Picture,
     linear_table,
-    pictures,
     radius2_of,
     sampled,
 )
 from lidarspectra.material.frames.fusion import BestViews, Fused
 from lidarspectra.material.frames.gains import DARK_NOISE, Radiometry
+from lidarspectra.material.frames.kept_pictures import KeptPictures
 from lidarspectra.material.frames.poses import ShownPoints, mended_pose
 from lidarspectra.material.frames.records import Recorder
 from lidarspectra.progress import Progress
@@ -27,7 +34,29 @@ from lidarspectra.progress import Progress
 TEXEL_BLUR = 3.0  # [1] weight falls by this power of a frame's sharpness over its neighbours'
 NEIGHBOURS = 5  # frames before and after
 EVEN = 1e-3  # [1] sharpness of a picture of an even wall, which is not blurred
-NO_TEXEL = -1
+TILE_TEXELS = 250_000  # combined at once: 180 bytes each for their best views, 45 MB
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tile:
+    """Some of the texels, next to one another in the texture.
+
+    Parameters
+    ----------
+    start : int
+        Number of the first.
+    faces : (face,) int
+        That they show.
+    face : (texel,) int
+        Of those, which each of them shows.
+    points : (texel, 3) float
+        [m]
+    """
+
+    start: int
+    faces: IntArray
+    face: IntArray
+    points: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,38 +68,52 @@ class Texels:
     scan : Scan
     atlas : Atlas
         Of its faces.
-    rows, columns, face : (texel,) int
-        Of those that show a face.
-    points : (texel, 3) float
-        [m]
-    number : (size, size) int32
-        Of each pixel's texel; NO_TEXEL for none.
+    rows, columns, face : (texel,) int32
+        Of those that show a face, row by row.
     """
 
     scan: Scan
     atlas: Atlas
-    rows: IntArray
-    columns: IntArray
-    face: IntArray
-    points: FloatArray
-    number: "np.ndarray[tuple[int, ...], np.dtype[np.int32]]"
+    rows: SmallIntArray
+    columns: SmallIntArray
+    face: SmallIntArray
 
     @staticmethod
     def of(scan: Scan, atlas: Atlas) -> "Texels":
         """All texels of an atlas."""
-        rows, columns = np.nonzero(atlas.covered)
-        face = atlas.texel_face[rows, columns]
-        number = np.full(atlas.covered.shape, NO_TEXEL, dtype=np.int32)
-        number[rows, columns] = np.arange(rows.size)
-        points = np.einsum("nk,nkc->nc", atlas.barycentric(rows, columns), scan.vertices[scan.faces[face]])
-        return Texels(scan=scan, atlas=atlas, rows=rows, columns=columns, face=face, points=points, number=number)
+        rows, columns = (each.astype(np.int32) for each in np.nonzero(atlas.covered))
+        face = atlas.texel_face[atlas.covered].astype(np.int32)
+        return Texels(scan=scan, atlas=atlas, rows=rows, columns=columns, face=face)
 
-    def at(self, face: IntArray, barycentric: FloatArray) -> IntArray:
-        """(n,) texel at points of faces; NO_TEXEL between charts."""
+    def points(self, chosen: slice | IntArray) -> FloatArray:
+        """(chosen, 3) where some of them lie [m]."""
+        corners = self.scan.vertices[self.scan.faces[self.face[chosen]]]
+        return np.asarray(np.einsum("nk,nkc->nc", self.weights(chosen), corners), dtype=np.float64)
+
+    def weights(self, chosen: slice | IntArray) -> FloatArray:
+        """(chosen, 3) weights of the corners of the faces that some of them show [1]."""
+        rows, columns = (each[chosen].astype(np.int64) for each in (self.rows, self.columns))
+        return self.atlas.barycentric(rows, columns)
+
+    def tiles(self) -> Iterator[Tile]:
+        """All of them, at most `TILE_TEXELS` at a time."""
+        for start in range(0, len(self.face), TILE_TEXELS):
+            part = slice(start, start + TILE_TEXELS)
+            faces, face = np.unique(self.face[part], return_inverse=True)
+            yield Tile(start=start, faces=faces.astype(np.int64), face=face, points=self.points(part))
+
+    def image(self, values: SmallFloatArray) -> SmallFloatArray:
+        """(size, size) texture of one value a texel; NaN between charts."""
+        image = np.full(self.atlas.covered.shape, np.nan, dtype=np.float32)
+        image[self.rows, self.columns] = values
+        return image
+
+    def at(self, image: SmallFloatArray, face: IntArray, barycentric: FloatArray) -> FloatArray:
+        """(n,) values of a (size, size) texture at points of faces."""
         uv = np.einsum("nk,nkc->nc", barycentric, self.atlas.corner_uv[face])
         size = self.atlas.size_px
         place = np.clip(np.stack([1.0 - uv[:, 1], uv[:, 0]]) * size, 0, size - 1).astype(np.int64)
-        return np.asarray(self.number[place[0], place[1]], dtype=np.int64)
+        return np.asarray(image[place[0], place[1]], dtype=np.float64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,11 +127,14 @@ class Roll:
         [1]
     radiometry : Radiometry
         Its rows are the frames.
+    pictures : KeptPictures
+        Of the frames, by the radiometry's curve.
     """
 
     frames: tuple[Frame, ...]
     sharpness: FloatArray
     radiometry: Radiometry
+    pictures: KeptPictures
 
 
 def fuse_frames(
@@ -110,31 +156,73 @@ def fuse_frames(
     -------
     fused : Fused
     """
-    scan, radiometry = texels.scan, roll.radiometry
-    best = BestViews(len(texels.points))
-    table = radiometry.tone.light(linear_table())
-    white = float(table[CLIPPED_BYTE].max())
-    sharp = _relative_sharpness(roll.sharpness)
-    reach = float(np.sqrt(scan.areas.max())) * 2.0
-    for number, (frame, picture) in enumerate(zip(roll.frames, pictures(roll.frames, table), strict=True)):
-        progress(number / len(roll.frames), "combining frames")
-        if not isinstance(picture, Picture):
-            continue
-        some = np.flatnonzero(_may_show(frame, scan.centers, scan.normals, reach)[texels.face])
-        sight = view.sight(
-            frame, view.depth(frame), picture.depth, texels.points[some], scan.normals[texels.face[some]]
-        )
+    tiles = -(-len(texels.face) // TILE_TEXELS)
+    parts: list[Fused] = []
+    with ScratchFile(error=ScanError) as scratch:
+        shown = _Shown(texels.scan, view, roll, scratch)
+        for tile in texels.tiles():
+            best = BestViews(len(tile.points))
+            for number in range(len(roll.frames)):
+                progress((len(parts) + number / len(roll.frames)) / tiles, "combining frames")
+                views = shown.of_tile(tile, number)
+                if views is None:
+                    continue
+                best.add(views.texel, views.light, views.weight, views.clipped, cut=views.cut, noise=views.noise)
+                if recorder is not None:
+                    recorder.add(number, tile.start + views.texel, views.light, views.uneven, views.clipped)
+            parts.append(best.fused())
+    return Fused.joined(parts)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Views:
+    """What a frame shows of a tile: (seen,) texels in it, (seen, 3) radiance and where that is cut at white, and more.
+
+    `weight` says how well each is shown, `uneven` and `clipped` are those of `sampled`, and `noise` is the deviation of
+    the radiance where the frame is dark [1].
+    """
+
+    texel: IntArray
+    light: FloatArray
+    cut: BoolArray
+    weight: FloatArray
+    uneven: FloatArray
+    clipped: BoolArray
+    noise: float
+
+
+class _Shown:
+    """What the frames of a roll show of tiles; the mesh's depths as of their poses are kept in a scratch file."""
+
+    def __init__(self, scan: Scan, view: MeshView, roll: Roll, scratch: ScratchFile) -> None:
+        self._scan, self._view, self._roll, self._scratch = scan, view, roll, scratch
+        self._depths = [scratch.keep(view.depth(frame)) for frame in roll.frames]
+        self._white = float(roll.radiometry.tone.light(linear_table())[CLIPPED_BYTE].max())
+        self._sharpness = _relative_sharpness(roll.sharpness)
+        self._reach_m = float(np.sqrt(scan.areas.max())) * 2.0
+
+    def of_tile(self, tile: Tile, number: int) -> _Views | None:
+        """What a frame shows of a tile; None of one that it does not look at, or if it is damaged."""
+        frame, radiometry, normals = self._roll.frames[number], self._roll.radiometry, self._scan.normals[tile.faces]
+        may_show = _may_show(frame, self._scan.centers[tile.faces], normals, self._reach_m)
+        some = np.flatnonzero(may_show[tile.face])
+        picture = self._roll.pictures[number] if some.size else None
+        if picture is None:
+            return None
+        depth = cast("FloatArray", self._scratch.read(self._depths[number]))
+        sight = self._view.sight(frame, depth, picture.depth, tile.points[some], normals[tile.face[some]])
         light, uneven, clipped = sampled(picture, sight)
-        gain = np.exp(radiometry.log_gain[number]) * radiometry.fall(sight.radius2)[:, None]
-        cut = clipped[:, None] & (light >= white)
         dark = 1.0 / (1.0 + DARK / np.maximum(light.mean(axis=1), 1e-6))  # not its darkest channel, which is noise
-        weight = sight.weight * dark * sharp[number] ** TEXEL_BLUR
-        light /= gain
-        noise = DARK_NOISE / float(np.exp(radiometry.log_gain[number, 1]))
-        best.add(some[sight.index], light, weight, clipped, cut=cut, noise=noise)
-        if recorder is not None:
-            recorder.add(frame.position, some[sight.index], light, uneven, clipped)
-    return best.fused()
+        gain = np.exp(radiometry.log_gain[number])
+        return _Views(
+            texel=some[sight.index],
+            light=light / (gain * radiometry.fall(sight.radius2)[:, None]),
+            cut=clipped[:, None] & (light >= self._white),
+            weight=sight.weight * dark * self._sharpness[number] ** TEXEL_BLUR,
+            uneven=uneven,
+            clipped=clipped,
+            noise=DARK_NOISE / float(gain[1]),
+        )
 
 
 def mend_poses(texels: Texels, view: MeshView, roll: Roll, fused: Fused, progress: Progress) -> Roll:
@@ -155,16 +243,16 @@ def mend_poses(texels: Texels, view: MeshView, roll: Roll, fused: Fused, progres
     roll : Roll
         With mended poses.
     """
-    table = roll.radiometry.tone.light(linear_table())
-    told = np.append(np.where(fused.at_least | (fused.views == 0), np.nan, fused.light.mean(axis=1)), np.nan)
+    told = texels.image(np.where(fused.at_least | (fused.views == 0), np.float32(np.nan), fused.light.mean(axis=1)))
     frames: list[Frame] = []
-    for number, (frame, picture) in enumerate(zip(roll.frames, pictures(roll.frames, table), strict=True)):
+    for number, frame in enumerate(roll.frames):
         progress(number / len(roll.frames), "mending poses")
-        if not isinstance(picture, Picture):
+        picture = roll.pictures[number]
+        if picture is None:
             frames.append(frame)
             continue
         seen = view.shown(frame)
-        light = told[texels.at(seen.face, seen.barycentric)]
+        light = texels.at(told, seen.face, seen.barycentric)
         good = np.flatnonzero(np.isfinite(light) & (light > 0))
         points = np.einsum(
             "nk,nkc->nc", seen.barycentric[good], texels.scan.vertices[texels.scan.faces[seen.face[good]]]

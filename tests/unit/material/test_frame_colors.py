@@ -16,8 +16,10 @@ from lidarspectra.lamps.make_lamp import make_lamp
 from lidarspectra.material.delighting.linear_evidence import shown_of_lamps, tone_priors_of
 from lidarspectra.material.delighting.tone_curve import ToneCurve
 from lidarspectra.material.frames import frame_colors
+from lidarspectra.material.frames import texels as combining
 from lidarspectra.material.frames.frame_colors import UNTIED, FrameColors, color_from_frames
 from lidarspectra.material.frames.frame_views import MeshView
+from lidarspectra.material.frames.fusion import BestViews
 from lidarspectra.spectra.colorimetry import encode_srgb
 
 SIZE_PX, FOCAL_PX = (160, 120), 90.0
@@ -124,6 +126,30 @@ def test_what_frames_show_of_places_is_kept_on_the_scale_of_the_colours(box: Box
     clear = ~records.clipped & (own < scale)
     assert np.median(ratio[clear]) == pytest.approx(1.0, abs=0.02)
     assert np.quantile(np.abs(np.log(ratio[clear])), 0.8) < 0.1
+
+
+def test_colours_are_the_same_to_the_bit_whatever_the_tile_and_views_are_held_of_one_tile_alone(
+    box: Box, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held: list[int] = []
+
+    class Spied(BestViews):
+        def __init__(self, texels: int) -> None:
+            held.append(texels)
+            super().__init__(texels)
+
+    frames = box.frames[:12]
+    whole = color_from_frames(box.scan, frames, texel_m=0.05)
+    monkeypatch.setattr(combining, "TILE_TEXELS", 5_000)
+    monkeypatch.setattr(combining, "BestViews", Spied)
+    tiled = color_from_frames(box.scan, frames, texel_m=0.05)
+    assert len(held) >= 2 * 4  # texels are combined twice
+    assert max(held) == 5_000
+    np.testing.assert_array_equal(tiled.scan.appearance.images[0], whole.scan.appearance.images[0])
+    assert tiled.records is not None
+    assert whole.records is not None
+    for name in ("place", "frame", "light", "clipped"):
+        np.testing.assert_array_equal(getattr(tiled.records, name), getattr(whole.records, name))
 
 
 def test_gains_come_back(box: Box, colors: FrameColors) -> None:

@@ -203,11 +203,12 @@ def test_a_rough_meshs_normals_are_smoothed_but_not_over_an_edge() -> None:
 
 def test_what_frames_show_is_kept_and_read_back(tmp_path: Path) -> None:
     points = np.random.default_rng(0).uniform(0, 1, (500, 3))
-    recorder = Recorder(points, np.tile([0.0, 0.0, 1.0], (500, 1)), 1.0, np.random.default_rng(2))
+    recorder = Recorder(500, 1.0, np.random.default_rng(2))
     seen = np.arange(0, 500, 2)
     light = np.linspace(0, 1, seen.size)[:, None] * [1.0, 2.0, 3.0]
-    recorder.add(np.array([1.0, 2.0, 3.0]), seen, light, np.zeros(seen.size), light[:, 0] > 0.5)
-    records = recorder.records().scaled(0.5)
+    recorder.add(0, seen, light, np.zeros(seen.size), light[:, 0] > 0.5)
+    normals = np.tile([0.0, 0.0, 1.0], (400, 1))
+    records = recorder.records(points=points[recorder.texels], normals=normals, camera=np.zeros((1, 3))).scaled(0.5)
     assert len(records.points) == 400  # of a square metre, 5 cm apart
     records.save(tmp_path)
     read = FrameRecords.load(tmp_path)
