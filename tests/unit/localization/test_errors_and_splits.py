@@ -117,6 +117,23 @@ def test_errors_by_place_are_told_apart() -> None:
     assert frame.loc["b", "median [m]"] == 2.0
 
 
+def test_shares_by_place_are_of_its_readings_and_left_out_where_the_locator_does_not_know_it() -> None:
+    nowhere = np.full((5, 2), np.nan)
+    found = LocationErrors(
+        labels=tuple("aaaab"), true_m=nowhere, located_m=nowhere, rank=np.array([0, 1, 0, 0, -1])
+    )  # fmt: skip
+    frame = place_table(found).frame.set_index("place")
+    assert frame.loc["a", "top 1 [%]"] == 75.0
+    assert np.isnan(frame.loc["b", "top 1 [%]"])
+    assert "median [m]" not in frame
+
+
+def test_a_distance_is_from_the_true_place_to_where_a_reading_was_put() -> None:
+    true, put = np.array([[3.0, 5.0], [-1.0, 2.0]]), np.array([[6.0, 1.0], [-1.0, 2.5]])
+    found = LocationErrors(labels=tuple("ab"), true_m=true, located_m=put, rank=np.zeros(2, np.int64))
+    assert found.error_m.tolist() == [5.0, 0.5]
+
+
 def test_the_position_is_the_geometric_median_of_the_places_and_a_tie_is_lost() -> None:
     places = Places(labels=tuple("abc"), positions_m=np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 2.0, 0.0]]))
     located = Located(scores=np.array([[0.5, 0.25, 0.25]]), places=places, people=np.array([[0.0, 1.0, 0.0]]))
