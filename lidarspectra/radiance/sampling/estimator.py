@@ -3,8 +3,8 @@
 Every pass of the scene gives three components: light straight from the lamps, reflected once, and reflected more often
 (see `options`). Each keeps `BATCHES` independent running means a point; adding up the components batch by batch gives
 that many independent estimates of the irradiance, whose spread is its error. Work goes where it buys most: with
-variance v/n and price c of a sample, n proportional to sqrt(v/c) reaches a given total variance at the least price
-(Neyman 1934).
+variance v/n^a and price c of a sample, n proportional to (v/c)^(1/(1 + a)) reaches a given total variance at the least
+price (Neyman 1934, where a = 1: samples that are drawn one by one).
 """
 
 import time
@@ -28,6 +28,7 @@ from lidarspectra.radiance.sampling.sensor_rays import Sensors
 
 BATCHES = 8  # enough to tell a spread by, few enough for large sets of directions
 VALUES_PER_JOB = 2**24  # results of paths that are not averaged, in one answer of the engine: 64 MiB
+FALL = 1.2  # [1] a: samples lie evenly, in larger sets more so. Of paths that are shared 1.2 was found, of others 1.5
 NEIGHBOURS = 9  # points whose variances are averaged to share out work
 _MAX_BURN_RECORDS = 8  # results thrown away at the start of a job, so that jobs use the engine's numbers shifted
 _MAX_BURN_RAYS = 64  # the same for the paths that sensors share
@@ -349,16 +350,17 @@ def wanted_samples(
         Further samples a batch for each component, 0 or one of its sizes.
     """
     present = np.concatenate([component.samples for component in components]).astype(np.float64)
-    single = np.concatenate(list(variances)) * present
+    single = np.concatenate(list(variances)) * present**FALL
     price = np.concatenate([np.full(component.samples.size, component.price) for component in components])
+    best = (single / price) ** (1.0 / (1.0 + FALL))
     budget = target * points
     total = present.copy()
     free = single > 0
     for _ in range(len(present)):  # points that have more than their share already keep it and leave the sharing
-        left = budget - float((single[~free] / present[~free]).sum())
+        left = budget - float((single[~free] / present[~free] ** FALL).sum())
         if not free.any() or left <= 0:
             break
-        share = np.sqrt(single / price) * (np.sqrt(single * price)[free].sum() / left)
+        share = best * ((single[free] / best[free] ** FALL).sum() / left) ** (1.0 / FALL)
         settled = free & (share <= present)
         if not settled.any():
             total[free] = share[free]

@@ -16,6 +16,7 @@ from lidarspectra.radiance.engine.options import PassOptions
 from lidarspectra.radiance.sampling import estimator, rounds
 from lidarspectra.radiance.sampling.estimator import (
     BATCHES,
+    FALL,
     Component,
     Task,
     band_variance,
@@ -73,7 +74,7 @@ def sensors(points: int) -> Sensors:
 def predicted(parts, variances, wanted) -> float:
     """Mean over points of the variance that the wanted samples should leave."""
     return sum(
-        float(np.mean(variance * part.samples / (part.samples + more)))
+        float(np.mean(variance * (part.samples / (part.samples + more)) ** FALL))
         for part, variance, more in zip(parts, variances, wanted, strict=True)
     )
 
